@@ -1,0 +1,3 @@
+//! Sub-CPI processing in bounded buffers.
+#![no_std]
+#![forbid(unsafe_code)]

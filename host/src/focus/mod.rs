@@ -1,0 +1,81 @@
+//! Image formers: phase history in, complex image out.
+//!
+//! Every former computes, or approximates, the matched filter of Schone 2020 (section 1.2): for a
+//! pixel at `p`
+//!
+//! ```text
+//! I(p) = sum_n sum_k w_slow[n] w_fast[k] z[n][k] exp(+j 2 pi f_k (path_n(p) - reference_path_n) / c)
+//!        / (sum_n w_slow[n]  sum_k w_fast[k])
+//! ```
+//!
+//! so that a unit scatterer on a pixel reads 1 whatever the window, and the formers differ only in
+//! speed and error. [`exact`] is the sum itself and the oracle of all others.
+
+pub mod monitor;
+pub mod weights;
+
+use crate::geometry::ImageGrid;
+use crate::image::Image;
+use crate::phase_history::{PhaseHistory, ReadError};
+
+pub use monitor::{Monitor, Silent};
+pub use weights::Weights;
+
+/// One image to form.
+#[derive(Clone, Copy)]
+pub struct Task<'a> {
+    /// Where the pulses come from.
+    pub history: &'a dyn PhaseHistory,
+    /// The pixels wanted.
+    pub grid: &'a ImageGrid,
+    /// Windows over fast and slow time.
+    pub weights: &'a Weights,
+    /// Bytes that the image, the samples in hand and all scratch may take together.
+    pub memory_bytes: u64,
+    /// Told of progress, asked whether to go on.
+    pub monitor: &'a dyn Monitor,
+}
+
+/// A formed image and what it was formed with.
+#[derive(Clone, Debug)]
+pub struct Formed {
+    /// The image, rows and columns as the grid's.
+    pub image: Image,
+    /// Every setting that was chosen, given or planned, for the record.
+    pub settings: serde_json::Map<String, serde_json::Value>,
+}
+
+/// Why no image was formed.
+#[derive(Debug, thiserror::Error)]
+pub enum FormError {
+    /// Pulses could not be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The work does not fit the budget.
+    #[error("{what} needs {needed_bytes} bytes of the {budget_bytes} allowed: {advice}")]
+    Memory {
+        /// What asked for it.
+        what: &'static str,
+        /// Bytes needed at the least.
+        needed_bytes: u128,
+        /// Bytes allowed.
+        budget_bytes: u64,
+        /// What to change.
+        advice: &'static str,
+    },
+    /// The collection or the settings do not suit this former.
+    #[error("{0}")]
+    Unsuited(String),
+    /// The monitor asked to stop.
+    #[error("interrupted")]
+    Cancelled,
+}
+
+/// An algorithm that forms images.
+pub trait ImageFormer: Sync {
+    /// The name used on the command line and in metadata.
+    fn name(&self) -> &'static str;
+
+    /// Forms the image of `task`.
+    fn form(&self, task: &Task) -> Result<Formed, FormError>;
+}

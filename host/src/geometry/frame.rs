@@ -1,0 +1,84 @@
+//! The scene frame: the Cartesian axes in which all positions are given.
+
+use glam::DVec3;
+
+/// Where the scene's origin and axes lie. `z = x cross y`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SceneFrame {
+    /// Axes of the recording's own; nothing is known of the Earth.
+    Local,
+    /// Axes tied to the Earth, for example by a CPHD's `IARP`, `uIAX` and `uIAY`.
+    Earth {
+        /// Scene origin, Earth-centred Earth-fixed (WGS 84), metres.
+        origin_ecf_m: DVec3,
+        /// Unit vector of the scene's x axis in ECF.
+        x_axis_ecf: DVec3,
+        /// Unit vector of the scene's y axis in ECF, orthogonal to `x_axis_ecf`.
+        y_axis_ecf: DVec3,
+    },
+}
+
+impl SceneFrame {
+    /// Whether positions in both frames mean the same place, to a micrometre at a kilometre.
+    pub fn agrees_with(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Local, Self::Local) => true,
+            (
+                Self::Earth {
+                    origin_ecf_m: o1,
+                    x_axis_ecf: x1,
+                    y_axis_ecf: y1,
+                },
+                Self::Earth {
+                    origin_ecf_m: o2,
+                    x_axis_ecf: x2,
+                    y_axis_ecf: y2,
+                },
+            ) => o1.distance(*o2) < 1e-6 && x1.distance(*x2) < 1e-9 && y1.distance(*y2) < 1e-9,
+            _ => false,
+        }
+    }
+
+    /// ECF position to scene frame; unchanged in a local frame.
+    pub fn from_ecf_m(&self, position: DVec3) -> DVec3 {
+        match *self {
+            Self::Local => position,
+            Self::Earth {
+                origin_ecf_m,
+                x_axis_ecf,
+                y_axis_ecf,
+            } => {
+                let d = position - origin_ecf_m;
+                DVec3::new(
+                    d.dot(x_axis_ecf),
+                    d.dot(y_axis_ecf),
+                    d.dot(x_axis_ecf.cross(y_axis_ecf)),
+                )
+            }
+        }
+    }
+
+    /// Scene position to ECF; unchanged in a local frame. The inverse of [`Self::from_ecf_m`].
+    pub fn to_ecf_m(&self, position: DVec3) -> DVec3 {
+        match *self {
+            Self::Local => position,
+            Self::Earth { origin_ecf_m, .. } => origin_ecf_m + self.direction_to_ecf(position),
+        }
+    }
+
+    /// Scene direction to ECF, without the origin.
+    pub fn direction_to_ecf(&self, direction: DVec3) -> DVec3 {
+        match *self {
+            Self::Local => direction,
+            Self::Earth {
+                x_axis_ecf,
+                y_axis_ecf,
+                ..
+            } => {
+                x_axis_ecf * direction.x
+                    + y_axis_ecf * direction.y
+                    + x_axis_ecf.cross(y_axis_ecf) * direction.z
+            }
+        }
+    }
+}

@@ -1,0 +1,229 @@
+//! Image grids: which point of the scene each pixel is.
+//!
+//! A grid has rows and columns; row-major pixel `row * columns + column`. Two kinds:
+//! - Cartesian in a plane of any orientation: `origin + x_axis x(column) + y_axis y(row)`;
+//! - polar in such a plane: `origin + r (x_axis cos(theta) + y_axis sin(theta))` with range `r` by
+//!   row and angle `theta` by column.
+
+use std::str::FromStr;
+
+use glam::{DQuat, DVec3, EulerRot};
+
+/// `start + i step` for `i < count`. Metres, or radians for an angle.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Axis {
+    /// Value of element 0.
+    pub start: f64,
+    /// Step from element to element; positive.
+    pub step: f64,
+    /// Number of elements.
+    pub count: usize,
+}
+
+impl Axis {
+    /// Value of element `i`.
+    pub fn at(&self, i: usize) -> f64 {
+        self.start + i as f64 * self.step
+    }
+
+    /// `start:stop:step` with `stop` excluded: `ceil((stop - start) / step)` elements, where a stop
+    /// within 1e-9 steps of an element counts as that element.
+    pub fn from_range(start: f64, stop: f64, step: f64) -> Result<Self, GridError> {
+        let steps = (stop - start) / step;
+        if !(step > 0.0 && steps.is_finite() && steps > 0.0) {
+            return Err(GridError(format!(
+                "range {start}:{stop}:{step} has no elements: give start < stop and a positive step"
+            )));
+        }
+        let count = (steps - 1e-9).ceil().max(1.0);
+        if count > 1e9 {
+            return Err(GridError(format!(
+                "range {start}:{stop}:{step} has {count:.3e} elements; at most 1e9 are possible"
+            )));
+        }
+        Ok(Self {
+            start,
+            step,
+            count: count as usize,
+        })
+    }
+}
+
+/// A rectangle of the scene plane, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extent {
+    /// Smallest and largest x.
+    pub x_m: (f64, f64),
+    /// Smallest and largest y.
+    pub y_m: (f64, f64),
+}
+
+/// What is wrong with a grid's description, and what to write instead.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("grid: {0}")]
+pub struct GridError(pub String);
+
+/// A rectangular array of scene points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImageGrid {
+    /// The point at `x = y = 0`, or the polar grid's pole, metres in the scene frame.
+    pub origin_m: DVec3,
+    /// Unit vector of x, or of `theta = 0`.
+    pub x_axis: DVec3,
+    /// Unit vector of y, or of `theta = pi / 2`.
+    pub y_axis: DVec3,
+    /// Columns: x in metres, or angle in radians.
+    pub columns: Axis,
+    /// Rows: y in metres, or range from the pole in metres.
+    pub rows: Axis,
+    /// Whether rows and columns are range and angle.
+    pub polar: bool,
+}
+
+impl ImageGrid {
+    /// A horizontal Cartesian grid at height `z_m`.
+    pub fn horizontal(x: Axis, y: Axis, z_m: f64) -> Self {
+        Self {
+            origin_m: DVec3::new(0.0, 0.0, z_m),
+            x_axis: DVec3::X,
+            y_axis: DVec3::Y,
+            columns: x,
+            rows: y,
+            polar: false,
+        }
+    }
+
+    /// Rows times columns; cannot overflow for axes of at most 1e9 elements.
+    pub fn num_pixels(&self) -> u64 {
+        self.rows.count as u64 * self.columns.count as u64
+    }
+
+    /// The scene point of a pixel, metres.
+    pub fn position_m(&self, row: usize, column: usize) -> DVec3 {
+        self.point_m(self.rows.at(row), self.columns.at(column))
+    }
+
+    /// The scene point at grid coordinates: y and x, or range and angle.
+    pub fn point_m(&self, row_value: f64, column_value: f64) -> DVec3 {
+        if self.polar {
+            let (sin, cos) = column_value.sin_cos();
+            self.origin_m + (self.x_axis * cos + self.y_axis * sin) * row_value
+        } else {
+            self.origin_m + self.x_axis * column_value + self.y_axis * row_value
+        }
+    }
+}
+
+/// Parses `x=START:STOP:STEP,y=START:STOP:STEP[,z=Z][,yaw=DEG][,pitch=DEG][,roll=DEG]` or
+/// `r=...,theta=...[,cx=X][,cy=Y][,z=Z]...` with theta in degrees. The plane is turned about its
+/// origin by yaw (about z), then pitch (about the new y), then roll (about the new x).
+impl FromStr for ImageGrid {
+    type Err = GridError;
+
+    fn from_str(text: &str) -> Result<Self, GridError> {
+        let mut axes: [Option<Axis>; 4] = [None; 4]; // x, y, r, theta
+        let mut numbers = [0.0; 6]; // z, yaw, pitch, roll, cx, cy
+        for part in text.split(',') {
+            let (key, value) = part.split_once('=').ok_or_else(|| {
+                GridError(format!(
+                    "'{part}' is not KEY=VALUE; for example x=-50:50:0.2,y=-50:50:0.2,z=0"
+                ))
+            })?;
+            let (key, value) = (key.trim(), value.trim());
+            if let Some(i) = ["x", "y", "r", "theta"].iter().position(|&k| k == key) {
+                let fields: Vec<f64> = value
+                    .split(':')
+                    .map(|v| parse_number(key, v))
+                    .collect::<Result<_, _>>()?;
+                let &[start, stop, step] = fields.as_slice() else {
+                    return Err(GridError(format!(
+                        "{key}={value}: write {key}=START:STOP:STEP"
+                    )));
+                };
+                axes[i] = Some(Axis::from_range(start, stop, step)?);
+            } else if let Some(i) = ["z", "yaw", "pitch", "roll", "cx", "cy"]
+                .iter()
+                .position(|&k| k == key)
+            {
+                numbers[i] = parse_number(key, value)?;
+            } else {
+                return Err(GridError(format!(
+                    "unknown key '{key}'; known: x, y, z, r, theta, cx, cy, yaw, pitch, roll"
+                )));
+            }
+        }
+        let [z, yaw, pitch, roll, cx, cy] = numbers;
+        let turn = DQuat::from_euler(
+            EulerRot::ZYX,
+            yaw.to_radians(),
+            pitch.to_radians(),
+            roll.to_radians(),
+        );
+        let (columns, rows, polar) = match axes {
+            [Some(x), Some(y), None, None] => (x, y, false),
+            [None, None, Some(r), Some(theta)] => {
+                let radians = |v: f64| v.to_radians();
+                let theta = Axis {
+                    start: radians(theta.start),
+                    step: radians(theta.step),
+                    ..theta
+                };
+                (theta, r, true)
+            }
+            _ => return Err(GridError("give x and y, or r and theta".to_owned())),
+        };
+        Ok(Self {
+            origin_m: DVec3::new(cx, cy, z),
+            x_axis: turn * DVec3::X,
+            y_axis: turn * DVec3::Y,
+            columns,
+            rows,
+            polar,
+        })
+    }
+}
+
+fn parse_number(key: &str, text: &str) -> Result<f64, GridError> {
+    text.parse::<f64>()
+        .ok()
+        .filter(|v| v.is_finite())
+        .ok_or_else(|| GridError(format!("{key}: '{text}' is not a finite number")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stop_is_excluded() {
+        let grid: ImageGrid = "x=-50:50:0.2,y=0:1:0.25,z=3".parse().unwrap();
+        assert_eq!(grid.columns.count, 500);
+        assert_eq!(grid.rows.count, 4);
+        let p = grid.position_m(1, 499);
+        assert!((p - DVec3::new(49.8, 0.25, 3.0)).length() < 1e-9);
+    }
+
+    #[test]
+    fn polar_grid_and_turned_plane() {
+        let grid: ImageGrid = "r=10:20:5,theta=0:180:90,cx=1".parse().unwrap();
+        let p = grid.position_m(1, 1);
+        assert!((p - DVec3::new(1.0, 15.0, 0.0)).length() < 1e-9);
+        let yawed: ImageGrid = "x=0:2:1,y=0:2:1,yaw=90".parse().unwrap();
+        assert!((yawed.position_m(0, 1) - DVec3::Y).length() < 1e-9);
+    }
+
+    #[test]
+    fn bad_grids_say_what_to_write() {
+        for (text, part) in [
+            ("x=1:2", "x=START:STOP:STEP"),
+            ("x=0:1:0.1", "give x and y"),
+            ("x=0:1:0,y=0:1:1", "positive step"),
+            ("x=0:1:1,y=0:nan:1", "not a finite number"),
+            ("q=1", "unknown key"),
+            ("x=0:1e12:1,y=0:1:1", "at most 1e9"),
+        ] {
+            let error = text.parse::<ImageGrid>().unwrap_err().to_string();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+    }
+}

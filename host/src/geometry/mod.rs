@@ -1,0 +1,7 @@
+//! Where things are: the scene frame, image grids, patches of a grid.
+
+mod frame;
+mod grid;
+
+pub use frame::SceneFrame;
+pub use grid::{Axis, Extent, GridError, ImageGrid};

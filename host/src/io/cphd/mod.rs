@@ -1,0 +1,1 @@
+//! CPHD 1.1.0: read and written.

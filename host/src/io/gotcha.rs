@@ -1,0 +1,1 @@
+//! The AFRL GOTCHA volumetric data set: MATLAB v5 files, read.

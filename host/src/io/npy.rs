@@ -1,0 +1,1 @@
+//! NumPy arrays of complex64, read and written.

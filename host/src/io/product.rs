@@ -1,0 +1,1 @@
+//! The folder that `subap focus` leaves: image, metadata, quicklook; complete or absent.

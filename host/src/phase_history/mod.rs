@@ -1,0 +1,215 @@
+//! Phase history: what every image former consumes and every reader delivers.
+//!
+//! A [`PhaseHistory`] is a [`Collection`] (geometry and frequencies of every pulse, held in memory,
+//! about 150 bytes a pulse) and a way to read any run of pulses. Samples are read on demand, so a
+//! file larger than memory is no obstacle.
+//!
+//! Sample `k` of pulse `n` for a unit scatterer at `p` is
+//! `exp(-j 2 pi f (path_n(p) - reference_path_n) / c)` at `f = start_hz + k step_hz`
+//! (Schone 2020 (2.11), moved to the pulse's reference point).
+
+mod aperture;
+mod recorded;
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use crate::SPEED_OF_LIGHT_M_S;
+use crate::geometry::{Extent, SceneFrame};
+
+pub use aperture::Aperture;
+pub use recorded::Recorded;
+
+/// Geometry and frequency axis of one pulse. Positions in metres in the scene frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pulse {
+    /// Time of the pulse, seconds from the collection's start.
+    pub time_s: f64,
+    /// Phase centre of the transmitting antenna.
+    pub transmitter_m: DVec3,
+    /// Phase centre of the receiving antenna.
+    pub receiver_m: DVec3,
+    /// Point to which the phase is compensated (CPHD's SRP).
+    pub reference_m: DVec3,
+    /// Two-way path length to which the phase is compensated. Usually
+    /// [`Pulse::path_m`] of `reference_m`; kept apart because recordings round it differently.
+    pub reference_path_m: f64,
+    /// Frequency of sample 0.
+    pub start_hz: f64,
+    /// Frequency step from sample to sample; positive.
+    pub step_hz: f64,
+}
+
+impl Pulse {
+    /// Two-way path from transmitter to `point` to receiver, metres.
+    pub fn path_m(&self, point: DVec3) -> f64 {
+        (point - self.transmitter_m).length() + (point - self.receiver_m).length()
+    }
+
+    /// Path to `point` relative to the one the phase is compensated to, metres.
+    pub fn relative_path_m(&self, point: DVec3) -> f64 {
+        self.path_m(point) - self.reference_path_m
+    }
+
+    /// Frequency of sample `k`, hertz.
+    pub fn frequency_hz(&self, k: usize) -> f64 {
+        self.start_hz + k as f64 * self.step_hz
+    }
+}
+
+/// What a collection holds beside its samples.
+#[derive(Clone, Debug)]
+pub struct Collection {
+    /// A name for titles and reports.
+    pub name: String,
+    /// Frequency samples in every pulse.
+    pub num_samples: usize,
+    /// Every pulse, in the order of its samples.
+    pub pulses: Vec<Pulse>,
+    /// Where the scene frame lies.
+    pub frame: SceneFrame,
+    /// The part of the scene the collection is meant for, if it says so.
+    pub extent: Option<Extent>,
+}
+
+/// Frequency axis shared by every pulse of a collection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Band {
+    /// Frequency of sample 0, hertz.
+    pub start_hz: f64,
+    /// Step from sample to sample, hertz.
+    pub step_hz: f64,
+    /// Number of samples.
+    pub count: usize,
+}
+
+impl Band {
+    /// Frequency of sample `k`, hertz.
+    pub fn frequency_hz(&self, k: usize) -> f64 {
+        self.start_hz + k as f64 * self.step_hz
+    }
+
+    /// Reference frequency of all phase and Keystone terms: that of sample `count / 2`, hertz.
+    pub fn centre_hz(&self) -> f64 {
+        self.frequency_hz(self.count / 2)
+    }
+
+    /// Bandwidth `count * step_hz`, hertz. Range resolution is `c / (2 bandwidth)`.
+    pub fn bandwidth_hz(&self) -> f64 {
+        self.count as f64 * self.step_hz
+    }
+
+    /// Two-way path over which range profiles repeat, `c / step_hz`, metres.
+    pub fn unambiguous_path_m(&self) -> f64 {
+        SPEED_OF_LIGHT_M_S / self.step_hz
+    }
+}
+
+impl Collection {
+    /// The frequency axis if all pulses share it (to 1e-9 of the start frequency), else `None`.
+    pub fn band(&self) -> Option<Band> {
+        let first = self.pulses.first()?;
+        let band = Band {
+            start_hz: first.start_hz,
+            step_hz: first.step_hz,
+            count: self.num_samples,
+        };
+        let tolerance_hz = first.start_hz.abs() * 1e-9;
+        let last = self.num_samples.saturating_sub(1);
+        let same = |p: &Pulse| {
+            (p.start_hz - band.start_hz).abs() <= tolerance_hz
+                && (p.frequency_hz(last) - band.frequency_hz(last)).abs() <= tolerance_hz
+        };
+        self.pulses.iter().all(same).then_some(band)
+    }
+}
+
+/// A file that went into a collection, for the record in an image's metadata.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct InputFile {
+    /// Path as given by the user.
+    pub path: PathBuf,
+    /// Size in bytes.
+    pub bytes: u64,
+    /// CRC-32 (IEEE) of the whole file, in hexadecimal.
+    pub crc32: String,
+}
+
+/// Why pulses could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The operating system refused.
+    #[error("cannot read {path}: {source}")]
+    Io {
+        /// File concerned.
+        path: PathBuf,
+        /// Cause.
+        source: std::io::Error,
+    },
+    /// The file does not hold what its format promises.
+    #[error("{path}: {what}")]
+    Malformed {
+        /// File concerned.
+        path: PathBuf,
+        /// What is wrong, where, and what to do about it.
+        what: String,
+    },
+    /// A sample is NaN or infinite.
+    #[error(
+        "{name}: sample {sample} of pulse {pulse} is not a finite number; repair or drop that pulse"
+    )]
+    NotFinite {
+        /// Collection or file.
+        name: String,
+        /// Pulse index, from 0.
+        pulse: usize,
+        /// Sample index, from 0.
+        sample: usize,
+    },
+    /// Inputs that cannot form one aperture.
+    #[error("{0}")]
+    Mismatch(String),
+}
+
+/// A collection whose samples can be read, any run of pulses at a time.
+pub trait PhaseHistory: Sync + Send {
+    /// Geometry and frequencies.
+    fn collection(&self) -> &Collection;
+
+    /// Reads pulses `pulses` into `samples`: pulse `n`, sample `k` at
+    /// `[(n - pulses.start) * num_samples + k]`, in the sign convention of this module, every value
+    /// finite.
+    ///
+    /// # Panics
+    /// If `samples.len() != pulses.len() * num_samples` or `pulses.end` is past the last pulse.
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
+
+    /// The files behind this collection; computing their checksums reads them whole.
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        Ok(Vec::new())
+    }
+}
+
+/// Fails with [`ReadError::NotFinite`] if a sample is NaN or infinite. `first_pulse` is the index
+/// of the pulse that `samples` starts with.
+pub fn check_finite(
+    name: &str,
+    first_pulse: usize,
+    num_samples: usize,
+    samples: &[Complex32],
+) -> Result<(), ReadError> {
+    match samples
+        .iter()
+        .position(|z| !(z.re.is_finite() && z.im.is_finite()))
+    {
+        None => Ok(()),
+        Some(i) => Err(ReadError::NotFinite {
+            name: name.to_owned(),
+            pulse: first_pulse + i / num_samples,
+            sample: i % num_samples,
+        }),
+    }
+}

@@ -1,0 +1,72 @@
+//! A phase history held whole in memory.
+
+use std::ops::Range;
+
+use num_complex::Complex32;
+
+use super::{Collection, InputFile, PhaseHistory, ReadError, check_finite};
+
+/// Samples and geometry in memory: small recordings and tests.
+#[derive(Clone, Debug)]
+pub struct Recorded {
+    collection: Collection,
+    samples: Vec<Complex32>,
+    inputs: Vec<InputFile>,
+}
+
+impl Recorded {
+    /// Takes `samples` as pulse-major, `collection.num_samples` each.
+    ///
+    /// # Errors
+    /// [`ReadError::Mismatch`] if there are no pulses or the lengths disagree;
+    /// [`ReadError::NotFinite`] at the first sample that is NaN or infinite.
+    pub fn new(collection: Collection, samples: Vec<Complex32>) -> Result<Self, ReadError> {
+        let expected = collection.pulses.len() * collection.num_samples;
+        if expected == 0 {
+            return Err(ReadError::Mismatch(format!(
+                "{}: holds no pulses ({} pulses of {} samples)",
+                collection.name,
+                collection.pulses.len(),
+                collection.num_samples
+            )));
+        }
+        if samples.len() != expected {
+            return Err(ReadError::Mismatch(format!(
+                "{}: {} pulses of {} samples need {expected} values, not {}",
+                collection.name,
+                collection.pulses.len(),
+                collection.num_samples,
+                samples.len()
+            )));
+        }
+        check_finite(&collection.name, 0, collection.num_samples, &samples)?;
+        Ok(Self {
+            collection,
+            samples,
+            inputs: Vec::new(),
+        })
+    }
+
+    /// Names the files that the samples came from.
+    #[must_use]
+    pub fn with_inputs(mut self, inputs: Vec<InputFile>) -> Self {
+        self.inputs = inputs;
+        self
+    }
+}
+
+impl PhaseHistory for Recorded {
+    fn collection(&self) -> &Collection {
+        &self.collection
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        let width = self.collection.num_samples;
+        samples.copy_from_slice(&self.samples[pulses.start * width..pulses.end * width]);
+        Ok(())
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        Ok(self.inputs.clone())
+    }
+}

@@ -1,0 +1,2 @@
+//! Windows, transforms and kernels.
+pub mod window;
