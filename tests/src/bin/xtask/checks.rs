@@ -1,0 +1,78 @@
+//! Everything checked that is not a test: format, lints, documentation, dependencies.
+
+use std::process::{Command, Stdio};
+
+use crate::runner::Runner;
+
+/// The firmware's package and the target it is built for.
+const FIRMWARE: [&str; 4] = [
+    "--package",
+    "subaperture-firmware",
+    "--target",
+    "thumbv7em-none-eabihf",
+];
+
+/// `cargo` as the one that runs us.
+pub(crate) fn cargo(arguments: &[&str]) -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.args(arguments).current_dir(super::python::root());
+    command
+}
+
+pub(crate) fn fmt(runner: &mut Runner) {
+    runner.check("format", &mut cargo(&["fmt", "--all", "--check"]));
+}
+
+pub(crate) fn clippy(runner: &mut Runner) {
+    runner.check(
+        "clippy, host",
+        cargo(&["clippy", "--workspace", "--exclude", "subaperture-firmware"]).args([
+            "--all-targets",
+            "--locked",
+            "--",
+            "-D",
+            "warnings",
+        ]),
+    );
+    runner.check(
+        "clippy, firmware",
+        cargo(&["clippy", "--locked"])
+            .args(FIRMWARE)
+            .args(["--", "-D", "warnings"]),
+    );
+}
+
+pub(crate) fn doc(runner: &mut Runner) {
+    runner.check(
+        "documentation",
+        cargo(&["doc", "--workspace", "--exclude", "subaperture-firmware"])
+            .args(["--no-deps", "--locked"])
+            .env("RUSTDOCFLAGS", "-D warnings"),
+    );
+}
+
+pub(crate) fn deny(runner: &mut Runner) {
+    runner.check(
+        "dependencies: bans, licences, sources",
+        &mut cargo(&["deny", "check", "bans", "licenses", "sources"]),
+    );
+    let name = "dependencies: advisories";
+    if advisories_reachable() {
+        runner.check(name, &mut cargo(&["deny", "check", "advisories"]));
+    } else {
+        runner.skip(name, "the RustSec database on github.com cannot be reached");
+    }
+}
+
+/// Whether the advisory database can be fetched: a check that fails for want of a network says
+/// nothing of our dependencies.
+fn advisories_reachable() -> bool {
+    Command::new("git")
+        .args(["ls-remote", "--exit-code"])
+        .args(["https://github.com/RustSec/advisory-db", "HEAD"])
+        .env("GIT_TERMINAL_PROMPT", "0")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|status| status.success())
+}

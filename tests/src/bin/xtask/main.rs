@@ -1,0 +1,95 @@
+//! `cargo xtask`: every test there is, and the parts of it one by one.
+
+mod checks;
+mod prerequisites;
+mod python;
+mod runner;
+mod suite;
+
+use std::process::ExitCode;
+
+use prerequisites::Need;
+use runner::Runner;
+
+const HELP: &str = "\
+Usage: cargo xtask COMMAND
+
+  test       install what is missing, then run everything below
+  fmt        rustfmt, checking only
+  clippy     clippy on the host and on the firmware's target, warnings are errors
+  doc        rustdoc, warnings are errors
+  deny       licences, sources, bans and (when its database can be reached) advisories
+  unit       the tests of core, host and tests, doc tests included
+  firmware   the firmware under QEMU against the host
+
+'cargo xtask test' is what continuous integration runs. It may install a Rust target, Debian
+packages (as root or with passwordless sudo), cargo-deny, and sarkit in target/venv.";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let command = match arguments.as_slice() {
+        [] => "help",
+        [one] => one.as_str(),
+        _ => {
+            eprintln!("one command at a time\n\n{HELP}");
+            return ExitCode::from(2);
+        }
+    };
+    let mut runner = Runner::new();
+    let needs: &[Need] = match command {
+        "fmt" => &[Need::Rustfmt],
+        "clippy" => &[Need::Clippy, Need::FirmwareTarget],
+        "doc" => &[],
+        "deny" => &[Need::CargoDeny],
+        "unit" => &[Need::Python],
+        "firmware" => &[Need::FirmwareTarget, Need::Qemu],
+        "test" => &[
+            Need::CCompiler,
+            Need::Rustfmt,
+            Need::Clippy,
+            Need::FirmwareTarget,
+            Need::Qemu,
+            Need::Python,
+            Need::CargoDeny,
+        ],
+        "help" | "--help" | "-h" => {
+            println!("{HELP}");
+            return ExitCode::SUCCESS;
+        }
+        unknown => {
+            eprintln!("unknown command '{unknown}'\n\n{HELP}");
+            return ExitCode::from(2);
+        }
+    };
+    let installed = prerequisites::ensure(needs).and_then(|()| {
+        if needs.contains(&Need::Python) {
+            python::ensure_venv().map(Some)
+        } else {
+            Ok(None)
+        }
+    });
+    let python = match installed {
+        Ok(python) => python,
+        Err(what_to_do) => {
+            eprintln!("{what_to_do}");
+            return ExitCode::FAILURE;
+        }
+    };
+    match command {
+        "fmt" => checks::fmt(&mut runner),
+        "clippy" => checks::clippy(&mut runner),
+        "doc" => checks::doc(&mut runner),
+        "deny" => checks::deny(&mut runner),
+        "unit" => suite::all(&mut runner, python.as_deref()),
+        "firmware" => suite::firmware(&mut runner),
+        _ => {
+            checks::fmt(&mut runner);
+            checks::clippy(&mut runner);
+            checks::doc(&mut runner);
+            checks::deny(&mut runner);
+            // The firmware's test is one of these.
+            suite::all(&mut runner, python.as_deref());
+        }
+    }
+    runner.finish()
+}

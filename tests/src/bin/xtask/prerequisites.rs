@@ -1,0 +1,157 @@
+//! Finds out what this machine lacks, and installs it or says how.
+
+use std::process::{Command, Stdio};
+
+use crate::python;
+
+/// Something a command of ours cannot do without.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Need {
+    CCompiler,
+    Rustfmt,
+    Clippy,
+    FirmwareTarget,
+    Qemu,
+    Python,
+    CargoDeny,
+}
+
+/// How a missing need is met.
+enum Source {
+    Debian(&'static [&'static str]),
+    Rustup([&'static str; 3]),
+    CargoInstall(&'static str),
+}
+
+impl Need {
+    fn is_met(self) -> bool {
+        match self {
+            Self::CCompiler => works("cc", &["--version"]),
+            Self::Rustfmt => works("cargo", &["fmt", "--version"]),
+            Self::Clippy => works("cargo", &["clippy", "--version"]),
+            Self::FirmwareTarget => firmware_target_installed(),
+            Self::Qemu => works("qemu-system-arm", &["--version"]),
+            Self::Python => python::interpreter().is_some(),
+            Self::CargoDeny => works("cargo", &["deny", "--version"]),
+        }
+    }
+
+    fn source(self) -> Source {
+        match self {
+            Self::CCompiler => Source::Debian(&["gcc", "libc6-dev"]),
+            Self::Qemu => Source::Debian(&["qemu-system-arm"]),
+            Self::Python => Source::Debian(&["python3", "python3-venv"]),
+            Self::Rustfmt => Source::Rustup(["component", "add", "rustfmt"]),
+            Self::Clippy => Source::Rustup(["component", "add", "clippy"]),
+            Self::FirmwareTarget => Source::Rustup(["target", "add", "thumbv7em-none-eabihf"]),
+            Self::CargoDeny => Source::CargoInstall("cargo-deny"),
+        }
+    }
+}
+
+/// Meets every need.
+///
+/// # Errors
+/// What the user has to run, or what could not be installed.
+pub(crate) fn ensure(needs: &[Need]) -> Result<(), String> {
+    let missing: Vec<Need> = needs
+        .iter()
+        .copied()
+        .filter(|need| !need.is_met())
+        .collect();
+    let mut packages: Vec<&str> = Vec::new();
+    for need in &missing {
+        if let Source::Debian(names) = need.source() {
+            packages.extend(names);
+        }
+    }
+    if !packages.is_empty() {
+        install_packages(&packages)?;
+    }
+    for need in &missing {
+        match need.source() {
+            Source::Debian(_) => {}
+            Source::Rustup(arguments) => run("rustup", &arguments)?,
+            Source::CargoInstall(name) => {
+                println!("{name} is missing; building it takes some minutes, once");
+                run("cargo", &["install", "--locked", "--quiet", name])?;
+            }
+        }
+    }
+    match missing.into_iter().find(|need| !need.is_met()) {
+        Some(Need::Python) => Err(
+            "Python of at least 3.11 with venv is needed: on Ubuntu 22.04 and \
+             older run  sudo apt-get install python3.11 python3.11-venv"
+                .to_owned(),
+        ),
+        Some(need) => Err(format!("{need:?} is still missing after its installation")),
+        None => Ok(()),
+    }
+}
+
+fn install_packages(packages: &[&str]) -> Result<(), String> {
+    let by_hand = format!("sudo apt-get install --yes {}", packages.join(" "));
+    if !works("apt-get", &["--version"]) {
+        return Err(format!(
+            "missing: {}. On Debian or Ubuntu run\n    {by_hand}\nelsewhere install what corresponds",
+            packages.join(", ")
+        ));
+    }
+    let prefix: &[&str] = if run_quietly("id", &["-u"]).is_some_and(|id| id.trim() == "0") {
+        &["env"]
+    } else if works("sudo", &["-n", "true"]) {
+        &["sudo", "-n", "env"]
+    } else {
+        return Err(format!(
+            "missing: {}. Run\n    {by_hand}",
+            packages.join(", ")
+        ));
+    };
+    let apt = |arguments: &[&str]| {
+        let noninteractive = ["DEBIAN_FRONTEND=noninteractive", "apt-get", "--quiet"];
+        let words = [&prefix[1..], &noninteractive, arguments].concat();
+        run(prefix[0], &words)
+    };
+    // A package list that is out of date or incomplete may still do, so only the installation counts.
+    if let Err(error) = apt(&["update"]) {
+        eprintln!("{error}");
+    }
+    let install = ["install", "--yes", "--no-install-recommends"];
+    apt(&[&install, packages].concat()).map_err(|error| format!("{error}; run\n    {by_hand}"))
+}
+
+/// Whether the compiler in use has the firmware's standard library, with or without rustup.
+fn firmware_target_installed() -> bool {
+    let target = [
+        "--print",
+        "target-libdir",
+        "--target",
+        "thumbv7em-none-eabihf",
+    ];
+    run_quietly("rustc", &target).is_some_and(|dir| std::path::Path::new(dir.trim()).is_dir())
+}
+
+fn works(program: &str, arguments: &[&str]) -> bool {
+    run_quietly(program, arguments).is_some()
+}
+
+/// What `program` prints, if it succeeds.
+fn run_quietly(program: &str, arguments: &[&str]) -> Option<String> {
+    let output = Command::new(program)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .output()
+        .ok()
+        .filter(|output| output.status.success())?;
+    Some(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+fn run(program: &str, arguments: &[&str]) -> Result<(), String> {
+    let line = format!("{program} {}", arguments.join(" "));
+    println!("==> {line}");
+    match Command::new(program).args(arguments).status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(_) => Err(format!("failed: {line}")),
+        Err(error) => Err(format!("cannot start {line}: {error}")),
+    }
+}
