@@ -25,6 +25,7 @@ pub mod phase_history;
 pub mod plot;
 pub mod signal;
 pub mod simulate;
+pub mod survey;
 
 /// Speed of light in vacuum, metres a second (exact by definition).
 pub const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;

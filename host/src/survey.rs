@@ -1,0 +1,634 @@
+//! What a collection can show: band, resolution, unambiguous extent, aperture, geometry, and the
+//! grid that suits it.
+//!
+//! Everything follows from the support of the collection in spatial frequency. With `u_t` and `u_r`
+//! the unit vectors from transmitter and receiver to the scene's centre, pulse `n` at frequency `f`
+//! samples the scene's spectrum at
+//!
+//! ```text
+//! K = f / c (u_t + u_r)     cycles a metre (monostatic: 2 f / c along the line of sight)
+//! ```
+//!
+//! projected on the scene plane `z = 0`. Along any direction, resolution is one over the extent of
+//! the support and the unambiguous extent one over the step between its samples. For a broadside
+//! monostatic pass this is the textbook's `c / (2 B cos g)` and `lambda R / (2 L)`, `c / (2 step cos g)`
+//! and `lambda R / (2 d)` at grazing angle `g`, aperture length `L` and pulse spacing `d`
+//! (Carrara, Goodman and Majewski, chapter 2). Resolutions are Rayleigh's: from peak to first null,
+//! without a window; the half-power width is 0.886 of it.
+//!
+//! Neglected: the curvature of wave fronts over the scene (relative error of the scene's radius over
+//! range), the Earth's curvature in angles.
+
+use glam::{DVec2, DVec3};
+use serde::Serialize;
+
+use crate::SPEED_OF_LIGHT_M_S;
+use crate::geometry::{Axis, Extent, ImageGrid, SceneFrame};
+use crate::phase_history::{Collection, Pulse};
+
+/// Which side of its track the antenna looks to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// The scene lies to the left of the velocity, seen from above.
+    Left,
+    /// The scene lies to the right of the velocity, seen from above.
+    Right,
+}
+
+/// A point on the Earth, WGS 84.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Geodetic {
+    /// Latitude, degrees, north positive.
+    pub latitude_deg: f64,
+    /// Longitude, degrees, east positive.
+    pub longitude_deg: f64,
+    /// Height above the ellipsoid, metres.
+    pub height_m: f64,
+}
+
+/// The findings. `None` means that the geometry has no such number (an antenna that stands still
+/// has no cross-range resolution) or that the record does not tell.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Survey {
+    /// The collection's name.
+    pub name: String,
+    /// Number of pulses.
+    pub num_pulses: usize,
+    /// Frequency samples a pulse.
+    pub num_samples: usize,
+    /// Lowest frequency of any pulse, hertz.
+    pub lowest_hz: f64,
+    /// Highest frequency of any pulse, hertz.
+    pub highest_hz: f64,
+    /// Bandwidth of the first pulse, `num_samples * step_hz`, hertz.
+    pub bandwidth_hz: f64,
+    /// Frequency step of the first pulse, hertz.
+    pub step_hz: f64,
+    /// Whether all pulses have the same frequencies.
+    pub band_is_shared: bool,
+    /// Wavelength at the middle of the band, metres.
+    pub wavelength_m: f64,
+
+    /// `c / (2 bandwidth)`, metres.
+    pub slant_range_resolution_m: f64,
+    /// Resolution in the scene plane along the line of sight, metres.
+    pub range_resolution_m: Option<f64>,
+    /// Resolution in the scene plane across the line of sight, metres.
+    pub cross_range_resolution_m: Option<f64>,
+    /// `c / (2 step)`, metres.
+    pub unambiguous_slant_range_m: f64,
+    /// Extent in the scene plane along the line of sight before the scene repeats, metres.
+    pub unambiguous_range_m: Option<f64>,
+    /// Extent in the scene plane across the line of sight before the scene repeats, metres.
+    pub unambiguous_cross_range_m: Option<f64>,
+
+    /// Time from the first to the last pulse, seconds.
+    pub duration_s: Option<f64>,
+    /// Median time from pulse to pulse, seconds.
+    pub pri_s: Option<f64>,
+    /// Median distance from pulse to pulse of the antenna (of the middle between the two if there
+    /// are two), metres.
+    pub pulse_spacing_m: Option<f64>,
+    /// Length of the antenna's way, metres.
+    pub aperture_length_m: f64,
+    /// Angle of the aperture seen from the scene's centre, degrees.
+    pub aperture_angle_deg: f64,
+
+    /// The point that the geometry is given for: centre of the declared extent, else the origin.
+    pub scene_centre_m: [f64; 3],
+    /// Half the path from transmitter to scene centre to receiver at the middle pulse, metres.
+    pub slant_range_m: f64,
+    /// Elevation of the antenna above the scene plane seen from the scene's centre, degrees.
+    pub grazing_angle_deg: f64,
+    /// Direction from the scene's centre to the antenna, degrees from x towards y.
+    pub azimuth_deg: f64,
+    /// Angle of the line of sight off broadside, forward positive, degrees.
+    pub squint_deg: Option<f64>,
+    /// The side the antenna looks to.
+    pub side: Option<Side>,
+    /// Angle between transmitter and receiver seen from the scene's centre, degrees.
+    pub bistatic_angle_deg: f64,
+
+    /// Scene origin on the Earth, if the frame is tied to it.
+    pub origin: Option<Geodetic>,
+    /// The extent that the collection declares: smallest and largest x, then y, metres.
+    pub declared_extent_m: Option<[(f64, f64); 2]>,
+    /// What half a pixel of the default grid rests on: resolution along the frame's x and y axes.
+    pub axis_resolution_m: [Option<f64>; 2],
+}
+
+/// Why a collection has no default grid, and what to do.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("no default grid: {0}; give one, for example --grid x=-50:50:0.5,y=-50:50:0.5,z=0")]
+pub struct NoDefaultGrid(String);
+
+impl Survey {
+    /// Looks at every pulse of `collection` once; `None` if it has none.
+    pub fn of(collection: &Collection) -> Option<Self> {
+        let pulses = &collection.pulses;
+        let first = pulses.first()?;
+        let middle = &pulses[pulses.len() / 2];
+        let num_samples = collection.num_samples;
+        let centre = scene_centre(collection);
+        let support = Support::of(collection, centre);
+
+        let lowest_hz = pulses
+            .iter()
+            .map(|p| p.start_hz)
+            .fold(f64::INFINITY, f64::min);
+        let top = num_samples.saturating_sub(1);
+        let highest_hz = pulses
+            .iter()
+            .map(|p| p.frequency_hz(top))
+            .fold(0.0, f64::max);
+        let bandwidth_hz = num_samples as f64 * first.step_hz;
+
+        let slant_range_m = middle.path_m(centre) / 2.0;
+        let line_of_sight = (centre - phase_centre(middle)).normalize_or_zero();
+        // Over 16 stretches and not from pulse to pulse, so that a shaking track adds nothing.
+        let stride = (pulses.len() / 16).max(1);
+        let velocity = velocity_direction(pulses);
+        let to_antenna = -line_of_sight;
+        let seen = |antenna: DVec3| (antenna - centre).normalize_or_zero();
+        Some(Self {
+            name: collection.name.clone(),
+            num_pulses: pulses.len(),
+            num_samples,
+            lowest_hz,
+            highest_hz,
+            bandwidth_hz,
+            step_hz: first.step_hz,
+            band_is_shared: collection.band().is_some(),
+            wavelength_m: SPEED_OF_LIGHT_M_S / (lowest_hz.midpoint(highest_hz)),
+            slant_range_resolution_m: SPEED_OF_LIGHT_M_S / (2.0 * bandwidth_hz),
+            range_resolution_m: support.resolution_m(support.range, slant_range_m),
+            cross_range_resolution_m: support.resolution_m(support.cross, slant_range_m),
+            unambiguous_slant_range_m: SPEED_OF_LIGHT_M_S / (2.0 * first.step_hz),
+            unambiguous_range_m: support.unambiguous_range_m(first, centre),
+            unambiguous_cross_range_m: support.unambiguous_cross_m(pulses, centre, slant_range_m),
+            duration_s: positive(pulses[pulses.len() - 1].time_s - first.time_s),
+            pri_s: median(pulses.windows(2).map(|w| w[1].time_s - w[0].time_s)),
+            pulse_spacing_m: median(
+                pulses
+                    .windows(2)
+                    .map(|w| phase_centre(&w[0]).distance(phase_centre(&w[1]))),
+            ),
+            aperture_length_m: along(pulses, stride, |a, b| {
+                phase_centre(a).distance(phase_centre(b))
+            }),
+            aperture_angle_deg: along(pulses, stride, |a, b| {
+                angle_between(seen(phase_centre(a)), seen(phase_centre(b)))
+            })
+            .to_degrees(),
+            scene_centre_m: centre.to_array(),
+            slant_range_m,
+            grazing_angle_deg: to_antenna.z.clamp(-1.0, 1.0).asin().to_degrees(),
+            azimuth_deg: to_antenna.y.atan2(to_antenna.x).to_degrees(),
+            squint_deg: velocity.map(|v| v.dot(line_of_sight).clamp(-1.0, 1.0).asin().to_degrees()),
+            side: velocity.and_then(|v| side(v, line_of_sight)),
+            bistatic_angle_deg: angle_between(seen(middle.transmitter_m), seen(middle.receiver_m))
+                .to_degrees(),
+            origin: geodetic_origin(&collection.frame),
+            declared_extent_m: collection.extent.map(|e| [e.x_m, e.y_m]),
+            axis_resolution_m: [DVec2::X, DVec2::Y]
+                .map(|axis| support.resolution_m(axis, slant_range_m)),
+        })
+    }
+
+    /// Cross-range distance from a scatterer to its first grating lobe where sub-CPIs of
+    /// `num_pulses` pulses are read by plain interpolation (the thesis's mode): `lambda R / (2 D)`
+    /// with the sub-CPI spacing `D`, that of an array whose elements lie `2 D` apart
+    /// (Schone 2020, S 4.1.2). Metres.
+    pub fn grating_lobe_m(&self, num_pulses: usize) -> Option<f64> {
+        self.unambiguous_cross_range_m
+            .map(|extent_m| extent_m / num_pulses.max(1) as f64)
+    }
+
+    /// The rectangle that the default grid covers: the declared extent, else the largest rectangle
+    /// along the frame's axes within the unambiguous extent, centred on the scene's centre.
+    ///
+    /// # Errors
+    /// [`NoDefaultGrid`] if the collection declares none and is ambiguous everywhere or nowhere.
+    pub fn extent(&self) -> Result<Extent, NoDefaultGrid> {
+        if let Some([x_m, y_m]) = self.declared_extent_m {
+            return Ok(Extent { x_m, y_m });
+        }
+        let (Some(range_m), Some(cross_m)) =
+            (self.unambiguous_range_m, self.unambiguous_cross_range_m)
+        else {
+            return Err(NoDefaultGrid(
+                "the antenna does not move across its line of sight".to_owned(),
+            ));
+        };
+        let (half_x, half_y) = if self.aperture_angle_deg > 45.0 {
+            // The line of sight turns, and the rectangle with it: what is left is a circle's square.
+            let half = range_m.min(cross_m) / 8f64.sqrt();
+            (half, half)
+        } else {
+            let turn = self.azimuth_deg.to_radians();
+            largest_upright_rectangle(range_m, cross_m, turn)
+        };
+        let [x, y, _] = self.scene_centre_m;
+        Ok(Extent {
+            x_m: (x - half_x, x + half_x),
+            y_m: (y - half_y, y + half_y),
+        })
+    }
+
+    /// A horizontal grid at `z = 0` over [`Self::extent`] at half the resolution along each axis.
+    ///
+    /// # Errors
+    /// [`NoDefaultGrid`] where there is no extent or no resolution.
+    pub fn default_grid(&self) -> Result<ImageGrid, NoDefaultGrid> {
+        let extent = self.extent()?;
+        let axis = |name: &str, (low, high): (f64, f64), resolution_m: Option<f64>| {
+            let resolution_m = resolution_m.ok_or_else(|| {
+                NoDefaultGrid(format!("the collection has no resolution along {name}"))
+            })?;
+            if resolution_m > high - low {
+                return Err(NoDefaultGrid(format!(
+                    "along {name} the resolution is {resolution_m:.3} m and the extent only {:.3} m",
+                    high - low
+                )));
+            }
+            let step = round_to_two_digits(resolution_m / 2.0);
+            Axis::from_range(low, high, step).map_err(|error| NoDefaultGrid(error.0))
+        };
+        let [x_resolution_m, y_resolution_m] = self.axis_resolution_m;
+        Ok(ImageGrid::horizontal(
+            axis("x", extent.x_m, x_resolution_m)?,
+            axis("y", extent.y_m, y_resolution_m)?,
+            0.0,
+        ))
+    }
+}
+
+/// The samples of the scene's spectrum in the scene plane, cycles a metre.
+struct Support {
+    samples: Vec<DVec2>,
+    /// Unit vector in the scene plane along the mean line of sight.
+    range: DVec2,
+    /// Unit vector in the scene plane across it.
+    cross: DVec2,
+}
+
+impl Support {
+    /// Both band edges of every pulse.
+    fn of(collection: &Collection, centre: DVec3) -> Self {
+        let mut samples = Vec::with_capacity(2 * collection.pulses.len());
+        let mut mean = DVec2::ZERO;
+        for pulse in &collection.pulses {
+            let gradient = path_gradient(pulse, centre);
+            mean += gradient;
+            // The band is `count` cells wide, not `count - 1`.
+            for k in [-0.5, collection.num_samples as f64 - 0.5] {
+                let frequency_hz = pulse.start_hz + k * pulse.step_hz;
+                samples.push(gradient * (frequency_hz / SPEED_OF_LIGHT_M_S));
+            }
+        }
+        // A full circle has no mean direction: any will do.
+        let range = mean.try_normalize().unwrap_or(DVec2::X);
+        Self {
+            samples,
+            range,
+            cross: range.perp(),
+        }
+    }
+
+    /// One over the extent along `direction`. Worse than `limit_m` counts as none.
+    fn resolution_m(&self, direction: DVec2, limit_m: f64) -> Option<f64> {
+        let (low, high) = self
+            .samples
+            .iter()
+            .map(|k| k.dot(direction))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), k| {
+                (l.min(k), h.max(k))
+            });
+        let resolution_m = 1.0 / (high - low);
+        (resolution_m > 0.0 && resolution_m < limit_m).then_some(resolution_m)
+    }
+
+    fn unambiguous_range_m(&self, pulse: &Pulse, centre: DVec3) -> Option<f64> {
+        let gradient = path_gradient(pulse, centre).length();
+        positive(1.0 / (pulse.step_hz * gradient / SPEED_OF_LIGHT_M_S))
+    }
+
+    /// One over the median step across range from pulse to pulse, at the middle of the band.
+    fn unambiguous_cross_m(&self, pulses: &[Pulse], centre: DVec3, limit_m: f64) -> Option<f64> {
+        let across = |n: usize| {
+            // Both band edges: their mean is the middle of the band.
+            let k = (self.samples[2 * n] + self.samples[2 * n + 1]) / 2.0;
+            (k, path_gradient(&pulses[n], centre).try_normalize())
+        };
+        let steps = (1..pulses.len()).filter_map(|n| {
+            let ((before, _), (after, look)) = (across(n - 1), across(n));
+            Some((after - before).dot(look?.perp()).abs())
+        });
+        let extent_m = 1.0 / median(steps)?;
+        // Steps by rounding alone are no movement.
+        (extent_m.is_finite() && extent_m < 1e6 * limit_m).then_some(extent_m)
+    }
+}
+
+/// `u_t + u_r` in the scene plane: how the path grows with the scene point.
+fn path_gradient(pulse: &Pulse, point: DVec3) -> DVec2 {
+    let sum = (point - pulse.transmitter_m).normalize_or_zero()
+        + (point - pulse.receiver_m).normalize_or_zero();
+    sum.truncate()
+}
+
+fn phase_centre(pulse: &Pulse) -> DVec3 {
+    pulse.transmitter_m.midpoint(pulse.receiver_m)
+}
+
+fn scene_centre(collection: &Collection) -> DVec3 {
+    collection.extent.map_or(DVec3::ZERO, |extent| {
+        let middle = |(low, high): (f64, f64)| low.midpoint(high);
+        DVec3::new(middle(extent.x_m), middle(extent.y_m), 0.0)
+    })
+}
+
+/// Direction of flight around the middle pulse, over a sixteenth of the aperture.
+fn velocity_direction(pulses: &[Pulse]) -> Option<DVec3> {
+    let middle = pulses.len() / 2;
+    let reach = (pulses.len() / 32).max(1);
+    let from = phase_centre(&pulses[middle.saturating_sub(reach)]);
+    let to = phase_centre(&pulses[(middle + reach).min(pulses.len() - 1)]);
+    (to.distance(from) > 1e-9 * from.length().max(1.0)).then(|| (to - from).normalize())
+}
+
+fn side(velocity: DVec3, line_of_sight: DVec3) -> Option<Side> {
+    let up = velocity.cross(line_of_sight).z;
+    if up.abs() < 1e-6 {
+        None
+    } else if up > 0.0 {
+        Some(Side::Left)
+    } else {
+        Some(Side::Right)
+    }
+}
+
+/// Sum of `distance` over stretches of `stride` pulses.
+fn along(pulses: &[Pulse], stride: usize, distance: impl Fn(&Pulse, &Pulse) -> f64) -> f64 {
+    let last = pulses.len() - 1;
+    (0..last)
+        .step_by(stride)
+        .map(|n| distance(&pulses[n], &pulses[(n + stride).min(last)]))
+        .sum()
+}
+
+fn positive(value: f64) -> Option<f64> {
+    (value.is_finite() && value > 0.0).then_some(value)
+}
+
+/// Median of the values if it is positive.
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().and_then(positive)
+}
+
+/// Half sides of the largest rectangle along x and y within a rectangle of `a` by `b` whose side
+/// `a` is turned by `turn` from x, both centred on the origin.
+///
+/// Half sides `(p, q)` fit if `p |cos| + q |sin| <= a / 2` and `p |sin| + q |cos| <= b / 2`. Of one
+/// constraint alone the area is largest where its terms are equal; where that point breaks the
+/// other, the largest rectangle touches both.
+fn largest_upright_rectangle(a: f64, b: f64, turn: f64) -> (f64, f64) {
+    let (sin, cos) = (turn.sin().abs(), turn.cos().abs());
+    let (short, long) = (a.min(b), a.max(b));
+    if short <= long * 2.0 * sin * cos {
+        let quarter = short / 4.0;
+        // The short side's constraint rules; its terms are equal.
+        if a < b {
+            (quarter / cos, quarter / sin)
+        } else {
+            (quarter / sin, quarter / cos)
+        }
+    } else {
+        let determinant = 2.0 * (cos * cos - sin * sin);
+        (
+            (a * cos - b * sin) / determinant,
+            (b * cos - a * sin) / determinant,
+        )
+    }
+}
+
+/// Rounds down to two significant digits: grids with steps that a person would write.
+fn round_to_two_digits(value: f64) -> f64 {
+    let unit = 10f64.powf(value.log10().floor() - 1.0);
+    let digits = (value / unit + 1e-9).floor();
+    // Division by a power of ten is exact to the last digit where multiplication by 0.01 is not.
+    if unit < 1.0 {
+        digits / (1.0 / unit).round()
+    } else {
+        digits * unit
+    }
+}
+
+/// The origin of a frame tied to the Earth.
+fn geodetic_origin(frame: &SceneFrame) -> Option<Geodetic> {
+    let SceneFrame::Earth { origin_ecf_m, .. } = frame else {
+        return None;
+    };
+    let (latitude_rad, longitude_rad, height_m) = map_3d::ecef2geodetic(
+        origin_ecf_m.x,
+        origin_ecf_m.y,
+        origin_ecf_m.z,
+        map_3d::Ellipsoid::WGS84,
+    );
+    Some(Geodetic {
+        latitude_deg: latitude_rad.to_degrees(),
+        longitude_deg: longitude_rad.to_degrees(),
+        height_m,
+    })
+}
+
+/// Radians; 0 if a vector has no length.
+fn angle_between(a: DVec3, b: DVec3) -> f64 {
+    // Good for small angles too, where the arc cosine is not.
+    a.cross(b).length().atan2(a.dot(b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A monostatic pass along x at height and ground distance `range_m / sqrt(2)`.
+    fn pass(spacing_m: f64, num_pulses: usize) -> Collection {
+        let pulses = (0..num_pulses)
+            .map(|n| {
+                let x = (n as f64 - (num_pulses as f64 - 1.0) / 2.0) * spacing_m;
+                let antenna_m = DVec3::new(x, -5000.0, 5000.0);
+                Pulse {
+                    time_s: n as f64 * 1e-3,
+                    transmitter_m: antenna_m,
+                    receiver_m: antenna_m,
+                    reference_m: DVec3::ZERO,
+                    reference_path_m: 2.0 * antenna_m.length(),
+                    start_hz: 9.9e9,
+                    step_hz: 1e6,
+                }
+            })
+            .collect();
+        Collection {
+            name: "pass".to_owned(),
+            num_samples: 200,
+            pulses,
+            frame: SceneFrame::Local,
+            extent: None,
+        }
+    }
+
+    fn close(value: Option<f64>, expected: f64, relative: f64) {
+        let value = value.expect("a number");
+        assert!(
+            (value / expected - 1.0).abs() < relative,
+            "{value} is not {expected}"
+        );
+    }
+
+    #[test]
+    fn broadside_pass_is_the_textbook_s() {
+        let survey = Survey::of(&pass(0.1, 1001)).unwrap();
+        let (range_m, cos) = (5000.0 * 2f64.sqrt(), 0.5f64.sqrt());
+        let wavelength_m = SPEED_OF_LIGHT_M_S / 9.9995e9;
+        // Neglected: the aperture's angle of 0.8 deg squared, and half a band (1 %) in the
+        // cross-range resolution, whose support is widest at the band's top.
+        close(
+            survey.range_resolution_m,
+            SPEED_OF_LIGHT_M_S / (2.0 * 200e6 * cos),
+            2e-3,
+        );
+        close(
+            survey.cross_range_resolution_m,
+            wavelength_m * range_m / (2.0 * 100.0),
+            1.1e-2,
+        );
+        close(
+            survey.unambiguous_range_m,
+            SPEED_OF_LIGHT_M_S / (2.0 * 1e6 * cos),
+            1e-3,
+        );
+        close(
+            survey.unambiguous_cross_range_m,
+            wavelength_m * range_m / (2.0 * 0.1),
+            1e-3,
+        );
+        close(
+            survey.grating_lobe_m(50),
+            wavelength_m * range_m / (2.0 * 5.0),
+            1e-3,
+        );
+        close(Some(survey.aperture_length_m), 100.0, 1e-9);
+        close(Some(survey.grazing_angle_deg), 45.0, 1e-6);
+        close(survey.pri_s, 1e-3, 1e-9);
+        assert!(survey.squint_deg.unwrap().abs() < 0.01);
+        // Flying along +x and looking along +y: to the left.
+        assert_eq!(survey.side, Some(Side::Left));
+        assert_eq!(survey.bistatic_angle_deg, 0.0);
+    }
+
+    #[test]
+    fn default_grid_is_half_the_resolution_over_the_unambiguous_extent() {
+        let survey = Survey::of(&pass(0.1, 1001)).unwrap();
+        let grid = survey.default_grid().unwrap();
+        // 1.06 m by 1.06 m of resolution: steps of 0.52 m rounded down to two digits.
+        assert!((grid.rows.step - 0.52).abs() < 0.011, "{}", grid.rows.step);
+        assert!(
+            (grid.columns.step - 0.52).abs() < 0.011,
+            "{}",
+            grid.columns.step
+        );
+        let width = grid.columns.step * grid.columns.count as f64;
+        assert!((width / survey.unambiguous_cross_range_m.unwrap() - 1.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn an_antenna_that_stands_still_has_no_cross_range() {
+        let survey = Survey::of(&pass(0.0, 64)).unwrap();
+        assert_eq!(survey.cross_range_resolution_m, None);
+        assert_eq!(survey.unambiguous_cross_range_m, None);
+        assert_eq!(survey.pulse_spacing_m, None);
+        assert_eq!(survey.squint_deg, None);
+        assert_eq!(survey.side, None);
+        let error = survey.default_grid().unwrap_err().to_string();
+        assert!(
+            error.contains("does not move") && error.contains("--grid"),
+            "{error}"
+        );
+        let json = serde_json::to_string(&survey).unwrap();
+        assert!(!json.contains("NaN") && !json.contains("inf"), "{json}");
+    }
+
+    #[test]
+    fn one_pulse_and_none() {
+        assert_eq!(Survey::of(&pass(0.1, 0)), None);
+        let survey = Survey::of(&pass(0.1, 1)).unwrap();
+        assert_eq!(survey.unambiguous_cross_range_m, None);
+        assert!(survey.default_grid().is_err());
+    }
+
+    #[test]
+    fn upright_rectangle_is_the_largest_that_fits() {
+        // Oracle: the best of a fine scan of half sides.
+        for (a, b, turn_deg) in [
+            (10.0, 4.0, 0.0),
+            (10.0, 4.0, 30.0),
+            (4.0, 10.0, 30.0),
+            (7.0, 6.0, 45.0),
+            (5.0, 5.0, 80.0),
+        ] {
+            let turn = f64::to_radians(turn_deg);
+            let (sin, cos) = (turn.sin().abs(), turn.cos().abs());
+            let fits = |p: f64, q: f64| {
+                p * cos + q * sin <= a / 2.0 + 1e-9 && p * sin + q * cos <= b / 2.0 + 1e-9
+            };
+            let mut best = 0.0;
+            for i in 0..=1000 {
+                let p = 5.5 * f64::from(i) / 1000.0;
+                for j in 0..=1000 {
+                    let q = 5.5 * f64::from(j) / 1000.0;
+                    if fits(p, q) {
+                        best = f64::max(best, p * q);
+                    }
+                }
+            }
+            let (p, q) = largest_upright_rectangle(a, b, turn);
+            assert!(fits(p, q), "{a} {b} {turn_deg}: {p} {q}");
+            // The scan misses at most a step of 5.5 mm in each side.
+            assert!(
+                p * q >= best && p * q < best + 0.06,
+                "{a} {b} {turn_deg}: {} {best}",
+                p * q
+            );
+        }
+    }
+
+    #[test]
+    fn steps_are_round() {
+        for (value, round) in [
+            (0.1234, 0.12),
+            (1.0, 1.0),
+            (0.2, 0.2),
+            (37.9, 37.0),
+            (561.0, 560.0),
+        ] {
+            assert_eq!(round_to_two_digits(value), round);
+        }
+    }
+
+    #[test]
+    fn origin_on_the_earth() {
+        let mut collection = pass(0.1, 4);
+        collection.frame = SceneFrame::Earth {
+            origin_ecf_m: DVec3::new(6_378_137.0 + 100.0, 0.0, 0.0),
+            x_axis_ecf: DVec3::Y,
+            y_axis_ecf: DVec3::Z,
+        };
+        let origin = Survey::of(&collection).unwrap().origin.unwrap();
+        assert!(origin.latitude_deg.abs() < 1e-9 && origin.longitude_deg.abs() < 1e-9);
+        assert!((origin.height_m - 100.0).abs() < 1e-3);
+    }
+}
