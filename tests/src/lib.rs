@@ -1,3 +1,4 @@
 //! Shared by the integration tests.
 
 pub mod matlab;
+pub mod subap;

@@ -1,2 +1,37 @@
-//! The command `subap`.
-fn main() {}
+//! The command `subap`: from phase history to a focused image.
+
+mod args;
+mod commands;
+mod config;
+mod failure;
+mod interrupt;
+mod output;
+mod progress;
+mod text;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let typed = match args::Args::try_parse() {
+        Ok(typed) => typed,
+        Err(message) => {
+            // Help and version are on standard output and no failure. A reader that has gone is
+            // none either.
+            let code = u8::try_from(message.exit_code()).unwrap_or(2);
+            let _ = message.print();
+            return ExitCode::from(code);
+        }
+    };
+    let Some(command) = typed.command else {
+        let _ = text::say(args::help());
+        return ExitCode::SUCCESS;
+    };
+    let done = config::Session::new(&typed.global)
+        .and_then(|session| commands::run(&session, command));
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => failure::report(&error),
+    }
+}

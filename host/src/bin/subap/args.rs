@@ -1,0 +1,369 @@
+//! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
+
+use std::path::PathBuf;
+
+use clap::{Args as Group, CommandFactory, Parser, Subcommand, ValueEnum, ValueHint};
+use subaperture::geometry::ImageGrid;
+use subaperture::signal::window::Window;
+use subaperture::simulate::Preset;
+
+/// The whole command line.
+#[derive(Debug, Parser)]
+#[command(
+    name = "subap",
+    version,
+    about = "Radar image formation: from phase history to a focused image",
+    after_help = "First steps:\n  \
+        subap demo                       simulate, focus, compare; writes subap-demo/\n  \
+        subap info FILE                  what a recording holds\n  \
+        subap focus FILE... --out DIR    an image of it\n\n\
+        Exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted."
+)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    pub(crate) global: Global,
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+}
+
+/// Options of every command.
+#[derive(Debug, Group)]
+pub(crate) struct Global {
+    /// Threads to work on [default: one a processor]
+    #[arg(long, global = true, value_name = "N", value_parser = positive, help_heading = "Global options")]
+    pub(crate) threads: Option<usize>,
+
+    /// Memory that image, samples and scratch may take: bytes, or with K, M, G or T (powers of
+    /// 1024) [default: half of what the machine has]
+    #[arg(long, global = true, value_name = "SIZE", value_parser = size, help_heading = "Global options")]
+    pub(crate) memory: Option<u64>,
+
+    /// Say more on standard error; twice for every setting
+    #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Global options")]
+    pub(crate) verbose: u8,
+
+    /// Say nothing but results and errors
+    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Global options")]
+    pub(crate) quiet: bool,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Form an image of one or more recordings
+    Focus(Focus),
+    /// Write the phase history of a simulated scene as CPHD 1.1
+    Simulate(Simulate),
+    /// Send every sub-CPI through the host's code and the embedded core; fail above -100 dB
+    Crosscheck(Crosscheck),
+    /// Say what recordings hold
+    Info(Info),
+    /// Say how far apart two complex images are
+    Compare(Compare),
+    /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures
+    Demo(Demo),
+    /// Print completions for a shell
+    Completions(Completions),
+}
+
+/// Recordings.
+#[derive(Debug, Group)]
+pub(crate) struct Input {
+    /// CPHD 1.x or GOTCHA .mat files; several make one aperture, in the order given
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
+    pub(crate) paths: Vec<PathBuf>,
+
+    /// Channel of a CPHD by its identifier [default: the first]
+    #[arg(long, value_name = "ID")]
+    pub(crate) channel: Option<String>,
+}
+
+/// `subap focus`.
+#[derive(Debug, Group)]
+pub(crate) struct Focus {
+    #[command(flatten)]
+    pub(crate) input: Input,
+
+    /// Folder for image.npy, image.json and image.png
+    #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub(crate) out: PathBuf,
+
+    /// Image former
+    #[arg(long, short, value_enum, default_value_t)]
+    pub(crate) algorithm: Algorithm,
+
+    /// How rdbp reads its range-Doppler maps [default: precise]
+    #[arg(long, value_enum)]
+    pub(crate) mode: Option<Mode>,
+
+    /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120; bp and rdbp
+    /// choose their sizes from it [default: -60]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
+    pub(crate) error_db: Option<f64>,
+
+    /// Pulses a sub-CPI of rdbp [default: the most that the error bound allows]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub(crate) sub_cpi: Option<usize>,
+
+    /// Side of rdbp's patches in metres [default: from the error bound]
+    #[arg(long, value_name = "METRES", value_parser = length)]
+    pub(crate) patch: Option<f64>,
+
+    /// Window over fast time: none, taylor[:DB], hamming or kaiser:BETA
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    pub(crate) window: Window,
+
+    /// Window over slow time, across all pulses: as --window
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    pub(crate) slow_window: Window,
+
+    /// Pixels, metres in the scene frame, stop excluded: x=-50:50:0.2,y=-50:50:0.2,z=0 or polar
+    /// r=..,theta=.. (degrees); also cx, cy, yaw, pitch, roll [default: the scene's extent at half
+    /// the resolution]
+    #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
+    pub(crate) grid: Option<ImageGrid>,
+
+    /// Form N pixels, chosen by a fixed seed, by the exact sum too and report the image's error
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub(crate) check: Option<usize>,
+}
+
+/// Image formers by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Algorithm {
+    /// Sum over all pulses and frequencies: slow, the measure of the others
+    Exact,
+    /// Backprojection with upsampled range profiles
+    Bp,
+    /// Sub-CPI range-Doppler backprojection
+    #[default]
+    Rdbp,
+}
+
+/// Modes of range-Doppler backprojection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Mode {
+    /// Patches compensated to their own centres, exact Keystone, Kaiser-Bessel kernel
+    Precise,
+    /// As Schone 2020: sinc Keystone, zero padding, bilinear reading
+    Thesis,
+}
+
+/// `subap simulate`.
+#[derive(Debug, Group)]
+pub(crate) struct Simulate {
+    /// Scene and radar: table-4-1 (imaging) or table-2-1 (range migration) of Schone 2020
+    #[arg(long, value_name = "NAME")]
+    pub(crate) preset: Preset,
+
+    /// CPHD file to write
+    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(crate) out: PathBuf,
+
+    /// Domain of the signal array
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) domain: SignalDomain,
+
+    /// Sign of the phase, SGN: -1 or +1
+    #[arg(long, value_name = "SIGN", default_value = "-1", allow_hyphen_values = true, value_parser = sign)]
+    pub(crate) sgn: i8,
+
+    /// Add noise of this power, dB relative to a unit scatterer's sample
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = finite)]
+    pub(crate) noise_db: Option<f64>,
+
+    /// Shake the track by this much (RMS in each axis, smooth, known to the record)
+    #[arg(long, value_name = "METRES", default_value_t = 0.0, value_parser = not_negative)]
+    pub(crate) perturb: f64,
+
+    /// Seed of noise and shaking
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+}
+
+/// Domains of a CPHD's signal arrays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SignalDomain {
+    /// Frequency
+    #[default]
+    Fx,
+    /// Time of arrival
+    Toa,
+}
+
+/// `subap crosscheck`.
+#[derive(Debug, Group)]
+pub(crate) struct Crosscheck {
+    #[command(flatten)]
+    pub(crate) input: Input,
+
+    /// Pulses a sub-CPI [default: the core's largest plan that suits]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub(crate) sub_cpi: Option<usize>,
+}
+
+/// `subap info`.
+#[derive(Debug, Group)]
+pub(crate) struct Info {
+    #[command(flatten)]
+    pub(crate) input: Input,
+
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// `subap compare`.
+#[derive(Debug, Group)]
+pub(crate) struct Compare {
+    /// Image to judge (complex64 .npy)
+    #[arg(value_name = "A.npy", value_hint = ValueHint::FilePath)]
+    pub(crate) image: PathBuf,
+
+    /// Image to judge it by
+    #[arg(value_name = "B.npy", value_hint = ValueHint::FilePath)]
+    pub(crate) reference: PathBuf,
+
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// `subap demo`.
+#[derive(Debug, Group)]
+pub(crate) struct Demo {
+    /// Folder to write
+    #[arg(long, short, value_name = "DIR", default_value = "subap-demo", value_hint = ValueHint::DirPath)]
+    pub(crate) out: PathBuf,
+
+    /// Pixels [default: the scene's 80 x 80 m and some margin]
+    #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
+    pub(crate) grid: Option<ImageGrid>,
+}
+
+/// `subap completions`.
+#[derive(Debug, Group)]
+pub(crate) struct Completions {
+    /// Shell
+    #[arg(value_enum)]
+    pub(crate) shell: clap_complete::Shell,
+}
+
+/// The help that `subap` alone prints.
+pub(crate) fn help() -> String {
+    Args::command().render_help().to_string()
+}
+
+fn positive(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(0) | Err(_) => Err("give a whole number from 1".to_owned()),
+        Ok(value) => Ok(value),
+    }
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    let value: Option<f64> = text.parse().ok();
+    value.filter(|v| v.is_finite()).ok_or_else(|| "give a number".to_owned())
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    finite(text).ok().filter(|&v| v >= 0.0).ok_or_else(|| "give a number from 0".to_owned())
+}
+
+fn length(text: &str) -> Result<f64, String> {
+    finite(text).ok().filter(|&v| v > 0.0).ok_or_else(|| "give a number above 0".to_owned())
+}
+
+fn error_bound(text: &str) -> Result<f64, String> {
+    finite(text)
+        .ok()
+        .filter(|v| (-120.0..=-20.0).contains(v))
+        .ok_or_else(|| "give decibels from -120 to -20, for example -60".to_owned())
+}
+
+fn sign(text: &str) -> Result<i8, String> {
+    match text {
+        "-1" => Ok(-1),
+        "+1" | "1" => Ok(1),
+        _ => Err("give -1 or +1".to_owned()),
+    }
+}
+
+/// `4096`, `512M`, `2G`, `1.5GiB`: powers of 1024, at least a mebibyte.
+fn size(text: &str) -> Result<u64, String> {
+    let wrong = || "give a size such as 512M or 2G, at least 1M".to_owned();
+    let split = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+    let (number, unit) = text.split_at(split);
+    let number = length(number.trim()).map_err(|_| wrong())?;
+    let exponent = match unit.to_ascii_uppercase().trim_end_matches("IB").trim_end_matches('B') {
+        "" => 0,
+        "K" => 1,
+        "M" => 2,
+        "G" => 3,
+        "T" => 4,
+        _ => return Err(wrong()),
+    };
+    let bytes = number * 1024f64.powi(exponent);
+    if !(1048576.0..=1e18).contains(&bytes) {
+        return Err(wrong());
+    }
+    Ok(bytes as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn definitions_are_sound() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes() {
+        for (text, bytes) in [
+            ("1048576", 1 << 20),
+            ("512M", 512 << 20),
+            ("2g", 2 << 30),
+            ("1.5GiB", 3 << 29),
+            ("1TB", 1 << 40),
+        ] {
+            assert_eq!(size(text), Ok(bytes), "{text}");
+        }
+        for text in ["", "G", "0", "-1G", "1X", "10", "nan", "1e30G", "2 G G"] {
+            assert!(size(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn negative_values_need_no_equals_sign() {
+        let words = "subap focus a.mat --out d --error-db -55.5 --grid x=-5:5:1,y=-5:5:1,z=-2";
+        let args = Args::try_parse_from(words.split(' ')).unwrap();
+        let Some(Command::Focus(focus)) = args.command else {
+            panic!("not focus");
+        };
+        assert_eq!(focus.error_db, Some(-55.5));
+        assert_eq!(focus.grid.unwrap().origin_m.z, -2.0);
+        let words = "subap simulate --preset table-4-1 -o f --sgn -1 --noise-db -20";
+        assert!(Args::try_parse_from(words.split(' ')).is_ok());
+    }
+
+    #[test]
+    fn bad_values_name_their_option() {
+        for (words, option) in [
+            ("focus a --out d --error-db 60", "--error-db"),
+            ("focus a --out d --grid x=1", "--grid"),
+            ("focus a --out d --window blackman", "--window"),
+            ("focus a --out d --patch -3", "--patch"),
+            ("focus a --out d --threads 0", "--threads"),
+            ("focus a --out d --memory 3Q", "--memory"),
+            ("simulate --preset table-9 -o f", "--preset"),
+            ("simulate --preset table-4-1 -o f --sgn 2", "--sgn"),
+        ] {
+            let words = std::iter::once("subap").chain(words.split(' '));
+            let error = Args::try_parse_from(words).unwrap_err();
+            assert!(error.to_string().contains(option), "{error}");
+            assert_eq!(error.exit_code(), 2);
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! `subap focus`: recordings in, an image and its record out.
+
+mod check;
+mod record;
+
+use std::time::Instant;
+
+use anyhow::Context;
+use subaperture::focus::{Task, Weights};
+use subaperture::geometry::ImageGrid;
+use subaperture::image::Image;
+use subaperture::io::open::open_all;
+use subaperture::io::product;
+use subaperture::phase_history::PhaseHistory;
+use subaperture::survey::Survey;
+
+use crate::args::Focus;
+use crate::config::{Session, former};
+use crate::{interrupt, output, text};
+
+/// Forms the image and writes its folder, complete or not at all.
+pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
+    let start = Instant::now();
+    // What can be refused is refused before anything is read.
+    let former = former(typed)?;
+    if let Some(grid) = &typed.grid {
+        session.check_grid(grid)?;
+    }
+    output::check_writable(&typed.out)?;
+
+    let history = open_all(&typed.input.paths, typed.input.channel.as_deref())?;
+    let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
+    let grid = match typed.grid {
+        Some(grid) => grid,
+        None => {
+            let grid = survey.default_grid()?;
+            session.check_grid(&grid)?;
+            grid
+        }
+    };
+    session.note(1, || {
+        let (columns, rows) = (grid.columns.count, grid.rows.count);
+        format!("{} pulses onto {columns} x {rows} pixels by {}", survey.num_pulses, former.name())
+    });
+
+    let weights = Weights::new(history.collection(), typed.window, typed.slow_window);
+    let progress = session.progress("focusing");
+    let task = Task {
+        history: &history,
+        grid: &grid,
+        weights: &weights,
+        memory_bytes: session.memory_bytes,
+        monitor: &progress,
+    };
+    let formed = former.form(&task)?;
+    drop(progress);
+    for (key, value) in &formed.settings {
+        session.note(2, || format!("{key} = {value}"));
+    }
+
+    let check = match typed.check {
+        None => None,
+        Some(count) => {
+            let progress = session.progress("checking");
+            let task = Task { monitor: &progress, ..task };
+            Some(check::against_exact(&task, &formed.image, count)?)
+        }
+    };
+    interrupt::check()?;
+    let inputs = history.inputs()?;
+    let peak = brightest(&formed.image, &grid);
+    let record = record::Record {
+        session,
+        typed,
+        former: former.name(),
+        settings: &formed.settings,
+        grid: &grid,
+        survey: &survey,
+        collection: history.collection(),
+        inputs: &inputs,
+        check: check.as_ref(),
+        peak,
+        taken: start.elapsed(),
+    };
+    interrupt::check()?;
+    product::write(&typed.out, &formed.image, &grid, &record.to_json())?;
+
+    if session.quiet() {
+        return Ok(());
+    }
+    text::say(format!(
+        "{}: {} x {} pixels in {}",
+        typed.out.display(),
+        formed.image.columns,
+        formed.image.rows,
+        text::duration(start.elapsed())
+    ))?;
+    let [x, y, z] = peak.position_m;
+    text::say(format!(
+        "brightest point at x {x:.3} m, y {y:.3} m, z {z:.3} m: {:.2} dB",
+        peak.level_db
+    ))?;
+    if let Some(check) = check {
+        text::say(format!(
+            "error against the exact sum on {} pixels: {:.1} dB",
+            check.num_pixels, check.relative_rms_db
+        ))?;
+    }
+    Ok(())
+}
+
+/// The brightest pixel of an image.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+struct Peak {
+    /// Where it is, metres in the scene frame.
+    position_m: [f64; 3],
+    /// Its magnitude, dB; 0 is a unit scatterer.
+    level_db: f64,
+    row: usize,
+    column: usize,
+}
+
+fn brightest(image: &Image, grid: &ImageGrid) -> Peak {
+    let powers = image.pixels.iter().map(|z| z.norm_sqr()).enumerate();
+    let (index, power) = powers.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0));
+    let (row, column) = (index / image.columns, index % image.columns);
+    Peak {
+        position_m: grid.position_m(row, column).to_array(),
+        // An image of nothing at all is as dark as a float can be, not minus infinity.
+        level_db: 10.0 * f64::from(power.max(f32::MIN_POSITIVE)).log10(),
+        row,
+        column,
+    }
+}

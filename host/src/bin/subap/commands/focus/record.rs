@@ -1,0 +1,107 @@
+//! `image.json`: everything needed to say how an image came about, and to make it again.
+
+use std::time::Duration;
+
+use serde_json::{Map, Value, json};
+use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::phase_history::{Collection, InputFile};
+use subaperture::survey::Survey;
+
+use super::Peak;
+use super::check::Check;
+use crate::args::Focus;
+use crate::config::{Session, record_of_run};
+
+/// Version of the record's layout; it grows when a reader would have to change.
+const SCHEMA_VERSION: u32 = 1;
+
+/// What goes into the record.
+pub(super) struct Record<'a> {
+    pub(super) session: &'a Session,
+    pub(super) typed: &'a Focus,
+    pub(super) former: &'static str,
+    pub(super) settings: &'a Map<String, Value>,
+    pub(super) grid: &'a ImageGrid,
+    pub(super) survey: &'a Survey,
+    pub(super) collection: &'a Collection,
+    pub(super) inputs: &'a [InputFile],
+    pub(super) check: Option<&'a Check>,
+    pub(super) peak: Peak,
+    pub(super) taken: Duration,
+}
+
+impl Record<'_> {
+    /// The record as JSON.
+    pub(super) fn to_json(&self) -> Value {
+        let words: Vec<String> =
+            std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+        json!({
+            "schema": "subaperture-image",
+            "schema_version": SCHEMA_VERSION,
+            "run": record_of_run(self.session, self.taken),
+            "command_line": words,
+            "image": {
+                "file": "image.npy",
+                "type": "complex64, C order, [rows, columns]",
+                "scale": "a unit scatterer on a pixel reads 1; phase refers to the pixel's own path",
+            },
+            "grid": grid(self.grid),
+            "frame": frame(&self.collection.frame),
+            "settings": self.settings(),
+            "collection": self.survey,
+            "inputs": self.inputs,
+            "brightest": self.peak,
+            "check": self.check,
+        })
+    }
+
+    /// What was given (`null` where it was left to the program) and what it came to.
+    fn settings(&self) -> Value {
+        let typed = self.typed;
+        json!({
+            "algorithm": self.former,
+            "window": typed.window.to_string(),
+            "slow_window": typed.slow_window.to_string(),
+            "given": {
+                "grid": typed.grid.is_some(),
+                "mode": typed.mode.map(|mode| format!("{mode:?}").to_lowercase()),
+                "error_db": typed.error_db,
+                "sub_cpi": typed.sub_cpi,
+                "patch_m": typed.patch,
+                "channel": typed.input.channel,
+                "check": typed.check,
+            },
+            "resolved": self.settings,
+        })
+    }
+}
+
+/// A grid's axes and plane.
+fn grid(grid: &ImageGrid) -> Value {
+    let (columns, rows) = if grid.polar {
+        ("angle in radians", "range in metres")
+    } else {
+        ("x in metres", "y in metres")
+    };
+    json!({
+        "kind": if grid.polar { "polar" } else { "cartesian" },
+        "columns": { "axis": columns, "start": grid.columns.start, "step": grid.columns.step, "count": grid.columns.count },
+        "rows": { "axis": rows, "start": grid.rows.start, "step": grid.rows.step, "count": grid.rows.count },
+        "origin_m": grid.origin_m.to_array(),
+        "x_axis": grid.x_axis.to_array(),
+        "y_axis": grid.y_axis.to_array(),
+    })
+}
+
+/// The scene frame.
+fn frame(frame: &SceneFrame) -> Value {
+    match frame {
+        SceneFrame::Local => json!({ "kind": "local" }),
+        SceneFrame::Earth { origin_ecf_m, x_axis_ecf, y_axis_ecf } => json!({
+            "kind": "earth",
+            "origin_ecf_m": origin_ecf_m.to_array(),
+            "x_axis_ecf": x_axis_ecf.to_array(),
+            "y_axis_ecf": y_axis_ecf.to_array(),
+        }),
+    }
+}

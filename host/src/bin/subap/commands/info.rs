@@ -1,0 +1,224 @@
+//! `subap info`: what recordings hold.
+
+use std::fmt::Write;
+
+use anyhow::Context;
+use serde_json::{Value, json};
+use subaperture::io::open::open_all;
+use subaperture::phase_history::PhaseHistory;
+use subaperture::survey::{Side, Survey};
+
+use crate::args::Info;
+use crate::config::Session;
+use crate::text::{self, bytes, hertz, metres};
+
+/// Prints the survey of the inputs as one aperture.
+pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
+    let history = open_all(&typed.input.paths, typed.input.channel.as_deref())?;
+    let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
+    let advice = Advice::of(&history, &survey);
+    if typed.json {
+        let mut value = serde_json::to_value(&survey)?;
+        value["sub_cpi_advice"] = advice.to_json();
+        value["default_grid"] = match survey.default_grid() {
+            Ok(grid) => json!({ "x": grid.columns, "y": grid.rows, "z": grid.origin_m.z }),
+            Err(why) => json!({ "none": why.to_string() }),
+        };
+        text::say(serde_json::to_string_pretty(&value)?)?;
+    } else {
+        text::say(describe(session, &survey, &advice))?;
+    }
+    Ok(())
+}
+
+/// The longest sub-CPIs that serve, in either mode of range-Doppler backprojection.
+struct Advice {
+    /// Sub-CPI and patch that the planner takes for -60 dB in precise mode.
+    precise: Option<Plan>,
+    /// Longest sub-CPI whose first grating lobes lie outside the scene, thesis mode.
+    thesis_pulses: Option<usize>,
+}
+
+/// What the planner of range-Doppler backprojection chose.
+struct Plan {
+    sub_cpi: usize,
+    patch_m: f64,
+}
+
+impl Advice {
+    fn of(history: &dyn PhaseHistory, survey: &Survey) -> Self {
+        let thesis_pulses = survey.extent().ok().and_then(|extent| {
+            let (x, y) = (extent.x_m.1 - extent.x_m.0, extent.y_m.1 - extent.y_m.0);
+            // The scene's width across the line of sight, corner to corner at the worst.
+            let turn = survey.azimuth_deg.to_radians();
+            let width_m = x * turn.sin().abs() + y * turn.cos().abs();
+            let pulses = (survey.unambiguous_cross_range_m? / width_m).floor() as usize;
+            Some(pulses.clamp(1, survey.num_pulses))
+        });
+        Self { precise: plan(history, survey), thesis_pulses }
+    }
+
+    fn to_json(&self) -> Value {
+        json!({
+            "precise_at_-60_db": self.precise.as_ref().map(|plan| {
+                json!({ "pulses": plan.sub_cpi, "patch_m": plan.patch_m })
+            }),
+            "thesis_longest_without_grating_lobes": self.thesis_pulses,
+        })
+    }
+}
+
+fn plan(_history: &dyn PhaseHistory, _survey: &Survey) -> Option<Plan> {
+    None
+}
+
+fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
+    let mut text = String::new();
+    let mut line = |label: &str, value: String| {
+        let _ = writeln!(text, "{label:<16} {value}");
+    };
+    line("collection", survey.name.clone());
+    let samples_bytes = survey.num_pulses as u128 * survey.num_samples as u128 * 8;
+    line(
+        "size",
+        format!(
+            "{} pulses of {} frequencies, {} as complex64",
+            survey.num_pulses,
+            survey.num_samples,
+            bytes(samples_bytes)
+        ),
+    );
+    line("band", band(survey));
+    line("wavelength", metres(Some(survey.wavelength_m)));
+    line(
+        "resolution",
+        format!(
+            "{} in slant range; in the plane {} in range, {} in cross-range",
+            metres(Some(survey.slant_range_resolution_m)),
+            metres(survey.range_resolution_m),
+            metres(survey.cross_range_resolution_m),
+        ),
+    );
+    line(
+        "unambiguous",
+        format!(
+            "{} in slant range; in the plane {} in range, {} in cross-range",
+            metres(Some(survey.unambiguous_slant_range_m)),
+            metres(survey.unambiguous_range_m),
+            metres(survey.unambiguous_cross_range_m),
+        ),
+    );
+    line(
+        "aperture",
+        format!(
+            "{} long, {:.3} deg wide",
+            metres(Some(survey.aperture_length_m)),
+            survey.aperture_angle_deg
+        ),
+    );
+    line("pulse spacing", metres(survey.pulse_spacing_m));
+    line(
+        "timing",
+        match (survey.pri_s, survey.duration_s) {
+            (Some(pri_s), Some(duration_s)) => {
+                format!("PRI {:.4} ms, {duration_s:.4} s in all", pri_s * 1e3)
+            }
+            _ => "unknown".to_owned(),
+        },
+    );
+    line(
+        "geometry",
+        format!(
+            "slant range {}, grazing angle {:.2} deg, antenna at {:.2} deg from x towards y",
+            metres(Some(survey.slant_range_m)),
+            survey.grazing_angle_deg,
+            survey.azimuth_deg
+        ),
+    );
+    line("looking", looking(survey));
+    line(
+        "scene frame",
+        match survey.origin {
+            Some(origin) => format!(
+                "origin at {:.6} deg north, {:.6} deg east, {:.1} m above WGS 84",
+                origin.latitude_deg, origin.longitude_deg, origin.height_m
+            ),
+            None => "the recording's own axes, not tied to the Earth".to_owned(),
+        },
+    );
+    line(
+        "default grid",
+        match survey.default_grid() {
+            Ok(grid) => {
+                let (x, y) = (grid.columns, grid.rows);
+                let image_bytes = u128::from(grid.num_pixels()) * 8;
+                let fits = image_bytes <= u128::from(session.memory_bytes);
+                format!(
+                    "x={:.6}:{:.6}:{},y={:.6}:{:.6}:{},z=0 ({} x {} pixels, {}{})",
+                    x.start,
+                    x.at(x.count),
+                    x.step,
+                    y.start,
+                    y.at(y.count),
+                    y.step,
+                    x.count,
+                    y.count,
+                    bytes(image_bytes),
+                    if fits { "" } else { ", more than --memory allows" }
+                )
+            }
+            Err(why) => why.to_string(),
+        },
+    );
+    if let Some(plan) = &advice.precise {
+        line(
+            "sub-CPI",
+            format!(
+                "precise mode: {} pulses on patches of {} for -60 dB",
+                plan.sub_cpi,
+                metres(Some(plan.patch_m))
+            ),
+        );
+    }
+    line("sub-CPI, thesis", thesis(survey, advice));
+    text
+}
+
+fn band(survey: &Survey) -> String {
+    let shared = if survey.band_is_shared { "" } else { "; it differs from pulse to pulse" };
+    format!(
+        "{} to {}, {} in steps of {}{shared}",
+        hertz(survey.lowest_hz),
+        hertz(survey.highest_hz),
+        hertz(survey.bandwidth_hz),
+        hertz(survey.step_hz),
+    )
+}
+
+fn looking(survey: &Survey) -> String {
+    let side = match survey.side {
+        Some(Side::Left) => "left of the track",
+        Some(Side::Right) => "right of the track",
+        None => "no side of a track",
+    };
+    let squint = match survey.squint_deg {
+        Some(squint_deg) => format!("squint {squint_deg:.2} deg"),
+        None => "squint none".to_owned(),
+    };
+    let bistatic = if survey.bistatic_angle_deg > 1e-6 {
+        format!(", bistatic angle {:.3} deg", survey.bistatic_angle_deg)
+    } else {
+        ", monostatic".to_owned()
+    };
+    format!("{side}, {squint}{bistatic}")
+}
+
+fn thesis(survey: &Survey, advice: &Advice) -> String {
+    let (Some(pulses), Some(lobe_m)) = (advice.thesis_pulses, survey.grating_lobe_m(1)) else {
+        return "none: no cross-range to have grating lobes in".to_owned();
+    };
+    format!(
+        "first grating lobe at {} / pulses; outside the scene up to {pulses} pulses",
+        metres(Some(lobe_m))
+    )
+}

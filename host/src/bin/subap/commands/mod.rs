@@ -1,0 +1,25 @@
+//! One file a command.
+
+mod compare;
+mod completions;
+mod crosscheck;
+mod demo;
+mod focus;
+mod info;
+mod simulate;
+
+use crate::args::Command;
+use crate::config::Session;
+
+/// Runs `command`.
+pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
+    match command {
+        Command::Focus(typed) => focus::run(session, &typed),
+        Command::Simulate(typed) => simulate::run(session, &typed),
+        Command::Crosscheck(typed) => crosscheck::run(session, &typed),
+        Command::Info(typed) => info::run(session, &typed),
+        Command::Compare(typed) => compare::run(&typed),
+        Command::Demo(typed) => demo::run(session, &typed),
+        Command::Completions(typed) => completions::run(&typed),
+    }
+}

@@ -1,0 +1,150 @@
+//! What the command line resolves to: threads, memory, formers.
+
+use std::time::Duration;
+
+use anyhow::Context;
+use serde_json::{Value, json};
+use subaperture::focus::bp::Backprojection;
+use subaperture::focus::exact::Exact;
+use subaperture::focus::rdbp::{self, RangeDoppler};
+use subaperture::focus::ImageFormer;
+use subaperture::geometry::ImageGrid;
+
+use crate::args::{self, Algorithm, Global};
+use crate::failure::Usage;
+use crate::interrupt;
+use crate::progress::Progress;
+use crate::text;
+
+/// The error bound where none is given, dB.
+const DEFAULT_ERROR_DB: f64 = -60.0;
+
+/// Settings that every command shares.
+pub(crate) struct Session {
+    /// Threads at work.
+    pub(crate) threads: usize,
+    /// The budget, bytes.
+    pub(crate) memory_bytes: u64,
+    verbosity: u8,
+    quiet: bool,
+}
+
+impl Session {
+    /// Sets up threads and Ctrl-C.
+    pub(crate) fn new(global: &Global) -> anyhow::Result<Self> {
+        let mut pool = rayon::ThreadPoolBuilder::new();
+        if let Some(threads) = global.threads {
+            pool = pool.num_threads(threads);
+        }
+        pool.build_global().context("--threads: cannot start so many threads")?;
+        interrupt::listen();
+        let session = Self {
+            threads: rayon::current_num_threads(),
+            memory_bytes: global.memory.unwrap_or_else(half_of_physical_memory),
+            verbosity: global.verbose,
+            quiet: global.quiet,
+        };
+        session.note(1, || {
+            let memory = text::bytes(session.memory_bytes.into());
+            format!("{} threads, at most {memory} of memory", session.threads)
+        });
+        Ok(session)
+    }
+
+    /// Says something on standard error from `-v` given `level` times on.
+    pub(crate) fn note(&self, level: u8, line: impl FnOnce() -> String) {
+        if self.verbosity >= level {
+            eprintln!("{}", line());
+        }
+    }
+
+    /// A progress bar.
+    pub(crate) fn progress(&self, what: &str) -> Progress {
+        Progress::new(what, self.quiet)
+    }
+
+    /// Whether `-q` was given.
+    pub(crate) fn quiet(&self) -> bool {
+        self.quiet
+    }
+
+    /// Refuses a grid whose image alone exceeds the budget.
+    pub(crate) fn check_grid(&self, grid: &ImageGrid) -> anyhow::Result<()> {
+        let image_bytes = u128::from(grid.num_pixels()) * 8;
+        if image_bytes > u128::from(self.memory_bytes) {
+            anyhow::bail!(
+                "--grid has {} x {} pixels, an image of {}; --memory allows {}: use a smaller or \
+                 coarser --grid, or raise --memory",
+                grid.columns.count,
+                grid.rows.count,
+                text::bytes(image_bytes),
+                text::bytes(self.memory_bytes.into())
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Half of the machine's memory or of the container's, whichever is less; 2 GiB where neither tells.
+fn half_of_physical_memory() -> u64 {
+    let physical = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
+        let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
+        let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+        Some(kibibytes * 1024)
+    });
+    let container = std::fs::read_to_string("/sys/fs/cgroup/memory.max")
+        .ok()
+        .and_then(|text| text.trim().parse().ok());
+    match (physical, container) {
+        (Some(a), Some(b)) => u64::min(a, b) / 2,
+        (Some(a), None) | (None, Some(a)) => a / 2,
+        (None, None) => 2 << 30,
+    }
+}
+
+/// The former that `focus` was asked for.
+///
+/// # Errors
+/// [`Usage`] for an option that this former has no use for.
+pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage> {
+    let algorithm = typed.algorithm;
+    let refuse = |option: &str, given: bool, allowed: bool| {
+        if given && !allowed {
+            return Err(Usage(format!(
+                "{option} says nothing to --algorithm {}: leave it out",
+                format!("{algorithm:?}").to_lowercase()
+            )));
+        }
+        Ok(())
+    };
+    let is_rdbp = algorithm == Algorithm::Rdbp;
+    refuse("--error-db", typed.error_db.is_some(), algorithm != Algorithm::Exact)?;
+    refuse("--mode", typed.mode.is_some(), is_rdbp)?;
+    refuse("--sub-cpi", typed.sub_cpi.is_some(), is_rdbp)?;
+    refuse("--patch", typed.patch.is_some(), is_rdbp)?;
+    let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
+    Ok(match algorithm {
+        Algorithm::Exact => Box::new(Exact),
+        Algorithm::Bp => Box::new(Backprojection { error_db }),
+        Algorithm::Rdbp => Box::new(RangeDoppler {
+            mode: match typed.mode.unwrap_or(args::Mode::Precise) {
+                args::Mode::Precise => rdbp::Mode::Precise,
+                args::Mode::Thesis => rdbp::Mode::Thesis,
+            },
+            error_db,
+            sub_cpi: typed.sub_cpi,
+            patch_m: typed.patch,
+        }),
+    })
+}
+
+/// The part of an image's record that every command writes alike.
+pub(crate) fn record_of_run(session: &Session, taken: Duration) -> Value {
+    json!({
+        "program": "subap",
+        "version": env!("CARGO_PKG_VERSION"),
+        "run_time_s": taken.as_secs_f64(),
+        "threads": session.threads,
+        "memory_bytes": session.memory_bytes,
+    })
+}

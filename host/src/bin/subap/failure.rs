@@ -1,0 +1,78 @@
+//! How a command fails: what is printed, and the exit status.
+
+use std::io::ErrorKind;
+use std::process::ExitCode;
+
+use subaperture::focus::FormError;
+
+/// What was typed does not make sense together. Exit status 2, as clap's own.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct Usage(pub(crate) String);
+
+/// Work stopped by the user.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted")]
+pub(crate) struct Interrupted;
+
+/// Prints `error` on standard error, causes after it, and says how to exit.
+pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
+    if error.chain().any(is_broken_pipe) {
+        // The reader of our output has seen enough.
+        return ExitCode::SUCCESS;
+    }
+    if error.chain().any(is_interruption) {
+        eprintln!("subap: interrupted; nothing was left behind");
+        return ExitCode::from(130);
+    }
+    eprintln!("subap: {}", one_line(error));
+    ExitCode::from(if error.is::<Usage>() { 2 } else { 1 })
+}
+
+/// The error and its causes; a cause that its parent already tells is not repeated.
+fn one_line(error: &anyhow::Error) -> String {
+    let mut line = String::new();
+    for cause in error.chain() {
+        let text = cause.to_string();
+        if line.is_empty() {
+            line = text;
+        } else if !line.contains(&text) {
+            line = format!("{line}: {text}");
+        }
+    }
+    line
+}
+
+fn is_interruption(cause: &(dyn std::error::Error + 'static)) -> bool {
+    cause.is::<Interrupted>() || matches!(cause.downcast_ref(), Some(FormError::Cancelled))
+}
+
+/// Only of standard output: see [`crate::text::say`].
+fn is_broken_pipe(cause: &(dyn std::error::Error + 'static)) -> bool {
+    cause
+        .downcast_ref::<std::io::Error>()
+        .is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context;
+
+    #[test]
+    fn causes_are_told_once() {
+        let inner = anyhow::anyhow!("no space left");
+        let error = inner.context("cannot write a.npy: no space left");
+        assert_eq!(one_line(&error), "cannot write a.npy: no space left");
+        let error: anyhow::Error = Err::<(), _>(anyhow::anyhow!("no space left"))
+            .context("cannot write a.npy")
+            .unwrap_err();
+        assert_eq!(one_line(&error), "cannot write a.npy: no space left");
+    }
+
+    #[test]
+    fn cancelled_work_is_an_interruption() {
+        let error = anyhow::Error::new(FormError::Cancelled).context("focusing");
+        assert!(error.chain().any(is_interruption));
+    }
+}

@@ -1,0 +1,98 @@
+//! Words and numbers for people.
+
+use std::io::{self, Write};
+use std::time::Duration;
+
+/// Prints a line on standard output.
+///
+/// # Errors
+/// Where the reader has gone, which ends the command quietly (see [`crate::failure::report`]).
+pub(crate) fn say(line: impl AsRef<str>) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{}", line.as_ref().trim_end_matches('\n'))?;
+    out.flush()
+}
+
+/// Bytes in the unit that suits.
+pub(crate) fn bytes(count: u128) -> String {
+    let mut value = count as f64;
+    for unit in ["bytes", "KiB", "MiB", "GiB"] {
+        if value < 1024.0 {
+            return if unit == "bytes" { format!("{value} {unit}") } else { format!("{value:.1} {unit}") };
+        }
+        value /= 1024.0;
+    }
+    format!("{value:.1} TiB")
+}
+
+/// A duration to a tenth of a second, or in minutes.
+pub(crate) fn duration(taken: Duration) -> String {
+    let seconds = taken.as_secs_f64();
+    if seconds < 100.0 {
+        format!("{seconds:.1} s")
+    } else {
+        format!("{} min {:.0} s", taken.as_secs() / 60, seconds % 60.0)
+    }
+}
+
+/// Metres with the digits that matter, or `none`.
+pub(crate) fn metres(value: Option<f64>) -> String {
+    match value {
+        None => "none".to_owned(),
+        Some(v) if v.abs() >= 10_000.0 => format!("{:.2} km", v / 1000.0),
+        Some(v) if v.abs() >= 100.0 => format!("{v:.1} m"),
+        Some(v) if v.abs() >= 1.0 => format!("{v:.2} m"),
+        Some(v) => format!("{v:.4} m"),
+    }
+}
+
+/// Hertz in the unit that suits.
+pub(crate) fn hertz(value: f64) -> String {
+    match value.abs() {
+        v if v >= 1e9 => format!("{:.5} GHz", value / 1e9),
+        v if v >= 1e6 => format!("{:.4} MHz", value / 1e6),
+        v if v >= 1e3 => format!("{:.3} kHz", value / 1e3),
+        _ => format!("{value:.3} Hz"),
+    }
+}
+
+/// A table with its columns aligned, the first to the left, the others to the right.
+pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        let cells = rows.iter().map(|row| row[column].chars().count());
+        cells.chain([header[column].chars().count()]).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let line = |cells: &[String]| {
+        let padded = cells.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
+            if column == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+        });
+        padded.collect::<Vec<_>>().join("  ").trim_end().to_owned()
+    };
+    let titles: Vec<String> = header.iter().map(|title| (*title).to_owned()).collect();
+    let mut lines = vec![line(&titles)];
+    lines.extend(rows.iter().map(|row| line(row)));
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!(bytes(512), "512 bytes");
+        assert_eq!(bytes(8_000_000_000_000), "7.3 TiB");
+        assert_eq!(duration(Duration::from_millis(1234)), "1.2 s");
+        assert_eq!(duration(Duration::from_secs(125)), "2 min 5 s");
+        assert_eq!(metres(None), "none");
+        assert_eq!(metres(Some(0.2408)), "0.2408 m");
+        assert_eq!(hertz(9.6e9), "9.60000 GHz");
+    }
+
+    #[test]
+    fn tables_are_aligned() {
+        let rows = vec![vec!["bp".to_owned(), "-46.5".to_owned()], vec!["exact".to_owned(), "0".to_owned()]];
+        assert_eq!(table(&["former", "dB"], &rows), "former     dB\nbp      -46.5\nexact       0");
+    }
+}

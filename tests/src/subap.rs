@@ -1,0 +1,114 @@
+//! The command `subap` as its users run it.
+
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::OnceLock;
+
+/// The workspace's root.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .expect("the tests package lies in the workspace")
+}
+
+/// The program, built on first use with the profile of the tests.
+pub fn program() -> &'static Path {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        cargo
+            .args(["build", "--quiet", "--package", "subaperture", "--bin", "subap"])
+            .args(["--message-format", "json-render-diagnostics"])
+            .current_dir(root())
+            .stderr(Stdio::inherit());
+        // The dev profile keeps debug assertions on and release does not.
+        if !cfg!(debug_assertions) {
+            cargo.arg("--release");
+        }
+        let output = cargo.output().expect("cargo starts");
+        assert!(output.status.success(), "subap does not build");
+        String::from_utf8(output.stdout)
+            .expect("cargo prints UTF-8")
+            .lines()
+            .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
+            .find_map(|message| message["executable"].as_str().map(PathBuf::from))
+            .expect("cargo names the executable")
+    })
+}
+
+/// What a run of `subap` printed and how it ended.
+#[derive(Debug)]
+pub struct Ran {
+    /// Exit status; `None` if a signal ended it.
+    pub code: Option<i32>,
+    /// Standard output.
+    pub stdout: String,
+    /// Standard error.
+    pub stderr: String,
+}
+
+impl From<Output> for Ran {
+    fn from(output: Output) -> Self {
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        Self {
+            code: output.status.code(),
+            stdout: text(&output.stdout),
+            stderr: text(&output.stderr),
+        }
+    }
+}
+
+impl Ran {
+    /// Standard output of a run that must have succeeded.
+    #[track_caller]
+    pub fn succeeded(&self) -> &str {
+        assert_eq!(self.code, Some(0), "{self:?}");
+        &self.stdout
+    }
+
+    /// Asserts exit status `code` and a message for people that says each of `parts`: no panic, no
+    /// backtrace, no `Debug` print.
+    #[track_caller]
+    pub fn failed(&self, code: i32, parts: &[&str]) {
+        assert_eq!(self.code, Some(code), "{self:?}");
+        for part in parts {
+            assert!(self.stderr.contains(part), "no '{part}' in: {}", self.stderr);
+        }
+        for sign in ["panicked", "backtrace", "RUST_BACKTRACE", "Error {", "Malformed", "Os {"] {
+            assert!(!self.stderr.contains(sign), "'{sign}' in: {}", self.stderr);
+        }
+    }
+}
+
+/// A command line of `subap`, to be run in `folder`.
+pub fn command<A: AsRef<OsStr>>(folder: &Path, arguments: impl IntoIterator<Item = A>) -> Command {
+    let mut command = Command::new(program());
+    // A backtrace in our output would be a fault even where the developer asks for them.
+    command.args(arguments).current_dir(folder).env("RUST_BACKTRACE", "1").stdin(Stdio::null());
+    command
+}
+
+/// Runs `subap` in `folder` with the words of `line`.
+pub fn run(folder: &Path, line: &str) -> Ran {
+    let output = command(folder, line.split_whitespace()).output();
+    output.expect("subap starts").into()
+}
+
+/// Every file and folder under `folder` with its size, to tell whether anything changed.
+pub fn listing(folder: &Path) -> BTreeMap<PathBuf, u64> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("a folder that can be read") {
+            let path = entry.expect("an entry").path();
+            let about = path.symlink_metadata().expect("metadata");
+            if about.is_dir() {
+                folders.push(path.clone());
+            }
+            found.insert(path, if about.is_dir() { 0 } else { about.len() });
+        }
+    }
+    found
+}
