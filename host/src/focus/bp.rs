@@ -62,8 +62,12 @@ impl ImageFormer for Backprojection {
         let profiler = RangeProfiler::new(&task.weights.fast, oversampling);
         let length = profiler.length();
         let pulse_bytes = 8 * (num_samples + length + 1) as u64;
-        let block =
-            budget.take_block("a range profile", pulse_bytes, num_pulses.min(64), "raise --memory")?;
+        let block = budget.take_block(
+            "a range profile",
+            pulse_bytes,
+            num_pulses.min(64),
+            "raise --memory",
+        )?;
         let mut samples = vec![Complex32::ZERO; block * num_samples];
         let mut profiles = vec![Complex32::ZERO; block * (length + 1)];
         let mut pixels = vec![Complex32::ZERO; rows * columns];
@@ -93,15 +97,18 @@ impl ImageFormer for Backprojection {
                     }
                 })
                 .collect();
-            pixels.par_chunks_mut(columns).enumerate().for_each(|(row, pixels)| {
-                if task.monitor.cancelled() {
-                    return;
-                }
-                for (column, pixel) in pixels.iter_mut().enumerate() {
-                    let point = task.grid.position_m(row, column);
-                    *pixel += contribution(point, &sources, profiles, length);
-                }
-            });
+            pixels
+                .par_chunks_mut(columns)
+                .enumerate()
+                .for_each(|(row, pixels)| {
+                    if task.monitor.cancelled() {
+                        return;
+                    }
+                    for (column, pixel) in pixels.iter_mut().enumerate() {
+                        let point = task.grid.position_m(row, column);
+                        *pixel += contribution(point, &sources, profiles, length);
+                    }
+                });
             if task.monitor.cancelled() {
                 return Err(FormError::Cancelled);
             }
@@ -111,8 +118,18 @@ impl ImageFormer for Backprojection {
         let mut settings = serde_json::Map::new();
         settings.insert("error_db".into(), json!(self.error_db));
         settings.insert("profile_length".into(), json!(length));
-        settings.insert("oversampling".into(), json!(length as f64 / num_samples as f64));
-        Ok(Formed { image: Image { rows, columns, pixels }, settings })
+        settings.insert(
+            "oversampling".into(),
+            json!(length as f64 / num_samples as f64),
+        );
+        Ok(Formed {
+            image: Image {
+                rows,
+                columns,
+                pixels,
+            },
+            settings,
+        })
     }
 }
 

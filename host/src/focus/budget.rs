@@ -12,7 +12,10 @@ pub struct Budget {
 impl Budget {
     /// A budget of `total_bytes`.
     pub fn new(total_bytes: u64) -> Self {
-        Self { total_bytes, left_bytes: total_bytes }
+        Self {
+            total_bytes,
+            left_bytes: total_bytes,
+        }
     }
 
     /// Takes `bytes` for `what`.
@@ -68,7 +71,13 @@ mod tests {
         assert_eq!(budget.take_block("pulses", 50, 100, "").unwrap(), 4);
         assert!(budget.take("scratch", 201, "").is_err());
         budget.take("scratch", 200, "").unwrap();
-        let error = budget.take_block("pulses", 1, 1, "use fewer").unwrap_err().to_string();
-        assert!(error.contains("needs 1001 bytes of the 1000 allowed: use fewer"), "{error}");
+        let error = budget
+            .take_block("pulses", 1, 1, "use fewer")
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("needs 1001 bytes of the 1000 allowed: use fewer"),
+            "{error}"
+        );
     }
 }

@@ -54,7 +54,10 @@ impl ImageFormer for Exact {
             columns,
             pixels: sums.into_iter().map(narrow).collect(),
         };
-        Ok(Formed { image, settings: serde_json::Map::new() })
+        Ok(Formed {
+            image,
+            settings: serde_json::Map::new(),
+        })
     }
 }
 
@@ -93,15 +96,27 @@ fn sum_at(
         let pulses = first..(first + block).min(num_pulses);
         let samples = &mut samples[..pulses.len() * num_samples];
         history.read(pulses.clone(), samples)?;
-        let rows: Vec<_> = pulses.clone().zip(samples.chunks_exact(num_samples)).collect();
-        sums.par_chunks_mut(LANES).zip(points.par_chunks(LANES)).for_each(|(sums, points)| {
-            if monitor.cancelled() {
-                return;
-            }
-            for &(n, row) in &rows {
-                add_pulse(&collection.pulses[n], weights.slow[n], &weights.fast, row, points, sums);
-            }
-        });
+        let rows: Vec<_> = pulses
+            .clone()
+            .zip(samples.chunks_exact(num_samples))
+            .collect();
+        sums.par_chunks_mut(LANES)
+            .zip(points.par_chunks(LANES))
+            .for_each(|(sums, points)| {
+                if monitor.cancelled() {
+                    return;
+                }
+                for &(n, row) in &rows {
+                    add_pulse(
+                        &collection.pulses[n],
+                        weights.slow[n],
+                        &weights.fast,
+                        row,
+                        points,
+                        sums,
+                    );
+                }
+            });
         if monitor.cancelled() {
             return Err(FormError::Cancelled);
         }

@@ -15,6 +15,7 @@ pub mod bp;
 pub mod budget;
 pub mod exact;
 pub mod monitor;
+pub mod rdbp;
 pub mod weights;
 
 use crate::geometry::ImageGrid;

@@ -10,14 +10,24 @@ pub fn fast_length(n: usize) -> usize {
         }
         m == 1
     };
-    (n.max(1)..).find(|&m| smooth(m)).expect("powers of two are unbounded")
+    (n.max(1)..)
+        .find(|&m| smooth(m))
+        .expect("powers of two are unbounded")
 }
 
 #[cfg(test)]
 mod tests {
     #[test]
     fn lengths_are_smooth_and_close() {
-        for (n, expected) in [(0, 1), (1, 1), (7, 8), (11, 12), (424, 432), (849, 864), (1025, 1080)] {
+        for (n, expected) in [
+            (0, 1),
+            (1, 1),
+            (7, 8),
+            (11, 12),
+            (424, 432),
+            (849, 864),
+            (1025, 1080),
+        ] {
             assert_eq!(super::fast_length(n), expected);
         }
     }

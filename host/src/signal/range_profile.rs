@@ -49,7 +49,8 @@ impl RangeProfiler {
 
     /// The smallest upsampling whose error is at most `error_db`; at least 2.
     pub fn oversampling_for(error_db: f64) -> f64 {
-        let error = 10f64.powf(error_db / 20.0);
+        // 1 dB for the images beyond the two strongest and the terms beyond x^2.
+        let error = 10f64.powf((error_db - 1.0) / 20.0);
         ((2.0f64 / 5.0).sqrt() / (4.0 * error)).sqrt().max(2.0)
     }
 
@@ -67,14 +68,20 @@ impl RangeProfiler {
     ///
     /// # Panics
     /// If a length is wrong.
-    pub fn profile(&self, pulse: &[Complex32], profile: &mut [Complex32], scratch: &mut [Complex32]) {
+    pub fn profile(
+        &self,
+        pulse: &[Complex32],
+        profile: &mut [Complex32],
+        scratch: &mut [Complex32],
+    ) {
         let (count, length) = (self.weights.len(), self.length());
         assert!(pulse.len() == count && profile.len() == length + 1);
         profile.fill(Complex32::ZERO);
         for (k, (z, w)) in pulse.iter().zip(&self.weights).enumerate() {
             profile[(k + length - count / 2) % length] = z * w;
         }
-        self.fft.process_with_scratch(&mut profile[..length], scratch);
+        self.fft
+            .process_with_scratch(&mut profile[..length], scratch);
         profile[length] = profile[0];
     }
 }
@@ -106,8 +113,9 @@ mod tests {
             let l = u * length as f64;
             let (i, t) = (l.floor() as usize, l.fract() as f32);
             let got = profile[i] + (profile[i + 1] - profile[i]) * t;
-            let expected: Complex64 =
-                (0..count).map(|k| phasor((u - 0.3777) * (k as f64 - 25.0))).sum();
+            let expected: Complex64 = (0..count)
+                .map(|k| phasor((u - 0.3777) * (k as f64 - 25.0)))
+                .sum();
             error += (Complex64::new(got.re.into(), got.im.into()) - expected).norm_sqr();
             power += expected.norm_sqr();
         }
@@ -119,7 +127,10 @@ mod tests {
         for bound_db in [-40.0, -50.0, -60.0, -65.0] {
             let got = error_db(RangeProfiler::oversampling_for(bound_db));
             // The derivation keeps the two strongest images to leading order; lengths are rounded up.
-            assert!(got < bound_db + 0.5 && got > bound_db - 3.0, "{bound_db}: {got}");
+            assert!(
+                got < bound_db + 0.5 && got > bound_db - 3.0,
+                "{bound_db}: {got}"
+            );
         }
     }
 }

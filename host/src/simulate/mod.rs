@@ -61,7 +61,11 @@ pub struct Simulated {
 impl Simulated {
     /// A radar that collects `collection` over `scatterers`.
     pub fn new(collection: Collection, scatterers: Vec<Scatterer>, noise: Option<Noise>) -> Self {
-        Self { collection, scatterers, noise }
+        Self {
+            collection,
+            scatterers,
+            noise,
+        }
     }
 
     /// The scatterers in the scene.
@@ -106,7 +110,11 @@ impl PhaseHistory for Simulated {
 
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
         let width = self.collection.num_samples;
-        assert_eq!(samples.len(), pulses.len() * width, "samples must hold {pulses:?} whole");
+        assert_eq!(
+            samples.len(),
+            pulses.len() * width,
+            "samples must hold {pulses:?} whole"
+        );
         samples
             .par_chunks_exact_mut(width)
             .zip(pulses)
@@ -124,7 +132,10 @@ mod tests {
         let simulated = Preset::Table41.simulate(&Variation::default());
         let lone = Simulated::new(
             simulated.collection().clone(),
-            vec![Scatterer { position_m: DVec3::new(3.0, -7.0, 0.0), amplitude: Complex64::ONE }],
+            vec![Scatterer {
+                position_m: DVec3::new(3.0, -7.0, 0.0),
+                amplitude: Complex64::ONE,
+            }],
             None,
         );
         let width = lone.collection().num_samples;
@@ -148,7 +159,10 @@ mod tests {
     #[test]
     fn noise_has_its_power_and_does_not_depend_on_how_it_is_read() {
         let variation = Variation {
-            noise: Some(Noise { power_db: -20.0, seed: 5 }),
+            noise: Some(Noise {
+                power_db: -20.0,
+                seed: 5,
+            }),
             ..Variation::default()
         };
         let scene = Preset::Table41.simulate(&variation);

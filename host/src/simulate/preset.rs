@@ -83,13 +83,19 @@ impl Preset {
                 x_axis_ecf: DVec3::Y,
                 y_axis_ecf: DVec3::Z,
             },
-            extent: Some(Extent { x_m: (-extent_m, extent_m), y_m: (-extent_m, extent_m) }),
+            extent: Some(Extent {
+                x_m: (-extent_m, extent_m),
+                y_m: (-extent_m, extent_m),
+            }),
         };
         Simulated::new(collection, self.scatterers(), variation.noise)
     }
 
     fn scatterers(self) -> Vec<Scatterer> {
-        let unit = |position_m| Scatterer { position_m, amplitude: Complex64::ONE };
+        let unit = |position_m| Scatterer {
+            position_m,
+            amplitude: Complex64::ONE,
+        };
         let mut scatterers = vec![unit(DVec3::ZERO)];
         if self == Self::Table41 {
             let mut random = ChaCha8Rng::seed_from_u64(41);
