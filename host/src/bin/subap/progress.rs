@@ -8,7 +8,7 @@ use crate::interrupt;
 /// Steps of a full bar.
 const FULL: u64 = 1000;
 
-/// One stretch of long work. Asks for its end when Ctrl-C was pressed; vanishes when dropped.
+/// One stretch of long work. Asks for its end when Ctrl-C was pressed; vanishes when finished or dropped.
 pub(crate) struct Progress {
     bar: ProgressBar,
 }
@@ -24,6 +24,11 @@ impl Progress {
             .with_style(style)
             .with_message(what.to_owned());
         Self { bar }
+    }
+
+    /// Takes the bar off the screen.
+    pub(crate) fn finish(&self) {
+        self.bar.finish_and_clear();
     }
 }
 
@@ -43,6 +48,6 @@ impl Monitor for Progress {
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        self.bar.finish_and_clear();
+        self.finish();
     }
 }

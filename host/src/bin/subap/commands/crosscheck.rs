@@ -16,7 +16,7 @@ pub(crate) fn run(session: &Session, typed: &Crosscheck) -> anyhow::Result<()> {
     let history = open_all(&typed.input.paths, typed.input.channel.as_deref())?;
     let progress = session.progress("cross-checking");
     let report = crosscheck(&history, typed.sub_cpi, &progress)?;
-    drop(progress);
+    progress.finish();
     session.note(1, || format!("{report:#?}"));
     text::say(format!(
         "{} sub-CPIs of {} pulses: worst relative error {:.1} dB (sub-CPI {})",

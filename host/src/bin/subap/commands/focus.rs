@@ -53,7 +53,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         monitor: &progress,
     };
     let formed = former.form(&task)?;
-    drop(progress);
+    progress.finish();
     for (key, value) in &formed.settings {
         session.note(2, || format!("{key} = {value}"));
     }

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use anyhow::Context;
 use serde_json::{Value, json};
+use subaperture::focus::rdbp::{Plan, Request};
 use subaperture::io::open::open_all;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::survey::{Side, Survey};
@@ -31,18 +32,38 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Error bound that sub-CPIs are planned for, dB.
+const BOUND_DB: f64 = -60.0;
+
 /// The longest sub-CPIs that serve, in either mode of range-Doppler backprojection.
 struct Advice {
-    /// Sub-CPI and patch that the planner takes for -60 dB in precise mode.
-    precise: Option<Plan>,
+    /// Sub-CPI and patch that the planner takes in precise mode.
+    precise: Option<Planned>,
     /// Longest sub-CPI whose first grating lobes lie outside the scene, thesis mode.
     thesis_pulses: Option<usize>,
 }
 
-/// What the planner of range-Doppler backprojection chose.
-struct Plan {
-    sub_cpi: usize,
-    patch_m: f64,
+/// What the planner of range-Doppler backprojection chose for the default grid.
+struct Planned {
+    pulses: usize,
+    patch_m: [f64; 2],
+    predicted_db: f64,
+}
+
+impl Planned {
+    fn of(history: &dyn PhaseHistory, survey: &Survey) -> Option<Self> {
+        let grid = survey.default_grid().ok()?;
+        let request = Request { error_db: BOUND_DB, sub_cpi: None, patch_m: None };
+        let plan = Plan::new(history.collection(), &grid, &request).ok()?;
+        Some(Self {
+            pulses: plan.sub_cpi_length,
+            patch_m: [
+                plan.patch.columns as f64 * grid.columns.step,
+                plan.patch.rows as f64 * grid.rows.step,
+            ],
+            predicted_db: plan.predicted_db,
+        })
+    }
 }
 
 impl Advice {
@@ -55,21 +76,20 @@ impl Advice {
             let pulses = (survey.unambiguous_cross_range_m? / width_m).floor() as usize;
             Some(pulses.clamp(1, survey.num_pulses))
         });
-        Self { precise: plan(history, survey), thesis_pulses }
+        Self { precise: Planned::of(history, survey), thesis_pulses }
     }
 
     fn to_json(&self) -> Value {
         json!({
-            "precise_at_-60_db": self.precise.as_ref().map(|plan| {
-                json!({ "pulses": plan.sub_cpi, "patch_m": plan.patch_m })
-            }),
+            "precise": self.precise.as_ref().map(|plan| json!({
+                "error_bound_db": BOUND_DB,
+                "predicted_error_db": plan.predicted_db,
+                "pulses": plan.pulses,
+                "patch_m": plan.patch_m,
+            })),
             "thesis_longest_without_grating_lobes": self.thesis_pulses,
         })
     }
-}
-
-fn plan(_history: &dyn PhaseHistory, _survey: &Survey) -> Option<Plan> {
-    None
 }
 
 fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
@@ -170,16 +190,19 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
             Err(why) => why.to_string(),
         },
     );
-    if let Some(plan) = &advice.precise {
-        line(
-            "sub-CPI",
-            format!(
-                "precise mode: {} pulses on patches of {} for -60 dB",
-                plan.sub_cpi,
-                metres(Some(plan.patch_m))
+    line(
+        "sub-CPI, precise",
+        match &advice.precise {
+            Some(plan) => format!(
+                "{} pulses on patches of {} by {}: {:.1} dB predicted, {BOUND_DB} dB asked",
+                plan.pulses,
+                metres(Some(plan.patch_m[0])),
+                metres(Some(plan.patch_m[1])),
+                plan.predicted_db
             ),
-        );
-    }
+            None => "none: there is no default grid to plan for".to_owned(),
+        },
+    );
     line("sub-CPI, thesis", thesis(survey, advice));
     text
 }
