@@ -253,7 +253,11 @@ impl Survey {
                 )));
             }
             let step = round_to_two_digits(resolution_m / 2.0);
-            Axis::from_range(low, high, step).map_err(|error| NoDefaultGrid(error.0))
+            // Whole steps from the middle, which becomes a pixel.
+            let middle = low.midpoint(high);
+            let half = ((high - low) / 2.0 / step).floor() * step;
+            Axis::from_range(middle - half, middle + half, step)
+                .map_err(|error| NoDefaultGrid(error.0))
         };
         let [x_resolution_m, y_resolution_m] = self.axis_resolution_m;
         Ok(ImageGrid::horizontal(

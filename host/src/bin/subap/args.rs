@@ -197,7 +197,7 @@ pub(crate) struct Crosscheck {
     #[command(flatten)]
     pub(crate) input: Input,
 
-    /// Pulses a sub-CPI [default: the core's largest plan that suits]
+    /// Pulses a sub-CPI [default: 40]
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) sub_cpi: Option<usize>,
 }

@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::process::ExitCode;
 
 use subaperture::focus::FormError;
+use subaperture::io::cphd;
 
 /// What was typed does not make sense together. Exit status 2, as clap's own.
 #[derive(Debug, thiserror::Error)]
@@ -45,6 +46,7 @@ fn one_line(error: &anyhow::Error) -> String {
 
 fn is_interruption(cause: &(dyn std::error::Error + 'static)) -> bool {
     cause.is::<Interrupted>() || matches!(cause.downcast_ref(), Some(FormError::Cancelled))
+        || matches!(cause.downcast_ref(), Some(cphd::WriteError::Cancelled))
 }
 
 /// Only of standard output: see [`crate::text::say`].

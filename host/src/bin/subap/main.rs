@@ -5,7 +5,6 @@ mod commands;
 mod config;
 mod failure;
 mod interrupt;
-mod output;
 mod progress;
 mod text;
 

@@ -1,6 +1,5 @@
 //! `subap compare`: how far apart two complex images are.
 
-use anyhow::bail;
 use subaperture::image::Comparison;
 use subaperture::io::npy;
 
@@ -11,18 +10,11 @@ use crate::text;
 pub(crate) fn run(typed: &Compare) -> anyhow::Result<()> {
     let image = npy::read(&typed.image)?;
     let reference = npy::read(&typed.reference)?;
-    if (image.rows, image.columns) != (reference.rows, reference.columns) {
-        bail!(
-            "{} has {} x {} pixels and {} has {} x {}: compare images of one grid",
-            typed.image.display(),
-            image.rows,
-            image.columns,
-            typed.reference.display(),
-            reference.rows,
-            reference.columns
-        );
+    let comparison = Comparison::between(&image, &reference)?;
+    if typed.json {
+        text::say(serde_json::to_string_pretty(&comparison)?)?;
+    } else {
+        text::say(comparison.to_string())?;
     }
-    let comparison = Comparison::of(&image, &reference);
-    text::say(comparison.to_string())?;
     Ok(())
 }

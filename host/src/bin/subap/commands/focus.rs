@@ -10,13 +10,13 @@ use subaperture::focus::{Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::open::open_all;
-use subaperture::io::product;
+use subaperture::io::product::Product;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::survey::Survey;
 
 use crate::args::Focus;
 use crate::config::{Session, former};
-use crate::{interrupt, output, text};
+use crate::{interrupt, text};
 
 /// Forms the image and writes its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
@@ -26,7 +26,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     if let Some(grid) = &typed.grid {
         session.check_grid(grid)?;
     }
-    output::check_writable(&typed.out)?;
+    Product::prepare(&typed.out, typed.grid.map_or(0, |grid| grid.num_pixels()))?;
 
     let history = open_all(&typed.input.paths, typed.input.channel.as_deref())?;
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
@@ -35,6 +35,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         None => {
             let grid = survey.default_grid()?;
             session.check_grid(&grid)?;
+            Product::prepare(&typed.out, grid.num_pixels())?;
             grid
         }
     };

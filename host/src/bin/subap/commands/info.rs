@@ -39,8 +39,10 @@ const BOUND_DB: f64 = -60.0;
 struct Advice {
     /// Sub-CPI and patch that the planner takes in precise mode.
     precise: Option<Planned>,
-    /// Longest sub-CPI whose first grating lobes lie outside the scene, thesis mode.
+    /// Longest sub-CPI whose first grating lobes lie outside the declared extent, thesis mode.
     thesis_pulses: Option<usize>,
+    /// Cross-range distance of the first grating lobe, thesis mode, times pulses a sub-CPI.
+    grating_lobe_m: Option<f64>,
 }
 
 /// What the planner of range-Doppler backprojection chose for the default grid.
@@ -68,15 +70,15 @@ impl Planned {
 
 impl Advice {
     fn of(history: &dyn PhaseHistory, survey: &Survey) -> Self {
-        let thesis_pulses = survey.extent().ok().and_then(|extent| {
-            let (x, y) = (extent.x_m.1 - extent.x_m.0, extent.y_m.1 - extent.y_m.0);
+        let thesis_pulses = survey.declared_extent_m.and_then(|[x_m, y_m]| {
+            let (x, y) = (x_m.1 - x_m.0, y_m.1 - y_m.0);
             // The scene's width across the line of sight, corner to corner at the worst.
             let turn = survey.azimuth_deg.to_radians();
             let width_m = x * turn.sin().abs() + y * turn.cos().abs();
             let pulses = (survey.unambiguous_cross_range_m? / width_m).floor() as usize;
             Some(pulses.clamp(1, survey.num_pulses))
         });
-        Self { precise: Planned::of(history, survey), thesis_pulses }
+        Self { precise: Planned::of(history, survey), thesis_pulses, grating_lobe_m: survey.grating_lobe_m(1) }
     }
 
     fn to_json(&self) -> Value {
@@ -87,7 +89,10 @@ impl Advice {
                 "pulses": plan.pulses,
                 "patch_m": plan.patch_m,
             })),
-            "thesis_longest_without_grating_lobes": self.thesis_pulses,
+            "thesis": {
+                "first_grating_lobe_m_times_pulses": self.grating_lobe_m,
+                "longest_outside_declared_extent": self.thesis_pulses,
+            },
         })
     }
 }
@@ -237,11 +242,16 @@ fn looking(survey: &Survey) -> String {
 }
 
 fn thesis(survey: &Survey, advice: &Advice) -> String {
-    let (Some(pulses), Some(lobe_m)) = (advice.thesis_pulses, survey.grating_lobe_m(1)) else {
-        return "none: no cross-range to have grating lobes in".to_owned();
+    let (Some(one_m), Some(forty_m)) = (survey.grating_lobe_m(1), survey.grating_lobe_m(40)) else {
+        return "none: there is no cross-range to have grating lobes in".to_owned();
+    };
+    let longest = match advice.thesis_pulses {
+        Some(pulses) => format!("; outside the declared extent up to {pulses} pulses"),
+        None => String::new(),
     };
     format!(
-        "first grating lobe at {} / pulses; outside the scene up to {pulses} pulses",
-        metres(Some(lobe_m))
+        "first grating lobe {} / pulses away in cross-range, {} at 40 pulses{longest}",
+        metres(Some(one_m)),
+        metres(Some(forty_m))
     )
 }

@@ -1,0 +1,217 @@
+//! Output complete or absent: too large, nowhere to write, a full disk, Ctrl-C.
+
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use subaperture_tests::subap::{Ran, command, listing, program, run};
+
+/// A folder with `scene.cphd` in it.
+fn scene() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "simulate --preset table-4-1 -o scene.cphd").succeeded();
+    folder
+}
+
+#[test]
+fn a_grid_beyond_memory_is_refused_before_anything_else() {
+    let folder = tempfile::tempdir().unwrap();
+    // 1e6 x 1e6 pixels; the input need not even exist.
+    let grid = "--grid x=-50000:50000:0.1,y=-50000:50000:0.1,z=0";
+    for algorithm in ["exact", "bp", "rdbp"] {
+        let line = format!("focus none.cphd --out out --memory 1G -a {algorithm} {grid}");
+        run(folder.path(), &line).failed(1, &["--grid", "1000000 x 1000000", "--memory", "1.0 GiB"]);
+    }
+    assert!(listing(folder.path()).is_empty());
+}
+
+#[test]
+fn work_beyond_memory_is_refused_cleanly() {
+    let folder = scene();
+    let before = listing(folder.path());
+    // The image of 1.2 MB fits in 2 MiB; what the exact sum needs beside it does not.
+    let line = "focus scene.cphd --out out --memory 2M -a exact --grid x=-40:40:0.2,y=-40:40:0.2";
+    run(folder.path(), line).failed(1, &["bytes", "--memory"]);
+    assert_eq!(listing(folder.path()), before);
+}
+
+#[test]
+fn nowhere_to_write() {
+    let folder = scene();
+    fs::write(folder.path().join("file"), "in the way").unwrap();
+    let before = listing(folder.path());
+    // Root may write where modes forbid it, so: a path under a file, and a file system of the kernel's
+    // in which nobody makes folders.
+    for out in ["file", "file/out", "/proc/out", "/proc/self/out/deeper"] {
+        let line = format!("focus scene.cphd --out {out} --grid x=-1:1:0.5,y=-1:1:0.5");
+        run(folder.path(), &line).failed(1, &["cannot write", out]);
+        assert_eq!(listing(folder.path()), before, "{out}");
+    }
+    for out in ["file/a.cphd", "/proc/a.cphd"] {
+        run(folder.path(), &format!("simulate --preset table-4-1 -o {out}"))
+            .failed(1, &["cannot write"]);
+    }
+    run(folder.path(), "demo --out file").failed(1, &["cannot write"]);
+    assert_eq!(listing(folder.path()), before);
+}
+
+/// A mounted file system of `kilobytes`, unmounted when dropped.
+struct SmallDisk(PathBuf);
+
+impl SmallDisk {
+    fn mount(at: &Path, kilobytes: u32) -> Result<Self, String> {
+        fs::create_dir_all(at).unwrap();
+        let size = format!("size={kilobytes}k");
+        let output = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(at).output();
+        match output {
+            Ok(output) if output.status.success() => Ok(Self(at.to_owned())),
+            Ok(output) => Err(String::from_utf8_lossy(&output.stderr).trim().to_owned()),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        let _ = Command::new("umount").arg(&self.0).status();
+    }
+}
+
+/// Runs `line` in `folder` where `folder/disk` is a file system of `kilobytes`, as root or in a user
+/// namespace of our own. Returns what it printed and the names it left on the disk; `None` where this
+/// machine allows neither.
+fn on_small_disk(folder: &Path, kilobytes: u32, line: &str) -> Option<(Ran, Vec<String>)> {
+    let disk = folder.join("disk");
+    let why = match SmallDisk::mount(&disk, kilobytes) {
+        Ok(mounted) => {
+            let ran = run(folder, line);
+            let left = listing(&mounted.0).into_keys().map(|path| path.display().to_string());
+            return Some((ran, left.collect()));
+        }
+        Err(why) => why,
+    };
+    let script = format!(
+        "mount -t tmpfs -o size={kilobytes}k tmpfs disk || exit 99\n\
+         \"$0\" {line}\ncode=$?\nfind disk -mindepth 1 >left\nexit $code"
+    );
+    let output = Command::new("unshare")
+        .args(["--user", "--map-root-user", "--mount", "sh", "-c", &script])
+        .arg(program())
+        .current_dir(folder)
+        .output();
+    match output {
+        Ok(output) if output.status.success() || folder.join("left").exists() => {
+            let left = fs::read_to_string(folder.join("left")).unwrap();
+            fs::remove_file(folder.join("left")).unwrap();
+            Some((output.into(), left.lines().map(str::to_owned).collect()))
+        }
+        other => {
+            println!("skipped: no small file system could be mounted: {why}; {other:?}");
+            None
+        }
+    }
+}
+
+#[test]
+fn full_disk() {
+    let folder = scene();
+    // An image of 400 x 400 pixels takes 1.28 MB, a simulated collection 2.1 MB.
+    for line in [
+        "focus scene.cphd --out disk/out -a bp --grid x=-40:40:0.2,y=-40:40:0.2",
+        "simulate --preset table-4-1 -o disk/a.cphd",
+    ] {
+        let Some((ran, left)) = on_small_disk(folder.path(), 512, line) else {
+            return;
+        };
+        ran.failed(1, &["cannot write"]);
+        assert!(
+            ran.stderr.contains("free") || ran.stderr.contains("No space left"),
+            "{}",
+            ran.stderr
+        );
+        assert!(left.is_empty(), "{line} left {left:?}");
+    }
+}
+
+#[test]
+fn the_disk_that_is_just_large_enough_holds_it() {
+    let folder = scene();
+    let line = "focus scene.cphd --out disk/out -a bp --grid x=-20:20:0.2,y=-20:20:0.2";
+    let Some((ran, left)) = on_small_disk(folder.path(), 8192, line) else {
+        return;
+    };
+    ran.succeeded();
+    // The folder and its three files, and nothing else.
+    assert_eq!(left.len(), 4, "{left:?}");
+}
+
+#[test]
+fn an_older_image_survives_a_failure() {
+    let folder = scene();
+    let line = "focus scene.cphd --out out -a bp --grid x=-5:5:0.5,y=-5:5:0.5";
+    run(folder.path(), line).succeeded();
+    let before = listing(folder.path());
+    let image = fs::read(folder.path().join("out/image.npy")).unwrap();
+    fs::write(folder.path().join("bad.cphd"), "CPHD/1.1.0\n").unwrap();
+    run(folder.path(), &line.replace("scene.cphd", "bad.cphd")).failed(1, &["bad.cphd"]);
+    fs::remove_file(folder.path().join("bad.cphd")).unwrap();
+    assert_eq!(listing(folder.path()), before);
+    assert_eq!(fs::read(folder.path().join("out/image.npy")).unwrap(), image);
+}
+
+/// Starts work that takes minutes, sends `presses` interrupts, and returns how it ended and when.
+fn interrupted(folder: &Path, line: &str, presses: u32) -> (Ran, Duration) {
+    let mut child = command(folder, line.split_whitespace())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // `-v` says on standard error when work begins; without waiting for it the signal could come
+    // before anyone listens.
+    let mut stderr = child.stderr.take().unwrap();
+    let mut told = Vec::new();
+    let mut byte = [0];
+    while !String::from_utf8_lossy(&told).contains(" onto ") {
+        assert_eq!(stderr.read(&mut byte).unwrap(), 1, "ended early: {told:?}");
+        told.push(byte[0]);
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    let start = Instant::now();
+    for _ in 0..presses {
+        let id = child.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    stderr.read_to_end(&mut told).unwrap();
+    let mut ran: Ran = child.wait_with_output().unwrap().into();
+    ran.stderr = String::from_utf8_lossy(&told).into_owned();
+    (ran, start.elapsed())
+}
+
+#[test]
+fn ctrl_c_ends_cleanly() {
+    let folder = scene();
+    let before = listing(folder.path());
+    for algorithm in ["exact", "bp", "rdbp"] {
+        // 64 million pixels: minutes by any former.
+        let line =
+            format!("focus scene.cphd --out out -v -a {algorithm} --memory 16G --grid x=-40:40:0.01,y=-40:40:0.01");
+        let (ran, took) = interrupted(folder.path(), &line, 1);
+        ran.failed(130, &["interrupted"]);
+        assert!(took < Duration::from_secs(20), "{algorithm}: {took:?}");
+        assert_eq!(listing(folder.path()), before, "{algorithm}");
+    }
+}
+
+#[test]
+fn a_second_ctrl_c_ends_at_once() {
+    let folder = scene();
+    let before = listing(folder.path());
+    let line = "focus scene.cphd --out out -v -a exact --memory 16G --grid x=-40:40:0.01,y=-40:40:0.01";
+    let (ran, took) = interrupted(folder.path(), line, 2);
+    assert_eq!(ran.code, Some(130), "{ran:?}");
+    assert!(took < Duration::from_secs(2), "{took:?}");
+    assert_eq!(listing(folder.path()), before);
+}
