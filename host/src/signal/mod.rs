@@ -3,6 +3,7 @@
 pub mod fast_length;
 pub mod kaiser_bessel;
 pub mod phase;
+pub mod range_doppler;
 pub mod range_profile;
 pub mod scaled_dft;
 pub mod sinc_keystone;
