@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::{gotcha, matlab};
+use super::{cphd::Cphd, gotcha, matlab};
 use crate::phase_history::{Aperture, PhaseHistory, ReadError};
 
 const SUPPORTED: &str = "CPHD 1.x and GOTCHA (MATLAB 5) files are read";
@@ -27,6 +27,9 @@ pub fn open(path: &Path, channel: Option<&str>) -> Result<Box<dyn PhaseHistory>,
             )));
         }
         return Ok(Box::new(gotcha::read(path)?));
+    }
+    if start.starts_with(b"CPHD/1.") {
+        return Ok(Box::new(Cphd::open(path, channel)?));
     }
     Err(ReadError::Malformed {
         path: path.to_owned(),

@@ -46,6 +46,13 @@ pub(crate) fn metres(value: Option<f64>) -> String {
     }
 }
 
+/// Degrees to a hundredth, without a minus before zero.
+pub(crate) fn degrees(value: f64) -> String {
+    let rounded = (value * 100.0).round() / 100.0;
+    // Adding zero turns -0 into 0.
+    format!("{:.2} deg", rounded + 0.0)
+}
+
 /// Hertz in the unit that suits.
 pub(crate) fn hertz(value: f64) -> String {
     match value.abs() {
@@ -87,6 +94,7 @@ mod tests {
         assert_eq!(duration(Duration::from_secs(125)), "2 min 5 s");
         assert_eq!(metres(None), "none");
         assert_eq!(metres(Some(0.2408)), "0.2408 m");
+        assert_eq!(degrees(-0.001), "0.00 deg");
         assert_eq!(hertz(9.6e9), "9.60000 GHz");
     }
 

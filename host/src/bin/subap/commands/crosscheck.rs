@@ -31,7 +31,7 @@ pub(crate) fn run(session: &Session, typed: &Crosscheck) -> anyhow::Result<()> {
          frequencies, maps of {} x {})",
         report.differences_db.len(),
         shape.num_pulses,
-        shape.num_samples,
+        shape.num_frequencies,
         shape.num_range_bins,
         shape.num_doppler_bins
     ))?;

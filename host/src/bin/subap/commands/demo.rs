@@ -1,0 +1,224 @@
+//! `subap demo`: the thesis's Table 4.1 simulated, focused in every way, errors shown.
+
+mod report;
+
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use anyhow::bail;
+use serde_json::json;
+use subaperture::focus::bp::Backprojection;
+use subaperture::focus::exact::Exact;
+use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::{ImageFormer, Task, Weights};
+use subaperture::geometry::ImageGrid;
+use subaperture::image::{Comparison, Image};
+use subaperture::io::product::{Product, write_atomically};
+use subaperture::phase_history::PhaseHistory;
+use subaperture::plot::{self, Colours, Panel, Scale};
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Preset, Variation};
+use subaperture::survey::Survey;
+
+use crate::args::Demo;
+use crate::config::{Session, record_of_run};
+use crate::{interrupt, text};
+
+/// The scene's 80 x 80 m and 5 m about it, at about half the resolution (0.58 x 0.75 m).
+const GRID: &str = "x=-45:45:0.3,y=-45:45:0.3,z=0";
+
+/// Error bound of the formers that plan, dB.
+const ERROR_DB: f64 = -60.0;
+
+/// Levels of all images alike, dB: a unit scatterer at the top.
+const IMAGE_SCALE: Scale = Scale::Fixed { top_db: 0.0, span_db: 60.0 };
+/// Levels of all differences alike, dB.
+const DIFFERENCE_SCALE: Scale = Scale::Fixed { top_db: -20.0, span_db: 80.0 };
+
+/// A way to form the image, and how good it has to be.
+struct Way {
+    folder: &'static str,
+    title: &'static str,
+    former: Box<dyn ImageFormer>,
+    /// Relative RMS error that must not be exceeded, dB.
+    bound_db: Option<f64>,
+}
+
+/// An image and how it came out.
+struct Outcome {
+    way: Way,
+    image: Image,
+    difference: Image,
+    comparison: Comparison,
+    settings: serde_json::Map<String, serde_json::Value>,
+    taken: Duration,
+}
+
+fn ways() -> Vec<Way> {
+    let range_doppler = |mode, pulses| {
+        let sub_cpi = Some(pulses);
+        Box::new(RangeDoppler { mode, error_db: ERROR_DB, sub_cpi, patch_m: None })
+            as Box<dyn ImageFormer>
+    };
+    let way = |folder, title, former, bound_db| Way { folder, title, former, bound_db };
+    vec![
+        way("bp", "bp", Box::new(Backprojection { error_db: ERROR_DB }), Some(ERROR_DB)),
+        way("thesis-40", "rdbp thesis, 26 x 40", range_doppler(Mode::Thesis, 40), None),
+        way("precise-40", "rdbp precise, 26 x 40", range_doppler(Mode::Precise, 40), Some(-60.0)),
+        way("thesis-130", "rdbp thesis, 8 x 130", range_doppler(Mode::Thesis, 130), None),
+        way("precise-130", "rdbp precise, 8 x 130", range_doppler(Mode::Precise, 130), Some(-45.0)),
+    ]
+}
+
+/// Simulates, focuses, compares, and writes everything under the folder.
+pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
+    let start = Instant::now();
+    let grid = match typed.grid {
+        Some(grid) => grid,
+        None => GRID.parse()?,
+    };
+    session.check_grid(&grid)?;
+    // Image and difference in six ways.
+    Product::prepare(&typed.out.join("exact"), grid.num_pixels() * 12)?;
+
+    let simulated = Preset::Table41.simulate(&Variation::default());
+    let collection = simulated.collection();
+    let weights = Weights::new(collection, Window::default(), Window::default());
+    let form = |way: &Way| {
+        let progress = session.progress(way.title);
+        let begun = Instant::now();
+        let formed = way.former.form(&Task {
+            history: &simulated,
+            grid: &grid,
+            weights: &weights,
+            memory_bytes: session.memory_bytes,
+            monitor: &progress,
+        })?;
+        anyhow::Ok((formed, begun.elapsed()))
+    };
+
+    let oracle = Way { folder: "exact", title: "exact", former: Box::new(Exact), bound_db: None };
+    let (exact, exact_taken) = form(&oracle)?;
+    let mut outcomes = Vec::new();
+    for way in ways() {
+        let (formed, taken) = form(&way)?;
+        let comparison = Comparison::between(&formed.image, &exact.image)?;
+        let difference = subtract(&formed.image, &exact.image);
+        let (image, settings) = (formed.image, formed.settings);
+        outcomes.push(Outcome { way, image, difference, comparison, settings, taken });
+    }
+    interrupt::check()?;
+
+    let Some(survey) = Survey::of(collection) else { bail!("the preset has no pulses") };
+    let report = report::Report {
+        outcomes: &outcomes,
+        exact_taken,
+        grating_lobe_m: survey.grating_lobe_m(130),
+    };
+    write(session, typed, &grid, &exact.image, &report, start)?;
+    if !session.quiet() {
+        text::say(report.to_text())?;
+        text::say(format!(
+            "{}: images, differences, overview.png, errors.md, errors.json in {}",
+            typed.out.display(),
+            text::duration(start.elapsed())
+        ))?;
+    }
+    if let Some(outcome) = outcomes.iter().find(|outcome| outcome.misses_bound()) {
+        bail!("{} misses its bound; see the table", outcome.way.title);
+    }
+    Ok(())
+}
+
+impl Outcome {
+    fn misses_bound(&self) -> bool {
+        match (self.way.bound_db, self.comparison.error_db) {
+            // Written so that NaN misses.
+            (Some(bound_db), Some(error_db)) => !(error_db <= bound_db),
+            (Some(_), None) => true,
+            (None, _) => false,
+        }
+    }
+}
+
+fn subtract(image: &Image, reference: &Image) -> Image {
+    let pairs = image.pixels.iter().zip(&reference.pixels);
+    Image { pixels: pairs.map(|(a, b)| a - b).collect(), ..*image }
+}
+
+/// Writes every product, complete one by one, the table last.
+fn write(
+    session: &Session,
+    typed: &Demo,
+    grid: &ImageGrid,
+    exact: &Image,
+    report: &report::Report,
+    start: Instant,
+) -> anyhow::Result<()> {
+    let image_panel = |image, title: &str| Panel {
+        scale: IMAGE_SCALE,
+        ..Panel::new(image, grid, title)
+    };
+    let save = |folder: &str, image: &Image, metadata, panel: &Panel| {
+        interrupt::check()?;
+        let quicklook = plot::quicklook(panel)?;
+        Product { image, metadata: &metadata, quicklook: &quicklook }
+            .write(&typed.out.join(folder))?;
+        anyhow::Ok(())
+    };
+    let metadata = |title: &str, settings: serde_json::Value, taken: Duration| {
+        json!({
+            "schema": "subaperture-demo-image",
+            "schema_version": 1,
+            "run": record_of_run(session, taken),
+            "title": title,
+            "collection": Preset::Table41.name(),
+            "window": Window::default().to_string(),
+            "slow_window": Window::default().to_string(),
+            "grid": typed.grid.map_or(json!(GRID), |_| json!("as given on the command line")),
+            "settings": settings,
+        })
+    };
+    let panel = image_panel(exact, "exact");
+    save("exact", exact, metadata("exact", json!({}), report.exact_taken), &panel)?;
+    let mut panels = vec![panel];
+    let mut differences = Vec::new();
+    for outcome in report.outcomes {
+        let Outcome { way, image, difference, comparison, settings, taken } = outcome;
+        let panel = image_panel(image, way.title);
+        let mut record = metadata(way.title, json!(settings), *taken);
+        record["comparison"] = json!(comparison);
+        save(way.folder, image, record, &panel)?;
+        panels.push(panel);
+        let error = comparison.error_db.unwrap_or(f64::NAN);
+        differences.push(Panel {
+            scale: DIFFERENCE_SCALE,
+            colours: Colours::Viridis,
+            ..Panel::new(difference, grid, format!("{} - exact: {error:.1} dB", way.title))
+        });
+    }
+    for (outcome, panel) in report.outcomes.iter().zip(&differences) {
+        let picture = plot::quicklook(panel)?;
+        let name = format!("difference-{}.png", outcome.way.folder);
+        write_bytes(&typed.out.join(name), &picture)?;
+    }
+    panels.extend(differences);
+    interrupt::check()?;
+    // The first row: exact and its nearest; every image stands above its difference.
+    write_bytes(&typed.out.join("overview.png"), &plot::panels(&panels, 4)?)?;
+    write_bytes(&typed.out.join("errors.md"), report.to_markdown().as_bytes())?;
+    let mut table = report.to_json();
+    table["run"] = record_of_run(session, start.elapsed());
+    let table = serde_json::to_vec_pretty(&table)?;
+    write_bytes(&typed.out.join("errors.json"), &table)
+}
+
+fn write_bytes(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    use std::io::Write;
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    write_atomically(path, bytes.len() as u64, |file| file.write_all(bytes))?;
+    Ok(())
+}

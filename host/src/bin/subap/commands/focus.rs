@@ -6,12 +6,14 @@ mod record;
 use std::time::Instant;
 
 use anyhow::Context;
+use serde_json::{Map, Value};
 use subaperture::focus::{Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::open::open_all;
 use subaperture::io::product::Product;
 use subaperture::phase_history::PhaseHistory;
+use subaperture::plot::{self, Panel};
 use subaperture::survey::Survey;
 
 use crate::args::Focus;
@@ -55,6 +57,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     let formed = former.form(&task)?;
     progress.finish();
+    warn_of_missed_bound(session, &formed.settings);
     for (key, value) in &formed.settings {
         session.note(2, || format!("{key} = {value}"));
     }
@@ -84,7 +87,11 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         taken: start.elapsed(),
     };
     interrupt::check()?;
-    product::write(&typed.out, &formed.image, &grid, &record.to_json())?;
+    let title = format!("{}, {}", survey.name, former.name());
+    let quicklook = plot::quicklook(&Panel::new(&formed.image, &grid, title))?;
+    let metadata = record.to_json();
+    Product { image: &formed.image, metadata: &metadata, quicklook: &quicklook }
+        .write(&typed.out)?;
 
     if session.quiet() {
         return Ok(());
@@ -108,6 +115,20 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         ))?;
     }
     Ok(())
+}
+
+/// The planner takes the best there is where nothing meets the bound; the user should know.
+fn warn_of_missed_bound(session: &Session, settings: &Map<String, Value>) {
+    let number = |key: &str| settings.get(key).and_then(Value::as_f64);
+    if let (Some(predicted_db), Some(error_db)) = (number("predicted_error_db"), number("error_db"))
+        && predicted_db > error_db
+        && !session.quiet()
+    {
+        eprintln!(
+            "subap: the predicted error is {predicted_db:.1} dB, above the --error-db {error_db} \
+             asked: leave out --sub-cpi and --patch, or use --algorithm exact"
+        );
+    }
 }
 
 /// The brightest pixel of an image.

@@ -11,7 +11,7 @@ use subaperture::survey::{Side, Survey};
 
 use crate::args::Info;
 use crate::config::Session;
-use crate::text::{self, bytes, hertz, metres};
+use crate::text::{self, bytes, degrees, hertz, metres};
 
 /// Prints the survey of the inputs as one aperture.
 pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
@@ -154,10 +154,10 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
     line(
         "geometry",
         format!(
-            "slant range {}, grazing angle {:.2} deg, antenna at {:.2} deg from x towards y",
+            "slant range {}, grazing angle {}, antenna at {} from x towards y",
             metres(Some(survey.slant_range_m)),
-            survey.grazing_angle_deg,
-            survey.azimuth_deg
+            degrees(survey.grazing_angle_deg),
+            degrees(survey.azimuth_deg)
         ),
     );
     line("looking", looking(survey));
@@ -230,7 +230,7 @@ fn looking(survey: &Survey) -> String {
         None => "no side of a track",
     };
     let squint = match survey.squint_deg {
-        Some(squint_deg) => format!("squint {squint_deg:.2} deg"),
+        Some(squint_deg) => format!("squint {}", degrees(squint_deg)),
         None => "squint none".to_owned(),
     };
     let bistatic = if survey.bistatic_angle_deg > 1e-6 {

@@ -2,11 +2,11 @@
 
 mod compare;
 mod completions;
-//mod crosscheck;
-//mod demo;
+mod crosscheck;
+mod demo;
 mod focus;
 mod info;
-//mod simulate;
+mod simulate;
 
 use crate::args::Command;
 use crate::config::Session;
@@ -15,11 +15,11 @@ use crate::config::Session;
 pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
     match command {
         Command::Focus(typed) => focus::run(session, &typed),
-//        Command::Simulate(typed) => simulate::run(session, &typed),
-//        Command::Crosscheck(typed) => crosscheck::run(session, &typed),
+        Command::Simulate(typed) => simulate::run(session, &typed),
+        Command::Crosscheck(typed) => crosscheck::run(session, &typed),
         Command::Info(typed) => info::run(session, &typed),
         Command::Compare(typed) => compare::run(&typed),
-//        Command::Demo(typed) => demo::run(session, &typed),
-        Command::Completions(typed) => completions::run(&typed),_ => todo!(),
+        Command::Demo(typed) => demo::run(session, &typed),
+        Command::Completions(typed) => completions::run(&typed),
     }
 }
