@@ -183,7 +183,12 @@ fn write(
     let panel = image_panel(exact, "exact");
     save("exact", exact, metadata("exact", json!({}), report.exact_taken), &panel)?;
     let mut panels = vec![panel];
-    let mut differences = Vec::new();
+    // Below every image its difference; below the reference itself, for the scale.
+    let mut differences = vec![Panel {
+        scale: DIFFERENCE_SCALE,
+        colours: Colours::Viridis,
+        ..Panel::new(exact, grid, "exact, on this scale")
+    }];
     for outcome in report.outcomes {
         let Outcome { way, image, difference, comparison, settings, taken } = outcome;
         let panel = image_panel(image, way.title);
@@ -195,18 +200,18 @@ fn write(
         differences.push(Panel {
             scale: DIFFERENCE_SCALE,
             colours: Colours::Viridis,
-            ..Panel::new(difference, grid, format!("{} - exact: {error:.1} dB", way.title))
+            ..Panel::new(difference, grid, format!("minus exact: {error:.1} dB"))
         });
     }
-    for (outcome, panel) in report.outcomes.iter().zip(&differences) {
+    for (outcome, panel) in report.outcomes.iter().zip(&differences[1..]) {
         let picture = plot::quicklook(panel)?;
         let name = format!("difference-{}.png", outcome.way.folder);
         write_bytes(&typed.out.join(name), &picture)?;
     }
     panels.extend(differences);
     interrupt::check()?;
-    // The first row: exact and its nearest; every image stands above its difference.
-    write_bytes(&typed.out.join("overview.png"), &plot::panels(&panels, 4)?)?;
+    let columns = panels.len() / 2;
+    write_bytes(&typed.out.join("overview.png"), &plot::panels(&panels, columns)?)?;
     write_bytes(&typed.out.join("errors.md"), report.to_markdown().as_bytes())?;
     let mut table = report.to_json();
     table["run"] = record_of_run(session, start.elapsed());

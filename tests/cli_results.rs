@@ -1,0 +1,199 @@
+//! What the commands deliver, on simulated and (where it is there) real data.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+use subaperture_tests::subap::{listing, root, run};
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+/// The real GOTCHA files, or `None` with a word about it.
+fn gotcha() -> Option<Vec<PathBuf>> {
+    let files: Vec<PathBuf> = ["az001", "az002"]
+        .iter()
+        .map(|azimuth| {
+            root().join(format!("../shared/data/gotcha/data_3dsar_pass1_{azimuth}_HH.mat"))
+        })
+        .collect();
+    for file in &files {
+        if !file.exists() {
+            println!("skipped: {} not found", file.display());
+            return None;
+        }
+    }
+    Some(files)
+}
+
+fn words(files: &[PathBuf]) -> String {
+    files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(" ")
+}
+
+/// The number after `label` in `text`.
+fn number_after(text: &str, label: &str) -> f64 {
+    let rest = text.split_once(label).unwrap_or_else(|| panic!("no '{label}' in {text}")).1;
+    rest.split_whitespace().next().unwrap().parse().unwrap()
+}
+
+#[test]
+fn simulate_then_info_and_crosscheck() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, options) in [
+        ("plain", ""),
+        ("other", "--domain toa --sgn +1"),
+        ("rough", "--noise-db -20 --perturb 0.5 --seed 7"),
+    ] {
+        let line = format!("simulate --preset table-4-1 -o {name}.cphd {options}");
+        run(folder.path(), &line).succeeded();
+        let info = run(folder.path(), &format!("info --json {name}.cphd"));
+        let info: Value = serde_json::from_str(info.succeeded()).unwrap();
+        assert_eq!(info["num_pulses"], 1040, "{name}");
+        // Table 4.1: 200 MHz at 10 GHz, 5 km, 0.125 m a pulse: lambda R / (2 d) = 599.6 m.
+        let near = |key: &str, expected: f64, relative: f64| {
+            let value = info[key].as_f64().unwrap_or(f64::NAN);
+            assert!((value / expected - 1.0).abs() < relative, "{name}: {key} is {value}");
+        };
+        near("slant_range_m", 5000.0, 1e-3);
+        near("aperture_length_m", 1039.0 * 0.125, 0.01);
+        if name != "rough" {
+            near("unambiguous_cross_range_m", 599.58, 1e-2);
+        }
+        assert_eq!(info["side"], "left");
+        let crosscheck = run(folder.path(), &format!("crosscheck {name}.cphd"));
+        let worst_db = number_after(crosscheck.succeeded(), "worst relative error ");
+        assert!(worst_db < -100.0, "{name}: {worst_db}");
+    }
+    assert!(run(folder.path(), "info plain.cphd").succeeded().contains("1040 pulses of 256"));
+}
+
+#[test]
+fn focus_writes_image_record_and_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "simulate --preset table-4-1 -o scene.cphd").succeeded();
+    let grid = "--grid x=-6:6:0.25,y=-5:5:0.25,z=0 --window none --slow-window none";
+    for algorithm in ["exact", "bp", "rdbp"] {
+        let line = format!("focus scene.cphd --out {algorithm} -a {algorithm} {grid} --check 100");
+        let ran = run(folder.path(), &line);
+        let error_db = number_after(ran.succeeded(), "pixels: ");
+        // exact differs from itself by float32 rounding of the image, 2^-25 RMS at most: -150 dB.
+        let bound_db = match algorithm {
+            "exact" => -140.0,
+            "bp" => -50.0,
+            _ => -60.0,
+        };
+        assert!(error_db < bound_db, "{algorithm}: {error_db}");
+        let out = folder.path().join(algorithm);
+        assert_eq!(listing(&out).len(), 3);
+        let record = json(&out.join("image.json"));
+        assert_eq!(record["schema_version"], 1);
+        assert_eq!(record["settings"]["algorithm"], algorithm);
+        assert_eq!(record["settings"]["window"], "none");
+        assert_eq!(record["grid"]["columns"]["count"], 48);
+        assert_eq!(record["grid"]["rows"]["count"], 40);
+        assert_eq!(record["frame"]["kind"], "earth");
+        assert_eq!(record["inputs"][0]["crc32"].as_str().unwrap().len(), 8);
+        assert_eq!(record["check"]["num_pixels"], 100);
+        // A unit scatterer lies at the origin, which is a pixel.
+        assert!(fs::read(out.join("image.png")).unwrap().starts_with(b"\x89PNG"));
+    }
+    let ran = run(folder.path(), "compare rdbp/image.npy exact/image.npy");
+    assert!(number_after(ran.succeeded(), "relative RMS error ") < -60.0);
+    // The same file twice: no error at all, as JSON too.
+    let ran = run(folder.path(), "compare --json bp/image.npy bp/image.npy");
+    let same: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    assert!((same["correlation"].as_f64().unwrap() - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn threads_do_not_change_the_image() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "simulate --preset table-4-1 -o scene.cphd").succeeded();
+    for algorithm in ["bp", "rdbp"] {
+        for threads in [1, 3] {
+            let line = format!(
+                "focus scene.cphd -q --out {algorithm}{threads} -a {algorithm} --threads {threads} \
+                 --grid x=-6:6:0.25,y=-5:5:0.25"
+            );
+            assert_eq!(run(folder.path(), &line).succeeded(), "", "-q is quiet");
+        }
+        let image = |threads| {
+            fs::read(folder.path().join(format!("{algorithm}{threads}/image.npy"))).unwrap()
+        };
+        assert!(image(1) == image(3), "{algorithm}");
+    }
+}
+
+#[test]
+fn a_moving_target_has_no_default_grid() {
+    // Table 2.1's radar recedes along its line of sight: no cross-range.
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "simulate --preset table-2-1 -o scene.cphd").succeeded();
+    let info = run(folder.path(), "info scene.cphd");
+    let text = info.succeeded();
+    assert!(text.contains("none in cross-range"), "{text}");
+    assert!(!text.contains("inf") && !text.contains("NaN"), "{text}");
+    run(folder.path(), "focus scene.cphd --out out").failed(1, &["no default grid", "--grid"]);
+    assert_eq!(listing(folder.path()).len(), 1);
+}
+
+#[test]
+fn demo_keeps_its_bounds() {
+    let folder = tempfile::tempdir().unwrap();
+    // A quarter of the scene, coarser: the whole takes seconds, this a fraction.
+    let ran = run(folder.path(), "demo --out demo --grid x=-20:20:0.5,y=-20:20:0.5");
+    assert!(ran.succeeded().contains("rdbp precise, 26 x 40"));
+    let demo = folder.path().join("demo");
+    for name in ["overview.png", "errors.md", "errors.json", "difference-thesis-130.png"] {
+        assert!(demo.join(name).is_file(), "{name}");
+    }
+    let errors = json(&demo.join("errors.json"));
+    let error_db = |folder: &str| {
+        let formers = errors["formers"].as_array().unwrap();
+        let former = formers.iter().find(|former| former["folder"] == folder).unwrap();
+        former["comparison"]["error_db"].as_f64().unwrap()
+    };
+    assert!(error_db("precise-40") <= -60.0);
+    assert!(error_db("precise-130") <= -45.0);
+    assert!(error_db("bp") <= -50.0);
+    // The thesis's mode shows its grating lobes: nearly as strong as the image at 130 pulses.
+    assert!(error_db("thesis-130") > -10.0 && error_db("thesis-40") < -10.0);
+    for name in ["exact", "bp", "thesis-40", "precise-40", "thesis-130", "precise-130"] {
+        assert!(demo.join(name).join("image.npy").is_file(), "{name}");
+    }
+}
+
+#[test]
+fn gotcha_is_focused_to_minus_60_db() {
+    let Some(files) = gotcha() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    for (algorithm, bound_db) in [("rdbp", -60.0), ("bp", -50.0)] {
+        let line = format!(
+            "focus {} -a {algorithm} --window none --slow-window none --check 1000 \
+             --grid x=-50:50:0.2,y=-50:50:0.2,z=0 --out {algorithm}",
+            words(&files)
+        );
+        let ran = run(folder.path(), &line);
+        let error_db = number_after(ran.succeeded(), "1000 pixels: ");
+        assert!(error_db <= bound_db, "{algorithm}: {error_db}");
+        let record = json(&folder.path().join(algorithm).join("image.json"));
+        let at = |i: usize| record["brightest"]["position_m"][i].as_f64().unwrap();
+        assert!((at(0) + 15.6).hypot(at(1) - 21.6) <= 0.2, "{} {}", at(0), at(1));
+        assert_eq!(record["inputs"].as_array().unwrap().len(), 2);
+    }
+}
+
+#[test]
+fn gotcha_default_grid_and_crosscheck() {
+    let Some(files) = gotcha() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let info = run(folder.path(), &format!("info --json {}", words(&files)));
+    let info: Value = serde_json::from_str(info.succeeded()).unwrap();
+    let range_m = info["unambiguous_slant_range_m"].as_f64().unwrap();
+    assert!((range_m - 101.9).abs() < 0.1, "{range_m}");
+    let resolution_m = info["slant_range_resolution_m"].as_f64().unwrap();
+    assert!((resolution_m - 0.24).abs() < 0.005, "{resolution_m}");
+    let ran = run(folder.path(), &format!("crosscheck {}", words(&files)));
+    assert!(number_after(ran.succeeded(), "worst relative error ") < -100.0);
+}
