@@ -41,7 +41,7 @@ fn window_side_lobes_are_where_theory_puts_them() {
     };
     assert!((psl_db(Window::Rectangular) - 13.26).abs() < 0.02);
     assert!((psl_db(Window::Hamming) - 42.7).abs() < 0.5);
-    for side_lobe_db in [20.0, 35.0, 50.0, 80.0] {
+    for side_lobe_db in [25.0, 35.0, 50.0, 80.0] {
         let psl_db = psl_db(Window::Taylor { side_lobe_db });
         assert!((psl_db - side_lobe_db).abs() < 0.5, "{psl_db}");
     }
@@ -104,7 +104,7 @@ fn windows_that_cannot_be_are_refused() {
     ));
 }
 
-/// Argument known to 2^-32 turns and rounded twice near pi/4 (0.785 * 2 * 2^-24 = 0.94e-7), sine and
+/// Argument known to 2^-33 turns and rounded twice near pi/4 (0.785 * 2 * 2^-24 = 0.94e-7), sine and
 /// cosine rounded once (0.6e-7 at most): below 1.6e-7 in all.
 #[test]
 fn phasors_are_right_to_single_precision() {
@@ -193,10 +193,13 @@ fn range_compression_of_a_scatterer_is_the_dirichlet_kernel() {
 /// `a (d - D/2) / D`.
 #[test]
 fn chirp_z_of_a_constant_is_the_scaled_dirichlet_kernel() {
-    for (pulses, bins, length) in [(1, 2, 2), (1, 4, 4), (3, 4, 8), (5, 4096, 0), (17, 64, 128)] {
-        if length == 0 {
-            continue; // 4100 points are more than a transform has
-        }
+    for (pulses, bins, length) in [
+        (1, 2, 2),
+        (1, 4, 4),
+        (3, 4, 8),
+        (5, 2048, 4096),
+        (17, 64, 128),
+    ] {
         for ratio in [1.0, 0.93, 1.9, 0.013] {
             let mut out = vec![Complex32::ZERO; bins];
             let mut scratch = vec![Complex32::new(7.0, 7.0); 3 * length];
