@@ -1,4 +1,5 @@
-//! The self-test's own test: its checksum is pinned, and what it computes is a focused point.
+//! The self-test's own test: its checksum is pinned (`firmware.rs` compares the target's).
+//! That its maps and pixels are right is shown by `core_map.rs` and `core_accumulate.rs`.
 
 use subaperture_core::selftest::SelfTest;
 

@@ -41,7 +41,8 @@ mod target {
 #[cfg(not(target_os = "none"))]
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     use subaperture_core::selftest::SelfTest;
-    let checksum = Box::new(SelfTest::new()).run()?;
+    let mut buffers = Box::new(SelfTest::new());
+    let checksum = buffers.run()?;
     println!("buffers {} bytes", SelfTest::BYTES);
     println!("checksum 0x{checksum:08x}");
     Ok(())
