@@ -61,8 +61,8 @@ fn cut_and_flipped_files_are_errors_of_bounded_memory() {
         1,
         (0..1000).map(|k| 1e9 + 1e6 * f64::from(k)).collect(),
     );
-    for i in 2..6 {
-        fields[i].1 = Value::Double(1, 500, vec![1000.0; 500]);
+    for field in &mut fields[2..6] {
+        field.1 = Value::Double(1, 500, vec![1000.0; 500]);
     }
     let bytes = matlab::gotcha(fields);
     let (result, peak) = measured(&path, &bytes);
