@@ -1,5 +1,7 @@
 //! The image formers on a real recording, against the exact sum.
 
+use std::path::Path;
+
 use glam::DVec3;
 use subaperture::crosscheck::crosscheck;
 use subaperture::focus::bp::Backprojection;
@@ -13,7 +15,7 @@ use subaperture::signal::window::Window;
 
 /// Both degrees of the recording as one aperture, if at hand.
 fn gotcha() -> Option<Aperture> {
-    let folder = subaperture_tests::workspace_root().join("../shared/data/gotcha");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/gotcha");
     let paths = [1, 2].map(|i| folder.join(format!("data_3dsar_pass1_az00{i}_HH.mat")));
     if let Some(missing) = paths.iter().find(|path| !path.exists()) {
         println!("skipped: {} not found", missing.display());
@@ -38,7 +40,9 @@ fn error_on_a_thousand_pixels_and_the_brightest_point() {
     // Knuth's generator: a thousand pixels, the same in every run.
     let mut state = 1u64;
     let chosen: Vec<usize> = std::iter::repeat_with(|| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) as usize % grid.num_pixels() as usize
     })
     .take(1000)
@@ -50,8 +54,12 @@ fn error_on_a_thousand_pixels_and_the_brightest_point() {
     let exact = Exact::at_points(&history, &weights, &points, 1 << 30, &Silent).unwrap();
     let power: f64 = exact.iter().map(|z| z.norm_sqr()).sum();
 
-    let rdbp =
-        RangeDoppler { mode: Mode::Precise, error_db: -60.0, sub_cpi: None, patch_m: None };
+    let rdbp = RangeDoppler {
+        mode: Mode::Precise,
+        error_db: -60.0,
+        sub_cpi: None,
+        patch_m: None,
+    };
     let formers: [(&dyn ImageFormer, f64); 2] =
         [(&rdbp, -60.0), (&Backprojection { error_db: -50.0 }, -50.0)];
     for (former, bound_db) in formers {
@@ -69,9 +77,16 @@ fn error_on_a_thousand_pixels_and_the_brightest_point() {
         assert!(error_db <= bound_db, "{}: {error_db}", former.name());
 
         let brightest = (0..image.pixels.len())
-            .max_by(|&a, &b| image.pixels[a].norm_sqr().total_cmp(&image.pixels[b].norm_sqr()))
+            .max_by(|&a, &b| {
+                image.pixels[a]
+                    .norm_sqr()
+                    .total_cmp(&image.pixels[b].norm_sqr())
+            })
             .unwrap();
-        let at = grid.position_m(brightest / grid.columns.count, brightest % grid.columns.count);
+        let at = grid.position_m(
+            brightest / grid.columns.count,
+            brightest % grid.columns.count,
+        );
         let expected = DVec3::new(-15.6, 21.6, 0.0);
         assert!(at.distance(expected) <= 0.2, "{}: {at}", former.name());
     }
