@@ -3,11 +3,11 @@
 use std::f64::consts::TAU;
 
 use num_complex::{Complex32, Complex64};
-use subaperture_core::keystone::{ChirpZKeystone, SincKeystone, chirp_z, sinc};
+use subaperture_core::keystone::{ChirpZKeystone, KeystoneTable, SincKeystone, chirp_z, sinc};
 use subaperture_core::window::WindowError;
 use subaperture_core::{
-    Axes, ChirpZSubCpi, LengthError, Map, ParamError, Params, Shape, SincSubCpi, Turns, Window,
-    fft, range,
+    Axes, ChirpZSubCpi, LengthError, Map, ParamError, Params, Plan, Processor, Shape, SincSubCpi,
+    Tables, Turns, Window, fft, range,
 };
 
 fn weights(window: Window<'_>, n: usize) -> Vec<f64> {
@@ -41,7 +41,7 @@ fn window_side_lobes_are_where_theory_puts_them() {
     };
     assert!((psl_db(Window::Rectangular) - 13.26).abs() < 0.02);
     assert!((psl_db(Window::Hamming) - 42.7).abs() < 0.5);
-    for side_lobe_db in [20.0, 35.0, 50.0, 80.0] {
+    for side_lobe_db in [25.0, 35.0, 50.0, 80.0] {
         let psl_db = psl_db(Window::Taylor { side_lobe_db });
         assert!((psl_db - side_lobe_db).abs() < 0.5, "{psl_db}");
     }
@@ -104,7 +104,7 @@ fn windows_that_cannot_be_are_refused() {
     ));
 }
 
-/// Argument known to 2^-32 turns and rounded twice near pi/4 (0.785 * 2 * 2^-24 = 0.94e-7), sine and
+/// Argument known to 2^-33 turns and rounded twice near pi/4 (0.785 * 2 * 2^-24 = 0.94e-7), sine and
 /// cosine rounded once (0.6e-7 at most): below 1.6e-7 in all.
 #[test]
 fn phasors_are_right_to_single_precision() {
@@ -193,10 +193,13 @@ fn range_compression_of_a_scatterer_is_the_dirichlet_kernel() {
 /// `a (d - D/2) / D`.
 #[test]
 fn chirp_z_of_a_constant_is_the_scaled_dirichlet_kernel() {
-    for (pulses, bins, length) in [(1, 2, 2), (1, 4, 4), (3, 4, 8), (5, 4096, 0), (17, 64, 128)] {
-        if length == 0 {
-            continue; // 4100 points are more than a transform has
-        }
+    for (pulses, bins, length) in [
+        (1, 2, 2),
+        (1, 4, 4),
+        (3, 4, 8),
+        (5, 2048, 4096),
+        (17, 64, 128),
+    ] {
         for ratio in [1.0, 0.93, 1.9, 0.013] {
             let mut out = vec![Complex32::ZERO; bins];
             let mut scratch = vec![Complex32::new(7.0, 7.0); 3 * length];
@@ -304,6 +307,85 @@ fn plans_that_cannot_be_are_refused_and_say_why() {
         ParamError::Shape(shape)
     );
     assert!(owner.start(&good).is_ok());
+}
+
+/// The form on borrowed slices: every length is checked before anything is written.
+#[test]
+fn borrowed_buffers_of_wrong_length_are_refused() {
+    let shape = Shape {
+        num_pulses: 3,
+        num_frequencies: 4,
+        num_range_bins: 8,
+        num_doppler_bins: 4,
+    };
+    let params = Params {
+        start_hz: 1.0e9,
+        step_hz: 1.0e6,
+        fast_window: Window::Rectangular,
+        slow_window: Window::Hamming,
+    };
+    let plan = |fast: usize, slow: usize, matrix: Option<usize>, length: usize| {
+        let leak = |n: usize| vec![0.0f32; n].leak();
+        let tables = Tables {
+            fast_weights: leak(fast),
+            slow_weights: leak(slow),
+            keystone: match matrix {
+                Some(n) => KeystoneTable::Sinc(leak(n)),
+                None => KeystoneTable::ChirpZ { length },
+            },
+        };
+        Plan::new(shape, &params, tables)
+    };
+    let wrong = |what, expected, got| {
+        ParamError::Table(LengthError {
+            what,
+            expected,
+            got,
+        })
+    };
+    assert_eq!(
+        plan(5, 3, None, 8).unwrap_err(),
+        wrong("fast weights", 4, 5)
+    );
+    assert_eq!(
+        plan(4, 2, None, 8).unwrap_err(),
+        wrong("slow weights", 3, 2)
+    );
+    assert_eq!(
+        plan(4, 3, Some(35), 0).unwrap_err(),
+        wrong("sinc matrix", 36, 35)
+    );
+    for got in [4, 12, 8192] {
+        let error = plan(4, 3, None, got).unwrap_err();
+        assert_eq!(error, ParamError::ChirpLength { least: 8, got });
+        assert!(error.to_string().contains("a power of two from 8 to 4096"));
+    }
+    let too_long = ParamError::ChirpLength {
+        least: 8192,
+        got: 8192,
+    };
+    assert!(too_long.to_string().contains("take fewer"), "{too_long}");
+
+    for (plan, scratch_len) in [
+        (plan(4, 3, Some(36), 0).unwrap(), 4),
+        (plan(4, 3, None, 16).unwrap(), 48),
+    ] {
+        assert_eq!(plan.scratch_len(), scratch_len);
+        let marked = Complex32::new(5.0, 6.0);
+        for (what, lengths) in [
+            ("history", [11, scratch_len, 32]),
+            ("scratch", [12, scratch_len + 1, 32]),
+            ("map", [12, scratch_len, 31]),
+        ] {
+            let [mut history, mut scratch, mut map] = lengths.map(|n| vec![marked; n]);
+            let error = plan.process(&history, &mut scratch, &mut map).unwrap_err();
+            assert_eq!(error.what, what);
+            let untouched = |buffer: &[Complex32]| buffer.iter().all(|&z| z == marked);
+            assert!(untouched(&scratch) && untouched(&map));
+            let error = Processor::new(plan.clone(), &mut history, &mut scratch, &mut map);
+            assert_eq!(error.unwrap_err().what, what);
+        }
+    }
 }
 
 /// A plane is read exactly by bilinear interpolation, up to and on the last bins; nothing beyond.

@@ -42,7 +42,7 @@ fn write(folder: &Path, image: &Image) -> Result<(), WriteError> {
 /// An array as numpy.save writes it, by the format's description.
 fn npy_bytes(header: &str, pixels: &[Complex32]) -> Vec<u8> {
     let mut text = header.as_bytes().to_vec();
-    while (10 + text.len() + 1) % 64 != 0 {
+    while !(10 + text.len() + 1).is_multiple_of(64) {
         text.push(b' ');
     }
     text.push(b'\n');

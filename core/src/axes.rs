@@ -21,23 +21,30 @@ pub struct Shape {
 impl Shape {
     /// Samples of a sub-CPI, `F M`.
     pub const fn history_len(&self) -> usize {
-        self.num_frequencies * self.num_pulses
+        self.num_frequencies.saturating_mul(self.num_pulses)
     }
 
     /// Samples of a map, `D R`.
     pub const fn map_len(&self) -> usize {
-        self.num_doppler_bins * self.num_range_bins
+        self.num_doppler_bins.saturating_mul(self.num_range_bins)
     }
 
     /// Weights of the sinc Keystone's matrix, `F M M`.
     pub const fn sinc_len(&self) -> usize {
-        self.num_frequencies * self.num_pulses * self.num_pulses
+        self.history_len().saturating_mul(self.num_pulses)
     }
 
     /// Shortest transform that the chirp-z Keystone can use: the power of two at or above
     /// `M + D - 1`.
     pub const fn chirp_length(&self) -> usize {
-        (self.num_pulses + self.num_doppler_bins - 1).next_power_of_two()
+        let least = self
+            .num_pulses
+            .saturating_add(self.num_doppler_bins)
+            .saturating_sub(1);
+        match least.checked_next_power_of_two() {
+            Some(length) => length,
+            None => usize::MAX,
+        }
     }
 
     /// Whether the sizes can be: the bounds stated at each.
@@ -172,6 +179,12 @@ impl fmt::Display for ParamError {
             ),
             Self::FastWindow(error) => write!(f, "fast-time window: {error}"),
             Self::SlowWindow(error) => write!(f, "slow-time window: {error}"),
+            Self::ChirpLength { least, .. } if *least > fft::MAX_LENGTH => write!(
+                f,
+                "pulses and Doppler bins together need chirp transforms of {least} points, more \
+                 than {}: take fewer, or the sinc Keystone",
+                fft::MAX_LENGTH
+            ),
             Self::ChirpLength { least, got } => write!(
                 f,
                 "chirp transforms of {got} points: a power of two from {least} to 4096 is needed"

@@ -2,7 +2,7 @@
 //!
 //! **Equation** (Schone 2020, chapter 2): `out[r] = sum_k g[k] exp(+j 2 pi (k - F/2)(r - R/2) / R)`.
 //! Written as a *forward* transform of the row in which frequency `k` lies at column
-//! `-(k - F/2) mod R` ([`column`]): the index runs backwards, so the sign of the exponent turns and
+//! `-(k - F/2) mod R` ([`column()`]): the index runs backwards, so the sign of the exponent turns and
 //! no scale is left to undo. The shift of `R/2` is `(-1)^(k - F/2)`, [`sign`], which a plan folds
 //! into the fast-time weights.
 //!

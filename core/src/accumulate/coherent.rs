@@ -17,7 +17,8 @@
 //!
 //! **Input** a map normalised to read 1 for a unit scatterer. **Output** pixels, row-major; with
 //! weights that sum to 1 over the sub-CPIs a unit scatterer reads 1. **Cost** 8 bytes a pixel; a
-//! pixel and map two float64 roots, one phasor, four complex reads. **Accuracy**: geometry and phase
+//! pixel and map two float64 roots, one phasor, four complex reads: 490 instructions under QEMU's
+//! Cortex-M7, 7.8 k where float64 is not in hardware. **Accuracy**: geometry and phase
 //! in float64 to about 1e-9 turns at 1e6 wavelengths of path; `tests/core_accumulate.rs` holds a
 //! simulated point to 1 within the bound above, phase included.
 

@@ -17,10 +17,13 @@
 //! **Cost.** What is stored and what is computed: kernel spectra of all frequencies would take
 //! `8 F L` bytes (64 KiB at `F = 64`, `L = 128`; 0.9 MB at 424 and 256), so the chirp is computed anew
 //! for each frequency: `D/2 + (M-1)/2 + 1` phasors from an exact integer recurrence. Memory `24 L`
-//! bytes whatever `F`; operations three FFTs of `L` and those phasors.
+//! bytes whatever `F`; operations three FFTs of `L` and those phasors: 31 k
+//! instructions at `M = 32`, `D = L/2 = 64` under QEMU's Cortex-M7, of which the FFTs are 22 k and the
+//! phasors 4 k. Built for a part without float64 arithmetic in hardware a phasor takes 2.2 k rather
+//! than 76, and the whole 131 k.
 //!
 //! **Accuracy.** `c(n)` has the phase of `n^2` times an integer rate, in units of `2^-64` turns, so
-//! it is as good for the last `n` as for the first. Against float64: -100 dB or better
+//! it is as good for the last `n` as for the first. Against float64: -132 dB or better
 //! (`tests/core_map.rs`).
 //!
 //! ```

@@ -9,14 +9,16 @@
 //!
 //! **Neglected**: samples before the first and after the last pulse, which the sinc would need; and
 //! where `a < 1` (`a > 1`) the output pulses reach past (stop short of) the sub-CPI's ends by up to
-//! `M/2 |1 - 1/a|` pulses. The error is not bounded by any tolerance one could choose:
-//! `tests/core_map.rs` prints how far the map is from the exact one, -30 to -45 dB for 2 % bandwidth.
-//! Use [`super::chirp_z`] where that matters.
+//! `M/2 |1 - 1/a|` pulses. More pulses do not make that smaller. Measured on four scatterers, 32
+//! pulses, 200 MHz at 10 GHz: the map is -32.9 dB from the exact one without a slow-time window and
+//! -43.9 dB with Hamming's, which is applied before resampling (`tests/core_map.rs`). Use
+//! [`super::chirp_z`] where that matters.
 //!
 //! **Input** `M` windowed samples of one frequency. **Output** `D` Doppler bins, `1/D` cycles a
 //! pulse at `f_ref` each, zero at `D/2`, unscaled. **Cost** a matrix of `M M` f32 a frequency, read
-//! once; `2 M M` multiply-adds and one FFT of `D`. **Accuracy** against its own definition in
-//! float64: -100 dB or better (`tests/core_map.rs`).
+//! once; `2 M M` multiply-adds and one FFT of `D`: 12 k instructions at `M = 32`, `D = 64` under QEMU's
+//! Cortex-M7. **Accuracy** against its own definition in float64: -131 dB or better
+//! (`tests/core_map.rs`).
 //!
 //! ```
 //! use num_complex::Complex32;

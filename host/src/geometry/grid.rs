@@ -115,13 +115,14 @@ impl ImageGrid {
 }
 
 /// Parses `x=START:STOP:STEP,y=START:STOP:STEP[,z=Z][,yaw=DEG][,pitch=DEG][,roll=DEG]` or
-/// `r=...,theta=...[,cx=X][,cy=Y][,z=Z]...` with theta in degrees. The plane is turned about its
-/// origin by yaw (about z), then pitch (about the new y), then roll (about the new x).
+/// `r=...,theta=...[,cx=X][,cy=Y][,z=Z]...` with theta in degrees. The stop is excluded; of x and y,
+/// one may leave out its step and takes the other's. The plane is turned about its origin by yaw
+/// (about z), then pitch (about the new y), then roll (about the new x).
 impl FromStr for ImageGrid {
     type Err = GridError;
 
     fn from_str(text: &str) -> Result<Self, GridError> {
-        let mut axes: [Option<Axis>; 4] = [None; 4]; // x, y, r, theta
+        let mut ranges: [Option<Range>; 4] = [None; 4]; // x, y, r, theta
         let mut numbers = [0.0; 6]; // z, yaw, pitch, roll, cx, cy
         for part in text.split(',') {
             let (key, value) = part.split_once('=').ok_or_else(|| {
@@ -131,16 +132,7 @@ impl FromStr for ImageGrid {
             })?;
             let (key, value) = (key.trim(), value.trim());
             if let Some(i) = ["x", "y", "r", "theta"].iter().position(|&k| k == key) {
-                let fields: Vec<f64> = value
-                    .split(':')
-                    .map(|v| parse_number(key, v))
-                    .collect::<Result<_, _>>()?;
-                let &[start, stop, step] = fields.as_slice() else {
-                    return Err(GridError(format!(
-                        "{key}={value}: write {key}=START:STOP:STEP"
-                    )));
-                };
-                axes[i] = Some(Axis::from_range(start, stop, step)?);
+                ranges[i] = Some(Range::parse(key, value)?);
             } else if let Some(i) = ["z", "yaw", "pitch", "roll", "cx", "cy"]
                 .iter()
                 .position(|&k| k == key)
@@ -159,16 +151,16 @@ impl FromStr for ImageGrid {
             pitch.to_radians(),
             roll.to_radians(),
         );
-        let (columns, rows, polar) = match axes {
-            [Some(x), Some(y), None, None] => (x, y, false),
+        let (columns, rows, polar) = match ranges {
+            [Some(x), Some(y), None, None] => (x.axis("x", y.step)?, y.axis("y", x.step)?, false),
             [None, None, Some(r), Some(theta)] => {
-                let radians = |v: f64| v.to_radians();
+                let theta = theta.axis("theta", None)?;
                 let theta = Axis {
-                    start: radians(theta.start),
-                    step: radians(theta.step),
+                    start: theta.start.to_radians(),
+                    step: theta.step.to_radians(),
                     ..theta
                 };
-                (theta, r, true)
+                (theta, r.axis("r", None)?, true)
             }
             _ => return Err(GridError("give x and y, or r and theta".to_owned())),
         };
@@ -180,6 +172,46 @@ impl FromStr for ImageGrid {
             rows,
             polar,
         })
+    }
+}
+
+/// An axis as written, its step perhaps left out.
+#[derive(Clone, Copy)]
+struct Range {
+    start: f64,
+    stop: f64,
+    step: Option<f64>,
+}
+
+impl Range {
+    fn parse(key: &str, value: &str) -> Result<Self, GridError> {
+        let fields: Vec<f64> = value
+            .split(':')
+            .map(|v| parse_number(key, v))
+            .collect::<Result<_, _>>()?;
+        match *fields.as_slice() {
+            [start, stop] => Ok(Self {
+                start,
+                stop,
+                step: None,
+            }),
+            [start, stop, step] => Ok(Self {
+                start,
+                stop,
+                step: Some(step),
+            }),
+            _ => Err(GridError(format!(
+                "{key}={value}: write {key}=START:STOP:STEP"
+            ))),
+        }
+    }
+
+    fn axis(&self, key: &str, other_step: Option<f64>) -> Result<Axis, GridError> {
+        let step = self
+            .step
+            .or(other_step)
+            .ok_or_else(|| GridError(format!("{key} has no step: write {key}=START:STOP:STEP")))?;
+        Axis::from_range(self.start, self.stop, step)
     }
 }
 
@@ -201,6 +233,8 @@ mod tests {
         assert_eq!(grid.rows.count, 4);
         let p = grid.position_m(1, 499);
         assert!((p - DVec3::new(49.8, 0.25, 3.0)).length() < 1e-9);
+        let short: ImageGrid = "x=-50:50:0.2,y=0:1".parse().unwrap();
+        assert_eq!((short.rows.step, short.rows.count), (0.2, 5));
     }
 
     #[test]
@@ -215,7 +249,8 @@ mod tests {
     #[test]
     fn bad_grids_say_what_to_write() {
         for (text, part) in [
-            ("x=1:2", "x=START:STOP:STEP"),
+            ("x=1", "x=START:STOP:STEP"),
+            ("x=1:2,y=1:2", "x has no step"),
             ("x=0:1:0.1", "give x and y"),
             ("x=0:1:0,y=0:1:1", "positive step"),
             ("x=0:1:1,y=0:nan:1", "not a finite number"),

@@ -39,7 +39,7 @@ pub enum NpyError {
     },
 }
 
-/// Bytes of the file that [`write`] makes of an image of this many pixels.
+/// Bytes of the file that [`write()`] makes of an image of this many pixels.
 pub fn file_bytes(num_pixels: u64) -> u64 {
     num_pixels.saturating_mul(8).saturating_add(128)
 }
