@@ -15,7 +15,10 @@ fn refuse(name: &str, input: &[u8], parts: &[&str]) {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join(name), input).unwrap();
     let before = listing(folder.path());
-    for line in [format!("focus {name} --out out {GRID}"), format!("crosscheck {name}")] {
+    for line in [
+        format!("focus {name} --out out {GRID}"),
+        format!("crosscheck {name}"),
+    ] {
         let ran = run(folder.path(), &line);
         ran.failed(1, parts);
         // One line that names the file, or the collection, which is called like it.
@@ -40,8 +43,16 @@ fn with(name: &str, value: Option<Value>) -> Vec<u8> {
 fn the_whole_file_is_accepted() {
     // What the other tests damage is sound before they do.
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("a.mat"), matlab::gotcha(matlab::gotcha_fields())).unwrap();
-    assert!(run(folder.path(), "info a.mat").succeeded().contains("3 pulses of 4 frequencies"));
+    fs::write(
+        folder.path().join("a.mat"),
+        matlab::gotcha(matlab::gotcha_fields()),
+    )
+    .unwrap();
+    assert!(
+        run(folder.path(), "info a.mat")
+            .succeeded()
+            .contains("3 pulses of 4 frequencies")
+    );
 }
 
 #[test]
@@ -60,7 +71,17 @@ fn empty_file() {
 #[test]
 fn truncated_mat() {
     let whole = matlab::gotcha(matlab::gotcha_fields());
-    for length in [1, 64, 127, 128, 129, 140, whole.len() / 3, whole.len() / 2, whole.len() - 1] {
+    for length in [
+        1,
+        64,
+        127,
+        128,
+        129,
+        140,
+        whole.len() / 3,
+        whole.len() / 2,
+        whole.len() - 1,
+    ] {
         refuse("cut.mat", &whole[..length], &["cut.mat: "]);
     }
 }
@@ -68,7 +89,11 @@ fn truncated_mat() {
 #[test]
 fn mat_without_sar_data() {
     let numbers = Value::Double(2, 2, vec![1.0, 2.0, 3.0, 4.0]);
-    refuse("plain.mat", &matlab::file(&[matlab::matrix("numbers", &numbers)]), &["data"]);
+    refuse(
+        "plain.mat",
+        &matlab::file(&[matlab::matrix("numbers", &numbers)]),
+        &["data"],
+    );
     refuse("nofreq.mat", &with("freq", None), &["freq"]);
 }
 
@@ -78,7 +103,11 @@ fn samples_that_are_not_numbers() {
     real[7] = f32::NAN;
     let value = Value::Complex(4, 3, real, vec![0.0; 12]);
     // Stored frequency by frequency within a pulse: element 7 is sample 3 of pulse 1.
-    refuse("nan.mat", &with("fp", Some(value)), &["sample 3 of pulse 1", "not a finite number"]);
+    refuse(
+        "nan.mat",
+        &with("fp", Some(value)),
+        &["sample 3 of pulse 1", "not a finite number"],
+    );
 }
 
 #[test]
@@ -96,7 +125,11 @@ fn no_pulses() {
 
 #[test]
 fn other_formats() {
-    refuse("a.png", b"\x89PNG\r\n\x1a\n0000000000000000", &["CPHD", "GOTCHA"]);
+    refuse(
+        "a.png",
+        b"\x89PNG\r\n\x1a\n0000000000000000",
+        &["CPHD", "GOTCHA"],
+    );
     refuse("a.npy", b"\x93NUMPY\x01\x00", &["NumPy"]);
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), &format!("focus . --out out {GRID}")).failed(1, &["directory"]);
@@ -146,14 +179,27 @@ fn cphd_with_samples_that_are_not_numbers() {
 #[test]
 fn inputs_that_do_not_belong_together() {
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("a.mat"), matlab::gotcha(matlab::gotcha_fields())).unwrap();
+    fs::write(
+        folder.path().join("a.mat"),
+        matlab::gotcha(matlab::gotcha_fields()),
+    )
+    .unwrap();
     simulated(folder.path());
-    run(folder.path(), &format!("focus a.mat whole.cphd --out out {GRID}"))
-        .failed(1, &["samples a pulse"]);
-    run(folder.path(), &format!("focus a.mat --channel 1 --out out {GRID}"))
-        .failed(1, &["channel"]);
-    run(folder.path(), &format!("focus whole.cphd --channel nowhere --out out {GRID}"))
-        .failed(1, &["nowhere"]);
+    run(
+        folder.path(),
+        &format!("focus a.mat whole.cphd --out out {GRID}"),
+    )
+    .failed(1, &["samples a pulse"]);
+    run(
+        folder.path(),
+        &format!("focus a.mat --channel 1 --out out {GRID}"),
+    )
+    .failed(1, &["channel"]);
+    run(
+        folder.path(),
+        &format!("focus whole.cphd --channel nowhere --out out {GRID}"),
+    )
+    .failed(1, &["nowhere"]);
 }
 
 #[test]

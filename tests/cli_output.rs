@@ -22,7 +22,8 @@ fn a_grid_beyond_memory_is_refused_before_anything_else() {
     let grid = "--grid x=-50000:50000:0.1,y=-50000:50000:0.1,z=0";
     for algorithm in ["exact", "bp", "rdbp"] {
         let line = format!("focus none.cphd --out out --memory 1G -a {algorithm} {grid}");
-        run(folder.path(), &line).failed(1, &["--grid", "1000000 x 1000000", "--memory", "1.0 GiB"]);
+        run(folder.path(), &line)
+            .failed(1, &["--grid", "1000000 x 1000000", "--memory", "1.0 GiB"]);
     }
     assert!(listing(folder.path()).is_empty());
 }
@@ -50,8 +51,11 @@ fn nowhere_to_write() {
         assert_eq!(listing(folder.path()), before, "{out}");
     }
     for out in ["file/a.cphd", "/proc/a.cphd"] {
-        run(folder.path(), &format!("simulate --preset table-4-1 -o {out}"))
-            .failed(1, &["cannot write"]);
+        run(
+            folder.path(),
+            &format!("simulate --preset table-4-1 -o {out}"),
+        )
+        .failed(1, &["cannot write"]);
     }
     run(folder.path(), "demo --out file").failed(1, &["cannot write"]);
     assert_eq!(listing(folder.path()), before);
@@ -64,7 +68,10 @@ impl SmallDisk {
     fn mount(at: &Path, kilobytes: u32) -> Result<Self, String> {
         fs::create_dir_all(at).unwrap();
         let size = format!("size={kilobytes}k");
-        let output = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(at).output();
+        let output = Command::new("mount")
+            .args(["-t", "tmpfs", "-o", &size, "tmpfs"])
+            .arg(at)
+            .output();
         match output {
             Ok(output) if output.status.success() => Ok(Self(at.to_owned())),
             Ok(output) => Err(String::from_utf8_lossy(&output.stderr).trim().to_owned()),
@@ -87,7 +94,9 @@ fn on_small_disk(folder: &Path, kilobytes: u32, line: &str) -> Option<(Ran, Vec<
     let why = match SmallDisk::mount(&disk, kilobytes) {
         Ok(mounted) => {
             let ran = run(folder, line);
-            let left = listing(&mounted.0).into_keys().map(|path| path.display().to_string());
+            let left = listing(&mounted.0)
+                .into_keys()
+                .map(|path| path.display().to_string());
             return Some((ran, left.collect()));
         }
         Err(why) => why,
@@ -158,7 +167,10 @@ fn an_older_image_survives_a_failure() {
     run(folder.path(), &line.replace("scene.cphd", "bad.cphd")).failed(1, &["bad.cphd"]);
     fs::remove_file(folder.path().join("bad.cphd")).unwrap();
     assert_eq!(listing(folder.path()), before);
-    assert_eq!(fs::read(folder.path().join("out/image.npy")).unwrap(), image);
+    assert_eq!(
+        fs::read(folder.path().join("out/image.npy")).unwrap(),
+        image
+    );
 }
 
 /// Starts work that takes minutes, sends `presses` interrupts, and returns how it ended and when.
@@ -181,7 +193,13 @@ fn interrupted(folder: &Path, line: &str, presses: u32) -> (Ran, Duration) {
     let start = Instant::now();
     for _ in 0..presses {
         let id = child.id().to_string();
-        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        assert!(
+            Command::new("kill")
+                .args(["-INT", &id])
+                .status()
+                .unwrap()
+                .success()
+        );
         std::thread::sleep(Duration::from_millis(50));
     }
     stderr.read_to_end(&mut told).unwrap();
@@ -196,8 +214,9 @@ fn ctrl_c_ends_cleanly() {
     let before = listing(folder.path());
     for algorithm in ["exact", "bp", "rdbp"] {
         // 64 million pixels: minutes by any former.
-        let line =
-            format!("focus scene.cphd --out out -v -a {algorithm} --memory 16G --grid x=-40:40:0.01,y=-40:40:0.01");
+        let line = format!(
+            "focus scene.cphd --out out -v -a {algorithm} --memory 16G --grid x=-40:40:0.01,y=-40:40:0.01"
+        );
         let (ran, took) = interrupted(folder.path(), &line, 1);
         ran.failed(130, &["interrupted"]);
         assert!(took < Duration::from_secs(20), "{algorithm}: {took:?}");
@@ -209,7 +228,8 @@ fn ctrl_c_ends_cleanly() {
 fn a_second_ctrl_c_ends_at_once() {
     let folder = scene();
     let before = listing(folder.path());
-    let line = "focus scene.cphd --out out -v -a exact --memory 16G --grid x=-40:40:0.01,y=-40:40:0.01";
+    let line =
+        "focus scene.cphd --out out -v -a exact --memory 16G --grid x=-40:40:0.01,y=-40:40:0.01";
     let (ran, took) = interrupted(folder.path(), line, 2);
     assert_eq!(ran.code, Some(130), "{ran:?}");
     assert!(took < Duration::from_secs(2), "{took:?}");

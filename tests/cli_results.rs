@@ -15,7 +15,9 @@ fn gotcha() -> Option<Vec<PathBuf>> {
     let files: Vec<PathBuf> = ["az001", "az002"]
         .iter()
         .map(|azimuth| {
-            root().join(format!("../shared/data/gotcha/data_3dsar_pass1_{azimuth}_HH.mat"))
+            root().join(format!(
+                "../shared/data/gotcha/data_3dsar_pass1_{azimuth}_HH.mat"
+            ))
         })
         .collect();
     for file in &files {
@@ -28,12 +30,19 @@ fn gotcha() -> Option<Vec<PathBuf>> {
 }
 
 fn words(files: &[PathBuf]) -> String {
-    files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join(" ")
+    files
+        .iter()
+        .map(|file| file.display().to_string())
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 /// The number after `label` in `text`.
 fn number_after(text: &str, label: &str) -> f64 {
-    let rest = text.split_once(label).unwrap_or_else(|| panic!("no '{label}' in {text}")).1;
+    let rest = text
+        .split_once(label)
+        .unwrap_or_else(|| panic!("no '{label}' in {text}"))
+        .1;
     rest.split_whitespace().next().unwrap().parse().unwrap()
 }
 
@@ -53,7 +62,10 @@ fn simulate_then_info_and_crosscheck() {
         // Table 4.1: 200 MHz at 10 GHz, 5 km, 0.125 m a pulse: lambda R / (2 d) = 599.6 m.
         let near = |key: &str, expected: f64, relative: f64| {
             let value = info[key].as_f64().unwrap_or(f64::NAN);
-            assert!((value / expected - 1.0).abs() < relative, "{name}: {key} is {value}");
+            assert!(
+                (value / expected - 1.0).abs() < relative,
+                "{name}: {key} is {value}"
+            );
         };
         near("slant_range_m", 5000.0, 1e-3);
         near("aperture_length_m", 1039.0 * 0.125, 0.01);
@@ -65,7 +77,11 @@ fn simulate_then_info_and_crosscheck() {
         let worst_db = number_after(crosscheck.succeeded(), "worst relative error ");
         assert!(worst_db < -100.0, "{name}: {worst_db}");
     }
-    assert!(run(folder.path(), "info plain.cphd").succeeded().contains("1040 pulses of 256"));
+    assert!(
+        run(folder.path(), "info plain.cphd")
+            .succeeded()
+            .contains("1040 pulses of 256")
+    );
 }
 
 #[test]
@@ -74,13 +90,13 @@ fn focus_writes_image_record_and_picture() {
     run(folder.path(), "simulate --preset table-4-1 -o scene.cphd").succeeded();
     let grid = "--grid x=-6:6:0.25,y=-5:5:0.25,z=0 --window none --slow-window none";
     for algorithm in ["exact", "bp", "rdbp"] {
-        let line = format!("focus scene.cphd --out {algorithm} -a {algorithm} {grid} --check 100");
+        let line = format!("focus scene.cphd --out {algorithm} -a {algorithm} {grid} --check 5000");
         let ran = run(folder.path(), &line);
         let error_db = number_after(ran.succeeded(), "pixels: ");
         // exact differs from itself by float32 rounding of the image, 2^-25 RMS at most: -150 dB.
         let bound_db = match algorithm {
             "exact" => -140.0,
-            "bp" => -50.0,
+            // What both plan for; on all pixels, since few of this sparse scene's carry its power.
             _ => -60.0,
         };
         assert!(error_db < bound_db, "{algorithm}: {error_db}");
@@ -94,9 +110,13 @@ fn focus_writes_image_record_and_picture() {
         assert_eq!(record["grid"]["rows"]["count"], 40);
         assert_eq!(record["frame"]["kind"], "earth");
         assert_eq!(record["inputs"][0]["crc32"].as_str().unwrap().len(), 8);
-        assert_eq!(record["check"]["num_pixels"], 100);
+        assert_eq!(record["check"]["num_pixels"], 48 * 40);
         // A unit scatterer lies at the origin, which is a pixel.
-        assert!(fs::read(out.join("image.png")).unwrap().starts_with(b"\x89PNG"));
+        assert!(
+            fs::read(out.join("image.png"))
+                .unwrap()
+                .starts_with(b"\x89PNG")
+        );
     }
     let ran = run(folder.path(), "compare rdbp/image.npy exact/image.npy");
     assert!(number_after(ran.succeeded(), "relative RMS error ") < -60.0);
@@ -119,7 +139,12 @@ fn threads_do_not_change_the_image() {
             assert_eq!(run(folder.path(), &line).succeeded(), "", "-q is quiet");
         }
         let image = |threads| {
-            fs::read(folder.path().join(format!("{algorithm}{threads}/image.npy"))).unwrap()
+            fs::read(
+                folder
+                    .path()
+                    .join(format!("{algorithm}{threads}/image.npy")),
+            )
+            .unwrap()
         };
         assert!(image(1) == image(3), "{algorithm}");
     }
@@ -142,16 +167,27 @@ fn a_moving_target_has_no_default_grid() {
 fn demo_keeps_its_bounds() {
     let folder = tempfile::tempdir().unwrap();
     // A quarter of the scene, coarser: the whole takes seconds, this a fraction.
-    let ran = run(folder.path(), "demo --out demo --grid x=-20:20:0.5,y=-20:20:0.5");
+    let ran = run(
+        folder.path(),
+        "demo --out demo --grid x=-20:20:0.5,y=-20:20:0.5",
+    );
     assert!(ran.succeeded().contains("rdbp precise, 26 x 40"));
     let demo = folder.path().join("demo");
-    for name in ["overview.png", "errors.md", "errors.json", "difference-thesis-130.png"] {
+    for name in [
+        "overview.png",
+        "errors.md",
+        "errors.json",
+        "difference-thesis-130.png",
+    ] {
         assert!(demo.join(name).is_file(), "{name}");
     }
     let errors = json(&demo.join("errors.json"));
     let error_db = |folder: &str| {
         let formers = errors["formers"].as_array().unwrap();
-        let former = formers.iter().find(|former| former["folder"] == folder).unwrap();
+        let former = formers
+            .iter()
+            .find(|former| former["folder"] == folder)
+            .unwrap();
         former["comparison"]["error_db"].as_f64().unwrap()
     };
     assert!(error_db("precise-40") <= -60.0);
@@ -159,7 +195,14 @@ fn demo_keeps_its_bounds() {
     assert!(error_db("bp") <= -50.0);
     // The thesis's mode shows its grating lobes: nearly as strong as the image at 130 pulses.
     assert!(error_db("thesis-130") > -10.0 && error_db("thesis-40") < -10.0);
-    for name in ["exact", "bp", "thesis-40", "precise-40", "thesis-130", "precise-130"] {
+    for name in [
+        "exact",
+        "bp",
+        "thesis-40",
+        "precise-40",
+        "thesis-130",
+        "precise-130",
+    ] {
         assert!(demo.join(name).join("image.npy").is_file(), "{name}");
     }
 }
@@ -179,7 +222,12 @@ fn gotcha_is_focused_to_minus_60_db() {
         assert!(error_db <= bound_db, "{algorithm}: {error_db}");
         let record = json(&folder.path().join(algorithm).join("image.json"));
         let at = |i: usize| record["brightest"]["position_m"][i].as_f64().unwrap();
-        assert!((at(0) + 15.6).hypot(at(1) - 21.6) <= 0.2, "{} {}", at(0), at(1));
+        assert!(
+            (at(0) + 15.6).hypot(at(1) - 21.6) <= 0.2,
+            "{} {}",
+            at(0),
+            at(1)
+        );
         assert_eq!(record["inputs"].as_array().unwrap().len(), 2);
     }
 }

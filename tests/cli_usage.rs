@@ -8,12 +8,31 @@ use subaperture_tests::subap::{command, listing, run};
 fn alone_it_shows_help() {
     let folder = tempfile::tempdir().unwrap();
     let ran = run(folder.path(), "");
-    for command in ["focus", "simulate", "crosscheck", "info", "compare", "demo", "completions"] {
-        assert!(ran.succeeded().contains(command), "{command} is not in the help");
+    for command in [
+        "focus",
+        "simulate",
+        "crosscheck",
+        "info",
+        "compare",
+        "demo",
+        "completions",
+    ] {
+        assert!(
+            ran.succeeded().contains(command),
+            "{command} is not in the help"
+        );
     }
     assert_eq!(run(folder.path(), "--help").code, Some(0));
-    assert!(run(folder.path(), "--version").succeeded().starts_with("subap "));
-    assert!(run(folder.path(), "focus --help").succeeded().contains("--error-db"));
+    assert!(
+        run(folder.path(), "--version")
+            .succeeded()
+            .starts_with("subap ")
+    );
+    assert!(
+        run(folder.path(), "focus --help")
+            .succeeded()
+            .contains("--error-db")
+    );
     assert!(listing(folder.path()).is_empty());
 }
 
@@ -24,19 +43,52 @@ fn wrong_usage_exits_with_2_and_names_the_option() {
         ("fokus", vec!["fokus", "focus"]),
         ("focus", vec!["INPUT", "--out"]),
         ("focus a.mat", vec!["--out"]),
-        ("focus a.mat --out d --grid x=0:1", vec!["--grid", "x=START:STOP:STEP"]),
-        ("focus a.mat --out d --grid x=1:0:1,y=0:1:1", vec!["--grid", "start < stop"]),
-        ("focus a.mat --out d --grid x=0:1:-1,y=0:1:1", vec!["--grid", "positive step"]),
-        ("focus a.mat --out d --grid x=0:1e15:1,y=0:1:1", vec!["--grid", "at most 1e9"]),
-        ("focus a.mat --out d --window blackman", vec!["--window", "kaiser:BETA"]),
-        ("focus a.mat --out d --error-db 60", vec!["--error-db", "-60"]),
-        ("focus a.mat --out d --algorithm bp --patch 3", vec!["--patch", "bp"]),
-        ("focus a.mat --out d --algorithm exact --error-db -60", vec!["--error-db", "exact"]),
-        ("focus a.mat --out d --memory lots", vec!["--memory", "512M"]),
+        (
+            "focus a.mat --out d --grid x=0:1:0.1",
+            vec!["--grid", "give x and y"],
+        ),
+        (
+            "focus a.mat --out d --grid x=1:0:1,y=0:1:1",
+            vec!["--grid", "start < stop"],
+        ),
+        (
+            "focus a.mat --out d --grid x=0:1:-1,y=0:1:1",
+            vec!["--grid", "positive step"],
+        ),
+        (
+            "focus a.mat --out d --grid x=0:1e15:1,y=0:1:1",
+            vec!["--grid", "at most 1e9"],
+        ),
+        (
+            "focus a.mat --out d --window blackman",
+            vec!["--window", "kaiser:BETA"],
+        ),
+        (
+            "focus a.mat --out d --error-db 60",
+            vec!["--error-db", "-60"],
+        ),
+        (
+            "focus a.mat --out d --algorithm bp --patch 3",
+            vec!["--patch", "bp"],
+        ),
+        (
+            "focus a.mat --out d --algorithm exact --error-db -60",
+            vec!["--error-db", "exact"],
+        ),
+        (
+            "focus a.mat --out d --memory lots",
+            vec!["--memory", "512M"],
+        ),
         ("focus a.mat --out d -q -v", vec!["--quiet", "--verbose"]),
         ("info", vec!["INPUT"]),
-        ("simulate --preset table-9 -o f", vec!["--preset", "table-4-1"]),
-        ("simulate --preset table-4-1 -o f --sgn 0", vec!["--sgn", "-1"]),
+        (
+            "simulate --preset table-9 -o f",
+            vec!["--preset", "table-4-1"],
+        ),
+        (
+            "simulate --preset table-4-1 -o f --sgn 0",
+            vec!["--sgn", "-1"],
+        ),
     ] {
         run(folder.path(), line).failed(2, &parts);
     }

@@ -19,7 +19,14 @@ pub fn program() -> &'static Path {
     PROGRAM.get_or_init(|| {
         let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
         cargo
-            .args(["build", "--quiet", "--package", "subaperture", "--bin", "subap"])
+            .args([
+                "build",
+                "--quiet",
+                "--package",
+                "subaperture",
+                "--bin",
+                "subap",
+            ])
             .args(["--message-format", "json-render-diagnostics"])
             .current_dir(root())
             .stderr(Stdio::inherit());
@@ -74,9 +81,20 @@ impl Ran {
     pub fn failed(&self, code: i32, parts: &[&str]) {
         assert_eq!(self.code, Some(code), "{self:?}");
         for part in parts {
-            assert!(self.stderr.contains(part), "no '{part}' in: {}", self.stderr);
+            assert!(
+                self.stderr.contains(part),
+                "no '{part}' in: {}",
+                self.stderr
+            );
         }
-        for sign in ["panicked", "backtrace", "RUST_BACKTRACE", "Error {", "Malformed", "Os {"] {
+        for sign in [
+            "panicked",
+            "backtrace",
+            "RUST_BACKTRACE",
+            "Error {",
+            "Malformed",
+            "Os {",
+        ] {
             assert!(!self.stderr.contains(sign), "'{sign}' in: {}", self.stderr);
         }
     }
@@ -86,7 +104,11 @@ impl Ran {
 pub fn command<A: AsRef<OsStr>>(folder: &Path, arguments: impl IntoIterator<Item = A>) -> Command {
     let mut command = Command::new(program());
     // A backtrace in our output would be a fault even where the developer asks for them.
-    command.args(arguments).current_dir(folder).env("RUST_BACKTRACE", "1").stdin(Stdio::null());
+    command
+        .args(arguments)
+        .current_dir(folder)
+        .env("RUST_BACKTRACE", "1")
+        .stdin(Stdio::null());
     command
 }
 

@@ -43,7 +43,13 @@ pub(crate) struct Global {
     pub(crate) verbose: u8,
 
     /// Say nothing but results and errors
-    #[arg(short, long, global = true, conflicts_with = "verbose", help_heading = "Global options")]
+    #[arg(
+        short,
+        long,
+        global = true,
+        conflicts_with = "verbose",
+        help_heading = "Global options"
+    )]
     pub(crate) quiet: bool,
 }
 
@@ -263,15 +269,23 @@ fn positive(text: &str) -> Result<usize, String> {
 
 fn finite(text: &str) -> Result<f64, String> {
     let value: Option<f64> = text.parse().ok();
-    value.filter(|v| v.is_finite()).ok_or_else(|| "give a number".to_owned())
+    value
+        .filter(|v| v.is_finite())
+        .ok_or_else(|| "give a number".to_owned())
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {
-    finite(text).ok().filter(|&v| v >= 0.0).ok_or_else(|| "give a number from 0".to_owned())
+    finite(text)
+        .ok()
+        .filter(|&v| v >= 0.0)
+        .ok_or_else(|| "give a number from 0".to_owned())
 }
 
 fn length(text: &str) -> Result<f64, String> {
-    finite(text).ok().filter(|&v| v > 0.0).ok_or_else(|| "give a number above 0".to_owned())
+    finite(text)
+        .ok()
+        .filter(|&v| v > 0.0)
+        .ok_or_else(|| "give a number above 0".to_owned())
 }
 
 fn error_bound(text: &str) -> Result<f64, String> {
@@ -292,10 +306,16 @@ fn sign(text: &str) -> Result<i8, String> {
 /// `4096`, `512M`, `2G`, `1.5GiB`: powers of 1024, at least a mebibyte.
 fn size(text: &str) -> Result<u64, String> {
     let wrong = || "give a size such as 512M or 2G, at least 1M".to_owned();
-    let split = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+    let split = text
+        .find(|c: char| c.is_ascii_alphabetic())
+        .unwrap_or(text.len());
     let (number, unit) = text.split_at(split);
     let number = length(number.trim()).map_err(|_| wrong())?;
-    let exponent = match unit.to_ascii_uppercase().trim_end_matches("IB").trim_end_matches('B') {
+    let exponent = match unit
+        .to_ascii_uppercase()
+        .trim_end_matches("IB")
+        .trim_end_matches('B')
+    {
         "" => 0,
         "K" => 1,
         "M" => 2,

@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use anyhow::Context;
 use serde_json::{Value, json};
+use subaperture::focus::ImageFormer;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::rdbp::{self, RangeDoppler};
-use subaperture::focus::ImageFormer;
 use subaperture::geometry::ImageGrid;
 
 use crate::args::{self, Algorithm, Global};
@@ -36,7 +36,8 @@ impl Session {
         if let Some(threads) = global.threads {
             pool = pool.num_threads(threads);
         }
-        pool.build_global().context("--threads: cannot start so many threads")?;
+        pool.build_global()
+            .context("--threads: cannot start so many threads")?;
         interrupt::listen();
         let session = Self {
             threads: rayon::current_num_threads(),
@@ -87,11 +88,15 @@ impl Session {
 
 /// Half of the machine's memory or of the container's, whichever is less; 2 GiB where neither tells.
 fn half_of_physical_memory() -> u64 {
-    let physical = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
-        let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
-        let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-        Some(kibibytes * 1024)
-    });
+    let physical = std::fs::read_to_string("/proc/meminfo")
+        .ok()
+        .and_then(|text| {
+            let line = text
+                .lines()
+                .find_map(|line| line.strip_prefix("MemTotal:"))?;
+            let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+            Some(kibibytes * 1024)
+        });
     let container = std::fs::read_to_string("/sys/fs/cgroup/memory.max")
         .ok()
         .and_then(|text| text.trim().parse().ok());
@@ -118,7 +123,11 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
         Ok(())
     };
     let is_rdbp = algorithm == Algorithm::Rdbp;
-    refuse("--error-db", typed.error_db.is_some(), algorithm != Algorithm::Exact)?;
+    refuse(
+        "--error-db",
+        typed.error_db.is_some(),
+        algorithm != Algorithm::Exact,
+    )?;
     refuse("--mode", typed.mode.is_some(), is_rdbp)?;
     refuse("--sub-cpi", typed.sub_cpi.is_some(), is_rdbp)?;
     refuse("--patch", typed.patch.is_some(), is_rdbp)?;

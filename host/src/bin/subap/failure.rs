@@ -45,7 +45,8 @@ fn one_line(error: &anyhow::Error) -> String {
 }
 
 fn is_interruption(cause: &(dyn std::error::Error + 'static)) -> bool {
-    cause.is::<Interrupted>() || matches!(cause.downcast_ref(), Some(FormError::Cancelled))
+    cause.is::<Interrupted>()
+        || matches!(cause.downcast_ref(), Some(FormError::Cancelled))
         || matches!(cause.downcast_ref(), Some(cphd::WriteError::Cancelled))
 }
 

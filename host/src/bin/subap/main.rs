@@ -27,8 +27,8 @@ fn main() -> ExitCode {
         let _ = text::say(args::help());
         return ExitCode::SUCCESS;
     };
-    let done = config::Session::new(&typed.global)
-        .and_then(|session| commands::run(&session, command));
+    let done =
+        config::Session::new(&typed.global).and_then(|session| commands::run(&session, command));
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => failure::report(&error),

@@ -17,7 +17,11 @@ impl Progress {
     /// A bar called `what`; none to see if `quiet`.
     pub(crate) fn new(what: &str, quiet: bool) -> Self {
         // indicatif draws nothing if standard error is not a terminal.
-        let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let target = if quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr()
+        };
         let style = ProgressStyle::with_template("{msg:>16} {wide_bar} {percent:>3} %  {eta} left")
             .expect("the template is well-formed");
         let bar = ProgressBar::with_draw_target(Some(FULL), target)

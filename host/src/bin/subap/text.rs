@@ -18,7 +18,11 @@ pub(crate) fn bytes(count: u128) -> String {
     let mut value = count as f64;
     for unit in ["bytes", "KiB", "MiB", "GiB"] {
         if value < 1024.0 {
-            return if unit == "bytes" { format!("{value} {unit}") } else { format!("{value:.1} {unit}") };
+            return if unit == "bytes" {
+                format!("{value} {unit}")
+            } else {
+                format!("{value:.1} {unit}")
+            };
         }
         value /= 1024.0;
     }
@@ -67,13 +71,24 @@ pub(crate) fn hertz(value: f64) -> String {
 pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     let width = |column: usize| {
         let cells = rows.iter().map(|row| row[column].chars().count());
-        cells.chain([header[column].chars().count()]).max().unwrap_or(0)
+        cells
+            .chain([header[column].chars().count()])
+            .max()
+            .unwrap_or(0)
     };
     let widths: Vec<usize> = (0..header.len()).map(width).collect();
     let line = |cells: &[String]| {
-        let padded = cells.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
-            if column == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
-        });
+        let padded = cells
+            .iter()
+            .zip(&widths)
+            .enumerate()
+            .map(|(column, (cell, &width))| {
+                if column == 0 {
+                    format!("{cell:<width$}")
+                } else {
+                    format!("{cell:>width$}")
+                }
+            });
         padded.collect::<Vec<_>>().join("  ").trim_end().to_owned()
     };
     let titles: Vec<String> = header.iter().map(|title| (*title).to_owned()).collect();
@@ -100,7 +115,13 @@ mod tests {
 
     #[test]
     fn tables_are_aligned() {
-        let rows = vec![vec!["bp".to_owned(), "-46.5".to_owned()], vec!["exact".to_owned(), "0".to_owned()]];
-        assert_eq!(table(&["former", "dB"], &rows), "former     dB\nbp      -46.5\nexact       0");
+        let rows = vec![
+            vec!["bp".to_owned(), "-46.5".to_owned()],
+            vec!["exact".to_owned(), "0".to_owned()],
+        ];
+        assert_eq!(
+            table(&["former", "dB"], &rows),
+            "former     dB\nbp      -46.5\nexact       0"
+        );
     }
 }

@@ -21,7 +21,10 @@ pub(crate) fn run(session: &Session, typed: &Crosscheck) -> anyhow::Result<()> {
     }
     if report.pulses_left_out > 0 {
         session.note(1, || {
-            format!("{} pulses at the end fill no sub-CPI", report.pulses_left_out)
+            format!(
+                "{} pulses at the end fill no sub-CPI",
+                report.pulses_left_out
+            )
         });
     }
     let (worst, worst_db) = report.worst();

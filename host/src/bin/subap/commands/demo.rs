@@ -32,9 +32,15 @@ const GRID: &str = "x=-45:45:0.3,y=-45:45:0.3,z=0";
 const ERROR_DB: f64 = -60.0;
 
 /// Levels of all images alike, dB: a unit scatterer at the top.
-const IMAGE_SCALE: Scale = Scale::Fixed { top_db: 0.0, span_db: 60.0 };
+const IMAGE_SCALE: Scale = Scale::Fixed {
+    top_db: 0.0,
+    span_db: 60.0,
+};
 /// Levels of all differences alike, dB.
-const DIFFERENCE_SCALE: Scale = Scale::Fixed { top_db: -20.0, span_db: 80.0 };
+const DIFFERENCE_SCALE: Scale = Scale::Fixed {
+    top_db: -20.0,
+    span_db: 80.0,
+};
 
 /// A way to form the image, and how good it has to be.
 struct Way {
@@ -58,16 +64,50 @@ struct Outcome {
 fn ways() -> Vec<Way> {
     let range_doppler = |mode, pulses| {
         let sub_cpi = Some(pulses);
-        Box::new(RangeDoppler { mode, error_db: ERROR_DB, sub_cpi, patch_m: None })
-            as Box<dyn ImageFormer>
+        Box::new(RangeDoppler {
+            mode,
+            error_db: ERROR_DB,
+            sub_cpi,
+            patch_m: None,
+        }) as Box<dyn ImageFormer>
     };
-    let way = |folder, title, former, bound_db| Way { folder, title, former, bound_db };
+    let way = |folder, title, former, bound_db| Way {
+        folder,
+        title,
+        former,
+        bound_db,
+    };
     vec![
-        way("bp", "bp", Box::new(Backprojection { error_db: ERROR_DB }), Some(ERROR_DB)),
-        way("thesis-40", "rdbp thesis, 26 x 40", range_doppler(Mode::Thesis, 40), None),
-        way("precise-40", "rdbp precise, 26 x 40", range_doppler(Mode::Precise, 40), Some(-60.0)),
-        way("thesis-130", "rdbp thesis, 8 x 130", range_doppler(Mode::Thesis, 130), None),
-        way("precise-130", "rdbp precise, 8 x 130", range_doppler(Mode::Precise, 130), Some(-45.0)),
+        way(
+            "bp",
+            "bp",
+            Box::new(Backprojection { error_db: ERROR_DB }),
+            Some(ERROR_DB),
+        ),
+        way(
+            "thesis-40",
+            "rdbp thesis, 26 x 40",
+            range_doppler(Mode::Thesis, 40),
+            None,
+        ),
+        way(
+            "precise-40",
+            "rdbp precise, 26 x 40",
+            range_doppler(Mode::Precise, 40),
+            Some(-60.0),
+        ),
+        way(
+            "thesis-130",
+            "rdbp thesis, 8 x 130",
+            range_doppler(Mode::Thesis, 130),
+            None,
+        ),
+        way(
+            "precise-130",
+            "rdbp precise, 8 x 130",
+            range_doppler(Mode::Precise, 130),
+            Some(-45.0),
+        ),
     ]
 }
 
@@ -98,7 +138,12 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         anyhow::Ok((formed, begun.elapsed()))
     };
 
-    let oracle = Way { folder: "exact", title: "exact", former: Box::new(Exact), bound_db: None };
+    let oracle = Way {
+        folder: "exact",
+        title: "exact",
+        former: Box::new(Exact),
+        bound_db: None,
+    };
     let (exact, exact_taken) = form(&oracle)?;
     let mut outcomes = Vec::new();
     for way in ways() {
@@ -106,11 +151,20 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         let comparison = Comparison::between(&formed.image, &exact.image)?;
         let difference = subtract(&formed.image, &exact.image);
         let (image, settings) = (formed.image, formed.settings);
-        outcomes.push(Outcome { way, image, difference, comparison, settings, taken });
+        outcomes.push(Outcome {
+            way,
+            image,
+            difference,
+            comparison,
+            settings,
+            taken,
+        });
     }
     interrupt::check()?;
 
-    let Some(survey) = Survey::of(collection) else { bail!("the preset has no pulses") };
+    let Some(survey) = Survey::of(collection) else {
+        bail!("the preset has no pulses")
+    };
     let report = report::Report {
         outcomes: &outcomes,
         exact_taken,
@@ -144,7 +198,10 @@ impl Outcome {
 
 fn subtract(image: &Image, reference: &Image) -> Image {
     let pairs = image.pixels.iter().zip(&reference.pixels);
-    Image { pixels: pairs.map(|(a, b)| a - b).collect(), ..*image }
+    Image {
+        pixels: pairs.map(|(a, b)| a - b).collect(),
+        ..*image
+    }
 }
 
 /// Writes every product, complete one by one, the table last.
@@ -163,8 +220,12 @@ fn write(
     let save = |folder: &str, image: &Image, metadata, panel: &Panel| {
         interrupt::check()?;
         let quicklook = plot::quicklook(panel)?;
-        Product { image, metadata: &metadata, quicklook: &quicklook }
-            .write(&typed.out.join(folder))?;
+        Product {
+            image,
+            metadata: &metadata,
+            quicklook: &quicklook,
+        }
+        .write(&typed.out.join(folder))?;
         anyhow::Ok(())
     };
     let metadata = |title: &str, settings: serde_json::Value, taken: Duration| {
@@ -181,7 +242,12 @@ fn write(
         })
     };
     let panel = image_panel(exact, "exact");
-    save("exact", exact, metadata("exact", json!({}), report.exact_taken), &panel)?;
+    save(
+        "exact",
+        exact,
+        metadata("exact", json!({}), report.exact_taken),
+        &panel,
+    )?;
     let mut panels = vec![panel];
     // Below every image its difference; below the reference itself, for the scale.
     let mut differences = vec![Panel {
@@ -190,7 +256,14 @@ fn write(
         ..Panel::new(exact, grid, "exact, on this scale")
     }];
     for outcome in report.outcomes {
-        let Outcome { way, image, difference, comparison, settings, taken } = outcome;
+        let Outcome {
+            way,
+            image,
+            difference,
+            comparison,
+            settings,
+            taken,
+        } = outcome;
         let panel = image_panel(image, way.title);
         let mut record = metadata(way.title, json!(settings), *taken);
         record["comparison"] = json!(comparison);
@@ -211,8 +284,14 @@ fn write(
     panels.extend(differences);
     interrupt::check()?;
     let columns = panels.len() / 2;
-    write_bytes(&typed.out.join("overview.png"), &plot::panels(&panels, columns)?)?;
-    write_bytes(&typed.out.join("errors.md"), report.to_markdown().as_bytes())?;
+    write_bytes(
+        &typed.out.join("overview.png"),
+        &plot::panels(&panels, columns)?,
+    )?;
+    write_bytes(
+        &typed.out.join("errors.md"),
+        report.to_markdown().as_bytes(),
+    )?;
     let mut table = report.to_json();
     table["run"] = record_of_run(session, start.elapsed());
     let table = serde_json::to_vec_pretty(&table)?;

@@ -43,7 +43,11 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     session.note(1, || {
         let (columns, rows) = (grid.columns.count, grid.rows.count);
-        format!("{} pulses onto {columns} x {rows} pixels by {}", survey.num_pulses, former.name())
+        format!(
+            "{} pulses onto {columns} x {rows} pixels by {}",
+            survey.num_pulses,
+            former.name()
+        )
     });
 
     let weights = Weights::new(history.collection(), typed.window, typed.slow_window);
@@ -66,7 +70,10 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         None => None,
         Some(count) => {
             let progress = session.progress("checking");
-            let task = Task { monitor: &progress, ..task };
+            let task = Task {
+                monitor: &progress,
+                ..task
+            };
             Some(check::against_exact(&task, &formed.image, count)?)
         }
     };
@@ -90,8 +97,12 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let title = format!("{}, {}", survey.name, former.name());
     let quicklook = plot::quicklook(&Panel::new(&formed.image, &grid, title))?;
     let metadata = record.to_json();
-    Product { image: &formed.image, metadata: &metadata, quicklook: &quicklook }
-        .write(&typed.out)?;
+    Product {
+        image: &formed.image,
+        metadata: &metadata,
+        quicklook: &quicklook,
+    }
+    .write(&typed.out)?;
 
     if session.quiet() {
         return Ok(());
@@ -144,7 +155,9 @@ struct Peak {
 
 fn brightest(image: &Image, grid: &ImageGrid) -> Peak {
     let powers = image.pixels.iter().map(|z| z.norm_sqr()).enumerate();
-    let (index, power) = powers.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0));
+    let (index, power) = powers
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .unwrap_or((0, 0.0));
     let (row, column) = (index / image.columns, index % image.columns);
     Peak {
         position_m: grid.position_m(row, column).to_array(),

@@ -55,7 +55,11 @@ struct Planned {
 impl Planned {
     fn of(history: &dyn PhaseHistory, survey: &Survey) -> Option<Self> {
         let grid = survey.default_grid().ok()?;
-        let request = Request { error_db: BOUND_DB, sub_cpi: None, patch_m: None };
+        let request = Request {
+            error_db: BOUND_DB,
+            sub_cpi: None,
+            patch_m: None,
+        };
         let plan = Plan::new(history.collection(), &grid, &request).ok()?;
         Some(Self {
             pulses: plan.sub_cpi_length,
@@ -78,7 +82,11 @@ impl Advice {
             let pulses = (survey.unambiguous_cross_range_m? / width_m).floor() as usize;
             Some(pulses.clamp(1, survey.num_pulses))
         });
-        Self { precise: Planned::of(history, survey), thesis_pulses, grating_lobe_m: survey.grating_lobe_m(1) }
+        Self {
+            precise: Planned::of(history, survey),
+            thesis_pulses,
+            grating_lobe_m: survey.grating_lobe_m(1),
+        }
     }
 
     fn to_json(&self) -> Value {
@@ -189,7 +197,11 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
                     x.count,
                     y.count,
                     bytes(image_bytes),
-                    if fits { "" } else { ", more than --memory allows" }
+                    if fits {
+                        ""
+                    } else {
+                        ", more than --memory allows"
+                    }
                 )
             }
             Err(why) => why.to_string(),
@@ -213,7 +225,11 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
 }
 
 fn band(survey: &Survey) -> String {
-    let shared = if survey.band_is_shared { "" } else { "; it differs from pulse to pulse" };
+    let shared = if survey.band_is_shared {
+        ""
+    } else {
+        "; it differs from pulse to pulse"
+    };
     format!(
         "{} to {}, {} in steps of {}{shared}",
         hertz(survey.lowest_hz),

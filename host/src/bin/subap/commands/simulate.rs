@@ -11,7 +11,10 @@ use crate::text;
 /// Writes the file, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
     let simulated = typed.preset.simulate(&Variation {
-        noise: typed.noise_db.map(|power_db| Noise { power_db, seed: typed.seed }),
+        noise: typed.noise_db.map(|power_db| Noise {
+            power_db,
+            seed: typed.seed,
+        }),
         perturbation_m: typed.perturb,
         seed: typed.seed,
     });

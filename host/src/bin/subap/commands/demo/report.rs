@@ -7,8 +7,15 @@ use serde_json::{Value, json};
 use super::Outcome;
 use crate::text;
 
-const HEADER: [&str; 7] =
-    ["former", "error dB", "bound dB", "scaled dB", "phase deg", "correlation", "seconds"];
+const HEADER: [&str; 7] = [
+    "former",
+    "error dB",
+    "bound dB",
+    "scaled dB",
+    "phase deg",
+    "correlation",
+    "seconds",
+];
 
 /// Everything in the table.
 pub(super) struct Report<'a> {
@@ -35,7 +42,11 @@ impl Report<'_> {
         ]];
         rows.extend(self.outcomes.iter().map(|outcome| {
             let comparison = &outcome.comparison;
-            let miss = if outcome.misses_bound() { " MISSED" } else { "" };
+            let miss = if outcome.misses_bound() {
+                " MISSED"
+            } else {
+                ""
+            };
             vec![
                 outcome.way.title.to_owned(),
                 number(comparison.error_db, 1),

@@ -1,4 +1,7 @@
 //! An image's error, measured on some of its pixels against the exact sum.
+//!
+//! The measure is relative to the power of those same pixels. A sparse scene keeps its power in few
+//! pixels, so that a small sample of it says little: take thousands.
 
 use std::collections::BTreeSet;
 
@@ -31,12 +34,18 @@ pub(super) fn against_exact(task: &Task, image: &Image, count: usize) -> Result<
         .iter()
         .map(|i| task.grid.position_m(i / image.columns, i % image.columns))
         .collect();
-    let exact =
-        Exact::at_points(task.history, task.weights, &points, task.memory_bytes, task.monitor)?;
+    let exact = Exact::at_points(
+        task.history,
+        task.weights,
+        &points,
+        task.memory_bytes,
+        task.monitor,
+    )?;
     let (mut error, mut power) = (0.0, 0.0);
     for (&i, value) in chosen.iter().zip(&exact) {
         let pixel = image.pixels[i];
-        error += (f64::from(pixel.re) - value.re).powi(2) + (f64::from(pixel.im) - value.im).powi(2);
+        error +=
+            (f64::from(pixel.re) - value.re).powi(2) + (f64::from(pixel.im) - value.im).powi(2);
         power += value.norm_sqr();
     }
     Ok(Check {

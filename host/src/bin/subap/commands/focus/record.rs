@@ -33,8 +33,9 @@ pub(super) struct Record<'a> {
 impl Record<'_> {
     /// The record as JSON.
     pub(super) fn to_json(&self) -> Value {
-        let words: Vec<String> =
-            std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+        let words: Vec<String> = std::env::args_os()
+            .map(|word| word.to_string_lossy().into_owned())
+            .collect();
         json!({
             "schema": "subaperture-image",
             "schema_version": SCHEMA_VERSION,
@@ -97,7 +98,11 @@ fn grid(grid: &ImageGrid) -> Value {
 fn frame(frame: &SceneFrame) -> Value {
     match frame {
         SceneFrame::Local => json!({ "kind": "local" }),
-        SceneFrame::Earth { origin_ecf_m, x_axis_ecf, y_axis_ecf } => json!({
+        SceneFrame::Earth {
+            origin_ecf_m,
+            x_axis_ecf,
+            y_axis_ecf,
+        } => json!({
             "kind": "earth",
             "origin_ecf_m": origin_ecf_m.to_array(),
             "x_axis_ecf": x_axis_ecf.to_array(),
