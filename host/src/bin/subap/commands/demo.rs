@@ -186,13 +186,13 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
 }
 
 impl Outcome {
+    /// Whether there is a bound and the error is not known to be within it.
     fn misses_bound(&self) -> bool {
-        match (self.way.bound_db, self.comparison.error_db) {
-            // Written so that NaN misses.
-            (Some(bound_db), Some(error_db)) => !(error_db <= bound_db),
-            (Some(_), None) => true,
-            (None, _) => false,
-        }
+        let error_db = self.comparison.error_db.unwrap_or(f64::NAN);
+        self.way.bound_db.is_some_and(|bound_db| {
+            let within = error_db <= bound_db;
+            !within
+        })
     }
 }
 
