@@ -438,6 +438,11 @@ fn what_is_wrong_is_named() {
         "<Offset>20",
         "FX2/Offset: word 20 lies outside",
     );
+    changed(
+        "<NumSamples>4",
+        "<NumSamples><!---->4",
+        "NumSamples: holds more",
+    );
     changed(">160<", ">161<", "NumBytesPVP: 161");
     changed(">160<", ">18446744073709551608<", "NumBytesPVP: 1844");
     changed(

@@ -164,11 +164,13 @@ pub enum WriteError {
 /// - `TOA1` to `TOA2` are 0.8 of the unambiguous delay; an absent extent becomes the square that this
 ///   swath covers.
 /// - `RefVectorIndex` is the vector nearest the middle at which the reference geometry is well
-///   defined. A platform at rest, or moving along the line of sight in all pulses, has no slant
-///   plane: twist, slope and layover are written as 0, and sarkit's `cphdcheck`, which finds them
-///   to be NaN, reports it.
+///   conditioned. A platform at rest, or a single pulse, has no slant plane: twist, slope and layover
+///   are written as 0 and the Doppler cone angle as 90; sarkit's `cphdcheck`, which finds them to be
+///   NaN, reports that (and nothing else). A platform that moves along the line of sight in all
+///   pulses has a slant plane by rounding only; the angles written are as arbitrary.
+/// - `ImageGrid` is a proposal at range resolution.
 ///
-/// Memory: 336 bytes a pulse of all channels, and about 16 MiB or a few pulses, whichever is more.
+/// Memory: 192 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
 ///
 /// # Errors
 /// [`WriteError`]; among the unsuited are a local scene frame, times that do not rise, and pulses
