@@ -17,6 +17,7 @@
 //!   complex float32.
 //! - Names carry units: `_m`, `_s`, `_hz`, `_rad`, `_db`.
 
+pub mod crosscheck;
 pub mod focus;
 pub mod geometry;
 pub mod image;

@@ -11,7 +11,11 @@
 //! so that a unit scatterer on a pixel reads 1 whatever the window, and the formers differ only in
 //! speed and error. [`exact`] is the sum itself and the oracle of all others.
 
+pub mod bp;
+pub mod budget;
+pub mod exact;
 pub mod monitor;
+pub mod rdbp;
 pub mod weights;
 
 use crate::geometry::ImageGrid;

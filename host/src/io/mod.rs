@@ -2,5 +2,7 @@
 
 pub mod cphd;
 pub mod gotcha;
+mod matlab;
 pub mod npy;
+pub mod open;
 pub mod product;

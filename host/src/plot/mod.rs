@@ -1,1 +1,104 @@
 //! Pictures where people would rather look than read.
+//!
+//! A picture of a complex image: its magnitude in decibels, `20 log10 |I|`, over axes in metres (range
+//! in metres and angle in degrees of a polar grid), y upwards, with a colour bar. Cartesian grids keep
+//! their proportions. Large images are reduced by averaging power, so that a lone bright pixel is dimmed
+//! but never dropped; small ones are enlarged without interpolation. Pixels that are NaN or infinite
+//! are red.
+//!
+//! Text is set in DejaVu Sans, which the program carries: no font need be installed.
+
+mod canvas;
+mod colours;
+mod layout;
+mod raster;
+mod scale;
+mod ticks;
+
+use crate::geometry::ImageGrid;
+use crate::image::Image;
+
+pub use colours::Colours;
+pub use scale::Scale;
+
+/// An image and how to show it.
+#[derive(Clone, Debug)]
+pub struct Panel<'a> {
+    /// The image.
+    pub image: &'a Image,
+    /// Its grid: rows and columns as the image's.
+    pub grid: &'a ImageGrid,
+    /// The line above it; cut short if it does not fit.
+    pub title: String,
+    /// Which levels are black and white.
+    pub scale: Scale,
+    /// The colours between.
+    pub colours: Colours,
+}
+
+impl<'a> Panel<'a> {
+    /// A grey picture with a scale of its own.
+    pub fn new(image: &'a Image, grid: &'a ImageGrid, title: impl Into<String>) -> Self {
+        Self {
+            image,
+            grid,
+            title: title.into(),
+            scale: Scale::FromData,
+            colours: Colours::Grey,
+        }
+    }
+}
+
+/// Why no picture was drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum PlotError {
+    /// The image is not on this grid, or there is none.
+    #[error("cannot draw {title:?}: {what}")]
+    Unsuited {
+        /// The panel's title.
+        title: String,
+        /// What is wrong.
+        what: String,
+    },
+    /// The picture could not be encoded.
+    #[error("cannot encode the picture: {0}")]
+    Encoding(#[from] png::EncodingError),
+}
+
+/// One picture, as the bytes of a PNG file: up to 1600 pixels a side, and its margins.
+///
+/// # Errors
+/// [`PlotError`].
+pub fn quicklook(panel: &Panel) -> Result<Vec<u8>, PlotError> {
+    panels(std::slice::from_ref(panel), 1)
+}
+
+/// Several pictures on one page, `columns` side by side, row by row, as the bytes of a PNG file. The
+/// more columns, the smaller each: up to 800 pixels a side for two, 560 for three or more.
+///
+/// # Errors
+/// [`PlotError`].
+pub fn panels(panels: &[Panel], columns: usize) -> Result<Vec<u8>, PlotError> {
+    for panel in panels {
+        let (rows, columns) = (panel.grid.rows.count, panel.grid.columns.count);
+        let image = panel.image;
+        let pixels = image.rows.checked_mul(image.columns);
+        if (image.rows, image.columns) != (rows, columns) || pixels != Some(image.pixels.len()) {
+            return Err(PlotError::Unsuited {
+                title: panel.title.clone(),
+                what: format!(
+                    "the image has {} rows x {} columns, the grid {rows} x {columns}",
+                    image.rows, image.columns
+                ),
+            });
+        }
+    }
+    let empty = panels.iter().find(|p| p.image.pixels.is_empty());
+    if panels.is_empty() || empty.is_some() {
+        return Err(PlotError::Unsuited {
+            title: empty.map_or_else(String::new, |p| p.title.clone()),
+            what: "there is nothing to draw".to_owned(),
+        });
+    }
+    layout::page(panels, columns.clamp(1, panels.len())).into_png()
+}

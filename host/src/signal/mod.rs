@@ -1,2 +1,10 @@
 //! Windows, transforms and kernels.
+
+pub mod fast_length;
+pub mod kaiser_bessel;
+pub mod phase;
+pub mod range_doppler;
+pub mod range_profile;
+pub mod scaled_dft;
+pub mod sinc_keystone;
 pub mod window;

@@ -1,0 +1,56 @@
+//! Range compression: frequencies to range bins, in place along one Doppler row of the map.
+//!
+//! **Equation** (Schone 2020, chapter 2): `out[r] = sum_k g[k] exp(+j 2 pi (k - F/2)(r - R/2) / R)`.
+//! Written as a *forward* transform of the row in which frequency `k` lies at column
+//! `-(k - F/2) mod R` ([`column()`]): the index runs backwards, so the sign of the exponent turns and
+//! no scale is left to undo. The shift of `R/2` is `(-1)^(k - F/2)`, [`sign`], which a plan folds
+//! into the fast-time weights.
+//!
+//! **Neglected**: nothing. **Input** `R` samples, frequencies at their columns times their signs,
+//! anything in between. **Output** `R` range bins of `c / (R step_hz)` two-way path, path 0 at
+//! `R/2`. **Cost** no memory, one FFT of `R`. **Accuracy** that of [`crate::fft`]
+//! (`tests/core_stages.rs`).
+//!
+//! ```
+//! use num_complex::Complex32;
+//! use subaperture_core::range::{column, compress, sign};
+//! // Three frequencies of a scatterer at path 0: a peak of 3 at bin R/2 = 2.
+//! let mut row = [Complex32::ZERO; 4];
+//! for k in 0..3 {
+//!     row[column(k, 3, 4)] = Complex32::ONE * sign(k, 3);
+//! }
+//! compress(&mut row, 3);
+//! assert_eq!(row[2], Complex32::new(3.0, 0.0));
+//! ```
+
+use num_complex::Complex32;
+
+use crate::fft;
+
+/// Column of frequency `k` of `num_frequencies` in a row of `num_range_bins` (a power of two).
+pub const fn column(k: usize, num_frequencies: usize, num_range_bins: usize) -> usize {
+    (num_frequencies / 2).wrapping_sub(k) & (num_range_bins - 1)
+}
+
+/// `(-1)^(k - F/2)`: the factor of frequency `k` that centres path 0 on bin `R/2`.
+pub const fn sign(k: usize, num_frequencies: usize) -> f32 {
+    if (k + num_frequencies / 2).is_multiple_of(2) {
+        1.0
+    } else {
+        -1.0
+    }
+}
+
+/// Compresses one row in place; columns between the frequencies are taken as zero, whatever they hold.
+///
+/// # Panics
+/// If `row` has a length that [`fft::supports`] does not admit, or fewer than `num_frequencies`.
+pub fn compress(row: &mut [Complex32], num_frequencies: usize) {
+    // Frequencies fill columns 0 to F/2 and the last F - 1 - F/2.
+    let above = num_frequencies.div_ceil(2) - 1;
+    let padding = num_frequencies / 2 + 1..row.len() - above;
+    if !padding.is_empty() {
+        row[padding].fill(Complex32::ZERO);
+    }
+    fft::forward(row);
+}

@@ -1,0 +1,191 @@
+//! One synthetic sub-CPI through everything, to one number that must be the same on every machine.
+//!
+//! Rust does not contract `a*b + c` or reorder floating point, and the transforms and functions used
+//! are pure Rust, so equality to the last bit can be demanded of host and target. Input: pseudo-random
+//! integers and three scatterers whose phase is a product of integers. Output: FNV-1a (Fowler, Noll,
+//! Vo; 32 bits, over little-endian bytes) of both maps, the pixels and the power.
+//!
+//! The expected number is held by `tests/core_selftest.rs`; `tests/firmware.rs` compares the target's.
+
+use num_complex::Complex32;
+
+use crate::accumulate::{Centre, CoherentGrid, PixelGrid, PowerMap};
+use crate::{ChirpZSubCpi, ParamError, Params, Processor, SincSubCpi, Turns, Window};
+
+/// Pulses of the synthetic sub-CPI.
+pub const PULSES: usize = 32;
+/// Frequencies of the synthetic sub-CPI.
+pub const FREQUENCIES: usize = 64;
+/// Range bins of its map.
+pub const RANGE_BINS: usize = 128;
+/// Doppler bins of its map.
+pub const DOPPLER_BINS: usize = 64;
+const CHIRP_LENGTH: usize = 128;
+const PIXELS: usize = 256;
+
+/// Parameters of the synthetic sub-CPI: 200 MHz around 10 GHz, both windows in use.
+pub const PARAMS: Params<'static> = Params {
+    start_hz: 9.9e9,
+    step_hz: 3.125e6,
+    fast_window: Window::Taylor { side_lobe_db: 35.0 },
+    slow_window: Window::Hamming,
+};
+
+/// Buffers of the self-test; made to be a static.
+#[derive(Debug)]
+pub struct SelfTest {
+    sinc: SincSubCpi<PULSES, FREQUENCIES, RANGE_BINS, DOPPLER_BINS>,
+    chirp_z: ChirpZSubCpi<PULSES, FREQUENCIES, RANGE_BINS, DOPPLER_BINS, CHIRP_LENGTH>,
+    image: CoherentGrid<PIXELS>,
+    power: PowerMap<{ RANGE_BINS * DOPPLER_BINS }>,
+}
+
+impl SelfTest {
+    /// Memory in bytes.
+    pub const BYTES: usize = size_of::<Self>();
+
+    /// Empty buffers.
+    pub const fn new() -> Self {
+        Self {
+            sinc: SincSubCpi::new(),
+            chirp_z: ChirpZSubCpi::new(),
+            image: CoherentGrid::new(),
+            power: PowerMap::new(),
+        }
+    }
+
+    /// Runs the test and returns the checksum.
+    ///
+    /// # Errors
+    /// None that a correct build can return; they are values so that a target need not panic.
+    pub fn run(&mut self) -> Result<u32, SelfTestError> {
+        // 16 x 16 pixels of 0.5 m around a point 1 km off, seen at broadside.
+        self.image
+            .set_grid(&PixelGrid {
+                origin_m: [-4.0, 996.0, 0.0],
+                column_step_m: [0.5, 0.0, 0.0],
+                row_step_m: [0.0, 0.5, 0.0],
+                num_columns: 16,
+                num_rows: 16,
+            })
+            .map_err(|_| SelfTestError::Accumulate)?;
+        self.power.clear();
+        let mut checksum = Fnv1a::new();
+        let processors = [
+            self.sinc.start(&PARAMS).map_err(SelfTestError::Plan)?,
+            self.chirp_z.start(&PARAMS).map_err(SelfTestError::Plan)?,
+        ];
+        for mut processor in processors {
+            push_synthetic(&mut processor)?;
+            let map = processor.take_map().ok_or(SelfTestError::Push)?;
+            let centre =
+                Centre::monostatic([0.0, 0.0, 300.0], [0.125, 0.01, 0.0], [0.0, 1000.0, 0.0]);
+            self.image.accumulate(&map, &centre, 0.5);
+            self.power
+                .accumulate(&map)
+                .map_err(|_| SelfTestError::Accumulate)?;
+            checksum.add_samples(map.samples());
+        }
+        checksum.add_samples(self.image.pixels());
+        for value in self.power.power() {
+            checksum.add(*value);
+        }
+        Ok(checksum.0)
+    }
+}
+
+impl Default for SelfTest {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Which step refused what it should accept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SelfTestError {
+    /// The parameters.
+    Plan(ParamError),
+    /// A pulse.
+    Push,
+    /// A grid or a map.
+    Accumulate,
+}
+
+impl core::fmt::Display for SelfTestError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Plan(error) => write!(f, "self-test: {error}"),
+            Self::Push => f.write_str("self-test: a pulse was refused"),
+            Self::Accumulate => f.write_str("self-test: a map was refused"),
+        }
+    }
+}
+
+impl core::error::Error for SelfTestError {}
+
+/// Sample `k` of pulse `m`, without noise: three scatterers of amplitudes 1, 1/2 and 1/4, phases
+/// `t0 + tk k + tm m + tkm k m` in 2^-32 turns.
+fn scatterers(m: usize, k: usize) -> Complex32 {
+    const PHASES: [(f32, [i64; 4]); 3] = [
+        (1.0, [0, -50_000_000, 300_000_000, 96_000]),
+        (0.5, [1 << 30, 210_000_000, -700_000_000, -220_000]),
+        (0.25, [3 << 29, 12_345_678, 98_765_432, 31_000]),
+    ];
+    let (m, k) = (m as i64, k as i64);
+    PHASES
+        .iter()
+        .map(|(amplitude, [t0, tk, tm, tkm])| {
+            let turns = t0 + tk * k + tm * m + tkm * k * m;
+            Turns(turns as u64).times(1 << 32).phasor() * *amplitude
+        })
+        .sum()
+}
+
+fn push_synthetic(processor: &mut Processor<'_>) -> Result<(), SelfTestError> {
+    let mut noise = Lcg(2026);
+    let mut pulse = [Complex32::ZERO; FREQUENCIES];
+    for m in 0..PULSES {
+        for (k, sample) in pulse.iter_mut().enumerate() {
+            *sample = scatterers(m, k) + Complex32::new(noise.next(), noise.next()) * 0.125;
+        }
+        processor
+            .push(m as u32, &pulse)
+            .map_err(|_| SelfTestError::Push)?;
+    }
+    Ok(())
+}
+
+/// Knuth's 64-bit linear congruential generator (MMIX).
+struct Lcg(u64);
+
+impl Lcg {
+    /// Uniform in [-1, 1), 24 bits, exact in float32.
+    fn next(&mut self) -> f32 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        ((self.0 >> 32) as i32 >> 8) as f32 / 8_388_608.0
+    }
+}
+
+struct Fnv1a(u32);
+
+impl Fnv1a {
+    const fn new() -> Self {
+        Self(0x811c_9dc5)
+    }
+
+    fn add(&mut self, value: f32) {
+        for byte in value.to_bits().to_le_bytes() {
+            self.0 = (self.0 ^ u32::from(byte)).wrapping_mul(0x0100_0193);
+        }
+    }
+
+    fn add_samples(&mut self, samples: &[Complex32]) {
+        for sample in samples {
+            self.add(sample.re);
+            self.add(sample.im);
+        }
+    }
+}

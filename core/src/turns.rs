@@ -1,0 +1,58 @@
+//! Phase as an integer fraction of a turn.
+
+use num_complex::Complex32;
+
+/// A phase modulo one turn: `Turns(t)` is `2 pi t / 2^64` radians.
+///
+/// Integer addition and multiplication wrap exactly where phase does, so sums of any length and
+/// quadratics `rate * n * n` carry no rounding at all, and every machine gets the same bits.
+///
+/// ```
+/// use subaperture_core::Turns;
+/// // A quarter turn, taken five times, is a quarter turn.
+/// let quarter = Turns::from_f64(0.25);
+/// assert_eq!(quarter.times(5), quarter);
+/// assert_eq!(quarter.phasor(), num_complex::Complex32::new(0.0, 1.0));
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Turns(pub u64);
+
+impl Turns {
+    /// The fractional part of `turns`, exact to `2^-64` turns for what the argument itself resolves.
+    pub fn from_f64(turns: f64) -> Self {
+        // A negative value closer to 0 than 2^-53 rounds up to 1.0; the cast saturates to the
+        // largest fraction, which is off by 2^-64.
+        Self(((turns - libm::floor(turns)) * TWO_POW_64) as u64)
+    }
+
+    /// Sum, modulo one turn.
+    pub const fn plus(self, other: Self) -> Self {
+        Self(self.0.wrapping_add(other.0))
+    }
+
+    /// Product with an integer, modulo one turn.
+    pub const fn times(self, factor: i64) -> Self {
+        Self(self.0.wrapping_mul(factor as u64))
+    }
+
+    /// `exp(+j 2 pi t)`.
+    ///
+    /// The phase is reduced to the nearest quarter turn by integers, so the argument of sine and
+    /// cosine is within `pi/4` and known to `2^-33` turns; the error of each part is at most 1.6e-7
+    /// (`tests/core_stages.rs`), at quarter turns none.
+    pub fn phasor(self) -> Complex32 {
+        let quadrant = self.0.wrapping_add(1 << 61) >> 62;
+        let residue = self.0.wrapping_sub(quadrant << 62) as i64; // within 2^61 of zero
+        let angle_rad = ((residue + (1 << 31)) >> 32) as i32 as f32 * RADIANS_PER_TURN_2_32;
+        let (sin, cos) = libm::sincosf(angle_rad);
+        match quadrant {
+            0 => Complex32::new(cos, sin),
+            1 => Complex32::new(-sin, cos),
+            2 => Complex32::new(-cos, -sin),
+            _ => Complex32::new(sin, -cos),
+        }
+    }
+}
+
+const TWO_POW_64: f64 = 18_446_744_073_709_551_616.0;
+const RADIANS_PER_TURN_2_32: f32 = (core::f64::consts::TAU / 4_294_967_296.0) as f32;

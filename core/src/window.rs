@@ -1,0 +1,145 @@
+//! Windows over fast time and slow time.
+//!
+//! **Definition.** Weight `i` of `n` is `w(u)` at the centre of the `i`-th of `n` equal cells,
+//! `u = (i + 1/2) / n - 1/2`, divided by the sum of all, so that the weights of any window sum to 1:
+//! - rectangular `1`; Hamming `0.54 + 0.46 cos(2 pi u)`;
+//! - Taylor `1 + 2 sum_{i=1}^{n_bar-1} F_i cos(2 pi i u)`, coefficients of T. T. Taylor 1955 (Carrara,
+//!   Goodman and Majewski, appendix D), with the least `n_bar >= 2 A^2 + 1/2`, where
+//!   `cosh(pi A) = 10^(side_lobe_db / 20)`.
+//!
+//! **Cost.** Planning only; nothing is kept but the weights. **Accuracy.** Computed in float64 and
+//! rounded once; side lobes are measured in `tests/core_stages.rs`.
+//!
+//! ```
+//! use subaperture_core::Window;
+//! let mut weights = [0.0; 2];
+//! Window::Weights(&[1.0, 3.0]).fill(&mut weights)?;
+//! assert_eq!(weights, [0.25, 0.75]);
+//! # Ok::<(), subaperture_core::window::WindowError>(())
+//! ```
+
+use core::f64::consts::{PI, TAU};
+use core::fmt;
+
+use heapless::Vec;
+
+/// A window, by formula or by its weights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Window<'a> {
+    /// All weights alike.
+    Rectangular,
+    /// Hamming: first side lobes near -43 dB.
+    Hamming,
+    /// Taylor, with first side lobes this many dB below the peak.
+    Taylor {
+        /// Side-lobe suppression, dB, 15 to 100.
+        side_lobe_db: f64,
+    },
+    /// The caller's own weights, one a sample; their sum must not vanish.
+    Weights(&'a [f32]),
+}
+
+/// Why a window has no weights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum WindowError {
+    /// A Taylor window of side lobes outside 15 to 100 dB.
+    SideLobe(f64),
+    /// The caller's weights are not one a sample.
+    Length {
+        /// Samples to be weighted.
+        expected: usize,
+        /// Weights given.
+        got: usize,
+    },
+    /// The weights' sum is zero, negative, infinite or not a number.
+    Sum(f64),
+}
+
+/// `n_bar` is 31 at 100 dB.
+const MAX_COEFFICIENTS: usize = 32;
+
+impl Window<'_> {
+    /// Writes one weight a sample to `weights`; they sum to 1.
+    ///
+    /// # Errors
+    /// See [`WindowError`]; `weights` is then unchanged.
+    pub fn fill(&self, weights: &mut [f32]) -> Result<(), WindowError> {
+        let n = weights.len();
+        let taylor = match *self {
+            Self::Taylor { side_lobe_db } => taylor_coefficients(side_lobe_db)?,
+            _ => Vec::new(),
+        };
+        if let Self::Weights(own) = *self
+            && own.len() != n
+        {
+            return Err(WindowError::Length {
+                expected: n,
+                got: own.len(),
+            });
+        }
+        let weight = |i: usize| {
+            let u = (i as f64 + 0.5) / n as f64 - 0.5;
+            match *self {
+                Self::Rectangular => 1.0,
+                Self::Hamming => 0.54 + 0.46 * libm::cos(TAU * u),
+                Self::Taylor { .. } => taylor.iter().zip(1..).fold(1.0, |sum, (f, order)| {
+                    sum + 2.0 * f * libm::cos(TAU * f64::from(order) * u)
+                }),
+                Self::Weights(own) => f64::from(own[i]),
+            }
+        };
+        let sum: f64 = (0..n).map(weight).sum();
+        if !(sum > 0.0 && sum.is_finite()) {
+            return Err(WindowError::Sum(sum));
+        }
+        for (i, out) in weights.iter_mut().enumerate() {
+            *out = (weight(i) / sum) as f32;
+        }
+        Ok(())
+    }
+}
+
+/// `F_1 .. F_{n_bar - 1}`.
+fn taylor_coefficients(side_lobe_db: f64) -> Result<Vec<f64, MAX_COEFFICIENTS>, WindowError> {
+    if !(15.0..=100.0).contains(&side_lobe_db) {
+        return Err(WindowError::SideLobe(side_lobe_db));
+    }
+    let a = libm::acosh(libm::pow(10.0, side_lobe_db / 20.0)) / PI;
+    let n_bar = libm::ceil(2.0 * a * a + 0.5).max(2.0);
+    let zero_scale = n_bar * n_bar / (a * a + (n_bar - 0.5) * (n_bar - 0.5));
+    let orders = 1..n_bar as u32;
+    Ok(orders
+        .clone()
+        .map(f64::from)
+        .map(|m| {
+            // The pattern's zeros: moved ones above the line, the sinc's own below.
+            let mut f = if m % 2.0 == 1.0 { 0.5 } else { -0.5 };
+            for i in orders.clone().map(f64::from) {
+                f *= 1.0 - m * m / (zero_scale * (a * a + (i - 0.5) * (i - 0.5)));
+                if i != m {
+                    f /= 1.0 - m * m / (i * i);
+                }
+            }
+            f
+        })
+        .collect())
+}
+
+impl fmt::Display for WindowError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::SideLobe(db) => {
+                write!(
+                    f,
+                    "a Taylor window has side lobes of 15 to 100 dB, not {db}"
+                )
+            }
+            Self::Length { expected, got } => {
+                write!(f, "{got} window weights were given for {expected} samples")
+            }
+            Self::Sum(sum) => write!(f, "window weights sum to {sum}; the sum must be positive"),
+        }
+    }
+}
+
+impl core::error::Error for WindowError {}

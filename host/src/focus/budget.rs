@@ -1,0 +1,83 @@
+//! The memory budget: what is taken of it, and what is left for samples.
+
+use super::FormError;
+
+/// What is left of a budget of bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct Budget {
+    total_bytes: u64,
+    left_bytes: u64,
+}
+
+impl Budget {
+    /// A budget of `total_bytes`.
+    pub fn new(total_bytes: u64) -> Self {
+        Self {
+            total_bytes,
+            left_bytes: total_bytes,
+        }
+    }
+
+    /// Takes `bytes` for `what`.
+    ///
+    /// # Errors
+    /// [`FormError::Memory`] if so much is not left.
+    pub fn take(
+        &mut self,
+        what: &'static str,
+        bytes: u128,
+        advice: &'static str,
+    ) -> Result<(), FormError> {
+        if bytes > u128::from(self.left_bytes) {
+            let taken = u128::from(self.total_bytes - self.left_bytes);
+            return Err(FormError::Memory {
+                what,
+                needed_bytes: taken + bytes,
+                budget_bytes: self.total_bytes,
+                advice,
+            });
+        }
+        self.left_bytes -= bytes as u64;
+        Ok(())
+    }
+
+    /// How many of `wanted` items of `bytes_each` may be held at once: at least one, at most all, and
+    /// no more than half of what is left. Takes them.
+    ///
+    /// # Errors
+    /// [`FormError::Memory`] if not even one fits.
+    pub fn take_block(
+        &mut self,
+        what: &'static str,
+        bytes_each: u64,
+        wanted: usize,
+        advice: &'static str,
+    ) -> Result<usize, FormError> {
+        let fit = self.left_bytes / 2 / bytes_each.max(1);
+        let count = fit.clamp(1, wanted.max(1) as u64);
+        self.take(what, u128::from(count) * u128::from(bytes_each), advice)?;
+        Ok(count as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_budget_is_never_exceeded() {
+        let mut budget = Budget::new(1000);
+        budget.take("image", 600, "").unwrap();
+        assert_eq!(budget.take_block("pulses", 50, 100, "").unwrap(), 4);
+        assert!(budget.take("scratch", 201, "").is_err());
+        budget.take("scratch", 200, "").unwrap();
+        let error = budget
+            .take_block("pulses", 1, 1, "use fewer")
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("needs 1001 bytes of the 1000 allowed: use fewer"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,85 @@
+//! Sub-CPI range-Doppler backprojection: the aperture in short pieces, each turned into a
+//! range-Doppler map, every pixel read from the map at its own range and Doppler.
+//!
+//! Schone 2020, chapter 3, in two modes:
+//!
+//! - [`Mode::Thesis`], as written there: sinc-resampled Keystone, zero-padded Doppler and range
+//!   transforms, bilinear reading ([`thesis`]). Long sub-CPIs give grating lobes.
+//! - [`Mode::Precise`], the default ([`precise`]): the phase history of every patch of pixels is first
+//!   motion-compensated to the patch's centre with each pulse's own position, Keystone is an exact
+//!   scaled transform, and maps are read with a Kaiser-Bessel kernel on a grid twice as fine as
+//!   Nyquist's. The quadratic phase that made the grating lobes is common to the patch, and gone with
+//!   the compensation; what varies across the patch sets how long a sub-CPI may be ([`Plan`]).
+
+mod patch;
+mod plan;
+mod precise;
+mod sub_cpi;
+mod thesis;
+
+use serde_json::json;
+
+use super::{FormError, Formed, ImageFormer, Task};
+
+pub use patch::PatchSize;
+pub use plan::{Plan, Request};
+pub use sub_cpi::SubCpi;
+
+/// How maps are made and read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// Patch compensation, scaled transform, Kaiser-Bessel kernel.
+    #[default]
+    Precise,
+    /// As the thesis has it.
+    Thesis,
+}
+
+/// Sub-CPI range-Doppler backprojection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RangeDoppler {
+    /// How maps are made and read.
+    pub mode: Mode,
+    /// Bound on the relative RMS error of the image, dB (negative). The thesis's mode has no bound to
+    /// keep: it takes 40 pulses a sub-CPI, as its chapter 4, unless told otherwise.
+    pub error_db: f64,
+    /// Pulses a sub-CPI; planned if not given.
+    pub sub_cpi: Option<usize>,
+    /// Side of a patch, metres; planned if not given. The thesis's mode has no patches.
+    pub patch_m: Option<f64>,
+}
+
+impl ImageFormer for RangeDoppler {
+    fn name(&self) -> &'static str {
+        "rdbp"
+    }
+
+    fn form(&self, task: &Task) -> Result<Formed, FormError> {
+        match self.mode {
+            Mode::Thesis => thesis::form(task, self.sub_cpi.unwrap_or(thesis::SUB_CPI)),
+            Mode::Precise => {
+                let request = Request {
+                    error_db: self.error_db,
+                    sub_cpi: self.sub_cpi,
+                    patch_m: self.patch_m,
+                };
+                let plan = Plan::new(task.history.collection(), task.grid, &request)?;
+                let image = precise::form(task, &plan)?;
+                let settings = json!({
+                    "mode": "precise",
+                    "error_db": self.error_db,
+                    "predicted_error_db": plan.predicted_db,
+                    "sub_cpi_pulses": plan.sub_cpi_length,
+                    "sub_cpis": plan.sub_cpis.len(),
+                    "patch_rows": plan.patch.rows,
+                    "patch_columns": plan.patch.columns,
+                    "kernel_taps": plan.taps,
+                });
+                let serde_json::Value::Object(settings) = settings else {
+                    unreachable!()
+                };
+                Ok(Formed { image, settings })
+            }
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! The thesis's mode: Schone 2020, chapter 3, with the upsampling of chapter 4.
+//!
+//! For each sub-CPI of `M` pulses: slow time resampled by sinc weights ([`SincKeystone`]), Doppler
+//! transform padded to `16 M`, range transform padded to `10 K`, then for every pixel its path `a` and
+//! path rate `b` at the sub-CPI's centre from the fitted position and velocity (4.2, (5.1)), a bilinear
+//! reading of the map, and the conjugate of the phase in (3.15):
+//!
+//! ```text
+//! I(p) += exp(+j 2 pi f_c a / c) exp(-j 2 pi nu (M-1)/2) map(nu = b f_c / c, a)
+//! ```
+//!
+//! The second factor is the thesis's Doppler-dependent term; it stands because (3.11) counts pulses from
+//! the sub-CPI's start. Here slow time is rotated by `M/2` whole pulses before the transform, which
+//! takes all of the factor but half a pulse (for even `M`) out of the map: bilinear reading across it
+//! would quadruple the interpolation error for nothing.
+//!
+//! Neglected: the quadratic and higher motion of a pixel within a sub-CPI, which the thesis ignores
+//! after (3.13). It makes grating lobes when sub-CPIs are long; they are this mode's to show. Also the
+//! sub-CPI's edges ([`SincKeystone`]) and bilinear reading (-40 dB at an upsampling of 10).
+//!
+//! Accuracy on Table 4.1 against [`crate::focus::exact`]: see the tests and `subap demo`.
+//!
+//! Memory: the map, `16 M * 10 K` complex float32, and weights of `K M^2` float32.
+
+use num_complex::Complex32;
+use rayon::prelude::*;
+use rustfft::FftPlanner;
+use serde_json::json;
+
+use super::sub_cpi::{self, CentreState};
+use crate::SPEED_OF_LIGHT_M_S;
+use crate::focus::budget::Budget;
+use crate::focus::{FormError, Formed, Task};
+use crate::image::Image;
+use crate::signal::fast_length::fast_length;
+use crate::signal::phase::phasor32;
+use crate::signal::sinc_keystone::SincKeystone;
+
+/// Pulses a sub-CPI where nothing else is asked for (Figure 4.1).
+pub(super) const SUB_CPI: usize = 40;
+/// Upsampling of the Doppler axis (Figure 4.11: the last).
+const DOPPLER_PADDING: usize = 16;
+/// Upsampling of the range axis (5.2).
+const RANGE_PADDING: usize = 10;
+
+pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormError> {
+    let collection = task.history.collection();
+    let band = collection.band().ok_or_else(|| {
+        FormError::Unsuited(
+            "the frequency axis changes from pulse to pulse; use --algorithm bp".to_owned(),
+        )
+    })?;
+    if sub_cpi_length == 0 {
+        return Err(FormError::Unsuited(
+            "a sub-CPI needs at least one pulse".to_owned(),
+        ));
+    }
+    let (num_samples, num_pulses) = (band.count, collection.pulses.len());
+    let longest = sub_cpi_length.min(num_pulses);
+    let doppler_length = fast_length(DOPPLER_PADDING * longest);
+    let range_length = fast_length(RANGE_PADDING * num_samples);
+
+    let (rows, columns) = (task.grid.rows.count, task.grid.columns.count);
+    let mut budget = Budget::new(task.memory_bytes);
+    let advice = "use a smaller or coarser --grid, or raise --memory";
+    budget.take("the image", u128::from(task.grid.num_pixels()) * 8, advice)?;
+    let advice = "use a smaller --sub-cpi, --mode precise, or raise --memory";
+    let map_values = doppler_length as u128 * (range_length + num_samples) as u128;
+    budget.take("a range-Doppler map", map_values * 8, advice)?;
+    let weight_bytes = 2 * u128::from(SincKeystone::bytes(num_samples, longest));
+    budget.take("Keystone weights", weight_bytes, advice)?;
+    budget.take("a sub-CPI", (longest * num_samples) as u128 * 8, advice)?;
+
+    let scales: Vec<f64> = (0..num_samples)
+        .map(|k| band.frequency_hz(k) / band.centre_hz())
+        .collect();
+    let fast: Vec<f32> = task.weights.fast.iter().map(|&w| w as f32).collect();
+    let norm = task.weights.normalisation();
+    let mut planner = FftPlanner::new();
+    let doppler_fft = planner.plan_fft_inverse(doppler_length);
+    let range_fft = planner.plan_fft_inverse(range_length);
+    let cycles_m = band.centre_hz() / SPEED_OF_LIGHT_M_S;
+    let range_bins_m = range_length as f64 * band.step_hz / SPEED_OF_LIGHT_M_S;
+
+    let mut samples = vec![Complex32::ZERO; longest * num_samples];
+    let mut doppler = vec![Complex32::ZERO; num_samples * doppler_length];
+    let mut map = vec![Complex32::ZERO; doppler_length * range_length];
+    let mut pixels = vec![Complex32::ZERO; rows * columns];
+    let sub_cpis = sub_cpi::cut(num_pulses, &sub_cpi::breaks(collection), sub_cpi_length);
+    let mut keystone: Option<(usize, SincKeystone)> = None;
+
+    for (index, pulses) in sub_cpis.iter().enumerate() {
+        let m = pulses.len();
+        let samples = &mut samples[..m * num_samples];
+        task.history.read(pulses.clone(), samples)?;
+        for (n, row) in pulses.clone().zip(samples.chunks_exact_mut(num_samples)) {
+            let slow = (task.weights.slow[n] * norm) as f32;
+            row.iter_mut().zip(&fast).for_each(|(z, w)| *z *= w * slow);
+        }
+        if keystone.as_ref().is_none_or(|(length, _)| *length != m) {
+            keystone = Some((m, SincKeystone::new(&scales, m)));
+        }
+        let keystone = &keystone.as_ref().expect("set above").1;
+
+        doppler
+            .par_chunks_exact_mut(doppler_length)
+            .enumerate()
+            .for_each_init(
+                || vec![Complex32::ZERO; doppler_fft.get_inplace_scratch_len().max(2 * m)],
+                |scratch, (k, row)| {
+                    let (slow, resampled) = scratch.split_at_mut(m);
+                    for (z, pulse) in slow.iter_mut().zip(samples.chunks_exact(num_samples)) {
+                        *z = pulse[k];
+                    }
+                    keystone.resample(k, slow, resampled);
+                    row.fill(Complex32::ZERO);
+                    for (i, z) in resampled[..m].iter().enumerate() {
+                        row[(i + doppler_length - m / 2) % doppler_length] = *z;
+                    }
+                    doppler_fft.process_with_scratch(row, scratch);
+                },
+            );
+        map.par_chunks_exact_mut(range_length)
+            .enumerate()
+            .for_each_init(
+                || vec![Complex32::ZERO; range_fft.get_inplace_scratch_len()],
+                |scratch, (d, row)| {
+                    row.fill(Complex32::ZERO);
+                    for (k, values) in doppler.chunks_exact(doppler_length).enumerate() {
+                        row[(k + range_length - num_samples / 2) % range_length] = values[d];
+                    }
+                    range_fft.process_with_scratch(row, scratch);
+                },
+            );
+
+        let state = CentreState::new(collection, pulses.clone());
+        // Slow time was rotated by whole pulses; for even M half a pulse is left.
+        let left_over = (m as f64 - 1.0) / 2.0 - (m / 2) as f64;
+        pixels
+            .par_chunks_mut(columns)
+            .enumerate()
+            .for_each(|(row, pixels)| {
+                for (column, pixel) in pixels.iter_mut().enumerate() {
+                    let point = task.grid.position_m(row, column);
+                    let (path_m, rate_m) = state.path_and_rate(point);
+                    let nu = rate_m * cycles_m;
+                    let value = bilinear(
+                        &map,
+                        [doppler_length, range_length],
+                        [nu * doppler_length as f64, path_m * range_bins_m],
+                    );
+                    *pixel += value * phasor32(path_m * cycles_m - nu * left_over);
+                }
+            });
+        if task.monitor.cancelled() {
+            return Err(FormError::Cancelled);
+        }
+        task.monitor
+            .progress((index + 1) as f64 / sub_cpis.len() as f64);
+    }
+
+    let settings = json!({
+        "mode": "thesis",
+        "sub_cpi_pulses": longest,
+        "sub_cpis": sub_cpis.len(),
+        "doppler_length": doppler_length,
+        "range_length": range_length,
+    });
+    let serde_json::Value::Object(settings) = settings else {
+        unreachable!()
+    };
+    Ok(Formed {
+        image: Image {
+            rows,
+            columns,
+            pixels,
+        },
+        settings,
+    })
+}
+
+/// Reads `map` (rows of `lengths[1]`, both axes periodic) at a place in bins.
+fn bilinear(map: &[Complex32], lengths: [usize; 2], place: [f64; 2]) -> Complex32 {
+    let split = |x: f64, length: usize| {
+        let whole = x.floor();
+        let first = (whole as i64).rem_euclid(length as i64) as usize;
+        (first, (first + 1) % length, (x - whole) as f32)
+    };
+    let (d0, d1, d) = split(place[0], lengths[0]);
+    let (r0, r1, r) = split(place[1], lengths[1]);
+    let line = |row: usize| {
+        let values = &map[row * lengths[1]..(row + 1) * lengths[1]];
+        values[r0] + (values[r1] - values[r0]) * r
+    };
+    let (low, high) = (line(d0), line(d1));
+    low + (high - low) * d
+}

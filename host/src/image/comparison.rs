@@ -1,0 +1,154 @@
+//! How far an image is from a reference.
+
+use std::fmt;
+
+use num_complex::{Complex32, Complex64};
+
+use super::{Image, power};
+
+/// An image `a` against a reference `b` of the same size; sums in float64. A figure that the images
+/// leave undefined (by a reference or image of zeros) is `None`. Ratios are in dB of amplitude,
+/// `20 log10`; identical images have an error of minus infinity.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Comparison {
+    /// Relative RMS error as the images are: `||a - b|| / ||b||`, dB.
+    pub error_db: Option<f64>,
+    /// The same of `s a`, with the one complex `s = <a, b> / ||a||^2` that makes it least, dB.
+    pub scaled_error_db: Option<f64>,
+    /// `|s|`, dB: by how much `a` is too weak.
+    pub scale_db: Option<f64>,
+    /// Phase of `s`, degrees in (-180, 180]: by how much `a` lags.
+    pub scale_deg: Option<f64>,
+    /// Largest `|arg(a / b)|`, unscaled, of the pixels where `|b|` is within 20 dB of its largest
+    /// ([`Comparison::PEAK_SPAN_DB`]), degrees; 180 where `a` is zero.
+    pub peak_phase_error_deg: Option<f64>,
+    /// `|<a, b>| / (||a|| ||b||)`: 1 if they differ by a complex factor only.
+    pub correlation: Option<f64>,
+}
+
+/// Why two images cannot be compared.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ComparisonError {
+    /// Not the same rows and columns.
+    #[error(
+        "images of different size: {0} rows x {1} columns and {2} x {3}; form both on one grid",
+        image.0, image.1, reference.0, reference.1
+    )]
+    Size {
+        /// Rows and columns of the image.
+        image: (usize, usize),
+        /// Rows and columns of the reference.
+        reference: (usize, usize),
+    },
+    /// A pixel is NaN or infinite.
+    #[error("the {which} is not finite at row {row}, column {column}")]
+    NotFinite {
+        /// `image` or `reference`.
+        which: &'static str,
+        /// Row of the pixel.
+        row: usize,
+        /// Column of the pixel.
+        column: usize,
+    },
+}
+
+impl Comparison {
+    /// How far below the reference's peak a pixel's phase still counts, dB.
+    pub const PEAK_SPAN_DB: f64 = 20.0;
+
+    /// Compares image `a` with the reference `b`.
+    ///
+    /// # Errors
+    /// [`ComparisonError`] if sizes differ or a pixel is not finite.
+    pub fn between(a: &Image, b: &Image) -> Result<Self, ComparisonError> {
+        let (image, reference) = ((a.rows, a.columns), (b.rows, b.columns));
+        if image != reference || a.pixels.len() != b.pixels.len() {
+            return Err(ComparisonError::Size { image, reference });
+        }
+        check_finite(a, "image")?;
+        check_finite(b, "reference")?;
+
+        let pairs = || a.pixels.iter().zip(&b.pixels);
+        let mut inner = Complex64::ZERO;
+        let (mut a_power, mut b_power, mut b_peak, mut difference) = (0.0, 0.0, 0.0f64, 0.0);
+        for (&u, &v) in pairs() {
+            a_power += power(u);
+            b_power += power(v);
+            b_peak = b_peak.max(power(v));
+            inner += widen(u).conj() * widen(v);
+            difference += (widen(u) - widen(v)).norm_sqr();
+        }
+        let relative_db = |sum: f64| (b_power > 0.0).then(|| 10.0 * (sum / b_power).log10());
+        let scale = (a_power > 0.0).then(|| inner / a_power);
+        let scaled_error_db = scale.and_then(|s| {
+            let left = pairs().map(|(&u, &v)| (widen(u) * s - widen(v)).norm_sqr());
+            relative_db(left.sum())
+        });
+        // A zero inner product leaves the scale's phase undefined.
+        let turned = scale.filter(|s| s.norm_sqr() > 0.0);
+        let floor = b_peak * 10f64.powf(-Self::PEAK_SPAN_DB / 10.0);
+        let peak_phase_error = pairs()
+            .filter(|(_, v)| power(**v) >= floor)
+            .map(|(&u, &v)| match widen(u) * widen(v).conj() {
+                Complex64::ZERO => std::f64::consts::PI,
+                product => product.arg().abs(),
+            })
+            .fold(0.0, f64::max);
+        Ok(Self {
+            error_db: relative_db(difference),
+            scaled_error_db,
+            scale_db: turned.map(|s| 20.0 * s.norm().log10()),
+            scale_deg: turned.map(|s| s.arg().to_degrees()),
+            peak_phase_error_deg: (b_peak > 0.0).then(|| peak_phase_error.to_degrees()),
+            correlation: (a_power > 0.0 && b_power > 0.0)
+                .then(|| inner.norm() / (a_power * b_power).sqrt()),
+        })
+    }
+}
+
+fn widen(z: Complex32) -> Complex64 {
+    Complex64::new(f64::from(z.re), f64::from(z.im))
+}
+
+fn check_finite(image: &Image, which: &'static str) -> Result<(), ComparisonError> {
+    match image.pixels.iter().position(|z| !z.is_finite()) {
+        None => Ok(()),
+        Some(i) => Err(ComparisonError::NotFinite {
+            which,
+            row: i / image.columns,
+            column: i % image.columns,
+        }),
+    }
+}
+
+impl fmt::Display for Comparison {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let number = |value: Option<f64>, digits: usize, unit: &str| match value {
+            None => "undefined".to_owned(),
+            Some(value) => format!("{value:.digits$}{unit}"),
+        };
+        writeln!(
+            f,
+            "relative RMS error   {}",
+            number(self.error_db, 2, " dB")
+        )?;
+        writeln!(
+            f,
+            "  after best scale   {} (scale {}, {})",
+            number(self.scaled_error_db, 2, " dB"),
+            number(self.scale_db, 4, " dB"),
+            number(self.scale_deg, 4, " deg"),
+        )?;
+        writeln!(
+            f,
+            "peak phase error     {} (pixels within {} dB of the reference's peak)",
+            number(self.peak_phase_error_deg, 4, " deg"),
+            Self::PEAK_SPAN_DB
+        )?;
+        write!(
+            f,
+            "correlation          {}",
+            number(self.correlation, 9, "")
+        )
+    }
+}

@@ -1,0 +1,136 @@
+//! Range profiles, upsampled by zero padding and made for linear interpolation.
+//!
+//! ```text
+//! profile(l) = sum_k a[k] exp(+j 2 pi (k - K/2) l / L),   path(l) = l c / (L step_hz),   a[k] = w[k] z[k] / sinc^2((k - K/2) / L)
+//! ```
+//!
+//! with `L >= oversampling * K` (Schone 2020, chapter 2 and 5.1). The carrier at sample `K/2` is left
+//! out, so the profile is smooth; the former puts it back.
+//!
+//! Linear interpolation multiplies spectral component `x = (k - K/2) / L` by `sinc^2(x)` and adds
+//! images at `x + i`. Dividing by `sinc^2` first leaves the images alone: the two strongest have
+//! `(x / (1 +- x))^2`, so for a flat spectrum the relative RMS error is
+//! `sqrt(2 E[x^4]) = sqrt(2 / 5) / (4 u^2)` with `u = L / K`: -52 dB at 8, -56 dB at 10, -64 dB at 16.
+//! The same without the division reads -36, -40, -48 dB (Schone uses 10).
+//!
+//! Layout: `L + 1` values, the last equal to the first, so that interpolation need not wrap twice.
+//! Cost: one transform of length `L` a pulse.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use num_complex::Complex32;
+use rustfft::{Fft, FftPlanner};
+
+use super::fast_length::fast_length;
+
+/// Makes upsampled range profiles of one length.
+pub struct RangeProfiler {
+    /// Window over pre-emphasis, one a frequency.
+    weights: Vec<f32>,
+    fft: Arc<dyn Fft<f32>>,
+}
+
+impl RangeProfiler {
+    /// For pulses of `window.len()` samples, upsampled at least `oversampling` times (1 or more).
+    pub fn new(window: &[f64], oversampling: f64) -> Self {
+        let count = window.len();
+        let length = fast_length((count as f64 * oversampling.max(1.0)).ceil() as usize);
+        let emphasised = |(k, w): (usize, &f64)| {
+            let x = PI * (k as f64 - (count / 2) as f64) / length as f64;
+            let sinc = if x == 0.0 { 1.0 } else { x.sin() / x };
+            (w / (sinc * sinc)) as f32
+        };
+        Self {
+            weights: window.iter().enumerate().map(emphasised).collect(),
+            fft: FftPlanner::new().plan_fft_inverse(length),
+        }
+    }
+
+    /// The smallest upsampling whose error is at most `error_db`; at least 2.
+    pub fn oversampling_for(error_db: f64) -> f64 {
+        // 1 dB for the images beyond the two strongest and the terms beyond x^2.
+        let error = 10f64.powf((error_db - 1.0) / 20.0);
+        ((2.0f64 / 5.0).sqrt() / (4.0 * error)).sqrt().max(2.0)
+    }
+
+    /// Values in a profile, the repeated first one not counted.
+    pub fn length(&self) -> usize {
+        self.fft.len()
+    }
+
+    /// Complex values of scratch that [`Self::profile`] needs.
+    pub fn scratch_length(&self) -> usize {
+        self.fft.get_inplace_scratch_len()
+    }
+
+    /// The profile of one pulse into `profile` (`length() + 1` values).
+    ///
+    /// # Panics
+    /// If a length is wrong.
+    pub fn profile(
+        &self,
+        pulse: &[Complex32],
+        profile: &mut [Complex32],
+        scratch: &mut [Complex32],
+    ) {
+        let (count, length) = (self.weights.len(), self.length());
+        assert!(pulse.len() == count && profile.len() == length + 1);
+        profile.fill(Complex32::ZERO);
+        for (k, (z, w)) in pulse.iter().zip(&self.weights).enumerate() {
+            profile[(k + length - count / 2) % length] = z * w;
+        }
+        self.fft
+            .process_with_scratch(&mut profile[..length], scratch);
+        profile[length] = profile[0];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::phase::phasor;
+    use num_complex::Complex64;
+
+    /// Interpolated profile of a lone scatterer against the plain sum, at many places.
+    fn error_db(oversampling: f64) -> f64 {
+        let count = 51;
+        let window = vec![1.0; count];
+        let profiler = RangeProfiler::new(&window, oversampling);
+        let length = profiler.length();
+        let pulse: Vec<Complex32> = (0..count)
+            .map(|k| {
+                let z = phasor(-0.3777 * (k as f64 - 25.0));
+                Complex32::new(z.re as f32, z.im as f32)
+            })
+            .collect();
+        let mut profile = vec![Complex32::ZERO; length + 1];
+        let mut scratch = vec![Complex32::ZERO; profiler.scratch_length()];
+        profiler.profile(&pulse, &mut profile, &mut scratch);
+        let (mut error, mut power) = (0.0, 0.0);
+        for i in 0..4000 {
+            let u = (f64::from(i) * 0.618_034).fract();
+            let l = u * length as f64;
+            let (i, t) = (l.floor() as usize, l.fract() as f32);
+            let got = profile[i] + (profile[i + 1] - profile[i]) * t;
+            let expected: Complex64 = (0..count)
+                .map(|k| phasor((u - 0.3777) * (k as f64 - 25.0)))
+                .sum();
+            error += (Complex64::new(got.re.into(), got.im.into()) - expected).norm_sqr();
+            power += expected.norm_sqr();
+        }
+        10.0 * (error / power).log10()
+    }
+
+    #[test]
+    fn the_error_is_the_derived_one() {
+        for bound_db in [-40.0, -50.0, -60.0, -65.0] {
+            let got = error_db(RangeProfiler::oversampling_for(bound_db));
+            // The derivation keeps the two strongest images to leading order; lengths are rounded up.
+            assert!(
+                got < bound_db + 0.5 && got > bound_db - 3.0,
+                "{bound_db}: {got}"
+            );
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! Accumulators of the core, end to end: a point simulated in float64 must focus to 1 with phase 0.
+
+use std::f64::consts::{PI, TAU};
+
+use num_complex::{Complex32, Complex64};
+use subaperture_core::accumulate::{
+    AccumulateError, Centre, CoherentGrid, PixelGrid, PowerMap, add_map,
+};
+use subaperture_core::{
+    Axes, ChirpZSubCpi, Map, Params, SPEED_OF_LIGHT_M_S, Shape, SincSubCpi, Window,
+};
+
+const C: f64 = 299_792_458.0;
+const FREQUENCIES: usize = 32;
+const START_HZ: f64 = 9.9e9;
+const STEP_HZ: f64 = 6.25e6;
+
+fn length(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
+}
+
+fn along(start: [f64; 3], velocity: [f64; 3], pulses: f64) -> [f64; 3] {
+    [0, 1, 2].map(|i| start[i] + velocity[i] * pulses)
+}
+
+/// Antennas on straight tracks, transmitter and receiver apart, both moving; the reference path is
+/// that of a moving point plus a clock's drift: nothing cancels by chance.
+struct Tracks {
+    pulses: usize,
+}
+
+impl Tracks {
+    const TRANSMITTER: ([f64; 3], [f64; 3]) = ([-300.0, -4000.0, 2000.0], [0.11, 0.02, -0.01]);
+    const RECEIVER: ([f64; 3], [f64; 3]) = ([500.0, -4100.0, 1500.0], [0.07, -0.05, 0.03]);
+    const REFERENCE: ([f64; 3], [f64; 3]) = ([3.0, -2.0, 1.0], [0.001, 0.002, 0.0]);
+
+    /// Two-way path to `point`, and the reference path, `p` pulses from the sub-CPI's mean pulse.
+    fn paths(p: f64, point: [f64; 3]) -> (f64, f64) {
+        let (t, r) = (
+            along(Self::TRANSMITTER.0, Self::TRANSMITTER.1, p),
+            along(Self::RECEIVER.0, Self::RECEIVER.1, p),
+        );
+        let reference = along(Self::REFERENCE.0, Self::REFERENCE.1, p);
+        (
+            length(point, t) + length(point, r),
+            length(reference, t) + length(reference, r) + 0.0005 * p,
+        )
+    }
+
+    fn pulse(&self, m: usize, point: [f64; 3]) -> [Complex32; FREQUENCIES] {
+        let (path, reference) = Self::paths(m as f64 - (self.pulses as f64 - 1.0) / 2.0, point);
+        std::array::from_fn(|k| {
+            let f = START_HZ + k as f64 * STEP_HZ;
+            let z = Complex64::cis(-TAU * f * (path - reference) / C);
+            Complex32::new(z.re as f32, z.im as f32)
+        })
+    }
+
+    /// Centre state, the reference path's rate by a central difference, good to its third derivative
+    /// over 24: below 1e-12 m a pulse here.
+    fn centre() -> Centre {
+        let reference = |p| Self::paths(p, [0.0; 3]).1;
+        Centre {
+            transmitter_m: Self::TRANSMITTER.0,
+            transmitter_m_per_pulse: Self::TRANSMITTER.1,
+            receiver_m: Self::RECEIVER.0,
+            receiver_m_per_pulse: Self::RECEIVER.1,
+            reference_path_m: reference(0.0),
+            reference_path_m_per_pulse: reference(0.5) - reference(-0.5),
+        }
+    }
+
+    /// Largest deviation of the relative path from a straight line over the sub-CPI, in radians.
+    fn curvature_rad(&self, point: [f64; 3]) -> f64 {
+        let half = (self.pulses as f64 - 1.0) / 2.0;
+        let relative = |p| {
+            let (path, reference) = Self::paths(p, point);
+            path - reference
+        };
+        let bend = (relative(half) + relative(-half)) / 2.0 - relative(0.0);
+        TAU * (START_HZ + FREQUENCIES as f64 * STEP_HZ) / C * bend.abs()
+    }
+}
+
+const PARAMS: Params<'static> = Params {
+    start_hz: START_HZ,
+    step_hz: STEP_HZ,
+    fast_window: Window::Rectangular,
+    slow_window: Window::Rectangular,
+};
+
+fn one_pixel(point: [f64; 3]) -> PixelGrid {
+    PixelGrid {
+        origin_m: point,
+        column_step_m: [0.0; 3],
+        row_step_m: [0.0; 3],
+        num_columns: 1,
+        num_rows: 1,
+    }
+}
+
+/// The pixel on the scatterer through a map of padding 8 in both axes.
+///
+/// Tolerance: linear interpolation, pi^2/24 (1/8^2 + 1/8^2) = 0.0129 of the peak. For an even number
+/// of frequencies or pulses the aperture's centroid is half a cell from the reference, which turns
+/// the phase by a sawtooth that interpolation also follows: second moment 1/12 + (1/(2N))^2, a factor
+/// 1 + 3/N^2. Curvature of the path: its largest phase. Rounding: 1e-5.
+fn focused<const M: usize, const L: usize>(point: [f64; 3]) -> (Complex32, f64) {
+    let tracks = Tracks { pulses: M };
+    let mut owner = Box::new(ChirpZSubCpi::<M, FREQUENCIES, 256, 128, L>::new());
+    let mut processor = owner.start(&PARAMS).unwrap();
+    for m in 0..M {
+        processor.push(m as u32, &tracks.pulse(m, point)).unwrap();
+    }
+    let map = processor.take_map().unwrap();
+    let mut pixel = [Complex32::ZERO];
+    let inside = add_map(&mut pixel, &one_pixel(point), &map, &Tracks::centre(), 1.0).unwrap();
+    assert_eq!(inside, 1);
+    let padding = |bins: f64, n: f64| (1.0 + 3.0 / (n * n)) * (n / bins).powi(2);
+    let between = PI * PI / 24.0 * (padding(256.0, FREQUENCIES as f64) + padding(128.0, M as f64));
+    (pixel[0], between + tracks.curvature_rad(point) + 1e-5)
+}
+
+#[test]
+fn simulated_point_focuses_to_one_with_phase_zero() {
+    for point in [
+        [0.0, 0.0, 0.0],
+        [4.0, 9.0, 0.0],
+        [-11.3, 2.7, 1.9],
+        [7.7, -8.1, -3.3],
+    ] {
+        for (m, (pixel, tolerance)) in [
+            (16, focused::<16, 256>(point)),
+            (15, focused::<15, 256>(point)),
+            (1, focused::<1, 128>(point)),
+        ] {
+            let error = f64::from((pixel - 1.0).norm());
+            println!("{point:?}, {m} pulses: error {error:.5}, tolerance {tolerance:.5}");
+            assert!(tolerance < 0.02, "a tolerance that says nothing");
+            assert!(error < tolerance, "{pixel}, {tolerance}");
+        }
+    }
+}
+
+/// Where the point falls on bins exactly, interpolation and its tolerance drop out: the phase alone is
+/// held, to 1e-5. A monostatic radar that does not move (Doppler bin D/2), at a path of a whole
+/// number of bins beyond its reference, for even and odd sizes.
+#[test]
+fn on_a_bin_the_phase_is_exact() {
+    let mut owner = Box::new(SincSubCpi::<8, FREQUENCIES, 64, 8>::new());
+    let mut processor = owner.start(&PARAMS).unwrap();
+    let reference = [0.0, 1000.0, 0.0];
+    let bin_m = SPEED_OF_LIGHT_M_S / (64.0 * STEP_HZ);
+    let point = [0.0, 1000.0 + 5.0 * bin_m / 2.0, 0.0];
+    for m in 0..8 {
+        let pulse: Vec<Complex32> = (0..FREQUENCIES)
+            .map(|k| {
+                let f = START_HZ + k as f64 * STEP_HZ;
+                let z = Complex64::cis(-TAU * f * 5.0 * bin_m / C);
+                Complex32::new(z.re as f32, z.im as f32)
+            })
+            .collect();
+        processor.push(m, &pulse).unwrap();
+    }
+    let map = processor.take_map().unwrap();
+    // The sinc form reads |1| on the zero-Doppler bin only at the reference frequency; for others
+    // truncation leaves a ripple. So hold the phase reference by the map's own peak.
+    let peak = map.at(4, 32 + 5);
+    let turns = 5.0 * bin_m * map.axes().centre_hz() / C;
+    let exact = Complex64::cis(-TAU * turns);
+    let expected = Complex32::new(exact.re as f32, exact.im as f32);
+    assert!((peak / peak.norm() - expected).norm() < 1e-3);
+    let mut pixel = [Complex32::ZERO];
+    let centre = Centre::monostatic([0.0; 3], [0.0; 3], reference);
+    add_map(&mut pixel, &one_pixel(point), &map, &centre, 0.5).unwrap();
+    let rotated = peak * expected.conj() * 0.5;
+    assert!((pixel[0] - rotated).norm() < 1e-5, "{} {rotated}", pixel[0]);
+}
+
+/// Sub-CPIs that see the scene from ever other places add in phase: eight of them still give 1.
+#[test]
+fn sub_cpis_add_in_phase() {
+    let point = [2.5, -1.5, 0.0];
+    let mut owner = Box::new(ChirpZSubCpi::<16, FREQUENCIES, 256, 128, 256>::new());
+    let mut processor = owner.start(&PARAMS).unwrap();
+    let mut image = CoherentGrid::<9>::new();
+    let grid = PixelGrid {
+        origin_m: [1.5, -2.5, 0.0],
+        column_step_m: [1.0, 0.0, 0.0],
+        row_step_m: [0.0, 1.0, 0.0],
+        num_columns: 3,
+        num_rows: 3,
+    };
+    image.set_grid(&grid).unwrap();
+    let antenna = |m: f64| [0.25 * (m - 64.0), -3000.0, 1000.0];
+    for m in 0..128u32 {
+        let at = antenna(f64::from(m));
+        let relative = 2.0 * (length(point, at) - length([0.0; 3], at));
+        let pulse: [Complex32; FREQUENCIES] = std::array::from_fn(|k| {
+            let f = START_HZ + k as f64 * STEP_HZ;
+            let z = Complex64::cis(-TAU * f * relative / C);
+            Complex32::new(z.re as f32, z.im as f32)
+        });
+        processor.push(m, &pulse).unwrap();
+        if let Some(map) = processor.take_map() {
+            let mean_pulse = f64::from(m) - 7.5;
+            let centre = Centre::monostatic(antenna(mean_pulse), [0.25, 0.0, 0.0], [0.0; 3]);
+            assert_eq!(image.accumulate(&map, &centre, 1.0 / 8.0), 9);
+        }
+    }
+    // Bilinear bound as above, 0.0130; curvature of the relative path over 16 pulses: the reference
+    // compensates all but x^2 d / R^2 terms, (2 m)^2 * 2.5 m / (3162 m)^2 * 2 = 2e-6 m, 4e-4 rad.
+    let centre = image.pixels()[4];
+    assert!((centre - 1.0).norm() < 0.0135, "{centre}");
+    // The resolution is C / (2 * 200 MHz) = 0.75 m and about 1.4 m: the corners are off the main lobe.
+    assert!(image.pixels()[0].norm() < 0.5);
+}
+
+#[test]
+fn pixels_outside_the_map_receive_nothing() {
+    let shape = Shape {
+        num_pulses: 4,
+        num_frequencies: 4,
+        num_range_bins: 4,
+        num_doppler_bins: 4,
+    };
+    let axes = Axes::new(shape, 1.0e9, 1.0e6).unwrap();
+    let ones = [Complex32::ONE; 16];
+    let map = Map::new(axes, &ones).unwrap();
+    // Paths are those of a monostatic radar at the origin: range bins of 75 m two-way.
+    let centre = Centre::monostatic([0.0; 3], [0.0; 3], [0.0, 1000.0, 0.0]);
+    let grid = PixelGrid {
+        origin_m: [0.0, 900.0, 0.0],
+        column_step_m: [0.0, 20.0, 0.0],
+        row_step_m: [0.0; 3],
+        num_columns: 10,
+        num_rows: 1,
+    };
+    // Bins 0 to 3 are 1000 m - 75 m to 1000 m + 37.5 m: 940, 960, 980, 1000, 1020 m.
+    let mut pixels = [Complex32::ZERO; 10];
+    assert_eq!(add_map(&mut pixels, &grid, &map, &centre, 1.0), Ok(5));
+    for (i, pixel) in pixels.iter().enumerate() {
+        assert_eq!((2..7).contains(&i), *pixel != Complex32::ZERO, "{i}");
+    }
+    // At the antenna the direction is undefined: nothing, rather than not a number.
+    let at_antenna = one_pixel([0.0; 3]);
+    let mut pixel = [Complex32::ZERO];
+    assert_eq!(add_map(&mut pixel, &at_antenna, &map, &centre, 1.0), Ok(0));
+    assert_eq!(pixel, [Complex32::ZERO]);
+}
+
+#[test]
+fn capacities_and_shapes_are_kept() {
+    let mut image = CoherentGrid::<8>::new();
+    let mut grid = one_pixel([0.0; 3]);
+    (grid.num_columns, grid.num_rows) = (4, 2);
+    image.set_grid(&grid).unwrap();
+    for (columns, rows, wanted) in [(3, 3, 9), (usize::MAX, 2, usize::MAX)] {
+        let big = PixelGrid {
+            num_columns: columns,
+            num_rows: rows,
+            ..grid
+        };
+        let error = image.set_grid(&big).unwrap_err();
+        assert_eq!(
+            error,
+            AccumulateError::Capacity {
+                capacity: 8,
+                wanted
+            }
+        );
+        assert_eq!(image.grid(), &grid);
+        assert_eq!(image.pixels().len(), 8);
+    }
+
+    let shape = |bins| Shape {
+        num_pulses: 2,
+        num_frequencies: 2,
+        num_range_bins: bins,
+        num_doppler_bins: 2,
+    };
+    let axes = |bins| Axes::new(shape(bins), 1.0e9, 1.0e6).unwrap();
+    // n maps of 3 + 4j: 25 n in float32 is exact.
+    let samples = [Complex32::new(3.0, 4.0); 16];
+    let mut power = PowerMap::<8>::new();
+    let too_big = Map::new(axes(8), &samples).unwrap();
+    assert!(matches!(
+        power.accumulate(&too_big),
+        Err(AccumulateError::Capacity { wanted: 16, .. })
+    ));
+    assert_eq!(power.power(), []);
+    let map = Map::new(axes(4), &samples[..8]).unwrap();
+    for _ in 0..1000 {
+        power.accumulate(&map).unwrap();
+    }
+    assert!(matches!(
+        power.accumulate(&Map::new(axes(2), &samples[..4]).unwrap()),
+        Err(AccumulateError::Shape { .. })
+    ));
+    assert_eq!((power.power(), power.num_maps()), (&[25e3; 8][..], 1000));
+    power.clear();
+    assert_eq!((power.power(), power.num_maps()), (&[][..], 0));
+}

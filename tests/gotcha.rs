@@ -1,0 +1,336 @@
+//! Reading GOTCHA files: the real ones against what was measured of them, and every bad one.
+
+use std::path::{Path, PathBuf};
+
+use num_complex::Complex32;
+use subaperture::io::{gotcha, open};
+use subaperture::phase_history::{PhaseHistory, ReadError, Recorded};
+use subaperture_tests::matlab::{self, Value};
+
+/// A real file, or `None` with a message.
+fn real_file(name: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../shared/data/gotcha")
+        .join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    println!("skipped: {} not found", path.display());
+    None
+}
+
+fn read_bytes(bytes: &[u8]) -> Result<Recorded, ReadError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sample.mat");
+    std::fs::write(&path, bytes).unwrap();
+    gotcha::read(&path)
+}
+
+fn message(bytes: &[u8]) -> String {
+    match read_bytes(bytes) {
+        Ok(_) => panic!("read without an error"),
+        Err(error) => error.to_string(),
+    }
+}
+
+/// The fields with one of them replaced, or dropped.
+fn with(name: &'static str, value: Option<Value>) -> Vec<u8> {
+    let mut fields = matlab::gotcha_fields();
+    let at = fields.iter().position(|f| f.0 == name).unwrap();
+    match value {
+        Some(value) => fields[at].1 = value,
+        None => drop(fields.remove(at)),
+    }
+    matlab::gotcha(fields)
+}
+
+#[test]
+fn real_files_have_the_published_band_and_geometry() {
+    let names = [1, 2].map(|i| format!("data_3dsar_pass1_az00{i}_HH.mat"));
+    let Some(paths): Option<Vec<PathBuf>> = names.iter().map(|n| real_file(n)).collect() else {
+        return;
+    };
+    let aperture = open::open_all(&paths, None).unwrap();
+    let collection = aperture.collection();
+    assert_eq!(collection.num_samples, 424);
+    assert_eq!(collection.pulses.len(), 2 * 117);
+    let band = collection.band().unwrap();
+    // 9.28808 GHz and 1.471 MHz are given to the last digit; half of one is the tolerance.
+    assert!((band.start_hz - 9.28808e9).abs() < 5e3, "{band:?}");
+    assert!((band.step_hz - 1.471e6).abs() < 5e2, "{band:?}");
+    let mut worst_m = 0.0f64;
+    for pulse in &collection.pulses {
+        let range_m = pulse.transmitter_m.length();
+        worst_m = worst_m.max((range_m - pulse.reference_path_m / 2.0).abs());
+    }
+    assert!(worst_m < 0.8e-3, "|position| and r0 differ by {worst_m} m");
+    assert!(
+        worst_m > 0.0,
+        "r0 is recorded on its own, rounded otherwise"
+    );
+    // First and last values of each file, read off a hex dump: fp begins at byte 0x128 with its 49608
+    // real parts, tag included, and the imaginary parts follow 8 bytes after the last.
+    for (i, path) in paths.iter().enumerate() {
+        let bytes = std::fs::read(path).unwrap();
+        let at = |offset: usize| f32::from_le_bytes(bytes[offset..offset + 4].try_into().unwrap());
+        let (re, im) = (0x128, 0x128 + 424 * 117 * 4 + 8);
+        let mut pulse = vec![Complex32::default(); 2 * 424];
+        aperture.read(i * 117 + 3..i * 117 + 5, &mut pulse).unwrap();
+        for k in [0, 1, 423, 424, 847] {
+            let offset = (3 * 424 + k) * 4;
+            assert_eq!(pulse[k], Complex32::new(at(re + offset), at(im + offset)));
+        }
+    }
+    let inputs = aperture.inputs().unwrap();
+    assert_eq!(inputs.len(), 2);
+    assert_eq!(inputs[0].bytes, 403_232);
+    assert_eq!(inputs[0].path, paths[0]);
+}
+
+#[test]
+fn values_shapes_and_signs_of_a_made_file() {
+    for packed in [false, true] {
+        let data = matlab::matrix("data", &Value::Structure(1, 1, matlab::gotcha_fields()));
+        let other = matlab::matrix("note", &Value::Text("first"));
+        let bytes = match packed {
+            false => matlab::file(&[other, data]),
+            true => matlab::file(&[matlab::compressed(&other), matlab::compressed(&data)]),
+        };
+        let recorded = read_bytes(&bytes).unwrap();
+        let collection = recorded.collection();
+        assert_eq!((collection.num_samples, collection.pulses.len()), (4, 3));
+        assert_eq!(collection.name, "sample");
+        let mut samples = vec![Complex32::default(); 12];
+        recorded.read(0..3, &mut samples).unwrap();
+        for n in 0..3 {
+            for k in 0..4 {
+                let i = (k + 10 * n) as f32;
+                assert_eq!(samples[n * 4 + k], Complex32::new(i, -i - 0.5));
+            }
+        }
+        let pulse = collection.pulses[2];
+        assert_eq!(pulse.transmitter_m.to_array(), [7002.0, 3.0, 7200.5]);
+        assert_eq!(pulse.receiver_m, pulse.transmitter_m);
+        assert_eq!(pulse.reference_m.to_array(), [0.0; 3]);
+        assert_eq!(pulse.reference_path_m, 2.0 * 10_044.0);
+        assert_eq!(pulse.time_s, 2.0);
+        // The frequencies lie on the line exactly; float64 sums round in the 16th digit.
+        assert!((pulse.start_hz - 9.3e9).abs() < 1e-4);
+        assert!((pulse.step_hz - 1.5e6).abs() < 1e-4);
+    }
+}
+
+#[test]
+fn checksum_is_the_ieee_one() {
+    // "123456789" has CRC-32 cbf43926 by the standard; a file's own is found bit by bit here.
+    let bytes = matlab::gotcha(matlab::gotcha_fields());
+    let mut crc = !0u32;
+    for &byte in &bytes {
+        crc ^= u32::from(byte);
+        for _ in 0..8 {
+            crc = (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg());
+        }
+    }
+    let inputs = read_bytes(&bytes).unwrap().inputs().unwrap();
+    assert_eq!(inputs[0].crc32, format!("{:08x}", !crc));
+    assert_eq!(inputs[0].bytes, bytes.len() as u64);
+}
+
+#[test]
+fn missing_and_misshapen_fields_are_named() {
+    for name in ["fp", "freq", "x", "y", "z", "r0"] {
+        let text = message(&with(name, None));
+        assert!(text.contains(&format!("data.{name} is missing")), "{text}");
+        assert!(text.contains("fields found:"), "{text}");
+        let text = message(&with(name, Some(Value::Nothing)));
+        assert!(text.contains(&format!("data.{name} is 0 x 0")), "{text}");
+        let text = message(&with(name, Some(Value::Text("none"))));
+        assert!(
+            text.contains(&format!("data.{name} is 1 x 4 text")),
+            "{text}"
+        );
+    }
+    let two = Value::Double(1, 2, vec![1.0, 2.0]);
+    for (name, value, part) in [
+        ("x", two.clone(), "data.x is 1 x 2; data.fp has 3 columns"),
+        ("freq", two, "data.freq is 1 x 2; data.fp has 4 rows"),
+        (
+            "fp",
+            Value::Single(4, 3, vec![0.0; 12]),
+            "data.fp is 4 x 3 single; a complex matrix",
+        ),
+        (
+            "fp",
+            Value::Complex(4, 0, vec![], vec![]),
+            "data.fp is 4 x 0: no image comes of 0 pulses",
+        ),
+        (
+            "fp",
+            Value::Complex(1, 3, vec![0.0; 3], vec![0.0; 3]),
+            "no image comes of 3 pulses of 1 frequencies",
+        ),
+        (
+            "fp",
+            Value::Complex(4, 3, vec![0.0; 11], vec![0.0; 12]),
+            "its real part holds 11",
+        ),
+        (
+            "fp",
+            Value::Complex(i32::MAX, i32::MAX, vec![0.0; 12], vec![0.0; 12]),
+            "its real part holds 12",
+        ),
+        (
+            "fp",
+            Value::Complex(-4, -3, vec![0.0; 12], vec![0.0; 12]),
+            "dimension -4 is negative",
+        ),
+        (
+            "z",
+            Value::Double(1, 3, vec![1.0, f64::NAN, 1.0]),
+            "data.z: value 1 is NaN",
+        ),
+        (
+            "r0",
+            Value::Double(1, 3, vec![1.0, 1.0, -1.0]),
+            "data.r0 of pulse 2 is -1",
+        ),
+        (
+            "freq",
+            Value::Double(4, 1, vec![9.3e9, 9.2e9, 9.1e9, 9.0e9]),
+            "positive, ascending",
+        ),
+        (
+            "freq",
+            Value::Double(4, 1, vec![9.3e9; 4]),
+            "positive, ascending",
+        ),
+        (
+            // The residual of a bend of d in the last of four is 0.4 d at sample 2 and 0.3 d at 3.
+            "freq",
+            Value::Double(4, 1, vec![1e9, 2e9, 3e9, 4e9 + 12_000.0]),
+            "4800 Hz off the straight line",
+        ),
+    ] {
+        let text = message(&with(name, Some(value)));
+        assert!(text.contains(part), "{name}: {text}");
+    }
+    let mut im = vec![0.0; 12];
+    im[6] = f32::INFINITY;
+    match read_bytes(&with("fp", Some(Value::Complex(4, 3, vec![0.0; 12], im)))) {
+        Err(ReadError::NotFinite { pulse, sample, .. }) => assert_eq!((pulse, sample), (1, 2)),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn frequencies_of_float32_are_straightened() {
+    // Float32 knows multiples of 1024 Hz here, so a sample is off by up to 512 Hz; over K = 424 of
+    // them the line's step has a standard deviation of 1024 / sqrt(12) / sqrt(K^3 / 12) = 0.12 Hz and
+    // its start of 2 * 1024 / sqrt(12 K) = 29 Hz; five of each are allowed.
+    let freq: Vec<f32> = (0..424)
+        .map(|k| (9.288_080_384e9 + 1_471_301.6 * f64::from(k)) as f32)
+        .collect();
+    let mut fields = matlab::gotcha_fields();
+    fields[0].1 = Value::Complex(424, 3, vec![1.0; 1272], vec![0.0; 1272]);
+    fields[1].1 = Value::Single(424, 1, freq);
+    let recorded = read_bytes(&matlab::gotcha(fields)).unwrap();
+    let band = recorded.collection().band().unwrap();
+    assert!((band.start_hz - 9.288_080_384e9).abs() < 145.0, "{band:?}");
+    assert!((band.step_hz - 1_471_301.6).abs() < 0.6, "{band:?}");
+}
+
+#[test]
+fn other_files_say_what_they_are() {
+    let note = matlab::matrix("note", &Value::Text("hello"));
+    let image = matlab::matrix("image", &Value::Single(2, 3, vec![0.0; 6]));
+    let text = message(&matlab::file(&[note, matlab::compressed(&image)]));
+    for part in [
+        "sample.mat",
+        "'note' (1 x 5 text)",
+        "'image' (2 x 3 single)",
+        "fp, freq",
+    ] {
+        assert!(text.contains(part), "{text}");
+    }
+    assert!(message(&matlab::file(&[])).contains("variables found: none"));
+    assert!(message(b"").contains("the file is empty"));
+    let plain = matlab::matrix("data", &Value::Double(1, 1, vec![1.0]));
+    assert!(message(&matlab::file(&[plain])).contains("'data' is 1 x 1 double"));
+    let many = matlab::matrix("data", &Value::Structure(1, 2, vec![]));
+    assert!(message(&matlab::file(&[many])).contains("'data' is 1 x 2 structure"));
+    let mut swapped = matlab::gotcha(matlab::gotcha_fields());
+    swapped[126..128].copy_from_slice(b"MI");
+    assert!(message(&swapped).contains("big-endian"));
+}
+
+#[test]
+fn open_goes_by_content() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("misnamed.cphd");
+    std::fs::write(&path, matlab::gotcha(matlab::gotcha_fields())).unwrap();
+    assert_eq!(
+        open::open(&path, None).unwrap().collection().pulses.len(),
+        3
+    );
+    let error = open::open(&path, Some("HH")).err().unwrap().to_string();
+    assert!(error.contains("no channels"), "{error}");
+    for (start, part) in [
+        (&b""[..], "empty"),
+        (
+            b"MATLAB 7.3 MAT-file, Platform: GLNXA64",
+            "save it again with -v7",
+        ),
+        (b"\x93NUMPY\x01\x00", "NumPy array"),
+        (b"\x89HDF\r\n", "HDF5"),
+        (b"NITF02.10", "NITF"),
+        (b"CPHD/0.3\n", "version before 1"),
+        (b"hello", "neither CPHD nor MATLAB 5"),
+    ] {
+        std::fs::write(&path, start).unwrap();
+        let error = open::open(&path, None).err().unwrap().to_string();
+        for part in [part, "misnamed.cphd", "CPHD 1.x and GOTCHA"] {
+            assert!(error.contains(part), "{error}");
+        }
+    }
+    let absent = folder.path().join("absent.mat");
+    let error = open::open(&absent, None).err().unwrap().to_string();
+    assert!(error.contains("absent.mat"), "{error}");
+    assert!(open::open(folder.path(), None).is_err());
+    assert!(gotcha::read(folder.path()).is_err());
+    assert!(open::open_all::<PathBuf>(&[], None).is_err());
+}
+
+#[test]
+fn a_bomb_does_not_unpack() {
+    // 64 MiB of zeros pack to 64 KiB.
+    let zeros = Value::Double(1, 8 << 20, vec![0.0; 8 << 20]);
+    let bytes = matlab::file(&[matlab::compressed(&matlab::matrix("data", &zeros))]);
+    let text = message(&bytes);
+    assert!(text.contains("more than 32 times is refused"), "{text}");
+}
+
+#[test]
+fn damaged_packed_data_is_noticed() {
+    let data = matlab::matrix("data", &Value::Structure(1, 1, matlab::gotcha_fields()));
+    let good = matlab::file(&[matlab::compressed(&data)]);
+    let samples_of = |bytes: &[u8]| {
+        let mut samples = vec![Complex32::default(); 12];
+        read_bytes(bytes)?.read(0..3, &mut samples)?;
+        Ok::<_, ReadError>(samples)
+    };
+    let right = samples_of(&good).unwrap();
+    // A flipped bit of zlib's stream breaks its header or code, or changes the data and so its
+    // Adler-32 in the last four bytes; or it is one that no data needs (a code never used).
+    for at in 128..good.len() {
+        for flip in [1, 0x40, 0x80, 0xff] {
+            let mut bytes = good.clone();
+            bytes[at] ^= flip;
+            let checksum = at >= good.len() - 4;
+            match samples_of(&bytes) {
+                Err(_) => {}
+                Ok(_) if checksum => panic!("a wrong checksum at byte {at} passed"),
+                Ok(samples) => assert_eq!(samples, right, "byte {at} ^ {flip:#x}"),
+            }
+        }
+    }
+}

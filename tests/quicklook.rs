@@ -1,0 +1,271 @@
+//! Pictures, decoded again: pixels lie where the axes say, levels have their colours.
+
+use num_complex::Complex32;
+use subaperture::geometry::ImageGrid;
+use subaperture::image::Image;
+use subaperture::plot::{Colours, Panel, Scale, panels, quicklook};
+
+struct Picture {
+    width: usize,
+    height: usize,
+    rgb: Vec<u8>,
+}
+
+impl Picture {
+    fn decode(bytes: &[u8]) -> Self {
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes))
+            .read_info()
+            .unwrap();
+        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut rgb).unwrap();
+        assert_eq!(info.color_type, png::ColorType::Rgb);
+        let (width, height) = (info.width as usize, info.height as usize);
+        assert_eq!(rgb.len(), width * height * 3);
+        Self { width, height, rgb }
+    }
+
+    fn at(&self, x: usize, y: usize) -> [u8; 3] {
+        let at = (y * self.width + x) * 3;
+        [self.rgb[at], self.rgb[at + 1], self.rgb[at + 2]]
+    }
+
+    /// Smallest box (left, top, right, bottom; ends excluded) with every pixel in `within` of a colour.
+    fn find(&self, within: [usize; 4], wanted: [u8; 3]) -> Option<[usize; 4]> {
+        let mut found: Option<[usize; 4]> = None;
+        for y in within[1]..within[3] {
+            for x in within[0]..within[2] {
+                if self.at(x, y) == wanted {
+                    let [l, t, r, b] = found.unwrap_or([x, y, x + 1, y + 1]);
+                    found = Some([l.min(x), t.min(y), r.max(x + 1), b.max(y + 1)]);
+                }
+            }
+        }
+        found
+    }
+
+    /// The plot's box: from the left frame line, a column of ink under the title, to its right one.
+    fn plot(&self) -> [usize; 4] {
+        const INK: [u8; 3] = [25, 25, 25];
+        // The frame's top line is the first long run of ink; its ends are the corners.
+        let runs = |y: usize| {
+            let mut best = (0, 0);
+            let mut start = None;
+            for x in 0..=self.width {
+                let ink = x < self.width && self.at(x, y) == INK;
+                match (ink, start) {
+                    (true, None) => start = Some(x),
+                    (false, Some(s)) => {
+                        if x - s > best.1 - best.0 {
+                            best = (s, x);
+                        }
+                        start = None;
+                    }
+                    _ => {}
+                }
+            }
+            best
+        };
+        let lines: Vec<usize> = (0..self.height)
+            .filter(|&y| {
+                let (a, b) = runs(y);
+                b - a > 150
+            })
+            .collect();
+        let (left, right) = runs(lines[0]);
+        [left + 1, lines[0] + 1, right - 1, lines[1]]
+    }
+}
+
+/// A constant level with one pixel at 0 dB.
+fn dot(rows: usize, columns: usize, level_db: f32, row: usize, column: usize) -> Image {
+    let level = 10f32.powf(level_db / 20.0);
+    let mut image = Image {
+        rows,
+        columns,
+        pixels: vec![Complex32::new(0.0, level); rows * columns],
+    };
+    image.pixels[row * columns + column] = Complex32::new(-1.0, 0.0);
+    image
+}
+
+fn fixed<'a>(image: &'a Image, grid: &'a ImageGrid) -> Panel<'a> {
+    Panel {
+        scale: Scale::Fixed {
+            top_db: 0.0,
+            span_db: 60.0,
+        },
+        ..Panel::new(image, grid, "dot")
+    }
+}
+
+#[test]
+fn a_pixel_lies_where_the_axes_say() {
+    let grid: ImageGrid = "x=-10:10:1,y=0:10:1".parse().unwrap();
+    let image = dot(10, 20, -30.0, 7, 3);
+    let picture = Picture::decode(&quicklook(&fixed(&image, &grid)).unwrap());
+    let plot = picture.plot();
+    let [left, top, right, bottom] = plot;
+    let (width, height) = (right - left, bottom - top);
+    assert_eq!(width, 2 * height, "20 m by 10 m");
+    assert_eq!(width % 20, 0, "pixels are repeated whole");
+    let side = width / 20;
+    // Row 7 of 10 is third from above, for y points up.
+    let expected = [
+        left + 3 * side,
+        top + 2 * side,
+        left + 4 * side,
+        top + 3 * side,
+    ];
+    assert_eq!(picture.find(plot, [255; 3]), Some(expected));
+    // -30 dB on a scale of -60 to 0 is half of 255, up or down for float32's sake.
+    let grey = picture.at(left, top)[0];
+    assert!((127..=128).contains(&grey), "{grey}");
+}
+
+#[test]
+fn proportions_are_the_scene_s() {
+    // The same 20 m by 10 m with pixels of 1 m by 0.25 m.
+    let grid: ImageGrid = "x=-10:10:1,y=0:10:0.25".parse().unwrap();
+    let picture = Picture::decode(&quicklook(&fixed(&dot(40, 20, -30.0, 0, 19), &grid)).unwrap());
+    let [left, top, right, bottom] = picture.plot();
+    assert_eq!(right - left, 2 * (bottom - top));
+    let found = picture.find([left, top, right, bottom], [255; 3]).unwrap();
+    assert_eq!(
+        (found[2], found[3]),
+        (right, bottom),
+        "the last column, the lowest row"
+    );
+}
+
+#[test]
+fn large_images_are_reduced_by_power() {
+    // 4000 x 2000 pixels on 1600 x 800: a cell covers 2.5 x 2.5 pixels, so that a dot within one cell
+    // reads 1 / 6.25 of its power, -7.96 dB, and the -90 dB around it nothing. Column 3001 is within
+    // cell 1200 (3000 to 3002.5), row 1001 within cell 400.
+    let grid: ImageGrid = "x=0:4000:1,y=0:2000:1".parse().unwrap();
+    let image = dot(2000, 4000, -90.0, 1001, 3001);
+    let picture = Picture::decode(&quicklook(&fixed(&image, &grid)).unwrap());
+    let [left, top, right, bottom] = picture.plot();
+    assert_eq!((right - left, bottom - top), (1600, 800));
+    let grey = f64::from(picture.at(left + 1200, bottom - 1 - 400)[0]);
+    let expected = 255.0 * (1.0 - 10.0 * 6.25f64.log10() / 60.0);
+    assert!(
+        (grey - expected).abs() <= 0.5 + 1e-3,
+        "{grey}, not {expected}"
+    );
+    assert_eq!(picture.at(left + 1201, bottom - 1 - 400), [0; 3]);
+    assert_eq!(picture.at(left + 1200, bottom - 1 - 401), [0; 3]);
+}
+
+#[test]
+fn odd_images_are_drawn() {
+    let grid: ImageGrid = "x=0:3:1,y=0:3:1".parse().unwrap();
+    let zero = Image {
+        rows: 3,
+        columns: 3,
+        pixels: vec![Complex32::ZERO; 9],
+    };
+    let picture = Picture::decode(&quicklook(&Panel::new(&zero, &grid, "zero")).unwrap());
+    let plot = picture.plot();
+    assert_eq!(picture.find(plot, [0; 3]), Some(plot), "all black");
+
+    let mut bad = dot(3, 3, -30.0, 1, 1);
+    bad.pixels[8].re = f32::NAN;
+    bad.pixels[0].re = f32::INFINITY;
+    let picture = Picture::decode(&quicklook(&Panel::new(&bad, &grid, "bad")).unwrap());
+    let [left, top, right, bottom] = picture.plot();
+    assert_eq!(
+        picture.at(right - 1, top),
+        [214, 40, 40],
+        "the NaN, last row and column"
+    );
+    assert_eq!(picture.at(left, bottom - 1), [214, 40, 40], "the infinity");
+    assert_eq!(
+        picture.at((left + right) / 2, (top + bottom) / 2),
+        [255; 3],
+        "the peak"
+    );
+
+    let one: ImageGrid = "x=5:6:1,y=5:6:1".parse().unwrap();
+    let single = dot(1, 1, 0.0, 0, 0);
+    let picture = Picture::decode(&quicklook(&Panel::new(&single, &one, "one")).unwrap());
+    let plot = picture.plot();
+    assert_eq!(picture.find(plot, [255; 3]), Some(plot));
+
+    // A strip, a polar grid, extreme values, an absurd scale, a title without end.
+    let strip: ImageGrid = "x=0:5000:1,y=0:1:1".parse().unwrap();
+    quicklook(&Panel::new(&dot(1, 5000, -30.0, 0, 9), &strip, "strip")).unwrap();
+    let polar: ImageGrid = "r=100:200:1,theta=-30:30:0.5".parse().unwrap();
+    let mut faint = dot(100, 120, -30.0, 5, 5);
+    faint.pixels[7] = Complex32::new(f32::MAX, f32::MAX);
+    faint.pixels[8] = Complex32::new(f32::MIN_POSITIVE / 4.0, 0.0);
+    let mut panel = Panel::new(&faint, &polar, "long ".repeat(10_000));
+    for scale in [
+        Scale::FromData,
+        Scale::Fixed {
+            top_db: f64::NAN,
+            span_db: 60.0,
+        },
+        Scale::Fixed {
+            top_db: 1e300,
+            span_db: f64::INFINITY,
+        },
+        Scale::Fixed {
+            top_db: 0.0,
+            span_db: -1.0,
+        },
+    ] {
+        panel.scale = scale;
+        quicklook(&panel).unwrap();
+    }
+}
+
+#[test]
+fn panels_share_a_page() {
+    let grid: ImageGrid = "x=0:300:1,y=0:300:1".parse().unwrap();
+    let image = dot(300, 300, -30.0, 7, 3);
+    let a = fixed(&image, &grid);
+    let b = Panel {
+        colours: Colours::Viridis,
+        ..a.clone()
+    };
+    let page = panels(&[a.clone(), b.clone(), a.clone()], 2).unwrap();
+    let picture = Picture::decode(&page);
+    let one = Picture::decode(&panels(&[a.clone(), b.clone()], 2).unwrap());
+    assert_eq!((picture.width, picture.height), (one.width, 2 * one.height));
+    // Viridis' top is the yellow (253, 231, 37), in the right half only.
+    let half = picture.width / 2;
+    let yellow = [253, 231, 37];
+    assert!(picture.find([0, 0, half, picture.height], yellow).is_none());
+    assert!(
+        picture
+            .find([half, 0, picture.width, one.height], yellow)
+            .is_some()
+    );
+    assert!(
+        picture
+            .find([half, one.height, picture.width, picture.height], [0; 3])
+            .is_none()
+    );
+    assert_eq!(
+        page,
+        panels(&[a.clone(), b, a], 2).unwrap(),
+        "the same bytes every time"
+    );
+}
+
+#[test]
+fn mismatches_are_errors() {
+    let grid: ImageGrid = "x=0:3:1,y=0:3:1".parse().unwrap();
+    let image = dot(2, 3, -30.0, 0, 0);
+    let text = quicklook(&Panel::new(&image, &grid, "wrong"))
+        .unwrap_err()
+        .to_string();
+    for part in ["wrong", "2 rows x 3 columns", "3 x 3"] {
+        assert!(text.contains(part), "{text}");
+    }
+    let mut short = dot(3, 3, -30.0, 0, 0);
+    short.pixels.pop();
+    assert!(quicklook(&Panel::new(&short, &grid, "short")).is_err());
+    assert!(panels(&[], 3).is_err());
+}
