@@ -10,6 +10,7 @@ use glam::DVec3;
 use subaperture::focus::Silent;
 use subaperture::io::cphd::{Channel, Domain, Sgn, WriteOptions, write};
 use subaperture::phase_history::PhaseHistory;
+use subaperture::simulate::{Preset, Variation};
 
 use crate::cphd_scene::{ORIGIN, Scene, TRACK, read_all};
 
@@ -30,15 +31,28 @@ impl Files {
     }
 
     fn add(&mut self, name: &str, domain: Domain, sgn: Sgn, scenes: &[(&str, Scene)]) {
-        let path = self
-            .folder
-            .path()
-            .join(format!("{name}-{domain}{sgn}.cphd"));
-        let histories: Vec<_> = scenes.iter().map(|(_, s)| s.recorded()).collect();
-        let channels: Vec<_> = scenes
+        let recorded: Vec<_> = scenes.iter().map(|(_, s)| s.recorded()).collect();
+        let histories: Vec<(&str, &dyn PhaseHistory)> = scenes
             .iter()
-            .zip(&histories)
-            .map(|((id, _), history)| Channel::new(*id, history))
+            .zip(&recorded)
+            .map(|((id, _), history)| (*id, history as &dyn PhaseHistory))
+            .collect();
+        self.add_histories(name, domain, sgn, &histories, "");
+    }
+
+    fn add_histories(
+        &mut self,
+        name: &str,
+        domain: Domain,
+        sgn: Sgn,
+        histories: &[(&str, &dyn PhaseHistory)],
+        undefined: &str,
+    ) {
+        let folder = self.folder.path();
+        let path = folder.join(format!("{name}-{domain}{sgn}.cphd"));
+        let channels: Vec<_> = histories
+            .iter()
+            .map(|(id, history)| Channel::new(*id, *history))
             .collect();
         let options = WriteOptions {
             domain,
@@ -46,10 +60,11 @@ impl Files {
             ..WriteOptions::default()
         };
         write(&path, &channels, &options, &Silent).unwrap();
-        for ((id, _), history) in scenes.iter().zip(&histories) {
-            let dump = self.folder.path().join(format!("{name}-{id}.bin"));
-            self.dump(&dump, history);
-            writeln!(self.list, "{}\t{id}\t{}", path.display(), dump.display()).unwrap();
+        for (id, history) in histories {
+            let dump = folder.join(format!("{name}-{id}.bin"));
+            self.dump(&dump, *history);
+            let (path, dump) = (path.display(), dump.display());
+            writeln!(self.list, "{path}\t{id}\t{dump}\t{undefined}").unwrap();
         }
     }
 
@@ -149,6 +164,16 @@ fn sarkit_accepts_the_limits_of_geometry() {
         ..Scene::default()
     };
     let mut files = Files::new();
+    // Motion exactly along the line of sight spans no slant plane with it; sarkit computes 0 / 0.
+    let no_plane = "TwistAngle,SlopeAngle,LayoverAngle";
+    for (name, preset, undefined) in [
+        ("table-2-1", Preset::Table21, no_plane),
+        ("table-4-1", Preset::Table41, ""),
+    ] {
+        let simulated = preset.simulate(&Variation::default());
+        let channels: [(&str, &dyn PhaseHistory); 1] = [("1", &simulated)];
+        files.add_histories(name, Domain::Fx, Sgn::Minus, &channels, undefined);
+    }
     let mut add = |name: &str, track: fn(f64) -> DVec3, reference: fn(f64) -> DVec3| {
         let scene = Scene {
             transmitter: track,

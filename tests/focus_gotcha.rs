@@ -38,7 +38,9 @@ fn error_on_a_thousand_pixels_and_the_brightest_point() {
     // Knuth's generator: a thousand pixels, the same in every run.
     let mut state = 1u64;
     let chosen: Vec<usize> = std::iter::repeat_with(|| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         (state >> 33) as usize % grid.num_pixels() as usize
     })
     .take(1000)
@@ -50,8 +52,12 @@ fn error_on_a_thousand_pixels_and_the_brightest_point() {
     let exact = Exact::at_points(&history, &weights, &points, 1 << 30, &Silent).unwrap();
     let power: f64 = exact.iter().map(|z| z.norm_sqr()).sum();
 
-    let rdbp =
-        RangeDoppler { mode: Mode::Precise, error_db: -60.0, sub_cpi: None, patch_m: None };
+    let rdbp = RangeDoppler {
+        mode: Mode::Precise,
+        error_db: -60.0,
+        sub_cpi: None,
+        patch_m: None,
+    };
     let formers: [(&dyn ImageFormer, f64); 2] =
         [(&rdbp, -60.0), (&Backprojection { error_db: -50.0 }, -50.0)];
     for (former, bound_db) in formers {
@@ -69,9 +75,16 @@ fn error_on_a_thousand_pixels_and_the_brightest_point() {
         assert!(error_db <= bound_db, "{}: {error_db}", former.name());
 
         let brightest = (0..image.pixels.len())
-            .max_by(|&a, &b| image.pixels[a].norm_sqr().total_cmp(&image.pixels[b].norm_sqr()))
+            .max_by(|&a, &b| {
+                image.pixels[a]
+                    .norm_sqr()
+                    .total_cmp(&image.pixels[b].norm_sqr())
+            })
             .unwrap();
-        let at = grid.position_m(brightest / grid.columns.count, brightest % grid.columns.count);
+        let at = grid.position_m(
+            brightest / grid.columns.count,
+            brightest % grid.columns.count,
+        );
         let expected = DVec3::new(-15.6, 21.6, 0.0);
         assert!(at.distance(expected) <= 0.2, "{}: {at}", former.name());
     }

@@ -23,7 +23,9 @@ fn main() {
     let collection = simulated.collection().clone();
     let num_pulses = collection.pulses.len();
     let mut samples = vec![Default::default(); num_pulses * collection.num_samples];
-    simulated.read(0..num_pulses, &mut samples).expect("simulated samples are finite");
+    simulated
+        .read(0..num_pulses, &mut samples)
+        .expect("simulated samples are finite");
     // Held in memory: the simulator's own time stays out.
     let history = Recorded::new(collection, samples).expect("simulated samples are finite");
 
@@ -38,7 +40,12 @@ fn main() {
     };
     let form = |former: &dyn ImageFormer| former.form(&task).expect("4 GiB are enough").image;
 
-    let rdbp = |mode, error_db| RangeDoppler { mode, error_db, sub_cpi: None, patch_m: None };
+    let rdbp = |mode, error_db| RangeDoppler {
+        mode,
+        error_db,
+        sub_cpi: None,
+        patch_m: None,
+    };
     let formers: [(&str, &dyn ImageFormer); 5] = [
         ("bp, -60 dB", &Backprojection { error_db: -60.0 }),
         ("bp, -45 dB", &Backprojection { error_db: -45.0 }),
@@ -47,7 +54,10 @@ fn main() {
         ("rdbp, -45 dB", &rdbp(Mode::Precise, -45.0)),
     ];
     let exact = form(&Exact);
-    let errors: Vec<f64> = formers.iter().map(|(_, f)| error_db(&form(*f), &exact)).collect();
+    let errors: Vec<f64> = formers
+        .iter()
+        .map(|(_, f)| error_db(&form(*f), &exact))
+        .collect();
 
     let mut seconds = vec![Vec::new(); formers.len()];
     for _ in 0..TURNS {
@@ -60,10 +70,16 @@ fn main() {
     let work = grid.num_pixels() as f64 * num_pulses as f64;
     println!("former        error dB   seconds   GBP/s   ratio to the first");
     for (i, (name, _)) in formers.iter().enumerate() {
-        let ratios = seconds[0].iter().zip(&seconds[i]).map(|(first, own)| first / own);
+        let ratios = seconds[0]
+            .iter()
+            .zip(&seconds[i])
+            .map(|(first, own)| first / own);
         let time = median(seconds[i].iter().copied());
         let (rate, ratio) = (work / time * 1e-9, median(ratios));
-        println!("{name:<13} {:>8.1} {time:>9.3} {rate:>7.2} {ratio:>10.2}", errors[i]);
+        println!(
+            "{name:<13} {:>8.1} {time:>9.3} {rate:>7.2} {ratio:>10.2}",
+            errors[i]
+        );
     }
 }
 
@@ -77,6 +93,10 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 fn error_db(image: &Image, reference: &Image) -> f64 {
     let pairs = image.pixels.iter().zip(&reference.pixels);
     let error: f64 = pairs.map(|(a, b)| f64::from((a - b).norm_sqr())).sum();
-    let power: f64 = reference.pixels.iter().map(|b| f64::from(b.norm_sqr())).sum();
+    let power: f64 = reference
+        .pixels
+        .iter()
+        .map(|b| f64::from(b.norm_sqr()))
+        .sum();
     10.0 * (error / power).log10()
 }
