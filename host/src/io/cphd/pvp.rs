@@ -1,0 +1,261 @@
+//! Per-vector parameters: where each lies in a vector's record, read and written. 8-byte words, big
+//! endian.
+
+use glam::DVec3;
+
+use super::metadata::{Domain, MetadataError};
+use super::xml::{Element, Writer};
+
+/// A parameter's place in the record.
+#[derive(Clone, Copy, Debug)]
+struct Field {
+    name: &'static str,
+    byte: usize,
+}
+
+/// Places of the parameters that this reader uses.
+#[derive(Clone, Debug)]
+pub(super) struct Layout {
+    /// Length of a record, bytes.
+    pub(super) num_bytes: u64,
+    tx_time: Field,
+    tx_pos: Field,
+    rcv_pos: Field,
+    srp_pos: Field,
+    fx1: Field,
+    fx2: Field,
+    sc0: Field,
+    scss: Field,
+    amp_sf: Option<Field>,
+    signal: Option<Field>,
+}
+
+/// The parameters of one vector, every one of them finite.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Vector {
+    pub(super) tx_time: f64,
+    pub(super) tx_pos: DVec3,
+    pub(super) rcv_pos: DVec3,
+    pub(super) srp_pos: DVec3,
+    pub(super) fx1: f64,
+    pub(super) fx2: f64,
+    pub(super) sc0: f64,
+    pub(super) scss: f64,
+    pub(super) amp_sf: Option<f64>,
+    /// The SIGNAL parameter: 0 for a vector without signal.
+    pub(super) signal: Option<i64>,
+}
+
+/// Some thousand times the size of a record of all the standard's parameters.
+const MAX_RECORD_BYTES: u64 = 1 << 20;
+
+const SCALAR: &str = "F8";
+const POSITION: &str = "X=F8;Y=F8;Z=F8;";
+const INTEGER: &str = "I8";
+
+impl Layout {
+    pub(super) fn parse(pvp: &Element, num_bytes: &Element) -> Result<Self, MetadataError> {
+        let bytes = num_bytes.count()?;
+        if bytes == 0 || bytes % 8 != 0 || bytes > MAX_RECORD_BYTES {
+            return Err(num_bytes.fault(format!(
+                "{bytes} is not a positive multiple of 8 up to {MAX_RECORD_BYTES}"
+            )));
+        }
+        let field = |name: &'static str, format: &str| -> Result<Option<Field>, MetadataError> {
+            let Some(node) = pvp.optional(name) else {
+                return Ok(None);
+            };
+            let words = if format == POSITION { 3 } else { 1 };
+            let found = node.child("Format")?;
+            if found.text().trim_end_matches(';') != format.trim_end_matches(';') {
+                return Err(found.fault(format!("'{}' is not {format}", found.text())));
+            }
+            let offset = node.child("Offset")?;
+            let word = offset.count()?;
+            let end = word.checked_add(words).and_then(|end| end.checked_mul(8));
+            match end.and_then(|end| usize::try_from(end).ok()) {
+                Some(end) if end as u64 <= bytes => Ok(Some(Field {
+                    name,
+                    byte: end - words as usize * 8,
+                })),
+                _ => Err(offset.fault(format!(
+                    "word {word} lies outside the record of {bytes} bytes (CPHD/Data/NumBytesPVP)"
+                ))),
+            }
+        };
+        let required = |name, format| -> Result<Field, MetadataError> {
+            match field(name, format)? {
+                Some(found) => Ok(found),
+                None => Err(pvp.child(name).err().expect("field found none")),
+            }
+        };
+        Ok(Self {
+            num_bytes: bytes,
+            tx_time: required("TxTime", SCALAR)?,
+            tx_pos: required("TxPos", POSITION)?,
+            rcv_pos: required("RcvPos", POSITION)?,
+            srp_pos: required("SRPPos", POSITION)?,
+            fx1: required("FX1", SCALAR)?,
+            fx2: required("FX2", SCALAR)?,
+            sc0: required("SC0", SCALAR)?,
+            scss: required("SCSS", SCALAR)?,
+            amp_sf: field("AmpSF", SCALAR)?,
+            signal: field("SIGNAL", INTEGER)?,
+        })
+    }
+
+    /// Whether samples are to be multiplied by AmpSF.
+    pub(super) fn has_amp_sf(&self) -> bool {
+        self.amp_sf.is_some()
+    }
+
+    /// Decodes vector `index` from its record of [`Self::num_bytes`].
+    pub(super) fn decode(
+        &self,
+        index: u64,
+        record: &[u8],
+        domain: Domain,
+    ) -> Result<Vector, String> {
+        let fault = |field: Field, what: String| {
+            format!("vector {index}: {} {what}; repair or drop it", field.name)
+        };
+        let finite = |field: Field, word: usize| -> Result<f64, String> {
+            let value = f64::from_be_bytes(word_at(record, field.byte + 8 * word));
+            if value.is_finite() {
+                Ok(value)
+            } else {
+                Err(fault(field, format!("is {value}, not a finite number")))
+            }
+        };
+        let position = |field| -> Result<DVec3, String> {
+            Ok(DVec3::new(
+                finite(field, 0)?,
+                finite(field, 1)?,
+                finite(field, 2)?,
+            ))
+        };
+        let vector = Vector {
+            tx_time: finite(self.tx_time, 0)?,
+            tx_pos: position(self.tx_pos)?,
+            rcv_pos: position(self.rcv_pos)?,
+            srp_pos: position(self.srp_pos)?,
+            fx1: finite(self.fx1, 0)?,
+            fx2: finite(self.fx2, 0)?,
+            sc0: finite(self.sc0, 0)?,
+            scss: finite(self.scss, 0)?,
+            amp_sf: self.amp_sf.map(|f| finite(f, 0)).transpose()?,
+            signal: self
+                .signal
+                .map(|f| i64::from_be_bytes(word_at(record, f.byte))),
+        };
+        if vector.scss <= 0.0 {
+            let what = format!("is {:?}; only ascending samples are read", vector.scss);
+            return Err(fault(self.scss, what));
+        }
+        if domain == Domain::Fx && vector.sc0 <= 0.0 {
+            let what = format!("is {:?} Hz; frequencies are positive", vector.sc0);
+            return Err(fault(self.sc0, what));
+        }
+        if vector.fx1 >= vector.fx2 {
+            let what = format!("{:?} Hz is not below FX2 {:?} Hz", vector.fx1, vector.fx2);
+            return Err(fault(self.fx1, what));
+        }
+        Ok(vector)
+    }
+}
+
+fn word_at(record: &[u8], byte: usize) -> [u8; 8] {
+    let mut word = [0; 8];
+    word.copy_from_slice(&record[byte..byte + 8]);
+    word
+}
+
+/// All parameters of a vector to be written.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Record {
+    pub(super) tx_time: f64,
+    pub(super) tx_pos: DVec3,
+    pub(super) tx_vel: DVec3,
+    pub(super) rcv_time: f64,
+    pub(super) rcv_pos: DVec3,
+    pub(super) rcv_vel: DVec3,
+    pub(super) srp_pos: DVec3,
+    pub(super) a_fdop: f64,
+    pub(super) fx1: f64,
+    pub(super) fx2: f64,
+    pub(super) toa1: f64,
+    pub(super) toa2: f64,
+    pub(super) sc0: f64,
+    pub(super) scss: f64,
+}
+
+/// Parameters in the order in which they are written.
+const WRITTEN: [(&str, &str); 18] = [
+    ("TxTime", SCALAR),
+    ("TxPos", POSITION),
+    ("TxVel", POSITION),
+    ("RcvTime", SCALAR),
+    ("RcvPos", POSITION),
+    ("RcvVel", POSITION),
+    ("SRPPos", POSITION),
+    ("aFDOP", SCALAR),
+    ("aFRR1", SCALAR),
+    ("aFRR2", SCALAR),
+    ("FX1", SCALAR),
+    ("FX2", SCALAR),
+    ("TOA1", SCALAR),
+    ("TOA2", SCALAR),
+    ("TDTropoSRP", SCALAR),
+    ("SC0", SCALAR),
+    ("SCSS", SCALAR),
+    ("SIGNAL", INTEGER),
+];
+
+/// Length of a written record, bytes: 13 scalars and 5 positions.
+pub(super) const RECORD_BYTES: u64 = 8 * (13 + 5 * 3);
+
+impl Record {
+    /// Appends [`RECORD_BYTES`]. The rates of frequency with range, aFRR1 and aFRR2, are zero for
+    /// all vectors, which says that they are not given; TDTropoSRP is zero: propagation as in
+    /// vacuum; SIGNAL is 1: normal signal.
+    pub(super) fn encode(&self, bytes: &mut Vec<u8>) {
+        let mut put = |values: &[f64]| {
+            for value in values {
+                bytes.extend_from_slice(&value.to_be_bytes());
+            }
+        };
+        put(&[self.tx_time]);
+        put(&self.tx_pos.to_array());
+        put(&self.tx_vel.to_array());
+        put(&[self.rcv_time]);
+        put(&self.rcv_pos.to_array());
+        put(&self.rcv_vel.to_array());
+        put(&self.srp_pos.to_array());
+        put(&[self.a_fdop, 0.0, 0.0, self.fx1, self.fx2]);
+        put(&[self.toa1, self.toa2, 0.0, self.sc0, self.scss]);
+        bytes.extend_from_slice(&1i64.to_be_bytes());
+    }
+
+    /// The time at which the wavefront is at the SRP's range from the transmitter (6.5.1 (5)).
+    pub(super) fn reference_time(&self) -> f64 {
+        let transmit = (self.tx_pos - self.srp_pos).length();
+        let receive = (self.rcv_pos - self.srp_pos).length();
+        self.tx_time + transmit / (transmit + receive) * (self.rcv_time - self.tx_time)
+    }
+}
+
+/// Writes the PVP branch of the XML.
+pub(super) fn describe(w: &mut Writer) {
+    w.element("PVP", "", |w| {
+        let mut offset = 0;
+        for (name, format) in WRITTEN {
+            let size = if format == POSITION { 3 } else { 1 };
+            w.element(name, "", |w| {
+                w.text("Offset", offset);
+                w.text("Size", size);
+                w.text("Format", format);
+            });
+            offset += size;
+        }
+    });
+}

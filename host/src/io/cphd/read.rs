@@ -1,0 +1,435 @@
+//! CPHD files as phase history, read on demand.
+
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+use num_complex::Complex32;
+use rustfft::{Fft, FftPlanner};
+
+use super::header::{Block, Header};
+use super::metadata::{self, ChannelInfo, CphdInfo, Domain, Sgn};
+use super::pvp::{Layout, Vector};
+use super::source::{CHUNK_BYTES, Source};
+use super::toa::{Bins, Transform};
+use crate::phase_history::{Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite};
+
+/// Larger XML blocks are refused: they are parsed in memory. Those of real products have less than
+/// a hundredth of it.
+const MAX_XML_BYTES: u64 = 64 << 20;
+
+/// One channel of a CPHD file.
+///
+/// Opening reads the header, the XML and the channel's PVP; samples are read when asked for, by
+/// positioned reads of at most 1 MiB (or one vector in the TOA domain), so one `Cphd` can
+/// be read from many threads. Memory: the [`Collection`] and up to 17 bytes a vector.
+///
+/// - Samples are `AmpSF` times the stored value where there is an `AmpSF`; vectors whose `SIGNAL`
+///   is 0 are delivered as zeros whatever is stored.
+/// - TOA vectors of `N` samples are delivered at the frequencies `fx_C + m / (N SCSS)`,
+///   `fx_C = (FX1 + FX2) / 2`, with integer `m` such that `FX1 <= f < FX2`: as many as the band is
+///   wide in steps of `1 / (N SCSS)`, which must be the same number in every vector. The transform
+///   is in float64 and exact but for the float32 of the stored samples.
+/// - `SGN = +1` samples are conjugated.
+/// - `reference_path_m` is the path by way of `SRPPos`; see the [module](super) for the atmosphere.
+pub struct Cphd {
+    source: Source,
+    info: CphdInfo,
+    channel: usize,
+    collection: Collection,
+    /// Where the channel's samples begin.
+    signal_offset: u64,
+    /// Samples a vector as stored.
+    stored_samples: usize,
+    /// AmpSF of every vector, if the file has it.
+    amp_sf: Option<Vec<f64>>,
+    /// Whether each vector has signal, if any has none.
+    has_signal: Option<Vec<bool>>,
+    arrival: Option<Arrival>,
+}
+
+/// What it takes to turn TOA vectors into FX vectors.
+struct Arrival {
+    bins: Bins,
+    fft: Arc<dyn Fft<f64>>,
+    /// `SC0 / (N SCSS)` of every vector.
+    shifts: Vec<f64>,
+}
+
+impl Cphd {
+    /// Opens channel `channel`, or the file's reference channel.
+    ///
+    /// # Errors
+    /// [`ReadError::Io`] if the file cannot be read, [`ReadError::Malformed`] if it is not CPHD, is
+    /// cut short, lacks what is needed, or has no such channel; the text says where.
+    pub fn open(path: impl AsRef<Path>, channel: Option<&str>) -> Result<Self, ReadError> {
+        let source = Source::open(path.as_ref())?;
+        let header = Header::read(&source)?;
+        let (mut info, layout) = read_xml(&source, header.xml)?;
+        info.version = header.version;
+        info.classification = info.classification.or(header.classification);
+        info.release_info = info.release_info.or(header.release_info);
+
+        let malformed = |what: String| source.malformed(what);
+        let chosen = info.channel(channel).map_err(malformed)?.clone();
+        if let Some(name) = &info.compression {
+            return Err(source.malformed(format!(
+                "the signal arrays are compressed ('{name}'); only uncompressed CI2, CI4 and CF8 \
+                 are read: decompress the file with its producer's tool"
+            )));
+        }
+        for entry in &info.channels {
+            check_extent(&info, entry, &layout, &header.pvp, &header.signal).map_err(malformed)?;
+        }
+        let pvp_offset = header.pvp.offset + chosen.pvp_offset;
+        let signal_offset = header.signal.offset + chosen.signal_offset;
+        let too_large = || source.malformed(format!("channel '{}' is too large", chosen.id));
+        let stored_samples = usize::try_from(chosen.num_samples).map_err(|_| too_large())?;
+        let num_vectors = usize::try_from(chosen.num_vectors).map_err(|_| too_large())?;
+
+        let mut vectors = Vectors {
+            domain: info.domain,
+            stored_samples,
+            frame: info.frame,
+            pulses: Vec::new(),
+            amp_sf: Vec::new(),
+            has_signal: Vec::new(),
+            shifts: Vec::new(),
+            bins: None,
+        };
+        vectors
+            .pulses
+            .try_reserve_exact(num_vectors)
+            .map_err(|_| too_large())?;
+        read_records(
+            &source,
+            pvp_offset,
+            num_vectors,
+            &layout,
+            |index, record| {
+                let vector = layout.decode(index, record, info.domain)?;
+                vectors.push(index, &vector)
+            },
+        )?;
+
+        let arrival = vectors.bins.map(|bins| Arrival {
+            bins,
+            fft: FftPlanner::new().plan_fft_forward(stored_samples),
+            shifts: vectors.shifts,
+        });
+        let collection = Collection {
+            name: collection_name(&info, &chosen, path.as_ref()),
+            num_samples: vectors.bins.map_or(stored_samples, |b| b.count),
+            pulses: vectors.pulses,
+            frame: info.frame,
+            extent: Some(info.image_area),
+        };
+        let channel = info.channels.iter().position(|c| c.id == chosen.id);
+        Ok(Self {
+            channel: channel.expect("the channel was found above"),
+            info,
+            collection,
+            signal_offset,
+            stored_samples,
+            amp_sf: layout.has_amp_sf().then_some(vectors.amp_sf),
+            has_signal: vectors
+                .has_signal
+                .contains(&false)
+                .then_some(vectors.has_signal),
+            arrival,
+            source,
+        })
+    }
+
+    /// The metadata of the file.
+    pub fn info(&self) -> &CphdInfo {
+        &self.info
+    }
+
+    /// All channels of the file.
+    pub fn channels(&self) -> &[ChannelInfo] {
+        &self.info.channels
+    }
+
+    /// The channel that was opened.
+    pub fn channel(&self) -> &ChannelInfo {
+        &self.info.channels[self.channel]
+    }
+
+    /// Reads stored samples, as they are but for the format, from flat index `first` on.
+    fn read_stored(&self, first: usize, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        let format = self.info.signal_format;
+        let width = format.sample_bytes();
+        let chunk = CHUNK_BYTES / width;
+        let mut bytes = vec![0; samples.len().min(chunk) * width];
+        for (i, part) in samples.chunks_mut(chunk).enumerate() {
+            let bytes = &mut bytes[..part.len() * width];
+            let at = (first + i * chunk) as u64 * width as u64;
+            self.source.read_at(self.signal_offset + at, bytes)?;
+            format.decode(bytes, part);
+        }
+        Ok(())
+    }
+
+    /// Scales, conjugates and checks stored vectors from `first` on.
+    fn condition(&self, first: usize, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        let width = self.stored_samples;
+        for (i, vector) in samples.chunks_exact_mut(width).enumerate() {
+            if let Some(has_signal) = &self.has_signal
+                && !has_signal[first + i]
+            {
+                vector.fill(Complex32::ZERO);
+            } else if let Some(amp_sf) = &self.amp_sf {
+                let scale = amp_sf[first + i];
+                for z in vector.iter_mut() {
+                    z.re = (f64::from(z.re) * scale) as f32;
+                    z.im = (f64::from(z.im) * scale) as f32;
+                }
+            }
+        }
+        if self.info.sgn == Sgn::Plus {
+            for z in samples.iter_mut() {
+                *z = z.conj();
+            }
+        }
+        check_finite(&self.collection.name, first, width, samples)
+    }
+}
+
+impl PhaseHistory for Cphd {
+    fn collection(&self) -> &Collection {
+        &self.collection
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        assert!(
+            pulses.end <= self.collection.pulses.len(),
+            "pulses {pulses:?} are past the last one"
+        );
+        assert_eq!(samples.len(), pulses.len() * self.collection.num_samples);
+        let width = self.stored_samples;
+        let Some(arrival) = &self.arrival else {
+            self.read_stored(pulses.start * width, samples)?;
+            return self.condition(pulses.start, samples);
+        };
+        let mut transform = Transform::new(arrival.bins, Arc::clone(&arrival.fft));
+        let mut toa = vec![Complex32::ZERO; width];
+        for (pulse, fx) in pulses.zip(samples.chunks_exact_mut(arrival.bins.count)) {
+            self.read_stored(pulse * width, &mut toa)?;
+            self.condition(pulse, &mut toa)?;
+            transform.frequency(&toa, arrival.shifts[pulse], fx);
+            // A sum of finite float32 may still pass the largest float32.
+            check_finite(&self.collection.name, pulse, fx.len(), fx)?;
+        }
+        Ok(())
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        let mut hasher = crc32fast::Hasher::new();
+        let mut bytes = vec![0; CHUNK_BYTES];
+        let mut at = 0;
+        while at < self.source.len() {
+            let count = (self.source.len() - at).min(CHUNK_BYTES as u64) as usize;
+            self.source.read_at(at, &mut bytes[..count])?;
+            hasher.update(&bytes[..count]);
+            at += count as u64;
+        }
+        Ok(vec![InputFile {
+            path: self.source.path().to_owned(),
+            bytes: self.source.len(),
+            crc32: format!("{:08x}", hasher.finalize()),
+        }])
+    }
+}
+
+fn read_xml(source: &Source, block: Block) -> Result<(CphdInfo, Layout), ReadError> {
+    if block.size > MAX_XML_BYTES {
+        return Err(source.malformed(format!(
+            "header: XML_BLOCK_SIZE {} is more than the {MAX_XML_BYTES} bytes read here: the \
+             header is damaged",
+            block.size
+        )));
+    }
+    let mut bytes = vec![0; block.size as usize];
+    source.read_at(block.offset, &mut bytes)?;
+    let xml = std::str::from_utf8(&bytes).map_err(|e| {
+        source.malformed(format!(
+            "byte {}: the XML block is not UTF-8 text; copy the file again",
+            block.offset + e.valid_up_to() as u64
+        ))
+    })?;
+    metadata::parse(xml)
+        .and_then(|(info, layout)| Ok((info, layout?)))
+        .map_err(|e| source.malformed(format!("{e} (XML block at byte {})", block.offset)))
+}
+
+/// Whether a channel's arrays lie within their blocks, without overflow.
+fn check_extent(
+    info: &CphdInfo,
+    channel: &ChannelInfo,
+    layout: &Layout,
+    pvp: &Block,
+    signal: &Block,
+) -> Result<(), String> {
+    let check = |name: &str, element: &str, offset: u64, size: Option<u64>, block: &Block| {
+        let end = size.and_then(|size| offset.checked_add(size));
+        match end {
+            Some(end) if end <= block.size => Ok(()),
+            _ => Err(format!(
+                "channel '{}': its {name} array ({} vectors of {} samples, CPHD/Data/Channel/\
+                 {element} {offset}) does not fit the {name} block of {} bytes at byte {}; the \
+                 XML is damaged",
+                channel.id, channel.num_vectors, channel.num_samples, block.size, block.offset
+            )),
+        }
+    };
+    let pvp_size = channel.num_vectors.checked_mul(layout.num_bytes);
+    check(
+        "PVP",
+        "PVPArrayByteOffset",
+        channel.pvp_offset,
+        pvp_size,
+        pvp,
+    )?;
+    let signal_size = channel
+        .num_vectors
+        .checked_mul(channel.num_samples)
+        .and_then(|n| n.checked_mul(info.signal_format.sample_bytes() as u64));
+    check(
+        "signal",
+        "SignalArrayByteOffset",
+        channel.signal_offset,
+        signal_size,
+        signal,
+    )
+}
+
+/// Reads PVP records in chunks and hands each to `take`.
+fn read_records(
+    source: &Source,
+    offset: u64,
+    count: usize,
+    layout: &Layout,
+    mut take: impl FnMut(u64, &[u8]) -> Result<(), String>,
+) -> Result<(), ReadError> {
+    let width = usize::try_from(layout.num_bytes)
+        .map_err(|_| source.malformed("XML: CPHD/Data/NumBytesPVP is too large"))?;
+    let at_once = (CHUNK_BYTES / width).max(1);
+    let mut bytes = vec![0; width * at_once.min(count)];
+    let mut index = 0;
+    while index < count {
+        let n = at_once.min(count - index);
+        let at = offset + index as u64 * layout.num_bytes;
+        source.read_at(at, &mut bytes[..n * width])?;
+        for record in bytes[..n * width].chunks_exact(width) {
+            take(index as u64, record).map_err(|what| {
+                source.malformed(format!(
+                    "{what} (PVP at byte {})",
+                    offset + index as u64 * layout.num_bytes
+                ))
+            })?;
+            index += 1;
+        }
+    }
+    Ok(())
+}
+
+/// What is kept of the PVP.
+struct Vectors {
+    domain: Domain,
+    stored_samples: usize,
+    frame: crate::geometry::SceneFrame,
+    pulses: Vec<Pulse>,
+    amp_sf: Vec<f64>,
+    has_signal: Vec<bool>,
+    shifts: Vec<f64>,
+    bins: Option<Bins>,
+}
+
+impl Vectors {
+    fn push(&mut self, index: u64, vector: &Vector) -> Result<(), String> {
+        let (start_hz, step_hz) = match self.domain {
+            Domain::Fx => (vector.sc0, vector.scss),
+            Domain::Toa => self.arrival_band(index, vector)?,
+        };
+        let pulse = Pulse {
+            time_s: vector.tx_time,
+            transmitter_m: self.frame.from_ecf_m(vector.tx_pos),
+            receiver_m: self.frame.from_ecf_m(vector.rcv_pos),
+            reference_m: self.frame.from_ecf_m(vector.srp_pos),
+            // From the ECF positions, not from those in the scene frame: one rounding less.
+            reference_path_m: (vector.tx_pos - vector.srp_pos).length()
+                + (vector.rcv_pos - vector.srp_pos).length(),
+            start_hz,
+            step_hz,
+        };
+        let last_hz = start_hz + self.stored_samples as f64 * step_hz;
+        if !(pulse.reference_path_m.is_finite()
+            && pulse.transmitter_m.is_finite()
+            && pulse.receiver_m.is_finite()
+            && pulse.reference_m.is_finite()
+            && last_hz.is_finite())
+        {
+            return Err(format!(
+                "vector {index}: TxPos, RcvPos, SRPPos, SC0 or SCSS is beyond all measure; repair \
+                 or drop it"
+            ));
+        }
+        self.pulses.push(pulse);
+        if let Some(amp_sf) = vector.amp_sf {
+            self.amp_sf.push(amp_sf);
+        }
+        self.has_signal.push(vector.signal != Some(0));
+        Ok(())
+    }
+
+    /// First frequency and step of a TOA vector's spectrum.
+    fn arrival_band(&mut self, index: u64, vector: &Vector) -> Result<(f64, f64), String> {
+        let n = self.stored_samples;
+        let bandwidth_hz = vector.fx2 - vector.fx1;
+        let bins = Bins::of_band(bandwidth_hz, vector.scss, n).ok_or_else(|| {
+            format!(
+                "vector {index}: the band FX1 to FX2 of {bandwidth_hz:?} Hz needs 1 to {n} of the \
+                 bins of {:?} Hz that {n} samples {:?} s apart (SCSS) have; the vector is \
+                 under-sampled or damaged",
+                1.0 / (n as f64 * vector.scss),
+                vector.scss
+            )
+        })?;
+        match self.bins {
+            Some(first) if first != bins => {
+                return Err(format!(
+                    "vector {index}: its band FX1 to FX2 holds {} frequencies and that of vector \
+                     0 {}; vectors of unequal bands are not read in the TOA domain",
+                    bins.count, first.count
+                ));
+            }
+            _ => self.bins = Some(bins),
+        }
+        let period_s = n as f64 * vector.scss;
+        self.shifts.push(vector.sc0 / period_s);
+        let step_hz = 1.0 / period_s;
+        let start_hz = 0.5 * (vector.fx1 + vector.fx2) + bins.first as f64 * step_hz;
+        if start_hz > 0.0 && (vector.sc0 / period_s).is_finite() {
+            Ok((start_hz, step_hz))
+        } else {
+            Err(format!(
+                "vector {index}: FX1 {:?} Hz, FX2 {:?} Hz, SC0 {:?} s and SCSS {:?} s give no \
+                 positive frequencies; repair or drop it",
+                vector.fx1, vector.fx2, vector.sc0, vector.scss
+            ))
+        }
+    }
+}
+
+/// CoreName, or else the file's name; with the channel where there are several.
+fn collection_name(info: &CphdInfo, channel: &ChannelInfo, path: &Path) -> String {
+    let file = || path.file_name().map(|n| n.to_string_lossy().into_owned());
+    let name = info.core_name.clone().filter(|n| !n.is_empty());
+    let name = name.or_else(file).unwrap_or_default();
+    if info.channels.len() > 1 {
+        format!("{name} channel {}", channel.id)
+    } else {
+        name
+    }
+}

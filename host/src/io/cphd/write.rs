@@ -1,0 +1,450 @@
+//! Phase history as CPHD 1.1.0 files.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use num_complex::Complex32;
+use rustfft::{Fft, FftPlanner};
+
+use super::describe::{self, Entry};
+use super::header::{self, SECTION_END, Sizes};
+use super::metadata::{Domain, Sgn};
+use super::prepare::Prepared;
+use super::pvp::RECORD_BYTES;
+use super::signal;
+use super::source::CHUNK_BYTES;
+use super::toa::Transform;
+use crate::focus::Monitor;
+use crate::phase_history::{PhaseHistory, ReadError, check_finite};
+
+/// Polarisation of an antenna, by the standard's names.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Polarization {
+    /// Along the antenna's x axis.
+    X,
+    /// Along the antenna's y axis.
+    Y,
+    /// Vertical.
+    V,
+    /// Horizontal.
+    H,
+    /// Sometimes one, sometimes another.
+    S,
+    /// Elliptical.
+    E,
+    /// Right-hand circular.
+    Rhc,
+    /// Left-hand circular.
+    Lhc,
+    /// Not known.
+    #[default]
+    Unspecified,
+}
+
+impl fmt::Display for Polarization {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::X => "X",
+            Self::Y => "Y",
+            Self::V => "V",
+            Self::H => "H",
+            Self::S => "S",
+            Self::E => "E",
+            Self::Rhc => "RHC",
+            Self::Lhc => "LHC",
+            Self::Unspecified => "UNSPECIFIED",
+        })
+    }
+}
+
+/// A channel to be written.
+pub struct Channel<'a> {
+    /// Identifier, unique in the file.
+    pub id: String,
+    /// Its pulses, in the order of time.
+    pub history: &'a dyn PhaseHistory,
+    /// Polarisation transmitted.
+    pub tx_polarization: Polarization,
+    /// Polarisation received.
+    pub rcv_polarization: Polarization,
+}
+
+impl<'a> Channel<'a> {
+    /// A channel of unspecified polarisation.
+    pub fn new(id: impl Into<String>, history: &'a dyn PhaseHistory) -> Self {
+        Self {
+            id: id.into(),
+            history,
+            tx_polarization: Polarization::default(),
+            rcv_polarization: Polarization::default(),
+        }
+    }
+}
+
+/// How to write, and what to say of the collection.
+#[derive(Clone, Debug)]
+pub struct WriteOptions {
+    /// Domain of the samples. FX reads back to the same bits; TOA to float32 rounding.
+    pub domain: Domain,
+    /// Sign of phase with delay.
+    pub sgn: Sgn,
+    /// Radar platform.
+    pub collector_name: String,
+    /// Name of the collection; that of the first channel's collection if `None`.
+    pub core_name: Option<String>,
+    /// The radar's own name of its mode.
+    pub mode_id: Option<String>,
+    /// Classification banner.
+    pub classification: String,
+    /// To whom the file may be given.
+    pub release_info: String,
+    /// Date and time of the collection's start, UTC, as `YYYY-MM-DDThh:mm:ss.ssssssZ`.
+    pub collection_start: String,
+}
+
+impl Default for WriteOptions {
+    /// FX, SGN -1, unclassified and unrestricted, by "Subaperture", at an unknown date (1970).
+    fn default() -> Self {
+        Self {
+            domain: Domain::Fx,
+            sgn: Sgn::Minus,
+            collector_name: "Subaperture".to_owned(),
+            core_name: None,
+            mode_id: None,
+            classification: "UNCLASSIFIED".to_owned(),
+            release_info: "UNRESTRICTED".to_owned(),
+            collection_start: "1970-01-01T00:00:00.000000Z".to_owned(),
+        }
+    }
+}
+
+/// Why no file was written. None is left behind.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The operating system refused.
+    #[error("cannot write {path}: {source}")]
+    Io {
+        /// File or folder concerned.
+        path: PathBuf,
+        /// Cause.
+        source: io::Error,
+    },
+    /// The pulses could not be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The collection or the options cannot be expressed in CPHD.
+    #[error("{0}")]
+    Unsuited(String),
+    /// The monitor asked to stop.
+    #[error("interrupted")]
+    Cancelled,
+}
+
+/// Writes `channels` to `path`, complete or not at all: beside it first, then renamed over it.
+///
+/// Samples are CF8. In the FX domain they read back to the same bits. In the TOA domain there are at
+/// least 1.25 times as many, over one period `1 / step_hz` of delay around the SRP's, so that
+/// nothing is lost but float32 rounding. The first channel is the reference channel.
+///
+/// What CPHD asks for and a [`PhaseHistory`] does not have:
+/// - `TxTime` is the pulse's time and `RcvTime` that plus the delay of the SRP's echo; `TxPos` and
+///   `RcvPos` are the pulse's positions, taken to be valid at those times.
+/// - Velocities are central differences of positions over those times, one-sided at the ends.
+/// - `SRPPos` is the reference point. Where `reference_path_m` differs from its path by more than
+///   20 nm, the SRP is moved along the bisector until it does not, since the SRP's path is the
+///   only one that CPHD knows; `SRPFixed` is then false.
+/// - `CollectType` is `MONOSTATIC` if transmitter and receiver are at most 1 mrad apart as seen from
+///   the SRP, in every pulse of the reference channel.
+/// - `ModeType` is `SPOTLIGHT` if all pulses share their reference point, else `STRIPMAP`; dwell is
+///   given as the whole collection for all of the image area.
+/// - `TOA1` to `TOA2` are 0.8 of the unambiguous delay; an absent extent becomes the square that this
+///   swath covers.
+/// - `RefVectorIndex` is the vector nearest the middle at which the reference geometry is well
+///   conditioned. Motion exactly along the line of sight spans no slant plane: twist, slope and
+///   layover are written as 0, and sarkit's `cphdcheck`, whose equations give 0 / 0, reports these
+///   three. For a platform at rest, or a single pulse, it reports side of track and Doppler cone
+///   angle (written as L and 90) as well. Such files are sound in all else.
+/// - `ImageGrid` is a proposal at range resolution.
+///
+/// Memory: 192 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
+///
+/// # Errors
+/// [`WriteError`]; among the unsuited are a local scene frame, times that do not rise, and pulses
+/// compensated to a path that no scene point has (such as 0).
+pub fn write(
+    path: impl AsRef<Path>,
+    channels: &[Channel],
+    options: &WriteOptions,
+    monitor: &dyn Monitor,
+) -> Result<(), WriteError> {
+    let path = path.as_ref();
+    check_texts(channels, options)?;
+    let entries = prepare(channels, options)?;
+    let xml = describe::document(&entries, options);
+    let last = &entries[entries.len() - 1];
+    let sizes = Sizes {
+        xml: xml.len() as u64,
+        pvp: last.pvp_offset + pvp_bytes(&last.prepared),
+        signal: last.signal_offset + signal_bytes(&last.prepared)?,
+    };
+    let layout = header::lay_out(&sizes, &options.classification, &options.release_info)
+        .ok_or_else(too_large)?;
+
+    let failed = |at: &Path, source| WriteError::Io {
+        path: at.to_owned(),
+        source,
+    };
+    let folder = match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let mut beside = new_file_in(folder).map_err(|e| failed(folder, e))?;
+    let mut out = Output {
+        file: beside.as_file_mut(),
+        written: 0,
+    };
+    let fixed = (|| -> io::Result<()> {
+        out.put(layout.header.as_bytes())?;
+        out.pad_to(layout.xml_offset)?;
+        out.put(xml.as_bytes())?;
+        out.put(SECTION_END)?;
+        out.pad_to(layout.pvp_offset)?;
+        for entry in &entries {
+            write_records(&mut out, &entry.prepared)?;
+        }
+        out.pad_to(layout.signal_offset)
+    })();
+    fixed.map_err(|e| failed(path, e))?;
+    let total = sizes.signal as f64;
+    for entry in &entries {
+        write_signal(entry, options, monitor, |bytes, done| {
+            out.put(bytes).map_err(|e| failed(path, e))?;
+            monitor.progress((entry.signal_offset + done) as f64 / total);
+            Ok(())
+        })?;
+    }
+    out.file.sync_all().map_err(|e| failed(path, e))?;
+    beside.persist(path).map_err(|e| failed(path, e.error))?;
+    // The rename itself lasts once the folder is on disk; not every system can do that.
+    if let Ok(folder) = File::open(folder) {
+        let _ = folder.sync_all();
+    }
+    Ok(())
+}
+
+/// A new file that disappears unless renamed, readable as any other file of the user.
+fn new_file_in(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".subaperture-").suffix(".part");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666)); // less the umask
+    }
+    builder.tempfile_in(folder)
+}
+
+fn too_large() -> WriteError {
+    WriteError::Unsuited("the file would have more than 2^63 bytes".to_owned())
+}
+
+fn pvp_bytes(prepared: &Prepared) -> u64 {
+    prepared.records.len() as u64 * RECORD_BYTES
+}
+
+fn signal_bytes(prepared: &Prepared) -> Result<u64, WriteError> {
+    (prepared.records.len() as u64)
+        .checked_mul(prepared.stored_samples as u64)
+        .and_then(|n| n.checked_mul(8))
+        .filter(|&n| n < 1 << 60)
+        .ok_or_else(too_large)
+}
+
+fn prepare<'a>(
+    channels: &'a [Channel<'a>],
+    options: &WriteOptions,
+) -> Result<Vec<Entry<'a>>, WriteError> {
+    let Some(first) = channels.first() else {
+        return Err(WriteError::Unsuited("no channel to write".to_owned()));
+    };
+    let frame = first.history.collection().frame;
+    let mut entries: Vec<Entry> = Vec::new();
+    let (mut pvp_offset, mut signal_offset) = (0, 0);
+    for channel in channels {
+        let collection = channel.history.collection();
+        let prepared = Prepared::new(collection, options.domain)?;
+        if !collection.frame.agrees_with(&frame) {
+            return Err(WriteError::Unsuited(format!(
+                "channel '{}' has another scene frame than channel '{}': a CPHD file has one",
+                channel.id, first.id
+            )));
+        }
+        let (pvp, signal) = (pvp_bytes(&prepared), signal_bytes(&prepared)?);
+        entries.push(Entry {
+            channel,
+            prepared,
+            pvp_offset,
+            signal_offset,
+        });
+        pvp_offset += pvp;
+        signal_offset = signal_offset
+            .checked_add(signal)
+            .filter(|&n: &u64| n < 1 << 62)
+            .ok_or_else(too_large)?;
+    }
+    Ok(entries)
+}
+
+/// Texts go into XML and, two of them, into the header's lines: no control characters, and nothing
+/// that trimming would change in what is looked up.
+fn check_texts(channels: &[Channel], options: &WriteOptions) -> Result<(), WriteError> {
+    let core_name = options.core_name.as_deref().unwrap_or_default();
+    let mode_id = options.mode_id.as_deref().unwrap_or_default();
+    let texts = [
+        ("collector_name", options.collector_name.as_str()),
+        ("core_name", core_name),
+        ("mode_id", mode_id),
+        ("classification", &options.classification),
+        ("release_info", &options.release_info),
+    ];
+    let ids = channels.iter().map(|c| ("channel id", c.id.as_str()));
+    let names = channels
+        .iter()
+        .map(|c| ("collection name", c.history.collection().name.as_str()));
+    for (what, text) in texts.into_iter().chain(ids).chain(names) {
+        let odd = |c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}');
+        if text.contains(odd) || text.trim() != text {
+            return Err(WriteError::Unsuited(format!(
+                "{what} {text:?}: remove control characters and white space around it"
+            )));
+        }
+    }
+    let mut seen = BTreeSet::new();
+    for channel in channels {
+        if channel.id.is_empty() || !seen.insert(&channel.id) {
+            return Err(WriteError::Unsuited(format!(
+                "channel id '{}' is empty or used twice",
+                channel.id
+            )));
+        }
+    }
+    let start = options.collection_start.as_bytes();
+    let shape = b"0000-00-00T00:00:00";
+    let digits_fit = start.len() > shape.len()
+        && shape.iter().zip(start).all(|(&s, &c)| match s {
+            b'0' => c.is_ascii_digit(),
+            _ => c == s,
+        });
+    let rest = options.collection_start.get(shape.len()..).unwrap_or("");
+    let fraction = rest.strip_suffix('Z').map(|f| f.strip_prefix('.'));
+    let fraction_fits = match fraction {
+        Some(None) => rest == "Z",
+        Some(Some(f)) => !f.is_empty() && f.bytes().all(|c| c.is_ascii_digit()),
+        None => false,
+    };
+    if !(digits_fit && fraction_fits) {
+        return Err(WriteError::Unsuited(format!(
+            "collection_start '{}': write YYYY-MM-DDThh:mm:ss.ssssssZ",
+            options.collection_start
+        )));
+    }
+    Ok(())
+}
+
+/// Counts what has been written, to pad up to the next block.
+struct Output<'a> {
+    file: &'a mut File,
+    written: u64,
+}
+
+impl Output<'_> {
+    fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.file.write_all(bytes)?;
+        self.written += bytes.len() as u64;
+        Ok(())
+    }
+
+    fn pad_to(&mut self, offset: u64) -> io::Result<()> {
+        let count = offset
+            .checked_sub(self.written)
+            .expect("blocks do not overlap");
+        self.put(&vec![0; count as usize])
+    }
+}
+
+fn write_records(out: &mut Output, prepared: &Prepared) -> io::Result<()> {
+    let at_once = CHUNK_BYTES / RECORD_BYTES as usize;
+    let mut bytes = Vec::new();
+    for records in prepared.records.chunks(at_once) {
+        bytes.clear();
+        for record in records {
+            record.encode(&mut bytes);
+        }
+        out.put(&bytes)?;
+    }
+    Ok(())
+}
+
+/// Reads, converts and hands over the samples of a channel, a few MiB at a time, with the number of
+/// bytes done.
+fn write_signal(
+    entry: &Entry,
+    options: &WriteOptions,
+    monitor: &dyn Monitor,
+    mut put: impl FnMut(&[u8], u64) -> Result<(), WriteError>,
+) -> Result<(), WriteError> {
+    let history = entry.channel.history;
+    let collection = history.collection();
+    let (width, stored) = (collection.num_samples, entry.prepared.stored_samples);
+    let num_pulses = collection.pulses.len();
+    let at_once = (4 * CHUNK_BYTES / (8 * stored)).clamp(1, num_pulses);
+    let mut samples = vec![Complex32::ZERO; at_once * width];
+    let mut transform = (options.domain == Domain::Toa).then(|| {
+        let fft: Arc<dyn Fft<f64>> = FftPlanner::new().plan_fft_inverse(stored);
+        Transform::new(entry.prepared.bins, fft)
+    });
+    let mut arrivals = vec![Complex32::ZERO; if transform.is_some() { stored } else { 0 }];
+    let mut bytes = Vec::new();
+    let mut done = 0;
+    for start in (0..num_pulses).step_by(at_once) {
+        if monitor.cancelled() {
+            return Err(WriteError::Cancelled);
+        }
+        let pulses = start..(start + at_once).min(num_pulses);
+        let samples = &mut samples[..pulses.len() * width];
+        history.read(pulses.clone(), samples)?;
+        check_finite(&collection.name, start, width, samples)?;
+        bytes.clear();
+        match &mut transform {
+            None => {
+                conjugate_if(options.sgn, samples);
+                signal::encode(samples, &mut bytes);
+            }
+            Some(transform) => {
+                for (pulse, fx) in pulses.clone().zip(samples.chunks_exact(width)) {
+                    let record = &entry.prepared.records[pulse];
+                    let shift = record.sc0 / (stored as f64 * record.scss);
+                    transform.arrival(fx, shift, &mut arrivals);
+                    conjugate_if(options.sgn, &mut arrivals);
+                    check_finite(&collection.name, pulse, stored, &arrivals)?;
+                    signal::encode(&arrivals, &mut bytes);
+                }
+            }
+        }
+        done += bytes.len() as u64;
+        put(&bytes, done)?;
+    }
+    Ok(())
+}
+
+fn conjugate_if(sgn: Sgn, samples: &mut [Complex32]) {
+    if sgn == Sgn::Plus {
+        for z in samples {
+            *z = z.conj();
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! XML elements that know their own path, so that every error can name it; and a writer of elements.
+
+use glam::DVec3;
+use roxmltree::Node;
+
+use super::metadata::MetadataError;
+
+/// An element and its path from the root, such as `CPHD/Global/SGN`.
+pub(super) struct Element<'a, 'i> {
+    node: Node<'a, 'i>,
+    path: String,
+}
+
+impl<'a, 'i> Element<'a, 'i> {
+    pub(super) fn root(node: Node<'a, 'i>) -> Self {
+        Self {
+            path: node.tag_name().name().to_owned(),
+            node,
+        }
+    }
+
+    pub(super) fn name(&self) -> &'a str {
+        self.node.tag_name().name()
+    }
+
+    pub(super) fn namespace(&self) -> &'a str {
+        self.node.tag_name().namespace().unwrap_or_default()
+    }
+
+    /// An error about this element.
+    pub(super) fn fault(&self, what: impl std::fmt::Display) -> MetadataError {
+        MetadataError(format!("{}: {what}", self.path))
+    }
+
+    /// Children of this name, whatever their namespace.
+    pub(super) fn children(&self, name: &'static str) -> impl Iterator<Item = Self> + use<'a, 'i> {
+        let path = format!("{}/{name}", self.path);
+        self.node
+            .children()
+            .filter(move |n| n.is_element() && n.tag_name().name() == name)
+            .map(move |node| Self {
+                node,
+                path: path.clone(),
+            })
+    }
+
+    pub(super) fn optional(&self, name: &'static str) -> Option<Self> {
+        self.children(name).next()
+    }
+
+    pub(super) fn child(&self, name: &'static str) -> Result<Self, MetadataError> {
+        self.optional(name)
+            .ok_or_else(|| self.fault(format!("no element {name}; the standard requires it")))
+    }
+
+    /// The text, without white space around it.
+    pub(super) fn text(&self) -> &'a str {
+        self.node.text().unwrap_or_default().trim()
+    }
+
+    pub(super) fn optional_text(&self, name: &'static str) -> Option<String> {
+        self.optional(name).map(|e| e.text().to_owned())
+    }
+
+    /// The text of an element that holds nothing else: a comment inside would cut a number in two.
+    fn only_text(&self) -> Result<&'a str, MetadataError> {
+        if self.node.children().count() > 1 {
+            return Err(self.fault("holds more than a number"));
+        }
+        Ok(self.text())
+    }
+
+    pub(super) fn number(&self) -> Result<f64, MetadataError> {
+        let text = self.only_text()?;
+        text.parse::<f64>()
+            .ok()
+            .filter(|v| v.is_finite())
+            .ok_or_else(|| self.fault(format!("'{text}' is not a finite number")))
+    }
+
+    pub(super) fn count(&self) -> Result<u64, MetadataError> {
+        let text = self.only_text()?;
+        text.parse()
+            .map_err(|_| self.fault(format!("'{text}' is not a count from 0 to 2^64 - 1")))
+    }
+
+    pub(super) fn xyz(&self) -> Result<DVec3, MetadataError> {
+        Ok(DVec3::new(
+            self.child("X")?.number()?,
+            self.child("Y")?.number()?,
+            self.child("Z")?.number()?,
+        ))
+    }
+
+    pub(super) fn pair(
+        &self,
+        first: &'static str,
+        second: &'static str,
+    ) -> Result<(f64, f64), MetadataError> {
+        Ok((self.child(first)?.number()?, self.child(second)?.number()?))
+    }
+}
+
+/// Writes indented elements.
+pub(super) struct Writer {
+    text: String,
+    depth: usize,
+}
+
+impl Writer {
+    pub(super) fn new() -> Self {
+        Self {
+            text: "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n".to_owned(),
+            depth: 0,
+        }
+    }
+
+    pub(super) fn finish(self) -> String {
+        self.text
+    }
+
+    /// An element with children. `attributes` are plain ASCII of our own making.
+    pub(super) fn element(
+        &mut self,
+        name: &str,
+        attributes: &str,
+        content: impl FnOnce(&mut Self),
+    ) {
+        let space = if attributes.is_empty() { "" } else { " " };
+        self.indent();
+        self.text += &format!("<{name}{space}{attributes}>\n");
+        self.depth += 1;
+        content(self);
+        self.depth -= 1;
+        self.indent();
+        self.text += &format!("</{name}>\n");
+    }
+
+    /// An element with text, escaped.
+    pub(super) fn text(&mut self, name: &str, value: impl std::fmt::Display) {
+        self.text_with(name, "", value);
+    }
+
+    pub(super) fn text_with(
+        &mut self,
+        name: &str,
+        attributes: &str,
+        value: impl std::fmt::Display,
+    ) {
+        let space = if attributes.is_empty() { "" } else { " " };
+        self.indent();
+        self.text += &format!("<{name}{space}{attributes}>");
+        for c in value.to_string().chars() {
+            match c {
+                '&' => self.text += "&amp;",
+                '<' => self.text += "&lt;",
+                '>' => self.text += "&gt;",
+                c => self.text.push(c),
+            }
+        }
+        self.text += &format!("</{name}>\n");
+    }
+
+    /// An element with a number, in the fewest digits that read back to the same float64.
+    pub(super) fn number(&mut self, name: &str, value: f64) {
+        self.text(name, format_args!("{value:?}"));
+    }
+
+    pub(super) fn numbers(&mut self, values: &[(&str, f64)]) {
+        for (name, value) in values {
+            self.number(name, *value);
+        }
+    }
+
+    pub(super) fn xyz(&mut self, name: &str, v: DVec3) {
+        self.element(name, "", |w| {
+            w.numbers(&[("X", v.x), ("Y", v.y), ("Z", v.z)]);
+        });
+    }
+
+    fn indent(&mut self) {
+        self.text.extend(std::iter::repeat_n("  ", self.depth));
+    }
+}
