@@ -57,10 +57,7 @@ fn fx_reads_back_to_the_same_bits() {
         };
         write(&path, &[channel], &options(Domain::Fx, sgn), &Silent).unwrap();
         let cphd = Cphd::open(&path, None).unwrap();
-        let (read, written) = (
-            read_all(&cphd).unwrap(),
-            read_all(&recorded).unwrap(),
-        );
+        let (read, written) = (read_all(&cphd).unwrap(), read_all(&recorded).unwrap());
         assert_eq!(bits(&read), bits(&written));
         assert_same_geometry(cphd.collection(), recorded.collection(), 0.0);
         assert_eq!(cphd.collection().name, "synthetic <&> scene");
@@ -129,7 +126,11 @@ fn channels_of_different_sizes_are_chosen_by_name() {
     let channels = [Channel::new("A", &first), Channel::new("B & b", &second)];
     write(&path, &channels, &WriteOptions::default(), &Silent).unwrap();
     let open = |id| Cphd::open(&path, id).unwrap();
-    for (id, history) in [(None, &first), (Some("A"), &first), (Some("B & b"), &second)] {
+    for (id, history) in [
+        (None, &first),
+        (Some("A"), &first),
+        (Some("B & b"), &second),
+    ] {
         let cphd = open(id);
         assert_eq!(
             bits(&read_all(&cphd).unwrap()),
@@ -299,9 +300,18 @@ fn what_cphd_cannot_express_is_refused() {
     refused(&|c| c.pulses[0].time_s = -1.0, "pulse 0: its time is -1.0");
     refused(&|c| c.pulses[4].time_s = f64::NAN, "pulse 4: time_s");
     refused(&|c| c.pulses[4].step_hz = 0.0, "pulse 4: step_hz");
-    refused(&|c| c.pulses[5].transmitter_m.y = f64::INFINITY, "pulse 5: transmitter_m");
-    refused(&|c| c.pulses[6].reference_path_m = 0.0, "pulse 6 is compensated to a path of 0.0 m");
-    refused(&|c| c.pulses[6].reference_m = c.pulses[6].transmitter_m, "pulse 6 is compensated");
+    refused(
+        &|c| c.pulses[5].transmitter_m.y = f64::INFINITY,
+        "pulse 5: transmitter_m",
+    );
+    refused(
+        &|c| c.pulses[6].reference_path_m = 0.0,
+        "pulse 6 is compensated to a path of 0.0 m",
+    );
+    refused(
+        &|c| c.pulses[6].reference_m = c.pulses[6].transmitter_m,
+        "pulse 6 is compensated",
+    );
     refused(&|c| c.extent.as_mut().unwrap().x_m = (1.0, 1.0), "extent");
     refused(&|c| c.name = "a\nb".to_owned(), "collection name");
 
@@ -310,12 +320,18 @@ fn what_cphd_cannot_express_is_refused() {
         let channels: Vec<_> = ids.iter().map(|id| Channel::new(*id, &recorded)).collect();
         let mut options = WriteOptions::default();
         change(&mut options);
-        let error = write(&path, &channels, &options, &Silent).unwrap_err().to_string();
+        let error = write(&path, &channels, &options, &Silent)
+            .unwrap_err()
+            .to_string();
         assert!(error.contains(part), "{error}");
     };
     with(&[], &|_| (), "no channel");
     with(&["1", "1"], &|_| (), "used twice");
     with(&[""], &|_| (), "empty");
-    with(&["1"], &|o| o.release_info = "A\n\u{c}\n".to_owned(), "release_info");
+    with(
+        &["1"],
+        &|o| o.release_info = "A\n\u{c}\n".to_owned(),
+        "release_info",
+    );
     with(&["1"], &|o| o.collection_start = "today".to_owned(), "YYYY");
 }

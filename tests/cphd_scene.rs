@@ -9,7 +9,7 @@ use subaperture::phase_history::{Collection, Pulse, Recorded};
 const C: f64 = 299_792_458.0;
 
 /// East, north, up at 52.1 N, 4.3 E; the origin about 60 m above the ellipsoid.
-pub fn frame() -> SceneFrame {
+pub(crate) fn frame() -> SceneFrame {
     let (lat, lon) = (52.1f64.to_radians(), 4.3f64.to_radians());
     let n = 6_378_137.0 / (1.0 - 6.694_379_990_14e-3 * lat.sin().powi(2)).sqrt();
     SceneFrame::Earth {
@@ -25,23 +25,23 @@ pub fn frame() -> SceneFrame {
 
 /// What to make.
 #[derive(Clone, Copy)]
-pub struct Scene {
-    pub num_pulses: usize,
-    pub num_samples: usize,
-    pub start_hz: f64,
-    pub step_hz: f64,
+pub(crate) struct Scene {
+    pub(crate) num_pulses: usize,
+    pub(crate) num_samples: usize,
+    pub(crate) start_hz: f64,
+    pub(crate) step_hz: f64,
     /// Position of the transmitter as a function of time.
-    pub transmitter: fn(f64) -> DVec3,
-    pub receiver: fn(f64) -> DVec3,
-    pub reference: fn(f64) -> DVec3,
+    pub(crate) transmitter: fn(f64) -> DVec3,
+    pub(crate) receiver: fn(f64) -> DVec3,
+    pub(crate) reference: fn(f64) -> DVec3,
     /// Added to the reference path, metres.
-    pub path_bias_m: f64,
-    pub extent: bool,
+    pub(crate) path_bias_m: f64,
+    pub(crate) extent: bool,
 }
 
-pub const TRACK: fn(f64) -> DVec3 =
+pub(crate) const TRACK: fn(f64) -> DVec3 =
     |t| DVec3::new(125.0 * t - 3.0, -5000.0, 1500.0 + 0.5 * (3.0 * t).sin());
-pub const ORIGIN: fn(f64) -> DVec3 = |_| DVec3::ZERO;
+pub(crate) const ORIGIN: fn(f64) -> DVec3 = |_| DVec3::ZERO;
 
 impl Default for Scene {
     fn default() -> Self {
@@ -60,7 +60,7 @@ impl Default for Scene {
 }
 
 impl Scene {
-    pub fn pulse(&self, n: usize) -> Pulse {
+    pub(crate) fn pulse(&self, n: usize) -> Pulse {
         let time_s = 0.25 + n as f64 * 1.5e-3;
         let (transmitter_m, receiver_m, reference_m) = (
             (self.transmitter)(time_s),
@@ -80,7 +80,7 @@ impl Scene {
         }
     }
 
-    pub fn collection(&self) -> Collection {
+    pub(crate) fn collection(&self) -> Collection {
         Collection {
             name: "synthetic <&> scene".to_owned(),
             num_samples: self.num_samples,
@@ -94,7 +94,7 @@ impl Scene {
     }
 
     /// `sum_p a_p exp(-j 2 pi f (path(p) - reference path) / c)`, pulse-major.
-    pub fn samples(&self) -> Vec<Complex32> {
+    pub(crate) fn samples(&self) -> Vec<Complex32> {
         let scatterers = [
             (DVec3::ZERO, 1.0),
             (DVec3::new(11.0, -7.5, 0.3), 0.7),
@@ -120,13 +120,13 @@ impl Scene {
         samples
     }
 
-    pub fn recorded(&self) -> Recorded {
+    pub(crate) fn recorded(&self) -> Recorded {
         Recorded::new(self.collection(), self.samples()).unwrap()
     }
 }
 
 /// All samples of a history.
-pub fn read_all(
+pub(crate) fn read_all(
     history: &dyn subaperture::phase_history::PhaseHistory,
 ) -> Result<Vec<Complex32>, subaperture::phase_history::ReadError> {
     let c = history.collection();
@@ -136,7 +136,7 @@ pub fn read_all(
 }
 
 /// Real and imaginary parts as bits, for equality that tells -0 from 0.
-pub fn bits(samples: &[Complex32]) -> Vec<(u32, u32)> {
+pub(crate) fn bits(samples: &[Complex32]) -> Vec<(u32, u32)> {
     samples
         .iter()
         .map(|z| (z.re.to_bits(), z.im.to_bits()))
@@ -144,7 +144,7 @@ pub fn bits(samples: &[Complex32]) -> Vec<(u32, u32)> {
 }
 
 /// `sqrt(sum |a - b|^2 / sum |b|^2)`.
-pub fn relative_rms(a: &[Complex32], b: &[Complex32]) -> f64 {
+pub(crate) fn relative_rms(a: &[Complex32], b: &[Complex32]) -> f64 {
     assert_eq!(a.len(), b.len());
     let square = |re: f64, im: f64| re * re + im * im;
     let (mut error, mut norm) = (0.0, 0.0);

@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::budget::Budget;
-use super::{FormError, Formed, ImageFormer, Task};
+use super::{FormError, Formed, ImageFormer, MARGIN_DB, Task};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::image::Image;
 use crate::phase_history::Pulse;
@@ -58,7 +58,7 @@ impl ImageFormer for Backprojection {
         let advice = "use a smaller or coarser --grid, or raise --memory";
         budget.take("the image", u128::from(task.grid.num_pixels()) * 8, advice)?;
 
-        let oversampling = RangeProfiler::oversampling_for(self.error_db);
+        let oversampling = RangeProfiler::oversampling_for(self.error_db - MARGIN_DB);
         let profiler = RangeProfiler::new(&task.weights.fast, oversampling);
         let length = profiler.length();
         let pulse_bytes = 8 * (num_samples + length + 1) as u64;

@@ -4,12 +4,12 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::{cphd::Cphd, gotcha, matlab};
+use super::{cphd, gotcha, matlab};
 use crate::phase_history::{Aperture, PhaseHistory, ReadError};
 
 const SUPPORTED: &str = "CPHD 1.x and GOTCHA (MATLAB 5) files are read";
 
-/// Opens a recording. `channel` names one of a CPHD's channels; the first if `None`.
+/// Opens a recording. `channel` names one of a CPHD's channels; its reference channel if `None`.
 ///
 /// # Errors
 /// [`ReadError::Malformed`] for a file of no known format, saying what it looks like, and for a
@@ -29,7 +29,7 @@ pub fn open(path: &Path, channel: Option<&str>) -> Result<Box<dyn PhaseHistory>,
         return Ok(Box::new(gotcha::read(path)?));
     }
     if start.starts_with(b"CPHD/1.") {
-        return Ok(Box::new(Cphd::open(path, channel)?));
+        return Ok(Box::new(cphd::Cphd::open(path, channel)?));
     }
     Err(ReadError::Malformed {
         path: path.to_owned(),

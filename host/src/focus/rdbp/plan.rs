@@ -7,14 +7,14 @@
 //! relative RMS error is the RMS of the phase error over pulses and pixels. It is evaluated here with
 //! the track as recorded, so jitter and curvature count as they are, at the nine nodes of Gauss's rule
 //! on patches in the grid's middle and corners, for sub-CPIs from start to end; the worst patch and
-//! sub-CPI decide. The bound is met with 1 dB to spare.
+//! sub-CPI decide. The bound is met with [`MARGIN_DB`] to spare.
 
 use std::f64::consts::TAU;
 
 use super::patch::{PatchSize, Rectangle};
 use super::sub_cpi::{self, SubCpi};
 use crate::SPEED_OF_LIGHT_M_S;
-use crate::focus::FormError;
+use crate::focus::{FormError, MARGIN_DB};
 use crate::geometry::ImageGrid;
 use crate::phase_history::{Band, Collection};
 use crate::signal::kaiser_bessel::KaiserBessel;
@@ -89,7 +89,7 @@ impl Plan {
             band: &band,
             breaks: &breaks,
         };
-        let target = 10f64.powf((request.error_db - 1.0) / 20.0);
+        let target = 10f64.powf((request.error_db - MARGIN_DB) / 20.0);
         let kernel_error = |taps: usize| {
             // Range and Doppler; Keystone widens Doppler's band by half the fractional bandwidth.
             let edge = band.frequency_hz(band.count - 1) / band.centre_hz();

@@ -8,6 +8,7 @@ use super::pvp::{self, RECORD_BYTES};
 use super::reference_geometry;
 use super::write::{Channel, WriteOptions};
 use super::xml::Writer;
+use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
 
 const NAMESPACE: &str = "xmlns=\"http://api.nsgreg.nga.mil/schema/cphd/1.1.0\"";
@@ -28,7 +29,12 @@ pub(super) fn document(entries: &[Entry], options: &WriteOptions) -> String {
     w.element("CPHD", NAMESPACE, |w| {
         collection_id(w, entries, options);
         global(w, entries, options);
-        scene_coordinates(w, &frame, union_of_extents(entries));
+        scene_coordinates(
+            w,
+            &frame,
+            union_of_extents(entries),
+            grid_spacing_m(entries),
+        );
         data(w, entries);
         channels(w, entries);
         pvp::describe(w);
@@ -112,7 +118,7 @@ fn image_area(w: &mut Writer, extent: &Extent) {
     });
 }
 
-fn scene_coordinates(w: &mut Writer, frame: &SceneFrame, extent: Extent) {
+fn scene_coordinates(w: &mut Writer, frame: &SceneFrame, extent: Extent, spacing_m: f64) {
     let SceneFrame::Earth {
         origin_ecf_m,
         x_axis_ecf,
@@ -147,6 +153,42 @@ fn scene_coordinates(w: &mut Writer, frame: &SceneFrame, extent: Extent) {
                     w.numbers(&[("Lat", corner.latitude_deg), ("Lon", corner.longitude_deg)]);
                 });
             }
+        });
+        image_grid(w, &extent, spacing_m);
+    });
+}
+
+/// Range resolution of the widest channel.
+fn grid_spacing_m(entries: &[Entry]) -> f64 {
+    let widths = entries
+        .iter()
+        .map(|e| e.prepared.range(|r| r.fx2).1 - e.prepared.range(|r| r.fx1).0);
+    SPEED_OF_LIGHT_M_S / (2.0 * widths.fold(0.0, f64::max))
+}
+
+/// A grid for the image area, lines along x: a proposal to processors, at most 1e6 lines and samples.
+fn image_grid(w: &mut Writer, extent: &Extent, spacing_m: f64) {
+    let axis = |(low, high): (f64, f64)| {
+        let spacing = spacing_m.max((high - low) / 1e6);
+        let count = ((high - low) / spacing).ceil().max(1.0) as u64;
+        // Line i covers i - 1/2 to i + 1/2 spacings from the IARP's line, and line 0 begins at `low`.
+        (spacing, count, -low / spacing - 0.5)
+    };
+    let (line_spacing, num_lines, line) = axis(extent.x_m);
+    let (sample_spacing, num_samples, sample) = axis(extent.y_m);
+    w.element("ImageGrid", "", |w| {
+        w.element("IARPLocation", "", |w| {
+            w.numbers(&[("Line", line), ("Sample", sample)]);
+        });
+        w.element("IAXExtent", "", |w| {
+            w.number("LineSpacing", line_spacing);
+            w.text("FirstLine", 0);
+            w.text("NumLines", num_lines);
+        });
+        w.element("IAYExtent", "", |w| {
+            w.number("SampleSpacing", sample_spacing);
+            w.text("FirstSample", 0);
+            w.text("NumSamples", num_samples);
         });
     });
 }

@@ -67,7 +67,12 @@ impl Header {
             .and_then(|l| l.strip_prefix("CPHD/"))
             .unwrap_or_default()
             .trim();
-        if !(version == "1.0" || version.starts_with("1.0.") || version.starts_with("1.1.")) {
+        let known = |series: &str| {
+            version
+                .strip_prefix(series)
+                .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        if !(known("1.0") || known("1.1")) {
             return Err(format!(
                 "byte 5: version '{version}' is not one of those read here: 1.1.0 and 1.0.x"
             ));

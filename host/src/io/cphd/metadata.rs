@@ -160,7 +160,8 @@ pub struct CphdInfo {
 pub struct MetadataError(pub(super) String);
 
 impl CphdInfo {
-    /// Parses the XML block of a CPHD file, or an XML file of the same content.
+    /// Parses the XML block of a CPHD file, or an XML file of the same content. Where the per-vector
+    /// parameters lie is left to [`super::Cphd::open`] to check.
     ///
     /// # Errors
     /// [`MetadataError`] names the first element that is missing or wrong.
@@ -190,7 +191,7 @@ impl CphdInfo {
 }
 
 /// The metadata and where each per-vector parameter lies.
-pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Layout), MetadataError> {
+pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError>), MetadataError> {
     let document = roxmltree::Document::parse(xml)
         .map_err(|e| MetadataError(format!("not well formed: {e}; copy the file again")))?;
     let root = Element::root(document.root_element());
@@ -269,7 +270,9 @@ pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Layout), MetadataError> {
         ref_channel: channel_node.child("RefChId")?.text().to_owned(),
         channels,
     };
-    let layout = Layout::parse(&root.child("PVP")?, &data.child("NumBytesPVP")?)?;
+    let layout = root
+        .child("PVP")
+        .and_then(|pvp| Layout::parse(&pvp, &data.child("NumBytesPVP")?));
     Ok((info, layout))
 }
 

@@ -8,7 +8,7 @@ use num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
 use super::header::{Block, Header};
-use super::metadata::{self, ChannelInfo, CphdInfo, Domain, MetadataError, Sgn};
+use super::metadata::{self, ChannelInfo, CphdInfo, Domain, Sgn};
 use super::pvp::{Layout, Vector};
 use super::source::{CHUNK_BYTES, Source};
 use super::toa::{Bins, Transform};
@@ -258,9 +258,9 @@ fn read_xml(source: &Source, block: Block) -> Result<(CphdInfo, Layout), ReadErr
             block.offset + e.valid_up_to() as u64
         ))
     })?;
-    metadata::parse(xml).map_err(|e: MetadataError| {
-        source.malformed(format!("{e} (XML block at byte {})", block.offset))
-    })
+    metadata::parse(xml)
+        .and_then(|(info, layout)| Ok((info, layout?)))
+        .map_err(|e| source.malformed(format!("{e} (XML block at byte {})", block.offset)))
 }
 
 /// Whether a channel's arrays lie within their blocks, without overflow.

@@ -164,11 +164,13 @@ pub enum WriteError {
 /// - `TOA1` to `TOA2` are 0.8 of the unambiguous delay; an absent extent becomes the square that this
 ///   swath covers.
 /// - `RefVectorIndex` is the vector nearest the middle at which the reference geometry is well
-///   defined. A platform at rest, or moving along the line of sight in all pulses, has no slant
-///   plane: twist, slope and layover are written as 0, and sarkit's `cphdcheck`, which finds them
-///   to be NaN, reports it.
+///   conditioned. Motion exactly along the line of sight spans no slant plane: twist, slope and
+///   layover are written as 0, and sarkit's `cphdcheck`, whose equations give 0 / 0, reports these
+///   three. For a platform at rest, or a single pulse, it reports side of track and Doppler cone
+///   angle (written as L and 90) as well. Such files are sound in all else.
+/// - `ImageGrid` is a proposal at range resolution.
 ///
-/// Memory: 336 bytes a pulse of all channels, and about 16 MiB or a few pulses, whichever is more.
+/// Memory: 192 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
 ///
 /// # Errors
 /// [`WriteError`]; among the unsuited are a local scene frame, times that do not rise, and pulses

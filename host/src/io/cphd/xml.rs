@@ -62,8 +62,16 @@ impl<'a, 'i> Element<'a, 'i> {
         self.optional(name).map(|e| e.text().to_owned())
     }
 
+    /// The text of an element that holds nothing else: a comment inside would cut a number in two.
+    fn only_text(&self) -> Result<&'a str, MetadataError> {
+        if self.node.children().count() > 1 {
+            return Err(self.fault("holds more than a number"));
+        }
+        Ok(self.text())
+    }
+
     pub(super) fn number(&self) -> Result<f64, MetadataError> {
-        let text = self.text();
+        let text = self.only_text()?;
         text.parse::<f64>()
             .ok()
             .filter(|v| v.is_finite())
@@ -71,7 +79,7 @@ impl<'a, 'i> Element<'a, 'i> {
     }
 
     pub(super) fn count(&self) -> Result<u64, MetadataError> {
-        let text = self.text();
+        let text = self.only_text()?;
         text.parse()
             .map_err(|_| self.fault(format!("'{text}' is not a count from 0 to 2^64 - 1")))
     }
