@@ -112,7 +112,7 @@ pub(crate) struct Focus {
     pub(crate) sub_cpi: Option<usize>,
 
     /// Side of rdbp's patches in metres [default: from the error bound]
-    #[arg(long, value_name = "METRES", value_parser = length)]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = length)]
     pub(crate) patch: Option<f64>,
 
     /// Window over fast time: none, taylor[:DB], hamming or kaiser:BETA
@@ -179,7 +179,7 @@ pub(crate) struct Simulate {
     pub(crate) noise_db: Option<f64>,
 
     /// Shake the track by this much (RMS in each axis, smooth, known to the record)
-    #[arg(long, value_name = "METRES", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "METRES", default_value_t = 0.0, allow_negative_numbers = true, value_parser = not_negative)]
     pub(crate) perturb: f64,
 
     /// Seed of noise and shaking
