@@ -137,8 +137,8 @@ fn scene(
             let radius = extent_m * (f64::from(i) / 10.0).sqrt();
             Scatterer {
                 position_m: DVec3::new(
-                    radius * (turn * 6.283).cos(),
-                    radius * (turn * 6.283).sin(),
+                    radius * (turn * std::f64::consts::TAU).cos(),
+                    radius * (turn * std::f64::consts::TAU).sin(),
                     0.0,
                 ),
                 amplitude: Complex64::cis(f64::from(i)),

@@ -23,6 +23,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
+use super::beside::{Beside, sync_folder};
 use super::npy;
 use crate::image::Image;
 
@@ -193,30 +194,9 @@ pub fn write_atomically<T>(
         needed_bytes,
         source,
     };
-    let target = match fs::metadata(path) {
-        Ok(metadata) if metadata.is_file() => fs::canonicalize(path).map_err(failed)?,
-        Ok(_) => {
-            return Err(WriteError::Blocked {
-                path: path.to_owned(),
-                what: "it exists and is not a file",
-            });
-        }
-        Err(_) => path.to_owned(),
-    };
-    let folder = match target.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".subap-").suffix(".part");
-    // Files are private by that crate's default; these should be like any other.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder).map_err(failed)?;
-    let value = write(file.as_file_mut()).map_err(failed)?;
-    file.as_file().sync_all().map_err(failed)?;
-    file.persist(&target).map_err(|e| failed(e.error))?;
-    sync_folder(folder).map_err(failed)?;
+    let mut beside = Beside::create(path).map_err(failed)?;
+    let value = write(beside.file()).map_err(failed)?;
+    beside.commit().map_err(failed)?;
     Ok(value)
 }
 
@@ -325,13 +305,4 @@ fn place(staging: &Path, folder: &Path) -> io::Result<()> {
             }
         })?;
     sync_folder(parent)
-}
-
-/// Forces a folder's names to disk, where the system can.
-fn sync_folder(folder: &Path) -> io::Result<()> {
-    #[cfg(unix)]
-    File::open(folder)?.sync_all()?;
-    #[cfg(not(unix))]
-    let _ = folder;
-    Ok(())
 }

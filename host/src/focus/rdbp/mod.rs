@@ -12,10 +12,10 @@
 //!   the compensation; what varies across the patch sets how long a sub-CPI may be ([`Plan`]).
 
 mod patch;
-mod plan;
-mod precise;
-mod sub_cpi;
-mod thesis;
+pub mod plan;
+pub mod precise;
+pub mod sub_cpi;
+pub mod thesis;
 
 use serde_json::json;
 

@@ -68,7 +68,11 @@ impl Plan {
                 "the frequency axis changes from pulse to pulse; use --algorithm bp".to_owned(),
             )
         })?;
-        if request.sub_cpi == Some(0) || request.patch_m.is_some_and(|side| !(side > 0.0)) {
+        if request.sub_cpi == Some(0)
+            || request
+                .patch_m
+                .is_some_and(|side| side.is_nan() || side <= 0.0)
+        {
             return Err(FormError::Unsuited(
                 "a sub-CPI needs at least one pulse and a patch a positive side".to_owned(),
             ));
@@ -135,7 +139,7 @@ impl Plan {
             .collect();
         Ok(Self {
             band,
-            sub_cpi_length: sub_cpis.iter().map(SubCpi::len).max().unwrap_or(0),
+            sub_cpi_length: sub_cpis.iter().map(SubCpi::num_pulses).max().unwrap_or(0),
             sub_cpis,
             patch: best.patch,
             taps: best.taps,
@@ -269,7 +273,7 @@ impl Probe<'_> {
     fn residual(&self, sub_cpi: &SubCpi, rectangle: &Rectangle) -> (f64, f64) {
         let centre = rectangle.centre_m(self.grid);
         let datum = sub_cpi.datum(centre);
-        let middle = (sub_cpi.len() as f64 - 1.0) / 2.0;
+        let middle = (sub_cpi.num_pulses() as f64 - 1.0) / 2.0;
         let (mut mean_square, mut rate) = (0.0, 0.0f64);
         for (row, row_weight) in GAUSS {
             for (column, column_weight) in GAUSS {
@@ -285,7 +289,7 @@ impl Probe<'_> {
                         (path_m - a - b * (m as f64 - middle)).powi(2)
                     })
                     .sum();
-                mean_square += row_weight * column_weight * square / sub_cpi.len() as f64;
+                mean_square += row_weight * column_weight * square / sub_cpi.num_pulses() as f64;
             }
         }
         (mean_square, rate)

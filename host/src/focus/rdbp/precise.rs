@@ -96,7 +96,7 @@ fn form_with<const W: usize>(task: &Task, plan: &Plan) -> Result<Image, FormErro
                         return;
                     }
                     let first = (sub_cpi.pulses.start - pulses.start) * num_samples;
-                    let rows = &samples[first..first + sub_cpi.len() * num_samples];
+                    let rows = &samples[first..first + sub_cpi.num_pulses() * num_samples];
                     let inside = mapper.add(sub_cpi, rows, rectangle, &mut patch, scratch);
                     if !inside {
                         outside.store(true, Ordering::Relaxed);
@@ -181,7 +181,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
                 .par_iter()
                 .map(|rectangle| widest_rate_m(task, sub_cpi, rectangle))
                 .reduce(|| 0.0, f64::max);
-            let span = spans.entry(sub_cpi.len()).or_insert(0.0);
+            let span = spans.entry(sub_cpi.num_pulses()).or_insert(0.0);
             *span = span.max(widest * cycles_m);
         }
         let mut stages = BTreeMap::new();
@@ -281,9 +281,9 @@ impl<'a, const W: usize> Mapper<'a, W> {
         patch: &mut [&mut [Complex32]],
         scratch: &mut Scratch,
     ) -> bool {
-        let stage = &self.stages[&sub_cpi.len()];
+        let stage = &self.stages[&sub_cpi.num_pulses()];
         self.compensate(sub_cpi, samples, rectangle, &mut scratch.slow);
-        self.map(stage, sub_cpi.len(), scratch);
+        self.map(stage, sub_cpi.num_pulses(), scratch);
         self.read(stage, sub_cpi, rectangle, &scratch.map, patch)
     }
 
@@ -297,7 +297,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         slow: &mut [Complex32],
     ) {
         let num_samples = self.range_weights.len();
-        let num_pulses = sub_cpi.len();
+        let num_pulses = sub_cpi.num_pulses();
         let centre = rectangle.centre_m(self.task.grid);
         for (m, (n, row)) in sub_cpi
             .pulses

@@ -74,7 +74,7 @@ impl SubCpi {
     }
 
     /// Number of pulses.
-    pub fn len(&self) -> usize {
+    pub fn num_pulses(&self) -> usize {
         self.pulses.len()
     }
 

@@ -19,6 +19,7 @@ use super::signal;
 use super::source::CHUNK_BYTES;
 use super::toa::Transform;
 use crate::focus::Monitor;
+use crate::io::beside::Beside;
 use crate::phase_history::{PhaseHistory, ReadError, check_finite};
 
 /// Polarisation of an antenna, by the standard's names.
@@ -194,17 +195,13 @@ pub fn write(
     let layout = header::lay_out(&sizes, &options.classification, &options.release_info)
         .ok_or_else(too_large)?;
 
-    let failed = |at: &Path, source| WriteError::Io {
-        path: at.to_owned(),
+    let failed = |source| WriteError::Io {
+        path: path.to_owned(),
         source,
     };
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let mut beside = new_file_in(folder).map_err(|e| failed(folder, e))?;
+    let mut beside = Beside::create(path).map_err(failed)?;
     let mut out = Output {
-        file: beside.as_file_mut(),
+        file: beside.file(),
         written: 0,
     };
     let fixed = (|| -> io::Result<()> {
@@ -218,34 +215,16 @@ pub fn write(
         }
         out.pad_to(layout.signal_offset)
     })();
-    fixed.map_err(|e| failed(path, e))?;
+    fixed.map_err(failed)?;
     let total = sizes.signal as f64;
     for entry in &entries {
         write_signal(entry, options, monitor, |bytes, done| {
-            out.put(bytes).map_err(|e| failed(path, e))?;
+            out.put(bytes).map_err(failed)?;
             monitor.progress((entry.signal_offset + done) as f64 / total);
             Ok(())
         })?;
     }
-    out.file.sync_all().map_err(|e| failed(path, e))?;
-    beside.persist(path).map_err(|e| failed(path, e.error))?;
-    // The rename itself lasts once the folder is on disk; not every system can do that.
-    if let Ok(folder) = File::open(folder) {
-        let _ = folder.sync_all();
-    }
-    Ok(())
-}
-
-/// A new file that disappears unless renamed, readable as any other file of the user.
-fn new_file_in(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".subaperture-").suffix(".part");
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(std::fs::Permissions::from_mode(0o666)); // less the umask
-    }
-    builder.tempfile_in(folder)
+    beside.commit().map_err(failed)
 }
 
 fn too_large() -> WriteError {
