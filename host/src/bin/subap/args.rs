@@ -115,7 +115,7 @@ pub(crate) struct Focus {
     #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = length)]
     pub(crate) patch: Option<f64>,
 
-    /// Window over fast time: none, taylor[:DB], hamming or kaiser:BETA
+    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
     #[arg(long, value_name = "W", default_value_t = Window::default())]
     pub(crate) window: Window,
 
