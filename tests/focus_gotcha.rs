@@ -9,7 +9,7 @@ use subaperture::focus::exact::Exact;
 use subaperture::focus::rdbp::{Mode, RangeDoppler};
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::ImageGrid;
-use subaperture::io::open::open_all;
+use subaperture::io::open::{Options, open_all};
 use subaperture::phase_history::{Aperture, PhaseHistory};
 use subaperture::signal::window::Window;
 
@@ -21,7 +21,7 @@ fn gotcha() -> Option<Aperture> {
         println!("skipped: {} not found", missing.display());
         return None;
     }
-    Some(open_all(&paths, None).unwrap())
+    Some(open_all(&paths, &Options::default()).unwrap())
 }
 
 #[test]

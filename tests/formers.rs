@@ -129,6 +129,7 @@ fn scene(
         pulses,
         frame: SceneFrame::Local,
         extent: None,
+        timed: true,
     };
     let scatterers = (0..10)
         .map(|i| {

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use num_complex::Complex32;
-use subaperture::io::{gotcha, open};
+use subaperture::io::gotcha;
+use subaperture::io::open::{self, Options};
 use subaperture::phase_history::{PhaseHistory, ReadError, Recorded};
 use subaperture_tests::matlab::{self, Value};
 
@@ -23,7 +24,7 @@ fn read_bytes(bytes: &[u8]) -> Result<Recorded, ReadError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sample.mat");
     std::fs::write(&path, bytes).unwrap();
-    gotcha::read(&path)
+    gotcha::read(&path, u64::MAX)
 }
 
 fn message(bytes: &[u8]) -> String {
@@ -50,7 +51,7 @@ fn real_files_have_the_published_band_and_geometry() {
     let Some(paths): Option<Vec<PathBuf>> = names.iter().map(|n| real_file(n)).collect() else {
         return;
     };
-    let aperture = open::open_all(&paths, None).unwrap();
+    let aperture = open::open_all(&paths, &Options::default()).unwrap();
     let collection = aperture.collection();
     assert_eq!(collection.num_samples, 424);
     assert_eq!(collection.pulses.len(), 2 * 117);
@@ -269,10 +270,23 @@ fn open_goes_by_content() {
     let path = folder.path().join("misnamed.cphd");
     std::fs::write(&path, matlab::gotcha(matlab::gotcha_fields())).unwrap();
     assert_eq!(
-        open::open(&path, None).unwrap().collection().pulses.len(),
+        open::open(&path, &Options::default())
+            .unwrap()
+            .collection()
+            .pulses
+            .len(),
         3
     );
-    let error = open::open(&path, Some("HH")).err().unwrap().to_string();
+    let error = open::open(
+        &path,
+        &Options {
+            channel: Some("HH"),
+            ..Options::default()
+        },
+    )
+    .err()
+    .unwrap()
+    .to_string();
     assert!(error.contains("no channels"), "{error}");
     for (start, part) in [
         (&b""[..], "empty"),
@@ -287,17 +301,23 @@ fn open_goes_by_content() {
         (b"hello", "neither CPHD nor MATLAB 5"),
     ] {
         std::fs::write(&path, start).unwrap();
-        let error = open::open(&path, None).err().unwrap().to_string();
+        let error = open::open(&path, &Options::default())
+            .err()
+            .unwrap()
+            .to_string();
         for part in [part, "misnamed.cphd", "CPHD 1.x and GOTCHA"] {
             assert!(error.contains(part), "{error}");
         }
     }
     let absent = folder.path().join("absent.mat");
-    let error = open::open(&absent, None).err().unwrap().to_string();
+    let error = open::open(&absent, &Options::default())
+        .err()
+        .unwrap()
+        .to_string();
     assert!(error.contains("absent.mat"), "{error}");
-    assert!(open::open(folder.path(), None).is_err());
-    assert!(gotcha::read(folder.path()).is_err());
-    assert!(open::open_all::<PathBuf>(&[], None).is_err());
+    assert!(open::open(folder.path(), &Options::default()).is_err());
+    assert!(gotcha::read(folder.path(), u64::MAX).is_err());
+    assert!(open::open_all::<PathBuf>(&[], &Options::default()).is_err());
 }
 
 #[test]
@@ -333,4 +353,24 @@ fn damaged_packed_data_is_noticed() {
             }
         }
     }
+}
+
+#[test]
+fn memory_is_refused_before_it_is_taken() {
+    let bytes = matlab::gotcha(matlab::gotcha_fields());
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sample.mat");
+    std::fs::write(&path, &bytes).unwrap();
+    let needed = gotcha::needed_bytes(bytes.len() as u64);
+    assert!(gotcha::read(&path, needed).is_ok());
+    let error = gotcha::read(&path, needed - 1).unwrap_err();
+    assert!(matches!(error, ReadError::Memory { .. }), "{error}");
+    // Files opened together share the memory: what the first holds, the second has not.
+    let options = |memory_bytes| Options {
+        memory_bytes,
+        ..Options::default()
+    };
+    let two = [&path, &path];
+    assert!(open::open_all(&two, &options(needed)).is_err());
+    assert!(open::open_all(&two, &options(2 * needed)).is_ok());
 }

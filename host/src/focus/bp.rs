@@ -54,9 +54,7 @@ impl ImageFormer for Backprojection {
         let collection = task.history.collection();
         let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
         let (rows, columns) = (task.grid.rows.count, task.grid.columns.count);
-        let mut budget = Budget::new(task.memory_bytes);
-        let advice = "use a smaller or coarser --grid, or raise --memory";
-        budget.take("the image", u128::from(task.grid.num_pixels()) * 8, advice)?;
+        let mut budget = Budget::for_task(task, 8)?;
 
         let oversampling = RangeProfiler::oversampling_for(self.error_db - MARGIN_DB);
         let profiler = RangeProfiler::new(&task.weights.fast, oversampling);

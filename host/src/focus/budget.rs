@@ -1,6 +1,6 @@
 //! The memory budget: what is taken of it, and what is left for samples.
 
-use super::FormError;
+use super::{FormError, Task};
 
 /// What is left of a budget of bytes.
 #[derive(Clone, Copy, Debug)]
@@ -16,6 +16,27 @@ impl Budget {
             total_bytes,
             left_bytes: total_bytes,
         }
+    }
+
+    /// The budget of a task, less what its recording holds and what its image takes at
+    /// `bytes_a_pixel`.
+    ///
+    /// # Errors
+    /// [`FormError::Memory`] if that is too much already.
+    pub fn for_task(task: &Task, bytes_a_pixel: u64) -> Result<Self, FormError> {
+        let mut budget = Self::new(task.memory_bytes);
+        budget.take(
+            "the recording",
+            task.history.held_bytes().into(),
+            "raise --memory",
+        )?;
+        let image_bytes = u128::from(task.grid.num_pixels()) * u128::from(bytes_a_pixel);
+        budget.take(
+            "the image",
+            image_bytes,
+            "use a smaller or coarser --grid, or raise --memory",
+        )?;
+        Ok(budget)
     }
 
     /// Takes `bytes` for `what`.

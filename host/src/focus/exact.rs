@@ -39,10 +39,8 @@ impl ImageFormer for Exact {
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
         let num_pixels = u128::from(task.grid.num_pixels());
-        let mut budget = Budget::new(task.memory_bytes);
-        let advice = "use a smaller or coarser --grid, or raise --memory";
         // Points, float64 sums and the image itself.
-        budget.take("the image", num_pixels * (24 + 16 + 8), advice)?;
+        let budget = Budget::for_task(task, 24 + 16 + 8)?;
         let columns = task.grid.columns.count;
         let points: Vec<DVec3> = (0..num_pixels as usize)
             .map(|i| task.grid.position_m(i / columns, i % columns))
@@ -186,6 +184,7 @@ mod tests {
             pulses: vec![pulse; num_pulses],
             frame: SceneFrame::Local,
             extent: None,
+            timed: true,
         };
         // A unit scatterer at the reference point: every sample is 1.
         let samples = vec![Complex32::ONE; num_samples * num_pulses];

@@ -29,7 +29,7 @@ use num_complex::Complex32;
 
 use super::matlab::{Array, Content, MatError, find_variable};
 use crate::geometry::SceneFrame;
-use crate::phase_history::{Collection, InputFile, Pulse, ReadError, Recorded};
+use crate::phase_history::{Collection, InputFile, Pulse, ReadError, Recorded, check_finite};
 
 /// Furthest that a recorded frequency may lie from the fitted line: four float32 steps at 9.6 GHz.
 pub const MAX_FREQUENCY_RESIDUAL_HZ: f64 = 4096.0;
@@ -40,13 +40,13 @@ pub fn needed_bytes(file_bytes: u64) -> u64 {
     file_bytes.saturating_mul(2).saturating_add(1 << 20)
 }
 
-/// Reads one file whole. [`PhaseHistory::inputs`](crate::phase_history::PhaseHistory::inputs) of the
+/// Reads one file whole, holding at most `memory_bytes`. [`PhaseHistory::inputs`](crate::phase_history::PhaseHistory::inputs) of the
 /// result gives its CRC-32.
 ///
 /// # Errors
 /// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not such a file, naming the field at fault;
-/// [`ReadError::NotFinite`] for a NaN or infinite sample.
-pub fn read(path: impl AsRef<Path>) -> Result<Recorded, ReadError> {
+/// [`ReadError::NotFinite`] for a NaN or infinite sample; [`ReadError::Memory`].
+pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Recorded, ReadError> {
     let path = path.as_ref();
     let io = |source| ReadError::Io {
         path: path.to_owned(),
@@ -56,6 +56,14 @@ pub fn read(path: impl AsRef<Path>) -> Result<Recorded, ReadError> {
     let metadata = file.metadata().map_err(io)?;
     if !metadata.is_file() {
         return Err(malformed(path, "not a regular file"));
+    }
+    let needed = needed_bytes(metadata.len());
+    if needed > memory_bytes {
+        return Err(ReadError::Memory {
+            path: path.to_owned(),
+            needed_bytes: needed,
+            allowed_bytes: memory_bytes,
+        });
     }
     let mut bytes = Vec::new();
     file.by_ref()
@@ -68,12 +76,19 @@ pub fn read(path: impl AsRef<Path>) -> Result<Recorded, ReadError> {
         crc32: format!("{:08x}", crc32fast::hash(&bytes)),
     };
     let (mut collection, samples) =
-        parse(bytes).map_err(|MatError(what)| malformed(path, &what))?;
+        parse(bytes, memory_bytes).map_err(|MatError(what)| malformed(path, &what))?;
     collection.name = path
         .file_stem()
         .unwrap_or(path.as_os_str())
         .to_string_lossy()
         .into_owned();
+    // Here and not in `Recorded` alone, which knows no path.
+    check_finite(
+        &path.display().to_string(),
+        0,
+        collection.num_samples,
+        &samples,
+    )?;
     Ok(Recorded::new(collection, samples)?.with_inputs(vec![input]))
 }
 
@@ -85,11 +100,13 @@ fn malformed(path: &Path, what: &str) -> ReadError {
 }
 
 /// Takes the file's bytes, so that they are gone when the samples are returned.
-fn parse(file: Vec<u8>) -> Result<(Collection, Vec<Complex32>), MatError> {
+fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>), MatError> {
     if file.is_empty() {
         return Err(MatError("the file is empty".to_owned()));
     }
-    let data = find_variable(&file, "data")?.map_err(|others| {
+    // What is left beside the file, shared by the packed variable's bytes and the samples in them.
+    let most_unpacked = memory_bytes.saturating_sub(file.len() as u64) / 2;
+    let data = find_variable(&file, "data", most_unpacked)?.map_err(|others| {
         let found = match others.as_slice() {
             [] => "none".to_owned(),
             some => some.join(", "),
@@ -140,6 +157,7 @@ fn parse(file: Vec<u8>) -> Result<(Collection, Vec<Complex32>), MatError> {
         pulses: (0..num_pulses).map(pulse).collect(),
         frame: SceneFrame::Local,
         extent: None,
+        timed: false,
     };
     Ok((collection, samples))
 }

@@ -348,10 +348,11 @@ fn printable(bytes: &[u8]) -> String {
 }
 
 /// The bytes of variable `name`, for [`Array::parse`]; or, if there is none, a description of every
-/// variable that the file does hold.
+/// variable that the file does hold. A packed variable of more than `most_unpacked` bytes is refused.
 pub(super) fn find_variable<'a>(
     file: &'a [u8],
     name: &str,
+    most_unpacked: u64,
 ) -> Result<std::result::Result<Cow<'a, [u8]>, Vec<String>>> {
     if file.len() < HEADER_BYTES || !file.starts_with(MAGIC) {
         return fail(format!(
@@ -381,7 +382,7 @@ pub(super) fn find_variable<'a>(
         };
         let bytes = match element.kind {
             MI_MATRIX => Cow::Borrowed(element.data),
-            MI_COMPRESSED => Cow::Owned(unpack(element.data, file.len(), at)?),
+            MI_COMPRESSED => Cow::Owned(unpack(element.data, file.len(), most_unpacked, at)?),
             // Subsystem data and the like.
             _ => continue,
         };
@@ -405,7 +406,7 @@ pub(super) fn find_variable<'a>(
 }
 
 /// Unpacks a `miCOMPRESSED` element: one `miMATRIX` element, of which the inside is returned.
-fn unpack(packed: &[u8], file_bytes: usize, at: usize) -> Result<Vec<u8>> {
+fn unpack(packed: &[u8], file_bytes: usize, most_unpacked: u64, at: usize) -> Result<Vec<u8>> {
     let broken = |what: &str| MatError(format!("packed variable at byte {at}: {what}"));
     let mut decoder = ZlibDecoder::new(packed);
     let mut tag = [0; 8];
@@ -420,6 +421,11 @@ fn unpack(packed: &[u8], file_bytes: usize, at: usize) -> Result<Vec<u8>> {
         return Err(broken(&format!(
             "claims {size} bytes in a file of {file_bytes}; more than {MAX_UNPACKING} times is \
              refused, so save it again without compression (-v6) if that is right"
+        )));
+    }
+    if size > most_unpacked {
+        return Err(broken(&format!(
+            "unpacks to {size} bytes, and memory is left for {most_unpacked}: raise --memory"
         )));
     }
     // One byte more than promised, so that the stream's end is reached and its checksum verified.

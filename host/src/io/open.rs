@@ -7,29 +7,49 @@ use std::path::Path;
 use super::{cphd, gotcha, matlab};
 use crate::phase_history::{Aperture, PhaseHistory, ReadError};
 
+const CPHD_MAGIC: &[u8] = b"CPHD/1.";
 const SUPPORTED: &str = "CPHD 1.x and GOTCHA (MATLAB 5) files are read";
 
-/// Opens a recording. `channel` names one of a CPHD's channels; its reference channel if `None`.
+/// How recordings are opened.
+#[derive(Clone, Copy, Debug)]
+pub struct Options<'a> {
+    /// One of a CPHD's channels by its identifier; the reference channel if `None`.
+    pub channel: Option<&'a str>,
+    /// Bytes that all recordings opened together may hold in memory.
+    pub memory_bytes: u64,
+}
+
+impl Default for Options<'_> {
+    /// The reference channel, any amount of memory.
+    fn default() -> Self {
+        Self {
+            channel: None,
+            memory_bytes: u64::MAX,
+        }
+    }
+}
+
+/// Opens a recording.
 ///
 /// # Errors
 /// [`ReadError::Malformed`] for a file of no known format, saying what it looks like, and for a
 /// broken one; [`ReadError::Mismatch`] for a channel of a format that has none; [`ReadError::Io`].
-pub fn open(path: &Path, channel: Option<&str>) -> Result<Box<dyn PhaseHistory>, ReadError> {
+pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, ReadError> {
     let start = read_start(path).map_err(|source| ReadError::Io {
         path: path.to_owned(),
         source,
     })?;
     if start.starts_with(matlab::MAGIC) {
-        if let Some(channel) = channel {
+        if let Some(channel) = options.channel {
             return Err(ReadError::Mismatch(format!(
                 "{}: a GOTCHA file has no channels; leave out channel '{channel}'",
                 path.display()
             )));
         }
-        return Ok(Box::new(gotcha::read(path)?));
+        return Ok(Box::new(gotcha::read(path, options.memory_bytes)?));
     }
-    if start.starts_with(b"CPHD/1.") {
-        return Ok(Box::new(cphd::Cphd::open(path, channel)?));
+    if start.starts_with(CPHD_MAGIC) {
+        return Ok(Box::new(cphd::Cphd::open(path, options.channel)?));
     }
     Err(ReadError::Malformed {
         path: path.to_owned(),
@@ -37,15 +57,33 @@ pub fn open(path: &Path, channel: Option<&str>) -> Result<Box<dyn PhaseHistory>,
     })
 }
 
+/// What a CPHD file says of itself; `None` for other files.
+///
+/// # Errors
+/// As [`open`].
+pub fn cphd_info(path: &Path) -> Result<Option<cphd::CphdInfo>, ReadError> {
+    let start = read_start(path).map_err(|source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    if !start.starts_with(CPHD_MAGIC) {
+        return Ok(None);
+    }
+    Ok(Some(cphd::Cphd::open(path, None)?.info().clone()))
+}
+
 /// Opens recordings and joins them, in the order given, into one aperture.
 ///
 /// # Errors
 /// As [`open`], and [`ReadError::Mismatch`] if there are none or they do not fit together.
-pub fn open_all<P: AsRef<Path>>(paths: &[P], channel: Option<&str>) -> Result<Aperture, ReadError> {
-    let parts = paths
-        .iter()
-        .map(|path| open(path.as_ref(), channel))
-        .collect::<Result<_, _>>()?;
+pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Aperture, ReadError> {
+    let mut left = *options;
+    let mut parts = Vec::with_capacity(paths.len());
+    for path in paths {
+        let part = open(path.as_ref(), &left)?;
+        left.memory_bytes = left.memory_bytes.saturating_sub(part.held_bytes());
+        parts.push(part);
+    }
     Aperture::join(parts)
 }
 

@@ -37,6 +37,7 @@ impl Aperture {
                 )));
             }
             collection.pulses.extend_from_slice(&next.pulses);
+            collection.timed &= next.timed;
         }
         if parts.len() > 1 {
             collection.name = format!("{} and {} more", collection.name, parts.len() - 1);
@@ -69,6 +70,11 @@ impl PhaseHistory for Aperture {
             "pulses {pulses:?} are past the last one"
         );
         Ok(())
+    }
+
+    fn held_bytes(&self) -> u64 {
+        let own = size_of_val(self.collection.pulses.as_slice()) as u64;
+        own + self.parts.iter().map(|part| part.held_bytes()).sum::<u64>()
     }
 
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {

@@ -73,6 +73,8 @@ pub struct Collection {
     pub frame: SceneFrame,
     /// The part of the scene the collection is meant for, if it says so.
     pub extent: Option<Extent>,
+    /// Whether the recording tells times; if not, pulses are numbered as if a second apart.
+    pub timed: bool,
 }
 
 /// Frequency axis shared by every pulse of a collection.
@@ -169,6 +171,16 @@ pub enum ReadError {
         /// Sample index, from 0.
         sample: usize,
     },
+    /// What has to be held does not fit the memory allowed.
+    #[error("{path} needs {needed_bytes} bytes of memory and {allowed_bytes} are left: raise --memory", path = path.display())]
+    Memory {
+        /// File concerned.
+        path: PathBuf,
+        /// Bytes needed.
+        needed_bytes: u64,
+        /// Bytes left for it.
+        allowed_bytes: u64,
+    },
     /// Inputs that cannot form one aperture.
     #[error("{0}")]
     Mismatch(String),
@@ -186,6 +198,11 @@ pub trait PhaseHistory: Sync + Send {
     /// # Panics
     /// If `samples.len() != pulses.len() * num_samples` or `pulses.end` is past the last pulse.
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
+
+    /// Bytes held in memory for as long as this lives: at least the geometry of all pulses.
+    fn held_bytes(&self) -> u64 {
+        size_of_val(self.collection().pulses.as_slice()) as u64
+    }
 
     /// The files behind this collection; computing their checksums reads them whole.
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {

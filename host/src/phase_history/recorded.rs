@@ -66,6 +66,11 @@ impl PhaseHistory for Recorded {
         Ok(())
     }
 
+    fn held_bytes(&self) -> u64 {
+        let pulses = self.collection.pulses.as_slice();
+        (size_of_val(pulses) + size_of_val(self.samples.as_slice())) as u64
+    }
+
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
         Ok(self.inputs.clone())
     }

@@ -136,7 +136,7 @@ fn axes(
     let bottom = y + height;
 
     let (low, high) = edges(&grid.columns, across_unit);
-    for (value, label) in ticks(low, high, (width / 80).max(2)) {
+    for (value, label) in ticks(low, high, (width / 60).max(2)) {
         let at = x as f64 + (value - low) / (high - low) * width as f64;
         let pixel = (at as usize).clamp(x, x + width - 1);
         canvas.fill(pixel, bottom + 1, 1, TICK, INK);

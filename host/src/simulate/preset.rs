@@ -87,6 +87,7 @@ impl Preset {
                 x_m: (-extent_m, extent_m),
                 y_m: (-extent_m, extent_m),
             }),
+            timed: true,
         };
         Simulated::new(collection, self.scatterers(), variation.noise)
     }

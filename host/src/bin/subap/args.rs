@@ -79,7 +79,7 @@ pub(crate) struct Input {
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) paths: Vec<PathBuf>,
 
-    /// Channel of a CPHD by its identifier [default: the first]
+    /// Channel of a CPHD by its identifier [default: its reference channel]
     #[arg(long, value_name = "ID")]
     pub(crate) channel: Option<String>,
 }
@@ -123,9 +123,9 @@ pub(crate) struct Focus {
     #[arg(long, value_name = "W", default_value_t = Window::default())]
     pub(crate) slow_window: Window,
 
-    /// Pixels, metres in the scene frame, stop excluded: x=-50:50:0.2,y=-50:50:0.2,z=0 or polar
-    /// r=..,theta=.. (degrees); also cx, cy, yaw, pitch, roll [default: the scene's extent at half
-    /// the resolution]
+    /// Pixels, metres in the scene frame, stop excluded: x=-50:50:0.2,y=-50:50:0.2,z=0 (one step is
+    /// enough for both) or polar r=..,theta=.. (degrees); also cx, cy, yaw, pitch, roll [default: the
+    /// scene's extent at half the resolution]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,
 

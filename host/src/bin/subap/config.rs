@@ -9,6 +9,8 @@ use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
+use subaperture::io::open::{Options, open_all};
+use subaperture::phase_history::{Aperture, ReadError};
 
 use crate::args::{self, Algorithm, Global};
 use crate::failure::Usage;
@@ -57,6 +59,15 @@ impl Session {
         if self.verbosity >= level {
             eprintln!("{}", line());
         }
+    }
+
+    /// Opens the recordings given, as one aperture within the budget.
+    pub(crate) fn open(&self, input: &args::Input) -> Result<Aperture, ReadError> {
+        let options = Options {
+            channel: input.channel.as_deref(),
+            memory_bytes: self.memory_bytes,
+        };
+        open_all(&input.paths, &options)
     }
 
     /// A progress bar.

@@ -23,7 +23,7 @@ pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     if error.chain().any(is_interruption) {
-        eprintln!("subap: interrupted; nothing was left behind");
+        eprintln!("subap: interrupted; nothing was left in part");
         return ExitCode::from(130);
     }
     eprintln!("subap: {}", one_line(error));

@@ -58,9 +58,7 @@ pub(super) fn form(task: &Task, plan: &Plan) -> Result<Image, FormError> {
 fn form_with<const W: usize>(task: &Task, plan: &Plan) -> Result<Image, FormError> {
     let num_samples = plan.band.count;
     let (rows, columns) = (task.grid.rows.count, task.grid.columns.count);
-    let mut budget = Budget::new(task.memory_bytes);
-    let advice = "use a smaller or coarser --grid, or raise --memory";
-    budget.take("the image", u128::from(task.grid.num_pixels()) * 8, advice)?;
+    let mut budget = Budget::for_task(task, 8)?;
 
     let rectangles = patch::rectangles(task.grid, plan.patch);
     let mapper = Mapper::<W>::new(task, plan, &rectangles, &mut budget)?;

@@ -61,9 +61,7 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
     let range_length = fast_length(RANGE_PADDING * num_samples);
 
     let (rows, columns) = (task.grid.rows.count, task.grid.columns.count);
-    let mut budget = Budget::new(task.memory_bytes);
-    let advice = "use a smaller or coarser --grid, or raise --memory";
-    budget.take("the image", u128::from(task.grid.num_pixels()) * 8, advice)?;
+    let mut budget = Budget::for_task(task, 8)?;
     let advice = "use a smaller --sub-cpi, --mode precise, or raise --memory";
     let map_values = doppler_length as u128 * (range_length + num_samples) as u128;
     budget.take("a range-Doppler map", map_values * 8, advice)?;

@@ -2,13 +2,13 @@
 
 use glam::DVec3;
 
-use super::earth::Geodetic;
 use super::prepare::Prepared;
 use super::pvp::{self, RECORD_BYTES};
 use super::reference_geometry;
 use super::write::{Channel, WriteOptions};
 use super::xml::Writer;
 use crate::SPEED_OF_LIGHT_M_S;
+use crate::geometry::Geodetic;
 use crate::geometry::{Extent, SceneFrame};
 
 const NAMESPACE: &str = "xmlns=\"http://api.nsgreg.nga.mil/schema/cphd/1.1.0\"";

@@ -4,9 +4,9 @@ use std::fmt;
 
 use glam::DVec3;
 
-use super::earth::Geodetic;
 use super::pvp::Layout;
 use super::xml::Element;
+use crate::geometry::Geodetic;
 use crate::geometry::{Extent, SceneFrame};
 
 /// The axis of the samples of a vector.

@@ -70,6 +70,7 @@
 //!         y_axis_ecf: DVec3::Z,
 //!     },
 //!     extent: None,
+//!     timed: true,
 //! };
 //! let ones = Recorded::new(collection, vec![Complex32::ONE; 6])?;
 //! let folder = tempfile::tempdir()?;
@@ -85,7 +86,6 @@
 //! ```
 
 mod describe;
-mod earth;
 mod header;
 mod metadata;
 mod prepare;
@@ -98,7 +98,6 @@ mod toa;
 mod write;
 mod xml;
 
-pub use earth::Geodetic;
 pub use metadata::{
     ChannelInfo, CphdInfo, Domain, MetadataError, ReferenceSurface, Sgn, SignalFormat,
 };

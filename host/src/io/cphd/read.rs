@@ -123,6 +123,7 @@ impl Cphd {
             pulses: vectors.pulses,
             frame: info.frame,
             extent: Some(info.image_area),
+            timed: true,
         };
         let channel = info.channels.iter().position(|c| c.id == chosen.id);
         Ok(Self {
@@ -192,7 +193,7 @@ impl Cphd {
                 *z = z.conj();
             }
         }
-        check_finite(&self.collection.name, first, width, samples)
+        check_finite(&self.source.name(), first, width, samples)
     }
 }
 
@@ -219,7 +220,7 @@ impl PhaseHistory for Cphd {
             self.condition(pulse, &mut toa)?;
             transform.frequency(&toa, arrival.shifts[pulse], fx);
             // A sum of finite float32 may still pass the largest float32.
-            check_finite(&self.collection.name, pulse, fx.len(), fx)?;
+            check_finite(&self.source.name(), pulse, fx.len(), fx)?;
         }
         Ok(())
     }

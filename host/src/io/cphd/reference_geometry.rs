@@ -11,9 +11,9 @@
 
 use glam::DVec3;
 
-use super::earth::Geodetic;
 use super::pvp::Record;
 use super::xml::Writer;
+use crate::geometry::Geodetic;
 
 /// One way of rounding.
 #[derive(Clone, Copy)]

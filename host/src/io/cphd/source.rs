@@ -17,6 +17,11 @@ pub(super) struct Source {
 }
 
 impl Source {
+    /// The path, for messages.
+    pub(super) fn name(&self) -> String {
+        self.path.display().to_string()
+    }
+
     pub(super) fn open(path: &Path) -> Result<Self, ReadError> {
         let io = |source| ReadError::Io {
             path: path.to_owned(),

@@ -2,7 +2,6 @@
 
 use anyhow::bail;
 use subaperture::crosscheck::{LIMIT_DB, SUB_CPI, crosscheck};
-use subaperture::io::open::open_all;
 
 use crate::args::Crosscheck;
 use crate::config::Session;
@@ -10,7 +9,7 @@ use crate::text;
 
 /// Prints the worst difference; fails if it is above the limit.
 pub(crate) fn run(session: &Session, typed: &Crosscheck) -> anyhow::Result<()> {
-    let history = open_all(&typed.input.paths, typed.input.channel.as_deref())?;
+    let history = session.open(&typed.input)?;
     let progress = session.progress("cross-checking");
     let sub_cpi = typed.sub_cpi.unwrap_or(SUB_CPI);
     let report = crosscheck(&history, sub_cpi, session.memory_bytes, &progress)?;
@@ -18,14 +17,6 @@ pub(crate) fn run(session: &Session, typed: &Crosscheck) -> anyhow::Result<()> {
 
     for (index, difference_db) in report.differences_db.iter().enumerate() {
         session.note(1, || format!("sub-CPI {index}: {difference_db:.1} dB"));
-    }
-    if report.pulses_left_out > 0 {
-        session.note(1, || {
-            format!(
-                "{} pulses at the end fill no sub-CPI",
-                report.pulses_left_out
-            )
-        });
     }
     let (worst, worst_db) = report.worst();
     let shape = &report.shape;

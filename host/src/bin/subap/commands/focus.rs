@@ -10,7 +10,6 @@ use serde_json::{Map, Value};
 use subaperture::focus::{Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
-use subaperture::io::open::open_all;
 use subaperture::io::product::Product;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::plot::{self, Panel};
@@ -30,7 +29,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     }
     Product::prepare(&typed.out, typed.grid.map_or(0, |grid| grid.num_pixels()))?;
 
-    let history = open_all(&typed.input.paths, typed.input.channel.as_deref())?;
+    let history = session.open(&typed.input)?;
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
     let grid = match typed.grid {
         Some(grid) => grid,

@@ -1,11 +1,13 @@
 //! `subap info`: what recordings hold.
 
 use std::fmt::Write;
+use std::path::PathBuf;
 
 use anyhow::Context;
 use serde_json::{Value, json};
 use subaperture::focus::rdbp::{Plan, Request};
-use subaperture::io::open::open_all;
+use subaperture::io::cphd::{CphdInfo, Domain, Sgn};
+use subaperture::io::open::cphd_info;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::survey::{Side, Survey};
 
@@ -15,21 +17,98 @@ use crate::text::{self, bytes, degrees, hertz, metres};
 
 /// Prints the survey of the inputs as one aperture.
 pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
-    let history = open_all(&typed.input.paths, typed.input.channel.as_deref())?;
+    let history = session.open(&typed.input)?;
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
     let advice = Advice::of(&history, &survey);
+    let containers = containers(&typed.input.paths)?;
     if typed.json {
         let mut value = serde_json::to_value(&survey)?;
         value["sub_cpi_advice"] = advice.to_json();
+        value["containers"] = containers.iter().map(Container::to_json).collect();
         value["default_grid"] = match survey.default_grid() {
             Ok(grid) => json!({ "x": grid.columns, "y": grid.rows, "z": grid.origin_m.z }),
             Err(why) => json!({ "none": why.to_string() }),
         };
         text::say(serde_json::to_string_pretty(&value)?)?;
     } else {
-        text::say(describe(session, &survey, &advice))?;
+        let files: String = containers.iter().map(Container::describe).collect();
+        text::say(files + &describe(session, &survey, &advice))?;
     }
     Ok(())
+}
+
+/// A file that says more of itself than its pulses do.
+struct Container {
+    path: PathBuf,
+    info: CphdInfo,
+}
+
+fn containers(paths: &[PathBuf]) -> anyhow::Result<Vec<Container>> {
+    let mut containers = Vec::new();
+    for path in paths {
+        if let Some(info) = cphd_info(path)? {
+            containers.push(Container {
+                path: path.clone(),
+                info,
+            });
+        }
+    }
+    Ok(containers)
+}
+
+impl Container {
+    fn describe(&self) -> String {
+        let info = &self.info;
+        let sign = if info.sgn == Sgn::Minus { "-1" } else { "+1" };
+        let mut text = format!(
+            "{:<16} CPHD {}, {} domain, SGN {sign}, {}\n",
+            self.path.display(),
+            info.version,
+            self.domain(),
+            info.classification
+                .as_deref()
+                .unwrap_or("classification not given"),
+        );
+        for channel in &info.channels {
+            let reference = if channel.id == info.ref_channel {
+                " (reference)"
+            } else {
+                ""
+            };
+            let _ = writeln!(
+                text,
+                "{:<16} {}: {} vectors of {} samples{reference}",
+                "  channel", channel.id, channel.num_vectors, channel.num_samples
+            );
+        }
+        text
+    }
+
+    fn domain(&self) -> &'static str {
+        match self.info.domain {
+            Domain::Fx => "FX",
+            Domain::Toa => "TOA",
+        }
+    }
+
+    fn to_json(&self) -> Value {
+        let info = &self.info;
+        json!({
+            "path": self.path,
+            "format": format!("CPHD {}", info.version),
+            "domain": self.domain(),
+            "sgn": if info.sgn == Sgn::Minus { -1 } else { 1 },
+            "classification": info.classification,
+            "collector": info.collector_name,
+            "collection_start": info.collection_start,
+            "reference_channel": info.ref_channel,
+            "channels": info.channels.iter().map(|channel| json!({
+                "id": channel.id,
+                "vectors": channel.num_vectors,
+                "samples": channel.num_samples,
+            })).collect::<Vec<_>>(),
+        })
+    }
 }
 
 /// Error bound that sub-CPIs are planned for, dB.

@@ -19,12 +19,18 @@
 //! Neglected: the curvature of wave fronts over the scene (relative error of the scene's radius over
 //! range), the Earth's curvature in angles.
 
+mod default_grid;
+mod support;
+
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
 use crate::SPEED_OF_LIGHT_M_S;
-use crate::geometry::{Axis, Extent, ImageGrid, SceneFrame};
+use crate::geometry::{Geodetic, SceneFrame};
 use crate::phase_history::{Collection, Pulse};
+
+pub use default_grid::NoDefaultGrid;
+use support::Support;
 
 /// Which side of its track the antenna looks to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -34,17 +40,6 @@ pub enum Side {
     Left,
     /// The scene lies to the right of the velocity, seen from above.
     Right,
-}
-
-/// A point on the Earth, WGS 84.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Geodetic {
-    /// Latitude, degrees, north positive.
-    pub latitude_deg: f64,
-    /// Longitude, degrees, east positive.
-    pub longitude_deg: f64,
-    /// Height above the ellipsoid, metres.
-    pub height_m: f64,
 }
 
 /// The findings. `None` means that the geometry has no such number (an antenna that stands still
@@ -118,11 +113,6 @@ pub struct Survey {
     pub axis_resolution_m: [Option<f64>; 2],
 }
 
-/// Why a collection has no default grid, and what to do.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("no default grid: {0}; give one, for example --grid x=-50:50:0.5,y=-50:50:0.5,z=0")]
-pub struct NoDefaultGrid(String);
-
 impl Survey {
     /// Looks at every pulse of `collection` once; `None` if it has none.
     pub fn of(collection: &Collection) -> Option<Self> {
@@ -150,6 +140,7 @@ impl Survey {
         let stride = (pulses.len() / 16).max(1);
         let velocity = velocity_direction(pulses);
         let to_antenna = -line_of_sight;
+        let timed = |seconds: Option<f64>| seconds.filter(|_| collection.timed);
         let seen = |antenna: DVec3| (antenna - centre).normalize_or_zero();
         Some(Self {
             name: collection.name.clone(),
@@ -167,8 +158,8 @@ impl Survey {
             unambiguous_slant_range_m: SPEED_OF_LIGHT_M_S / (2.0 * first.step_hz),
             unambiguous_range_m: support.unambiguous_range_m(first, centre),
             unambiguous_cross_range_m: support.unambiguous_cross_m(pulses, centre, slant_range_m),
-            duration_s: positive(pulses[pulses.len() - 1].time_s - first.time_s),
-            pri_s: median(pulses.windows(2).map(|w| w[1].time_s - w[0].time_s)),
+            duration_s: timed(positive(pulses[pulses.len() - 1].time_s - first.time_s)),
+            pri_s: timed(median(pulses.windows(2).map(|w| w[1].time_s - w[0].time_s))),
             pulse_spacing_m: median(
                 pulses
                     .windows(2)
@@ -204,142 +195,6 @@ impl Survey {
         self.unambiguous_cross_range_m
             .map(|extent_m| extent_m / num_pulses.max(1) as f64)
     }
-
-    /// The rectangle that the default grid covers: the declared extent, else the largest rectangle
-    /// along the frame's axes within the unambiguous extent, centred on the scene's centre.
-    ///
-    /// # Errors
-    /// [`NoDefaultGrid`] if the collection declares none and is ambiguous everywhere or nowhere.
-    pub fn extent(&self) -> Result<Extent, NoDefaultGrid> {
-        if let Some([x_m, y_m]) = self.declared_extent_m {
-            return Ok(Extent { x_m, y_m });
-        }
-        let (Some(range_m), Some(cross_m)) =
-            (self.unambiguous_range_m, self.unambiguous_cross_range_m)
-        else {
-            return Err(NoDefaultGrid(
-                "the antenna does not move across its line of sight".to_owned(),
-            ));
-        };
-        let (half_x, half_y) = if self.aperture_angle_deg > 45.0 {
-            // The line of sight turns, and the rectangle with it: what is left is a circle's square.
-            let half = range_m.min(cross_m) / 8f64.sqrt();
-            (half, half)
-        } else {
-            let turn = self.azimuth_deg.to_radians();
-            largest_upright_rectangle(range_m, cross_m, turn)
-        };
-        let [x, y, _] = self.scene_centre_m;
-        Ok(Extent {
-            x_m: (x - half_x, x + half_x),
-            y_m: (y - half_y, y + half_y),
-        })
-    }
-
-    /// A horizontal grid at `z = 0` over [`Self::extent`] at half the resolution along each axis.
-    ///
-    /// # Errors
-    /// [`NoDefaultGrid`] where there is no extent or no resolution.
-    pub fn default_grid(&self) -> Result<ImageGrid, NoDefaultGrid> {
-        let extent = self.extent()?;
-        let axis = |name: &str, (low, high): (f64, f64), resolution_m: Option<f64>| {
-            let resolution_m = resolution_m.ok_or_else(|| {
-                NoDefaultGrid(format!("the collection has no resolution along {name}"))
-            })?;
-            if resolution_m > high - low {
-                return Err(NoDefaultGrid(format!(
-                    "along {name} the resolution is {resolution_m:.3} m and the extent only {:.3} m",
-                    high - low
-                )));
-            }
-            let step = round_to_two_digits(resolution_m / 2.0);
-            // Whole steps from the middle, which becomes a pixel.
-            let middle = low.midpoint(high);
-            let half = ((high - low) / 2.0 / step).floor() * step;
-            Axis::from_range(middle - half, middle + half, step)
-                .map_err(|error| NoDefaultGrid(error.0))
-        };
-        let [x_resolution_m, y_resolution_m] = self.axis_resolution_m;
-        Ok(ImageGrid::horizontal(
-            axis("x", extent.x_m, x_resolution_m)?,
-            axis("y", extent.y_m, y_resolution_m)?,
-            0.0,
-        ))
-    }
-}
-
-/// The samples of the scene's spectrum in the scene plane, cycles a metre.
-struct Support {
-    samples: Vec<DVec2>,
-    /// Unit vector in the scene plane along the mean line of sight.
-    range: DVec2,
-    /// Unit vector in the scene plane across it.
-    cross: DVec2,
-}
-
-impl Support {
-    /// Both band edges of every pulse.
-    fn of(collection: &Collection, centre: DVec3) -> Self {
-        let mut samples = Vec::with_capacity(2 * collection.pulses.len());
-        let mut mean = DVec2::ZERO;
-        for pulse in &collection.pulses {
-            let gradient = path_gradient(pulse, centre);
-            mean += gradient;
-            // The band is `count` cells wide, not `count - 1`.
-            for k in [-0.5, collection.num_samples as f64 - 0.5] {
-                let frequency_hz = pulse.start_hz + k * pulse.step_hz;
-                samples.push(gradient * (frequency_hz / SPEED_OF_LIGHT_M_S));
-            }
-        }
-        // A full circle has no mean direction: any will do.
-        let range = mean.try_normalize().unwrap_or(DVec2::X);
-        Self {
-            samples,
-            range,
-            cross: range.perp(),
-        }
-    }
-
-    /// One over the extent along `direction`. Worse than `limit_m` counts as none.
-    fn resolution_m(&self, direction: DVec2, limit_m: f64) -> Option<f64> {
-        let (low, high) = self
-            .samples
-            .iter()
-            .map(|k| k.dot(direction))
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), k| {
-                (l.min(k), h.max(k))
-            });
-        let resolution_m = 1.0 / (high - low);
-        (resolution_m > 0.0 && resolution_m < limit_m).then_some(resolution_m)
-    }
-
-    fn unambiguous_range_m(&self, pulse: &Pulse, centre: DVec3) -> Option<f64> {
-        let gradient = path_gradient(pulse, centre).length();
-        positive(1.0 / (pulse.step_hz * gradient / SPEED_OF_LIGHT_M_S))
-    }
-
-    /// One over the median step across range from pulse to pulse, at the middle of the band.
-    fn unambiguous_cross_m(&self, pulses: &[Pulse], centre: DVec3, limit_m: f64) -> Option<f64> {
-        let across = |n: usize| {
-            // Both band edges: their mean is the middle of the band.
-            let k = (self.samples[2 * n] + self.samples[2 * n + 1]) / 2.0;
-            (k, path_gradient(&pulses[n], centre).try_normalize())
-        };
-        let steps = (1..pulses.len()).filter_map(|n| {
-            let ((before, _), (after, look)) = (across(n - 1), across(n));
-            Some((after - before).dot(look?.perp()).abs())
-        });
-        let extent_m = 1.0 / median(steps)?;
-        // Steps by rounding alone are no movement.
-        (extent_m.is_finite() && extent_m < 1e6 * limit_m).then_some(extent_m)
-    }
-}
-
-/// `u_t + u_r` in the scene plane: how the path grows with the scene point.
-fn path_gradient(pulse: &Pulse, point: DVec3) -> DVec2 {
-    let sum = (point - pulse.transmitter_m).normalize_or_zero()
-        + (point - pulse.receiver_m).normalize_or_zero();
-    sum.truncate()
 }
 
 fn phase_centre(pulse: &Pulse) -> DVec3 {
@@ -393,60 +248,12 @@ fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
     sorted.get(sorted.len() / 2).copied().and_then(positive)
 }
 
-/// Half sides of the largest rectangle along x and y within a rectangle of `a` by `b` whose side
-/// `a` is turned by `turn` from x, both centred on the origin.
-///
-/// Half sides `(p, q)` fit if `p |cos| + q |sin| <= a / 2` and `p |sin| + q |cos| <= b / 2`. Of one
-/// constraint alone the area is largest where its terms are equal; where that point breaks the
-/// other, the largest rectangle touches both.
-fn largest_upright_rectangle(a: f64, b: f64, turn: f64) -> (f64, f64) {
-    let (sin, cos) = (turn.sin().abs(), turn.cos().abs());
-    let (short, long) = (a.min(b), a.max(b));
-    if short <= long * 2.0 * sin * cos {
-        let quarter = short / 4.0;
-        // The short side's constraint rules; its terms are equal.
-        if a < b {
-            (quarter / cos, quarter / sin)
-        } else {
-            (quarter / sin, quarter / cos)
-        }
-    } else {
-        let determinant = 2.0 * (cos * cos - sin * sin);
-        (
-            (a * cos - b * sin) / determinant,
-            (b * cos - a * sin) / determinant,
-        )
-    }
-}
-
-/// Rounds down to two significant digits: grids with steps that a person would write.
-fn round_to_two_digits(value: f64) -> f64 {
-    let unit = 10f64.powf(value.log10().floor() - 1.0);
-    let digits = (value / unit + 1e-9).floor();
-    // Division by a power of ten is exact to the last digit where multiplication by 0.01 is not.
-    if unit < 1.0 {
-        digits / (1.0 / unit).round()
-    } else {
-        digits * unit
-    }
-}
-
 /// The origin of a frame tied to the Earth.
 fn geodetic_origin(frame: &SceneFrame) -> Option<Geodetic> {
-    let SceneFrame::Earth { origin_ecf_m, .. } = frame else {
-        return None;
-    };
-    let (latitude_rad, longitude_rad, height_m) = map_3d::ecef2geodetic(
-        origin_ecf_m.x,
-        origin_ecf_m.y,
-        origin_ecf_m.z,
-        map_3d::Ellipsoid::WGS84,
-    );
-    Some(Geodetic {
-        latitude_deg: latitude_rad.to_degrees(),
-        longitude_deg: longitude_rad.to_degrees(),
-        height_m,
-    })
+    match frame {
+        SceneFrame::Earth { origin_ecf_m, .. } => Some(Geodetic::from_ecf_m(*origin_ecf_m)),
+        SceneFrame::Local => None,
+    }
 }
 
 /// Radians; 0 if a vector has no length.
@@ -482,6 +289,7 @@ mod tests {
             pulses,
             frame: SceneFrame::Local,
             extent: None,
+            timed: true,
         }
     }
 
@@ -572,55 +380,6 @@ mod tests {
         let survey = Survey::of(&pass(0.1, 1)).unwrap();
         assert_eq!(survey.unambiguous_cross_range_m, None);
         assert!(survey.default_grid().is_err());
-    }
-
-    #[test]
-    fn upright_rectangle_is_the_largest_that_fits() {
-        // Oracle: the best of a fine scan of half sides.
-        for (a, b, turn_deg) in [
-            (10.0, 4.0, 0.0),
-            (10.0, 4.0, 30.0),
-            (4.0, 10.0, 30.0),
-            (7.0, 6.0, 45.0),
-            (5.0, 5.0, 80.0),
-        ] {
-            let turn = f64::to_radians(turn_deg);
-            let (sin, cos) = (turn.sin().abs(), turn.cos().abs());
-            let fits = |p: f64, q: f64| {
-                p * cos + q * sin <= a / 2.0 + 1e-9 && p * sin + q * cos <= b / 2.0 + 1e-9
-            };
-            let mut best = 0.0;
-            for i in 0..=1000 {
-                let p = 5.5 * f64::from(i) / 1000.0;
-                for j in 0..=1000 {
-                    let q = 5.5 * f64::from(j) / 1000.0;
-                    if fits(p, q) {
-                        best = f64::max(best, p * q);
-                    }
-                }
-            }
-            let (p, q) = largest_upright_rectangle(a, b, turn);
-            assert!(fits(p, q), "{a} {b} {turn_deg}: {p} {q}");
-            // The scan misses at most a step of 5.5 mm in each side.
-            assert!(
-                p * q >= best && p * q < best + 0.06,
-                "{a} {b} {turn_deg}: {} {best}",
-                p * q
-            );
-        }
-    }
-
-    #[test]
-    fn steps_are_round() {
-        for (value, round) in [
-            (0.1234, 0.12),
-            (1.0, 1.0),
-            (0.2, 0.2),
-            (37.9, 37.0),
-            (561.0, 560.0),
-        ] {
-            assert_eq!(round_to_two_digits(value), round);
-        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ const FLATTENING: f64 = 1.0 / 298.257_223_563;
 const ECCENTRICITY2: f64 = FLATTENING * (2.0 - FLATTENING);
 
 /// A place by latitude, longitude and height above the WGS 84 ellipsoid.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Geodetic {
     /// Latitude, degrees, north positive.
     pub latitude_deg: f64,
@@ -31,7 +31,7 @@ impl Geodetic {
     }
 
     /// Unit vectors east, north and up (normal to the ellipsoid) in ECF.
-    pub(super) fn east_north_up(&self) -> [DVec3; 3] {
+    pub(crate) fn east_north_up(&self) -> [DVec3; 3] {
         let (sin_lat, cos_lat) = self.latitude_deg.to_radians().sin_cos();
         let (sin_lon, cos_lon) = self.longitude_deg.to_radians().sin_cos();
         [
@@ -45,7 +45,7 @@ impl Geodetic {
     /// radius of curvature, east by the parallel's radius, both at this height. For an HAE reference
     /// surface the increments are `uIAXLL` or `uIAYLL`, radians for one metre along the image axis,
     /// so the result has a length of about 1 m.
-    pub(super) fn direction(&self, d_latitude: f64, d_longitude: f64) -> DVec3 {
+    pub(crate) fn direction(&self, d_latitude: f64, d_longitude: f64) -> DVec3 {
         let [east, north, _] = self.east_north_up();
         let (sin_lat, cos_lat) = self.latitude_deg.to_radians().sin_cos();
         let w2 = 1.0 - ECCENTRICITY2 * sin_lat * sin_lat;
