@@ -120,8 +120,9 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     ))?;
     if let Some(check) = check {
         text::say(format!(
-            "error against the exact sum on {} pixels: {:.1} dB",
-            check.num_pixels, check.relative_rms_db
+            "error against the exact sum on {} pixels: {:.1} dB of their power, {:.1} dB of an \
+             average pixel's",
+            check.num_pixels, check.relative_rms_db, check.relative_to_image_db
         ))?;
     }
     Ok(())

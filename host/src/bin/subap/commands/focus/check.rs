@@ -1,7 +1,8 @@
 //! An image's error, measured on some of its pixels against the exact sum.
 //!
-//! The measure is relative to the power of those same pixels. A sparse scene keeps its power in few
-//! pixels, so that a small sample of it says little: take thousands.
+//! Two measures: relative to the power of those same pixels, and relative to the power of as many
+//! average pixels of the image. A sparse scene keeps its power in few pixels; a sample that misses
+//! them makes the first large for no fault of the image, and the second the fairer one.
 
 use std::collections::BTreeSet;
 
@@ -23,6 +24,8 @@ pub(super) struct Check {
     pub(super) num_pixels: usize,
     /// Root of the summed squared error over the summed squared exact values, dB.
     pub(super) relative_rms_db: f64,
+    /// Root of the mean squared error over the image's mean square, dB.
+    pub(super) relative_to_image_db: f64,
     /// Seed of the pixels' choice.
     pub(super) seed: u64,
 }
@@ -48,9 +51,12 @@ pub(super) fn against_exact(task: &Task, image: &Image, count: usize) -> Result<
             (f64::from(pixel.re) - value.re).powi(2) + (f64::from(pixel.im) - value.im).powi(2);
         power += value.norm_sqr();
     }
+    let image_power: f64 = image.pixels.iter().map(|z| f64::from(z.norm_sqr())).sum();
+    let share = chosen.len() as f64 / image.pixels.len() as f64;
     Ok(Check {
         num_pixels: chosen.len(),
         relative_rms_db: 10.0 * (error / power).log10(),
+        relative_to_image_db: 10.0 * (error / (image_power * share)).log10(),
         seed: SEED,
     })
 }
