@@ -8,8 +8,9 @@ use std::process::Command;
 use num_complex::Complex32;
 use serde_json::{Value, json};
 use subaperture::image::Image;
+use subaperture::io::atomic::{WriteError, write_atomically};
 use subaperture::io::npy;
-use subaperture::io::product::{Product, WriteError, write_atomically};
+use subaperture::io::product::Product;
 
 fn image(rows: usize, columns: usize) -> Image {
     let pixel = |i: usize| Complex32::new(i as f32 + 0.25, -(i as f32));

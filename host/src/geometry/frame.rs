@@ -82,3 +82,23 @@ impl SceneFrame {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scene_axes_are_where_they_say() {
+        // On the equator at 90 deg east: x east is -X, y north is Z, so z up is Y.
+        let frame = SceneFrame::Earth {
+            origin_ecf_m: DVec3::new(0.0, 6_378_137.0, 0.0),
+            x_axis_ecf: DVec3::NEG_X,
+            y_axis_ecf: DVec3::Z,
+        };
+        let place = DVec3::new(1.0, 20.0, 300.0);
+        let ecf = DVec3::new(-1.0, 6_378_437.0, 20.0);
+        assert!(frame.to_ecf_m(place).distance(ecf) < 1e-9);
+        assert!(frame.from_ecf_m(ecf).distance(place) < 1e-9);
+        assert!(frame.agrees_with(&frame) && !frame.agrees_with(&SceneFrame::Local));
+    }
+}

@@ -1,6 +1,6 @@
 //! Files: recordings in, images out.
 
-mod beside;
+pub mod atomic;
 pub mod cphd;
 pub mod gotcha;
 mod matlab;

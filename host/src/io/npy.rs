@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use num_complex::Complex32;
 
-use super::product::{WriteError, write_atomically};
+use super::atomic::{WriteError, write_atomically};
 use crate::image::Image;
 
 const MAGIC: &[u8] = b"\x93NUMPY";

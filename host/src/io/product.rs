@@ -23,62 +23,13 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::beside::{Beside, sync_folder};
+use super::atomic::{WriteError, sync_folder};
 use super::npy;
 use crate::image::Image;
 
 const IMAGE: &str = "image.npy";
 const METADATA: &str = "image.json";
 const QUICKLOOK: &str = "image.png";
-
-/// Why nothing was written.
-#[derive(Debug, thiserror::Error)]
-pub enum WriteError {
-    /// The operating system refused.
-    #[error("cannot write {}: {source}{}", path.display(), advice(source, *needed_bytes))]
-    Io {
-        /// What was to be written.
-        path: PathBuf,
-        /// Size of it all, 0 if not known.
-        needed_bytes: u64,
-        /// Cause.
-        source: io::Error,
-    },
-    /// The disk is too full to begin.
-    #[error(
-        "cannot write {}: {needed_bytes} bytes are needed and {free_bytes} are free there; free some \
-         or write elsewhere",
-        path.display()
-    )]
-    NoSpace {
-        /// What was to be written.
-        path: PathBuf,
-        /// Size of it.
-        needed_bytes: u64,
-        /// Bytes free.
-        free_bytes: u64,
-    },
-    /// Something is in the way.
-    #[error("cannot write {}: {what}", path.display())]
-    Blocked {
-        /// What was to be written.
-        path: PathBuf,
-        /// What is in the way.
-        what: &'static str,
-    },
-}
-
-fn advice(source: &io::Error, needed_bytes: u64) -> String {
-    let full = matches!(
-        source.kind(),
-        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
-    );
-    match (full, needed_bytes) {
-        (false, _) => String::new(),
-        (true, 0) => "; free some space or write elsewhere".to_owned(),
-        (true, bytes) => format!("; {bytes} bytes are needed: free some or write elsewhere"),
-    }
-}
 
 /// What a folder is to hold.
 #[derive(Clone, Copy, Debug)]
@@ -176,28 +127,6 @@ impl Product<'_> {
             Ok(())
         }
     }
-}
-
-/// Writes one file, complete or not at all: `write` fills a file beside it, which is forced to disk
-/// and then renamed to `path`. `needed_bytes` is for the message of a full disk; 0 if not known.
-/// A symbolic link is followed.
-///
-/// # Errors
-/// [`WriteError`]; then `path` is as it was and nothing is left beside it.
-pub fn write_atomically<T>(
-    path: &Path,
-    needed_bytes: u64,
-    write: impl FnOnce(&mut File) -> io::Result<T>,
-) -> Result<T, WriteError> {
-    let failed = |source| WriteError::Io {
-        path: path.to_owned(),
-        needed_bytes,
-        source,
-    };
-    let mut beside = Beside::create(path).map_err(failed)?;
-    let value = write(beside.file()).map_err(failed)?;
-    beside.commit().map_err(failed)?;
-    Ok(value)
 }
 
 /// Where to stage: in the folder itself, or in its nearest existing parent.

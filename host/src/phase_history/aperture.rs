@@ -85,3 +85,58 @@ impl PhaseHistory for Aperture {
         Ok(all)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phase_history::Recorded;
+    use crate::simulate::{Preset, Variation};
+
+    /// The first pulses of a simulation, as recordings of these lengths.
+    fn parts(lengths: &[usize]) -> (Vec<Complex32>, Vec<Box<dyn PhaseHistory>>) {
+        let whole = Preset::Table41.simulate(&Variation::default());
+        let width = whole.collection().num_samples;
+        let mut samples = vec![Complex32::ZERO; lengths.iter().sum::<usize>() * width];
+        whole.read(0..samples.len() / width, &mut samples).unwrap();
+        let mut first = 0;
+        let parts = lengths.iter().map(|length| {
+            let pulses = first..first + length;
+            first = pulses.end;
+            let mut collection = whole.collection().clone();
+            collection.pulses = collection.pulses[pulses.clone()].to_vec();
+            let samples = samples[pulses.start * width..pulses.end * width].to_vec();
+            Box::new(Recorded::new(collection, samples).unwrap()) as Box<dyn PhaseHistory>
+        });
+        let parts = parts.collect();
+        (samples, parts)
+    }
+
+    #[test]
+    fn reading_across_joints_is_reading_the_whole() {
+        let (samples, parts) = parts(&[3, 1, 4]);
+        let aperture = Aperture::join(parts).unwrap();
+        let width = aperture.collection().num_samples;
+        assert_eq!(aperture.collection().pulses.len(), 8);
+        for start in 0..8 {
+            for end in start..=8 {
+                let mut got = vec![Complex32::ZERO; (end - start) * width];
+                aperture.read(start..end, &mut got).unwrap();
+                assert_eq!(got, samples[start * width..end * width], "{start}..{end}");
+            }
+        }
+        // Geometry of both the parts and the aperture, and the samples of the parts.
+        assert_eq!(aperture.held_bytes(), 2 * 8 * 104 + 8 * 8 * width as u64);
+    }
+
+    #[test]
+    fn what_does_not_belong_together_is_refused() {
+        assert!(Aperture::join(Vec::new()).is_err());
+        let (_, mut parts) = parts(&[2, 2]);
+        let mut other = parts[1].collection().clone();
+        other.frame = crate::geometry::SceneFrame::Local;
+        let samples = vec![Complex32::ZERO; 2 * other.num_samples];
+        parts[1] = Box::new(Recorded::new(other, samples).unwrap());
+        let error = Aperture::join(parts).err().unwrap().to_string();
+        assert!(error.contains("do not share a scene frame"), "{error}");
+    }
+}

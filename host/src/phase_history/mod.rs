@@ -1,7 +1,7 @@
 //! Phase history: what every image former consumes and every reader delivers.
 //!
 //! A [`PhaseHistory`] is a [`Collection`] (geometry and frequencies of every pulse, held in memory,
-//! about 150 bytes a pulse) and a way to read any run of pulses. Samples are read on demand, so a
+//! 104 bytes a pulse) and a way to read any run of pulses. Samples are read on demand, so a
 //! file larger than memory is no obstacle.
 //!
 //! Sample `k` of pulse `n` for a unit scatterer at `p` is

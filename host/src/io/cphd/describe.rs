@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::prepare::Prepared;
 use super::pvp::{self, RECORD_BYTES};
 use super::reference_geometry;
-use super::write::{Channel, WriteOptions};
+use super::request::{Channel, WriteOptions};
 use super::xml::Writer;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::Geodetic;

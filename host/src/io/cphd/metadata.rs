@@ -1,70 +1,11 @@
 //! What the XML block says, as far as image formation and its record need it.
 
-use std::fmt;
-
 use glam::DVec3;
 
+use super::conventions::{Domain, Sgn, SignalFormat};
 use super::pvp::Layout;
-use super::xml::Element;
-use crate::geometry::Geodetic;
-use crate::geometry::{Extent, SceneFrame};
-
-/// The axis of the samples of a vector.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Domain {
-    /// Transmitted frequency.
-    Fx,
-    /// Time of arrival after that of the SRP.
-    Toa,
-}
-
-impl fmt::Display for Domain {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Fx => "FX",
-            Self::Toa => "TOA",
-        })
-    }
-}
-
-/// The standard's SGN: the sign of phase with delay.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sgn {
-    /// -1: phase falls with delay, as everywhere in this crate.
-    Minus,
-    /// +1: phase rises with delay; conjugated when read.
-    Plus,
-}
-
-impl fmt::Display for Sgn {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Minus => "-1",
-            Self::Plus => "+1",
-        })
-    }
-}
-
-/// How one sample is stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SignalFormat {
-    /// Two signed bytes.
-    Ci2,
-    /// Two signed 16-bit integers.
-    Ci4,
-    /// Two float32.
-    Cf8,
-}
-
-impl fmt::Display for SignalFormat {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Ci2 => "CI2",
-            Self::Ci4 => "CI4",
-            Self::Cf8 => "CF8",
-        })
-    }
-}
+use super::xml::{Element, MetadataError};
+use crate::geometry::{Extent, Geodetic, SceneFrame};
 
 /// The surface on which image coordinates are defined. [`CphdInfo::frame`] is a plane for both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -153,11 +94,6 @@ pub struct CphdInfo {
     /// All channels, in the order of the file.
     pub channels: Vec<ChannelInfo>,
 }
-
-/// What is wrong with the XML of a CPHD file, and in which element.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("XML: {0}")]
-pub struct MetadataError(pub(super) String);
 
 impl CphdInfo {
     /// Parses the XML block of a CPHD file, or an XML file of the same content. Where the per-vector

@@ -85,6 +85,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod conventions;
 mod describe;
 mod header;
 mod metadata;
@@ -92,14 +93,16 @@ mod prepare;
 mod pvp;
 mod read;
 mod reference_geometry;
+mod request;
 mod signal;
 mod source;
 mod toa;
 mod write;
 mod xml;
 
-pub use metadata::{
-    ChannelInfo, CphdInfo, Domain, MetadataError, ReferenceSurface, Sgn, SignalFormat,
-};
+pub use conventions::{Domain, Polarization, Sgn, SignalFormat};
+pub use metadata::{ChannelInfo, CphdInfo, ReferenceSurface};
 pub use read::Cphd;
-pub use write::{Channel, Polarization, WriteError, WriteOptions, write};
+pub use request::{Channel, WriteError, WriteOptions};
+pub use write::write;
+pub use xml::MetadataError;

@@ -3,14 +3,15 @@
 
 use glam::DVec3;
 
-use super::metadata::Domain;
+use super::conventions::Domain;
 use super::pvp::Record;
 use super::reference_geometry;
+use super::request::WriteError;
 use super::toa::Bins;
-use super::write::WriteError;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
 use crate::phase_history::{Collection, Pulse};
+use crate::signal::fast_length::fast_length;
 
 /// The part of the unambiguous delay `1 / SCSS` that TOA1 to TOA2 take: an over-sampling of 1.25,
 /// where the standard wants 1.1 at the least.
@@ -53,7 +54,7 @@ impl Prepared {
         check_pulses(pulses).map_err(unsuited)?;
         let stored_samples = match domain {
             Domain::Fx => num_samples,
-            Domain::Toa => smooth_length((num_samples as f64 * TOA_OVERSAMPLING).ceil() as usize),
+            Domain::Toa => fast_length((num_samples as f64 * TOA_OVERSAMPLING).ceil() as usize),
         };
         let bins = Bins::of_count(num_samples);
         let largest_step_hz = pulses.iter().fold(0.0, |a: f64, p| a.max(p.step_hz));
@@ -269,21 +270,6 @@ fn sample_axis(pulse: &Pulse, count: usize, stored: usize, domain: Domain) -> Sa
             }
         }
     }
-}
-
-/// The smallest number from `n` on without prime factors above 5.
-fn smooth_length(n: usize) -> usize {
-    (n..)
-        .find(|&candidate| {
-            let mut rest = candidate;
-            for factor in [2, 3, 5] {
-                while rest % factor == 0 {
-                    rest /= factor;
-                }
-            }
-            rest == 1
-        })
-        .expect("a power of two is not far")
 }
 
 /// Velocities by differences of positions, central but at the ends; aFDOP from them. A single vector

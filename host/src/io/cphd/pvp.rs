@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 
-use super::metadata::{Domain, MetadataError};
-use super::xml::{Element, Writer};
+use super::conventions::Domain;
+use super::xml::{Element, MetadataError, Writer};
 
 /// A parameter's place in the record.
 #[derive(Clone, Copy, Debug)]

@@ -7,8 +7,9 @@ use std::sync::Arc;
 use num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
+use super::conventions::{Domain, Sgn};
 use super::header::{Block, Header};
-use super::metadata::{self, ChannelInfo, CphdInfo, Domain, Sgn};
+use super::metadata::{self, ChannelInfo, CphdInfo};
 use super::pvp::{Layout, Vector};
 use super::source::{CHUNK_BYTES, Source};
 use super::toa::{Bins, Transform};

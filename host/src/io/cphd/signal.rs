@@ -2,7 +2,7 @@
 
 use num_complex::Complex32;
 
-use super::metadata::SignalFormat;
+use super::conventions::SignalFormat;
 
 impl SignalFormat {
     /// Bytes of one complex sample.

@@ -1,149 +1,26 @@
 //! Phase history as CPHD 1.1.0 files.
 
 use std::collections::BTreeSet;
-use std::fmt;
 use std::fs::File;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
+use super::conventions::{Domain, Sgn};
 use super::describe::{self, Entry};
 use super::header::{self, SECTION_END, Sizes};
-use super::metadata::{Domain, Sgn};
 use super::prepare::Prepared;
 use super::pvp::RECORD_BYTES;
+use super::request::{Channel, WriteError, WriteOptions};
 use super::signal;
 use super::source::CHUNK_BYTES;
 use super::toa::Transform;
 use crate::focus::Monitor;
-use crate::io::beside::Beside;
-use crate::phase_history::{PhaseHistory, ReadError, check_finite};
-
-/// Polarisation of an antenna, by the standard's names.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Polarization {
-    /// Along the antenna's x axis.
-    X,
-    /// Along the antenna's y axis.
-    Y,
-    /// Vertical.
-    V,
-    /// Horizontal.
-    H,
-    /// Sometimes one, sometimes another.
-    S,
-    /// Elliptical.
-    E,
-    /// Right-hand circular.
-    Rhc,
-    /// Left-hand circular.
-    Lhc,
-    /// Not known.
-    #[default]
-    Unspecified,
-}
-
-impl fmt::Display for Polarization {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::X => "X",
-            Self::Y => "Y",
-            Self::V => "V",
-            Self::H => "H",
-            Self::S => "S",
-            Self::E => "E",
-            Self::Rhc => "RHC",
-            Self::Lhc => "LHC",
-            Self::Unspecified => "UNSPECIFIED",
-        })
-    }
-}
-
-/// A channel to be written.
-pub struct Channel<'a> {
-    /// Identifier, unique in the file.
-    pub id: String,
-    /// Its pulses, in the order of time.
-    pub history: &'a dyn PhaseHistory,
-    /// Polarisation transmitted.
-    pub tx_polarization: Polarization,
-    /// Polarisation received.
-    pub rcv_polarization: Polarization,
-}
-
-impl<'a> Channel<'a> {
-    /// A channel of unspecified polarisation.
-    pub fn new(id: impl Into<String>, history: &'a dyn PhaseHistory) -> Self {
-        Self {
-            id: id.into(),
-            history,
-            tx_polarization: Polarization::default(),
-            rcv_polarization: Polarization::default(),
-        }
-    }
-}
-
-/// How to write, and what to say of the collection.
-#[derive(Clone, Debug)]
-pub struct WriteOptions {
-    /// Domain of the samples. FX reads back to the same bits; TOA to float32 rounding.
-    pub domain: Domain,
-    /// Sign of phase with delay.
-    pub sgn: Sgn,
-    /// Radar platform.
-    pub collector_name: String,
-    /// Name of the collection; that of the first channel's collection if `None`.
-    pub core_name: Option<String>,
-    /// The radar's own name of its mode.
-    pub mode_id: Option<String>,
-    /// Classification banner.
-    pub classification: String,
-    /// To whom the file may be given.
-    pub release_info: String,
-    /// Date and time of the collection's start, UTC, as `YYYY-MM-DDThh:mm:ss.ssssssZ`.
-    pub collection_start: String,
-}
-
-impl Default for WriteOptions {
-    /// FX, SGN -1, unclassified and unrestricted, by "Subaperture", at an unknown date (1970).
-    fn default() -> Self {
-        Self {
-            domain: Domain::Fx,
-            sgn: Sgn::Minus,
-            collector_name: "Subaperture".to_owned(),
-            core_name: None,
-            mode_id: None,
-            classification: "UNCLASSIFIED".to_owned(),
-            release_info: "UNRESTRICTED".to_owned(),
-            collection_start: "1970-01-01T00:00:00.000000Z".to_owned(),
-        }
-    }
-}
-
-/// Why no file was written. None is left behind.
-#[derive(Debug, thiserror::Error)]
-pub enum WriteError {
-    /// The operating system refused.
-    #[error("cannot write {path}: {source}")]
-    Io {
-        /// File or folder concerned.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
-    /// The pulses could not be read.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// The collection or the options cannot be expressed in CPHD.
-    #[error("{0}")]
-    Unsuited(String),
-    /// The monitor asked to stop.
-    #[error("interrupted")]
-    Cancelled,
-}
+use crate::io::atomic::Beside;
+use crate::phase_history::check_finite;
 
 /// Writes `channels` to `path`, complete or not at all: beside it first, then renamed over it.
 ///
@@ -151,7 +28,7 @@ pub enum WriteError {
 /// least 1.25 times as many, over one period `1 / step_hz` of delay around the SRP's, so that
 /// nothing is lost but float32 rounding. The first channel is the reference channel.
 ///
-/// What CPHD asks for and a [`PhaseHistory`] does not have:
+/// What CPHD asks for and a [`PhaseHistory`](crate::phase_history::PhaseHistory) does not have:
 /// - `TxTime` is the pulse's time and `RcvTime` that plus the delay of the SRP's echo; `TxPos` and
 ///   `RcvPos` are the pulse's positions, taken to be valid at those times.
 /// - Velocities are central differences of positions over those times, one-sided at the ends.

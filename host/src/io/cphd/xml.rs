@@ -3,7 +3,10 @@
 use glam::DVec3;
 use roxmltree::Node;
 
-use super::metadata::MetadataError;
+/// What is wrong with the XML of a CPHD file, and in which element.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("XML: {0}")]
+pub struct MetadataError(pub(super) String);
 
 /// An element and its path from the root, such as `CPHD/Global/SGN`.
 pub(super) struct Element<'a, 'i> {

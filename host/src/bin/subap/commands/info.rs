@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use serde_json::{Value, json};
 use subaperture::focus::rdbp::{Plan, Request};
-use subaperture::io::cphd::{CphdInfo, Domain, Sgn};
+use subaperture::io::cphd::CphdInfo;
 use subaperture::io::open::cphd_info;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::survey::{Side, Survey};
@@ -59,12 +59,12 @@ fn containers(paths: &[PathBuf]) -> anyhow::Result<Vec<Container>> {
 impl Container {
     fn describe(&self) -> String {
         let info = &self.info;
-        let sign = if info.sgn == Sgn::Minus { "-1" } else { "+1" };
         let mut text = format!(
-            "{:<16} CPHD {}, {} domain, SGN {sign}, {}\n",
+            "{:<16} CPHD {}, {} domain, SGN {}, {}\n",
             self.path.display(),
             info.version,
-            self.domain(),
+            info.domain,
+            info.sgn,
             info.classification
                 .as_deref()
                 .unwrap_or("classification not given"),
@@ -84,20 +84,13 @@ impl Container {
         text
     }
 
-    fn domain(&self) -> &'static str {
-        match self.info.domain {
-            Domain::Fx => "FX",
-            Domain::Toa => "TOA",
-        }
-    }
-
     fn to_json(&self) -> Value {
         let info = &self.info;
         json!({
             "path": self.path,
             "format": format!("CPHD {}", info.version),
-            "domain": self.domain(),
-            "sgn": if info.sgn == Sgn::Minus { -1 } else { 1 },
+            "domain": info.domain.to_string(),
+            "sgn": info.sgn.to_string(),
             "classification": info.classification,
             "collector": info.collector_name,
             "collection_start": info.collection_start,
