@@ -114,16 +114,26 @@ impl ImageGrid {
     }
 }
 
-/// Parses `x=START:STOP:STEP,y=START:STOP:STEP[,z=Z][,yaw=DEG][,pitch=DEG][,roll=DEG]` or
-/// `r=...,theta=...[,cx=X][,cy=Y][,z=Z]...` with theta in degrees. The stop is excluded; of x and y,
-/// one may leave out its step and takes the other's. The plane is turned about its origin by yaw
-/// (about z), then pitch (about the new y), then roll (about the new x).
+/// Farthest that a coordinate may lie from the scene's origin, metres: beyond any scene, yet float64
+/// still tells 1e-7 m apart there.
+const FARTHEST_M: f64 = 1e9;
+
+/// Parses `x=START:STOP:STEP,y=START:STOP:STEP` or, with theta in degrees,
+/// `r=START:STOP:STEP,theta=START:STOP:STEP`; either followed by any of `cx=X`, `cy=Y`, `z=Z` (the
+/// origin or pole, metres) and `yaw=DEG`, `pitch=DEG`, `roll=DEG`. A key may come once, in any
+/// place. The stop is excluded; of x and y, one may leave out its step and takes the other's.
+/// Coordinates are at most 1e9 m.
+///
+/// The plane is turned about its origin by yaw (about z), then pitch (about the new y), then roll
+/// (about the new x), each right-handed: positive yaw turns x towards y, positive pitch turns x
+/// down, positive roll turns y up.
 impl FromStr for ImageGrid {
     type Err = GridError;
 
     fn from_str(text: &str) -> Result<Self, GridError> {
         let mut ranges: [Option<Range>; 4] = [None; 4]; // x, y, r, theta
         let mut numbers = [0.0; 6]; // z, yaw, pitch, roll, cx, cy
+        let mut seen: Vec<&str> = Vec::new();
         for part in text.split(',') {
             let (key, value) = part.split_once('=').ok_or_else(|| {
                 GridError(format!(
@@ -131,13 +141,20 @@ impl FromStr for ImageGrid {
                 ))
             })?;
             let (key, value) = (key.trim(), value.trim());
+            if seen.contains(&key) {
+                return Err(GridError(format!("{key} is given twice: give it once")));
+            }
+            seen.push(key);
             if let Some(i) = ["x", "y", "r", "theta"].iter().position(|&k| k == key) {
                 ranges[i] = Some(Range::parse(key, value)?);
             } else if let Some(i) = ["z", "yaw", "pitch", "roll", "cx", "cy"]
                 .iter()
                 .position(|&k| k == key)
             {
-                numbers[i] = parse_number(key, value)?;
+                numbers[i] = match key {
+                    "yaw" | "pitch" | "roll" => parse_number(key, value)?,
+                    _ => parse_metres(key, value)?,
+                };
             } else {
                 return Err(GridError(format!(
                     "unknown key '{key}'; known: x, y, z, r, theta, cx, cy, yaw, pitch, roll"
@@ -185,9 +202,14 @@ struct Range {
 
 impl Range {
     fn parse(key: &str, value: &str) -> Result<Self, GridError> {
+        let parse = |(i, v): (usize, &str)| match (key, i) {
+            ("theta", _) | (_, 2..) => parse_number(key, v),
+            _ => parse_metres(key, v),
+        };
         let fields: Vec<f64> = value
             .split(':')
-            .map(|v| parse_number(key, v))
+            .enumerate()
+            .map(parse)
             .collect::<Result<_, _>>()?;
         match *fields.as_slice() {
             [start, stop] => Ok(Self {
@@ -222,6 +244,16 @@ fn parse_number(key: &str, text: &str) -> Result<f64, GridError> {
         .ok_or_else(|| GridError(format!("{key}: '{text}' is not a finite number")))
 }
 
+fn parse_metres(key: &str, text: &str) -> Result<f64, GridError> {
+    let value = parse_number(key, text)?;
+    if value.abs() > FARTHEST_M {
+        return Err(GridError(format!(
+            "{key}: {text} m is too far away: coordinates may be at most {FARTHEST_M:e} m"
+        )));
+    }
+    Ok(value)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -246,6 +278,28 @@ mod tests {
         assert!((yawed.position_m(0, 1) - DVec3::Y).length() < 1e-9);
     }
 
+    /// Right-handed quarter turns take x to -z about y, y to z about x and x to y about z.
+    #[test]
+    fn pitch_lowers_x_and_roll_raises_y() {
+        let (sin, cos) = (0.5, 0.75f64.sqrt());
+        for (turn, x_axis, y_axis) in [
+            ("pitch=30", [cos, 0.0, -sin], [0.0, 1.0, 0.0]),
+            ("roll=30", [1.0, 0.0, 0.0], [0.0, cos, sin]),
+            // Yaw first: then pitch is about the new y, -x, and lowers the new x, y.
+            ("yaw=90,pitch=30", [0.0, cos, -sin], [-1.0, 0.0, 0.0]),
+            // Roll last, about the pitched x: y rises square to it, along (sin 30, 0, cos 30).
+            ("pitch=30,roll=90", [cos, 0.0, -sin], [sin, 0.0, cos]),
+        ] {
+            let text = format!("x=0:2:1,y=0:2:1,cx=5,cy=6,z=7,{turn}");
+            let grid: ImageGrid = text.parse().unwrap();
+            let pole = DVec3::new(5.0, 6.0, 7.0);
+            let x = grid.position_m(0, 1) - pole;
+            let y = grid.position_m(1, 0) - pole;
+            assert!((x - DVec3::from(x_axis)).length() < 1e-12, "{turn}: {x}");
+            assert!((y - DVec3::from(y_axis)).length() < 1e-12, "{turn}: {y}");
+        }
+    }
+
     #[test]
     fn bad_grids_say_what_to_write() {
         for (text, part) in [
@@ -255,7 +309,13 @@ mod tests {
             ("x=0:1:0,y=0:1:1", "positive step"),
             ("x=0:1:1,y=0:nan:1", "not a finite number"),
             ("q=1", "unknown key"),
-            ("x=0:1e12:1,y=0:1:1", "at most 1e9"),
+            ("x=0:1e9:0.1,y=0:1:1", "at most 1e9 are possible"),
+            ("x=0:1e12:1,y=0:1:1", "x: 1e12 m is too far"),
+            ("x=-2e9:0:1,y=0:1:1", "x: -2e9 m is too far"),
+            ("x=0:1:1,y=0:1:1,z=1e10", "z: 1e10 m is too far"),
+            ("r=0:1:1,theta=0:1:1,cy=1e300", "at most 1e9 m"),
+            ("x=0:1:1,y=0:1:1,x=0:2:1", "x is given twice"),
+            ("x=0:1:1,y=0:1:1,z=0, z=1", "z is given twice"),
         ] {
             let error = text.parse::<ImageGrid>().unwrap_err().to_string();
             assert!(error.contains(part), "{text}: {error}");
