@@ -74,6 +74,8 @@ pub fn crosscheck(
     let chirp_length = shape.chirp_length();
 
     let mut budget = Budget::new(memory_bytes);
+    let held_bytes = u128::from(history.held_bytes());
+    budget.take("the recording", held_bytes, "raise --memory")?;
     let advice = "use a smaller --sub-cpi, or raise --memory";
     let tables = ScaledDft::table_bytes(band.count, num_pulses, shape.num_doppler_bins);
     let values = 2 * shape.history_len() + 2 * shape.map_len() + 3 * chirp_length;
@@ -152,10 +154,15 @@ fn shape(num_frequencies: usize, num_pulses: usize) -> Result<core::Shape, FormE
     if shape.chirp_length() > CORE_LARGEST {
         shape.num_doppler_bins = num_pulses.next_power_of_two();
     }
-    if !shape.is_valid() || shape.chirp_length() > CORE_LARGEST {
+    if num_frequencies > CORE_LARGEST {
         return Err(FormError::Unsuited(format!(
-            "the core takes at most {CORE_LARGEST} frequencies (here {num_frequencies}) and a \
-             sub-CPI of {} pulses (here {num_pulses}); give a smaller --sub-cpi",
+            "the core takes at most {CORE_LARGEST} frequencies a pulse, and this recording has \
+             {num_frequencies}: it cannot be cross-checked"
+        )));
+    }
+    if shape.chirp_length() > CORE_LARGEST {
+        return Err(FormError::Unsuited(format!(
+            "the core takes at most {} pulses a sub-CPI, not {num_pulses}: give a smaller --sub-cpi",
             CORE_LARGEST / 2
         )));
     }
@@ -211,7 +218,11 @@ mod tests {
     #[test]
     fn sizes_past_the_core_are_refused() {
         assert!(shape(4096, 2048).is_ok());
-        assert!(shape(4097, 10).is_err());
-        assert!(shape(100, 2049).is_err());
+        let wide = shape(4097, 10).unwrap_err().to_string();
+        assert!(wide.contains("4096 frequencies") && wide.contains("has 4097"));
+        // No sub-CPI is small enough for that.
+        assert!(!wide.contains("--sub-cpi"), "{wide}");
+        let long = shape(100, 2049).unwrap_err().to_string();
+        assert!(long.contains("2048 pulses") && long.contains("smaller --sub-cpi"));
     }
 }
