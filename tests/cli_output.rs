@@ -39,6 +39,38 @@ fn work_beyond_memory_is_refused_cleanly() {
 }
 
 #[test]
+fn a_check_beyond_memory_is_refused_before_the_work() {
+    let folder = scene();
+    let before = listing(folder.path());
+    // 160 000 pixels: an image of 1.28 MB, and 16 MB to check them all; the samples take 2.1 MB.
+    let line = "focus scene.cphd --out out -a bp --memory 12M --grid x=-40:40:0.2,y=-40:40:0.2";
+    run(folder.path(), &format!("{line} --check 1000000"))
+        .failed(1, &["--check", "check fewer pixels", "--memory"]);
+    assert_eq!(listing(folder.path()), before);
+    run(folder.path(), &format!("{line} --check 10")).succeeded();
+}
+
+#[test]
+fn images_beyond_memory_are_not_compared() {
+    let folder = scene();
+    let line = "focus scene.cphd --out out -a bp --grid x=-30:30:0.2,y=-30:30:0.2";
+    run(folder.path(), line).succeeded();
+    // 90 000 pixels are 720 kB: one fits in 1 MiB, two do not.
+    let line = "compare out/image.npy out/image.npy --memory";
+    run(folder.path(), &format!("{line} 1M")).failed(1, &["out/image.npy", "--memory", "1.4 MiB"]);
+    run(folder.path(), &format!("{line} 2M")).succeeded();
+}
+
+#[test]
+fn a_demonstration_beyond_memory_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    // One image of 200 x 200 pixels takes 320 kB, all of them 3.8 MB.
+    let line = "demo --out demo --memory 2M --grid x=-20:20:0.2,y=-20:20:0.2";
+    run(folder.path(), line).failed(1, &["12 images", "200 x 200", "--memory"]);
+    assert!(listing(folder.path()).is_empty());
+}
+
+#[test]
 fn nowhere_to_write() {
     let folder = scene();
     fs::write(folder.path().join("file"), "in the way").unwrap();

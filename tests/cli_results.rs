@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
+use subaperture_tests::matlab;
 use subaperture_tests::subap::{listing, root, run};
 
 fn json(path: &Path) -> Value {
@@ -172,6 +173,8 @@ fn demo_keeps_its_bounds() {
         "demo --out demo --grid x=-20:20:0.5,y=-20:20:0.5",
     );
     assert!(ran.succeeded().contains("rdbp precise, 26 x 40"));
+    // Errors on another grid than the default are shown and not judged.
+    assert!(ran.stdout.contains("not judged") && !ran.stdout.contains("MISSED"));
     let demo = folder.path().join("demo");
     for name in [
         "overview.png",
@@ -204,6 +207,90 @@ fn demo_keeps_its_bounds() {
         "precise-130",
     ] {
         assert!(demo.join(name).join("image.npy").is_file(), "{name}");
+    }
+}
+
+#[test]
+fn a_dark_part_of_the_scene_misses_no_bound() {
+    // Between the scatterers there is next to nothing to which an error could be small.
+    let folder = tempfile::tempdir().unwrap();
+    let ran = run(
+        folder.path(),
+        "demo --out demo --grid x=11:15:0.5,y=11:15:0.5",
+    );
+    assert!(!ran.succeeded().contains("MISSED"));
+    let errors = json(&folder.path().join("demo/errors.json"));
+    for former in errors["formers"].as_array().unwrap() {
+        assert!(former["bound_db"].is_null() && former["within_bound"].is_null());
+    }
+}
+
+/// A GOTCHA file of the tests' sound fields with its samples times `scale`.
+fn scaled_gotcha(scale: f32) -> Vec<u8> {
+    let mut fields = matlab::gotcha_fields();
+    for (name, value) in &mut fields {
+        if let ("fp", matlab::Value::Complex(_, _, real, imaginary)) = (*name, value) {
+            real.iter_mut().chain(imaginary).for_each(|v| *v *= scale);
+        }
+    }
+    matlab::gotcha(fields)
+}
+
+#[test]
+fn strong_and_faint_images_keep_their_figures() {
+    // 1e25 squared is above float32, 1e-25 squared below it.
+    let folder = tempfile::tempdir().unwrap();
+    let mut found = Vec::new();
+    for (name, scale) in [("one", 1.0), ("strong", 1e25), ("faint", 1e-25)] {
+        let path = folder.path().join(format!("{name}.mat"));
+        fs::write(path, scaled_gotcha(scale)).unwrap();
+        for algorithm in ["exact", "bp"] {
+            let out = format!("{name}-{algorithm}");
+            let line = format!(
+                "focus {name}.mat -a {algorithm} --check 9 --grid x=-40:40:5,y=-40:40:5 --out {out}"
+            );
+            let text = run(folder.path(), &line).succeeded().to_owned();
+            assert!(!text.contains("inf") && !text.contains("NaN"), "{text}");
+            let record = json(&folder.path().join(out).join("image.json"));
+            let number = |value: &Value| value.as_f64().unwrap();
+            let peak = &record["brightest"];
+            found.push((
+                peak["row"].clone(),
+                peak["column"].clone(),
+                number(&peak["level_db"]) - 20.0 * f64::from(scale).log10(),
+                number(&record["check"]["relative_rms_db"]),
+                number(&record["check"]["relative_to_image_db"]),
+            ));
+        }
+    }
+    for pair in found.chunks(2) {
+        for (got, expected) in pair.iter().zip(&found[..2]) {
+            assert_eq!((&got.0, &got.1), (&expected.0, &expected.1));
+            // Scaled samples are rounded anew, to 6e-8 of their size: 1e-6 dB of the level.
+            assert!((got.2 - expected.2).abs() < 1e-5, "{got:?} {expected:?}");
+            // Errors are roundings themselves; they stay far below the image.
+            assert!(got.3 < -50.0 && got.4 < -50.0, "{got:?}");
+        }
+    }
+}
+
+#[test]
+fn an_image_of_zeros_has_no_brightest_point() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("zero.mat"), scaled_gotcha(0.0)).unwrap();
+    for algorithm in ["exact", "bp"] {
+        let line = format!(
+            "focus zero.mat -a {algorithm} --check 5 --grid x=-2:2:1,y=-2:2:1 --out {algorithm}"
+        );
+        let ran = run(folder.path(), &line);
+        let text = ran.succeeded();
+        assert!(text.contains("the image is zero"), "{text}");
+        assert!(text.contains("undefined of their power"), "{text}");
+        assert!(!text.contains("inf") && !text.contains("NaN"), "{text}");
+        let record = json(&folder.path().join(algorithm).join("image.json"));
+        assert!(record["brightest"].is_null());
+        assert!(record["check"]["relative_rms_db"].is_null());
+        assert!(record["check"]["relative_to_image_db"].is_null());
     }
 }
 

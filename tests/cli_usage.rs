@@ -57,7 +57,7 @@ fn wrong_usage_exits_with_2_and_names_the_option() {
         ),
         (
             "focus a.mat --out d --grid x=0:1e15:1,y=0:1:1",
-            vec!["--grid", "at most 1e9"],
+            vec!["--grid", "at most 1e9 m"],
         ),
         (
             "focus a.mat --out d --window blackman",
@@ -74,6 +74,22 @@ fn wrong_usage_exits_with_2_and_names_the_option() {
         (
             "focus a.mat --out d --algorithm exact --error-db -60",
             vec!["--error-db", "exact"],
+        ),
+        (
+            "focus a.mat --out d --mode thesis --error-db -90",
+            vec!["--error-db", "--mode thesis"],
+        ),
+        (
+            "focus a.mat --out d --mode thesis --patch 3",
+            vec!["--patch", "--mode thesis"],
+        ),
+        (
+            "focus a.mat --out d --threads 100000",
+            vec!["--threads", "1024"],
+        ),
+        (
+            "focus a.mat --out d --grid x=0:1:1,y=0:1:1,x=0:2:1",
+            vec!["--grid", "x is given twice"],
         ),
         (
             "focus a.mat --out d --memory lots",

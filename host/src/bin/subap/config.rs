@@ -80,16 +80,20 @@ impl Session {
         self.quiet
     }
 
-    /// Refuses a grid whose image alone exceeds the budget.
-    pub(crate) fn check_grid(&self, grid: &ImageGrid) -> anyhow::Result<()> {
-        let image_bytes = u128::from(grid.num_pixels()) * 8;
-        if image_bytes > u128::from(self.memory_bytes) {
+    /// Refuses a grid of which `count` images alone exceed the budget.
+    pub(crate) fn check_grid(&self, grid: &ImageGrid, count: u64) -> anyhow::Result<()> {
+        let bytes = u128::from(grid.num_pixels()) * u128::from(count) * 8;
+        if bytes > u128::from(self.memory_bytes) {
+            let images = match count {
+                1 => "an image".to_owned(),
+                _ => format!("{count} images"),
+            };
             anyhow::bail!(
-                "--grid has {} x {} pixels, an image of {}; --memory allows {}: use a smaller or \
+                "--grid has {} x {} pixels, {images} of {}; --memory allows {}: use a smaller or \
                  coarser --grid, or raise --memory",
                 grid.columns.count,
                 grid.rows.count,
-                text::bytes(image_bytes),
+                text::bytes(bytes),
                 text::bytes(self.memory_bytes.into())
             );
         }
@@ -142,6 +146,18 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
     refuse("--mode", typed.mode.is_some(), is_rdbp)?;
     refuse("--sub-cpi", typed.sub_cpi.is_some(), is_rdbp)?;
     refuse("--patch", typed.patch.is_some(), is_rdbp)?;
+    if typed.mode == Some(args::Mode::Thesis) {
+        for (option, given) in [
+            ("--error-db", typed.error_db.is_some()),
+            ("--patch", typed.patch.is_some()),
+        ] {
+            if given {
+                return Err(Usage(format!(
+                    "{option} says nothing to --mode thesis: leave it out"
+                )));
+            }
+        }
+    }
     let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
     Ok(match algorithm {
         Algorithm::Exact => Box::new(Exact),

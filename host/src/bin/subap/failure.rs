@@ -16,11 +16,20 @@ pub(crate) struct Usage(pub(crate) String);
 #[error("interrupted")]
 pub(crate) struct Interrupted;
 
+/// [`Interrupted`], after some of a command's files were written.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted; every file in {0} is whole, but some are missing or of an earlier run")]
+pub(crate) struct InterruptedAmidFiles(pub(crate) String);
+
 /// Prints `error` on standard error, causes after it, and says how to exit.
 pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
     if error.chain().any(is_broken_pipe) {
         // The reader of our output has seen enough.
         return ExitCode::SUCCESS;
+    }
+    if let Some(interruption) = error.downcast_ref::<InterruptedAmidFiles>() {
+        eprintln!("subap: {interruption}");
+        return ExitCode::from(130);
     }
     if error.chain().any(is_interruption) {
         eprintln!("subap: interrupted; nothing was left in part");

@@ -1,13 +1,31 @@
 //! `subap compare`: how far apart two complex images are.
 
+use std::fs;
+
+use anyhow::bail;
 use subaperture::image::Comparison;
 use subaperture::io::npy;
 
 use crate::args::Compare;
+use crate::config::Session;
 use crate::text;
 
 /// Prints the differences of the two images.
-pub(crate) fn run(typed: &Compare) -> anyhow::Result<()> {
+pub(crate) fn run(session: &Session, typed: &Compare) -> anyhow::Result<()> {
+    // A file that cannot be asked for its size cannot be read either, and reading says why.
+    let bytes: u128 = [&typed.image, &typed.reference]
+        .map(|path| fs::metadata(path).map_or(0, |about| u128::from(about.len())))
+        .iter()
+        .sum();
+    if bytes > u128::from(session.memory_bytes) {
+        bail!(
+            "{} and {} need {}; --memory allows {}: raise --memory, or compare smaller images",
+            typed.image.display(),
+            typed.reference.display(),
+            text::bytes(bytes),
+            text::bytes(session.memory_bytes.into())
+        );
+    }
     let image = npy::read(&typed.image)?;
     let reference = npy::read(&typed.reference)?;
     let comparison = Comparison::between(&image, &reference)?;

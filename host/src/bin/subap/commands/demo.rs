@@ -24,10 +24,15 @@ use subaperture::survey::Survey;
 
 use crate::args::Demo;
 use crate::config::{Session, record_of_run};
+use crate::failure::InterruptedAmidFiles;
 use crate::{interrupt, text};
 
 /// The scene's 80 x 80 m and 5 m about it, at about half the resolution (0.58 x 0.75 m).
 const GRID: &str = "x=-45:45:0.3,y=-45:45:0.3,z=0";
+
+/// Images in memory, and at most on the disk: the exact one, and of each way image and difference;
+/// the room of one more for pictures.
+const IMAGES: u64 = 12;
 
 /// Error bound of the formers that plan, dB.
 const ERROR_DB: f64 = -60.0;
@@ -119,13 +124,14 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         Some(grid) => grid,
         None => GRID.parse()?,
     };
-    session.check_grid(&grid)?;
-    // Image and difference in six ways.
-    Product::prepare(&typed.out.join("exact"), grid.num_pixels() * 12)?;
+    session.check_grid(&grid, IMAGES)?;
+    Product::prepare(&typed.out.join("exact"), grid.num_pixels() * IMAGES)?;
 
     let simulated = Preset::Table41.simulate(&Variation::default());
     let collection = simulated.collection();
     let weights = Weights::new(collection, Window::default(), Window::default());
+    // A former counts its own image.
+    let other_bytes = grid.num_pixels() * (IMAGES - 1) * 8;
     let form = |way: &Way| {
         let progress = session.progress(way.title);
         let begun = Instant::now();
@@ -133,7 +139,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
             history: &simulated,
             grid: &grid,
             weights: &weights,
-            memory_bytes: session.memory_bytes,
+            memory_bytes: session.memory_bytes - other_bytes,
             monitor: &progress,
         })?;
         anyhow::Ok((formed, begun.elapsed()))
@@ -147,7 +153,11 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     };
     let (exact, exact_taken) = form(&oracle)?;
     let mut outcomes = Vec::new();
-    for way in ways() {
+    for mut way in ways() {
+        if typed.grid.is_some() {
+            // Bounds are relative to an image of all the scene's bright scatterers.
+            way.bound_db = None;
+        }
         let (formed, taken) = form(&way)?;
         let comparison = Comparison::between(&formed.image, &exact.image)?;
         let difference = subtract(&formed.image, &exact.image);
@@ -214,12 +224,16 @@ fn write(
     report: &report::Report,
     start: Instant,
 ) -> anyhow::Result<()> {
+    let check_amid_files = || {
+        let folder = || typed.out.display().to_string();
+        interrupt::check().map_err(|_| InterruptedAmidFiles(folder()))
+    };
     let image_panel = |image, title: &str| Panel {
         scale: IMAGE_SCALE,
         ..Panel::new(image, grid, title)
     };
     let save = |folder: &str, image: &Image, metadata, panel: &Panel| {
-        interrupt::check()?;
+        check_amid_files()?;
         let quicklook = plot::quicklook(panel)?;
         Product {
             image,
@@ -283,7 +297,7 @@ fn write(
         write_bytes(&typed.out.join(name), &picture)?;
     }
     panels.extend(differences);
-    interrupt::check()?;
+    check_amid_files()?;
     let columns = panels.len() / 2;
     write_bytes(
         &typed.out.join("overview.png"),

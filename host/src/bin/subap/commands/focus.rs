@@ -9,7 +9,7 @@ use anyhow::Context;
 use serde_json::{Map, Value};
 use subaperture::focus::{Task, Weights};
 use subaperture::geometry::ImageGrid;
-use subaperture::image::Image;
+use subaperture::image::{Image, power};
 use subaperture::io::product::Product;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::plot::{self, Panel};
@@ -25,7 +25,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     // What can be refused is refused before anything is read.
     let former = former(typed)?;
     if let Some(grid) = &typed.grid {
-        session.check_grid(grid)?;
+        session.check_grid(grid, 1)?;
     }
     Product::prepare(&typed.out, typed.grid.map_or(0, |grid| grid.num_pixels()))?;
 
@@ -35,7 +35,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         Some(grid) => grid,
         None => {
             let grid = survey.default_grid()?;
-            session.check_grid(&grid)?;
+            session.check_grid(&grid, 1)?;
             Product::prepare(&typed.out, grid.num_pixels())?;
             grid
         }
@@ -58,22 +58,24 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         memory_bytes: session.memory_bytes,
         monitor: &progress,
     };
+    let checking = typed.check.map(|count| check::Plan::new(&task, count));
+    let checking = checking.transpose()?;
     let formed = former.form(&task)?;
     progress.finish();
-    warn_of_missed_bound(session, &formed.settings);
+    warn_of_missed_bound(session, typed, &formed.settings);
     for (key, value) in &formed.settings {
         session.note(2, || format!("{key} = {value}"));
     }
 
-    let check = match typed.check {
+    let check = match checking {
         None => None,
-        Some(count) => {
+        Some(plan) => {
             let progress = session.progress("checking");
             let task = Task {
                 monitor: &progress,
                 ..task
             };
-            Some(check::against_exact(&task, &formed.image, count)?)
+            Some(plan.against_exact(&task, &formed.image)?)
         }
     };
     interrupt::check()?;
@@ -113,23 +115,22 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         formed.image.rows,
         text::duration(start.elapsed())
     ))?;
-    let [x, y, z] = peak.position_m;
-    text::say(format!(
-        "brightest point at x {x:.3} m, y {y:.3} m, z {z:.3} m: {:.2} dB",
-        peak.level_db
-    ))?;
+    text::say(match peak {
+        Some(peak) => {
+            let [x, y, z] = peak.position_m;
+            let level_db = peak.level_db;
+            format!("brightest point at x {x:.3} m, y {y:.3} m, z {z:.3} m: {level_db:.2} dB")
+        }
+        None => "no brightest point: the image is zero".to_owned(),
+    })?;
     if let Some(check) = check {
-        text::say(format!(
-            "error against the exact sum on {} pixels: {:.1} dB of their power, {:.1} dB of an \
-             average pixel's",
-            check.num_pixels, check.relative_rms_db, check.relative_to_image_db
-        ))?;
+        text::say(check.to_string())?;
     }
     Ok(())
 }
 
 /// The planner takes the best there is where nothing meets the bound; the user should know.
-fn warn_of_missed_bound(session: &Session, settings: &Map<String, Value>) {
+fn warn_of_missed_bound(session: &Session, typed: &Focus, settings: &Map<String, Value>) {
     let number = |key: &str| settings.get(key).and_then(Value::as_f64);
     if let (Some(predicted_db), Some(error_db)) = (number("predicted_error_db"), number("error_db"))
         && predicted_db > error_db
@@ -137,8 +138,19 @@ fn warn_of_missed_bound(session: &Session, settings: &Map<String, Value>) {
     {
         eprintln!(
             "subap: the predicted error is {predicted_db:.1} dB, above the --error-db {error_db} \
-             asked: leave out --sub-cpi and --patch, or use --algorithm exact"
+             asked: {}",
+            advice(typed.sub_cpi.is_some(), typed.patch.is_some())
         );
+    }
+}
+
+/// What brings rdbp's error down: sizes of its own choice, else another former.
+fn advice(sub_cpi_given: bool, patch_given: bool) -> &'static str {
+    match (sub_cpi_given, patch_given) {
+        (true, true) => "leave out --sub-cpi and --patch",
+        (true, false) => "leave out --sub-cpi",
+        (false, true) => "leave out --patch",
+        (false, false) => "use --algorithm bp",
     }
 }
 
@@ -153,17 +165,29 @@ struct Peak {
     column: usize,
 }
 
-fn brightest(image: &Image, grid: &ImageGrid) -> Peak {
-    let powers = image.pixels.iter().map(|z| z.norm_sqr()).enumerate();
-    let (index, power) = powers
-        .max_by(|a, b| a.1.total_cmp(&b.1))
-        .unwrap_or((0, 0.0));
-    let (row, column) = (index / image.columns, index % image.columns);
-    Peak {
-        position_m: grid.position_m(row, column).to_array(),
-        // An image of nothing at all is as dark as a float can be, not minus infinity.
-        level_db: 10.0 * f64::from(power.max(f32::MIN_POSITIVE)).log10(),
-        row,
-        column,
+/// `None` of an image of zeros.
+fn brightest(image: &Image, grid: &ImageGrid) -> Option<Peak> {
+    let peak = image.peak()?;
+    let power = power(peak.value);
+    (power > 0.0).then(|| Peak {
+        position_m: grid.position_m(peak.row, peak.column).to_array(),
+        level_db: 10.0 * power.log10(),
+        row: peak.row,
+        column: peak.column,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::advice;
+
+    #[test]
+    fn advice_names_only_what_was_typed() {
+        for (sub_cpi, patch) in [(false, false), (true, false), (false, true), (true, true)] {
+            let text = advice(sub_cpi, patch);
+            assert_eq!(text.contains("--sub-cpi"), sub_cpi);
+            assert_eq!(text.contains("--patch"), patch);
+        }
+        assert!(advice(false, false).contains("--algorithm bp"));
     }
 }

@@ -18,7 +18,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Simulate(typed) => simulate::run(session, &typed),
         Command::Crosscheck(typed) => crosscheck::run(session, &typed),
         Command::Info(typed) => info::run(session, &typed),
-        Command::Compare(typed) => compare::run(&typed),
+        Command::Compare(typed) => compare::run(session, &typed),
         Command::Demo(typed) => demo::run(session, &typed),
         Command::Completions(typed) => completions::run(&typed),
     }

@@ -69,9 +69,15 @@ impl Report<'_> {
             ),
             None => String::new(),
         };
+        let unjudged = if self.outcomes.iter().all(|o| o.way.bound_db.is_none()) {
+            "\nBounds are for the default grid, which covers all scatterers, and are not judged on \
+             another."
+        } else {
+            ""
+        };
         format!(
             "Error: RMS of image - exact over RMS of exact; scaled: after the best complex factor; \
-             phase: the largest error within 20 dB of the peak.{lobes}"
+             phase: the largest error within 20 dB of the peak.{lobes}{unjudged}"
         )
     }
 
@@ -105,7 +111,7 @@ impl Report<'_> {
                     "title": outcome.way.title,
                     "folder": outcome.way.folder,
                     "bound_db": outcome.way.bound_db,
-                    "within_bound": !outcome.misses_bound(),
+                    "within_bound": outcome.way.bound_db.map(|_| !outcome.misses_bound()),
                     "comparison": outcome.comparison,
                     "settings": outcome.settings,
                     "run_time_s": outcome.taken.as_secs_f64(),

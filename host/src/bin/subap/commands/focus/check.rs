@@ -5,6 +5,7 @@
 //! them makes the first large for no fault of the image, and the second the fairer one.
 
 use std::collections::BTreeSet;
+use std::fmt;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -12,53 +13,109 @@ use rand_distr::{Distribution, Uniform};
 use serde::Serialize;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::{FormError, Task};
-use subaperture::image::Image;
+use subaperture::image::{Image, power};
 
 /// Seed of the pixels' choice: the same pixels every time.
 const SEED: u64 = 1;
+
+/// Bytes a checked pixel: point, sum, index, and its place in the set from which it was drawn.
+const PIXEL_BYTES: u64 = 100;
+
+/// A check that fits the budget.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plan {
+    num_pixels: usize,
+    /// What is left of the budget for pulses.
+    left_bytes: u64,
+}
 
 /// The outcome.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Check {
     /// Pixels compared.
     pub(super) num_pixels: usize,
-    /// Root of the summed squared error over the summed squared exact values, dB.
-    pub(super) relative_rms_db: f64,
-    /// Root of the mean squared error over the image's mean square, dB.
-    pub(super) relative_to_image_db: f64,
+    /// Root of the summed squared error over the summed squared exact values, dB; `None` where those
+    /// are zero.
+    pub(super) relative_rms_db: Option<f64>,
+    /// Root of the mean squared error over the image's mean square, dB; `None` where that is zero.
+    pub(super) relative_to_image_db: Option<f64>,
     /// Seed of the pixels' choice.
     pub(super) seed: u64,
 }
 
-/// Forms `count` pixels of the task's grid (all, if it has no more) by the exact sum.
-pub(super) fn against_exact(task: &Task, image: &Image, count: usize) -> Result<Check, FormError> {
-    let chosen = choose(image.pixels.len(), count);
-    let points: Vec<_> = chosen
-        .iter()
-        .map(|i| task.grid.position_m(i / image.columns, i % image.columns))
-        .collect();
-    let exact = Exact::at_points(
-        task.history,
-        task.weights,
-        &points,
-        task.memory_bytes,
-        task.monitor,
-    )?;
-    let (mut error, mut power) = (0.0, 0.0);
-    for (&i, value) in chosen.iter().zip(&exact) {
-        let pixel = image.pixels[i];
-        error +=
-            (f64::from(pixel.re) - value.re).powi(2) + (f64::from(pixel.im) - value.im).powi(2);
-        power += value.norm_sqr();
+impl Plan {
+    /// Plans to form `count` pixels of the task's grid (all, if it has no more) by the exact sum,
+    /// beside the recording and the image.
+    ///
+    /// # Errors
+    /// [`FormError::Memory`].
+    pub(super) fn new(task: &Task, count: usize) -> Result<Self, FormError> {
+        let num_pixels = (count as u64).min(task.grid.num_pixels());
+        let image_bytes = u128::from(task.grid.num_pixels()) * 8;
+        let needed_bytes = u128::from(task.history.held_bytes())
+            + image_bytes
+            + u128::from(num_pixels) * u128::from(PIXEL_BYTES);
+        match u128::from(task.memory_bytes).checked_sub(needed_bytes) {
+            Some(left_bytes) => Ok(Self {
+                num_pixels: num_pixels as usize,
+                left_bytes: left_bytes as u64,
+            }),
+            None => Err(FormError::Memory {
+                what: "--check",
+                needed_bytes,
+                budget_bytes: task.memory_bytes,
+                advice: "check fewer pixels, or raise --memory",
+            }),
+        }
     }
-    let image_power: f64 = image.pixels.iter().map(|z| f64::from(z.norm_sqr())).sum();
-    let share = chosen.len() as f64 / image.pixels.len() as f64;
-    Ok(Check {
-        num_pixels: chosen.len(),
-        relative_rms_db: 10.0 * (error / power).log10(),
-        relative_to_image_db: 10.0 * (error / (image_power * share)).log10(),
-        seed: SEED,
-    })
+
+    /// Forms the pixels by the exact sum and compares the task's `image` with them.
+    pub(super) fn against_exact(&self, task: &Task, image: &Image) -> Result<Check, FormError> {
+        let chosen = choose(image.pixels.len(), self.num_pixels);
+        let points: Vec<_> = chosen
+            .iter()
+            .map(|i| task.grid.position_m(i / image.columns, i % image.columns))
+            .collect();
+        let exact = Exact::at_points(
+            task.history,
+            task.weights,
+            &points,
+            self.left_bytes,
+            task.monitor,
+        )?;
+        let (mut error, mut exact_power) = (0.0, 0.0);
+        for (&i, value) in chosen.iter().zip(&exact) {
+            let pixel = image.pixels[i];
+            error +=
+                (f64::from(pixel.re) - value.re).powi(2) + (f64::from(pixel.im) - value.im).powi(2);
+            exact_power += value.norm_sqr();
+        }
+        let image_power: f64 = image.pixels.iter().map(|&z| power(z)).sum();
+        let share = chosen.len() as f64 / image.pixels.len() as f64;
+        let relative_db = |power: f64| (power > 0.0).then(|| 10.0 * (error / power).log10());
+        Ok(Check {
+            num_pixels: chosen.len(),
+            relative_rms_db: relative_db(exact_power),
+            relative_to_image_db: relative_db(image_power * share),
+            seed: SEED,
+        })
+    }
+}
+
+impl fmt::Display for Check {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let decibels = |value: Option<f64>| match value {
+            None => "undefined".to_owned(),
+            Some(value) => format!("{value:.1} dB"),
+        };
+        write!(
+            f,
+            "error against the exact sum on {} pixels: {} of their power, {} of an average pixel's",
+            self.num_pixels,
+            decibels(self.relative_rms_db),
+            decibels(self.relative_to_image_db)
+        )
+    }
 }
 
 /// `count` different numbers below `total`, ascending.

@@ -26,7 +26,8 @@ pub(super) struct Record<'a> {
     pub(super) collection: &'a Collection,
     pub(super) inputs: &'a [InputFile],
     pub(super) check: Option<&'a Check>,
-    pub(super) peak: Peak,
+    /// `None` of an image of zeros.
+    pub(super) peak: Option<Peak>,
     pub(super) taken: Duration,
 }
 
