@@ -44,7 +44,6 @@ fn main() -> ExitCode {
         "unit" => &[Need::Python],
         "firmware" => &[Need::FirmwareTarget, Need::Qemu],
         "test" => &[
-            Need::CCompiler,
             Need::Rustfmt,
             Need::Clippy,
             Need::FirmwareTarget,
