@@ -35,11 +35,11 @@ fn a_file_cut_at_any_byte_is_an_error() {
     let path = folder.path().join("cut.cphd");
     let whole = written(folder.path(), Domain::Fx);
     std::fs::write(&path, &whole).unwrap();
-    assert!(Cphd::open(&path, None).is_ok());
+    assert!(Cphd::open(&path, None, u64::MAX).is_ok());
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     for len in (0..whole.len()).rev() {
         file.set_len(len as u64).unwrap();
-        let Err(error) = Cphd::open(&path, None) else {
+        let Err(error) = Cphd::open(&path, None, u64::MAX) else {
             panic!("a file of {len} bytes of {} was opened", whole.len());
         };
         let error = error.to_string();
@@ -66,7 +66,7 @@ fn a_long_signal_cut_anywhere_is_an_error() {
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     for len in (0..whole).rev().step_by(3371) {
         file.set_len(len).unwrap();
-        assert!(Cphd::open(&path, None).is_err());
+        assert!(Cphd::open(&path, None, u64::MAX).is_err());
     }
 }
 
@@ -76,7 +76,7 @@ fn exercise(bytes: &[u8]) {
     let path = folder.path().join("flipped.cphd");
     std::fs::write(&path, bytes).unwrap();
     for channel in [None, Some("A"), Some("B")] {
-        if let Ok(cphd) = Cphd::open(&path, channel) {
+        if let Ok(cphd) = Cphd::open(&path, channel, u64::MAX) {
             let size = cphd.collection().pulses.len() * cphd.collection().num_samples;
             assert!(size <= 4 * bytes.len(), "{size} samples from nowhere");
             let _ = read_all(&cphd);

@@ -7,6 +7,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::geometry::SceneFrame;
 use subaperture::io::cphd::{Cphd, CphdInfo, ReferenceSurface};
+use subaperture::io::open::{Options, cphd_info, open, open_all};
 use subaperture::phase_history::{PhaseHistory, ReadError};
 
 use crate::cphd_scene::read_all;
@@ -161,7 +162,7 @@ fn open_bytes(bytes: &[u8]) -> Result<Cphd, ReadError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hand.cphd");
     std::fs::write(&path, bytes).unwrap();
-    Cphd::open(path, None)
+    Cphd::open(path, None, u64::MAX)
 }
 
 fn assert_refused(bytes: &[u8], part: &str) {
@@ -440,7 +441,7 @@ fn what_is_wrong_is_named() {
     );
     changed(
         "<NumSamples>4",
-        "<NumSamples><!---->4",
+        "<NumSamples><a/>4",
         "NumSamples: holds more",
     );
     changed(">160<", ">161<", "NumBytesPVP: 161");
@@ -539,12 +540,136 @@ fn a_file_shortened_after_opening_is_an_error() {
     let path = folder.path().join("hand.cphd");
     let bytes = ByHand::new("CF8", vec![0; 96]).bytes();
     std::fs::write(&path, &bytes).unwrap();
-    let cphd = Cphd::open(&path, None).unwrap();
+    let cphd = Cphd::open(&path, None, u64::MAX).unwrap();
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     file.set_len(bytes.len() as u64 - 1).unwrap();
     let error = read_all(&cphd).unwrap_err().to_string();
     assert!(error.contains("has been shortened"), "{error}");
     assert!(cphd.inputs().is_err());
+}
+
+#[test]
+fn comments_and_instructions_are_no_part_of_text() {
+    let hand = ByHand::new("CF8", vec![0; 96]);
+    let mut commented = hand.xml();
+    for (from, to) in [
+        ("<Identifier>only", "<Identifier><!-- c -->on<?p i?>ly"),
+        ("<RefChId>only", "<RefChId>only<!-- c -->"),
+        ("<SGN>-1", "<SGN><!-- c --> -1"),
+        ("<NumSamples>4", "<NumSamples><!---->4<?p?> "),
+        ("<X>30<", "<X>3<![CDATA[0]]><!-- c --><"),
+    ] {
+        assert!(commented.contains(from));
+        commented = commented.replace(from, to);
+    }
+    let bytes = assemble(hand.version, &commented, &hand.pvp(), &hand.signal);
+    let plain = open_bytes(&hand.bytes()).unwrap();
+    assert_eq!(open_bytes(&bytes).unwrap().info(), plain.info());
+}
+
+#[test]
+fn an_empty_support_block_is_none() {
+    let hand = ByHand::new("CF8", vec![0; 96]);
+    let with_support = |size: &str| {
+        let mut bytes = hand.bytes();
+        let end = bytes.windows(2).position(|w| w == b"\x0c\n").unwrap();
+        let lines =
+            format!("SUPPORT_BLOCK_SIZE := {size}\nSUPPORT_BLOCK_BYTE_OFFSET := 512\n\x0c\n");
+        // In the padding that follows the header.
+        bytes[end..end + lines.len()].copy_from_slice(lines.as_bytes());
+        bytes
+    };
+    open_bytes(&with_support("0")).unwrap();
+    open_bytes(&with_support("8")).unwrap();
+    assert_refused(&with_support("1000000"), "the SUPPORT block takes");
+}
+
+#[test]
+fn memory_is_refused_before_it_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand.cphd");
+    let hand = ByHand::new("CF8", vec![0; 96]);
+    // A small file: its XML takes most, 32 bytes a byte.
+    std::fs::write(&path, hand.bytes()).unwrap();
+    let xml = 32 * hand.xml().len() as u64;
+    let refusal = |memory_bytes| match Cphd::open(&path, None, memory_bytes) {
+        Ok(_) => 0,
+        Err(ReadError::Memory { needed_bytes, .. }) => needed_bytes,
+        Err(error) => panic!("{error}"),
+    };
+    assert_eq!(refusal(xml), 0);
+    assert_eq!(refusal(xml - 1), xml);
+
+    // More than a TiB of nothing: 2^33 records of 160 bytes, and a sample of 2 bytes each. 104 + 17
+    // bytes are kept of a vector, and records are read 1 MiB at a time.
+    let vectors = 1u64 << 33;
+    let huge = ByHand {
+        num_vectors: vectors.to_string(),
+        num_samples: 1,
+        ..ByHand::new("CI2", Vec::new())
+    };
+    let pvp_bytes = vectors * 160;
+    let xml = huge.xml();
+    let pvp_at = 512 + xml.len() as u64 + 2;
+    let mut start = format!(
+        "CPHD/1.1.0\nXML_BLOCK_SIZE := {}\nXML_BLOCK_BYTE_OFFSET := 512\n\
+         PVP_BLOCK_SIZE := {pvp_bytes}\nPVP_BLOCK_BYTE_OFFSET := {pvp_at}\n\
+         SIGNAL_BLOCK_SIZE := {}\nSIGNAL_BLOCK_BYTE_OFFSET := {}\n\x0c\n",
+        xml.len(),
+        2 * vectors,
+        pvp_at + pvp_bytes,
+    )
+    .into_bytes();
+    start.resize(512, 0);
+    start.extend_from_slice(xml.as_bytes());
+    std::fs::write(&path, &start).unwrap();
+    let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
+    file.set_len(pvp_at + pvp_bytes + 2 * vectors).unwrap();
+    assert_eq!(refusal(1 << 30), vectors * (104 + 17) + (1 << 20));
+    // Its metadata are there to be read at once.
+    let info = CphdInfo::read(&path).unwrap();
+    assert_eq!(info.channels[0].num_vectors, vectors);
+    assert_eq!(cphd_info(&path).unwrap(), Some(info));
+    let options = Options {
+        memory_bytes: 1 << 30,
+        ..Options::default()
+    };
+    assert!(matches!(
+        open(&path, &options),
+        Err(ReadError::Memory { .. })
+    ));
+}
+
+#[test]
+fn xml_of_more_than_8_mib_is_refused() {
+    let hand = ByHand::new("CF8", vec![0; 96]);
+    let padded = |len: usize| {
+        let mut xml = hand.xml();
+        xml.extend(std::iter::repeat_n(' ', len - xml.len()));
+        assemble(hand.version, &xml, &hand.pvp(), &hand.signal)
+    };
+    open_bytes(&padded(8 << 20)).unwrap();
+    assert_refused(&padded((8 << 20) + 1), "XML_BLOCK_SIZE 8388609");
+}
+
+#[test]
+fn parts_of_an_aperture_share_the_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hand.cphd");
+    let hand = ByHand::new("CF8", vec![0; 96]);
+    std::fs::write(&path, hand.bytes()).unwrap();
+    let all = |memory_bytes| {
+        let options = Options {
+            memory_bytes,
+            ..Options::default()
+        };
+        open_all(&[&path, &path], &options).map(|aperture| aperture.held_bytes())
+    };
+    // While the second is opened, the first is held.
+    let held = 3 * (104 + 17);
+    let needed = 32 * hand.xml().len() as u64 + held;
+    assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * 104);
+    assert!(matches!(all(needed - 1), Err(ReadError::Memory { .. })));
 }
 
 #[test]

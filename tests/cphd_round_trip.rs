@@ -56,7 +56,7 @@ fn fx_reads_back_to_the_same_bits() {
             ..Channel::new("one", &recorded)
         };
         write(&path, &[channel], &options(Domain::Fx, sgn), &Silent).unwrap();
-        let cphd = Cphd::open(&path, None).unwrap();
+        let cphd = Cphd::open(&path, None, u64::MAX).unwrap();
         let (read, written) = (read_all(&cphd).unwrap(), read_all(&recorded).unwrap());
         assert_eq!(bits(&read), bits(&written));
         assert_same_geometry(cphd.collection(), recorded.collection(), 0.0);
@@ -96,7 +96,7 @@ fn toa_reads_back_to_float32_rounding() {
             let path = folder.path().join("toa.cphd");
             let channel = Channel::new("one", &recorded);
             write(&path, &[channel], &options(Domain::Toa, sgn), &Silent).unwrap();
-            let cphd = Cphd::open(&path, None).unwrap();
+            let cphd = Cphd::open(&path, None, u64::MAX).unwrap();
             assert_eq!(cphd.collection().num_samples, num_samples);
             assert!(cphd.channel().num_samples as usize > num_samples);
             // Frequencies pass through (FX1 + FX2) / 2 and 1 / (N SCSS): a few roundings of 1.1e-16.
@@ -125,7 +125,7 @@ fn channels_of_different_sizes_are_chosen_by_name() {
     .recorded();
     let channels = [Channel::new("A", &first), Channel::new("B & b", &second)];
     write(&path, &channels, &WriteOptions::default(), &Silent).unwrap();
-    let open = |id| Cphd::open(&path, id).unwrap();
+    let open = |id| Cphd::open(&path, id, u64::MAX).unwrap();
     for (id, history) in [
         (None, &first),
         (Some("A"), &first),
@@ -144,7 +144,10 @@ fn channels_of_different_sizes_are_chosen_by_name() {
             .collect();
         assert_eq!(sizes, [("A", 32, 24), ("B & b", 17, 40)]);
     }
-    let error = Cphd::open(&path, Some("C")).err().unwrap().to_string();
+    let error = Cphd::open(&path, Some("C"), u64::MAX)
+        .err()
+        .unwrap()
+        .to_string();
     assert!(
         error.contains("no channel 'C'") && error.contains("A, B & b"),
         "{error}"
@@ -165,7 +168,7 @@ fn a_reference_path_of_its_own_survives() {
         .recorded();
         let channel = Channel::new("1", &recorded);
         write(&path, &[channel], &WriteOptions::default(), &Silent).unwrap();
-        let cphd = Cphd::open(&path, None).unwrap();
+        let cphd = Cphd::open(&path, None, u64::MAX).unwrap();
         assert_same_geometry(cphd.collection(), recorded.collection(), 0.0);
         assert_eq!(cphd.channel().srp_fixed, Some(false));
         assert_eq!(cphd.info().mode_type.as_deref(), Some("SPOTLIGHT"));
@@ -191,7 +194,7 @@ fn inputs_name_the_whole_file() {
     let recorded = Scene::default().recorded();
     let channel = Channel::new("1", &recorded);
     write(&path, &[channel], &WriteOptions::default(), &Silent).unwrap();
-    let inputs = Cphd::open(&path, None).unwrap().inputs().unwrap();
+    let inputs = Cphd::open(&path, None, u64::MAX).unwrap().inputs().unwrap();
     let bytes = std::fs::read(&path).unwrap();
     assert_eq!(inputs.len(), 1);
     assert_eq!(inputs[0].path, path);
@@ -275,7 +278,7 @@ fn nothing_is_left_behind_and_an_old_file_stays() {
     assert!(error.to_string().contains("taken"), "{error}");
     assert_eq!(num_entries(folder.path()), 2);
     write(&path, &channels, &WriteOptions::default(), &Silent).unwrap();
-    assert!(Cphd::open(&path, None).is_ok());
+    assert!(Cphd::open(&path, None, u64::MAX).is_ok());
     assert_eq!(num_entries(folder.path()), 2);
 }
 

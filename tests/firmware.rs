@@ -25,6 +25,7 @@ fn build() -> PathBuf {
     let output = Command::new(env!("CARGO"))
         .current_dir(workspace)
         .args(["build", "--package", "subaperture-firmware", "--release"])
+        .arg("--locked")
         .args(["--target", TARGET, "--target-dir"])
         .arg(&folder)
         .output()

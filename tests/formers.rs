@@ -179,6 +179,7 @@ fn the_plan_predicts_the_error() {
             error_db: -60.0,
             sub_cpi: Some(sub_cpi),
             patch_m: Some(patch_m),
+            memory_bytes: 1 << 30,
         };
         let plan = Plan::new(bench.history.collection(), &bench.grid, &request).unwrap();
         let former = RangeDoppler {
@@ -279,6 +280,92 @@ fn gaps_and_odd_lengths_drop_no_pulse() {
         let got = error_db(&bench.form(&precise(-60.0, Some(sub_cpi))), &exact);
         assert!(got < -60.0, "{sub_cpi}: {got}");
     }
+}
+
+/// A deterministic number in [-1, 1) for pulse `n`.
+fn noise(n: f64) -> f64 {
+    ((n * 12.9898).sin() * 43_758.547).fract()
+}
+
+#[test]
+fn a_rough_stretch_of_track() {
+    // 50 of 600 pulses with 5 cm of jitter, and a receiver that jumps while the transmitter does not:
+    // a few sub-CPIs in places where a plan by samples would not look.
+    for (jitter_m, jump_m) in [(0.05, 0.0), (0.0, 600.0)] {
+        let antennas = move |n: f64| {
+            let rough = if (60.0..110.0).contains(&n) {
+                jitter_m * noise(n)
+            } else {
+                0.0
+            };
+            let at = DVec3::new(0.2 * n, -4000.0 + rough, 2000.0 + rough);
+            let jump = if n < 85.0 { 0.0 } else { jump_m };
+            (at, at + DVec3::new(jump, 0.0, 0.0))
+        };
+        let history = scene(600, (9.8e9, 1e6, 200), antennas, 25.0);
+        let bench = Bench::new(history, "x=-30:30:0.61,y=-30:30:0.67", Window::None);
+        bench.assert_bounds("rough stretch", &[-60.0]);
+    }
+}
+
+#[test]
+fn a_very_wide_band() {
+    // 0.1 to 2 GHz: Doppler scales by 20 across the band.
+    let antennas = |n: f64| {
+        let at = DVec3::new(0.05 * n, -60.0, 20.0);
+        (at, at)
+    };
+    let history = scene(400, (0.1e9, 5e6, 380), antennas, 8.0);
+    let bench = Bench::new(history, "x=-10:10:0.23,y=-10:10:0.21", Window::default());
+    bench.assert_bounds("wide band", &[-60.0]);
+    let request = Request {
+        error_db: -60.0,
+        sub_cpi: None,
+        patch_m: None,
+        memory_bytes: 1 << 30,
+    };
+    let plan = Plan::new(bench.history.collection(), &bench.grid, &request).unwrap();
+    println!(
+        "wide band: {} pulses, predicted {:.1} dB",
+        plan.sub_cpi_length, plan.predicted_db
+    );
+    assert!(plan.predicted_db < -60.0 && plan.sub_cpi_length > 1);
+}
+
+#[test]
+fn few_frequencies_on_a_wide_grid() {
+    // One and two frequencies: range profiles shorter than the kernel, many range periods in the grid.
+    let antennas = |n: f64| {
+        let at = DVec3::new(n, -3000.0, 2000.0);
+        (at, at)
+    };
+    for num_samples in [1, 2, 3] {
+        let history = scene(200, (10e9, 30e6, num_samples), antennas, 10.0);
+        let bench = Bench::new(history, "x=-10:10:0.43,y=-10:10:0.41", Window::None);
+        bench.assert_bounds("few frequencies", &[-60.0, -80.0]);
+    }
+}
+
+#[test]
+fn little_memory_takes_fewer_threads_and_smaller_maps() {
+    let bench = table_4_1();
+    let ample = bench.form(&precise(-60.0, None));
+    let exact = bench.form(&Exact);
+    let tight = bench
+        .try_form(&precise(-60.0, None), 2_000_000, &Silent)
+        .unwrap()
+        .image;
+    let (a, b) = (error_db(&ample, &exact), error_db(&tight, &exact));
+    println!("ample {a:.1} dB, 2 MB {b:.1} dB");
+    assert!(a <= -60.0 && b <= -60.0);
+}
+
+#[test]
+fn a_pixel_at_the_antenna_is_a_number() {
+    let still = |n: f64| (DVec3::new(n, 0.0, 0.0), DVec3::new(n, 0.0, 0.0));
+    let history = scene(41, (1e9, 1e6, 32), still, 10.0);
+    let bench = Bench::new(history, "x=-1:2:0.5,y=-1:2:0.5", Window::None);
+    assert!(bench.form(&thesis(41)).pixels.iter().all(|z| z.is_finite()));
 }
 
 #[test]

@@ -241,6 +241,48 @@ fn frequencies_of_float32_are_straightened() {
 }
 
 #[test]
+fn frequencies_of_other_units_and_of_no_order_are_refused() {
+    let band = |k: i32| 9.288_080_384e9 + 1_471_301.6 * f64::from(k);
+    // Marsaglia's xorshift, from 0 to 1.
+    let mut state = 1u32;
+    let mut random = || {
+        state ^= state << 13;
+        state ^= state >> 17;
+        state ^= state << 5;
+        f64::from(state) / f64::from(u32::MAX)
+    };
+    let refused = |freq: Vec<f64>, part: &str| {
+        let count = freq.len();
+        let mut fields = matlab::gotcha_fields();
+        let fp = Value::Complex(count as i32, 3, vec![1.0; 3 * count], vec![0.0; 3 * count]);
+        fields[0].1 = fp;
+        fields[1].1 = Value::Double(count as i32, 1, freq);
+        let text = message(&matlab::gotcha(fields));
+        assert!(text.contains(part), "{text}");
+    };
+    let all = || (0..424).map(band);
+    refused(all().map(|f| f / 1e9).collect(), "hertz are expected");
+    refused(all().map(|f| f / 1e6).collect(), "hertz are expected");
+    // In kHz the band is one of 9.3 MHz; but then 4 kHz are no rounding: a float32 step is 1 Hz.
+    refused(
+        all().map(|f| f / 1e3 + 40.0 * random()).collect(),
+        "(at most 4 Hz)",
+    );
+    // Float32 steps of 1024 Hz are more than the line's own here: a quarter of that is the limit.
+    refused(
+        (0..424)
+            .map(|k| 9.3e9 + 1000.0 * (f64::from(k) + random()))
+            .collect(),
+        "off the straight line (at most 250 Hz)",
+    );
+    let mut sorted: Vec<f64> = (0..424).map(|_| 9.3e9 + 6e8 * random()).collect();
+    sorted.sort_by(f64::total_cmp);
+    refused(sorted, "(at most 4096 Hz)");
+    let unsorted: Vec<f64> = (0..424).map(|_| 9.3e9 + 6e8 * random()).collect();
+    refused(unsorted, "data.freq");
+}
+
+#[test]
 fn other_files_say_what_they_are() {
     let note = matlab::matrix("note", &Value::Text("hello"));
     let image = matlab::matrix("image", &Value::Single(2, 3, vec![0.0; 6]));

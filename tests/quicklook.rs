@@ -269,3 +269,90 @@ fn mismatches_are_errors() {
     assert!(quicklook(&Panel::new(&short, &grid, "short")).is_err());
     assert!(panels(&[], 3).is_err());
 }
+
+/// Words in a band of the page: runs of columns with ink, white of less than six columns between.
+/// (Within a number the white is that beside a point or a one, at most five.)
+fn words(picture: &Picture, [left, top, right, bottom]: [usize; 4]) -> Vec<(usize, usize)> {
+    let mut words: Vec<(usize, usize)> = Vec::new();
+    for x in left..right {
+        if (top..bottom).any(|y| picture.at(x, y) != [255; 3]) {
+            match words.last_mut() {
+                Some(last) if x - last.1 < 6 => last.1 = x + 1,
+                _ => words.push((x, x + 1)),
+            }
+        }
+    }
+    words
+}
+
+/// Draws a picture and demands that nothing touches the page's border; the words under the plot.
+fn labels_below(text: &str, scale: Scale) -> (Picture, Vec<(usize, usize)>) {
+    let grid: ImageGrid = text.parse().unwrap();
+    let image = dot(grid.rows.count, grid.columns.count, -30.0, 0, 0);
+    let panel = Panel {
+        scale,
+        ..Panel::new(&image, &grid, "labels")
+    };
+    let bytes = quicklook(&panel).unwrap();
+    let picture = Picture::decode(&bytes);
+    let (width, height) = (picture.width, picture.height);
+    for border in [
+        [0, 0, 2, height],
+        [width - 2, 0, width, height],
+        [0, 0, width, 2],
+        [0, height - 2, width, height],
+    ] {
+        assert_eq!(words(&picture, border), [], "{text}: ink in {border:?}");
+    }
+    let bottom = picture.plot()[3];
+    // Digits are 11 pixels high above a base line 23 below the plot.
+    let below = words(&picture, [0, bottom + 10, width, bottom + 26]);
+    (picture, below)
+}
+
+#[test]
+fn labels_are_whole_and_apart() {
+    // 4000000.00 to .25 by 0.05, and "dB"; each ten characters of nine digits and a point, which DejaVu
+    // Sans sets 1303 and 651 / 2048 em wide: 90.7 pixels, less the white beside the outer digits.
+    let (picture, below) = labels_below(
+        "x=4e6:4000000.3:0.01,y=6378137:6378137.3:0.01",
+        Scale::FromData,
+    );
+    assert_eq!(below.len(), 7, "{below:?}");
+    for (begin, end) in &below[..6] {
+        assert!((86..=91).contains(&(end - begin)), "{below:?}");
+    }
+    // Left of the ticks: the title, then labels as wide.
+    let [left, top, _, bottom] = picture.plot();
+    let beside = words(&picture, [0, top, left - 8, bottom]);
+    assert_eq!(beside.len(), 2, "{beside:?}");
+    let wide = beside[1].1 - beside[1].0;
+    assert!((86..=91).contains(&wide), "{beside:?}");
+
+    // A label at the very end, 12 pixels or more from "dB". 500 pixels are drawn on 1000: 0 to 450 by
+    // 50 are 100 pixels apart, and none is dropped. The last of 501 is 500.
+    for (grid, count) in [
+        ("x=0:500:1,y=0:1:1", 10),
+        ("x=0:501:1,y=0:1:1", 11),
+        ("x=4e6:4000501:1,y=0:1:1", 11),
+    ] {
+        let (_, below) = labels_below(grid, Scale::FromData);
+        assert_eq!(below.len(), count + 1, "{grid}: {below:?}");
+        let gap = below[count].0 - below[count - 1].1;
+        assert!(gap >= 12, "{grid}: {below:?}");
+    }
+
+    // -40 to 40 by 20, on 990 pixels by 10: as many as ever.
+    let (picture, below) = labels_below("x=-45:45:1,y=-45:45:1", Scale::FromData);
+    assert_eq!(below.len(), 9 + 1, "{below:?}");
+    assert_eq!(picture.plot()[0], 96, "the margin");
+
+    // Labels wider than the least plot, on either axis and the bar; values without exponents of 301 digits.
+    let top_db = 1e12;
+    for (grid, span_db) in [
+        ("x=1e14:100000000000002:1,y=1e14:100000000000002:1", 60.0),
+        ("x=1e300:3e300:1e300,y=1e300:3e300:1e300", 0.01),
+    ] {
+        labels_below(grid, Scale::Fixed { top_db, span_db });
+    }
+}

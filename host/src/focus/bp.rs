@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::budget::Budget;
-use super::{FormError, Formed, ImageFormer, MARGIN_DB, Task};
+use super::{FormError, Formed, ImageFormer, MARGIN_DB, PIXELS_A_TASK, Task};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::image::Image;
 use crate::phase_history::Pulse;
@@ -57,7 +57,10 @@ impl ImageFormer for Backprojection {
         let mut budget = Budget::for_task(task, 8)?;
 
         let oversampling = RangeProfiler::oversampling_for(self.error_db - MARGIN_DB);
-        let profiler = RangeProfiler::new(&task.weights.fast, oversampling);
+        // Normalised here, before the transform sums: large samples stay within float32.
+        let norm = task.weights.normalisation();
+        let window: Vec<f64> = task.weights.fast.iter().map(|w| w * norm).collect();
+        let profiler = RangeProfiler::new(&window, oversampling);
         let length = profiler.length();
         let pulse_bytes = 8 * (num_samples + length + 1) as u64;
         let block = budget.take_block(
@@ -69,7 +72,6 @@ impl ImageFormer for Backprojection {
         let mut samples = vec![Complex32::ZERO; block * num_samples];
         let mut profiles = vec![Complex32::ZERO; block * (length + 1)];
         let mut pixels = vec![Complex32::ZERO; rows * columns];
-        let norm = task.weights.normalisation();
 
         for first in (0..num_pulses).step_by(block) {
             let pulses = first..(first + block).min(num_pulses);
@@ -89,21 +91,21 @@ impl ImageFormer for Backprojection {
                     let pulse = &collection.pulses[n];
                     Source {
                         pulse,
-                        weight: (task.weights.slow[n] * norm) as f32,
+                        weight: task.weights.slow[n] as f32,
                         centre_cycles_m: pulse.frequency_hz(num_samples / 2) / SPEED_OF_LIGHT_M_S,
                         bins_m: pulse.step_hz / SPEED_OF_LIGHT_M_S,
                     }
                 })
                 .collect();
             pixels
-                .par_chunks_mut(columns)
+                .par_chunks_mut(PIXELS_A_TASK)
                 .enumerate()
-                .for_each(|(row, pixels)| {
+                .for_each(|(chunk, pixels)| {
                     if task.monitor.cancelled() {
                         return;
                     }
-                    for (column, pixel) in pixels.iter_mut().enumerate() {
-                        let point = task.grid.position_m(row, column);
+                    for (i, pixel) in (chunk * PIXELS_A_TASK..).zip(pixels) {
+                        let point = task.grid.position_m(i / columns, i % columns);
                         *pixel += contribution(point, &sources, profiles, length);
                     }
                 });

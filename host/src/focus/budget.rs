@@ -39,6 +39,11 @@ impl Budget {
         Ok(budget)
     }
 
+    /// Bytes not taken yet.
+    pub fn left_bytes(&self) -> u64 {
+        self.left_bytes
+    }
+
     /// Takes `bytes` for `what`.
     ///
     /// # Errors

@@ -27,11 +27,15 @@ pub use weights::Weights;
 
 /// What a former plans below the error bound it is given, dB.
 ///
-/// The bound is on the relative RMS error of the image. Measured on a sample of pixels that error
+/// The bound is on the error relative to the RMS of an image of the scene's bright scatterers; on a grid
+/// that leaves them out, what is there is smaller and the error hardly so. Measured on a sample of pixels that error
 /// scatters, for a few bright reflectors can hold most of the image's power: by 3 dB either way on
 /// random thousands of pixels of the GOTCHA scene. This margin keeps nearly all such samples within
 /// the bound.
 pub const MARGIN_DB: f64 = 4.0;
+
+/// Pixels that a thread takes at a time.
+const PIXELS_A_TASK: usize = 256;
 
 /// One image to form.
 #[derive(Clone, Copy)]

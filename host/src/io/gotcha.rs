@@ -11,15 +11,19 @@
 //!
 //! `freq` is stored as float32, which near 9.6 GHz knows only multiples of 1024 Hz. Start and step
 //! are therefore those of the straight line fitted by least squares; a sample further from it than
-//! [`MAX_FREQUENCY_RESIDUAL_HZ`] means frequencies that are not equally spaced, and is an error.
+//! four such multiples, or a quarter of the step, means frequencies that are not equally spaced, and
+//! is an error. So is a band below [`MIN_FREQUENCY_HZ`], which is one in GHz or MHz.
 //! Rounding (296 Hz rms) leaves start and step of K = 424 samples with standard deviations of
 //! 29 Hz and 0.12 Hz: a phase of less than 0.0001 rad over 100 m of path.
 //!
 //! Times are not recorded. [`Pulse::time_s`] is the index of the pulse, as if the PRI were 1 s: good
 //! for order, not for velocity.
 //!
-//! Memory: the file and its samples are held at once; [`needed_bytes`] tells before anything is read.
+//! Memory: the file, its unpacked data if it is packed, and its samples are held at once.
+//! [`needed_bytes`] tells the need of the released files before anything is read; MATLAB may store
+//! numbers in fewer bytes, so it is checked again when the samples' number is known.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -31,8 +35,8 @@ use super::matlab::{Array, Content, MatError, find_variable};
 use crate::geometry::SceneFrame;
 use crate::phase_history::{Collection, InputFile, Pulse, ReadError, Recorded, check_finite};
 
-/// Furthest that a recorded frequency may lie from the fitted line: four float32 steps at 9.6 GHz.
-pub const MAX_FREQUENCY_RESIDUAL_HZ: f64 = 4096.0;
+/// Bands that start below are taken to be in another unit than hertz.
+pub const MIN_FREQUENCY_HZ: f64 = 1e6;
 
 /// Bytes that [`read`] holds at its peak for an unpacked file of this size (the released ones are):
 /// the file itself, its samples and geometry.
@@ -57,15 +61,20 @@ pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Recorded, ReadE
     if !metadata.is_file() {
         return Err(malformed(path, "not a regular file"));
     }
+    let memory = |needed_bytes| ReadError::Memory {
+        path: path.to_owned(),
+        needed_bytes,
+        allowed_bytes: memory_bytes,
+    };
     let needed = needed_bytes(metadata.len());
     if needed > memory_bytes {
-        return Err(ReadError::Memory {
-            path: path.to_owned(),
-            needed_bytes: needed,
-            allowed_bytes: memory_bytes,
-        });
+        return Err(memory(needed));
     }
     let mut bytes = Vec::new();
+    usize::try_from(metadata.len())
+        .ok()
+        .and_then(|len| bytes.try_reserve_exact(len).ok())
+        .ok_or_else(|| memory(needed))?;
     file.by_ref()
         .take(metadata.len())
         .read_to_end(&mut bytes)
@@ -75,8 +84,10 @@ pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Recorded, ReadE
         bytes: bytes.len() as u64,
         crc32: format!("{:08x}", crc32fast::hash(&bytes)),
     };
-    let (mut collection, samples) =
-        parse(bytes, memory_bytes).map_err(|MatError(what)| malformed(path, &what))?;
+    let (mut collection, samples) = parse(bytes, memory_bytes).map_err(|error| match error {
+        MatError::Malformed(what) => malformed(path, &what),
+        MatError::Memory(needed) => memory(needed),
+    })?;
     collection.name = path
         .file_stem()
         .unwrap_or(path.as_os_str())
@@ -102,29 +113,32 @@ fn malformed(path: &Path, what: &str) -> ReadError {
 /// Takes the file's bytes, so that they are gone when the samples are returned.
 fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>), MatError> {
     if file.is_empty() {
-        return Err(MatError("the file is empty".to_owned()));
+        return Err(MatError::Malformed("the file is empty".to_owned()));
     }
-    // What is left beside the file, shared by the packed variable's bytes and the samples in them.
-    let most_unpacked = memory_bytes.saturating_sub(file.len() as u64) / 2;
-    let data = find_variable(&file, "data", most_unpacked)?.map_err(|others| {
+    let data = find_variable(&file, "data", memory_bytes)?.map_err(|others| {
         let found = match others.as_slice() {
             [] => "none".to_owned(),
             some => some.join(", "),
         };
-        MatError(format!(
+        MatError::Malformed(format!(
             "not a GOTCHA file: a structure 'data' with fp, freq, x, y, z and r0 is expected; \
              variables found: {found}"
         ))
     })?;
+    let unpacked_bytes = match &data {
+        Cow::Borrowed(_) => 0,
+        Cow::Owned(bytes) => bytes.len(),
+    };
+    let held_bytes = (file.len() + unpacked_bytes) as u64;
     let data = Array::parse(&data, "data")?;
     let Content::Structure(fields) = &data.content else {
-        return Err(MatError(format!(
+        return Err(MatError::Malformed(format!(
             "'data' is {}; a 1 x 1 structure with fp, freq, x, y, z and r0 is expected",
             data.describe()
         )));
     };
     let fields = Fields(fields);
-    let (samples, num_samples, num_pulses) = fields.samples()?;
+    let (samples, num_samples, num_pulses) = fields.samples(held_bytes, memory_bytes)?;
     let (start_hz, step_hz) = fit_line(&fields.values("freq", num_samples, "rows")?)?;
     let per_pulse = |name| fields.values(name, num_pulses, "columns");
     let (x, y, z, r0) = (
@@ -134,7 +148,7 @@ fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>
         per_pulse("r0")?,
     );
     if let Some(n) = r0.iter().position(|&r| r <= 0.0) {
-        return Err(MatError(format!(
+        return Err(MatError::Malformed(format!(
             "data.r0 of pulse {n} is {}; a range in metres must be positive",
             r0[n]
         )));
@@ -169,7 +183,7 @@ impl<'a> Fields<'a> {
     fn array(&self, name: &str) -> Result<Array<'a>, MatError> {
         let Some((_, bytes)) = self.0.iter().find(|(n, _)| n == name) else {
             let names: Vec<&str> = self.0.iter().map(|(n, _)| n.as_str()).take(20).collect();
-            return Err(MatError(format!(
+            return Err(MatError::Malformed(format!(
                 "data.{name} is missing; fields found: {}",
                 names.join(", ")
             )));
@@ -177,8 +191,13 @@ impl<'a> Fields<'a> {
         Array::parse(bytes, &format!("data.{name}"))
     }
 
-    /// `fp`, which in MATLAB's order is pulse-major; samples a pulse; pulses.
-    fn samples(&self) -> Result<(Vec<Complex32>, usize, usize), MatError> {
+    /// `fp`, which in MATLAB's order is pulse-major; samples a pulse; pulses. With `held_bytes` held
+    /// already, they and all vectors must fit `memory_bytes`.
+    fn samples(
+        &self,
+        held_bytes: u64,
+        memory_bytes: u64,
+    ) -> Result<(Vec<Complex32>, usize, usize), MatError> {
         let array = self.array("fp")?;
         let (
             &[num_samples, num_pulses],
@@ -188,21 +207,29 @@ impl<'a> Fields<'a> {
             },
         ) = (array.dimensions.as_slice(), &array.content)
         else {
-            return Err(MatError(format!(
+            return Err(MatError::Malformed(format!(
                 "data.fp is {}; a complex matrix, frequencies x pulses, is expected",
                 array.describe()
             )));
         };
         if num_pulses == 0 || num_samples < 2 {
-            return Err(MatError(format!(
+            return Err(MatError::Malformed(format!(
                 "data.fp is {num_samples} x {num_pulses}: no image comes of {num_pulses} pulses of \
                  {num_samples} frequencies (at least 1 of 2)"
             )));
         }
+        // Of each sample, each frequency, and each pulse with its x, y, z and r0.
+        let own_bytes = real.len() * size_of::<Complex32>()
+            + num_samples * size_of::<f64>()
+            + num_pulses * (size_of::<Pulse>() + 4 * size_of::<f64>());
+        let needed = held_bytes + own_bytes as u64;
+        if needed > memory_bytes {
+            return Err(MatError::Memory(needed));
+        }
         let mut samples = Vec::new();
         samples
             .try_reserve_exact(real.len())
-            .map_err(|_| MatError(format!("no memory for {} samples", real.len())))?;
+            .map_err(|_| MatError::Memory(needed))?;
         samples.extend(
             real.iter()
                 .zip(imaginary.iter())
@@ -219,13 +246,13 @@ impl<'a> Fields<'a> {
             imaginary: None,
         } = array.content
         else {
-            return Err(MatError(format!(
+            return Err(MatError::Malformed(format!(
                 "data.{name} is {}; real numbers are expected",
                 array.describe()
             )));
         };
         if real.len() != count || !array.dimensions.contains(&count) {
-            return Err(MatError(format!(
+            return Err(MatError::Malformed(format!(
                 "data.{name} is {}; data.fp has {count} {of_fp}, so {count} values are expected",
                 array.describe_shape()
             )));
@@ -233,7 +260,7 @@ impl<'a> Fields<'a> {
         let values: Vec<f64> = real.iter().collect();
         match values.iter().position(|v| !v.is_finite()) {
             None => Ok(values),
-            Some(i) => Err(MatError(format!(
+            Some(i) => Err(MatError::Malformed(format!(
                 "data.{name}: value {i} is {}; it must be finite",
                 values[i]
             ))),
@@ -253,23 +280,35 @@ fn fit_line(hz: &[f64]) -> Result<(f64, f64), MatError> {
     }
     let step_hz = slope / spread;
     let start_hz = mean_hz - mean_index * step_hz;
-    let residual = |(k, f): (usize, &f64)| (f - (start_hz + k as f64 * step_hz)).abs();
-    let worst = hz
-        .iter()
-        .enumerate()
-        .map(residual)
-        .fold(0.0, |a: f64, b| a.max(b));
     if !(step_hz > 0.0 && start_hz > 0.0) {
-        return Err(MatError(format!(
+        return Err(MatError::Malformed(format!(
             "data.freq starts at {start_hz} Hz with a step of {step_hz} Hz; positive, ascending \
              frequencies in hertz are expected"
         )));
     }
-    if worst > MAX_FREQUENCY_RESIDUAL_HZ {
-        return Err(MatError(format!(
+    if start_hz < MIN_FREQUENCY_HZ {
+        return Err(MatError::Malformed(format!(
+            "data.freq starts at {start_hz}; hertz are expected, and no radar's band lies below \
+             {MIN_FREQUENCY_HZ} Hz: multiply them if they are in GHz or MHz"
+        )));
+    }
+    let residual = |(k, f): (usize, &f64)| (f - (start_hz + k as f64 * step_hz)).abs();
+    let residuals = hz.iter().enumerate().map(residual);
+    let worst = residuals.fold(0.0, |a: f64, b| a.max(b));
+    let most = max_residual_hz(hz.iter().fold(0.0, |a: f64, &b| a.max(b)), step_hz);
+    if worst > most {
+        return Err(MatError::Malformed(format!(
             "data.freq is not equally spaced: a sample is {worst:.0} Hz off the straight line \
-             (at most {MAX_FREQUENCY_RESIDUAL_HZ} Hz)"
+             (at most {most:.0} Hz)"
         )));
     }
     Ok((start_hz, step_hz))
+}
+
+/// Furthest that a recorded frequency may lie from the fitted line: four steps of float32 at the
+/// largest one (4096 Hz at 9.6 GHz), and no more than a quarter of the line's own step.
+fn max_residual_hz(largest_hz: f64, step_hz: f64) -> f64 {
+    let largest = largest_hz as f32;
+    let float_step_hz = f64::from(largest.next_up()) - f64::from(largest);
+    (4.0 * float_step_hz).min(step_hz / 4.0)
 }

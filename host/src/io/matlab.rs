@@ -4,9 +4,9 @@
 //! each a tag (type, size) and its bytes, padded to 8. A variable is a `miMATRIX` element, or one
 //! packed by zlib in a `miCOMPRESSED` element; a structure's fields are `miMATRIX` elements in turn.
 //!
-//! Nothing is allocated on a size's word: arrays are views of bytes that are there, and packed
-//! variables grow as they unpack, to at most [`MAX_UNPACKING`] times the file. Nested structures are
-//! parsed when asked for, so depth costs no stack. Only little-endian files are read.
+//! Arrays are views of bytes that are there. A packed variable is allocated at the size that it claims,
+//! within the memory allowed and [`MAX_UNPACKING`] times the file. Nested structures are parsed when
+//! asked for, so depth costs no stack. Only little-endian files are read.
 //!
 //! (Why not a crate: `matrw` 0.1.4 asks for 4 GiB, and the process aborts, when one byte of a
 //! structure's header is flipped; `matfile` skips structures without a word; `mat5` refuses them.)
@@ -31,14 +31,19 @@ const MI_MATRIX: u32 = 14;
 const MI_COMPRESSED: u32 = 15;
 const MI_UTF8: u32 = 16;
 
-/// What is wrong with a file, and where.
+/// Why a file is not read.
 #[derive(Debug, PartialEq)]
-pub(super) struct MatError(pub(super) String);
+pub(super) enum MatError {
+    /// What is wrong with it, and where.
+    Malformed(String),
+    /// It needs more memory than is allowed: this many bytes.
+    Memory(u64),
+}
 
 type Result<T> = std::result::Result<T, MatError>;
 
 fn fail<T>(what: impl Into<String>) -> Result<T> {
-    Err(MatError(what.into()))
+    Err(MatError::Malformed(what.into()))
 }
 
 /// One tagged run of bytes.
@@ -245,10 +250,9 @@ impl<'a> Array<'a> {
         let mut dimensions = Vec::new();
         for size in sizes.data.chunks_exact(4) {
             let size = i32::from_le_bytes([size[0], size[1], size[2], size[3]]);
-            dimensions.push(
-                usize::try_from(size)
-                    .map_err(|_| MatError(format!("{owner}: dimension {size} is negative")))?,
-            );
+            dimensions.push(usize::try_from(size).map_err(|_| {
+                MatError::Malformed(format!("{owner}: dimension {size} is negative"))
+            })?);
         }
         let name = elements.expect(&[MI_INT8, MI_UTF8], "name")?;
         if name.data.len() > 255 {
@@ -348,11 +352,12 @@ fn printable(bytes: &[u8]) -> String {
 }
 
 /// The bytes of variable `name`, for [`Array::parse`]; or, if there is none, a description of every
-/// variable that the file does hold. A packed variable of more than `most_unpacked` bytes is refused.
+/// variable that the file does hold. The file, a packed variable
+/// and a copy of it may take `memory_bytes` together.
 pub(super) fn find_variable<'a>(
     file: &'a [u8],
     name: &str,
-    most_unpacked: u64,
+    memory_bytes: u64,
 ) -> Result<std::result::Result<Cow<'a, [u8]>, Vec<String>>> {
     if file.len() < HEADER_BYTES || !file.starts_with(MAGIC) {
         return fail(format!(
@@ -382,7 +387,7 @@ pub(super) fn find_variable<'a>(
         };
         let bytes = match element.kind {
             MI_MATRIX => Cow::Borrowed(element.data),
-            MI_COMPRESSED => Cow::Owned(unpack(element.data, file.len(), most_unpacked, at)?),
+            MI_COMPRESSED => Cow::Owned(unpack(element.data, file.len(), memory_bytes, at)?),
             // Subsystem data and the like.
             _ => continue,
         };
@@ -406,8 +411,8 @@ pub(super) fn find_variable<'a>(
 }
 
 /// Unpacks a `miCOMPRESSED` element: one `miMATRIX` element, of which the inside is returned.
-fn unpack(packed: &[u8], file_bytes: usize, most_unpacked: u64, at: usize) -> Result<Vec<u8>> {
-    let broken = |what: &str| MatError(format!("packed variable at byte {at}: {what}"));
+fn unpack(packed: &[u8], file_bytes: usize, memory_bytes: u64, at: usize) -> Result<Vec<u8>> {
+    let broken = |what: &str| MatError::Malformed(format!("packed variable at byte {at}: {what}"));
     let mut decoder = ZlibDecoder::new(packed);
     let mut tag = [0; 8];
     decoder
@@ -423,13 +428,16 @@ fn unpack(packed: &[u8], file_bytes: usize, most_unpacked: u64, at: usize) -> Re
              refused, so save it again without compression (-v6) if that is right"
         )));
     }
-    if size > most_unpacked {
-        return Err(broken(&format!(
-            "unpacks to {size} bytes, and memory is left for {most_unpacked}: raise --memory"
-        )));
+    // With a copy, for the numbers are taken out of it while it is held.
+    let needed = file_bytes as u64 + 2 * size;
+    if needed > memory_bytes {
+        return Err(MatError::Memory(needed));
     }
     // One byte more than promised, so that the stream's end is reached and its checksum verified.
     let mut bytes = Vec::new();
+    bytes
+        .try_reserve_exact(size as usize + 1)
+        .map_err(|_| MatError::Memory(needed))?;
     decoder
         .take(size + 1)
         .read_to_end(&mut bytes)

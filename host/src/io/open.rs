@@ -49,7 +49,11 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
         return Ok(Box::new(gotcha::read(path, options.memory_bytes)?));
     }
     if start.starts_with(CPHD_MAGIC) {
-        return Ok(Box::new(cphd::Cphd::open(path, options.channel)?));
+        return Ok(Box::new(cphd::Cphd::open(
+            path,
+            options.channel,
+            options.memory_bytes,
+        )?));
     }
     Err(ReadError::Malformed {
         path: path.to_owned(),
@@ -57,10 +61,10 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
     })
 }
 
-/// What a CPHD file says of itself; `None` for other files.
+/// What a CPHD file says of itself in its header and XML; `None` for other files.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`cphd::CphdInfo::read`].
 pub fn cphd_info(path: &Path) -> Result<Option<cphd::CphdInfo>, ReadError> {
     let start = read_start(path).map_err(|source| ReadError::Io {
         path: path.to_owned(),
@@ -69,7 +73,7 @@ pub fn cphd_info(path: &Path) -> Result<Option<cphd::CphdInfo>, ReadError> {
     if !start.starts_with(CPHD_MAGIC) {
         return Ok(None);
     }
-    Ok(Some(cphd::Cphd::open(path, None)?.info().clone()))
+    cphd::CphdInfo::read(path).map(Some)
 }
 
 /// Opens recordings and joins them, in the order given, into one aperture.
@@ -83,6 +87,18 @@ pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Apertu
         let part = open(path.as_ref(), &left)?;
         left.memory_bytes = left.memory_bytes.saturating_sub(part.held_bytes());
         parts.push(part);
+    }
+    // Several parts' pulses are listed once more, joined.
+    if let [_, .., last] = paths {
+        let pulses = parts.iter().map(|part| part.collection().pulses.as_slice());
+        let joined = pulses.map(size_of_val).sum::<usize>() as u64;
+        if joined > left.memory_bytes {
+            return Err(ReadError::Memory {
+                path: last.as_ref().to_owned(),
+                needed_bytes: joined,
+                allowed_bytes: left.memory_bytes,
+            });
+        }
     }
     Aperture::join(parts)
 }

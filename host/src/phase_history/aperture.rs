@@ -8,7 +8,8 @@ use super::{Collection, InputFile, PhaseHistory, ReadError};
 
 /// Recordings joined end to end, in the order given. One recording is the common case.
 pub struct Aperture {
-    collection: Collection,
+    /// That of all parts, if there are several; the only one's own is not copied.
+    joined: Option<Collection>,
     parts: Vec<Box<dyn PhaseHistory>>,
 }
 
@@ -21,7 +22,15 @@ impl Aperture {
         let Some((first, rest)) = parts.split_first() else {
             return Err(ReadError::Mismatch("no input given".to_owned()));
         };
-        let mut collection = first.collection().clone();
+        if rest.is_empty() {
+            return Ok(Self {
+                joined: None,
+                parts,
+            });
+        }
+        let collection = first.collection();
+        let mut timed = collection.timed;
+        let mut num_pulses = collection.pulses.len();
         for part in rest {
             let next = part.collection();
             if next.num_samples != collection.num_samples {
@@ -36,23 +45,38 @@ impl Aperture {
                     collection.name, next.name
                 )));
             }
-            collection.pulses.extend_from_slice(&next.pulses);
-            collection.timed &= next.timed;
+            timed &= next.timed;
+            num_pulses += next.pulses.len();
         }
-        if parts.len() > 1 {
-            collection.name = format!("{} and {} more", collection.name, parts.len() - 1);
+        let mut pulses = Vec::with_capacity(num_pulses);
+        for part in &parts {
+            pulses.extend_from_slice(&part.collection().pulses);
         }
-        Ok(Self { collection, parts })
+        let joined = Collection {
+            name: format!("{} and {} more", collection.name, rest.len()),
+            num_samples: collection.num_samples,
+            pulses,
+            frame: collection.frame,
+            extent: collection.extent,
+            timed,
+        };
+        Ok(Self {
+            joined: Some(joined),
+            parts,
+        })
     }
 }
 
 impl PhaseHistory for Aperture {
     fn collection(&self) -> &Collection {
-        &self.collection
+        match &self.joined {
+            Some(joined) => joined,
+            None => self.parts[0].collection(),
+        }
     }
 
     fn read(&self, pulses: Range<usize>, mut samples: &mut [Complex32]) -> Result<(), ReadError> {
-        let width = self.collection.num_samples;
+        let width = self.collection().num_samples;
         let mut part_start = 0;
         for part in &self.parts {
             let count = part.collection().pulses.len();
@@ -73,8 +97,9 @@ impl PhaseHistory for Aperture {
     }
 
     fn held_bytes(&self) -> u64 {
-        let own = size_of_val(self.collection.pulses.as_slice()) as u64;
-        own + self.parts.iter().map(|part| part.held_bytes()).sum::<u64>()
+        let own = self.joined.as_ref();
+        let own = own.map_or(0, |joined| size_of_val(joined.pulses.as_slice()));
+        own as u64 + self.parts.iter().map(|part| part.held_bytes()).sum::<u64>()
     }
 
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
@@ -126,6 +151,18 @@ mod tests {
         }
         // Geometry of both the parts and the aperture, and the samples of the parts.
         assert_eq!(aperture.held_bytes(), 2 * 8 * 104 + 8 * 8 * width as u64);
+    }
+
+    #[test]
+    fn a_lone_part_is_not_copied() {
+        let (samples, parts) = parts(&[3]);
+        let aperture = Aperture::join(parts).unwrap();
+        let width = aperture.collection().num_samples;
+        assert_eq!(aperture.collection().pulses.len(), 3);
+        let mut got = vec![Complex32::ZERO; 3 * width];
+        aperture.read(0..3, &mut got).unwrap();
+        assert_eq!(got, samples);
+        assert_eq!(aperture.held_bytes(), 3 * 104 + 3 * 8 * width as u64);
     }
 
     #[test]

@@ -4,23 +4,95 @@ use super::Panel;
 use super::canvas::{Anchor, Canvas, INK, Typeface};
 use super::raster::resample;
 use super::scale::Levels;
-use super::ticks::ticks;
+use super::ticks::{ticks, ticks_apart};
 use crate::geometry::Axis;
 
 const LABEL_PX: f32 = 15.0;
 const TITLE_PX: f32 = 18.0;
 const TICK: usize = 6;
-/// Room left of the plot for tick labels and the axis label, and above it for the title.
+/// From an axis or the colour bar to its tick labels: the tick and some air.
+const TO_LABEL: usize = TICK + 6;
+/// Least room left of the plot for tick labels and the axis label; room above it for the title.
 const LEFT: usize = 96;
 const TOP: usize = 48;
 /// Room below for tick labels and the axis label.
 const BOTTOM: usize = 60;
-/// Gap, colour bar and its labels.
+/// Least gap before the colour bar, the bar, least room for its labels.
 const BAR_GAP: usize = 20;
 const BAR: usize = 20;
-const RIGHT: usize = BAR_GAP + BAR + 64;
+const BAR_LABELS: usize = 64;
+/// White between neighbouring labels; between one and another text; along the page's border.
+const LABEL_GAP: f32 = 8.0;
+const TEXT_GAP: f32 = 12.0;
+const BORDER: f32 = 3.0;
 const LEAST_SIDE: usize = 160;
 const BAD: [u8; 3] = [214, 40, 40];
+
+/// Values and labels.
+type Ticks = Vec<(f64, String)>;
+
+/// Where a panel's parts lie, in pixels.
+struct Plan {
+    width: usize,
+    height: usize,
+    across: Ticks,
+    up: Ticks,
+    /// Room left of the plot.
+    left: usize,
+    /// From the plot to the colour bar.
+    gap: usize,
+    /// Room right of the colour bar.
+    bar_labels: usize,
+}
+
+impl Plan {
+    fn new(panel: &Panel, limit: usize) -> Self {
+        let font = Typeface::sans(LABEL_PX, false);
+        let (width, height) = plot_size(panel, limit);
+        let (low, high) = across_edges(panel);
+        let across = ticks_apart(low, high, (width / 60).max(2), width as f64, |label| {
+            f64::from(font.width(label) + LABEL_GAP)
+        });
+        // How far the outer labels reach past the plot.
+        let (mut before, mut after) = (0f32, 0f32);
+        for (value, label) in &across {
+            let at = ((value - low) / (high - low) * width as f64) as f32;
+            let half = font.width(label) / 2.0;
+            before = before.max(half - at);
+            after = after.max(at + half - width as f32);
+        }
+        let (low, high) = edges(&panel.grid.rows, 1.0);
+        let up = ticks(low, high, (height / 60).max(2));
+        let room = TO_LABEL as f32 + widest(&font, &up) + TEXT_GAP + LABEL_PX;
+        // Without the image's powers, which are not at hand yet. They only matter to a scale from the
+        // data, whose labels, whole decibels of three digits, fit the least room anyhow.
+        let levels = panel.scale.levels(&[]);
+        let bar = widest(&font, &bar_ticks(levels, height));
+        Self {
+            width,
+            height,
+            across,
+            up,
+            left: LEFT.max((room.max(before) + BORDER).ceil() as usize),
+            // "dB" below the bar is as wide as it.
+            gap: BAR_GAP.max((after + TEXT_GAP).ceil() as usize),
+            bar_labels: BAR_LABELS.max((TO_LABEL as f32 + bar + BORDER).ceil() as usize),
+        }
+    }
+
+    /// From the plot's left edge to the panel's right one.
+    fn right_of_axis(&self) -> usize {
+        self.width + self.gap + BAR + self.bar_labels
+    }
+}
+
+fn widest(font: &Typeface, ticks: &Ticks) -> f32 {
+    ticks.iter().map(|t| font.width(&t.1)).fold(0.0, f32::max)
+}
+
+fn bar_ticks(levels: Levels, height: usize) -> Ticks {
+    ticks(levels.bottom_db, levels.top_db, (height / 70).max(2))
+}
 
 /// The page with all panels drawn.
 pub(super) fn page(panels: &[Panel], columns: usize) -> Canvas {
@@ -29,21 +101,24 @@ pub(super) fn page(panels: &[Panel], columns: usize) -> Canvas {
         2 => 800,
         _ => 560,
     };
-    let sizes: Vec<(usize, usize)> = panels.iter().map(|p| plot_size(p, limit)).collect();
+    let plans: Vec<Plan> = panels.iter().map(|p| Plan::new(p, limit)).collect();
     let rows = panels.len().div_ceil(columns);
-    let mut widths = vec![0; columns];
+    let mut lefts = vec![0; columns];
+    let mut rights = vec![0; columns];
     let mut heights = vec![0; rows];
-    for (i, &(width, height)) in sizes.iter().enumerate() {
+    for (i, plan) in plans.iter().enumerate() {
         let (row, column) = (i / columns, i % columns);
-        widths[column] = widths[column].max(LEFT + width + RIGHT);
-        heights[row] = heights[row].max(TOP + height + BOTTOM);
+        lefts[column] = lefts[column].max(plan.left);
+        rights[column] = rights[column].max(plan.right_of_axis());
+        heights[row] = heights[row].max(TOP + plan.height + BOTTOM);
     }
+    let widths: Vec<usize> = lefts.iter().zip(&rights).map(|(l, r)| l + r).collect();
     let mut canvas = Canvas::new(widths.iter().sum(), heights.iter().sum());
-    for (i, (panel, &size)) in panels.iter().zip(&sizes).enumerate() {
+    for (i, (panel, plan)) in panels.iter().zip(&plans).enumerate() {
         let (row, column) = (i / columns, i % columns);
-        let x = LEFT + widths[..column].iter().sum::<usize>();
+        let x = lefts[column] + widths[..column].iter().sum::<usize>();
         let y = TOP + heights[..row].iter().sum::<usize>();
-        draw(&mut canvas, panel, (x, y), size);
+        draw(&mut canvas, panel, plan, (x, y));
     }
     canvas
 }
@@ -79,12 +154,8 @@ fn plot_size(panel: &Panel, limit: usize) -> (usize, usize) {
     (side(across), side(up))
 }
 
-fn draw(
-    canvas: &mut Canvas,
-    panel: &Panel,
-    (x, y): (usize, usize),
-    (width, height): (usize, usize),
-) {
+fn draw(canvas: &mut Canvas, panel: &Panel, plan: &Plan, (x, y): (usize, usize)) {
+    let (width, height) = (plan.width, plan.height);
     let powers = resample(panel.image, height, width);
     let levels = panel.scale.levels(&powers);
     for (row, cells) in powers.chunks_exact(width).enumerate() {
@@ -102,7 +173,7 @@ fn draw(
     canvas.frame(x, y, width, height);
 
     let title = Typeface::sans(TITLE_PX, true);
-    let room = (width + BAR_GAP + BAR) as f32;
+    let room = (width + plan.gap + BAR) as f32;
     canvas.text(
         x as f32,
         y as f32 - 16.0,
@@ -110,8 +181,8 @@ fn draw(
         &title,
         &title.fitted(&panel.title, room),
     );
-    axes(canvas, panel, (x, y), (width, height));
-    colour_bar(canvas, panel, levels, (x + width + BAR_GAP, y), height);
+    axes(canvas, panel, plan, (x, y));
+    colour_bar(canvas, panel, levels, (x + width + plan.gap, y), height);
 }
 
 /// Values at an axis' two ends: the outer edges of its first and last pixel.
@@ -121,22 +192,26 @@ fn edges(axis: &Axis, unit: f64) -> (f64, f64) {
     ((axis.start - half) * unit, (last + half) * unit)
 }
 
-fn axes(
-    canvas: &mut Canvas,
-    panel: &Panel,
-    (x, y): (usize, usize),
-    (width, height): (usize, usize),
-) {
+/// The edges of the axis across in the unit that is shown.
+fn across_edges(panel: &Panel) -> (f64, f64) {
+    let unit = match panel.grid.polar {
+        true => 1f64.to_degrees(),
+        false => 1.0,
+    };
+    edges(&panel.grid.columns, unit)
+}
+
+fn axes(canvas: &mut Canvas, panel: &Panel, plan: &Plan, (x, y): (usize, usize)) {
+    let (width, height) = (plan.width, plan.height);
     let font = Typeface::sans(LABEL_PX, false);
-    let grid = panel.grid;
-    let (across_label, up_label, across_unit) = match grid.polar {
-        true => ("angle (deg)", "range (m)", 1f64.to_degrees()),
-        false => ("x (m)", "y (m)", 1.0),
+    let (across_label, up_label) = match panel.grid.polar {
+        true => ("angle (deg)", "range (m)"),
+        false => ("x (m)", "y (m)"),
     };
     let bottom = y + height;
 
-    let (low, high) = edges(&grid.columns, across_unit);
-    for (value, label) in ticks(low, high, (width / 60).max(2)) {
+    let (low, high) = across_edges(panel);
+    for (value, label) in &plan.across {
         let at = x as f64 + (value - low) / (high - low) * width as f64;
         let pixel = (at as usize).clamp(x, x + width - 1);
         canvas.fill(pixel, bottom + 1, 1, TICK, INK);
@@ -145,7 +220,7 @@ fn axes(
             bottom as f32 + 23.0,
             Anchor::Middle,
             &font,
-            &label,
+            label,
         );
     }
     let middle = x as f32 + width as f32 / 2.0;
@@ -157,17 +232,15 @@ fn axes(
         across_label,
     );
 
-    let (low, high) = edges(&grid.rows, 1.0);
-    let mut widest = 0f32;
-    for (value, label) in ticks(low, high, (height / 60).max(2)) {
+    let (low, high) = edges(&panel.grid.rows, 1.0);
+    for (value, label) in &plan.up {
         let at = bottom as f64 - (value - low) / (high - low) * height as f64;
         let pixel = (at as usize).clamp(y, bottom - 1);
         canvas.fill(x - 1 - TICK, pixel, TICK, 1, INK);
-        let end = (x - TICK - 6) as f32;
-        canvas.text(end, at as f32 + 5.0, Anchor::Right, &font, &label);
-        widest = widest.max(font.width(&label));
+        let end = (x - TO_LABEL) as f32;
+        canvas.text(end, at as f32 + 5.0, Anchor::Right, &font, label);
     }
-    let base = (x - TICK) as f32 - 6.0 - widest - 12.0;
+    let base = (x - TO_LABEL) as f32 - widest(&font, &plan.up) - TEXT_GAP;
     canvas.text_upwards(base, y as f32 + height as f32 / 2.0, &font, up_label);
 }
 
@@ -185,12 +258,12 @@ fn colour_bar(
     }
     canvas.frame(x, y, BAR, height);
     let (low, high) = (levels.bottom_db, levels.top_db);
-    for (value, label) in ticks(low, high, (height / 70).max(2)) {
+    for (value, label) in bar_ticks(levels, height) {
         let at = (y + height) as f64 - (value - low) / (high - low) * height as f64;
         let pixel = (at as usize).clamp(y, y + height - 1);
         canvas.fill(x + BAR + 1, pixel, TICK, 1, INK);
         canvas.text(
-            (x + BAR + TICK + 6) as f32,
+            (x + BAR + TO_LABEL) as f32,
             at as f32 + 5.0,
             Anchor::Left,
             &font,

@@ -16,6 +16,10 @@ pub(super) fn ticks(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
         .unwrap_or((1.0, power + 1.0));
     let step = factor * 10f64.powf(power);
     let digits = (-power).clamp(0.0, 15.0) as usize;
+    // Beyond what float64 resolves, or where all would read 0.000000000000000.
+    let peak = low.abs().max(high.abs());
+    let exponential = peak >= 1e16 || power < -15.0;
+    let mantissa = (peak.log10().floor() - power).clamp(0.0, 16.0) as usize;
     // A thousandth of a step is forgiven at the ends, for float rounding.
     let first = (low / step - 1e-3).ceil();
     let last = (high / step + 1e-3).floor();
@@ -24,14 +28,46 @@ pub(super) fn ticks(low: f64, high: f64, most: usize) -> Vec<(f64, String)> {
         .map(|i| {
             // Adding zero turns -0 into 0.
             let value = (first + i as f64) * step + 0.0;
-            (value, format!("{value:.digits$}").replace('-', "\u{2212}"))
+            let text = match exponential {
+                true => format!("{value:.mantissa$e}"),
+                false => format!("{value:.digits$}"),
+            };
+            (value, text.replace('-', "\u{2212}"))
         })
         .collect()
 }
 
+/// Like [`ticks`], but as few as it takes for labels centred on their values not to touch, where the
+/// axis is `length` long and a label takes up `room` of that.
+pub(super) fn ticks_apart(
+    low: f64,
+    high: f64,
+    most: usize,
+    length: f64,
+    room: impl Fn(&str) -> f64,
+) -> Vec<(f64, String)> {
+    let mut fewest = Vec::new();
+    for most in (1..=most).rev() {
+        let found = ticks(low, high, most);
+        let apart = found.windows(2).all(|pair| {
+            let distance = (pair[1].0 - pair[0].0) / (high - low) * length;
+            distance >= (room(&pair[0].1) + room(&pair[1].1)) / 2.0
+        });
+        // A coarse step may have no multiple within the range.
+        if !found.is_empty() {
+            fewest = found;
+            if apart {
+                return fewest;
+            }
+        }
+    }
+    fewest.truncate(1);
+    fewest
+}
+
 #[cfg(test)]
 mod tests {
-    use super::ticks;
+    use super::{ticks, ticks_apart};
 
     fn labels(low: f64, high: f64, most: usize) -> Vec<String> {
         ticks(low, high, most).into_iter().map(|t| t.1).collect()
@@ -52,5 +88,50 @@ mod tests {
         assert_eq!(labels(0.000_3, 0.000_9, 3), ["0.0004", "0.0006", "0.0008"]);
         assert!(labels(1.0, 1.0, 5).is_empty());
         assert!(labels(f64::NAN, 1.0, 5).is_empty());
+    }
+
+    #[test]
+    fn extreme_values_have_short_labels() {
+        assert_eq!(labels(0.5e300, 2.5e300, 2), ["1e300", "2e300"]);
+        assert_eq!(
+            labels(0.0, 2e-20, 2),
+            ["0e0", "1e\u{2212}20", "2e\u{2212}20"]
+        );
+    }
+
+    /// Labels where each character is ten pixels wide and two more keep them apart.
+    fn apart(low: f64, high: f64, most: usize, length: f64) -> Vec<String> {
+        let room = |label: &str| (label.chars().count() * 10 + 20) as f64;
+        ticks_apart(low, high, most, length, room)
+            .into_iter()
+            .map(|t| t.1)
+            .collect()
+    }
+
+    #[test]
+    fn labels_stay_apart() {
+        // Steps of 20 are 66 pixels apart, and the widest label with its gap takes 50.
+        assert_eq!(
+            apart(-45.0, 45.0, 5, 300.0),
+            ["−40", "−20", "0", "20", "40"]
+        );
+        // Ten characters and the gap take 120 pixels. Of 960 pixels for 0.3, 0.02 has 64, 0.05 has 160.
+        assert_eq!(
+            apart(3_999_999.995, 4_000_000.295, 16, 960.0),
+            [
+                "4000000.00",
+                "4000000.05",
+                "4000000.10",
+                "4000000.15",
+                "4000000.20",
+                "4000000.25"
+            ]
+        );
+        // Exactly as far apart as they are wide is enough: 1 and 2 take 30 each.
+        assert_eq!(apart(1.0, 2.0, 1, 30.0), ["1", "2"]);
+        // Less is not, and then one is left.
+        assert_eq!(apart(1.0, 2.0, 1, 29.0), ["1"]);
+        // No multiple of 1 lies within, yet there is a label.
+        assert_eq!(apart(0.1, 0.7, 3, 60.0), ["0.5"]);
     }
 }

@@ -7,8 +7,8 @@
 //! y[i] = sum_m sinc(u_i f_c / f_k - u_m) x[m],   u_m = m - (M - 1) / 2
 //! ```
 //!
-//! What lies past the sub-CPI's edges counts as zero, which is this form's error: near its ends,
-//! neighbouring sub-CPIs leave a gap or overlap of up to `M B / (4 f_c)` pulses.
+//! What lies past the sub-CPI's edges counts as zero, which is this form's error: each edge moves by up
+//! to `M B / (4 f_c)` pulses, so neighbouring sub-CPIs leave a gap or overlap of up to twice that.
 //! [`super::scaled_dft`] has no such edge.
 //!
 //! Memory: `K M^2` float32. Cost: `M` real-by-complex multiply-adds a sample.

@@ -19,11 +19,21 @@ pub mod thesis;
 
 use serde_json::json;
 
+use super::budget::Budget;
 use super::{FormError, Formed, ImageFormer, Task};
+
+use crate::phase_history::Band;
 
 pub use patch::PatchSize;
 pub use plan::{Plan, Request};
 pub use sub_cpi::SubCpi;
+
+/// Doppler bins for each cycle a pulse, for sub-CPIs of `num_pulses`: twice Nyquist's at the highest
+/// frequency, where Doppler is scaled most.
+fn bins_per_cycle(band: &Band, num_pulses: usize) -> f64 {
+    let highest = band.frequency_hz(band.count - 1) / band.centre_hz();
+    2.0 * num_pulses as f64 * highest.max(1.0)
+}
 
 /// How maps are made and read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -62,6 +72,8 @@ impl ImageFormer for RangeDoppler {
                     error_db: self.error_db,
                     sub_cpi: self.sub_cpi,
                     patch_m: self.patch_m,
+                    // Half, so that samples and further threads have room too.
+                    memory_bytes: Budget::for_task(task, 8)?.left_bytes() / 2,
                 };
                 let plan = Plan::new(task.history.collection(), task.grid, &request)?;
                 let image = precise::form(task, &plan)?;

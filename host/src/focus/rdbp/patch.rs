@@ -15,12 +15,14 @@ pub struct PatchSize {
 }
 
 impl PatchSize {
-    /// The size nearest to a square of side `side_m`, at least one pixel and at most the grid. A polar
-    /// grid's angle counts as the arc at its middle range.
+    /// The size nearest to a square of side `side_m`, at least 4 pixels a side (fewer cost more to keep
+    /// account of than they hold) and at most the grid. A polar grid's angle counts as the arc at its
+    /// middle range.
     pub fn from_metres(grid: &ImageGrid, side_m: f64) -> Self {
         let [row_m, column_m] = pixel_spacing_m(grid);
-        let pixels =
-            |spacing_m: f64, count: usize| ((side_m / spacing_m).round() as usize).clamp(1, count);
+        let pixels = |spacing_m: f64, count: usize| {
+            ((side_m / spacing_m).round() as usize).clamp(count.min(4), count)
+        };
         Self {
             rows: pixels(row_m, grid.rows.count),
             columns: pixels(column_m, grid.columns.count),
@@ -104,6 +106,14 @@ pub(super) fn rectangles(grid: &ImageGrid, at_most: PatchSize) -> Vec<Rectangle>
             })
         })
         .collect()
+}
+
+/// Bytes that `rectangles` and what [`split`] makes of them take.
+pub(super) fn account_bytes(rectangles: &[Rectangle]) -> u64 {
+    let own = size_of::<Rectangle>() + size_of::<Vec<&mut [Complex32]>>();
+    let rows: usize = rectangles.iter().map(|r| r.size.rows).sum();
+    // Vectors grow by doubling.
+    (rectangles.len() * own + 2 * rows * size_of::<&mut [Complex32]>()) as u64
 }
 
 /// The pixels of every rectangle, as disjoint row segments of one image. `rectangles` must be those

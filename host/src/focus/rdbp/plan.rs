@@ -6,10 +6,16 @@
 //! turned by that phase; since terms from scatterers elsewhere have phases of their own, the image's
 //! relative RMS error is the RMS of the phase error over pulses and pixels. It is evaluated here with
 //! the track as recorded, so jitter and curvature count as they are, at the nine nodes of Gauss's rule
-//! on patches in the grid's middle and corners, for sub-CPIs from start to end; the worst patch and
-//! sub-CPI decide. The bound is met with [`MARGIN_DB`] to spare.
+//! on patches in the grid's middle and corners. Sizes are chosen on a few sub-CPIs from start to end;
+//! then every sub-CPI is measured, and one that a rough stretch of the track spoils is halved until it
+//! is not. The worst patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
+//!
+//! The bound is relative to the RMS of an image of the scene's bright scatterers. Their errors reach as
+//! far as their side lobes do, so on a grid that leaves them out the same errors are larger relative to
+//! what is there.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use super::patch::{PatchSize, Rectangle};
 use super::sub_cpi::{self, SubCpi};
@@ -17,7 +23,9 @@ use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::{FormError, MARGIN_DB};
 use crate::geometry::ImageGrid;
 use crate::phase_history::{Band, Collection};
+use crate::signal::fast_length::fast_length;
 use crate::signal::kaiser_bessel::KaiserBessel;
+use crate::signal::scaled_dft::ScaledDft;
 
 /// What is wanted of a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +36,8 @@ pub struct Request {
     pub sub_cpi: Option<usize>,
     /// Side of a patch in metres, if given.
     pub patch_m: Option<f64>,
+    /// Bytes that the tables and one thread's map may take.
+    pub memory_bytes: u64,
 }
 
 /// A way to form the image.
@@ -95,10 +105,8 @@ impl Plan {
         };
         let target = 10f64.powf((request.error_db - MARGIN_DB) / 20.0);
         let kernel_error = |taps: usize| {
-            // Range and Doppler; Keystone widens Doppler's band by half the fractional bandwidth.
-            let edge = band.frequency_hz(band.count - 1) / band.centre_hz();
-            let kernel = KaiserBessel::new(taps);
-            kernel.error(0.25).hypot(kernel.error(0.25 * edge))
+            // Range and Doppler alike: both grids are twice as fine as the whole band needs.
+            KaiserBessel::new(taps).error(0.25) * 2f64.sqrt()
         };
 
         let mut best: Option<Choice> = None;
@@ -112,6 +120,7 @@ impl Plan {
                 } = probe.run(length, patch);
                 for taps in [4, 6] {
                     let error = model_error.hypot(kernel_error(taps));
+                    let fits = probe.bytes(length, taps, doppler_span) <= request.memory_bytes;
                     let meets = error <= target;
                     let cost = probe.cost(length, patch, taps, doppler_span);
                     let choice = Choice {
@@ -120,6 +129,7 @@ impl Plan {
                         taps,
                         error,
                         cost,
+                        fits,
                         meets,
                     };
                     if best.is_none_or(|b| choice.better_than(&b)) {
@@ -133,17 +143,27 @@ impl Plan {
             }
         }
         let best = best.expect("there is at least one length and one patch");
-        let sub_cpis: Vec<SubCpi> = sub_cpi::cut(num_pulses, &breaks, best.length)
-            .into_iter()
-            .map(|pulses| SubCpi::new(collection, pulses))
-            .collect();
+        let kernel_error = kernel_error(best.taps);
+        // A given length is the user's word; it is measured, not changed.
+        let allowed = match request.sub_cpi {
+            Some(_) => f64::INFINITY,
+            None => (target * target - kernel_error * kernel_error)
+                .max(0.0)
+                .sqrt(),
+        };
+        let mut sub_cpis = Vec::new();
+        let mut model_error = 0.0f64;
+        for pulses in sub_cpi::cut(num_pulses, &breaks, best.length) {
+            let worst = probe.halve_until(allowed, best.patch, pulses, &mut sub_cpis);
+            model_error = model_error.max(worst);
+        }
         Ok(Self {
             band,
             sub_cpi_length: sub_cpis.iter().map(SubCpi::num_pulses).max().unwrap_or(0),
             sub_cpis,
             patch: best.patch,
             taps: best.taps,
-            predicted_db: 20.0 * best.error.log10(),
+            predicted_db: 20.0 * model_error.hypot(kernel_error).log10(),
         })
     }
 }
@@ -155,12 +175,17 @@ struct Choice {
     taps: usize,
     error: f64,
     cost: f64,
+    fits: bool,
     meets: bool,
 }
 
 impl Choice {
-    /// Meeting the bound comes first; then cost, or error where the bound is out of reach.
+    /// Fitting in memory comes first, then meeting the bound; then cost, or error where the bound is out
+    /// of reach.
     fn better_than(&self, other: &Self) -> bool {
+        if self.fits != other.fits {
+            return self.fits;
+        }
         match (self.meets, other.meets) {
             (true, true) => self.cost < other.cost,
             (false, false) => self.error < other.error,
@@ -235,6 +260,42 @@ impl Probe<'_> {
     fn run(&self, length: usize, patch: PatchSize) -> Probed {
         let sub_cpis = sub_cpi::cut(self.collection.pulses.len(), self.breaks, length);
         let step = sub_cpis.len().div_ceil(PROBED_SUB_CPIS).max(1);
+        let first_and_last = sub_cpis.iter().step_by(step).chain(sub_cpis.last());
+        let mut probed = Probed {
+            model_error: 0.0,
+            doppler_span: 0.0,
+        };
+        for pulses in first_and_last {
+            let one = self.measure(&SubCpi::new(self.collection, pulses.clone()), patch);
+            probed.model_error = probed.model_error.max(one.model_error);
+            probed.doppler_span = probed.doppler_span.max(one.doppler_span);
+        }
+        probed
+    }
+
+    /// Appends the sub-CPI, or its halves if its phase error is above `allowed` radians, and so on. The
+    /// worst error of what was appended.
+    fn halve_until(
+        &self,
+        allowed: f64,
+        patch: PatchSize,
+        pulses: Range<usize>,
+        sub_cpis: &mut Vec<SubCpi>,
+    ) -> f64 {
+        let sub_cpi = SubCpi::new(self.collection, pulses.clone());
+        let error = self.measure(&sub_cpi, patch).model_error;
+        if error <= allowed || pulses.len() == 1 {
+            sub_cpis.push(sub_cpi);
+            return error;
+        }
+        let middle = pulses.start + pulses.len() / 2;
+        let early = self.halve_until(allowed, patch, pulses.start..middle, sub_cpis);
+        let late = self.halve_until(allowed, patch, middle..pulses.end, sub_cpis);
+        early.max(late)
+    }
+
+    /// The worst of patches in the grid's middle and corners, for one sub-CPI.
+    fn measure(&self, sub_cpi: &SubCpi, patch: PatchSize) -> Probed {
         let last_row = self.grid.rows.count - patch.rows;
         let last_column = self.grid.columns.count - patch.columns;
         let mut places = vec![(last_row / 2, last_column / 2)];
@@ -245,22 +306,18 @@ impl Probe<'_> {
             (last_row, last_column),
         ]);
         places.dedup();
-        let cycles_m = self.band.centre_hz() / SPEED_OF_LIGHT_M_S;
         let (mut worst, mut widest) = (0.0f64, 0.0f64);
-        let first_and_last = sub_cpis.iter().step_by(step).chain(sub_cpis.last());
-        for pulses in first_and_last {
-            let sub_cpi = SubCpi::new(self.collection, pulses.clone());
-            for &(row, column) in &places {
-                let rectangle = Rectangle {
-                    row,
-                    column,
-                    size: patch,
-                };
-                let (mean_square_m2, rate_m) = self.residual(&sub_cpi, &rectangle);
-                worst = worst.max(mean_square_m2);
-                widest = widest.max(rate_m);
-            }
+        for (row, column) in places {
+            let rectangle = Rectangle {
+                row,
+                column,
+                size: patch,
+            };
+            let (mean_square_m2, rate_m) = self.residual(sub_cpi, &rectangle);
+            worst = worst.max(mean_square_m2);
+            widest = widest.max(rate_m);
         }
+        let cycles_m = self.band.centre_hz() / SPEED_OF_LIGHT_M_S;
         Probed {
             model_error: TAU * cycles_m * worst.sqrt(),
             // The nodes stop short of the corners, where the rate is 1 / 0.775 of theirs.
@@ -295,10 +352,27 @@ impl Probe<'_> {
         (mean_square, rate)
     }
 
+    /// Doppler bins of a patch's map, about.
+    fn doppler_bins(&self, length: usize, taps: usize, doppler_span: f64) -> f64 {
+        let bins_per_cycle = super::bins_per_cycle(self.band, length);
+        (doppler_span * bins_per_cycle).ceil() + taps as f64 + 2.0
+    }
+
+    /// Bytes of the tables and one thread's buffers, about.
+    fn bytes(&self, length: usize, taps: usize, doppler_span: f64) -> u64 {
+        let bins = self.doppler_bins(length, taps, doppler_span);
+        if bins > 1e12 {
+            return u64::MAX;
+        }
+        let (bins, count) = (bins as usize, self.band.count);
+        let map = bins as u64 * (fast_length(2 * count) + taps) as u64;
+        ScaledDft::table_bytes(count, length, bins) + 8 * (map + (length * count) as u64)
+    }
+
     /// Rough cost of the image in nanoseconds of one core: compensation, Doppler, range, pixels.
     fn cost(&self, length: usize, patch: PatchSize, taps: usize, doppler_span: f64) -> f64 {
         let (m, k) = (length as f64, self.band.count as f64);
-        let bins = (doppler_span * 2.0 * m).ceil() + taps as f64 + 2.0;
+        let bins = self.doppler_bins(length, taps, doppler_span);
         let transform = |n: f64| 0.7 * n * n.max(2.0).log2();
         let map = 4.0 * m * k + k * 2.0 * transform(m + bins) + bins * transform(2.0 * k);
         let pixels = (patch.rows * patch.columns) as f64 * (40.0 + 0.7 * (taps * taps) as f64);

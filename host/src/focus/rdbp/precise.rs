@@ -14,7 +14,7 @@
 //! exactly that line, the sum over sub-CPIs would be the exact one: Keystone leaves no range
 //! migration and no edge of the sub-CPI is resampled.
 //!
-//! `nu_d` and `l` are spaced at half of Nyquist's step (`1 / 2M`, `L >= 2K`) and read with a
+//! `nu_d` and `l` are spaced at half of Nyquist's step (`f_c / 2M f_max`, `L >= 2K`) and read with a
 //! Kaiser-Bessel kernel whose roll-off is divided out of the weights before the transforms. Doppler
 //! bins cover the patch's own band only. Range repeats with `c / step`, as the exact sum does.
 //!
@@ -26,7 +26,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
@@ -61,31 +61,65 @@ fn form_with<const W: usize>(task: &Task, plan: &Plan) -> Result<Image, FormErro
     let mut budget = Budget::for_task(task, 8)?;
 
     let rectangles = patch::rectangles(task.grid, plan.patch);
-    let mapper = Mapper::<W>::new(task, plan, &rectangles, &mut budget)?;
-    let threads = rayon::current_num_threads() as u128;
-    let scratch_bytes = u128::from(mapper.scratch_bytes(plan.sub_cpi_length));
     budget.take(
-        "range-Doppler maps",
-        threads * scratch_bytes,
-        "use a smaller --patch or --sub-cpi",
+        "patches",
+        patch::account_bytes(&rectangles).into(),
+        "use a larger --patch, or raise --memory",
+    )?;
+    let mapper = Mapper::<W>::new(task, plan, &rectangles, &mut budget)?;
+    // A map a thread, in at most half of what is left: with little memory, fewer threads work.
+    let threads = rayon::current_num_threads();
+    let workers = budget.take_block(
+        "a range-Doppler map",
+        mapper.scratch_bytes(plan.sub_cpi_length),
+        threads,
+        "use a smaller --patch or --sub-cpi, or raise --memory",
     )?;
     let block = budget.take_block(
         "a sub-CPI",
         (plan.sub_cpi_length * num_samples * 8) as u64,
-        BLOCK_PULSES.div_ceil(plan.sub_cpi_length),
+        BLOCK_PULSES
+            .div_ceil(plan.sub_cpi_length)
+            .min(plan.sub_cpis.len()),
         "use a smaller --sub-cpi, or raise --memory",
     )?;
     let mut samples = vec![Complex32::ZERO; block * plan.sub_cpi_length * num_samples];
     let mut pixels = vec![Complex32::ZERO; rows * columns];
-    let outside = AtomicBool::new(false);
 
+    let mut add_all = || add_blocks(task, plan, &mapper, &rectangles, &mut samples, &mut pixels);
+    if workers < threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(workers).build();
+        pool.map_err(|e| FormError::Unsuited(format!("cannot start {workers} threads: {e}")))?
+            .install(&mut add_all)?;
+    } else {
+        add_all()?;
+    }
+    Ok(Image {
+        rows,
+        columns,
+        pixels,
+    })
+}
+
+/// Adds all sub-CPIs to all patches, as many sub-CPIs at a time as `samples` holds.
+fn add_blocks<const W: usize>(
+    task: &Task,
+    plan: &Plan,
+    mapper: &Mapper<W>,
+    rectangles: &[Rectangle],
+    samples: &mut [Complex32],
+    pixels: &mut [Complex32],
+) -> Result<(), FormError> {
+    let num_samples = plan.band.count;
+    let block = samples.len() / (plan.sub_cpi_length * num_samples);
     let num_blocks = plan.sub_cpis.len().div_ceil(block);
+    let outside = AtomicBool::new(false);
     for (index, sub_cpis) in plan.sub_cpis.chunks(block).enumerate() {
         let pulses = sub_cpis[0].pulses.start..sub_cpis[sub_cpis.len() - 1].pulses.end;
         let samples = &mut samples[..pulses.len() * num_samples];
         task.history.read(pulses.clone(), samples)?;
-        let done = std::sync::atomic::AtomicUsize::new(0);
-        let patches = patch::split(&mut pixels, columns, &rectangles);
+        let done = AtomicUsize::new(0);
+        let patches = patch::split(pixels, task.grid.columns.count, rectangles);
         rectangles.par_iter().zip(patches).for_each_init(
             || mapper.scratch(plan.sub_cpi_length),
             |scratch, (rectangle, mut patch)| {
@@ -95,8 +129,7 @@ fn form_with<const W: usize>(task: &Task, plan: &Plan) -> Result<Image, FormErro
                     }
                     let first = (sub_cpi.pulses.start - pulses.start) * num_samples;
                     let rows = &samples[first..first + sub_cpi.num_pulses() * num_samples];
-                    let inside = mapper.add(sub_cpi, rows, rectangle, &mut patch, scratch);
-                    if !inside {
+                    if !mapper.add(sub_cpi, rows, rectangle, &mut patch, scratch) {
                         outside.store(true, Ordering::Relaxed);
                     }
                 }
@@ -116,11 +149,7 @@ fn form_with<const W: usize>(task: &Task, plan: &Plan) -> Result<Image, FormErro
                 .to_owned(),
         ));
     }
-    Ok(Image {
-        rows,
-        columns,
-        pixels,
-    })
+    Ok(())
 }
 
 /// Doppler processing for sub-CPIs of one length.
@@ -175,6 +204,9 @@ impl<'a, const W: usize> Mapper<'a, W> {
 
         let mut spans: BTreeMap<usize, f64> = BTreeMap::new();
         for sub_cpi in &plan.sub_cpis {
+            if task.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
             let widest = rectangles
                 .par_iter()
                 .map(|rectangle| widest_rate_m(task, sub_cpi, rectangle))
@@ -184,7 +216,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         }
         let mut stages = BTreeMap::new();
         for (inputs, span) in spans {
-            let bins_per_cycle = 2.0 * inputs as f64;
+            let bins_per_cycle = super::bins_per_cycle(band, inputs);
             // A tenth and a bin more than was seen at the sampled points, and the kernel's reach.
             let reach = (span * 1.1 * bins_per_cycle).ceil() as usize + 1 + W / 2;
             let outputs = 2 * reach + 1;
@@ -332,7 +364,10 @@ impl<'a, const W: usize> Mapper<'a, W> {
         }
         for row in map.chunks_exact_mut(row_length) {
             self.range_fft.process_with_scratch(&mut row[..length], fft);
-            row.copy_within(..W - 1, length);
+            // Range repeats; value by value, for a row may be shorter than the kernel.
+            for i in 0..W - 1 {
+                row[length + i] = row[i];
+            }
         }
     }
 

@@ -168,7 +168,13 @@ impl CentreState {
         let leg = |(position, velocity): (DVec3, DVec3)| {
             let sight = position - point;
             let range = sight.length();
-            (range, sight.dot(velocity) / range)
+            // A point at the antenna's centre has no direction, and no rate.
+            let rate = if range > 0.0 {
+                sight.dot(velocity) / range
+            } else {
+                0.0
+            };
+            (range, rate)
         };
         let (out, back) = (leg(self.transmitter), leg(self.receiver));
         (
@@ -194,23 +200,33 @@ pub(super) fn cut(num_pulses: usize, breaks: &[usize], length: usize) -> Vec<Ran
     ranges
 }
 
-/// Indices of pulses whose distance from the one before differs from the median spacing by more than
-/// half: gaps in the track, and joints between recordings.
+/// Indices of pulses at which an antenna's step from the pulse before is more than five times its median
+/// step: gaps in the track, and joints between recordings. Jitter does not reach so far, and smaller
+/// gaps are left to the plan, which shortens the sub-CPIs that they spoil.
 pub(super) fn breaks(collection: &Collection) -> Vec<usize> {
-    let spacing = |pair: &[Pulse]| pair[0].transmitter_m.distance(pair[1].transmitter_m);
-    let spacings: Vec<f64> = collection.pulses.windows(2).map(spacing).collect();
-    let mut sorted = spacings.clone();
-    sorted.sort_by(f64::total_cmp);
-    let Some(&median) = sorted.get(sorted.len() / 2) else {
-        return Vec::new();
+    let pulses = &collection.pulses;
+    let steps = |position: fn(&Pulse) -> DVec3| -> Vec<f64> {
+        pulses
+            .windows(2)
+            .map(|pair| position(&pair[0]).distance(position(&pair[1])))
+            .collect()
     };
-    let odd = |s: f64| (s - median).abs() > 0.5 * median;
-    spacings
-        .iter()
-        .zip(1..)
-        .filter(|&(&s, _)| odd(s))
-        .map(|(_, n)| n)
-        .collect()
+    let mut breaks = Vec::new();
+    for steps in [steps(|p| p.transmitter_m), steps(|p| p.receiver_m)] {
+        let mut sorted = steps.clone();
+        sorted.sort_by(f64::total_cmp);
+        let Some(&median) = sorted.get(sorted.len() / 2) else {
+            continue;
+        };
+        let far = steps
+            .iter()
+            .zip(1..)
+            .filter(|&(&step, _)| step > 5.0 * median);
+        breaks.extend(far.map(|(_, n)| n));
+    }
+    breaks.sort_unstable();
+    breaks.dedup();
+    breaks
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@
 //!
 //! Neglected: the quadratic and higher motion of a pixel within a sub-CPI, which the thesis ignores
 //! after (3.13). It makes grating lobes when sub-CPIs are long; they are this mode's to show. Also the
-//! sub-CPI's edges ([`SincKeystone`]) and bilinear reading (-40 dB at an upsampling of 10).
+//! sub-CPI's edges ([`SincKeystone`]) and bilinear reading (-48 dB at an upsampling of 10).
 //!
 //! Accuracy on Table 4.1 against [`crate::focus::exact`]: see the tests and `subap demo`.
 //!
@@ -30,7 +30,7 @@ use serde_json::json;
 use super::sub_cpi::{self, CentreState};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::budget::Budget;
-use crate::focus::{FormError, Formed, Task};
+use crate::focus::{FormError, Formed, PIXELS_A_TASK, Task};
 use crate::image::Image;
 use crate::signal::fast_length::fast_length;
 use crate::signal::phase::phasor32;
@@ -95,6 +95,9 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
             let slow = (task.weights.slow[n] * norm) as f32;
             row.iter_mut().zip(&fast).for_each(|(z, w)| *z *= w * slow);
         }
+        if task.monitor.cancelled() {
+            return Err(FormError::Cancelled);
+        }
         if keystone.as_ref().is_none_or(|(length, _)| *length != m) {
             keystone = Some((m, SincKeystone::new(&scales, m)));
         }
@@ -135,11 +138,14 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
         // Slow time was rotated by whole pulses; for even M half a pulse is left.
         let left_over = (m as f64 - 1.0) / 2.0 - (m / 2) as f64;
         pixels
-            .par_chunks_mut(columns)
+            .par_chunks_mut(PIXELS_A_TASK)
             .enumerate()
-            .for_each(|(row, pixels)| {
-                for (column, pixel) in pixels.iter_mut().enumerate() {
-                    let point = task.grid.position_m(row, column);
+            .for_each(|(chunk, pixels)| {
+                if task.monitor.cancelled() {
+                    return;
+                }
+                for (i, pixel) in (chunk * PIXELS_A_TASK..).zip(pixels) {
+                    let point = task.grid.position_m(i / columns, i % columns);
                     let (path_m, rate_m) = state.path_and_rate(point);
                     let nu = rate_m * cycles_m;
                     let value = bilinear(

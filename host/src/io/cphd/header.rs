@@ -123,8 +123,12 @@ impl Header {
                 )),
             }
         };
-        if keys.contains_key("SUPPORT_BLOCK_BYTE_OFFSET") {
-            block("SUPPORT")?; // not read, but a file cut within it is still cut
+        // Not read, so it may be empty; but a file cut within it is still cut.
+        let no_support = keys
+            .get("SUPPORT_BLOCK_SIZE")
+            .is_some_and(|s| s.parse() == Ok(0));
+        if keys.contains_key("SUPPORT_BLOCK_BYTE_OFFSET") && !no_support {
+            block("SUPPORT")?;
         }
         Ok(Self {
             version: version.to_owned(),

@@ -138,13 +138,13 @@ pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError
 
     let global = root.child("Global")?;
     let domain = global.child("DomainType")?;
-    let domain = match domain.text() {
+    let domain = match &*domain.text() {
         "FX" => Domain::Fx,
         "TOA" => Domain::Toa,
         other => return Err(domain.fault(format!("'{other}' is neither FX nor TOA"))),
     };
     let sgn = global.child("SGN")?;
-    let sgn = match sgn.text() {
+    let sgn = match &*sgn.text() {
         "-1" => Sgn::Minus,
         "+1" | "1" => Sgn::Plus,
         other => return Err(sgn.fault(format!("'{other}' is neither -1 nor +1"))),
@@ -163,7 +163,7 @@ pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError
 
     let data = root.child("Data")?;
     let format = data.child("SignalArrayFormat")?;
-    let signal_format = match format.text() {
+    let signal_format = match &*format.text() {
         "CI2" => SignalFormat::Ci2,
         "CI4" => SignalFormat::Ci4,
         "CF8" => SignalFormat::Cf8,
@@ -203,7 +203,7 @@ pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError
         image_area,
         signal_format,
         compression: data.optional_text("SignalCompressionID"),
-        ref_channel: channel_node.child("RefChId")?.text().to_owned(),
+        ref_channel: channel_node.child("RefChId")?.text().into_owned(),
         channels,
     };
     let layout = root
@@ -213,7 +213,7 @@ pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError
 }
 
 fn channel_info(entry: &Element, all: &Element) -> Result<ChannelInfo, MetadataError> {
-    let id = entry.child("Identifier")?.text().to_owned();
+    let id = entry.child("Identifier")?.text().into_owned();
     let parameters = all
         .children("Parameters")
         .find(|p| p.optional("Identifier").is_some_and(|i| i.text() == id));
@@ -240,7 +240,7 @@ fn channel_info(entry: &Element, all: &Element) -> Result<ChannelInfo, MetadataE
         srp_fixed: parameters
             .as_ref()
             .and_then(|p| p.optional("SRPFixed"))
-            .map(|e| matches!(e.text(), "true" | "1")),
+            .map(|e| matches!(&*e.text(), "true" | "1")),
         pvp_offset: entry.child("PVPArrayByteOffset")?.count()?,
         signal_offset: entry.child("SignalArrayByteOffset")?.count()?,
         id,

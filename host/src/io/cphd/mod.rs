@@ -35,7 +35,9 @@
 //! # Accuracy
 //! FX samples written by [`write()`] read back to the same bits, positions to 2 nm (float64 in ECF), TOA
 //! samples to a relative RMS error below 1.2e-7: `tests/cphd_round_trip.rs`. The files pass sarkit's
-//! `cphdcheck` without failure or warning: `tests/cphd_sarkit.rs`.
+//! `cphdcheck` without failure or warning: `tests/cphd_sarkit.rs`. Excepted is motion exactly along
+//! the line of sight, where the standard's equations for `TwistAngle`, `SlopeAngle` and
+//! `LayoverAngle` are 0/0: they are written as 0 and fail the check.
 //!
 //! # Example
 //! Two pulses of a unit scatterer at the SRP, on the equator: every sample is 1.
@@ -77,7 +79,7 @@
 //! let path = folder.path().join("example.cphd");
 //! write(&path, &[Channel::new("1", &ones)], &WriteOptions::default(), &Silent)?;
 //!
-//! let cphd = Cphd::open(&path, None)?;
+//! let cphd = Cphd::open(&path, None, 1 << 20)?;
 //! let mut samples = vec![Complex32::ZERO; 3];
 //! cphd.read(1..2, &mut samples)?;
 //! assert_eq!(samples, [Complex32::ONE; 3]);
@@ -89,6 +91,7 @@ mod conventions;
 mod describe;
 mod header;
 mod metadata;
+mod preamble;
 mod prepare;
 mod pvp;
 mod read;

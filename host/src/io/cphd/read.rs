@@ -1,5 +1,6 @@
 //! CPHD files as phase history, read on demand.
 
+use std::collections::TryReserveError;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -8,22 +9,27 @@ use num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
 use super::conventions::{Domain, Sgn};
-use super::header::{Block, Header};
-use super::metadata::{self, ChannelInfo, CphdInfo};
+use super::header::Block;
+use super::metadata::{ChannelInfo, CphdInfo};
+use super::preamble::{Preamble, in_xml};
 use super::pvp::{Layout, Vector};
 use super::source::{CHUNK_BYTES, Source};
 use super::toa::{Bins, Transform};
 use crate::phase_history::{Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite};
 
-/// Larger XML blocks are refused: they are parsed in memory. Those of real products have less than
-/// a hundredth of it.
-const MAX_XML_BYTES: u64 = 64 << 20;
+/// Kept of a vector besides its [`Pulse`], at most: AmpSF, SIGNAL and a shift.
+const KEPT_BYTES: u64 = 8 + 1 + 8;
+
+/// Bytes a sample of the plan that transforms a TOA vector, and of one vector being transformed: up
+/// to eight complex float64 each where the length has large prime factors.
+const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 
 /// One channel of a CPHD file.
 ///
 /// Opening reads the header, the XML and the channel's PVP; samples are read when asked for, by
 /// positioned reads of at most 1 MiB (or one vector in the TOA domain), so one `Cphd` can
-/// be read from many threads. Memory: the [`Collection`] and up to 17 bytes a vector.
+/// be read from many threads. Memory: the [`Collection`], up to 17 bytes a vector, and in the TOA
+/// domain the plan of the transform, about 256 bytes for each sample of one vector.
 ///
 /// - Samples are `AmpSF` times the stored value where there is an `AmpSF`; vectors whose `SIGNAL`
 ///   is 0 are delivered as zeros whatever is stored.
@@ -47,6 +53,7 @@ pub struct Cphd {
     /// Whether each vector has signal, if any has none.
     has_signal: Option<Vec<bool>>,
     arrival: Option<Arrival>,
+    held_bytes: u64,
 }
 
 /// What it takes to turn TOA vectors into FX vectors.
@@ -58,20 +65,26 @@ struct Arrival {
 }
 
 impl Cphd {
-    /// Opens channel `channel`, or the file's reference channel.
+    /// Opens channel `channel`, or the file's reference channel, holding at most `memory_bytes`.
     ///
     /// # Errors
     /// [`ReadError::Io`] if the file cannot be read, [`ReadError::Malformed`] if it is not CPHD, is
     /// cut short, lacks what is needed, or has no such channel; the text says where.
-    pub fn open(path: impl AsRef<Path>, channel: Option<&str>) -> Result<Self, ReadError> {
+    /// [`ReadError::Memory`] before more is taken than allowed.
+    pub fn open(
+        path: impl AsRef<Path>,
+        channel: Option<&str>,
+        memory_bytes: u64,
+    ) -> Result<Self, ReadError> {
         let source = Source::open(path.as_ref())?;
-        let header = Header::read(&source)?;
-        let (mut info, layout) = read_xml(&source, header.xml)?;
-        info.version = header.version;
-        info.classification = info.classification.or(header.classification);
-        info.release_info = info.release_info.or(header.release_info);
-
         let malformed = |what: String| source.malformed(what);
+        let Preamble {
+            header,
+            info,
+            layout,
+            xml_offset,
+        } = Preamble::read(&source, memory_bytes)?;
+        let layout = layout.map_err(|e| malformed(in_xml(&e, xml_offset)))?;
         let chosen = info.channel(channel).map_err(malformed)?.clone();
         if let Some(name) = &info.compression {
             return Err(source.malformed(format!(
@@ -88,6 +101,19 @@ impl Cphd {
         let stored_samples = usize::try_from(chosen.num_samples).map_err(|_| too_large())?;
         let num_vectors = usize::try_from(chosen.num_vectors).map_err(|_| too_large())?;
 
+        let transformed = match info.domain {
+            Domain::Fx => 0,
+            Domain::Toa => chosen.num_samples,
+        };
+        let held_bytes = (chosen.num_vectors)
+            .saturating_mul(size_of::<Pulse>() as u64 + KEPT_BYTES)
+            .saturating_add(transformed.saturating_mul(TRANSFORM_BYTES));
+        let records = chosen.num_vectors.saturating_mul(layout.num_bytes);
+        source.check_memory(
+            held_bytes.saturating_add(records.min(CHUNK_BYTES as u64)),
+            memory_bytes,
+        )?;
+
         let mut vectors = Vectors {
             domain: info.domain,
             stored_samples,
@@ -99,8 +125,7 @@ impl Cphd {
             bins: None,
         };
         vectors
-            .pulses
-            .try_reserve_exact(num_vectors)
+            .reserve(num_vectors, layout.has_amp_sf())
             .map_err(|_| too_large())?;
         read_records(
             &source,
@@ -139,6 +164,7 @@ impl Cphd {
                 .contains(&false)
                 .then_some(vectors.has_signal),
             arrival,
+            held_bytes,
             source,
         })
     }
@@ -226,6 +252,10 @@ impl PhaseHistory for Cphd {
         Ok(())
     }
 
+    fn held_bytes(&self) -> u64 {
+        self.held_bytes
+    }
+
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
         let mut hasher = crc32fast::Hasher::new();
         let mut bytes = vec![0; CHUNK_BYTES];
@@ -242,27 +272,6 @@ impl PhaseHistory for Cphd {
             crc32: format!("{:08x}", hasher.finalize()),
         }])
     }
-}
-
-fn read_xml(source: &Source, block: Block) -> Result<(CphdInfo, Layout), ReadError> {
-    if block.size > MAX_XML_BYTES {
-        return Err(source.malformed(format!(
-            "header: XML_BLOCK_SIZE {} is more than the {MAX_XML_BYTES} bytes read here: the \
-             header is damaged",
-            block.size
-        )));
-    }
-    let mut bytes = vec![0; block.size as usize];
-    source.read_at(block.offset, &mut bytes)?;
-    let xml = std::str::from_utf8(&bytes).map_err(|e| {
-        source.malformed(format!(
-            "byte {}: the XML block is not UTF-8 text; copy the file again",
-            block.offset + e.valid_up_to() as u64
-        ))
-    })?;
-    metadata::parse(xml)
-        .and_then(|(info, layout)| Ok((info, layout?)))
-        .map_err(|e| source.malformed(format!("{e} (XML block at byte {})", block.offset)))
 }
 
 /// Whether a channel's arrays lie within their blocks, without overflow.
@@ -349,6 +358,19 @@ struct Vectors {
 }
 
 impl Vectors {
+    /// Makes room for `count` vectors and no more.
+    fn reserve(&mut self, count: usize, scaled: bool) -> Result<(), TryReserveError> {
+        self.pulses.try_reserve_exact(count)?;
+        self.has_signal.try_reserve_exact(count)?;
+        if scaled {
+            self.amp_sf.try_reserve_exact(count)?;
+        }
+        if self.domain == Domain::Toa {
+            self.shifts.try_reserve_exact(count)?;
+        }
+        Ok(())
+    }
+
     fn push(&mut self, index: u64, vector: &Vector) -> Result<(), String> {
         let (start_hz, step_hz) = match self.domain {
             Domain::Fx => (vector.sc0, vector.scss),

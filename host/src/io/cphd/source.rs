@@ -56,6 +56,22 @@ impl Source {
         }
     }
 
+    /// Fails with [`ReadError::Memory`] if `needed_bytes` are more than `allowed_bytes`.
+    pub(super) fn check_memory(
+        &self,
+        needed_bytes: u64,
+        allowed_bytes: u64,
+    ) -> Result<(), ReadError> {
+        if needed_bytes <= allowed_bytes {
+            return Ok(());
+        }
+        Err(ReadError::Memory {
+            path: self.path.clone(),
+            needed_bytes,
+            allowed_bytes,
+        })
+    }
+
     /// Fills `bytes` from `offset` on. The caller has checked the range against [`Self::len`], so an
     /// early end means that the file has been shortened since.
     pub(super) fn read_at(&self, offset: u64, bytes: &mut [u8]) -> Result<(), ReadError> {

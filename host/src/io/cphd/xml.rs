@@ -1,5 +1,7 @@
 //! XML elements that know their own path, so that every error can name it; and a writer of elements.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 use roxmltree::Node;
 
@@ -56,18 +58,25 @@ impl<'a, 'i> Element<'a, 'i> {
             .ok_or_else(|| self.fault(format!("no element {name}; the standard requires it")))
     }
 
-    /// The text, without white space around it.
-    pub(super) fn text(&self) -> &'a str {
-        self.node.text().unwrap_or_default().trim()
+    /// The text, without white space around it. Comments and processing instructions are no part of
+    /// it, so it may come in several pieces.
+    pub(super) fn text(&self) -> Cow<'a, str> {
+        let mut pieces = self.node.children().filter(Node::is_text);
+        let first = pieces.next().and_then(|n| n.text()).unwrap_or_default();
+        let rest: String = pieces.filter_map(|n| n.text()).collect();
+        if rest.is_empty() {
+            return Cow::Borrowed(first.trim());
+        }
+        Cow::Owned(format!("{first}{rest}").trim().to_owned())
     }
 
     pub(super) fn optional_text(&self, name: &'static str) -> Option<String> {
-        self.optional(name).map(|e| e.text().to_owned())
+        self.optional(name).map(|e| e.text().into_owned())
     }
 
-    /// The text of an element that holds nothing else: a comment inside would cut a number in two.
-    fn only_text(&self) -> Result<&'a str, MetadataError> {
-        if self.node.children().count() > 1 {
+    /// The text of an element that holds no other elements.
+    fn only_text(&self) -> Result<Cow<'a, str>, MetadataError> {
+        if self.node.children().any(|n| n.is_element()) {
             return Err(self.fault("holds more than a number"));
         }
         Ok(self.text())

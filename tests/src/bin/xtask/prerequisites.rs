@@ -7,7 +7,6 @@ use crate::python;
 /// Something a command of ours cannot do without.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Need {
-    CCompiler,
     Rustfmt,
     Clippy,
     FirmwareTarget,
@@ -26,7 +25,6 @@ enum Source {
 impl Need {
     fn is_met(self) -> bool {
         match self {
-            Self::CCompiler => works("cc", &["--version"]),
             Self::Rustfmt => works("cargo", &["fmt", "--version"]),
             Self::Clippy => works("cargo", &["clippy", "--version"]),
             Self::FirmwareTarget => firmware_target_installed(),
@@ -38,7 +36,6 @@ impl Need {
 
     fn source(self) -> Source {
         match self {
-            Self::CCompiler => Source::Debian(&["gcc", "libc6-dev"]),
             Self::Qemu => Source::Debian(&["qemu-system-arm"]),
             Self::Python => Source::Debian(&["python3", "python3-venv"]),
             Self::Rustfmt => Source::Rustup(["component", "add", "rustfmt"]),

@@ -1,4 +1,4 @@
-//! The Python environment of the tests: `target/venv` with sarkit in it.
+//! The Python of the tests: that of `SUBAPERTURE_PYTHON`, else `target/venv` with sarkit in it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -30,6 +30,27 @@ pub(crate) fn interpreter() -> Option<&'static str> {
     })
 }
 
+/// The Python that `SUBAPERTURE_PYTHON` names, if it has sarkit; says so if it has not.
+pub(crate) fn named() -> Option<PathBuf> {
+    let mut python = PathBuf::from(std::env::var_os("SUBAPERTURE_PYTHON")?);
+    // Tests run in other folders. A bare name is looked up in PATH and stays; so do links, by which
+    // Python knows its environment.
+    if python.components().count() > 1 {
+        python = std::path::absolute(&python).unwrap_or(python);
+    }
+    match has_sarkit(&python) {
+        Ok(()) => Some(python),
+        Err(error) => {
+            eprintln!("SUBAPERTURE_PYTHON has no sarkit: {error}");
+            None
+        }
+    }
+}
+
+fn has_sarkit(python: &Path) -> Result<(), String> {
+    run(Command::new(python).args(["-c", "import sarkit"]))
+}
+
 /// Makes the environment unless a finished one is there; returns its interpreter.
 pub(crate) fn ensure_venv() -> Result<PathBuf, String> {
     let target = std::env::var_os("CARGO_TARGET_DIR")
@@ -37,8 +58,9 @@ pub(crate) fn ensure_venv() -> Result<PathBuf, String> {
     let venv = target.join("venv");
     let python = venv.join("bin/python");
     let mark = venv.join("requirements.txt");
-    let works = |program: &Path| run(Command::new(program).args(["-c", "import sarkit"])).is_ok();
-    if fs::read_to_string(&mark).is_ok_and(|text| text == REQUIREMENTS) && works(&python) {
+    if fs::read_to_string(&mark).is_ok_and(|text| text == REQUIREMENTS)
+        && has_sarkit(&python).is_ok()
+    {
         return Ok(python);
     }
     println!(

@@ -4,37 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 
-/// Tests counted in the output of `cargo test`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Tally {
-    /// Tests that passed.
-    pub(crate) passed: u64,
-    /// Tests that failed.
-    pub(crate) failed: u64,
-}
-
-impl Tally {
-    /// Adds what a line such as `test result: ok. 12 passed; 0 failed; 1 ignored; ...` counts; any
-    /// other line counts nothing.
-    pub(crate) fn add_line(&mut self, line: &str) {
-        let Some(result) = line.trim_start().strip_prefix("test result: ") else {
-            return;
-        };
-        // "ok. 12 passed" is the first field, "0 failed" the second.
-        for field in result.split(';') {
-            let mut words = field.split_whitespace().rev();
-            let (Some(kind), Some(Ok(count))) = (words.next(), words.next().map(str::parse::<u64>))
-            else {
-                continue;
-            };
-            match kind {
-                "passed" => self.passed += count,
-                "failed" => self.failed += count,
-                _ => {}
-            }
-        }
-    }
-}
+use crate::log::{TestLog, note};
 
 struct Step {
     name: &'static str,
@@ -52,14 +22,19 @@ enum Outcome {
 /// The steps run so far.
 pub(crate) struct Runner {
     steps: Vec<Step>,
-    tally: Tally,
+    passed: u64,
+    failed: u64,
+    /// Lines that say what was skipped and why.
+    skipped: Vec<String>,
 }
 
 impl Runner {
     pub(crate) fn new() -> Self {
         Self {
             steps: Vec::new(),
-            tally: Tally::default(),
+            passed: 0,
+            failed: 0,
+            skipped: Vec::new(),
         }
     }
 
@@ -73,22 +48,23 @@ impl Runner {
                 false
             }
         };
-        self.tally.failed += u64::from(!passed);
+        self.failed += u64::from(!passed);
         self.record(name, passed, start);
     }
 
-    /// Runs `cargo test` and counts its tests. If it fails without naming a failed test (it does not
+    /// Runs `cargo test -- --show-output`, counts its tests and gathers what they skipped. If it fails without naming a failed test (it does not
     /// compile, say), that counts as one failure.
     pub(crate) fn tests(&mut self, name: &'static str, command: &mut Command) {
         let start = announce(name, command);
-        let mut tally = Tally::default();
+        let mut log = TestLog::default();
         let passed = match command.stdout(Stdio::piped()).spawn() {
             Ok(mut child) => {
                 let output = child.stdout.take().expect("stdout is piped");
                 for line in BufReader::new(output).split(b'\n').map_while(Result::ok) {
                     let line = String::from_utf8_lossy(&line);
-                    println!("{line}");
-                    tally.add_line(&line);
+                    if log.add_line(&line) {
+                        println!("{line}");
+                    }
                 }
                 child.wait().is_ok_and(|status| status.success())
             }
@@ -97,22 +73,34 @@ impl Runner {
                 false
             }
         };
-        if !passed && tally.failed == 0 {
-            tally.failed = 1;
+        if !passed && log.failed == 0 {
+            log.failed = 1;
         }
-        self.tally.passed += tally.passed;
-        self.tally.failed += tally.failed;
+        self.passed += log.passed;
+        self.failed += log.failed;
+        for line in &log.skipped {
+            note(&mut self.skipped, line);
+        }
         self.record(name, passed, start);
     }
 
     /// Notes a step that could not run here, and why.
     pub(crate) fn skip(&mut self, name: &'static str, why: &str) {
-        println!("skipped: {name}: {why}");
+        let line = format!("skipped: {name}: {why}");
+        println!("{line}");
+        note(&mut self.skipped, &line);
         self.steps.push(Step {
             name,
             outcome: Outcome::Skipped,
             took: Duration::ZERO,
         });
+    }
+
+    /// Counts a step that could not be prepared as one failure, and says what to do.
+    pub(crate) fn fail(&mut self, name: &'static str, what_to_do: &str) {
+        eprintln!("{name}: {what_to_do}");
+        self.failed += 1;
+        self.record(name, false, Instant::now());
     }
 
     fn record(&mut self, name: &'static str, passed: bool, start: Instant) {
@@ -130,15 +118,18 @@ impl Runner {
         });
     }
 
-    /// Prints every step and the closing line; failure if anything failed or nothing ran.
+    /// Prints every step, what was skipped and the closing line; failure if anything failed or nothing ran.
     pub(crate) fn finish(self) -> ExitCode {
         println!();
         for step in &self.steps {
             let seconds = step.took.as_secs_f64();
             println!("{:>8} {seconds:7.1} s  {}", word(step.outcome), step.name);
         }
-        println!("{} passed, {} failed", self.tally.passed, self.tally.failed);
-        if self.tally.failed == 0 && !self.steps.is_empty() {
+        for line in &self.skipped {
+            println!("{line}");
+        }
+        println!("{} passed, {} failed", self.passed, self.failed);
+        if self.failed == 0 && !self.steps.is_empty() {
             ExitCode::SUCCESS
         } else {
             ExitCode::FAILURE
@@ -161,30 +152,4 @@ fn announce(name: &str, command: &Command) -> Instant {
         .collect();
     println!("\n==> {name}: {}", words.join(" "));
     Instant::now()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Tally;
-
-    #[test]
-    fn counts_result_lines_only() {
-        let mut tally = Tally::default();
-        for line in [
-            "running 3 tests",
-            "test passed ... ok",
-            "test result: ok. 12 passed; 0 failed; 1 ignored; 0 measured; 4 filtered out; finished in 0.1s",
-            "test result: FAILED. 7 passed; 2 failed; 0 ignored; 0 measured; 0 filtered out",
-            "5 passed; 6 failed",
-        ] {
-            tally.add_line(line);
-        }
-        assert_eq!(
-            tally,
-            Tally {
-                passed: 19,
-                failed: 2
-            }
-        );
-    }
 }

@@ -19,7 +19,7 @@ use crate::text::{self, bytes, degrees, hertz, metres};
 pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     let history = session.open(&typed.input)?;
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
-    let advice = Advice::of(&history, &survey);
+    let advice = Advice::of(session, &history, &survey);
     let containers = containers(&typed.input.paths)?;
     if typed.json {
         let mut value = serde_json::to_value(&survey)?;
@@ -125,12 +125,13 @@ struct Planned {
 }
 
 impl Planned {
-    fn of(history: &dyn PhaseHistory, survey: &Survey) -> Option<Self> {
+    fn of(session: &Session, history: &dyn PhaseHistory, survey: &Survey) -> Option<Self> {
         let grid = survey.default_grid().ok()?;
         let request = Request {
             error_db: BOUND_DB,
             sub_cpi: None,
             patch_m: None,
+            memory_bytes: session.memory_bytes / 2,
         };
         let plan = Plan::new(history.collection(), &grid, &request).ok()?;
         Some(Self {
@@ -145,7 +146,7 @@ impl Planned {
 }
 
 impl Advice {
-    fn of(history: &dyn PhaseHistory, survey: &Survey) -> Self {
+    fn of(session: &Session, history: &dyn PhaseHistory, survey: &Survey) -> Self {
         let thesis_pulses = survey.declared_extent_m.and_then(|[x_m, y_m]| {
             let (x, y) = (x_m.1 - x_m.0, y_m.1 - y_m.0);
             // The scene's width across the line of sight, corner to corner at the worst.
@@ -155,7 +156,7 @@ impl Advice {
             Some(pulses.clamp(1, survey.num_pulses))
         });
         Self {
-            precise: Planned::of(history, survey),
+            precise: Planned::of(session, history, survey),
             thesis_pulses,
             grating_lobe_m: survey.grating_lobe_m(1),
         }

@@ -1,0 +1,137 @@
+//! Reads the output of `cargo test -- --show-output`: counts tests, gathers what was skipped, and tells
+//! what to print on.
+
+/// What `cargo test` has printed so far.
+#[derive(Debug, Default)]
+pub(crate) struct TestLog {
+    /// Tests that passed.
+    pub(crate) passed: u64,
+    /// Tests that failed.
+    pub(crate) failed: u64,
+    /// Every line that says what was skipped, once.
+    pub(crate) skipped: Vec<String>,
+    /// Inside the output of tests that passed.
+    in_successes: bool,
+}
+
+impl TestLog {
+    /// Takes in a line; whether it is worth printing. Output of tests that passed is not, but it is
+    /// there that they say what they skipped.
+    pub(crate) fn add_line(&mut self, line: &str) -> bool {
+        if line.starts_with("skipped: ") {
+            note(&mut self.skipped, line);
+        }
+        if line == "successes:" {
+            self.in_successes = true;
+        } else if line == "failures:" || line.starts_with("test result: ") {
+            self.in_successes = false;
+        }
+        if let Some(result) = line.strip_prefix("test result: ") {
+            self.count(result);
+        }
+        !self.in_successes
+    }
+
+    /// Counts the rest of a line such as `test result: ok. 12 passed; 0 failed; 1 ignored; ...`.
+    fn count(&mut self, result: &str) {
+        // "ok. 12 passed" is the first field, "0 failed" the second.
+        for field in result.split(';') {
+            let mut words = field.split_whitespace().rev();
+            let (Some(kind), Some(Ok(count))) = (words.next(), words.next().map(str::parse::<u64>))
+            else {
+                continue;
+            };
+            match kind {
+                "passed" => self.passed += count,
+                "failed" => self.failed += count,
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Adds `line` unless it is there.
+pub(crate) fn note(lines: &mut Vec<String>, line: &str) {
+    if !lines.iter().any(|known| known == line) {
+        lines.push(line.to_owned());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::TestLog;
+
+    #[test]
+    fn counts_result_lines_only() {
+        let mut log = TestLog::default();
+        for line in [
+            "running 3 tests",
+            "test passed ... ok",
+            "test result: ok. 12 passed; 0 failed; 1 ignored; 0 measured; 4 filtered out; finished in 0.1s",
+            "test result: FAILED. 7 passed; 2 failed; 0 ignored; 0 measured; 0 filtered out",
+            "5 passed; 6 failed",
+        ] {
+            assert!(log.add_line(line), "{line}");
+        }
+        assert_eq!((log.passed, log.failed), (19, 2));
+        assert!(log.skipped.is_empty());
+    }
+
+    #[test]
+    fn tests_that_passed_are_heard_only_where_they_skip() {
+        let mut log = TestLog::default();
+        let printed: Vec<&str> = "\
+running 3 tests
+test a ... ok
+test b ... ok
+test c ... FAILED
+
+successes:
+
+---- a stdout ----
+error 1e-7
+skipped: x.mat not found
+
+---- b stdout ----
+skipped: x.mat not found
+skipped: y.mat not found
+
+
+successes:
+    a
+    b
+
+failures:
+
+---- c stdout ----
+wrong
+
+failures:
+    c
+
+test result: FAILED. 2 passed; 1 failed; 0 ignored; 0 measured; 0 filtered out"
+            .lines()
+            .filter(|line| log.add_line(line) && !line.is_empty())
+            .collect();
+        assert_eq!(
+            printed,
+            [
+                "running 3 tests",
+                "test a ... ok",
+                "test b ... ok",
+                "test c ... FAILED",
+                "failures:",
+                "---- c stdout ----",
+                "wrong",
+                "failures:",
+                "    c",
+                "test result: FAILED. 2 passed; 1 failed; 0 ignored; 0 measured; 0 filtered out",
+            ]
+        );
+        assert_eq!((log.passed, log.failed), (2, 1));
+        assert_eq!(
+            log.skipped,
+            ["skipped: x.mat not found", "skipped: y.mat not found"]
+        );
+    }
+}
