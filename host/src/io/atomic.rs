@@ -46,7 +46,14 @@ fn advice(source: &io::Error, needed_bytes: u64) -> String {
         source.kind(),
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
     );
+    let closed = matches!(
+        source.kind(),
+        io::ErrorKind::PermissionDenied
+            | io::ErrorKind::ReadOnlyFilesystem
+            | io::ErrorKind::NotFound
+    );
     match (full, needed_bytes) {
+        (false, _) if closed => "; choose a folder that exists and can be written to".to_owned(),
         (false, _) => String::new(),
         (true, 0) => "; free some space or write elsewhere".to_owned(),
         (true, bytes) => format!("; {bytes} bytes are needed: free some or write elsewhere"),
@@ -97,7 +104,7 @@ impl Beside {
         // Files are private by that crate's default; these should be like any other, less the umask.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.tempfile_in(folder_of(&target))?;
+        let file = builder.tempfile_in(folder_of(&target)).map_err(plain)?;
         Ok(Self { file, target })
     }
 
@@ -115,6 +122,11 @@ impl Beside {
         self.file.persist(&self.target)?;
         sync_folder(folder_of(&self.target))
     }
+}
+
+/// The error without the name of the hidden file, which says nothing to the user.
+pub(super) fn plain(error: io::Error) -> io::Error {
+    io::Error::from(error.kind())
 }
 
 fn folder_of(path: &Path) -> &Path {

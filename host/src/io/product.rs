@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::atomic::{WriteError, sync_folder};
+use super::atomic::{WriteError, plain, sync_folder};
 use super::npy;
 use crate::image::Image;
 
@@ -166,7 +166,7 @@ fn stage(place: &Path) -> io::Result<tempfile::TempDir> {
     builder.prefix(".subap-");
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
-    builder.tempdir_in(place)
+    builder.tempdir_in(place).map_err(plain)
 }
 
 /// Writes a file to the disk, not only to the system's memory; its size and CRC-32.
