@@ -7,7 +7,7 @@ use subaperture::focus::Silent;
 use subaperture::io::cphd::{Channel, Cphd, Domain, Sgn, WriteOptions, write};
 use subaperture::phase_history::PhaseHistory;
 
-use crate::cphd_reading::ByHand;
+use crate::cphd_by_hand::ByHand;
 use crate::cphd_scene::{Scene, read_all};
 
 /// A file of two channels as the library writes it.

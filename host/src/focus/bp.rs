@@ -23,7 +23,8 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::budget::Budget;
-use super::{FormError, Formed, ImageFormer, MARGIN_DB, PIXELS_A_TASK, Task};
+use super::pixels::add_to_each;
+use super::{FormError, Formed, ImageFormer, MARGIN_DB, Task};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::image::Image;
 use crate::phase_history::Pulse;
@@ -97,18 +98,9 @@ impl ImageFormer for Backprojection {
                     }
                 })
                 .collect();
-            pixels
-                .par_chunks_mut(PIXELS_A_TASK)
-                .enumerate()
-                .for_each(|(chunk, pixels)| {
-                    if task.monitor.cancelled() {
-                        return;
-                    }
-                    for (i, pixel) in (chunk * PIXELS_A_TASK..).zip(pixels) {
-                        let point = task.grid.position_m(i / columns, i % columns);
-                        *pixel += contribution(point, &sources, profiles, length);
-                    }
-                });
+            add_to_each(task, &mut pixels, |point| {
+                contribution(point, &sources, profiles, length)
+            });
             if task.monitor.cancelled() {
                 return Err(FormError::Cancelled);
             }

@@ -15,6 +15,7 @@ pub mod bp;
 pub mod budget;
 pub mod exact;
 pub mod monitor;
+mod pixels;
 pub mod rdbp;
 pub mod weights;
 
@@ -33,9 +34,6 @@ pub use weights::Weights;
 /// random thousands of pixels of the GOTCHA scene. This margin keeps nearly all such samples within
 /// the bound.
 pub const MARGIN_DB: f64 = 4.0;
-
-/// Pixels that a thread takes at a time.
-const PIXELS_A_TASK: usize = 256;
 
 /// One image to form.
 #[derive(Clone, Copy)]

@@ -30,7 +30,8 @@ use serde_json::json;
 use super::sub_cpi::{self, CentreState};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::budget::Budget;
-use crate::focus::{FormError, Formed, PIXELS_A_TASK, Task};
+use crate::focus::pixels::add_to_each;
+use crate::focus::{FormError, Formed, Task};
 use crate::image::Image;
 use crate::signal::fast_length::fast_length;
 use crate::signal::phase::phasor32;
@@ -137,25 +138,16 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
         let state = CentreState::new(collection, pulses.clone());
         // Slow time was rotated by whole pulses; for even M half a pulse is left.
         let left_over = (m as f64 - 1.0) / 2.0 - (m / 2) as f64;
-        pixels
-            .par_chunks_mut(PIXELS_A_TASK)
-            .enumerate()
-            .for_each(|(chunk, pixels)| {
-                if task.monitor.cancelled() {
-                    return;
-                }
-                for (i, pixel) in (chunk * PIXELS_A_TASK..).zip(pixels) {
-                    let point = task.grid.position_m(i / columns, i % columns);
-                    let (path_m, rate_m) = state.path_and_rate(point);
-                    let nu = rate_m * cycles_m;
-                    let value = bilinear(
-                        &map,
-                        [doppler_length, range_length],
-                        [nu * doppler_length as f64, path_m * range_bins_m],
-                    );
-                    *pixel += value * phasor32(path_m * cycles_m - nu * left_over);
-                }
-            });
+        add_to_each(task, &mut pixels, |point| {
+            let (path_m, rate_m) = state.path_and_rate(point);
+            let nu = rate_m * cycles_m;
+            let value = bilinear(
+                &map,
+                [doppler_length, range_length],
+                [nu * doppler_length as f64, path_m * range_bins_m],
+            );
+            value * phasor32(path_m * cycles_m - nu * left_over)
+        });
         if task.monitor.cancelled() {
             return Err(FormError::Cancelled);
         }
