@@ -11,20 +11,7 @@ use subaperture::image::Image;
 use subaperture::phase_history::{Collection, PhaseHistory, Pulse};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Noise, Preset, Scatterer, Simulated, Variation};
-
-/// Relative RMS error of `image` against `reference`, dB.
-fn error_db(image: &Image, reference: &Image) -> f64 {
-    assert_eq!(
-        (image.rows, image.columns),
-        (reference.rows, reference.columns)
-    );
-    let (mut error, mut power) = (0.0, 0.0);
-    for (a, b) in image.pixels.iter().zip(&reference.pixels) {
-        error += f64::from((a - b).norm_sqr());
-        power += f64::from(b.norm_sqr());
-    }
-    10.0 * (error / power).log10()
-}
+use subaperture_tests::error_db;
 
 /// A scene, a grid and windows: what formers are compared on.
 struct Bench {
@@ -94,6 +81,16 @@ fn thesis(sub_cpi: usize) -> RangeDoppler {
         sub_cpi: Some(sub_cpi),
         patch_m: None,
     }
+}
+
+/// One of each.
+fn every_former() -> [Box<dyn ImageFormer>; 4] {
+    [
+        Box::new(Exact),
+        Box::new(Backprojection { error_db: -50.0 }),
+        Box::new(precise(-60.0, None)),
+        Box::new(thesis(40)),
+    ]
 }
 
 fn table_4_1() -> Bench {
@@ -382,13 +379,8 @@ fn small_things_work() {
 #[test]
 fn threads_do_not_change_a_bit() {
     let bench = table_4_1();
-    let formers: [&dyn ImageFormer; 4] = [
-        &Exact,
-        &Backprojection { error_db: -50.0 },
-        &precise(-60.0, None),
-        &thesis(40),
-    ];
-    for former in formers {
+    for former in every_former() {
+        let former = former.as_ref();
         let on = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
@@ -423,13 +415,8 @@ fn a_band_that_moves_suits_backprojection_only() {
 #[test]
 fn memory_is_refused_before_it_is_taken() {
     let bench = table_4_1();
-    let formers: [&dyn ImageFormer; 4] = [
-        &Exact,
-        &Backprojection { error_db: -50.0 },
-        &precise(-60.0, None),
-        &thesis(40),
-    ];
-    for former in formers {
+    for former in every_former() {
+        let former = former.as_ref();
         let error = bench.try_form(former, 20_000, &Silent).unwrap_err();
         assert!(
             matches!(error, FormError::Memory { .. }),
@@ -453,13 +440,8 @@ fn work_can_be_stopped() {
         }
     }
     let bench = table_4_1();
-    let formers: [&dyn ImageFormer; 4] = [
-        &Exact,
-        &Backprojection { error_db: -50.0 },
-        &precise(-60.0, None),
-        &thesis(40),
-    ];
-    for former in formers {
+    for former in every_former() {
+        let former = former.as_ref();
         let error = bench.try_form(former, 1 << 30, &Stop).unwrap_err();
         assert!(
             matches!(error, FormError::Cancelled),

@@ -11,6 +11,7 @@ use subaperture_core::keystone::KeystoneTable;
 
 use crate::focus::budget::Budget;
 use crate::focus::{FormError, Monitor};
+use crate::image::power;
 use crate::phase_history::PhaseHistory;
 use crate::signal::range_doppler::RangeDopplerMapper;
 use crate::signal::scaled_dft::ScaledDft;
@@ -171,16 +172,12 @@ fn shape(num_frequencies: usize, num_pulses: usize) -> Result<core::Shape, FormE
 
 /// Relative RMS difference, dB.
 fn difference_db(got: &[Complex32], reference: &[Complex32]) -> f64 {
-    let power = |values: &mut dyn Iterator<Item = Complex32>| {
-        values
-            .map(|z| f64::from(z.re).powi(2) + f64::from(z.im).powi(2))
-            .sum::<f64>()
-    };
-    let error = power(&mut got.iter().zip(reference).map(|(a, b)| a - b));
+    let error: f64 = got.iter().zip(reference).map(|(a, b)| power(a - b)).sum();
     if error == 0.0 {
         return f64::NEG_INFINITY;
     }
-    10.0 * (error / power(&mut reference.iter().copied())).log10()
+    let reference: f64 = reference.iter().map(|&z| power(z)).sum();
+    10.0 * (error / reference).log10()
 }
 
 #[cfg(test)]

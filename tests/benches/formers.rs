@@ -11,10 +11,10 @@ use subaperture::focus::exact::Exact;
 use subaperture::focus::rdbp::{Mode, RangeDoppler};
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::ImageGrid;
-use subaperture::image::Image;
 use subaperture::phase_history::{PhaseHistory, Recorded};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
+use subaperture_tests::error_db;
 
 const TURNS: usize = 7;
 
@@ -87,16 +87,4 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.collect();
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
-}
-
-/// Relative RMS error, dB.
-fn error_db(image: &Image, reference: &Image) -> f64 {
-    let pairs = image.pixels.iter().zip(&reference.pixels);
-    let error: f64 = pairs.map(|(a, b)| f64::from((a - b).norm_sqr())).sum();
-    let power: f64 = reference
-        .pixels
-        .iter()
-        .map(|b| f64::from(b.norm_sqr()))
-        .sum();
-    10.0 * (error / power).log10()
 }

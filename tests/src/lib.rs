@@ -2,3 +2,22 @@
 
 pub mod matlab;
 pub mod subap;
+
+use subaperture::image::Image;
+
+/// Relative RMS error of `image` against `reference`, dB. Apart from the library's own comparison.
+///
+/// # Panics
+/// If the images differ in size.
+pub fn error_db(image: &Image, reference: &Image) -> f64 {
+    assert_eq!(
+        (image.rows, image.columns),
+        (reference.rows, reference.columns)
+    );
+    let (mut error, mut power) = (0.0, 0.0);
+    for (a, b) in image.pixels.iter().zip(&reference.pixels) {
+        error += f64::from((a - b).norm_sqr());
+        power += f64::from(b.norm_sqr());
+    }
+    10.0 * (error / power).log10()
+}

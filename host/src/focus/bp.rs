@@ -26,7 +26,6 @@ use super::budget::Budget;
 use super::pixels::add_to_each;
 use super::{FormError, Formed, ImageFormer, MARGIN_DB, Task};
 use crate::SPEED_OF_LIGHT_M_S;
-use crate::image::Image;
 use crate::phase_history::Pulse;
 use crate::signal::phase::phasor32;
 use crate::signal::range_profile::RangeProfiler;
@@ -54,7 +53,6 @@ impl ImageFormer for Backprojection {
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
         let collection = task.history.collection();
         let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
-        let (rows, columns) = (task.grid.rows.count, task.grid.columns.count);
         let mut budget = Budget::for_task(task, 8)?;
 
         let oversampling = RangeProfiler::oversampling_for(self.error_db - MARGIN_DB);
@@ -72,7 +70,7 @@ impl ImageFormer for Backprojection {
         )?;
         let mut samples = vec![Complex32::ZERO; block * num_samples];
         let mut profiles = vec![Complex32::ZERO; block * (length + 1)];
-        let mut pixels = vec![Complex32::ZERO; rows * columns];
+        let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
 
         for first in (0..num_pulses).step_by(block) {
             let pulses = first..(first + block).min(num_pulses);
@@ -107,21 +105,12 @@ impl ImageFormer for Backprojection {
             task.monitor.progress(pulses.end as f64 / num_pulses as f64);
         }
 
-        let mut settings = serde_json::Map::new();
-        settings.insert("error_db".into(), json!(self.error_db));
-        settings.insert("profile_length".into(), json!(length));
-        settings.insert(
-            "oversampling".into(),
-            json!(length as f64 / num_samples as f64),
-        );
-        Ok(Formed {
-            image: Image {
-                rows,
-                columns,
-                pixels,
-            },
-            settings,
-        })
+        let settings = json!({
+            "error_db": self.error_db,
+            "profile_length": length,
+            "oversampling": length as f64 / num_samples as f64,
+        });
+        Ok(Formed::new(task, pixels, settings))
     }
 }
 

@@ -21,9 +21,8 @@ use rayon::prelude::*;
 use super::budget::Budget;
 use super::{FormError, Formed, ImageFormer, Monitor, Task, Weights};
 use crate::SPEED_OF_LIGHT_M_S;
-use crate::image::Image;
 use crate::phase_history::{PhaseHistory, Pulse};
-use crate::signal::phase::phasor;
+use crate::signal::phase::{narrow, phasor};
 
 /// The exact sum.
 #[derive(Clone, Copy, Debug, Default)]
@@ -38,24 +37,15 @@ impl ImageFormer for Exact {
     }
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
-        let num_pixels = u128::from(task.grid.num_pixels());
         // Points, float64 sums and the image itself.
         let budget = Budget::for_task(task, 24 + 16 + 8)?;
         let columns = task.grid.columns.count;
-        let points: Vec<DVec3> = (0..num_pixels as usize)
+        let points: Vec<DVec3> = (0..task.grid.num_pixels() as usize)
             .map(|i| task.grid.position_m(i / columns, i % columns))
             .collect();
         let sums = sum_at(task.history, task.weights, &points, budget, task.monitor)?;
-        let narrow = |z: Complex64| Complex32::new(z.re as f32, z.im as f32);
-        let image = Image {
-            rows: task.grid.rows.count,
-            columns,
-            pixels: sums.into_iter().map(narrow).collect(),
-        };
-        Ok(Formed {
-            image,
-            settings: serde_json::Map::new(),
-        })
+        let pixels = sums.into_iter().map(narrow).collect();
+        Ok(Formed::new(task, pixels, serde_json::json!({})))
     }
 }
 

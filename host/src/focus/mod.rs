@@ -19,6 +19,8 @@ mod pixels;
 pub mod rdbp;
 pub mod weights;
 
+use num_complex::Complex32;
+
 use crate::geometry::ImageGrid;
 use crate::image::Image;
 use crate::phase_history::{PhaseHistory, ReadError};
@@ -57,6 +59,21 @@ pub struct Formed {
     pub image: Image,
     /// Every setting that was chosen, given or planned, for the record.
     pub settings: serde_json::Map<String, serde_json::Value>,
+}
+
+impl Formed {
+    /// An image on the task's grid from its pixels, row-major; `settings` is a JSON object.
+    fn new(task: &Task, pixels: Vec<Complex32>, settings: serde_json::Value) -> Self {
+        let serde_json::Value::Object(settings) = settings else {
+            unreachable!("settings are an object")
+        };
+        let image = Image {
+            rows: task.grid.rows.count,
+            columns: task.grid.columns.count,
+            pixels,
+        };
+        Self { image, settings }
+    }
 }
 
 /// Why no image was formed.

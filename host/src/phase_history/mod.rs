@@ -99,6 +99,12 @@ impl Band {
         self.frequency_hz(self.count / 2)
     }
 
+    /// Every frequency over the centre's: what Keystone scales slow time by.
+    pub fn scales(&self) -> Vec<f64> {
+        let ratio = |k| self.frequency_hz(k) / self.centre_hz();
+        (0..self.count).map(ratio).collect()
+    }
+
     /// Bandwidth `count * step_hz`, hertz. Range resolution is `c / (2 bandwidth)`.
     pub fn bandwidth_hz(&self) -> f64 {
         self.count as f64 * self.step_hz

@@ -11,3 +11,8 @@ pub fn phasor(turns: f64) -> Complex64 {
 pub fn phasor32(turns: f64) -> Complex32 {
     Complex32::cis(std::f32::consts::TAU * (turns - turns.round()) as f32)
 }
+
+/// Both parts rounded to float32.
+pub fn narrow(z: Complex64) -> Complex32 {
+    Complex32::new(z.re as f32, z.im as f32)
+}

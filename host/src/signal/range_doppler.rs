@@ -41,9 +41,7 @@ impl RangeDopplerMapper {
         doppler_bins: usize,
     ) -> Self {
         let num_pulses = slow.len();
-        let scales: Vec<f64> = (0..band.count)
-            .map(|k| band.frequency_hz(k) / band.centre_hz())
-            .collect();
+        let scales = band.scales();
         let shape = Shape {
             inputs: num_pulses,
             input_centre: (num_pulses / 2) as f64,

@@ -24,6 +24,7 @@ use num_complex::{Complex32, Complex64};
 use rustfft::{Fft, FftPlanner};
 
 use super::fast_length::fast_length;
+use super::phase::narrow;
 
 /// Shape of a [`ScaledDft`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,7 +69,6 @@ impl ScaledDft {
         );
         let mut plan64 = FftPlanner::<f64>::new();
         let forward64 = plan64.plan_fft_forward(length);
-        let narrow = |z: Complex64| Complex32::new(z.re as f32, z.im as f32);
         let chirp = |scale: f64, i: f64| Complex64::cis(PI * scale * spacing * i * i);
         let mut before = Vec::with_capacity(scales.len() * inputs);
         let mut kernel = Vec::with_capacity(scales.len() * length);

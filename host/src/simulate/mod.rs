@@ -28,7 +28,7 @@ use rayon::prelude::*;
 
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{Collection, PhaseHistory, ReadError};
-use crate::signal::phase::phasor;
+use crate::signal::phase::{narrow, phasor};
 
 pub use preset::{Preset, PresetError, Variation};
 
@@ -98,7 +98,7 @@ impl Simulated {
             }
         }
         for (out, z) in row.iter_mut().zip(sum.iter()) {
-            *out = Complex32::new(z.re as f32, z.im as f32);
+            *out = narrow(*z);
         }
     }
 }

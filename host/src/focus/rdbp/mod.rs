@@ -22,7 +22,7 @@ use serde_json::json;
 use super::budget::Budget;
 use super::{FormError, Formed, ImageFormer, Task};
 
-use crate::phase_history::Band;
+use crate::phase_history::{Band, Collection};
 
 pub use patch::PatchSize;
 pub use plan::{Plan, Request};
@@ -33,6 +33,15 @@ pub use sub_cpi::SubCpi;
 fn bins_per_cycle(band: &Band, num_pulses: usize) -> f64 {
     let highest = band.frequency_hz(band.count - 1) / band.centre_hz();
     2.0 * num_pulses as f64 * highest.max(1.0)
+}
+
+/// The frequency axis, which both modes need to be the same for all pulses.
+fn shared_band(collection: &Collection) -> Result<Band, FormError> {
+    collection.band().ok_or_else(|| {
+        FormError::Unsuited(
+            "the frequency axis changes from pulse to pulse; use --algorithm bp".to_owned(),
+        )
+    })
 }
 
 /// How maps are made and read.
@@ -76,7 +85,7 @@ impl ImageFormer for RangeDoppler {
                     memory_bytes: Budget::for_task(task, 8)?.left_bytes() / 2,
                 };
                 let plan = Plan::new(task.history.collection(), task.grid, &request)?;
-                let image = precise::form(task, &plan)?;
+                let pixels = precise::form(task, &plan)?;
                 let settings = json!({
                     "mode": "precise",
                     "error_db": self.error_db,
@@ -87,10 +96,7 @@ impl ImageFormer for RangeDoppler {
                     "patch_columns": plan.patch.columns,
                     "kernel_taps": plan.taps,
                 });
-                let serde_json::Value::Object(settings) = settings else {
-                    unreachable!()
-                };
-                Ok(Formed { image, settings })
+                Ok(Formed::new(task, pixels, settings))
             }
         }
     }

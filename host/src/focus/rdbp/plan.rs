@@ -73,11 +73,7 @@ impl Plan {
         grid: &ImageGrid,
         request: &Request,
     ) -> Result<Self, FormError> {
-        let band = collection.band().ok_or_else(|| {
-            FormError::Unsuited(
-                "the frequency axis changes from pulse to pulse; use --algorithm bp".to_owned(),
-            )
-        })?;
+        let band = super::shared_band(collection)?;
         if request.sub_cpi == Some(0)
             || request
                 .patch_m
@@ -104,10 +100,8 @@ impl Plan {
             breaks: &breaks,
         };
         let target = 10f64.powf((request.error_db - MARGIN_DB) / 20.0);
-        let kernel_error = |taps: usize| {
-            // Range and Doppler alike: both grids are twice as fine as the whole band needs.
-            KaiserBessel::new(taps).error(0.25) * 2f64.sqrt()
-        };
+        // In range and in Doppler alike: both grids are twice as fine as the whole band needs.
+        let kernels = [4, 6].map(|taps| (taps, KaiserBessel::new(taps).error(0.25) * 2f64.sqrt()));
 
         let mut best: Option<Choice> = None;
         let mut first_patch = 0;
@@ -118,8 +112,8 @@ impl Plan {
                     model_error,
                     doppler_span,
                 } = probe.run(length, patch);
-                for taps in [4, 6] {
-                    let error = model_error.hypot(kernel_error(taps));
+                for (taps, kernel_error) in kernels {
+                    let error = model_error.hypot(kernel_error);
                     let fits = probe.bytes(length, taps, doppler_span) <= request.memory_bytes;
                     let meets = error <= target;
                     let cost = probe.cost(length, patch, taps, doppler_span);
@@ -127,6 +121,7 @@ impl Plan {
                         length,
                         patch,
                         taps,
+                        kernel_error,
                         error,
                         cost,
                         fits,
@@ -143,7 +138,7 @@ impl Plan {
             }
         }
         let best = best.expect("there is at least one length and one patch");
-        let kernel_error = kernel_error(best.taps);
+        let kernel_error = best.kernel_error;
         // A given length is the user's word; it is measured, not changed.
         let allowed = match request.sub_cpi {
             Some(_) => f64::INFINITY,
@@ -173,6 +168,7 @@ struct Choice {
     length: usize,
     patch: PatchSize,
     taps: usize,
+    kernel_error: f64,
     error: f64,
     cost: f64,
     fits: bool,

@@ -28,7 +28,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex32;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
 
@@ -38,26 +38,24 @@ use super::sub_cpi::SubCpi;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::budget::Budget;
 use crate::focus::{FormError, Task};
-use crate::image::Image;
 use crate::phase_history::Collection;
 use crate::signal::fast_length::fast_length;
 use crate::signal::kaiser_bessel::KaiserBessel;
-use crate::signal::phase::{phasor, phasor32};
+use crate::signal::phase::{narrow, phasor, phasor32};
 use crate::signal::scaled_dft::{ScaledDft, Shape};
 
 /// Pulses held at once, at most: enough for threads to have work between reads.
 const BLOCK_PULSES: usize = 4096;
 
-pub(super) fn form(task: &Task, plan: &Plan) -> Result<Image, FormError> {
+pub(super) fn form(task: &Task, plan: &Plan) -> Result<Vec<Complex32>, FormError> {
     match plan.taps {
         4 => form_with::<4>(task, plan),
         _ => form_with::<6>(task, plan),
     }
 }
 
-fn form_with<const W: usize>(task: &Task, plan: &Plan) -> Result<Image, FormError> {
+fn form_with<const W: usize>(task: &Task, plan: &Plan) -> Result<Vec<Complex32>, FormError> {
     let num_samples = plan.band.count;
-    let (rows, columns) = (task.grid.rows.count, task.grid.columns.count);
     let mut budget = Budget::for_task(task, 8)?;
 
     let rectangles = patch::rectangles(task.grid, plan.patch);
@@ -84,7 +82,7 @@ fn form_with<const W: usize>(task: &Task, plan: &Plan) -> Result<Image, FormErro
         "use a smaller --sub-cpi, or raise --memory",
     )?;
     let mut samples = vec![Complex32::ZERO; block * plan.sub_cpi_length * num_samples];
-    let mut pixels = vec![Complex32::ZERO; rows * columns];
+    let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
 
     let mut add_all = || add_blocks(task, plan, &mapper, &rectangles, &mut samples, &mut pixels);
     if workers < threads {
@@ -94,11 +92,7 @@ fn form_with<const W: usize>(task: &Task, plan: &Plan) -> Result<Image, FormErro
     } else {
         add_all()?;
     }
-    Ok(Image {
-        rows,
-        columns,
-        pixels,
-    })
+    Ok(pixels)
 }
 
 /// Adds all sub-CPIs to all patches, as many sub-CPIs at a time as `samples` holds.
@@ -197,9 +191,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         let range_weight = |(k, w): (usize, &f64)| {
             (w / kernel.spectrum((k as f64 - centre as f64) / length as f64)) as f32
         };
-        let scales: Vec<f64> = (0..band.count)
-            .map(|k| band.frequency_hz(k) / band.centre_hz())
-            .collect();
+        let scales = band.scales();
         let cycles_m = band.centre_hz() / SPEED_OF_LIGHT_M_S;
 
         let mut spans: BTreeMap<usize, f64> = BTreeMap::new();
@@ -420,10 +412,6 @@ impl<'a, const W: usize> Mapper<'a, W> {
         }
         inside
     }
-}
-
-fn narrow(z: Complex64) -> Complex32 {
-    Complex32::new(z.re as f32, z.im as f32)
 }
 
 /// Largest path rate over a patch, metres a pulse, at 5 x 5 of its points.

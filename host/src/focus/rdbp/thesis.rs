@@ -32,7 +32,6 @@ use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::budget::Budget;
 use crate::focus::pixels::add_to_each;
 use crate::focus::{FormError, Formed, Task};
-use crate::image::Image;
 use crate::signal::fast_length::fast_length;
 use crate::signal::phase::phasor32;
 use crate::signal::sinc_keystone::SincKeystone;
@@ -46,11 +45,7 @@ const RANGE_PADDING: usize = 10;
 
 pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormError> {
     let collection = task.history.collection();
-    let band = collection.band().ok_or_else(|| {
-        FormError::Unsuited(
-            "the frequency axis changes from pulse to pulse; use --algorithm bp".to_owned(),
-        )
-    })?;
+    let band = super::shared_band(collection)?;
     if sub_cpi_length == 0 {
         return Err(FormError::Unsuited(
             "a sub-CPI needs at least one pulse".to_owned(),
@@ -61,7 +56,6 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
     let doppler_length = fast_length(DOPPLER_PADDING * longest);
     let range_length = fast_length(RANGE_PADDING * num_samples);
 
-    let (rows, columns) = (task.grid.rows.count, task.grid.columns.count);
     let mut budget = Budget::for_task(task, 8)?;
     let advice = "use a smaller --sub-cpi, --mode precise, or raise --memory";
     let map_values = doppler_length as u128 * (range_length + num_samples) as u128;
@@ -70,9 +64,7 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
     budget.take("Keystone weights", weight_bytes, advice)?;
     budget.take("a sub-CPI", (longest * num_samples) as u128 * 8, advice)?;
 
-    let scales: Vec<f64> = (0..num_samples)
-        .map(|k| band.frequency_hz(k) / band.centre_hz())
-        .collect();
+    let scales = band.scales();
     let fast: Vec<f32> = task.weights.fast.iter().map(|&w| w as f32).collect();
     let norm = task.weights.normalisation();
     let mut planner = FftPlanner::new();
@@ -84,7 +76,7 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
     let mut samples = vec![Complex32::ZERO; longest * num_samples];
     let mut doppler = vec![Complex32::ZERO; num_samples * doppler_length];
     let mut map = vec![Complex32::ZERO; doppler_length * range_length];
-    let mut pixels = vec![Complex32::ZERO; rows * columns];
+    let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
     let sub_cpis = sub_cpi::cut(num_pulses, &sub_cpi::breaks(collection), sub_cpi_length);
     let mut keystone: Option<(usize, SincKeystone)> = None;
 
@@ -162,17 +154,7 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
         "doppler_length": doppler_length,
         "range_length": range_length,
     });
-    let serde_json::Value::Object(settings) = settings else {
-        unreachable!()
-    };
-    Ok(Formed {
-        image: Image {
-            rows,
-            columns,
-            pixels,
-        },
-        settings,
-    })
+    Ok(Formed::new(task, pixels, settings))
 }
 
 /// Reads `map` (rows of `lengths[1]`, both axes periodic) at a place in bins.
