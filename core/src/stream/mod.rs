@@ -1,0 +1,38 @@
+//! Streaming: pulses in, the maps of several patches out, in a fixed set of buffers.
+//!
+//! **Equation.** Every pulse `m` of a sub-CPI of `M` is compensated to a patch's centre `q` with its own
+//! antenna positions, `rho_m(q) = path_m(q) - reference_path_m`, so that what all of the patch has in
+//! common (its range, its migration, its curvature) is gone; then Keystone, Doppler and range in one
+//! sum. With `u_m = m - (M - 1)/2`, for `|d| <= doppler_reach` and `|r| <= range_reach` about the
+//! patch's centre:
+//!
+//! ```text
+//! map[d][r] = 1/M  sum_k sum_m  w_f[k] w_m z[m][k] exp(+j 2 pi f_k rho_m(q) / c)
+//!             exp(+j 2 pi (k - F/2) r / R)  exp(-j 2 pi (f_k / f_ref) u_m d / D)
+//! ```
+//!
+//! A scatterer whose path relative to the patch's centre is `a + b u_m` lies at
+//! `r = a R step_hz / c`, `d = -b D f_ref / c` with the phase `-2 pi f_ref a / c`: read there and turned
+//! back by it, maps add up to the image (Schone 2020, chapter 3; the compensation is what takes the
+//! quadratic phase, and with it the grating lobes, away). Fast weights sum to 1; the weights `w_m` in
+//! slow time come with the pulses, so that a window over the whole aperture can be used.
+//!
+//! **The way of the data.** Two stores of raw pulses take turns: one fills while the other is worked
+//! on. Raw, because one store then serves any number of patches; compensation happens on the way into
+//! the transform.
+//!
+//! ```text
+//! push -> store A | B [M][F] -> for each patch: column (compensate, Keystone) for each frequency
+//!                               -> map [2Q+1][F] -> row (range, gate) for each Doppler bin -> map out
+//! ```
+//!
+//! [`SubCpiProcessor`] knows the order; an [`Engine`] does the arithmetic, in units of bounded work:
+//! [`FloatEngine`] in float32, [`FixedEngine`] on 16-bit samples without a floating-point unit.
+
+mod engine;
+mod patch;
+mod setup;
+
+pub use engine::{Engine, Work};
+pub use patch::{BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two};
+pub use setup::{Capacity, Quantity, Setup, SetupError};
