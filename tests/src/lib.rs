@@ -1,6 +1,7 @@
 //! Shared by the integration tests.
 
 pub mod matlab;
+pub mod stream_scene;
 pub mod subap;
 
 use subaperture::image::Image;

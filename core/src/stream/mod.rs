@@ -29,10 +29,18 @@
 //! [`SubCpiProcessor`] knows the order; an [`Engine`] does the arithmetic, in units of bounded work:
 //! [`FloatEngine`] in float32, [`FixedEngine`] on 16-bit samples without a floating-point unit.
 
+mod buffers;
 mod engine;
+mod float;
 mod patch;
+mod processor;
 mod setup;
+mod track;
 
+pub use buffers::{FloatBuffers, FloatMap, FloatScratch, PulseStores};
 pub use engine::{Engine, Work};
+pub use float::{ANCHOR, FloatEngine, PulsePhase};
 pub use patch::{BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two};
+pub use processor::{Progress, PulseCounters, PulseError, Sample, Store, SubCpiProcessor};
 pub use setup::{Capacity, Quantity, Setup, SetupError};
+pub use track::nodes;

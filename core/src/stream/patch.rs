@@ -20,6 +20,13 @@ pub struct Patch {
 }
 
 impl Patch {
+    /// A patch at the origin of one bin: what fills an empty list.
+    pub const EMPTY: Self = Self {
+        centre_m: [0.0; 3],
+        range_reach: 0,
+        doppler_reach: 0,
+    };
+
     /// Range bins of a map, `2 range_reach + 1`.
     pub const fn num_range_bins(&self) -> usize {
         2 * self.range_reach as usize + 1

@@ -1,0 +1,234 @@
+//! The buffers of a processor, in arrays of sizes known to the compiler: made to be statics.
+//!
+//! They come in three, by what they need of a memory. Pulse stores are large and written once a sample;
+//! the map is large and read and written throughout; scratch is small and busy. On a part with several
+//! memories each goes where it fits.
+//!
+//! | buffer | bytes, float | bytes, fixed | at M = 30, F = 424, R = 1024, 41 rows, 16 patches |
+//! |---|---|---|---|
+//! | [`PulseStores`] | `16 M F + 144 M` | `8 M F + 144 M` | 207840, 106080 |
+//! | [`FloatMap`], [`FixedMap`](super::FixedMap) | `8 F rows` | `4 F rows` and exponents | 139072 |
+//! | [`FloatScratch`], [`FixedScratch`](super::FixedScratch) | `8 R + 40 M + 4 F + 32 patches` | | 11600 |
+
+use super::{Capacity, FloatEngine, Patch, PulsePhase, Sample, Store, SubCpiProcessor};
+use crate::{Complex32, Pulse, fft};
+
+/// Two stores of raw pulses of samples `S`.
+#[derive(Debug)]
+pub struct PulseStores<S, const PULSES: usize, const FREQUENCIES: usize> {
+    samples: [[[S; FREQUENCIES]; PULSES]; 2],
+    pulses: [[Pulse; PULSES]; 2],
+}
+
+impl<S: Sample, const PULSES: usize, const FREQUENCIES: usize> PulseStores<S, PULSES, FREQUENCIES> {
+    /// Memory in bytes.
+    pub const BYTES: usize = size_of::<Self>();
+
+    /// Empty stores, all zero bytes.
+    pub const fn new() -> Self {
+        const {
+            assert!(
+                PULSES >= 1 && PULSES <= 4096 && FREQUENCIES >= 1 && FREQUENCIES <= 4096,
+                "PULSES and FREQUENCIES are 1 to 4096"
+            );
+        };
+        Self {
+            samples: [[[S::ZERO; FREQUENCIES]; PULSES]; 2],
+            pulses: [[Pulse::EMPTY; PULSES]; 2],
+        }
+    }
+
+    /// Lends the stores.
+    pub(super) fn split(&mut self) -> [Store<'_, S>; 2] {
+        let Self {
+            samples: [a, b],
+            pulses: [first, second],
+        } = self;
+        [
+            Store::new(a.as_flattened_mut(), first),
+            Store::new(b.as_flattened_mut(), second),
+        ]
+    }
+}
+
+impl<S: Sample, const PULSES: usize, const FREQUENCIES: usize> Default
+    for PulseStores<S, PULSES, FREQUENCIES>
+{
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The map in work in float32: `DOPPLER_BINS` rows of `FREQUENCIES` samples, or of a range gate.
+#[derive(Debug)]
+pub struct FloatMap<const FREQUENCIES: usize, const DOPPLER_BINS: usize> {
+    cells: [[Complex32; FREQUENCIES]; DOPPLER_BINS],
+}
+
+impl<const FREQUENCIES: usize, const DOPPLER_BINS: usize> FloatMap<FREQUENCIES, DOPPLER_BINS> {
+    /// Memory in bytes.
+    pub const BYTES: usize = size_of::<Self>();
+
+    /// An empty map, all zero bytes.
+    pub const fn new() -> Self {
+        const {
+            assert!(
+                DOPPLER_BINS >= 1 && DOPPLER_BINS <= 4096,
+                "DOPPLER_BINS is 1 to 4096"
+            );
+        };
+        Self {
+            cells: [[Complex32::ZERO; FREQUENCIES]; DOPPLER_BINS],
+        }
+    }
+}
+
+impl<const FREQUENCIES: usize, const DOPPLER_BINS: usize> Default
+    for FloatMap<FREQUENCIES, DOPPLER_BINS>
+{
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// What the floating-point path needs beside stores and map.
+#[derive(Debug)]
+pub struct FloatScratch<
+    const PULSES: usize,
+    const FREQUENCIES: usize,
+    const RANGE_BINS: usize,
+    const PATCHES: usize,
+> {
+    row: [Complex32; RANGE_BINS],
+    column: [Complex32; PULSES],
+    phases: [PulsePhase; PULSES],
+    weights: [f32; FREQUENCIES],
+    patches: [Patch; PATCHES],
+}
+
+impl<const PULSES: usize, const FREQUENCIES: usize, const RANGE_BINS: usize, const PATCHES: usize>
+    FloatScratch<PULSES, FREQUENCIES, RANGE_BINS, PATCHES>
+{
+    /// Memory in bytes.
+    pub const BYTES: usize = size_of::<Self>();
+
+    /// Empty scratch, all zero bytes.
+    pub const fn new() -> Self {
+        const {
+            assert!(
+                fft::supports(RANGE_BINS) && RANGE_BINS >= FREQUENCIES,
+                "RANGE_BINS is a power of two from 2 to 4096, at least FREQUENCIES"
+            );
+            assert!(PATCHES >= 1 && PATCHES <= 4096, "PATCHES is 1 to 4096");
+        };
+        Self {
+            row: [Complex32::ZERO; RANGE_BINS],
+            column: [Complex32::ZERO; PULSES],
+            phases: [PulsePhase::EMPTY; PULSES],
+            weights: [0.0; FREQUENCIES],
+            patches: [Patch::EMPTY; PATCHES],
+        }
+    }
+}
+
+impl<const PULSES: usize, const FREQUENCIES: usize, const RANGE_BINS: usize, const PATCHES: usize>
+    Default for FloatScratch<PULSES, FREQUENCIES, RANGE_BINS, PATCHES>
+{
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<'a> SubCpiProcessor<'a, FloatEngine<'a>> {
+    /// A processor in float32 on buffers of matching sizes.
+    pub fn float<
+        const PULSES: usize,
+        const FREQUENCIES: usize,
+        const RANGE_BINS: usize,
+        const DOPPLER_BINS: usize,
+        const PATCHES: usize,
+    >(
+        stores: &'a mut PulseStores<Complex32, PULSES, FREQUENCIES>,
+        map: &'a mut FloatMap<FREQUENCIES, DOPPLER_BINS>,
+        scratch: &'a mut FloatScratch<PULSES, FREQUENCIES, RANGE_BINS, PATCHES>,
+    ) -> Self {
+        let capacity = Capacity {
+            pulses: PULSES as u16,
+            frequencies: FREQUENCIES as u16,
+            range_bins: RANGE_BINS as u16,
+            doppler_bins: DOPPLER_BINS as u16,
+            patches: PATCHES as u16,
+        };
+        let engine = FloatEngine::new(
+            map.cells.as_flattened_mut(),
+            &mut scratch.row,
+            &mut scratch.column,
+            &mut scratch.phases,
+        );
+        let (weights, patches) = (&mut scratch.weights, &mut scratch.patches);
+        Self::from_parts(engine, capacity, weights, patches, stores.split())
+    }
+}
+
+/// Everything that a processor in float32 needs, where one memory holds it all.
+///
+/// Sizes that cannot be do not compile. Range bins that are no power of two:
+///
+/// ```compile_fail
+/// use subaperture_core::stream::FloatBuffers;
+/// static BUFFERS: FloatBuffers<30, 424, 1000, 41, 16> = FloatBuffers::new();
+/// ```
+/// Range bins below the frequencies:
+/// ```compile_fail
+/// use subaperture_core::stream::FloatBuffers;
+/// static BUFFERS: FloatBuffers<30, 424, 256, 41, 16> = FloatBuffers::new();
+/// ```
+/// No pulses:
+/// ```compile_fail
+/// use subaperture_core::stream::FloatBuffers;
+/// static BUFFERS: FloatBuffers<0, 424, 1024, 41, 16> = FloatBuffers::new();
+/// ```
+/// These do:
+/// ```
+/// use subaperture_core::stream::FloatBuffers;
+/// static BUFFERS: FloatBuffers<30, 424, 1024, 41, 16> = FloatBuffers::new();
+/// println!("{} bytes", FloatBuffers::<30, 424, 1024, 41, 16>::BYTES);
+/// ```
+#[derive(Debug, Default)]
+pub struct FloatBuffers<
+    const PULSES: usize,
+    const FREQUENCIES: usize,
+    const RANGE_BINS: usize,
+    const DOPPLER_BINS: usize,
+    const PATCHES: usize,
+> {
+    stores: PulseStores<Complex32, PULSES, FREQUENCIES>,
+    map: FloatMap<FREQUENCIES, DOPPLER_BINS>,
+    scratch: FloatScratch<PULSES, FREQUENCIES, RANGE_BINS, PATCHES>,
+}
+
+impl<
+    const PULSES: usize,
+    const FREQUENCIES: usize,
+    const RANGE_BINS: usize,
+    const DOPPLER_BINS: usize,
+    const PATCHES: usize,
+> FloatBuffers<PULSES, FREQUENCIES, RANGE_BINS, DOPPLER_BINS, PATCHES>
+{
+    /// Memory in bytes.
+    pub const BYTES: usize = size_of::<Self>();
+
+    /// Empty buffers, all zero bytes.
+    pub const fn new() -> Self {
+        Self {
+            stores: PulseStores::new(),
+            map: FloatMap::new(),
+            scratch: FloatScratch::new(),
+        }
+    }
+
+    /// Lends the buffers to a processor.
+    pub fn processor(&mut self) -> SubCpiProcessor<'_, FloatEngine<'_>> {
+        SubCpiProcessor::float(&mut self.stores, &mut self.map, &mut self.scratch)
+    }
+}
