@@ -62,6 +62,7 @@ pub mod accumulate;
 mod axes;
 pub mod fft;
 pub mod keystone;
+pub mod link;
 mod map;
 mod plan;
 mod pulse;

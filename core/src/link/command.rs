@@ -1,0 +1,119 @@
+//! Messages from the host to the module. Layout and meaning: the tables at the head of [`crate::link`].
+
+use serde::{Deserialize, Serialize};
+
+use super::Message;
+use crate::Pulse;
+use crate::stream::{Patch, Setup};
+
+/// What the host sends. Every command but [`Command::Pulse`] is answered, see [`crate::link`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Command<'a> {
+    /// Opens the conversation; changes nothing but the sequence count. Answered by
+    /// [`super::Report::Identity`].
+    Hello,
+    /// Begins a configuration: weights, patches and options sent before are forgotten.
+    Configure(Configuration),
+    /// Weights of the fast-time window.
+    Weights {
+        /// Frequency of the first.
+        first: u16,
+        /// Float32, little endian ([`super::f32s`]).
+        #[serde(serialize_with = "super::as_bytes")]
+        weights: &'a [u8],
+    },
+    /// One patch of the list.
+    Patch {
+        /// Its place in the list, from 0.
+        index: u16,
+        /// Patches of the list; with the last of them it is complete.
+        count: u16,
+        /// The patch.
+        patch: Patch,
+    },
+    /// Begins a run; maps are numbered from 0.
+    Start {
+        /// Number of the run, the host's choice; other than the last.
+        run: u32,
+    },
+    /// A pulse of the run.
+    Pulse {
+        /// All of it but the samples.
+        pulse: Pulse,
+        /// How the samples are encoded.
+        encoding: Encoding,
+        /// One sample a frequency.
+        #[serde(serialize_with = "super::as_bytes")]
+        samples: &'a [u8],
+    },
+    /// No more pulses: what is held is mapped too, a partial sub-CPI included.
+    Stop,
+    /// Asks for a status.
+    Status,
+    /// Ends the run at once; what is held is dropped.
+    Abort,
+    /// Option of a configuration: the run's maps are also added up to a chip, sent after the last map.
+    Chip(ChipGrid),
+    /// Option of a configuration: detections are sent after each map.
+    Detect {
+        /// Training cells on either side of the guard cells.
+        training: u8,
+        /// Guard cells on either side of the cell under test.
+        guard: u8,
+        /// Probability of false alarm, above 0 and below 1.
+        false_alarm: f64,
+    },
+}
+
+impl Message for Command<'_> {
+    fn opens(&self) -> bool {
+        matches!(self, Self::Hello)
+    }
+}
+
+/// Name and setup of a configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Configuration {
+    /// Number, the host's choice; [`super::Status::configuration`] repeats it.
+    pub id: u32,
+    /// The setup.
+    pub setup: Setup,
+}
+
+/// How samples lie in a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Encoding {
+    /// Real and imaginary part as float32, little endian: 8 bytes.
+    Complex32,
+    /// Real and imaginary part as 16-bit integers in units of `2^-15`, little endian: 4 bytes.
+    Sc16,
+}
+
+impl Encoding {
+    /// Bytes of a sample.
+    pub const fn sample_bytes(self) -> usize {
+        match self {
+            Self::Complex32 => 8,
+            Self::Sc16 => 4,
+        }
+    }
+}
+
+/// Pixels of a chip: `origin + column * column_step + row * row_step`, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ChipGrid {
+    /// Pixel of row 0 and column 0.
+    pub origin_m: [f64; 3],
+    /// From column to column.
+    pub column_step_m: [f64; 3],
+    /// From row to row.
+    pub row_step_m: [f64; 3],
+    /// Pixels a row.
+    pub num_columns: u16,
+    /// Rows.
+    pub num_rows: u16,
+}

@@ -1,0 +1,160 @@
+//! The link between a host and the module: messages in frames over a serial line that may lose bytes.
+//!
+//! **What it does.** [`Encoder`] turns a [`Command`] or a [`Report`] into bytes, [`Receiver`] turns bytes
+//! back and counts what was damaged; [`MapAssembly`] and [`ChipAssembly`] put maps and chips together.
+//! Samples stay bytes in the buffers that they came in ([`complex32s`], [`sc16s`], [`Row`]).
+//!
+//! **Neglected**: nothing is sent again by itself; frames are not encrypted or signed. A frame is wrong
+//! and accepted once in `2^32` damaged ones, see [`Receiver`].
+//!
+//! # Bytes of a frame
+//!
+//! | offset | bytes | what |
+//! |---|---|---|
+//! | 0 | 1 | protocol version, [`PROTOCOL_VERSION`] = 1 |
+//! | 1 | 4 | sequence number, little endian |
+//! | 5 | n | message, below |
+//! | 5 + n | 4 | CRC-32/ISO-HDLC (zlib's) of all bytes before, little endian |
+//!
+//! These 9 + n bytes are stuffed by COBS: they are split at their zeros, as if one more zero followed
+//! the last byte; each piece, without its zero, is sent after a code that is its length plus 1. A piece
+//! of more than 253 bytes is sent as code 255 and 254 bytes, and goes on without a zero; if nothing
+//! follows, no code follows. Then one zero byte ends the frame. Zeros between frames mean nothing: a zero
+//! before a frame ends whatever noise came first.
+//!
+//! Every frame has a number: [`Command::Hello`] and [`Report::Identity`], which open the conversation,
+//! have 0, those after it 1, 2, ...; 1 again after `2^32 - 1`. Each direction has its own.
+//!
+//! # Bytes of a message
+//! [Postcard](https://postcard.jamesmunns.com/wire-format): the variant's number, then its fields in order.
+//!
+//! | type | bytes |
+//! |---|---|
+//! | variant, `u16`, `u32`, length | least first in groups of 7 bits; bit 7 set on all but the last |
+//! | `u8` | 1 |
+//! | `f32`, `f64` | 4, 8, little endian |
+//! | `bytes`, `text` | length, then the bytes; text is UTF-8 |
+//! | array `[T; n]`, struct | its elements in order, no length |
+//!
+//! ## Host to module: [`Command`]
+//!
+//! | number | name | fields |
+//! |---|---|---|
+//! | 0 | `Hello` | |
+//! | 1 | `Configure` | id `u32`, setup |
+//! | 2 | `Weights` | first `u16`, weights `bytes` (4 each: `f32`) |
+//! | 3 | `Patch` | index `u16`, count `u16`, patch |
+//! | 4 | `Start` | run `u32` |
+//! | 5 | `Pulse` | pulse, encoding, samples `bytes` |
+//! | 6 | `Stop` | |
+//! | 7 | `Status` | |
+//! | 8 | `Abort` | |
+//! | 9 | `Chip` | grid |
+//! | 10 | `Detect` | training `u8`, guard `u8`, false alarm `f64` |
+//!
+//! ## Module to host: [`Report`]
+//!
+//! | number | name | fields |
+//! |---|---|---|
+//! | 0 | `Identity` | protocol `u8`, arithmetic, capacity, version `text` |
+//! | 1 | `Status` | state, configuration `u32`, run `u32`, next pulse `u32`, accept through `u32`, maps `u32`, link counters, pulse counters |
+//! | 2 | `MapStart` | map `u32`, header, encoding |
+//! | 3 | `MapRow` | map `u32`, row `u16`, samples `bytes` |
+//! | 4 | `MapEnd` | map `u32`, rows `u16`, crc `u32` |
+//! | 5 | `ChipStart` | chip `u32`, grid, maps `u32`, weight sum `f32` |
+//! | 6 | `ChipRow` | chip `u32`, row `u16`, samples `bytes` (8 each) |
+//! | 7 | `ChipEnd` | chip `u32`, rows `u16`, crc `u32` |
+//! | 8 | `Detections` | map `u32`, sub-CPI `u32`, patch `u16`, first `u16`, total `u16`, list `bytes` (16 each: range bin, Doppler bin, power, noise `f32`) |
+//! | 9 | `Refused` | sequence `u32`, refusal |
+//! | 10 | `Log` | text `text` |
+//!
+//! ## Parts
+//!
+//! | name | fields, or number and name of each variant |
+//! |---|---|
+//! | setup | pulses `u16`, frequencies `u16`, range length `u16`, Doppler length `u16`, start hertz `f64`, step hertz `f64` |
+//! | patch | centre metres `[f64; 3]`, range reach `u16`, Doppler reach `u16` |
+//! | pulse | number `u32`, time seconds `f64`, transmitter metres `[f64; 3]`, receiver metres `[f64; 3]`, reference path metres `f64`, weight `f32` |
+//! | encoding | 0 `Complex32` (8 bytes a sample: real, imaginary `f32`), 1 `Sc16` (4 bytes a sample: real, imaginary 16-bit two's complement, little endian, in units of `2^-15`) |
+//! | grid | origin, column step, row step metres `[f64; 3]` each, columns `u16`, rows `u16` |
+//! | arithmetic | 0 `Float`, 1 `Fixed` |
+//! | capacity | pulses, frequencies, range bins, Doppler bins, patches, `u16` each |
+//! | state | 0 `Idle`, 1 `Ready`, 2 `Running`, 3 `Finishing`, 4 `Done` |
+//! | link counters | frames, corrupt, malformed, too long, version, lost, repeated, `u32` each |
+//! | pulse counters | accepted, lost, repeated, refused, dropped, at limit, saturated, incomplete, `u32` each |
+//! | header | sub-CPI `u32`, patch index `u16`, pulses `u16`, patch, time of first and last pulse seconds `[f64; 2]`, weight sum `f32`, two nodes |
+//! | node | transmitter metres `[f64; 3]`, receiver metres `[f64; 3]` |
+//! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported` |
+//! | setup error | 0 `Size` quantity, wanted `u32`, most `u32`; 1 `RangeLength` `u16`; 2 `DopplerLength` `u16`; 3 `Band`; 4 `NotFinite` |
+//! | quantity | 0 pulses, 1 frequencies, 2 weights, 3 range length, 4 range gate, 5 Doppler band, 6 map, 7 patches |
+//!
+//! A row of a map has `2 range_reach + 1` samples, ascending; in `Sc16` they are mantissas, and one
+//! signed byte for every 32 samples begun follows them: the exponent of 2 by which those are to be
+//! multiplied. A map has `2 doppler_reach + 1` rows, ascending. The `crc` of an end is CRC-32/ISO-HDLC of
+//! the header's bytes (of a chip: the grid's) and then of the `samples` of all rows.
+//!
+//! # Conversation
+//! ```text
+//! host                                                module
+//! Hello                                          ->
+//!                                                <-   Identity (also after a start of its own)
+//! Configure, Weights ..., Patch ..., Chip, Detect ->
+//!                                                <-   Status each; Ready once complete
+//! Start                                          ->
+//!                                                <-   Status: Running, credit
+//! Pulse Pulse Pulse ...                          ->
+//!                                                <-   Status: more credit
+//!                                                <-   MapStart MapRow ... MapEnd, Detections ...
+//! Stop                                           ->
+//!                                                <-   Status: Finishing; the last maps, the chip
+//!                                                <-   Status: Done
+//! ```
+//!
+//! - `Hello` is answered by `Identity`, all other commands but `Pulse` by `Status`, or by `Refused` with
+//!   the command's number. No answer in time, or no `Ready`: the host sends again, the
+//!   configuration from `Configure` on. All commands may come twice without harm: a `Start` of the run
+//!   that is going on, a `Stop` or an `Abort` of one that is over, change nothing.
+//! - `Pulse` is not answered: what became of pulses is counted in `Status`, which also comes by itself
+//!   whenever the credit grows. The host sends only pulses of numbers below `accept_through`. Credit is
+//!   absolute: a lost `Status` is made good by the next, and a lost pulse gives no credit away. A host that
+//!   waits for credit asks with `Status`.
+//! - Maps are not sent again. One that does not come whole is lost, and the rest of the run is not
+//!   affected; the run's last `Status` says how many there were.
+//! - A host that drops a frame as [`Damage::Repeated`] greets the module: it began anew.
+//!
+//! # Sizes
+//! A message without samples has at most [`MAX_MESSAGE_BYTES`]: texts have at most [`MAX_TEXT_BYTES`],
+//! a frame at most [`DetectionRecord::MOST`] detections, and weights are sent as few at a time as fit.
+//! Buffers: [`max_received_bytes`] and [`max_frame_bytes`] of the most samples in a message.
+//!
+//! **Cost**: see the parts. **Accuracy, errors**: `tests/link_frames.rs` (every message there and back
+//! and byte by byte, every bit flipped, lines with bit errors), `tests/link_assembly.rs`.
+
+mod assembly;
+mod command;
+mod frame;
+mod receiver;
+mod report;
+mod samples;
+
+pub use assembly::{
+    AssembledChip, AssembledMap, ChipAssembly, Loss, LossCause, MapAssembly, TransferChecksum,
+};
+pub use command::{ChipGrid, Command, Configuration, Encoding};
+pub use frame::{
+    EncodeError, Encoder, MAX_MESSAGE_BYTES, Message, OVERHEAD_BYTES, PROTOCOL_VERSION,
+    max_frame_bytes, max_received_bytes,
+};
+pub use receiver::{Damage, LinkCounters, Received, Receiver};
+pub use report::{
+    Arithmetic, DetectionRecord, MAX_TEXT_BYTES, PulseCounters, Refusal, Report, State, Status,
+};
+pub use samples::{
+    Row, complex32s, f32s, row_bytes, sc16s, write_block_row, write_complex32s, write_f32s,
+    write_sc16s,
+};
+
+/// Serialises bytes as one run; serde would take a slice element by element, to the same bytes.
+fn as_bytes<S: serde::Serializer>(bytes: &[u8], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_bytes(bytes)
+}

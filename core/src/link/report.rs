@@ -1,0 +1,334 @@
+//! Messages from the module to the host. Layout and meaning: the tables at the head of [`crate::link`].
+
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::{ChipGrid, Encoding, LinkCounters, Message};
+use crate::stream::{Capacity, MapHeader, SetupError};
+
+/// Most bytes of the text of [`Report::Log`] and of the version of [`Report::Identity`].
+pub const MAX_TEXT_BYTES: usize = 160;
+
+/// What the module sends.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Report<'a> {
+    /// Opens the conversation: sent after a start of the module, and in answer to
+    /// [`super::Command::Hello`].
+    Identity {
+        /// [`super::PROTOCOL_VERSION`].
+        protocol: u8,
+        /// The arithmetic of its maps.
+        arithmetic: Arithmetic,
+        /// The sizes its buffers were built for.
+        capacity: Capacity,
+        /// Name and version of its program, at most [`MAX_TEXT_BYTES`].
+        version: &'a str,
+    },
+    /// Where it stands.
+    Status(Status),
+    /// A map begins.
+    MapStart {
+        /// Its number in the run, from 0.
+        map: u32,
+        /// What it is of.
+        header: MapHeader,
+        /// How its samples are encoded.
+        encoding: Encoding,
+    },
+    /// The next Doppler bin's row of the map.
+    MapRow {
+        /// The map's number.
+        map: u32,
+        /// The row, from 0, the lowest Doppler bin.
+        row: u16,
+        /// The row's range bins; with [`Encoding::Sc16`] followed by the exponents ([`super::Row`]).
+        #[serde(serialize_with = "super::as_bytes")]
+        samples: &'a [u8],
+    },
+    /// The map is complete.
+    MapEnd {
+        /// The map's number.
+        map: u32,
+        /// Rows that were sent.
+        rows: u16,
+        /// [`super::TransferChecksum`] of header and rows.
+        crc: u32,
+    },
+    /// A chip begins.
+    ChipStart {
+        /// Its number in the run, from 0.
+        chip: u32,
+        /// Its pixels.
+        grid: ChipGrid,
+        /// Maps that were added up to it.
+        maps: u32,
+        /// Sum of the weights of their pulses.
+        weight_sum: f32,
+    },
+    /// The next row of the chip.
+    ChipRow {
+        /// The chip's number.
+        chip: u32,
+        /// The row, from 0.
+        row: u16,
+        /// Its pixels, [`Encoding::Complex32`].
+        #[serde(serialize_with = "super::as_bytes")]
+        samples: &'a [u8],
+    },
+    /// The chip is complete.
+    ChipEnd {
+        /// The chip's number.
+        chip: u32,
+        /// Rows that were sent.
+        rows: u16,
+        /// [`super::TransferChecksum`] of grid and rows.
+        crc: u32,
+    },
+    /// Detections on a map, a few a frame.
+    Detections {
+        /// The map's number.
+        map: u32,
+        /// Its sub-CPI.
+        sub_cpi: u32,
+        /// Its patch.
+        patch: u16,
+        /// Place of the first of these in the map's list.
+        first: u16,
+        /// Detections in the map's list.
+        total: u16,
+        /// [`DetectionRecord`]s, at most [`DetectionRecord::MOST`] ([`DetectionRecord::list`]).
+        #[serde(serialize_with = "super::as_bytes")]
+        list: &'a [u8],
+    },
+    /// A command was not obeyed; nothing has changed.
+    Refused {
+        /// Sequence number of its frame.
+        sequence: u32,
+        /// Why.
+        what: Refusal,
+    },
+    /// A line for whoever looks after the module.
+    Log {
+        /// At most [`MAX_TEXT_BYTES`].
+        text: &'a str,
+    },
+}
+
+impl Message for Report<'_> {
+    fn opens(&self) -> bool {
+        matches!(self, Self::Identity { .. })
+    }
+}
+
+/// The arithmetic of a module's maps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Arithmetic {
+    /// Float32.
+    Float,
+    /// 16-bit integers in blocks of a common exponent.
+    Fixed,
+}
+
+/// Where the module stands. All numbers are absolute, so that a lost status is made good by the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Status {
+    /// What it is doing.
+    pub state: State,
+    /// Number of the configuration.
+    pub configuration: u32,
+    /// Number of the run.
+    pub run: u32,
+    /// Number of the pulse expected next.
+    pub next_pulse: u32,
+    /// Credit: pulses of numbers below this may be sent.
+    pub accept_through: u32,
+    /// Maps of the run sent or given up so far: numbers below this.
+    pub maps: u32,
+    /// What the module has received.
+    pub link: LinkCounters,
+    /// What became of the run's pulses.
+    pub pulses: PulseCounters,
+}
+
+/// What the module is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum State {
+    /// Not fully configured.
+    #[default]
+    Idle,
+    /// Setup, all weights and all patches are there.
+    Ready,
+    /// Takes pulses.
+    Running,
+    /// Takes no more pulses; maps are still to come.
+    Finishing,
+    /// The run is over; everything has been sent. As ready as [`State::Ready`].
+    Done,
+}
+
+/// What became of a run's pulses. Counts stop at the largest number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct PulseCounters {
+    /// Stored.
+    pub accepted: u32,
+    /// Missing in their numbers.
+    pub lost: u32,
+    /// Of a number that had come before; dropped.
+    pub repeated: u32,
+    /// Not of the run's length or encoding, or not finite; dropped.
+    pub refused: u32,
+    /// Beyond the credit, with no store free; dropped.
+    pub dropped: u32,
+    /// Samples (not pulses) with a part at an end of the converter's range.
+    pub at_limit: u32,
+    /// Arithmetic results (not pulses) that had to be clamped.
+    pub saturated: u32,
+    /// Sub-CPIs (not pulses) given up because pulses were missing.
+    pub incomplete: u32,
+}
+
+/// Why a command was not obeyed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Refusal {
+    /// It needs a complete configuration.
+    NotConfigured,
+    /// It is not possible during a run.
+    Running,
+    /// It is possible only during a run.
+    NotRunning,
+    /// The setup or a patch cannot be.
+    Setup(SetupError),
+    /// Weights beyond the frequencies, or not a whole number of them.
+    Weights,
+    /// A patch beyond its list, or of a list of another length than before.
+    PatchIndex,
+    /// The arithmetic takes no samples of this encoding.
+    Encoding,
+    /// A pulse is not of the setup's length. Sent for the first of a run.
+    PulseLength {
+        /// Bytes of samples needed.
+        expected: u32,
+        /// Bytes that came.
+        got: u32,
+    },
+    /// A chip of more pixels than there is room for, or of none.
+    Chip {
+        /// Pixels wanted.
+        wanted: u32,
+        /// The most there is room for.
+        most: u32,
+    },
+    /// Detection settings out of range.
+    Detect,
+    /// The module was built without this.
+    Unsupported,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotConfigured => f.write_str(
+                "not configured: send the setup, all weights and all patches before the start",
+            ),
+            Self::Running => f.write_str("a run is going on: stop or abort it first"),
+            Self::NotRunning => f.write_str("no run is going on: start one first"),
+            Self::Setup(error) => write!(f, "the setup cannot be: {error}"),
+            Self::Weights => f.write_str(
+                "window weights lie beyond the last frequency, or are not of 4 bytes each",
+            ),
+            Self::PatchIndex => {
+                f.write_str("a patch's index is not below the count, or the count has changed")
+            }
+            Self::Encoding => {
+                f.write_str("the module's arithmetic takes samples of the other encoding")
+            }
+            Self::PulseLength { expected, got } => {
+                write!(
+                    f,
+                    "a pulse of {got} bytes of samples: {expected} are needed"
+                )
+            }
+            Self::Chip { wanted, most } => {
+                write!(
+                    f,
+                    "a chip of {wanted} pixels: there is room for 1 to {most}"
+                )
+            }
+            Self::Detect => f.write_str(
+                "detection needs training cells and a false alarm rate above 0 and below 1",
+            ),
+            Self::Unsupported => f.write_str("the module was built without this"),
+        }
+    }
+}
+
+impl core::error::Error for Refusal {}
+
+/// A detection as it lies in a frame: four float32, little endian, in this order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct DetectionRecord {
+    /// Range bin of the map, fractional.
+    pub range_bin: f32,
+    /// Doppler bin of the map, fractional.
+    pub doppler_bin: f32,
+    /// Power of the peak.
+    pub power: f32,
+    /// Power of the noise around it.
+    pub noise: f32,
+}
+
+impl DetectionRecord {
+    /// Bytes of one.
+    pub const BYTES: usize = 16;
+
+    /// Most in a frame.
+    pub const MOST: usize = 10;
+
+    /// Its bytes.
+    pub fn to_bytes(&self) -> [u8; Self::BYTES] {
+        let mut bytes = [0; Self::BYTES];
+        let values = [self.range_bin, self.doppler_bin, self.power, self.noise];
+        for (place, value) in bytes.as_chunks_mut().0.iter_mut().zip(values) {
+            *place = value.to_le_bytes();
+        }
+        bytes
+    }
+
+    /// Those of a list; bytes of no whole record at its end are left out.
+    pub fn list(list: &[u8]) -> impl ExactSizeIterator<Item = Self> + '_ {
+        list.as_chunks::<{ Self::BYTES }>().0.iter().map(|record| {
+            let [
+                a0,
+                a1,
+                a2,
+                a3,
+                b0,
+                b1,
+                b2,
+                b3,
+                c0,
+                c1,
+                c2,
+                c3,
+                d0,
+                d1,
+                d2,
+                d3,
+            ] = *record;
+            Self {
+                range_bin: f32::from_le_bytes([a0, a1, a2, a3]),
+                doppler_bin: f32::from_le_bytes([b0, b1, b2, b3]),
+                power: f32::from_le_bytes([c0, c1, c2, c3]),
+                noise: f32::from_le_bytes([d0, d1, d2, d3]),
+            }
+        })
+    }
+}

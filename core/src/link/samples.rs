@@ -1,0 +1,148 @@
+//! Samples to bytes and back.
+//!
+//! Little endian, real part first; [`Encoding`] says of what. Readers are iterators over the bytes of a
+//! message, which need no alignment; bytes of no whole sample at the end are left out. Writers fill a
+//! buffer from its start and give what they wrote, or none if it is too short.
+//!
+//! ```
+//! use subaperture_core::link::{complex32s, write_complex32s};
+//! use subaperture_core::Complex32;
+//! let samples = [Complex32::new(1.0, -2.0), Complex32::new(0.5, 0.0)];
+//! let mut buffer = [0; 20];
+//! let bytes = write_complex32s(&samples, &mut buffer).expect("16 of 20 bytes");
+//! assert_eq!(bytes.len(), 16);
+//! assert_eq!(bytes[..4], 1.0f32.to_le_bytes());
+//! assert!(complex32s(bytes).eq(samples));
+//! ```
+
+use num_complex::Complex32;
+
+use super::Encoding;
+use crate::Sc16;
+use crate::stream::{BlockFloat, power_of_two};
+
+/// Reads float32 values, 4 bytes each.
+pub fn f32s(bytes: &[u8]) -> impl ExactSizeIterator<Item = f32> + Clone + '_ {
+    bytes
+        .as_chunks()
+        .0
+        .iter()
+        .map(|value| f32::from_le_bytes(*value))
+}
+
+/// Writes float32 values, 4 bytes each.
+pub fn write_f32s<'b>(values: &[f32], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
+    write(values.iter().map(|value| value.to_le_bytes()), buffer)
+}
+
+/// Reads samples of [`Encoding::Complex32`].
+pub fn complex32s(bytes: &[u8]) -> impl ExactSizeIterator<Item = Complex32> + Clone + '_ {
+    bytes.as_chunks().0.iter().map(|sample| {
+        let [a, b, c, d, e, f, g, h] = *sample;
+        Complex32::new(
+            f32::from_le_bytes([a, b, c, d]),
+            f32::from_le_bytes([e, f, g, h]),
+        )
+    })
+}
+
+/// Writes samples of [`Encoding::Complex32`].
+pub fn write_complex32s<'b>(samples: &[Complex32], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
+    let samples = samples.iter().map(|sample| {
+        let ([a, b, c, d], [e, f, g, h]) = (sample.re.to_le_bytes(), sample.im.to_le_bytes());
+        [a, b, c, d, e, f, g, h]
+    });
+    write(samples, buffer)
+}
+
+/// Reads samples of [`Encoding::Sc16`].
+pub fn sc16s(bytes: &[u8]) -> impl ExactSizeIterator<Item = Sc16> + Clone + '_ {
+    bytes.as_chunks().0.iter().map(|sample| {
+        let [a, b, c, d] = *sample;
+        Sc16::from_bits(i16::from_le_bytes([a, b]), i16::from_le_bytes([c, d]))
+    })
+}
+
+/// Writes samples of [`Encoding::Sc16`].
+pub fn write_sc16s<'b>(samples: &[Sc16], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
+    let samples = samples.iter().map(|sample| {
+        let ([a, b], [c, d]) = (sample.re.to_le_bytes(), sample.im.to_le_bytes());
+        [a, b, c, d]
+    });
+    write(samples, buffer)
+}
+
+/// Writes a row of a map of [`Encoding::Sc16`]: the mantissas, then the exponents of their blocks.
+pub fn write_block_row<'b>(
+    mantissas: &[Sc16],
+    exponents: &[i8],
+    buffer: &'b mut [u8],
+) -> Option<&'b [u8]> {
+    let len = write_sc16s(mantissas, buffer)?.len();
+    let (_, rest) = buffer.split_at_mut_checked(len)?;
+    let total = len.checked_add(write(exponents.iter().map(|e| e.to_le_bytes()), rest)?.len())?;
+    buffer.get(..total)
+}
+
+/// Bytes of a row of `width` samples of a map: Sc16 with an exponent for every
+/// [`BlockFloat::BLOCK`] samples begun. None if there is no such number.
+pub const fn row_bytes(encoding: Encoding, width: usize) -> Option<usize> {
+    let Some(samples) = width.checked_mul(encoding.sample_bytes()) else {
+        return None;
+    };
+    match encoding {
+        Encoding::Complex32 => Some(samples),
+        Encoding::Sc16 => samples.checked_add(BlockFloat::blocks(width)),
+    }
+}
+
+/// A row of a map as it came.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row<'a> {
+    encoding: Encoding,
+    samples: &'a [u8],
+    exponents: &'a [u8],
+}
+
+impl<'a> Row<'a> {
+    /// The row of `width` samples that these bytes are; none unless they are [`row_bytes`].
+    pub fn new(encoding: Encoding, width: usize, bytes: &'a [u8]) -> Option<Self> {
+        if row_bytes(encoding, width)? != bytes.len() {
+            return None;
+        }
+        let (samples, exponents) =
+            bytes.split_at_checked(width.checked_mul(encoding.sample_bytes())?)?;
+        Some(Self {
+            encoding,
+            samples,
+            exponents,
+        })
+    }
+
+    /// The values, range bins ascending; exact, whatever the encoding.
+    pub fn values(&self) -> impl Iterator<Item = Complex32> + Clone + 'a {
+        // One of the two is empty.
+        let (floats, mantissas) = match self.encoding {
+            Encoding::Complex32 => (self.samples, [].as_slice()),
+            Encoding::Sc16 => ([].as_slice(), self.samples),
+        };
+        let exponents = self.exponents.iter();
+        let scales = exponents.flat_map(|e| {
+            core::iter::repeat_n(power_of_two(i8::from_le_bytes([*e])), BlockFloat::BLOCK)
+        });
+        let scaled = sc16s(mantissas).zip(scales);
+        complex32s(floats).chain(scaled.map(|(mantissa, scale)| mantissa.to_complex32() * scale))
+    }
+}
+
+/// Writes items of `N` bytes one after another.
+fn write<const N: usize>(
+    items: impl ExactSizeIterator<Item = [u8; N]>,
+    buffer: &mut [u8],
+) -> Option<&[u8]> {
+    let places = buffer.get_mut(..items.len().checked_mul(N)?)?;
+    for (place, item) in places.as_chunks_mut().0.iter_mut().zip(items) {
+        *place = item;
+    }
+    Some(places)
+}
