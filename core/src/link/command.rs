@@ -36,6 +36,8 @@ pub enum Command<'a> {
     Start {
         /// Number of the run, the host's choice; other than the last.
         run: u32,
+        /// Number of its first pulse, the first of a sub-CPI.
+        first: u32,
     },
     /// A pulse of the run.
     Pulse {

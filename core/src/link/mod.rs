@@ -44,7 +44,7 @@
 //! | 1 | `Configure` | id `u32`, setup |
 //! | 2 | `Weights` | first `u16`, weights `bytes` (4 each: `f32`) |
 //! | 3 | `Patch` | index `u16`, count `u16`, patch |
-//! | 4 | `Start` | run `u32` |
+//! | 4 | `Start` | run `u32`, first pulse `u32` |
 //! | 5 | `Pulse` | pulse, encoding, samples `bytes` |
 //! | 6 | `Stop` | |
 //! | 7 | `Status` | |
@@ -146,9 +146,7 @@ pub use frame::{
     max_frame_bytes, max_received_bytes,
 };
 pub use receiver::{Damage, LinkCounters, Received, Receiver};
-pub use report::{
-    Arithmetic, DetectionRecord, MAX_TEXT_BYTES, PulseCounters, Refusal, Report, State, Status,
-};
+pub use report::{Arithmetic, DetectionRecord, MAX_TEXT_BYTES, Refusal, Report, State, Status};
 pub use samples::{
     Row, complex32s, f32s, row_bytes, sc16s, write_block_row, write_complex32s, write_f32s,
     write_sc16s,

@@ -91,9 +91,9 @@ pub struct Received<M> {
 /// use subaperture_core::link::{Command, Encoder, Receiver};
 /// let (mut wire, mut buffer) = ([0; 32], [0; 64]);
 /// let mut receiver = Receiver::new(&mut buffer);
-/// let mut bytes = Encoder::new().encode(&Command::Start { run: 7 }, &mut wire)?;
+/// let mut bytes = Encoder::new().encode(&Command::Start { run: 7, first: 0 }, &mut wire)?;
 /// let frame = receiver.receive::<Command>(&mut bytes).expect("a whole frame")?;
-/// assert_eq!(frame.message, Command::Start { run: 7 });
+/// assert_eq!(frame.message, Command::Start { run: 7, first: 0 });
 /// assert_eq!(receiver.counters().frames, 1);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

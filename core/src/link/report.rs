@@ -5,7 +5,7 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::{ChipGrid, Encoding, LinkCounters, Message};
-use crate::stream::{Capacity, MapHeader, SetupError};
+use crate::stream::{Capacity, MapHeader, PulseCounters, SetupError};
 
 /// Most bytes of the text of [`Report::Log`] and of the version of [`Report::Identity`].
 pub const MAX_TEXT_BYTES: usize = 160;
@@ -169,28 +169,6 @@ pub enum State {
     Finishing,
     /// The run is over; everything has been sent. As ready as [`State::Ready`].
     Done,
-}
-
-/// What became of a run's pulses. Counts stop at the largest number.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct PulseCounters {
-    /// Stored.
-    pub accepted: u32,
-    /// Missing in their numbers.
-    pub lost: u32,
-    /// Of a number that had come before; dropped.
-    pub repeated: u32,
-    /// Not of the run's length or encoding, or not finite; dropped.
-    pub refused: u32,
-    /// Beyond the credit, with no store free; dropped.
-    pub dropped: u32,
-    /// Samples (not pulses) with a part at an end of the converter's range.
-    pub at_limit: u32,
-    /// Arithmetic results (not pulses) that had to be clamped.
-    pub saturated: u32,
-    /// Sub-CPIs (not pulses) given up because pulses were missing.
-    pub incomplete: u32,
 }
 
 /// Why a command was not obeyed.

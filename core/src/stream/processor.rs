@@ -60,12 +60,12 @@ pub struct PulseCounters {
     pub refused: u32,
     /// Came while both stores were full, or in the middle of a sub-CPI whose beginning is missing.
     pub dropped: u32,
-    /// Sub-CPIs given up for a missing pulse.
-    pub incomplete: u32,
-    /// Samples at the end of the converter's range.
+    /// Samples (not pulses) with a part at an end of the converter's range.
     pub at_limit: u32,
-    /// Results clamped by the arithmetic.
+    /// Arithmetic results (not pulses) that had to be clamped.
     pub saturated: u32,
+    /// Sub-CPIs (not pulses) given up because pulses were missing.
+    pub incomplete: u32,
 }
 
 /// Why a pulse was not stored. It has been counted; nothing else has changed but what is said here.
