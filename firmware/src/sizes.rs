@@ -1,0 +1,43 @@
+//! The sizes that a program is built for, by feature: `size-small`, `size-large`, or neither.
+//!
+//! | | pulses | frequencies | range transform | Doppler rows | patches | for |
+//! |---|---|---|---|---|---|---|
+//! | `size-small` | 16 | 64 | 128 | 17 | 4 | parts of 64K of RAM |
+//! | (neither) | 32 | 432 | 1024 | 45 | 16 | X-band spotlight, a 10 m patch at 0.25 m |
+//! | `size-large` | 62 | 512 | 2048 | 70 | 64 | all of an STM32H743 |
+//!
+//! What `size-large` fills: two stores of 62 pulses of 512 samples of 8 bytes and 72 of geometry are
+//! 517 824 of the 524 288 bytes of AXI SRAM; 70 rows of 512 samples of 8 bytes are 286 720 of the
+//! 294 912 of SRAM1 to 3. (A run may use fewer of everything than there is room for.)
+
+#[cfg(all(feature = "size-small", feature = "size-large"))]
+compile_error!("two sizes: choose one of size-small and size-large, or neither");
+
+/// Pulses, frequencies, points of the range transform, Doppler rows, patches.
+const SIZES: [usize; 5] = if cfg!(feature = "size-small") {
+    [16, 64, 128, 17, 4]
+} else if cfg!(feature = "size-large") {
+    [62, 512, 2048, 70, 64]
+} else {
+    [32, 432, 1024, 45, 16]
+};
+
+/// Name of the sizes, for people.
+pub const NAME: &str = if cfg!(feature = "size-small") {
+    "small"
+} else if cfg!(feature = "size-large") {
+    "large"
+} else {
+    "medium"
+};
+
+/// Most pulses a sub-CPI.
+pub const PULSES: usize = SIZES[0];
+/// Most frequencies a pulse.
+pub const FREQUENCIES: usize = SIZES[1];
+/// Longest range transform.
+pub const RANGE_BINS: usize = SIZES[2];
+/// Doppler rows of the map buffer.
+pub const DOPPLER_BINS: usize = SIZES[3];
+/// Most patches.
+pub const PATCHES: usize = SIZES[4];
