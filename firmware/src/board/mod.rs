@@ -9,6 +9,9 @@ mod an500;
 #[cfg(feature = "board-h743")]
 mod h743;
 
+#[cfg(all(not(feature = "defmt"), feature = "board-an500"))]
+mod semihosting;
+
 #[cfg(feature = "board-an500")]
 pub use an500::{An500, An500 as Current, UartError};
 #[cfg(feature = "board-h743")]
@@ -69,7 +72,7 @@ pub fn log(message: fmt::Arguments<'_>) {
 /// Logs a line; for places that do not own the board.
 #[cfg(all(not(feature = "defmt"), feature = "board-an500"))]
 pub fn log(message: fmt::Arguments<'_>) {
-    cortex_m_semihosting::hprintln!("{}", message);
+    semihosting::line(message);
 }
 
 /// Logs a line, but without `defmt` there is nobody to read it: semihosting would stop a board that
