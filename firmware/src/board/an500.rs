@@ -10,6 +10,7 @@
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
+use cortex_m::peripheral::NVIC;
 use embedded_io::{ErrorKind, ErrorType, Read, ReadReady, Write, WriteReady};
 
 use super::Board;
@@ -39,7 +40,16 @@ impl Board for An500 {
         }
         let uart = Uart(Registers(0x4000_4000));
         uart.0.write(uart::BAUDDIV, CLOCK_HZ / BAUD);
-        uart.0.write(uart::CTRL, uart::TX_ENABLE | uart::RX_ENABLE);
+        uart.0.write(
+            uart::CTRL,
+            uart::TX_ENABLE | uart::RX_ENABLE | uart::TX_INTERRUPT | uart::RX_INTERRUPT,
+        );
+        // Interrupts end a sleep and do nothing else: masked, they are never taken.
+        cortex_m::interrupt::disable();
+        for interrupt in [uart::RX, uart::TX] {
+            // SAFETY: nothing relies on these being off; they are not taken.
+            unsafe { NVIC::unmask(interrupt) };
+        }
         let timer = Registers(0x4000_0000);
         timer.write(timer::RELOAD, u32::MAX);
         timer.write(timer::VALUE, u32::MAX);
@@ -53,6 +63,10 @@ impl Board for An500 {
 
     fn link(&mut self) -> &mut Uart {
         &mut self.uart
+    }
+
+    fn wait(&mut self) {
+        self.uart.wait(uart::RX_FULL, uart::RX_FULL);
     }
 
     fn ticks(&self) -> u32 {
@@ -98,6 +112,25 @@ impl embedded_io::Error for UartError {
     }
 }
 
+impl Uart {
+    /// Sleeps until `mask` of the state reads `wanted`; the state.
+    ///
+    /// A loop that only reads the register works too, but takes a processor of the host for nothing.
+    fn wait(&mut self, mask: u32, wanted: u32) -> u32 {
+        loop {
+            // First forget what was, then look: an interrupt that comes after the look ends the sleep.
+            self.0.write(uart::INTCLEAR, u32::MAX);
+            NVIC::unpend(uart::RX);
+            NVIC::unpend(uart::TX);
+            let state = self.0.read(uart::STATE);
+            if state & mask == wanted {
+                return state;
+            }
+            cortex_m::asm::wfi();
+        }
+    }
+}
+
 impl ErrorType for Uart {
     type Error = UartError;
 }
@@ -110,14 +143,12 @@ impl ReadReady for Uart {
 
 impl Read for Uart {
     fn read(&mut self, buffer: &mut [u8]) -> Result<usize, UartError> {
+        if buffer.is_empty() {
+            return Ok(0);
+        }
+        let mut state = self.wait(uart::RX_FULL, uart::RX_FULL);
         let mut count = 0;
         for place in buffer {
-            let state = loop {
-                let state = self.0.read(uart::STATE);
-                if count > 0 || state & uart::RX_FULL != 0 {
-                    break state;
-                }
-            };
             if state & uart::RX_OVERRUN != 0 {
                 self.0.write(uart::STATE, uart::RX_OVERRUN);
                 return Err(UartError::Overrun);
@@ -127,6 +158,7 @@ impl Read for Uart {
             }
             *place = self.0.read(uart::DATA) as u8;
             count += 1;
+            state = self.0.read(uart::STATE);
         }
         Ok(count)
     }
@@ -140,12 +172,15 @@ impl WriteReady for Uart {
 
 impl Write for Uart {
     fn write(&mut self, buffer: &[u8]) -> Result<usize, UartError> {
-        let mut count = 0;
-        for byte in buffer {
-            while self.0.read(uart::STATE) & uart::TX_FULL != 0 {
-                if count > 0 {
-                    return Ok(count);
-                }
+        let Some((first, rest)) = buffer.split_first() else {
+            return Ok(0);
+        };
+        self.wait(uart::TX_FULL, 0);
+        self.0.write(uart::DATA, u32::from(*first));
+        let mut count = 1;
+        for byte in rest {
+            if self.0.read(uart::STATE) & uart::TX_FULL != 0 {
+                break;
             }
             self.0.write(uart::DATA, u32::from(*byte));
             count += 1;
@@ -154,7 +189,7 @@ impl Write for Uart {
     }
 
     fn flush(&mut self) -> Result<(), UartError> {
-        while self.0.read(uart::STATE) & uart::TX_FULL != 0 {}
+        self.wait(uart::TX_FULL, 0);
         Ok(())
     }
 }
@@ -177,15 +212,32 @@ impl Registers {
 }
 
 mod uart {
+    /// UART0's interrupts.
+    #[derive(Clone, Copy)]
+    pub(super) struct Interrupt(u16);
+
+    // SAFETY: the numbers are those of the AN500's table and never change.
+    unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
+        fn number(self) -> u16 {
+            self.0
+        }
+    }
+
+    pub(super) const RX: Interrupt = Interrupt(0);
+    pub(super) const TX: Interrupt = Interrupt(1);
+
     pub(super) const DATA: usize = 0x0;
     pub(super) const STATE: usize = 0x4;
     pub(super) const CTRL: usize = 0x8;
+    pub(super) const INTCLEAR: usize = 0xc;
     pub(super) const BAUDDIV: usize = 0x10;
     pub(super) const TX_FULL: u32 = 1 << 0;
     pub(super) const RX_FULL: u32 = 1 << 1;
     pub(super) const RX_OVERRUN: u32 = 1 << 3;
     pub(super) const TX_ENABLE: u32 = 1 << 0;
     pub(super) const RX_ENABLE: u32 = 1 << 1;
+    pub(super) const TX_INTERRUPT: u32 = 1 << 2;
+    pub(super) const RX_INTERRUPT: u32 = 1 << 3;
 }
 
 mod timer {

@@ -80,6 +80,15 @@ impl Board for H743 {
         &mut self.link
     }
 
+    fn wait(&mut self) {
+        // Masked, so that a byte that comes between the look and the sleep ends the sleep.
+        cortex_m::interrupt::free(|_| {
+            if matches!(self.link.read_ready(), Ok(false)) {
+                cortex_m::asm::wfi();
+            }
+        });
+    }
+
     fn ticks(&self) -> u32 {
         cortex_m::peripheral::DWT::cycle_count()
     }

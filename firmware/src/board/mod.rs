@@ -41,6 +41,10 @@ pub trait Board: Sized {
     /// The serial link.
     fn link(&mut self) -> &mut Self::Link;
 
+    /// Sleeps until the link has something to read, or a little less: a program that has nothing to do
+    /// calls it and asks again.
+    fn wait(&mut self);
+
     /// A counter that runs up at [`Board::TICKS_HZ`] and wraps.
     fn ticks(&self) -> u32;
 
