@@ -1,13 +1,19 @@
-//! What the programs for a board share: the board itself, its memory, faults and logs.
+//! What the programs for a board share.
 //!
 //! | module | what it is |
 //! |---|---|
-//! | [`board`] | [`board::Board`] and the two boards that there are |
-//! | [`memory`] | where statics lie; how much of the stack was used |
-//! | [`fault`] | panics and exceptions: a line of log, then a reset, counted |
+//! | [`station`] | the module's end of the link, without input or output |
+//! | [`sizes`] | what the application is built for |
+//! | `serve` | the application's loop |
+//! | `board` | `Board` and the two boards that there are |
+//! | `memory` | where statics lie; how much of the stack was used |
+//! | `fault` | panics and exceptions: a line of log, then a reset, counted |
 //!
-//! On a host the library is empty: only `selftest` runs there, to be compared.
+//! The last four are for a target only; the others run on a host too.
 #![no_std]
+
+pub mod sizes;
+pub mod station;
 
 #[cfg(target_os = "none")]
 pub mod board;
@@ -15,3 +21,5 @@ pub mod board;
 pub mod fault;
 #[cfg(target_os = "none")]
 pub mod memory;
+#[cfg(target_os = "none")]
+pub mod serve;
