@@ -22,12 +22,12 @@ mod target {
     // What every piece of work goes through: the memory next to the core.
     static SCRATCH: Placed<FloatScratch<PULSES, FREQUENCIES, RANGE_BINS, PATCHES>> =
         Placed::new(FloatScratch::new());
-    /// The most bytes that samples take in a message: a pulse, or a row of a map.
+    /// The most bytes that the samples of a pulse, or of a row of a map, take.
     const SAMPLE_BYTES: usize = 8 * FREQUENCIES;
-    static RECEIVED: Placed<[u8; max_received_bytes(SAMPLE_BYTES)]> =
-        Placed::new([0; max_received_bytes(SAMPLE_BYTES)]);
-    static FRAME: Placed<[u8; max_frame_bytes(SAMPLE_BYTES)]> =
-        Placed::new([0; max_frame_bytes(SAMPLE_BYTES)]);
+    static RECEIVED: Placed<[u8; max_received_bytes(FREQUENCIES)]> =
+        Placed::new([0; max_received_bytes(FREQUENCIES)]);
+    static FRAME: Placed<[u8; max_frame_bytes(FREQUENCIES)]> =
+        Placed::new([0; max_frame_bytes(FREQUENCIES)]);
     static ROW: Placed<[u8; SAMPLE_BYTES]> = Placed::new([0; SAMPLE_BYTES]);
 
     #[entry]

@@ -56,9 +56,8 @@ mod target {
                 turns = turns.plus(Turns(0x0123_4567_89ab_cdef));
             }
         });
-        let pulses: [Complex32; 32] = core::array::from_fn(|m| {
-            Turns(0x0fed_cba9_8765_4321).times(m as i64).phasor()
-        });
+        let pulses: [Complex32; 32] =
+            core::array::from_fn(|m| Turns(0x0fed_cba9_8765_4321).times(m as i64).phasor());
         let (scratch, rest) = samples.split_at_mut(3 * 128);
         let (column, rest) = rest.split_at_mut(64);
         let rate = chirp_z::rate(1.01, 64);
