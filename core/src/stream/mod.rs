@@ -32,7 +32,10 @@
 mod engine;
 mod patch;
 mod setup;
+mod track;
 
 pub use engine::{Engine, Work};
 pub use patch::{BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two};
 pub use setup::{Capacity, Quantity, Setup, SetupError};
+pub(crate) use track::node_offset_pulses;
+pub use track::nodes;
