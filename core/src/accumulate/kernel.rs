@@ -13,17 +13,17 @@
 //! `PHASES` values of `t` from 0 to 1, both ends included, linear between.
 //!
 //! **Accuracy**, relative to the amplitude of the wave that is read, worst over frequency and `t` in
-//! the band and root mean square over both, 128 phases (`tests/core_chip.rs`; a linear table adds
-//! `(pi / PHASES)^2 / 24` to that, -92 dB at 128):
+//! the band and root mean square over both, 128 phases (`tests/core_chip.rs`):
 //!
 //! | | worst, dB | RMS, dB |
 //! |---|---|---|
-//! | 6 taps | -42.4 | -53.5 |
+//! | 6 taps | -42.3 | -53.5 |
 //! | 8 taps | -57.0 | -66.9 |
-//! | 10 taps | -71.4 | -80.2 |
-//! | bilinear, for comparison | -13.7 | -20.1 |
+//! | 10 taps | -71.5 | -80.2 |
+//! | bilinear, for comparison | -10.7 | -20.2 |
 //!
-//! The worst is at the edge of the band: maps of windowed pulses, or of more bins, do better. On a bin
+//! Between the table's phases weights are linear, which adds at worst `(pi / 2)^2 / 8 / (PHASES - 1)^2`,
+//! -94 dB at 128. The worst is at the edge of the band: maps of windowed pulses, or of more bins, do better. On a bin
 //! the value is the bin's, exactly.
 //!
 //! **Cost** `4 T PHASES` bytes (4 KiB at 8 taps and 128 phases); `T PHASES` sines and Bessel functions
