@@ -8,7 +8,7 @@
 //!
 //!    training  . . . . . . . . .      range ->
 //!              . . . . . . . . .
-//!              . . g g g g g . .      guard g: neither trained on nor tested
+//!              . . g g g g g . .      guard g: not trained on
 //!              . . g g p g g . .
 //!              . . g g g g g . .
 //!              . . . . . . . . .
@@ -28,11 +28,11 @@
 //! (exact where the response is Gaussian), and their power is the parabola's at its top.
 //!
 //! **Neglected**: neighbouring cells of an oversampled map are alike, so that training cells count for
-//! fewer than they are and there are more false alarms than asked for. Power summed over several maps is
-//! closer to its mean than a single map's: there are fewer. Targets in each other's training cells
-//! raise each other's threshold: more guard cells than the response is wide, and fewer training cells
-//! than targets are apart. A cell at a map's edge may be the flank of a scatterer beyond; it is not
-//! refined across the edge.
+//! fewer than they are and there are more false alarms than asked for (how many: not measured). Power
+//! summed over several maps is closer to its mean than a single map's: there are fewer (below a tenth
+//! for four maps at 0.01). Targets in each other's training cells raise each other's threshold: take
+//! more guard cells than the response is wide, and fewer training cells than targets are apart. A cell
+//! at a map's edge may be the flank of a scatterer beyond; it is not refined across the edge.
 //!
 //! **Input** powers `[doppler][range]`, or a [`PatchMap`]. **Output** places in bins from the centre
 //! (that of `n` bins is `n / 2`, rounded down), strongest first. **Cost** 32 bytes of [`Column`] a range
