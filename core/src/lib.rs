@@ -60,6 +60,7 @@
 
 pub mod accumulate;
 mod axes;
+pub mod cfar;
 pub mod fft;
 pub mod keystone;
 pub mod link;
