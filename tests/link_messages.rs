@@ -1,11 +1,12 @@
 //! Every message of the link: its bytes, there and back, and its size.
 
 use proptest::prelude::*;
+use subaperture_core::cfar::{Cfar, Detection, Reach};
 use subaperture_core::link::{
-    Arithmetic, ChipGrid, Command, Configuration, DetectionRecord, EncodeError, Encoder, Encoding,
-    LinkCounters, MAX_TEXT_BYTES, Message, Received, Receiver, Refusal, Report, Row, State, Status,
-    complex32s, f32s, max_frame_bytes, max_received_bytes, row_bytes, sc16s, write_block_row,
-    write_complex32s, write_f32s, write_sc16s,
+    Arithmetic, ChipGrid, Command, Configuration, DETECTION_BYTES, EncodeError, Encoder, Encoding,
+    LinkCounters, MAX_DETECTIONS, MAX_TEXT_BYTES, Message, Received, Receiver, Refusal, Report,
+    Row, State, Status, complex32s, detections, f32s, max_frame_bytes, max_received_bytes,
+    row_bytes, sc16s, write_block_row, write_complex32s, write_detections, write_f32s, write_sc16s,
 };
 use subaperture_core::stream::{
     BlockFloat, Capacity, MapHeader, Node, Patch, PulseCounters, Quantity, Setup, SetupError,
@@ -59,6 +60,7 @@ impl Values {
 
     fn grid(&self) -> ChipGrid {
         ChipGrid {
+            patch: self.byte.into(),
             origin_m: self.place_m,
             column_step_m: self.place_m.map(|x| x / 2.0),
             row_step_m: [self.real; 3],
@@ -115,11 +117,17 @@ impl Values {
             Command::Status,
             Command::Abort,
             Command::Chip(self.grid()),
-            Command::Detect {
-                training: self.byte,
-                guard: !self.byte,
-                false_alarm: self.real,
-            },
+            Command::Detect(Cfar {
+                range: Reach {
+                    guard: self.byte.into(),
+                    training: self.short,
+                },
+                doppler: Reach {
+                    guard: self.short,
+                    training: self.byte.into(),
+                },
+                false_alarm_probability: self.real,
+            }),
         ]
     }
 
@@ -446,7 +454,7 @@ fn sizes_are_enough() {
         bytes: vec![0xA5; 8 * SAMPLES],
         text: "x".repeat(MAX_TEXT_BYTES),
     };
-    let list = [0xA5; DetectionRecord::MOST * DetectionRecord::BYTES];
+    let list = [0xA5; MAX_DETECTIONS * DETECTION_BYTES];
     let mut reports = full.reports();
     let long = u32::MAX;
     let short = u16::MAX;
@@ -511,17 +519,18 @@ fn sizes_are_enough() {
 
 #[test]
 fn detections_come_back() {
-    let records: Vec<DetectionRecord> = (0..4)
-        .map(|i| DetectionRecord {
+    let sent: Vec<Detection> = (0..4)
+        .map(|i| Detection {
             range_bin: i as f32 + 0.25,
             doppler_bin: 7.5,
             power: 1.0e-6,
             noise: 1.0e-9 * i as f32,
         })
         .collect();
-    let mut bytes: Vec<u8> = records.iter().flat_map(DetectionRecord::to_bytes).collect();
-    bytes.push(1); // of no whole record
-    assert!(DetectionRecord::list(&bytes).eq(records));
+    let mut buffer = [0; 4 * DETECTION_BYTES + 1]; // one more, of no whole record
+    let len = write_detections(&sent, &mut buffer).unwrap().len();
+    assert_eq!(len, 4 * DETECTION_BYTES);
+    assert!(detections(&buffer).eq(sent));
 }
 
 fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
@@ -569,11 +578,17 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
         Command::Status,
         Command::Abort,
         Command::Chip(GOLDEN_GRID),
-        Command::Detect {
-            training: 12,
-            guard: 2,
-            false_alarm: 1.0e-6,
-        },
+        Command::Detect(Cfar {
+            range: Reach {
+                guard: 2,
+                training: 12,
+            },
+            doppler: Reach {
+                guard: 1,
+                training: 300,
+            },
+            false_alarm_probability: 1.0e-6,
+        }),
     ];
     let mut encoder = Encoder::new();
     let mut buffer = [0; 300];
@@ -720,6 +735,7 @@ const GOLDEN_PATCH: Patch = Patch {
 };
 
 const GOLDEN_GRID: ChipGrid = ChipGrid {
+    patch: 3,
     origin_m: [0.0; 3],
     column_step_m: [0.25, 0.0, 0.0],
     row_step_m: [0.0, 0.25, 0.0],
@@ -739,7 +755,7 @@ const COMMAND_FRAMES: [&str; 11] = [
     // Patch
     "030103010104030304010101010103f03f01010101010102c0010101010109e03f1407d0c632c200",
     // Start
-    "03010401010804ac02f1c172b600",
+    "03010401010904ac025a2ce7b09300",
     // Pulse
     "03010501010505f0a204010101010103f83f010101010458bb400101010101010101010101010458bb4001010101\
      0458bb40010101010103f03f010101010458bb4001010105b055d3400106403f01080105feffff7f06809da70a36\
@@ -751,10 +767,10 @@ const COMMAND_FRAMES: [&str; 11] = [
     // Abort
     "03010801010608f5b1354400",
     // Chip
-    "03010901010209010101010101010101010101010101010101010101010101010101010103d03f01010101010101\
-     0101010101010101010101010101010101010101010103d03f0101010101010108c80164e918293200",
+    "0301090101030903010101010101010101010101010101010101010101010101010101010103d03f010101010101\
+     010101010101010101010101010101010101010101010103d03f0101010101010108c80164f72d2c0900",
     // Detect
-    "03010a0101100a0c028dedb5a0f7c6b03e2d0ae7c800",
+    "03010a0101130a020c01ac028dedb5a0f7c6b03e838e4ccf00",
 ];
 const REPORT_FRAMES: [&str; 11] = [
     // Identity
@@ -771,9 +787,9 @@ const REPORT_FRAMES: [&str; 11] = [
     // MapEnd
     "03010401010d04050feffdb6f50d6342e1fe00",
     // ChipStart
-    "0301050101020501010101010101010101010101010101010101010101010101010101010103d03f010101010101\
-     010101010101010101010101010101010101010101010103d03f0101010101010105c80164060107c04369a6cdf4\
-     00",
+    "030105010102050203010101010101010101010101010101010101010101010101010101010103d03f0101010101\
+     01010101010101010101010101010101010101010101010103d03f0101010101010105c80164060107c043164e62\
+     7500",
     // ChipRow
     "03010601010206036308010101010101064001aa310500",
     // ChipEnd

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Message;
 use crate::Pulse;
+use crate::cfar::Cfar;
 use crate::stream::{Patch, Setup};
 
 /// What the host sends. Every command but [`Command::Pulse`] is answered, see [`crate::link`].
@@ -55,17 +56,10 @@ pub enum Command<'a> {
     Status,
     /// Ends the run at once; what is held is dropped.
     Abort,
-    /// Option of a configuration: the run's maps are also added up to a chip, sent after the last map.
+    /// Option of a configuration: a patch's maps are also added up to a chip, sent after the last map.
     Chip(ChipGrid),
     /// Option of a configuration: detections are sent after each map.
-    Detect {
-        /// Training cells on either side of the guard cells.
-        training: u8,
-        /// Guard cells on either side of the cell under test.
-        guard: u8,
-        /// Probability of false alarm, above 0 and below 1.
-        false_alarm: f64,
-    },
+    Detect(Cfar),
 }
 
 impl Message for Command<'_> {
@@ -104,10 +98,13 @@ impl Encoding {
     }
 }
 
-/// Pixels of a chip: `origin + column * column_step + row * row_step`, metres.
+/// Pixels of a chip: `origin + column * column_step + row * row_step`, metres. Of the sum of a patch's
+/// maps, divided by that of their pulses' weights: a unit scatterer reads 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ChipGrid {
+    /// Index of the patch.
+    pub patch: u16,
     /// Pixel of row 0 and column 0.
     pub origin_m: [f64; 3],
     /// From column to column.

@@ -50,7 +50,7 @@
 //! | 7 | `Status` | |
 //! | 8 | `Abort` | |
 //! | 9 | `Chip` | grid |
-//! | 10 | `Detect` | training `u8`, guard `u8`, false alarm `f64` |
+//! | 10 | `Detect` | cfar |
 //!
 //! ## Module to host: [`Report`]
 //!
@@ -76,7 +76,8 @@
 //! | patch | centre metres `[f64; 3]`, range reach `u16`, Doppler reach `u16` |
 //! | pulse | number `u32`, time seconds `f64`, transmitter metres `[f64; 3]`, receiver metres `[f64; 3]`, reference path metres `f64`, weight `f32` |
 //! | encoding | 0 `Complex32` (8 bytes a sample: real, imaginary `f32`), 1 `Sc16` (4 bytes a sample: real, imaginary 16-bit two's complement, little endian, in units of `2^-15`) |
-//! | grid | origin, column step, row step metres `[f64; 3]` each, columns `u16`, rows `u16` |
+//! | cfar | guard and training cells in range, guard and training cells in Doppler, `u16` each; probability of false alarm `f64` |
+//! | grid | patch `u16`, origin, column step, row step metres `[f64; 3]` each, columns `u16`, rows `u16` |
 //! | arithmetic | 0 `Float`, 1 `Fixed` |
 //! | capacity | pulses, frequencies, range bins, Doppler bins, patches, `u16` each |
 //! | state | 0 `Idle`, 1 `Ready`, 2 `Running`, 3 `Finishing`, 4 `Done` |
@@ -124,7 +125,7 @@
 //!
 //! # Sizes
 //! A message without samples has at most [`MAX_MESSAGE_BYTES`]: texts have at most [`MAX_TEXT_BYTES`],
-//! a frame at most [`DetectionRecord::MOST`] detections, and weights are sent as few at a time as fit.
+//! a frame at most [`MAX_DETECTIONS`] detections, and weights are sent as few at a time as fit.
 //! Buffers: [`max_received_bytes`] and [`max_frame_bytes`] of the most samples in a message.
 //!
 //! **Cost**: see the parts. **Accuracy, errors**: `tests/link_frames.rs` (every message there and back
@@ -146,10 +147,10 @@ pub use frame::{
     max_frame_bytes, max_received_bytes,
 };
 pub use receiver::{Damage, LinkCounters, Received, Receiver};
-pub use report::{Arithmetic, DetectionRecord, MAX_TEXT_BYTES, Refusal, Report, State, Status};
+pub use report::{Arithmetic, MAX_TEXT_BYTES, Refusal, Report, State, Status};
 pub use samples::{
-    Row, complex32s, f32s, row_bytes, sc16s, write_block_row, write_complex32s, write_f32s,
-    write_sc16s,
+    DETECTION_BYTES, MAX_DETECTIONS, Row, complex32s, detections, f32s, row_bytes, sc16s,
+    write_block_row, write_complex32s, write_detections, write_f32s, write_sc16s,
 };
 
 /// Serialises bytes as one run; serde would take a slice element by element, to the same bytes.

@@ -98,7 +98,7 @@ pub enum Report<'a> {
         first: u16,
         /// Detections in the map's list.
         total: u16,
-        /// [`DetectionRecord`]s, at most [`DetectionRecord::MOST`] ([`DetectionRecord::list`]).
+        /// At most [`super::MAX_DETECTIONS`], strongest first ([`super::detections`]).
         #[serde(serialize_with = "super::as_bytes")]
         list: &'a [u8],
     },
@@ -248,65 +248,3 @@ impl fmt::Display for Refusal {
 }
 
 impl core::error::Error for Refusal {}
-
-/// A detection as it lies in a frame: four float32, little endian, in this order.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct DetectionRecord {
-    /// Range bin of the map, fractional.
-    pub range_bin: f32,
-    /// Doppler bin of the map, fractional.
-    pub doppler_bin: f32,
-    /// Power of the peak.
-    pub power: f32,
-    /// Power of the noise around it.
-    pub noise: f32,
-}
-
-impl DetectionRecord {
-    /// Bytes of one.
-    pub const BYTES: usize = 16;
-
-    /// Most in a frame.
-    pub const MOST: usize = 10;
-
-    /// Its bytes.
-    pub fn to_bytes(&self) -> [u8; Self::BYTES] {
-        let mut bytes = [0; Self::BYTES];
-        let values = [self.range_bin, self.doppler_bin, self.power, self.noise];
-        for (place, value) in bytes.as_chunks_mut().0.iter_mut().zip(values) {
-            *place = value.to_le_bytes();
-        }
-        bytes
-    }
-
-    /// Those of a list; bytes of no whole record at its end are left out.
-    pub fn list(list: &[u8]) -> impl ExactSizeIterator<Item = Self> + '_ {
-        list.as_chunks::<{ Self::BYTES }>().0.iter().map(|record| {
-            let [
-                a0,
-                a1,
-                a2,
-                a3,
-                b0,
-                b1,
-                b2,
-                b3,
-                c0,
-                c1,
-                c2,
-                c3,
-                d0,
-                d1,
-                d2,
-                d3,
-            ] = *record;
-            Self {
-                range_bin: f32::from_le_bytes([a0, a1, a2, a3]),
-                doppler_bin: f32::from_le_bytes([b0, b1, b2, b3]),
-                power: f32::from_le_bytes([c0, c1, c2, c3]),
-                noise: f32::from_le_bytes([d0, d1, d2, d3]),
-            }
-        })
-    }
-}

@@ -19,6 +19,7 @@ use num_complex::Complex32;
 
 use super::Encoding;
 use crate::Sc16;
+use crate::cfar::Detection;
 use crate::stream::{BlockFloat, power_of_two};
 
 /// Reads float32 values, 4 bytes each.
@@ -133,6 +134,42 @@ impl<'a> Row<'a> {
         let scaled = sc16s(mantissas).zip(scales);
         complex32s(floats).chain(scaled.map(|(mantissa, scale)| mantissa.to_complex32() * scale))
     }
+}
+
+/// Most detections in a frame.
+pub const MAX_DETECTIONS: usize = 10;
+
+/// Bytes of a detection.
+pub const DETECTION_BYTES: usize = 16;
+
+/// Reads detections: range bin, Doppler bin, power and noise as float32 each.
+pub fn detections(bytes: &[u8]) -> impl ExactSizeIterator<Item = Detection> + Clone + '_ {
+    bytes.as_chunks::<DETECTION_BYTES>().0.iter().map(|record| {
+        let mut values = f32s(record);
+        let mut next = || values.next().unwrap_or(0.0);
+        Detection {
+            range_bin: next(),
+            doppler_bin: next(),
+            power: next(),
+            noise: next(),
+        }
+    })
+}
+
+/// Writes detections, [`DETECTION_BYTES`] each.
+pub fn write_detections<'b>(detections: &[Detection], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
+    let places = buffer.get_mut(..detections.len().checked_mul(DETECTION_BYTES)?)?;
+    let (records, _) = places.as_chunks_mut::<DETECTION_BYTES>();
+    for (record, detection) in records.iter_mut().zip(detections) {
+        let Detection {
+            range_bin,
+            doppler_bin,
+            power,
+            noise,
+        } = *detection;
+        write_f32s(&[range_bin, doppler_bin, power, noise], record)?;
+    }
+    Some(places)
 }
 
 /// Writes items of `N` bytes one after another.

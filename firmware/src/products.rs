@@ -1,0 +1,198 @@
+//! What is made of a map besides sending it: detections, and a part of a chip.
+
+use subaperture_core::Complex32;
+use subaperture_core::accumulate::{Kernel, PixelGrid, add_patch_map};
+use subaperture_core::cfar::{Cfar, Column, Detection};
+use subaperture_core::link::{ChipGrid, Refusal};
+use subaperture_core::stream::{PatchMap, Setup};
+
+/// Most detections of a map.
+pub const DETECTIONS: usize = 32;
+
+/// How chips read maps: 8 taps.
+pub type ChipKernel = Kernel<8, 64>;
+
+/// Buffers of the products.
+#[derive(Debug)]
+pub struct ProductBuffers<'a> {
+    /// The chip's pixels; as many as a chip may have.
+    pub chip: &'a mut [Complex32],
+    /// How maps are read for the chip.
+    pub kernel: &'a ChipKernel,
+    /// One a range bin of the widest map that is to be searched.
+    pub columns: &'a mut [Column],
+}
+
+/// The products of a run.
+#[derive(Debug)]
+pub(crate) struct Products<'a> {
+    buffers: ProductBuffers<'a>,
+    pub(crate) cfar: Option<Cfar>,
+    pub(crate) detections: heapless::Vec<Detection, DETECTIONS>,
+    pub(crate) chip: Option<Chip>,
+    /// What is still to be done with the map in hand.
+    next: Next,
+}
+
+/// A chip in the making.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Chip {
+    pub(crate) grid: ChipGrid,
+    /// Maps added so far, and the sum of their pulses' weights.
+    pub(crate) maps: u32,
+    pub(crate) weight_sum: f32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Next {
+    ChipRow(u16),
+    Search,
+    Nothing,
+}
+
+impl<'a> Products<'a> {
+    pub(crate) fn new(buffers: ProductBuffers<'a>) -> Self {
+        Self {
+            buffers,
+            cfar: None,
+            detections: heapless::Vec::new(),
+            chip: None,
+            next: Next::Nothing,
+        }
+    }
+
+    /// No products are wanted.
+    pub(crate) fn forget(&mut self) {
+        self.cfar = None;
+        self.chip = None;
+        self.begin_run();
+    }
+
+    /// Nothing has been added up yet.
+    pub(crate) fn begin_run(&mut self) {
+        self.detections.clear();
+        self.next = Next::Nothing;
+        self.buffers.chip.fill(Complex32::ZERO);
+        if let Some(chip) = &mut self.chip {
+            chip.maps = 0;
+            chip.weight_sum = 0.0;
+        }
+    }
+
+    pub(crate) fn set_chip(&mut self, grid: &ChipGrid) -> Result<(), Refusal> {
+        let wanted = u32::from(grid.num_columns) * u32::from(grid.num_rows);
+        let most = self.buffers.chip.len() as u32;
+        if wanted == 0 || wanted > most {
+            return Err(Refusal::Chip { wanted, most });
+        }
+        self.chip = Some(Chip {
+            grid: *grid,
+            maps: 0,
+            weight_sum: 0.0,
+        });
+        Ok(())
+    }
+
+    pub(crate) fn set_cfar(&mut self, cfar: &Cfar) -> Result<(), Refusal> {
+        cfar.check().map_err(|_| Refusal::Detect)?;
+        self.cfar = Some(*cfar);
+        Ok(())
+    }
+
+    /// A map is there.
+    pub(crate) fn begin_map(&mut self, map: &PatchMap<'_>) {
+        self.detections.clear();
+        let wanted = self
+            .chip
+            .as_mut()
+            .filter(|chip| chip.grid.patch == map.header.patch_index);
+        self.next = match wanted {
+            Some(chip) => {
+                chip.maps = chip.maps.saturating_add(1);
+                chip.weight_sum += map.header.weight_sum;
+                Next::ChipRow(0)
+            }
+            None => Next::Search,
+        };
+    }
+
+    /// Does a row of the chip, or searches the map. False if nothing is left to do.
+    pub(crate) fn work(&mut self, setup: &Setup, map: &PatchMap<'_>) -> bool {
+        match self.next {
+            Next::ChipRow(row) => {
+                self.next = match self.chip {
+                    Some(chip) if row < chip.grid.num_rows => {
+                        self.add_chip_row(&chip.grid, row, setup, map);
+                        Next::ChipRow(row.wrapping_add(1))
+                    }
+                    _ => Next::Search,
+                };
+                true
+            }
+            Next::Search => {
+                if let Some(cfar) = &self.cfar {
+                    let bins = map.header.patch.num_range_bins();
+                    let columns = self.buffers.columns.get_mut(..bins).unwrap_or(&mut []);
+                    // Too wide a map finds no columns, and so no detections.
+                    if cfar
+                        .detect_in_map(map, columns, &mut self.detections)
+                        .is_err()
+                    {
+                        self.detections.clear();
+                    }
+                }
+                self.next = Next::Nothing;
+                true
+            }
+            Next::Nothing => false,
+        }
+    }
+
+    fn add_chip_row(&mut self, grid: &ChipGrid, row: u16, setup: &Setup, map: &PatchMap<'_>) {
+        let columns = usize::from(grid.num_columns);
+        let first = usize::from(row) * columns;
+        let pixels = self.buffers.chip.get_mut(first..).unwrap_or(&mut []);
+        let pixels = pixels.get_mut(..columns).unwrap_or(&mut []);
+        let mut origin_m = grid.origin_m;
+        for (place, step) in origin_m.iter_mut().zip(grid.row_step_m) {
+            *place += f64::from(row) * step;
+        }
+        let line = PixelGrid {
+            origin_m,
+            column_step_m: grid.column_step_m,
+            row_step_m: [0.0; 3],
+            num_columns: columns,
+            num_rows: 1,
+        };
+        // The map is divided by its pulses; the chip will be by all of their weights.
+        let weight = f32::from(map.header.num_pulses);
+        // Cannot fail: the pixels are the line's.
+        let _ = add_patch_map(pixels, &line, setup, map, self.buffers.kernel, weight);
+    }
+
+    /// A row of the chip as it is sent, into `out`: divided by the weights.
+    pub(crate) fn chip_row<'b>(
+        &self,
+        chip: &Chip,
+        row: u16,
+        out: &'b mut [u8],
+    ) -> Option<&'b [u8]> {
+        let columns = usize::from(chip.grid.num_columns);
+        let first = usize::from(row) * columns;
+        let pixels = self.buffers.chip.get(first..first + columns)?;
+        let scale = if chip.weight_sum > 0.0 {
+            1.0 / chip.weight_sum
+        } else {
+            0.0
+        };
+        let places = out.get_mut(..8 * columns)?;
+        for (place, pixel) in places.as_chunks_mut().0.iter_mut().zip(pixels) {
+            let ([a, b, c, d], [e, f, g, h]) = (
+                (pixel.re * scale).to_le_bytes(),
+                (pixel.im * scale).to_le_bytes(),
+            );
+            *place = [a, b, c, d, e, f, g, h];
+        }
+        Some(places)
+    }
+}
