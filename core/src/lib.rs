@@ -61,6 +61,7 @@
 pub mod accumulate;
 mod axes;
 pub mod fft;
+pub mod fixed_point;
 pub mod keystone;
 mod map;
 mod plan;

@@ -33,6 +33,7 @@ mod engine;
 mod patch;
 mod setup;
 
+pub use crate::fixed_point::{FixedBuffers, FixedEngine};
 pub use engine::{Engine, Work};
 pub use patch::{BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two};
 pub use setup::{Capacity, Quantity, Setup, SetupError};
