@@ -15,9 +15,9 @@
 //! `sqrt 2` times that; a sum of one part as it is and three turned is at most `(1 + 3 sqrt 2) 2^28 <
 //! 2^30.4`. Radix 2 comes first, has no twiddles, and gives at most `2^30`.
 //!
-//! **Accuracy**: -150 dB relative RMS on noise of full scale, and better than -120 dB on noise of
-//! `2^20` at 1024 points (`tests/core_fixed.rs` asserts bounds and prints the figures). **Cost**: no
-//! memory; a radix-4 butterfly is 12 multiplications of 32 to 64 bits, `N/4 log4 N` butterflies.
+//! **Accuracy**, error relative in RMS: -152 dB or better on noise of amplitude `2^31`, -131 dB on noise
+//! of `2^20`, all lengths (`tests/core_fixed.rs`). **Cost**: no memory; a radix-4 butterfly is 12
+//! multiplications of 32 to 64 bits, and there are `N/4 log4 N` of them.
 //!
 //! ```
 //! use num_complex::Complex;

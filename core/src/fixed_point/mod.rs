@@ -13,13 +13,14 @@
 //! ```
 //!
 //! The narrow store in the middle is what makes a map as small as the samples (4 bytes a cell), and its
-//! rounding is the largest error: each column is off by at most half a unit of `2^-15` of its peak's
-//! power of two. **Accuracy** of arithmetic, against a float64 sum over the same samples, relative RMS
-//! over the map, is asserted in `tests/core_fixed.rs`: better than -70 dB at full scale and than -60 dB
-//! at -30 dB full scale, on points, a single point and noise; the test prints the figures.
+//! rounding is the largest error: a part is off by at most half a unit of `2^-15` of its column's power
+//! of two. **Accuracy** of all arithmetic, against a float64 sum over the same samples, relative RMS
+//! over the map (`tests/core_fixed.rs`): -84.6 dB or better for 30 pulses, 424 frequencies and 41 by 201
+//! bins, on points, on a single point and on noise, samples at full scale, 30 dB and 60 dB below; -74.3 dB
+//! the worst of all shapes tested, 200 pulses and 201 Doppler bins.
 //!
-//! **No overflow**: bounds are in [`mod@column`]'s table, at the head of [`fft`] and of [`mod@row`];
-//! they hold for any samples. What remains is an exponent that leaves `-128 ..= 127`, by weights that no
+//! **No overflow**: the bounds stand at the heads of `column`, [`fft`] and `row`; they hold for any
+//! samples. What remains is an exponent that leaves `-128 ..= 127`, by weights that no
 //! window has: then mantissas are clamped and counted, [`Engine::saturated`].
 //!
 //! **Memory**: [`FixedBuffers`]. **Cost**: a column takes one phasor a pulse, then `M/2` times `Q + 1`

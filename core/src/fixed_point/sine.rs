@@ -30,7 +30,7 @@ pub const ONE: i32 = 1 << FRACTION_BITS;
 /// Bits after the point.
 pub const FRACTION_BITS: u32 = 30;
 
-/// Points of [`unit`] in a turn.
+/// Points of [`unit()`] in a turn.
 pub const POINTS: usize = 4096;
 
 const QUARTER: usize = POINTS / 4;
