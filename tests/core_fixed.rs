@@ -508,10 +508,12 @@ proptest! {
 }
 
 /// The largest sums that there are: every sample at a corner of its square and turned so that all add up
-/// at one bin, `sqrt 2` from pulses without weights.
+/// at one bin; weights whose mantissas are all ones, and numbers of pulses next to a power of two, which
+/// come closest to the bounds.
 #[test]
 fn aligned_rails_do_not_overflow() {
-    for shape in SHAPES {
+    let full = [31, 63, 127].map(|pulses| shape([pulses, 16, 16, 128, 3, 7]));
+    for shape in SHAPES.into_iter().chain(full) {
         let mut case = Case::new(shape);
         let rail = |x: f64| if x < 0.0 { i16::MIN } else { i16::MAX };
         let patch_centre_m = case.patch.centre_m;
@@ -523,7 +525,9 @@ fn aligned_rails_do_not_overflow() {
             .iter()
             .map(|z| Sc16::from_bits(rail(z.re), rail(z.im)));
         case.samples = corners.collect();
-        case.pulses.iter_mut().for_each(|pulse| pulse.weight = 1.0);
+        let below_one = f32::from_bits(1.0f32.to_bits() - 1);
+        let pulses = case.pulses.iter_mut();
+        pulses.for_each(|pulse| pulse.weight = below_one);
         let (values, _, saturated) = run(&case);
         assert_eq!(saturated, 0);
         let exact = case.exact();
