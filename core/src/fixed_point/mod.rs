@@ -70,6 +70,7 @@
 //! ```
 
 mod block;
+mod buffers;
 mod column;
 pub mod fft;
 mod row;
@@ -80,62 +81,12 @@ use core::num::NonZeroU32;
 use num_complex::Complex;
 
 use self::block::{Narrowing, Scaled};
+pub use self::buffers::FixedBuffers;
 pub use self::column::PulsePhase;
 use crate::stream::{
     BlockFloat, Capacity, Engine, MapSamples, Patch, Quantity, Setup, SetupError, Work,
 };
 use crate::{LengthError, Pulse, SPEED_OF_LIGHT_M_S, Sc16, Turns};
-
-/// The memory of a [`FixedEngine`]; longer is no harm. Functions give the lengths for a [`Capacity`].
-#[derive(Debug)]
-pub struct FixedBuffers<'a> {
-    /// Cells of the map, [`FixedBuffers::cells_len`]: Doppler rows of frequencies, then of range bins.
-    pub cells: &'a mut [Sc16],
-    /// Exponents of the cells of a frequency, [`FixedBuffers::column_exponents_len`].
-    pub column_exponents: &'a mut [i8],
-    /// Exponents of the finished rows' blocks, [`FixedBuffers::row_exponents_len`].
-    pub row_exponents: &'a mut [i8],
-    /// A column or a row in 32 bits, [`FixedBuffers::work_len`].
-    pub work: &'a mut [Complex<i32>],
-    /// Phases of the pulses, [`FixedBuffers::pulses_len`].
-    pub phases: &'a mut [PulsePhase],
-    /// The pulses of a frequency, folded, [`FixedBuffers::pulses_len`].
-    pub folded: &'a mut [Complex<i32>],
-}
-
-impl FixedBuffers<'_> {
-    /// Cells of the map.
-    pub const fn cells_len(capacity: &Capacity) -> usize {
-        capacity.doppler_bins as usize * capacity.frequencies as usize
-    }
-
-    /// Exponents of columns.
-    pub const fn column_exponents_len(capacity: &Capacity) -> usize {
-        capacity.frequencies as usize
-    }
-
-    /// Exponents of rows. Enough for any patch of at most `doppler_bins` rows: rows of `W` bins, of
-    /// which there are `n`, take `n ceil(W / 32) <= (n W + 31 n) / 32`, and `n W` is at most
-    /// [`FixedBuffers::cells_len`].
-    pub const fn row_exponents_len(capacity: &Capacity) -> usize {
-        let rounding = capacity.doppler_bins as usize * (BlockFloat::BLOCK - 1);
-        (Self::cells_len(capacity) + rounding) / BlockFloat::BLOCK
-    }
-
-    /// A row of range bins, or a column of Doppler bins.
-    pub const fn work_len(capacity: &Capacity) -> usize {
-        if capacity.range_bins > capacity.doppler_bins {
-            capacity.range_bins as usize
-        } else {
-            capacity.doppler_bins as usize
-        }
-    }
-
-    /// Pulses.
-    pub const fn pulses_len(capacity: &Capacity) -> usize {
-        capacity.pulses as usize
-    }
-}
 
 /// The map of a patch in integers; see the head of the module.
 #[derive(Debug)]
