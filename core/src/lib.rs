@@ -90,6 +90,7 @@ pub mod accumulate;
 mod axes;
 pub mod cfar;
 pub mod fft;
+pub mod fixed_point;
 pub mod keystone;
 pub mod link;
 mod map;

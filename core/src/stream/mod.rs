@@ -29,19 +29,40 @@
 //! [`SubCpiProcessor`] knows the order; an [`Engine`] does the arithmetic, in units of bounded work:
 //! [`FloatEngine`] in float32, [`FixedEngine`] on 16-bit samples without a floating-point unit.
 
-mod buffers;
+//!
+//! # Memory
+//! Every buffer is an array of sizes known to the compiler, with its bytes as a `BYTES` constant. They
+//! come in three, by what they need of a memory: the stores are large and written once a sample; the
+//! map is large and in use throughout; scratch is small and busy. On a part with several memories each
+//! goes where it fits. In bytes, with `B` the blocks of a row, `P` the patches, `rows` the Doppler bins
+//! that there is room for; on the right for `M = 30`, `F = 424`, `R = 1024`, 41 rows, 16 patches:
+//!
+//! | | float32 | | fixed point | |
+//! |---|---|---|---|---|
+//! | [`PulseStores`] | `16 M F + 160 M` | 208320 | `8 M F + 160 M` | 106560 |
+//! | [`FloatMap`], [`FixedMap`] | `8 F rows` | 139072 | `(4 F + B + 1) rows + F` | 70576 |
+//! | [`FloatScratch`], [`FixedScratch`] | `8 R + 40 M + 4 F + 32 P` | 11600 | `8 R + 32 M + 4 F + 32 P` | 11360 |
+//!
+//! (`tests/stream_memory.rs` holds these figures, and that they are all.)
+
 mod engine;
+mod fixed_buffers;
 mod float;
+mod float_buffers;
 mod patch;
 mod processor;
 mod setup;
+mod stores;
 mod track;
 
-pub use buffers::{FloatBuffers, FloatMap, FloatScratch, PulseStores};
+pub use crate::fixed_point::FixedEngine;
 pub use engine::{Engine, Work};
+pub use fixed_buffers::{FixedBuffers, FixedMap, FixedScratch};
 pub use float::{ANCHOR, FloatEngine, PulsePhase};
+pub use float_buffers::{FloatBuffers, FloatMap, FloatScratch};
 pub use patch::{BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two};
 pub use processor::{Progress, PulseCounters, PulseError, Sample, Store, SubCpiProcessor};
 pub use setup::{Capacity, Quantity, Setup, SetupError};
+pub use stores::PulseStores;
 pub(crate) use track::node_offset_pulses;
 pub use track::nodes;

@@ -34,7 +34,7 @@ pub struct Capacity {
     pub frequencies: u16,
     /// Longest range transform.
     pub range_bins: u16,
-    /// Doppler rows of the map buffer, each of `frequencies` samples.
+    /// Most Doppler bins of a patch; that many rows of `frequencies` samples the map buffer has.
     pub doppler_bins: u16,
     /// Most patches.
     pub patches: u16,
@@ -146,7 +146,7 @@ impl Setup {
             return Err(too_large(Quantity::RangeGate, wanted, range_length));
         }
         // Bins beyond the band of one cycle a pulse would repeat those within.
-        let doppler_length = usize::from(self.doppler_length);
+        let doppler_length = self.doppler_length.min(capacity.doppler_bins).into();
         if patch.num_doppler_bins() > doppler_length {
             let wanted = patch.num_doppler_bins();
             return Err(too_large(Quantity::DopplerBand, wanted, doppler_length));

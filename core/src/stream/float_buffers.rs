@@ -1,63 +1,7 @@
-//! The buffers of a processor, in arrays of sizes known to the compiler: made to be statics.
-//!
-//! They come in three, by what they need of a memory. Pulse stores are large and written once a sample;
-//! the map is large and read and written throughout; scratch is small and busy. On a part with several
-//! memories each goes where it fits.
-//!
-//! | buffer | bytes, float | bytes, fixed | at M = 30, F = 424, R = 1024, 41 rows, 16 patches |
-//! |---|---|---|---|
-//! | [`PulseStores`] | `16 M F + 144 M` | `8 M F + 144 M` | 207840, 106080 |
-//! | [`FloatMap`], [`FixedMap`](super::FixedMap) | `8 F rows` | `4 F rows` and exponents | 139072 |
-//! | [`FloatScratch`], [`FixedScratch`](super::FixedScratch) | `8 R + 40 M + 4 F + 32 patches` | | 11600 |
+//! The buffers of a processor in float32, in arrays of sizes known to the compiler: made to be statics.
 
-use super::{Capacity, FloatEngine, Patch, PulsePhase, Sample, Store, SubCpiProcessor};
-use crate::{Complex32, Pulse, fft};
-
-/// Two stores of raw pulses of samples `S`.
-#[derive(Debug)]
-pub struct PulseStores<S, const PULSES: usize, const FREQUENCIES: usize> {
-    samples: [[[S; FREQUENCIES]; PULSES]; 2],
-    pulses: [[Pulse; PULSES]; 2],
-}
-
-impl<S: Sample, const PULSES: usize, const FREQUENCIES: usize> PulseStores<S, PULSES, FREQUENCIES> {
-    /// Memory in bytes.
-    pub const BYTES: usize = size_of::<Self>();
-
-    /// Empty stores, all zero bytes.
-    pub const fn new() -> Self {
-        const {
-            assert!(
-                PULSES >= 1 && PULSES <= 4096 && FREQUENCIES >= 1 && FREQUENCIES <= 4096,
-                "PULSES and FREQUENCIES are 1 to 4096"
-            );
-        };
-        Self {
-            samples: [[[S::ZERO; FREQUENCIES]; PULSES]; 2],
-            pulses: [[Pulse::EMPTY; PULSES]; 2],
-        }
-    }
-
-    /// Lends the stores.
-    pub(super) fn split(&mut self) -> [Store<'_, S>; 2] {
-        let Self {
-            samples: [a, b],
-            pulses: [first, second],
-        } = self;
-        [
-            Store::new(a.as_flattened_mut(), first),
-            Store::new(b.as_flattened_mut(), second),
-        ]
-    }
-}
-
-impl<S: Sample, const PULSES: usize, const FREQUENCIES: usize> Default
-    for PulseStores<S, PULSES, FREQUENCIES>
-{
-    fn default() -> Self {
-        Self::new()
-    }
-}
+use super::{Capacity, FloatEngine, Patch, PulsePhase, PulseStores, SubCpiProcessor};
+use crate::{Complex32, fft};
 
 /// The map in work in float32: `DOPPLER_BINS` rows of `FREQUENCIES` samples, or of a range gate.
 #[derive(Debug)]

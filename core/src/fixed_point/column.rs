@@ -1,0 +1,140 @@
+//! One frequency: compensation, and the Doppler transform on an axis scaled with frequency.
+//!
+//! **Equation**, `u_m = m - (M - 1)/2`, `z_m` the sample times its weight and the patch's phasor:
+//!
+//! ```text
+//! X(d) = sum_m z_m exp(-j 2 pi a_k u_m d / D)
+//! ```
+//!
+//! Pulses `u` and `-u` are folded to `e_u = z_u + z_-u` and `o_u = z_u - z_-u`; with
+//! `A = z_0 + sum_{u>0} e_u cos(2 pi a_k u d / D)` and `B = sum_{u>0} o_u sin(2 pi a_k u d / D)` one pass
+//! gives both `X(+d) = A - j B` and `X(-d) = A + j B` for two real multiplications a pulse and bin.
+//!
+//! **Scales and bounds.** A part of a sample is at most 1 in magnitude, so one of `z_m` at most
+//! `sqrt 2`. With `g` guard bits, `M 2^-g < 4` ([`guard_bits`]), and a phasor that exceeds 1 by at most
+//! `2^-20`:
+//!
+//! | number | type | unit | at most |
+//! |---|---|---|---|
+//! | `z_m` | i32 | `2^(g - 29)` | `sqrt 2` is `2^(29.5 - g)` |
+//! | `e_u`, `o_u` | i32 | `2^(g - 29)` | `2^(30.5 - g)` |
+//! | cosine, sine | i32 | `2^-30` | `2^30 + 2^10` |
+//! | `A`, `B` | i64 | `2^(g - 59)` | `M sqrt 2` is below `2^61.5` |
+//! | `X` | i64, then its upper half | `2^(g - 59)`, `2^(g - 27)` | below `2^62.5`, `2^30.5` |
+//!
+//! so nothing can overflow. With 30 pulses `g = 3`: a unit of `z` is `2^-11` of a sample's.
+
+use num_complex::Complex;
+
+use super::sine;
+use crate::{Sc16, Turns};
+
+/// Phase and weight of a pulse for the patch in work.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PulsePhase {
+    /// Phase at frequency 0.
+    pub(super) start: Turns,
+    /// From frequency to frequency.
+    pub(super) step: Turns,
+    /// Weight in slow time, units of `2^-31` of the largest weight's power of two.
+    pub(super) weight: i32,
+}
+
+impl PulsePhase {
+    /// What fills empty storage.
+    pub const EMPTY: Self = Self {
+        start: Turns(0),
+        step: Turns(0),
+        weight: 0,
+    };
+}
+
+/// `g`, the least with `num_pulses 2^-g < 4`.
+pub(super) fn guard_bits(num_pulses: usize) -> u32 {
+    num_pulses
+        .checked_ilog2()
+        .map_or(0, |bits| bits.saturating_sub(1))
+}
+
+/// The pulses of one frequency, folded.
+pub(super) struct Folded<'a> {
+    /// `o_u`, `u` descending.
+    odd: &'a [Complex<i32>],
+    /// `z_0`, if the number of pulses is odd.
+    centre: Option<Complex<i32>>,
+    /// `e_u`, `u` ascending.
+    even: &'a [Complex<i32>],
+}
+
+/// Compensates `samples`, one a pulse, at frequency `k`, and folds them in `buffer`, one place a pulse.
+pub(super) fn fold<'a>(
+    phases: &[PulsePhase],
+    samples: impl Iterator<Item = Sc16>,
+    k: usize,
+    guard_bits: u32,
+    buffer: &'a mut [Complex<i32>],
+) -> Folded<'a> {
+    // Sample in 2^-15 times phasor in 2^-30, to 2^(g - 29).
+    let shift = 16 + guard_bits;
+    let half = 1i64 << (shift - 1);
+    for ((z, phase), sample) in buffer.iter_mut().zip(phases).zip(samples) {
+        let phasor = sine::phasor(phase.start.plus(phase.step.times(k as i64)));
+        let weighted = |part: i32| (i64::from(part) * i64::from(phase.weight)) >> 31;
+        let (cos, sin) = (weighted(phasor.re), weighted(phasor.im));
+        let (re, im) = (
+            i64::from(sample.re.to_bits()),
+            i64::from(sample.im.to_bits()),
+        );
+        z.re = ((cos * re - sin * im + half) >> shift) as i32;
+        z.im = ((cos * im + sin * re + half) >> shift) as i32;
+    }
+    let pairs = buffer.len() / 2;
+    let (odd, rest) = buffer.split_at_mut_checked(pairs).unwrap_or_default();
+    let surplus = rest.len().saturating_sub(pairs);
+    let (centre, even) = rest.split_at_mut_checked(surplus).unwrap_or_default();
+    for (before, after) in odd.iter_mut().rev().zip(even.iter_mut()) {
+        let (x, y) = (*after, *before);
+        (*after, *before) = (x + y, x - y);
+    }
+    Folded {
+        odd,
+        centre: centre.first().copied(),
+        even,
+    }
+}
+
+impl Folded<'_> {
+    /// `X(+d)` and `X(-d)` in units of `2^(g - 27)`; `half_turn` is the phase of `d` at half a pulse,
+    /// `a_k d / (2 D)` turns.
+    pub(super) fn bins(&self, half_turn: Turns) -> [Complex<i32>; 2] {
+        let widened = |part: i32| i64::from(part) << sine::FRACTION_BITS;
+        let (mut a, mut b) = (Complex::new(0, 0), Complex::new(0i64, 0));
+        if let Some(centre) = self.centre {
+            a = Complex::new(widened(centre.re), widened(centre.im));
+        }
+        // Half pulses from the middle to the first pair: u = 1/2 or u = 1.
+        let first = if self.centre.is_some() { 2 } else { 1 };
+        let step = sine::phasor(half_turn.times(2));
+        // A fresh phasor every RUN pairs: rounding adds up to 2^-24 of a run, whatever M.
+        let runs = self.even.chunks(RUN).zip(self.odd.rchunks(RUN));
+        for (run, (even, odd)) in (0..).zip(runs) {
+            let mut turn = sine::phasor(half_turn.times(first + 2 * RUN as i64 * run));
+            for (e, o) in even.iter().zip(odd.iter().rev()) {
+                let (cos, sin) = (i64::from(turn.re), i64::from(turn.im));
+                a.re += i64::from(e.re) * cos;
+                a.im += i64::from(e.im) * cos;
+                b.re += i64::from(o.re) * sin;
+                b.im += i64::from(o.im) * sin;
+                turn = sine::turned(turn, step);
+            }
+        }
+        let upper = |x: i64| ((x + (1 << 31)) >> 32) as i32;
+        [
+            Complex::new(upper(a.re + b.im), upper(a.im - b.re)),
+            Complex::new(upper(a.re - b.im), upper(a.im + b.re)),
+        ]
+    }
+}
+
+/// Pairs between fresh phasors.
+const RUN: usize = 64;
