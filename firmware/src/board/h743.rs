@@ -104,7 +104,9 @@ impl Board for H743 {
 }
 
 fn clocks() -> embassy_stm32::Config {
-    use rcc::{AHBPrescaler, APBPrescaler, HSIPrescaler, Pll, PllDiv, PllMul, PllPreDiv, PllSource};
+    use rcc::{
+        AHBPrescaler, APBPrescaler, HSIPrescaler, Pll, PllDiv, PllMul, PllPreDiv, PllSource,
+    };
     let mut config = embassy_stm32::Config::default();
     config.rcc.hsi = Some(HSIPrescaler::DIV1);
     config.rcc.pll1 = Some(Pll {
