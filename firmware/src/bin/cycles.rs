@@ -2,8 +2,7 @@
 //!
 //! The emulator has no cycle counter. Under `-icount shift=5` it lets 32 ns pass with each instruction, and the
 //! board's timer counts them at 25 MHz: 1.25 ticks an instruction. The program does not rely on
-//! that: it first times a loop of instructions that it knows (`per unit` below), and turns ticks into
-//! instructions by it. Without `-icount` ticks are the host's time and the table means nothing; the lines
+//! that: it first times a loop whose instructions it knows, and turns ticks into instructions by it. Without `-icount` ticks are the host's time and the table means nothing; the lines
 //! `loop ...`, of known counts, show it. Interrupts are none, so that two runs agree.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
