@@ -148,6 +148,14 @@ pub struct Column {
     beyond_guard: Sum,
 }
 
+impl Column {
+    /// No sums: what fills a static.
+    pub const EMPTY: Self = Self {
+        all: Sum::EMPTY,
+        beyond_guard: Sum::EMPTY,
+    };
+}
+
 /// Sum and number of the cells that count.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
@@ -156,6 +164,11 @@ struct Sum {
 }
 
 impl Sum {
+    const EMPTY: Self = Self {
+        power: 0.0,
+        cells: 0,
+    };
+
     fn add_cell(&mut self, power: Option<f32>) {
         if let Some(power) = power {
             self.power += f64::from(power);

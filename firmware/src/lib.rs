@@ -3,6 +3,8 @@
 //! | module | what it is |
 //! |---|---|
 //! | [`station`] | the module's end of the link, without input or output |
+//! | [`engine`] | the arithmetics as the link sees them |
+//! | [`products`] | detections and chips |
 //! | [`sizes`] | what the application is built for |
 //! | `serve` | the application's loop |
 //! | `board` | `Board` and the two boards that there are |
@@ -12,6 +14,8 @@
 //! The last four are for a target only; the others run on a host too.
 #![no_std]
 
+pub mod engine;
+pub mod products;
 pub mod sizes;
 pub mod station;
 

@@ -3,8 +3,9 @@
 use embedded_io::{Read, ReadReady, Write, WriteReady};
 
 use crate::board::Board;
+use crate::engine::WireEngine;
 use crate::memory;
-use crate::station::{Station, WireEngine};
+use crate::station::Station;
 use subaperture_core::link::State;
 
 /// Reads of the link between two writes, at most, so that neither waits for the other.

@@ -10,6 +10,8 @@
 //! 517 824 of the 524 288 bytes of AXI SRAM; 70 rows of 512 samples of 8 bytes are 286 720 of the
 //! 294 912 of SRAM1 to 3. (A run may use fewer of everything than there is room for.)
 
+use subaperture_core::stream::BlockFloat;
+
 #[cfg(all(feature = "size-small", feature = "size-large"))]
 compile_error!("two sizes: choose one of size-small and size-large, or neither");
 
@@ -41,3 +43,7 @@ pub const RANGE_BINS: usize = SIZES[2];
 pub const DOPPLER_BINS: usize = SIZES[3];
 /// Most patches.
 pub const PATCHES: usize = SIZES[4];
+/// Blocks of a fixed-point row, and one.
+pub const BLOCKS: usize = FREQUENCIES.div_ceil(BlockFloat::BLOCK) + 1;
+/// Most pixels of a chip.
+pub const CHIP_PIXELS: usize = 1024;

@@ -3,60 +3,30 @@
 //! **What it does.** [`Station`] takes the bytes that came ([`Station::receive`]), gives the bytes that
 //! are to go ([`Station::pending`]), and does one bounded piece of work at a time ([`Station::work`]), so
 //! that whoever owns the line can see to it in between. It never waits: while the host does not read,
-//! the map in hand waits, pulses go on filling the stores, and what finds no room is counted.
-//! [`crate::station::Station`] runs on a host too, where the tests put it to the test.
+//! the map in hand waits, pulses go on filling the stores, and what finds no room is counted. It runs
+//! on a host too, where it is tested over bad lines.
 //!
 //! **The way of the data.**
 //!
 //! ```text
-//! receive -> frame -> command -> settings | pulse -> processor -> map -> rows -> frame -> pending
+//! receive -> frame -> command -> settings | pulse -> processor -> map -> products
+//!                                                                    -> rows -> frame -> pending
 //! ```
 //!
 //! **Order of what goes out**: who it is, refusals, status, and then the map in hand, its detections,
 //! the chip. One frame is in the buffer at a time.
 
+use subaperture_core::Pulse;
 use subaperture_core::link::{
-    Arithmetic, Command, Encoder, Encoding, Received, Receiver, Refusal, Report, State, Status,
-    TransferChecksum, complex32s, f32s, sc16s, write_block_row, write_complex32s,
+    self, Command, Encoder, MAX_DETECTIONS, Received, Receiver, Refusal, Report, State, Status,
+    TransferChecksum, f32s, write_block_row, write_complex32s, write_detections,
 };
 use subaperture_core::stream::{
-    BlockFloat, Engine, FloatEngine, MapSamples, PatchMap, Progress, PulseError, Sample,
-    SubCpiProcessor,
+    BlockFloat, MapSamples, Patch, PatchMap, Progress, PulseError, SubCpiProcessor,
 };
-use subaperture_core::{Pulse, link};
 
-/// An engine that can be fed from the wire.
-pub trait WireEngine: Engine<Sample: Sample> + Sized {
-    /// What the host is told.
-    const ARITHMETIC: Arithmetic;
-    /// How its maps are sent.
-    const MAP_ENCODING: Encoding;
-
-    /// Pushes a pulse; none if this arithmetic takes no such samples.
-    fn push(
-        processor: &mut SubCpiProcessor<'_, Self>,
-        pulse: &Pulse,
-        encoding: Encoding,
-        samples: &[u8],
-    ) -> Option<Result<(), PulseError>>;
-}
-
-impl WireEngine for FloatEngine<'_> {
-    const ARITHMETIC: Arithmetic = Arithmetic::Float;
-    const MAP_ENCODING: Encoding = Encoding::Complex32;
-
-    fn push(
-        processor: &mut SubCpiProcessor<'_, Self>,
-        pulse: &Pulse,
-        encoding: Encoding,
-        samples: &[u8],
-    ) -> Option<Result<(), PulseError>> {
-        Some(match encoding {
-            Encoding::Complex32 => processor.push(pulse, complex32s(samples)),
-            Encoding::Sc16 => processor.push(pulse, sc16s(samples).map(|z| z.to_complex32())),
-        })
-    }
-}
+use crate::engine::WireEngine;
+use crate::products::{ProductBuffers, Products};
 
 /// Buffers of the link, lent to a station.
 #[derive(Debug)]
@@ -80,12 +50,14 @@ impl<'a, E: WireEngine> Station<'a, E> {
     pub fn new(
         processor: SubCpiProcessor<'a, E>,
         buffers: LinkBuffers<'a>,
+        products: ProductBuffers<'a>,
         version: &'static str,
     ) -> Self {
         Self {
             receiver: Receiver::new(buffers.received),
             module: Module {
                 processor,
+                products: Products::new(products),
                 encoder: Encoder::new(),
                 frame: buffers.frame,
                 row: buffers.row,
@@ -103,7 +75,8 @@ impl<'a, E: WireEngine> Station<'a, E> {
                 state: State::Idle,
                 maps: 0,
                 told_credit: 0,
-                transfer: None,
+                transfer: Transfer::Nothing,
+                chip_sent: false,
             },
         }
     }
@@ -156,23 +129,36 @@ struct Due {
     refusal: Option<(u32, Refusal)>,
 }
 
-/// A map on its way out.
+/// What is on its way out.
 #[derive(Debug)]
-struct Transfer {
-    next: Part,
-    checksum: TransferChecksum,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Part {
-    Start,
-    Row(u16),
-    End,
+enum Transfer {
+    Nothing,
+    /// A map is there; its products are being made.
+    Products,
+    MapStart,
+    MapRow {
+        row: u16,
+        checksum: TransferChecksum,
+    },
+    MapEnd {
+        checksum: TransferChecksum,
+    },
+    /// Of the map sent last, from this one of its list on.
+    Detections(usize),
+    ChipStart,
+    ChipRow {
+        row: u16,
+        checksum: TransferChecksum,
+    },
+    ChipEnd {
+        checksum: TransferChecksum,
+    },
 }
 
 /// Everything but the receiver, from whose buffer commands borrow.
 struct Module<'a, E: WireEngine> {
     processor: SubCpiProcessor<'a, E>,
+    products: Products<'a>,
     encoder: Encoder,
     frame: &'a mut [u8],
     row: &'a mut [u8],
@@ -188,7 +174,8 @@ struct Module<'a, E: WireEngine> {
     state: State,
     maps: u32,
     told_credit: u32,
-    transfer: Option<Transfer>,
+    transfer: Transfer,
+    chip_sent: bool,
 }
 
 impl<E: WireEngine> Module<'_, E> {
@@ -224,7 +211,8 @@ impl<E: WireEngine> Module<'_, E> {
                 self.abort();
                 Ok(())
             }
-            Command::Chip(_) | Command::Detect { .. } => Err(Refusal::Unsupported),
+            Command::Chip(grid) => self.add_product(|products| products.set_chip(&grid)),
+            Command::Detect(cfar) => self.add_product(|products| products.set_cfar(&cfar)),
         };
         match refusal {
             Ok(()) => self.due.status |= answered,
@@ -245,7 +233,8 @@ impl<E: WireEngine> Module<'_, E> {
         self.configuration = configuration.id;
         self.weights = 0;
         self.patches = 0;
-        self.transfer = None;
+        self.transfer = Transfer::Nothing;
+        self.products.forget();
         self.state = State::Idle;
         Ok(())
     }
@@ -271,12 +260,7 @@ impl<E: WireEngine> Module<'_, E> {
         Ok(())
     }
 
-    fn set_patch(
-        &mut self,
-        index: u16,
-        count: u16,
-        patch: &subaperture_core::stream::Patch,
-    ) -> Result<(), Refusal> {
+    fn set_patch(&mut self, index: u16, count: u16, patch: &Patch) -> Result<(), Refusal> {
         if self.is_busy() {
             return Err(Refusal::Running);
         }
@@ -294,6 +278,17 @@ impl<E: WireEngine> Module<'_, E> {
         self.patches = count;
         self.settle();
         Ok(())
+    }
+
+    fn add_product(
+        &mut self,
+        add: impl FnOnce(&mut Products<'_>) -> Result<(), Refusal>,
+    ) -> Result<(), Refusal> {
+        match self.state {
+            State::Running | State::Finishing => Err(Refusal::Running),
+            _ if self.processor.setup().is_none() => Err(Refusal::NotConfigured),
+            _ => add(&mut self.products),
+        }
     }
 
     /// Ready once everything that was announced is there.
@@ -321,7 +316,9 @@ impl<E: WireEngine> Module<'_, E> {
         self.processor.start(first).map_err(Refusal::Setup)?;
         self.run = Some(run);
         self.maps = 0;
-        self.transfer = None;
+        self.transfer = Transfer::Nothing;
+        self.products.begin_run();
+        self.chip_sent = false;
         self.told_credit = self.processor.accept_through();
         self.state = State::Running;
         Ok(())
@@ -330,12 +327,17 @@ impl<E: WireEngine> Module<'_, E> {
     fn abort(&mut self) {
         if self.is_busy() {
             self.processor.stop();
-            self.transfer = None;
+            self.transfer = Transfer::Nothing;
             self.state = State::Done;
         }
     }
 
-    fn push(&mut self, pulse: &Pulse, encoding: Encoding, samples: &[u8]) -> Result<(), Refusal> {
+    fn push(
+        &mut self,
+        pulse: &Pulse,
+        encoding: link::Encoding,
+        samples: &[u8],
+    ) -> Result<(), Refusal> {
         if self.state != State::Running {
             // Late ones of a run that is over are no news.
             return Ok(());
@@ -356,27 +358,46 @@ impl<E: WireEngine> Module<'_, E> {
     }
 
     fn work(&mut self) -> bool {
-        if self.transfer.is_some() {
-            return false;
+        match self.transfer {
+            Transfer::Nothing => {}
+            Transfer::Products => {
+                let (setup, map) = (self.processor.setup(), self.processor.map());
+                let more = setup
+                    .zip(map)
+                    .is_some_and(|(setup, map)| self.products.work(setup, &map));
+                if !more {
+                    self.transfer = Transfer::MapStart;
+                }
+                return true;
+            }
+            _ => return false,
         }
         match self.processor.work() {
             Progress::Busy => true,
             Progress::Map => {
                 if let Some(map) = self.processor.map() {
-                    self.transfer = Some(Transfer {
-                        next: Part::Start,
-                        checksum: TransferChecksum::new(&map.header),
-                    });
+                    self.products.begin_map(&map);
+                    self.transfer = Transfer::Products;
                 }
                 true
             }
             Progress::Idle => {
                 if self.state == State::Finishing {
-                    self.state = State::Done;
-                    self.due.status = true;
+                    self.finish();
                 }
                 false
             }
+        }
+    }
+
+    /// The last map has gone: the chip, then the end of the run.
+    fn finish(&mut self) {
+        if self.products.chip.is_some_and(|chip| chip.maps > 0) && !self.chip_sent {
+            self.chip_sent = true;
+            self.transfer = Transfer::ChipStart;
+        } else {
+            self.state = State::Done;
+            self.due.status = true;
         }
     }
 
@@ -420,31 +441,32 @@ impl<E: WireEngine> Module<'_, E> {
         self.next_part();
     }
 
-    /// Puts the next part of the map in hand into the buffer.
+    /// Puts the next part of what is on its way into the buffer.
     fn next_part(&mut self) {
-        let Some(transfer) = &mut self.transfer else {
-            return;
-        };
-        let Some(map) = self.processor.map() else {
-            self.transfer = None;
-            return;
-        };
-        let rows = map.header.patch.num_doppler_bins() as u16;
-        let number = self.maps;
-        match transfer.next {
-            Part::Start => {
-                let report = Report::MapStart {
-                    map: number,
-                    header: map.header,
-                    encoding: E::MAP_ENCODING,
-                };
-                self.pending = send(&mut self.encoder, self.frame, &report);
-                transfer.next = Part::Row(0);
+        let transfer = core::mem::replace(&mut self.transfer, Transfer::Nothing);
+        self.transfer = match transfer {
+            Transfer::Nothing => Transfer::Nothing,
+            Transfer::Products => Transfer::Products,
+            Transfer::MapStart | Transfer::MapRow { .. } | Transfer::MapEnd { .. } => {
+                self.next_of_map(transfer)
             }
-            Part::Row(row) => {
+            Transfer::Detections(first) => self.next_detections(first),
+            Transfer::ChipStart | Transfer::ChipRow { .. } | Transfer::ChipEnd { .. } => {
+                self.next_of_chip(transfer)
+            }
+        };
+    }
+
+    fn next_of_map(&mut self, transfer: Transfer) -> Transfer {
+        let Some(map) = self.processor.map() else {
+            return Transfer::Nothing;
+        };
+        let (number, rows) = (self.maps, map.header.patch.num_doppler_bins() as u16);
+        match transfer {
+            Transfer::MapRow { row, mut checksum } => {
                 // A row that does not fit the buffer is left out, and the map's end will not agree.
                 if let Some(samples) = row_bytes(&map, row.into(), self.row) {
-                    transfer.checksum.add_row(samples);
+                    checksum.add_row(samples);
                     let report = Report::MapRow {
                         map: number,
                         row,
@@ -452,20 +474,103 @@ impl<E: WireEngine> Module<'_, E> {
                     };
                     self.pending = send(&mut self.encoder, self.frame, &report);
                 }
-                transfer.next = match row.wrapping_add(1) {
-                    next if next < rows => Part::Row(next),
-                    _ => Part::End,
-                };
+                match row.wrapping_add(1) {
+                    row if row < rows => Transfer::MapRow { row, checksum },
+                    _ => Transfer::MapEnd { checksum },
+                }
             }
-            Part::End => {
+            Transfer::MapEnd { checksum } => {
                 let report = Report::MapEnd {
                     map: number,
                     rows,
-                    crc: transfer.checksum.value(),
+                    crc: checksum.value(),
                 };
                 self.pending = send(&mut self.encoder, self.frame, &report);
-                self.transfer = None;
                 self.maps = self.maps.saturating_add(1);
+                match self.products.cfar {
+                    Some(_) => Transfer::Detections(0),
+                    None => Transfer::Nothing,
+                }
+            }
+            _ => {
+                let report = Report::MapStart {
+                    map: number,
+                    header: map.header,
+                    encoding: E::MAP_ENCODING,
+                };
+                self.pending = send(&mut self.encoder, self.frame, &report);
+                let checksum = TransferChecksum::new(&map.header);
+                Transfer::MapRow { row: 0, checksum }
+            }
+        }
+    }
+
+    /// A list without detections is one frame too: the host knows that nothing was found.
+    fn next_detections(&mut self, first: usize) -> Transfer {
+        let Some(map) = self.processor.map() else {
+            return Transfer::Nothing;
+        };
+        let all = &self.products.detections;
+        let rest = all.get(first..).unwrap_or(&[]);
+        let now = rest.get(..MAX_DETECTIONS).unwrap_or(rest);
+        if let Some(list) = write_detections(now, self.row) {
+            let report = Report::Detections {
+                map: self.maps.saturating_sub(1),
+                sub_cpi: map.header.sub_cpi,
+                patch: map.header.patch_index,
+                first: first as u16,
+                total: all.len() as u16,
+                list,
+            };
+            self.pending = send(&mut self.encoder, self.frame, &report);
+        }
+        match first.saturating_add(MAX_DETECTIONS) {
+            next if next < all.len() => Transfer::Detections(next),
+            _ => Transfer::Nothing,
+        }
+    }
+
+    fn next_of_chip(&mut self, transfer: Transfer) -> Transfer {
+        let Some(chip) = self.products.chip else {
+            return Transfer::Nothing;
+        };
+        // One chip a run.
+        let (number, rows) = (0, chip.grid.num_rows);
+        match transfer {
+            Transfer::ChipRow { row, mut checksum } => {
+                if let Some(samples) = self.products.chip_row(&chip, row, self.row) {
+                    checksum.add_row(samples);
+                    let report = Report::ChipRow {
+                        chip: number,
+                        row,
+                        samples,
+                    };
+                    self.pending = send(&mut self.encoder, self.frame, &report);
+                }
+                match row.wrapping_add(1) {
+                    row if row < rows => Transfer::ChipRow { row, checksum },
+                    _ => Transfer::ChipEnd { checksum },
+                }
+            }
+            Transfer::ChipEnd { checksum } => {
+                let report = Report::ChipEnd {
+                    chip: number,
+                    rows,
+                    crc: checksum.value(),
+                };
+                self.pending = send(&mut self.encoder, self.frame, &report);
+                Transfer::Nothing
+            }
+            _ => {
+                let report = Report::ChipStart {
+                    chip: number,
+                    grid: chip.grid,
+                    maps: chip.maps,
+                    weight_sum: chip.weight_sum,
+                };
+                self.pending = send(&mut self.encoder, self.frame, &report);
+                let checksum = TransferChecksum::new(&chip.grid);
+                Transfer::ChipRow { row: 0, checksum }
             }
         }
     }
