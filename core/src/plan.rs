@@ -204,7 +204,7 @@ impl<'a> Plan<'a> {
             let column = column.unwrap_or(&mut []).iter_mut().step_by(bins);
             match self.keystone {
                 Planned::Sinc(matrix) => {
-                    let one = num_pulses.saturating_mul(num_pulses);
+                    let one = num_pulses.saturating_mul(num_pulses).max(1);
                     let matrix = matrix.chunks_exact(one).nth(k).unwrap_or(&[]);
                     sinc::transform(matrix, pulses, scratch, column);
                 }

@@ -375,7 +375,13 @@ where
             self.counters.dropped = self.counters.dropped.saturating_add(1);
             return Err(PulseError::Full);
         }
-        if store.count != place {
+        // A gap of a whole number of sub-CPIs leads to the same place: the numbers tell.
+        let last = store.count.checked_sub(1);
+        let follows = match last.and_then(|last| store.pulses.get(last)) {
+            Some(last) => last.number.wrapping_add(1) == pulse.number,
+            None => place == 0,
+        };
+        if !follows {
             if store.count > 0 {
                 self.counters.incomplete = self.counters.incomplete.saturating_add(1);
                 store.clear();
