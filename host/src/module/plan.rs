@@ -19,7 +19,7 @@ use super::ram::map_samples;
 use super::reach::Reach;
 use super::{LinkBudget, RamBudget};
 use crate::SPEED_OF_LIGHT_M_S;
-use crate::focus::maps::kernels::{Kernels, bands};
+use crate::focus::maps::kernels::Kernels;
 use crate::focus::rdbp::patch::{Rectangle, rectangles};
 use crate::focus::rdbp::plan::{Probe, lengths, patch_sizes};
 use crate::focus::rdbp::{PatchSize, SubCpi, shared_band, sub_cpi};
@@ -118,7 +118,9 @@ pub enum PlanError {
 fn best(best_db: Option<f64>) -> String {
     best_db.map_or_else(
         || ": its patches' Doppler is wider than the pulses tell apart".to_owned(),
-        |best_db| format!(" ({MARGIN_DB} dB of it are kept in reserve); {best_db:.1} dB is the best"),
+        |best_db| {
+            format!(" ({MARGIN_DB} dB of it are kept in reserve); {best_db:.1} dB is the best")
+        },
     )
 }
 
@@ -147,6 +149,7 @@ impl ModulePlan {
             grid,
             band: &band,
             arithmetic: request.arithmetic,
+            error_db: request.error_db,
         };
         let mut candidates = search.candidates(target);
         candidates.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
@@ -185,7 +188,7 @@ impl ModulePlan {
                     let range_band = search.range_band();
                     let most = TAPS[TAPS.len() - 1];
                     let kernel = WindowedSinc::new(most, range_band).error(range_band);
-                    (kernel > target).then(|| 20.0 * kernel.log10())
+                    (kernel > Kernels::share(request.error_db)).then(|| 20.0 * kernel.log10())
                 }),
             },
         })
@@ -194,7 +197,10 @@ impl ModulePlan {
     /// Buffers that this plan fits exactly.
     pub fn capacity(&self) -> Capacity {
         let frequencies = self.setup.num_frequencies;
-        let samples = self.patches.iter().map(|patch| map_samples(&self.setup, patch));
+        let samples = self
+            .patches
+            .iter()
+            .map(|patch| map_samples(&self.setup, patch));
         let rows = samples.max().unwrap_or(0).div_ceil(frequencies.into());
         Capacity {
             pulses: self.setup.num_pulses,
@@ -213,7 +219,9 @@ impl ModulePlan {
                 let patches = self.patches.iter();
                 self.setup.check(capacity).is_ok()
                     && self.patches.len() <= usize::from(capacity.patches)
-                    && patches.clone().all(|patch| self.setup.check_patch(patch, capacity).is_ok())
+                    && patches
+                        .clone()
+                        .all(|patch| self.setup.check_patch(patch, capacity).is_ok())
             }
         }
     }
@@ -248,6 +256,7 @@ struct Search<'a> {
     grid: &'a ImageGrid,
     band: &'a Band,
     arithmetic: Arithmetic,
+    error_db: f64,
 }
 
 impl Search<'_> {
@@ -267,12 +276,12 @@ impl Search<'_> {
             let error = |band: f64| WindowedSinc::new(taps, band).error(band);
             (taps, error(range_band).hypot(error(0.25)))
         });
-        // The fewest that will do, and the next: fewer pixels' errors, or more room for them.
-        let kernels: Vec<_> = kernels
-            .into_iter()
-            .filter(|&(_, error)| error < target)
-            .take(2)
-            .collect();
+        // That which whoever forms the image will take.
+        let share = Kernels::share(self.error_db);
+        let kernel = kernels.into_iter().find(|&(_, error)| error <= share);
+        let Some((taps, kernel_error)) = kernel else {
+            return Vec::new();
+        };
         let probe = Probe {
             collection: self.collection,
             grid: self.grid,
@@ -295,14 +304,14 @@ impl Search<'_> {
                     Some(error) => error,
                     None => probe.run(length, patch).model_error,
                 };
-                let fit = kernels.iter().filter(|(_, kernel)| error.hypot(*kernel) <= target);
-                for &(taps, _) in fit {
-                    if errors.is_none() {
-                        errors = Some(error);
-                        first_patch = i;
-                    }
-                    candidates.extend(self.candidate(length, patch, taps));
+                if error.hypot(kernel_error) > target {
+                    continue;
                 }
+                if errors.is_none() {
+                    errors = Some(error);
+                    first_patch = i;
+                }
+                candidates.extend(self.candidate(length, patch, taps));
             }
             if errors.is_none() {
                 // The smallest patch is too large already for longer sub-CPIs.
@@ -324,14 +333,16 @@ impl Search<'_> {
             (last_row, last_column),
         ];
         let sub_cpis = self.sub_cpis(length, PROBED_SUB_CPIS);
-        let reach = places.iter().fold(Reach::default(), |reach, &(row, column)| {
-            let rectangle = Rectangle {
-                row,
-                column,
-                size: patch,
-            };
-            reach.max(Reach::of(self.grid, &rectangle, &sub_cpis))
-        });
+        let reach = places
+            .iter()
+            .fold(Reach::default(), |reach, &(row, column)| {
+                let rectangle = Rectangle {
+                    row,
+                    column,
+                    size: patch,
+                };
+                reach.max(Reach::of(self.grid, &rectangle, &sub_cpis))
+            });
         let setup = self.setup(length, taps, reach)?;
         let gate = reach.patch(&setup, [0.0; 3], taps)?;
         let patches = self.grid.rows.count.div_ceil(patch.rows)
@@ -358,8 +369,10 @@ impl Search<'_> {
     fn sub_cpis(&self, length: usize, most: usize) -> Vec<SubCpi> {
         let ranges = sub_cpi::cut(self.collection.pulses.len(), &[], length);
         let step = ranges.len().div_ceil(most).max(1);
-        let some = ranges.iter().step_by(step).chain(ranges.last());
-        some.map(|pulses| SubCpi::new(self.collection, pulses.clone()))
+        let last = ranges.len().saturating_sub(1);
+        let some = ranges.iter().enumerate();
+        some.filter(|&(i, _)| i % step == 0 || i == last)
+            .map(|(_, pulses)| SubCpi::new(self.collection, pulses.clone()))
             .collect()
     }
 
@@ -413,17 +426,16 @@ impl Search<'_> {
             .iter()
             .map(|sub_cpi| probe.measure(sub_cpi, patch).model_error)
             .fold(0.0, f64::max);
-        debug_assert!(bands(&setup).iter().all(|&band| band <= 0.5));
-        let kernel_error = Kernels::new(&setup, taps).error;
+        let kernels = Kernels::for_bound(&setup, self.error_db);
         let plan = ModulePlan {
             ram: RamBudget::new(&setup, &largest, patches.len(), self.arithmetic),
             setup,
             patches,
             arithmetic: self.arithmetic,
             patch_pixels: patch,
-            taps,
+            taps: kernels.range.taps(),
             num_sub_cpis: sub_cpis.len(),
-            predicted_db: 20.0 * model_error.hypot(kernel_error).log10(),
+            predicted_db: 20.0 * model_error.hypot(kernels.error).log10(),
         };
         // A gate wider than the band of one cycle is no plan.
         plan.fits(&Room::Built(plan.capacity())).then_some(plan)

@@ -2,6 +2,7 @@
 
 use subaperture_core::stream::Setup;
 
+use crate::focus::MARGIN_DB;
 use crate::signal::windowed_sinc::{TAPS, WindowedSinc};
 
 /// Kernels in range and Doppler, of as many taps.
@@ -16,8 +17,10 @@ pub struct Kernels {
 }
 
 impl Kernels {
-    /// Those of fewest taps whose error is at most `error`, or of the most taps if none's is.
-    pub fn for_error(setup: &Setup, error: f64) -> Self {
+    /// Those of fewest taps that keep [`Self::share`] of a bound on the image's error, dB, or of the most
+    /// taps if none do.
+    pub fn for_bound(setup: &Setup, error_db: f64) -> Self {
+        let error = Self::share(error_db);
         let mut kernels = Self::new(setup, TAPS[0]);
         for &taps in &TAPS[1..] {
             if kernels.error <= error {
@@ -39,6 +42,12 @@ impl Kernels {
             doppler,
             error,
         }
+    }
+
+    /// The error that kernels may have for an image to keep `error_db`: [`MARGIN_DB`] below, and half of
+    /// that power, for the path's model has its share.
+    pub fn share(error_db: f64) -> f64 {
+        10f64.powf((error_db - MARGIN_DB) / 20.0) / 2f64.sqrt()
     }
 
     /// Bins that a pixel's place must keep from the gate's edge.

@@ -28,6 +28,7 @@
 //! Cost: `W^2 + 60` operations or so a pixel and map. Memory: 32 bytes a pixel, one map. Accuracy:
 //! `tests/maps_image.rs`, against the exact sum. The number of threads changes no bit.
 
+mod default_grid;
 mod gather;
 pub mod kernels;
 
@@ -40,12 +41,13 @@ use self::gather::PatchMaps;
 use self::kernels::Kernels;
 use super::budget::Budget;
 use super::rdbp::SubCpi;
-use super::{FormError, Formed, MARGIN_DB, Monitor};
+use super::{FormError, Formed, Monitor};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::ImageGrid;
 use crate::maps::{Maps, OwnedMap};
 use crate::signal::phase::phasor32;
 
+pub use default_grid::default_grid;
 pub use gather::patches;
 
 /// An image to form from maps.
@@ -110,8 +112,7 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
     let largest = headers.iter().map(OwnedMap::bytes).max().unwrap_or(0);
     budget.take("a map", largest.into(), "raise --memory")?;
 
-    let target = 10f64.powf((task.error_db - MARGIN_DB) / 20.0);
-    let kernels = Kernels::for_error(&task.maps.run().setup, target);
+    let kernels = Kernels::for_bound(&task.maps.run().setup, task.error_db);
     let (order, ends) = by_patch(task.grid, &patches);
     let mut pixels = vec![Complex32::ZERO; order.len()];
     let mut report = Report {
@@ -139,7 +140,8 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
                 return Err(FormError::Cancelled);
             }
             done += 1;
-            task.monitor.progress(f64::from(done) / headers.len() as f64);
+            task.monitor
+                .progress(f64::from(done) / headers.len() as f64);
         }
         let norm = (1.0 / patch.weight_sum) as f32;
         for (&pixel, sum) in members.iter().zip(sums) {
