@@ -136,7 +136,11 @@ fn what_is_missing_is_told() {
         "focus --from-maps a.maps --out coarse --error-db -120",
     );
     assert!(ran.succeeded().contains("coarse"));
-    assert!(ran.stderr.contains("above the --error-db -120"), "{ran:?}");
+    // Longer kernels need more room about a pixel than the patches were planned with.
+    assert!(
+        ran.stderr.contains("larger error with --error-db"),
+        "{ran:?}"
+    );
 }
 
 #[test]

@@ -74,7 +74,7 @@ fn maps(arithmetic: Arithmetic) -> Vec<OwnedMap> {
                         .collect(),
                     exponents: (0..patch.num_doppler_bins()
                         * BlockFloat::blocks(patch.num_range_bins()))
-                        .map(|i| i as i8 * 50 - 128)
+                        .map(|i| i8::MIN + i as i8 * 50)
                         .collect(),
                 },
             };

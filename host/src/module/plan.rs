@@ -407,6 +407,9 @@ impl Search<'_> {
         let reaches = Reach::of_each(self.grid, &places, &sub_cpis);
         let widest = reaches.iter().fold(Reach::default(), |a, &b| a.max(b));
         let setup = self.setup(length, taps, widest)?;
+        // Those that the image will be formed with: the maps' own bands may take fewer taps.
+        let kernels = Kernels::for_bound(&setup, self.error_db);
+        let taps = kernels.range.taps();
         let patches: Vec<Patch> = places
             .iter()
             .zip(reaches)
@@ -426,14 +429,13 @@ impl Search<'_> {
             .iter()
             .map(|sub_cpi| probe.measure(sub_cpi, patch).model_error)
             .fold(0.0, f64::max);
-        let kernels = Kernels::for_bound(&setup, self.error_db);
         let plan = ModulePlan {
             ram: RamBudget::new(&setup, &largest, patches.len(), self.arithmetic),
             setup,
             patches,
             arithmetic: self.arithmetic,
             patch_pixels: patch,
-            taps: kernels.range.taps(),
+            taps,
             num_sub_cpis: sub_cpis.len(),
             predicted_db: 20.0 * model_error.hypot(kernels.error).log10(),
         };

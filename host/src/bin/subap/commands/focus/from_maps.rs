@@ -97,7 +97,7 @@ fn warn(report: &Report, error_db: f64, num_pixels: u64) {
     }
     if report.pixels_outside > 0 {
         eprintln!(
-            "subap: {} of {num_pixels} pixels lie outside every patch and are zero: give a smaller --grid",
+            "subap: {} of {num_pixels} pixels lie outside every patch and are zero: give a smaller --grid, or allow a larger error with --error-db",
             report.pixels_outside
         );
     }
