@@ -43,8 +43,8 @@ pub struct RamBudget {
 }
 
 impl RamBudget {
-    /// For a run of `setup` on `num_patches` patches, of which `largest` has the largest map in work
-    /// ([`map_samples`]).
+    /// For a run of `setup` on `num_patches` patches, of which `largest` has the largest map in work:
+    /// rows times the row's stride.
     pub fn new(setup: &Setup, largest: &Patch, num_patches: usize, arithmetic: Arithmetic) -> Self {
         let (pulses, frequencies) = (
             u64::from(setup.num_pulses),

@@ -53,7 +53,7 @@ pub fn patches(maps: &dyn Maps) -> Result<Vec<PatchMaps>, FormError> {
             .iter()
             .map(|&map| f64::from(headers[map].weight_sum));
         patch.weight_sum = weights.sum();
-        if !(patch.weight_sum > 0.0) {
+        if patch.weight_sum.is_nan() || patch.weight_sum <= 0.0 {
             return Err(FormError::Unsuited(format!(
                 "the weights of the pulses of patch {index} sum to {}, and a positive sum is needed",
                 patch.weight_sum

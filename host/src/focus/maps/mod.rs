@@ -299,5 +299,5 @@ fn first_tap<const W: usize>(place: f64, count: usize) -> Option<(usize, f32)> {
     let whole = place.floor();
     let first = whole - (W / 2 - 1) as f64;
     let last = count.checked_sub(W)?;
-    (first >= 0.0 && first <= last as f64).then(|| (first as usize, (place - whole) as f32))
+    (first >= 0.0 && first <= last as f64).then_some((first as usize, (place - whole) as f32))
 }
