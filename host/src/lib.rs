@@ -22,6 +22,8 @@ pub mod focus;
 pub mod geometry;
 pub mod image;
 pub mod io;
+pub mod maps;
+pub mod module;
 pub mod phase_history;
 pub mod plot;
 pub mod signal;

@@ -1,5 +1,6 @@
 //! Shared by the integration tests.
 
+pub mod maps;
 pub mod matlab;
 pub mod stream_scene;
 pub mod subap;

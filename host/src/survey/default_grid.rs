@@ -99,7 +99,7 @@ fn largest_upright_rectangle(a: f64, b: f64, turn: f64) -> (f64, f64) {
 }
 
 /// Rounds down to two significant digits: grids with steps that a person would write.
-fn round_to_two_digits(value: f64) -> f64 {
+pub(crate) fn round_to_two_digits(value: f64) -> f64 {
     let unit = 10f64.powf(value.log10().floor() - 1.0);
     let digits = (value / unit + 1e-9).floor();
     // Division by a power of ten is exact to the last digit where multiplication by 0.01 is not.

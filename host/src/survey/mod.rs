@@ -19,7 +19,7 @@
 //! Neglected: the curvature of wave fronts over the scene (relative error of the scene's radius over
 //! range), the Earth's curvature in angles.
 
-mod default_grid;
+pub(crate) mod default_grid;
 mod support;
 
 use glam::{DVec2, DVec3};

@@ -66,6 +66,8 @@ pub(crate) enum Command {
     Info(Info),
     /// Say how far apart two complex images are
     Compare(Compare),
+    /// Say what a module needs to make the maps of a scene
+    Plan(Plan),
     /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures
     Demo(Demo),
     /// Print completions for a shell
@@ -86,9 +88,16 @@ pub(crate) struct Input {
 
 /// `subap focus`.
 #[derive(Debug, Group)]
+#[command(mut_arg("paths", |paths| paths.required(false).required_unless_present("from_maps")))]
 pub(crate) struct Focus {
     #[command(flatten)]
     pub(crate) input: Input,
+
+    /// Form the image from a module's maps, and from no recording
+    #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
+        "paths", "channel", "algorithm", "mode", "sub_cpi", "patch", "window", "slow_window", "check"
+    ])]
+    pub(crate) from_maps: Option<PathBuf>,
 
     /// Folder for image.npy, image.json and image.png
     #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath)]
@@ -248,6 +257,55 @@ pub(crate) struct Demo {
     pub(crate) grid: Option<ImageGrid>,
 }
 
+/// `subap plan`.
+#[derive(Debug, Group)]
+pub(crate) struct Plan {
+    #[command(subcommand)]
+    pub(crate) target: PlanTarget,
+}
+
+/// What to plan for.
+#[derive(Debug, Subcommand)]
+pub(crate) enum PlanTarget {
+    /// A small computer that makes maps of patches and sends them over a serial link
+    Module(PlanModule),
+}
+
+/// `subap plan module`.
+#[derive(Debug, Group)]
+pub(crate) struct PlanModule {
+    #[command(flatten)]
+    pub(crate) input: Input,
+
+    /// Memory for the module's buffers: bytes, or with K or M (powers of 1024)
+    #[arg(long, value_name = "SIZE", value_parser = ram_size)]
+    pub(crate) ram: u64,
+
+    /// Rate of the serial link, bits a second
+    #[arg(long, value_name = "BAUD", default_value_t = 921_600, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) link: u32,
+
+    /// Pixels, as for focus [default: the scene's extent at half the resolution]
+    #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
+    pub(crate) grid: Option<ImageGrid>,
+
+    /// Bound on the relative RMS error of the image, in dB, -20 to -120 [default: -60]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
+    pub(crate) error_db: Option<f64>,
+
+    /// The module computes on 16-bit samples
+    #[arg(long)]
+    pub(crate) fixed: bool,
+
+    /// Pulses a second [default: the recording's, if it tells times]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = length)]
+    pub(crate) pulse_rate: Option<f64>,
+
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// `subap completions`.
 #[derive(Debug, Group)]
 pub(crate) struct Completions {
@@ -313,14 +371,23 @@ fn sign(text: &str) -> Result<i8, String> {
     }
 }
 
-/// `4096`, `512M`, `2G`, `1.5GiB`: powers of 1024, at least a mebibyte.
+/// `1048576`, `512M`, `2G`, `1.5GiB`: powers of 1024, at least a mebibyte.
 fn size(text: &str) -> Result<u64, String> {
-    let wrong = || "give a size such as 512M or 2G, at least 1M".to_owned();
+    size_from(text, 1 << 20).ok_or_else(|| "give a size such as 512M or 2G, at least 1M".to_owned())
+}
+
+/// As [`size`], for a small machine.
+fn ram_size(text: &str) -> Result<u64, String> {
+    size_from(text, 1 << 10).ok_or_else(|| "give a size such as 512K or 1M, at least 1K".to_owned())
+}
+
+/// A size of at least `least` bytes.
+fn size_from(text: &str, least: u32) -> Option<u64> {
     let split = text
         .find(|c: char| c.is_ascii_alphabetic())
         .unwrap_or(text.len());
     let (number, unit) = text.split_at(split);
-    let number = length(number.trim()).map_err(|_| wrong())?;
+    let number = length(number.trim()).ok()?;
     let exponent = match unit
         .to_ascii_uppercase()
         .trim_end_matches("IB")
@@ -331,13 +398,12 @@ fn size(text: &str) -> Result<u64, String> {
         "M" => 2,
         "G" => 3,
         "T" => 4,
-        _ => return Err(wrong()),
+        _ => return None,
     };
     let bytes = number * 1024f64.powi(exponent);
-    if !(1048576.0..=1e18).contains(&bytes) {
-        return Err(wrong());
-    }
-    Ok(bytes as u64)
+    (f64::from(least)..=1e18)
+        .contains(&bytes)
+        .then_some(bytes as u64)
 }
 
 #[cfg(test)]
@@ -360,6 +426,7 @@ mod tests {
         ] {
             assert_eq!(size(text), Ok(bytes), "{text}");
         }
+        assert_eq!(ram_size("512K"), Ok(512 << 10));
         for text in ["", "G", "0", "-1G", "1X", "10", "nan", "1e30G", "2 G G"] {
             assert!(size(text).is_err(), "{text}");
         }

@@ -1,6 +1,7 @@
 //! `subap focus`: recordings in, an image and its record out.
 
 mod check;
+mod from_maps;
 mod record;
 
 use std::time::Instant;
@@ -21,6 +22,9 @@ use crate::{interrupt, text};
 
 /// Forms the image and writes its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
+    if let Some(path) = &typed.from_maps {
+        return from_maps::run(session, typed, path);
+    }
     let start = Instant::now();
     // What can be refused is refused before anything is read.
     let former = former(typed)?;
@@ -83,39 +87,53 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let peak = brightest(&formed.image, &grid);
     let record = record::Record {
         session,
-        typed,
-        former: former.name(),
-        settings: &formed.settings,
+        settings: record::settings(typed, former.name(), &formed.settings),
         grid: &grid,
-        survey: &survey,
-        collection: history.collection(),
+        frame: &history.collection().frame,
+        collection: serde_json::to_value(&survey)?,
         inputs: &inputs,
         check: check.as_ref(),
         peak,
         taken: start.elapsed(),
     };
-    interrupt::check()?;
     let title = format!("{}, {}", survey.name, former.name());
-    let quicklook = plot::quicklook(&Panel::new(&formed.image, &grid, title))?;
+    deliver(session, typed, &formed.image, &record, title)?;
+    if let Some(check) = check
+        && !session.quiet()
+    {
+        text::say(check.to_string())?;
+    }
+    Ok(())
+}
+
+/// Writes the folder and says so.
+fn deliver(
+    session: &Session,
+    typed: &Focus,
+    image: &Image,
+    record: &record::Record,
+    title: String,
+) -> anyhow::Result<()> {
+    interrupt::check()?;
+    let quicklook = plot::quicklook(&Panel::new(image, record.grid, title))?;
     let metadata = record.to_json();
     Product {
-        image: &formed.image,
+        image,
         metadata: &metadata,
         quicklook: &quicklook,
     }
     .write(&typed.out)?;
-
     if session.quiet() {
         return Ok(());
     }
     text::say(format!(
         "{}: {} x {} pixels in {}",
         typed.out.display(),
-        formed.image.columns,
-        formed.image.rows,
-        text::duration(start.elapsed())
+        image.columns,
+        image.rows,
+        text::duration(record.taken)
     ))?;
-    text::say(match peak {
+    text::say(match record.peak {
         Some(peak) => {
             let [x, y, z] = peak.position_m;
             let level_db = peak.level_db;
@@ -123,9 +141,6 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         }
         None => "no brightest point: the image is zero".to_owned(),
     })?;
-    if let Some(check) = check {
-        text::say(check.to_string())?;
-    }
     Ok(())
 }
 

@@ -6,6 +6,7 @@ mod crosscheck;
 mod demo;
 mod focus;
 mod info;
+mod plan;
 mod simulate;
 
 use crate::args::Command;
@@ -18,6 +19,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Simulate(typed) => simulate::run(session, &typed),
         Command::Crosscheck(typed) => crosscheck::run(session, &typed),
         Command::Info(typed) => info::run(session, &typed),
+        Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),
         Command::Demo(typed) => demo::run(session, &typed),
         Command::Completions(typed) => completions::run(&typed),

@@ -4,8 +4,7 @@ use std::time::Duration;
 
 use serde_json::{Map, Value, json};
 use subaperture::geometry::{ImageGrid, SceneFrame};
-use subaperture::phase_history::{Collection, InputFile};
-use subaperture::survey::Survey;
+use subaperture::phase_history::InputFile;
 
 use super::Peak;
 use super::check::Check;
@@ -18,12 +17,12 @@ const SCHEMA_VERSION: u32 = 1;
 /// What goes into the record.
 pub(super) struct Record<'a> {
     pub(super) session: &'a Session,
-    pub(super) typed: &'a Focus,
-    pub(super) former: &'static str,
-    pub(super) settings: &'a Map<String, Value>,
+    /// What was given and what it came to.
+    pub(super) settings: Value,
     pub(super) grid: &'a ImageGrid,
-    pub(super) survey: &'a Survey,
-    pub(super) collection: &'a Collection,
+    pub(super) frame: &'a SceneFrame,
+    /// What is known of the recording or the maps.
+    pub(super) collection: Value,
     pub(super) inputs: &'a [InputFile],
     pub(super) check: Option<&'a Check>,
     /// `None` of an image of zeros.
@@ -48,34 +47,37 @@ impl Record<'_> {
                 "scale": "a unit scatterer on a pixel reads 1; phase refers to the pixel's own path",
             },
             "grid": grid(self.grid),
-            "frame": frame(&self.collection.frame),
-            "settings": self.settings(),
-            "collection": self.survey,
+            "frame": frame(self.frame),
+            "settings": self.settings,
+            "collection": self.collection,
             "inputs": self.inputs,
             "brightest": self.peak,
             "check": self.check,
         })
     }
+}
 
-    /// What was given (`null` where it was left to the program) and what it came to.
-    fn settings(&self) -> Value {
-        let typed = self.typed;
-        json!({
-            "algorithm": self.former,
-            "window": typed.window.to_string(),
-            "slow_window": typed.slow_window.to_string(),
-            "given": {
-                "grid": typed.grid.is_some(),
-                "mode": typed.mode.map(|mode| format!("{mode:?}").to_lowercase()),
-                "error_db": typed.error_db,
-                "sub_cpi": typed.sub_cpi,
-                "patch_m": typed.patch,
-                "channel": typed.input.channel,
-                "check": typed.check,
-            },
-            "resolved": self.settings,
-        })
-    }
+/// What was given (`null` where it was left to the program) and what it came to.
+pub(super) fn settings(
+    typed: &Focus,
+    former: &'static str,
+    resolved: &Map<String, Value>,
+) -> Value {
+    json!({
+        "algorithm": former,
+        "window": typed.window.to_string(),
+        "slow_window": typed.slow_window.to_string(),
+        "given": {
+            "grid": typed.grid.is_some(),
+            "mode": typed.mode.map(|mode| format!("{mode:?}").to_lowercase()),
+            "error_db": typed.error_db,
+            "sub_cpi": typed.sub_cpi,
+            "patch_m": typed.patch,
+            "channel": typed.input.channel,
+            "check": typed.check,
+        },
+        "resolved": resolved,
+    })
 }
 
 /// A grid's axes and plane.

@@ -1,0 +1,111 @@
+//! `subap focus --from-maps`: a module's maps in, an image and its record out.
+
+use std::path::Path;
+use std::time::Instant;
+
+use serde_json::json;
+use subaperture::focus::maps::{MapsTask, Report, default_grid, form};
+use subaperture::io::maps::MapFile;
+use subaperture::io::product::Product;
+use subaperture::maps::Maps;
+
+use super::record::Record;
+use super::{brightest, deliver};
+use crate::args::Focus;
+use crate::config::{DEFAULT_ERROR_DB, Session};
+
+/// Forms the image and writes its folder, complete or not at all.
+pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Result<()> {
+    let start = Instant::now();
+    if let Some(grid) = &typed.grid {
+        session.check_grid(grid, 1)?;
+    }
+    Product::prepare(&typed.out, typed.grid.map_or(0, |grid| grid.num_pixels()))?;
+
+    let maps = MapFile::open(path)?;
+    if !maps.is_complete() && !session.quiet() {
+        eprintln!(
+            "subap: {} breaks off: the image is of its {} whole maps",
+            path.display(),
+            maps.headers().len()
+        );
+    }
+    let grid = match typed.grid {
+        Some(grid) => grid,
+        None => {
+            let grid = default_grid(&maps)?;
+            session.check_grid(&grid, 1)?;
+            Product::prepare(&typed.out, grid.num_pixels())?;
+            grid
+        }
+    };
+    let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
+    let progress = session.progress("focusing");
+    let task = MapsTask {
+        maps: &maps,
+        grid: &grid,
+        error_db,
+        memory_bytes: session.memory_bytes,
+        monitor: &progress,
+    };
+    let (formed, report) = form(&task)?;
+    progress.finish();
+    if !session.quiet() {
+        warn(&report, error_db, grid.num_pixels());
+    }
+    for (key, value) in &formed.settings {
+        session.note(2, || format!("{key} = {value}"));
+    }
+
+    let run = maps.run();
+    let record = Record {
+        session,
+        settings: json!({
+            "algorithm": "from-maps",
+            "window": run.fast_window,
+            "given": { "grid": typed.grid.is_some(), "error_db": typed.error_db },
+            "resolved": formed.settings,
+        }),
+        grid: &grid,
+        frame: &run.frame,
+        collection: json!({
+            "name": run.name,
+            "setup": run.setup,
+            "arithmetic": run.arithmetic,
+            "provenance": run.provenance,
+            "complete": maps.is_complete(),
+            "pulses_sent": maps.closing().map(|closing| closing.num_pulses),
+            "counters": maps.closing().map(|closing| &closing.counters),
+        }),
+        inputs: &[maps.input()?],
+        check: None,
+        peak: brightest(&formed.image, &grid),
+        taken: start.elapsed(),
+    };
+    let title = format!("{}, from maps", run.name);
+    deliver(session, typed, &formed.image, &record, title)
+}
+
+/// What the user should know of an image that is not all it could be.
+fn warn(report: &Report, error_db: f64, num_pixels: u64) {
+    if report.maps_missing > 0 {
+        let expected = report.sub_cpis * report.patches as u64;
+        eprintln!(
+            "subap: {} of {expected} maps are missing: their patches are of a shorter aperture",
+            report.maps_missing
+        );
+    }
+    if report.pixels_outside > 0 {
+        eprintln!(
+            "subap: {} of {num_pixels} pixels lie outside every patch and are zero: give a smaller --grid, or allow a larger error with --error-db",
+            report.pixels_outside
+        );
+    }
+    if report.kernel_db > error_db {
+        eprintln!(
+            "subap: reading the maps adds {:.1} dB, above the --error-db {error_db} asked: their bins are \
+             too coarse for it",
+            report.kernel_db
+        );
+    }
+}

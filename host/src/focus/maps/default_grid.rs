@@ -1,0 +1,112 @@
+//! The grid that suits a run's maps, where the user gives none.
+
+use glam::DVec3;
+
+use super::gather::{PatchMaps, patches};
+use super::kernels::Kernels;
+use crate::SPEED_OF_LIGHT_M_S;
+use crate::focus::FormError;
+use crate::focus::rdbp::SubCpi;
+use crate::geometry::{Axis, ImageGrid};
+use crate::maps::Maps;
+use crate::signal::windowed_sinc::TAPS;
+use crate::survey::default_grid::round_to_two_digits;
+
+/// How far from a point gradients are taken, metres: the second differences of a path are `1 / range`.
+const STEP_M: f64 = 0.5;
+
+/// A horizontal grid at the patches' mean height, at half the resolution along x and y. It covers the
+/// box about the squares, one about each patch's centre, that lie wholly within all of its maps.
+///
+/// # Errors
+/// [`FormError::Unsuited`] if there are no maps, or they resolve nothing.
+pub fn default_grid(maps: &dyn Maps) -> Result<ImageGrid, FormError> {
+    let patches = patches(maps)?;
+    let mut low = DVec3::INFINITY;
+    let mut high = DVec3::NEG_INFINITY;
+    let (mut low_cycles_m, mut high_cycles_m) = (low, high);
+    for patch in &patches {
+        let centre = DVec3::from(patch.patch.centre_m);
+        let half_m = half_side_m(maps, patch);
+        low = low.min(centre - half_m);
+        high = high.max(centre + half_m);
+        for &index in &patch.maps {
+            for k in wave_vectors(maps, index, centre) {
+                low_cycles_m = low_cycles_m.min(k);
+                high_cycles_m = high_cycles_m.max(k);
+            }
+        }
+    }
+    let axis = |name: &str, low_m: f64, high_m: f64, band_cycles_m: f64| {
+        // `1 / band` is the resolution.
+        let step = round_to_two_digits(0.5 / band_cycles_m);
+        let middle = low_m.midpoint(high_m);
+        let half = ((high_m - low_m) / 2.0 / step).floor() * step;
+        Axis::from_range(middle - half, middle + half, step).map_err(|_| {
+            FormError::Unsuited(format!(
+                "no default grid: the maps do not resolve {name}; give one, for example \
+                 --grid x=-50:50:0.5,y=-50:50:0.5,z=0"
+            ))
+        })
+    };
+    let band = high_cycles_m - low_cycles_m;
+    let heights = patches.iter().map(|patch| patch.patch.centre_m[2]);
+    let z_m = heights.sum::<f64>() / patches.len() as f64;
+    Ok(ImageGrid::horizontal(
+        axis("x", low.x, high.x, band.x)?,
+        axis("y", low.y, high.y, band.y)?,
+        z_m,
+    ))
+}
+
+/// Path and path rate gradients along x and y at a map's centre.
+fn gradients(sub_cpi: &SubCpi, centre: DVec3) -> [(f64, f64); 2] {
+    let datum = sub_cpi.datum(centre);
+    [DVec3::X, DVec3::Y].map(|axis| {
+        let (a, b) = sub_cpi.line(&datum, centre + axis * STEP_M);
+        let (c, d) = sub_cpi.line(&datum, centre - axis * STEP_M);
+        ((a - c) / (2.0 * STEP_M), (b - d) / (2.0 * STEP_M))
+    })
+}
+
+fn sub_cpi(maps: &dyn Maps, index: usize) -> SubCpi {
+    let header = &maps.headers()[index];
+    SubCpi::from_nodes(header.num_pulses.into(), &header.nodes)
+}
+
+/// Half side of the largest square about a patch's centre whose corners lie within all its maps' gates,
+/// a kernel of the fewest taps around.
+fn half_side_m(maps: &dyn Maps, patch: &PatchMaps) -> f64 {
+    let setup = &maps.run().setup;
+    let margin = Kernels::margin(TAPS[0]) as f64;
+    let bins = |reach: u16| (f64::from(reach) - margin).max(0.0);
+    let path_m = bins(patch.patch.range_reach) * SPEED_OF_LIGHT_M_S
+        / (f64::from(setup.range_length) * setup.step_hz);
+    let rate_m = bins(patch.patch.doppler_reach) * SPEED_OF_LIGHT_M_S
+        / (f64::from(setup.doppler_length) * setup.centre_hz());
+    let centre = DVec3::from(patch.patch.centre_m);
+    let sides = patch.maps.iter().map(|&index| {
+        let [x, y] = gradients(&sub_cpi(maps, index), centre);
+        // Corners have the largest path and rate; a gradient of zero bounds nothing.
+        (path_m / (x.0.abs() + y.0.abs())).min(rate_m / (x.1.abs() + y.1.abs()))
+    });
+    sides.fold(f64::INFINITY, f64::min)
+}
+
+/// Spatial frequencies of a map at its ends in slow time and in frequency, cycles a metre.
+fn wave_vectors(maps: &dyn Maps, index: usize, centre: DVec3) -> [DVec3; 4] {
+    let setup = &maps.run().setup;
+    let sub_cpi = sub_cpi(maps, index);
+    let [x, y] = gradients(&sub_cpi, centre);
+    let last_hz = setup.start_hz + f64::from(setup.num_frequencies) * setup.step_hz;
+    let half = sub_cpi.num_pulses() as f64 / 2.0;
+    let at = |u: f64, f_hz: f64| {
+        DVec3::new(x.0 + x.1 * u, y.0 + y.1 * u, 0.0) * (f_hz / SPEED_OF_LIGHT_M_S)
+    };
+    [
+        at(-half, setup.start_hz),
+        at(-half, last_hz),
+        at(half, setup.start_hz),
+        at(half, last_hz),
+    ]
+}

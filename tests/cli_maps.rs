@@ -1,0 +1,265 @@
+//! `subap focus --from-maps` and `subap plan module`.
+
+use std::path::Path;
+
+use serde_json::{Map, Value};
+use subaperture::focus::exact::Exact;
+use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::geometry::ImageGrid;
+use subaperture::io::maps::MapWriter;
+use subaperture::io::npy;
+use subaperture::maps::{Arithmetic, Closing, Run};
+use subaperture::module::{ModulePlan, Request, Room};
+use subaperture::phase_history::PhaseHistory;
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Preset, Simulated, Variation};
+use subaperture_tests::error_db;
+use subaperture_tests::maps::{fast_weights, maps};
+use subaperture_tests::subap::{listing, run};
+
+const GRID: &str = "x=-10:10:1,y=-10:10:1";
+
+fn simulated() -> (Simulated, Weights) {
+    let history = Preset::Table41.simulate(&Variation::default());
+    let weights = Weights::new(history.collection(), Window::None, Window::None);
+    (history, weights)
+}
+
+/// A run's maps for `GRID` in `path`; of the sub-CPIs of which `keep` is true.
+fn write(path: &Path, keep: impl Fn(u32) -> bool) {
+    let (history, weights) = simulated();
+    let collection = history.collection();
+    let request = Request {
+        error_db: -60.0,
+        room: Room::Ram { bytes: 1 << 20 },
+        arithmetic: Arithmetic::Float,
+    };
+    let plan = ModulePlan::new(collection, &GRID.parse().unwrap(), &request).unwrap();
+    let fast = fast_weights(&weights.fast);
+    let setup = Run {
+        name: "bench run".to_owned(),
+        setup: plan.setup,
+        arithmetic: Arithmetic::Float,
+        fast_window: "none".to_owned(),
+        fast_weights: fast.clone(),
+        frame: collection.frame,
+        provenance: Map::new(),
+    };
+    let mut writer = MapWriter::create(path, &setup).unwrap();
+    for map in maps(&history, &plan.setup, &plan.patches, &fast, &weights.slow) {
+        if keep(map.header.sub_cpi) {
+            writer.append(&map.view()).unwrap();
+        }
+    }
+    let closing = Closing {
+        num_pulses: collection.pulses.len() as u64,
+        weight_sum: weights.slow.iter().sum(),
+        counters: Map::new(),
+    };
+    writer.finish(&closing).unwrap();
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+}
+
+#[test]
+fn image_from_maps_is_a_product_like_any_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    write(&at("a.maps"), |_| true);
+    let ran = run(
+        folder.path(),
+        &format!("focus --from-maps a.maps --out image --grid {GRID}"),
+    );
+    assert!(ran.succeeded().contains("20 x 20 pixels"), "{ran:?}");
+    assert!(ran.stderr.is_empty(), "{ran:?}");
+    assert!(at("image/image.png").exists());
+    let image = npy::read(&at("image/image.npy")).unwrap();
+    let (history, weights) = simulated();
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let task = Task {
+        history: &history,
+        grid: &grid,
+        weights: &weights,
+        memory_bytes: 1 << 30,
+        monitor: &Silent,
+    };
+    let measured_db = error_db(&image, &Exact.form(&task).unwrap().image);
+    println!("{measured_db:.1} dB");
+    assert!(measured_db <= -60.0, "{measured_db}");
+    let record = json(&at("image/image.json"));
+    assert_eq!(record["settings"]["algorithm"], "from-maps");
+    assert_eq!(record["settings"]["resolved"]["maps_missing"], 0);
+    assert_eq!(record["collection"]["name"], "bench run");
+    assert_eq!(record["inputs"][0]["path"], "a.maps");
+
+    // Without a grid: the patches' own extent, within a patch's margin, all of it inside.
+    let ran = run(folder.path(), "focus --from-maps a.maps --out own");
+    ran.succeeded();
+    assert!(ran.stderr.is_empty(), "{ran:?}");
+    let record = json(&at("own/image.json"));
+    let axis = |name: &str| {
+        let axis = &record["grid"][name];
+        let start = axis["start"].as_f64().unwrap();
+        let step = axis["step"].as_f64().unwrap();
+        (start, start + step * axis["count"].as_f64().unwrap(), step)
+    };
+    println!("{:?} {:?}", axis("columns"), axis("rows"));
+    for (low, high, step) in [axis("columns"), axis("rows")] {
+        assert!((-16.0..=-9.0).contains(&low) && (8.0..=16.0).contains(&high) && step < 1.0);
+    }
+    assert_eq!(record["settings"]["resolved"]["pixels_outside"], 0);
+}
+
+#[test]
+fn what_is_missing_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.maps");
+    write(&path, |sub_cpi| sub_cpi != 1);
+    let line = "focus --from-maps a.maps --out image --grid x=-40:40:1,y=-10:10:1";
+    let ran = run(folder.path(), line);
+    ran.succeeded();
+    for part in ["maps are missing", "pixels lie outside every patch"] {
+        assert!(ran.stderr.contains(part), "{ran:?}");
+    }
+    let whole = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+    let ran = run(
+        folder.path(),
+        &format!("focus --from-maps a.maps --out cut --grid {GRID}"),
+    );
+    ran.succeeded();
+    assert!(ran.stderr.contains("a.maps breaks off"), "{ran:?}");
+    let ran = run(
+        folder.path(),
+        "focus --from-maps a.maps --out coarse --error-db -120",
+    );
+    assert!(ran.succeeded().contains("coarse"));
+    // Longer kernels need more room about a pixel than the patches were planned with.
+    assert!(
+        ran.stderr.contains("larger error with --error-db"),
+        "{ran:?}"
+    );
+}
+
+#[test]
+fn wrong_usage_and_bad_files_leave_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.maps"), b"SUBAPMAPxxxxyyyy").unwrap();
+    let before = listing(folder.path());
+    for (line, code, parts) in [
+        ("focus --out d", 2, vec!["INPUT"]),
+        (
+            "focus a.mat --from-maps a.maps --out d",
+            2,
+            vec!["--from-maps", "INPUT"],
+        ),
+        (
+            "focus --from-maps a.maps --out d --window none",
+            2,
+            vec!["--from-maps", "--window"],
+        ),
+        (
+            "focus --from-maps a.maps --out d --algorithm bp",
+            2,
+            vec!["--algorithm"],
+        ),
+        (
+            "focus --from-maps a.maps --out d --check 10",
+            2,
+            vec!["--check"],
+        ),
+        (
+            "focus --from-maps a.maps --out d --sub-cpi 10",
+            2,
+            vec!["--sub-cpi"],
+        ),
+        (
+            "focus --from-maps a.maps --out d",
+            1,
+            vec!["a.maps", "damaged"],
+        ),
+        ("focus --from-maps none.maps --out d", 1, vec!["none.maps"]),
+        ("focus --from-maps . --out d", 1, vec!["folder"]),
+        ("plan", 2, vec!["module"]),
+        ("plan module a.cphd", 2, vec!["--ram"]),
+        ("plan module --ram 512K", 2, vec!["INPUT"]),
+        ("plan module --ram 100 a.cphd", 2, vec!["--ram", "512K"]),
+        ("plan module --ram 512K --link 0 a.cphd", 2, vec!["--link"]),
+        (
+            "plan module --ram 512K --pulse-rate -3 a.cphd",
+            2,
+            vec!["--pulse-rate"],
+        ),
+        ("plan module --ram 512K none.cphd", 1, vec!["none.cphd"]),
+    ] {
+        run(folder.path(), line).failed(code, &parts);
+    }
+    assert_eq!(listing(folder.path()), before);
+}
+
+#[test]
+fn a_plan_says_what_fits_and_what_would() {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "simulate --preset table-4-1 --out a.cphd").succeeded();
+    let grid = "--grid x=-40:40:1,y=-40:40:1";
+    let ran = run(
+        folder.path(),
+        &format!("plan module --ram 512K {grid} a.cphd"),
+    );
+    let text = ran.succeeded();
+    println!("{text}");
+    for part in [
+        "sub-CPIs",
+        "patches",
+        "pulse samples, two stores",
+        "all buffers",
+        "real time",
+        "921600 baud",
+    ] {
+        assert!(text.contains(part), "no '{part}' in {text}");
+    }
+    let plan = |options: &str| -> Value {
+        let ran = run(
+            folder.path(),
+            &format!("plan module --json {grid} a.cphd {options}"),
+        );
+        serde_json::from_str(ran.succeeded()).unwrap()
+    };
+    let float = plan("--ram 512K");
+    let total = float["ram"]["total_bytes"].as_u64().unwrap();
+    assert!(total <= 512 << 10);
+    assert!(float["predicted_error_db"].as_f64().unwrap() <= -64.0);
+    // 10 bits a byte; both figures by hand.
+    let pulses = float["setup"]["num_pulses"].as_u64().unwrap();
+    let frequencies = float["setup"]["num_frequencies"].as_u64().unwrap();
+    assert_eq!(float["link"]["up_bytes"], pulses * (72 + 8 * frequencies));
+    let up_s = float["link"]["up_bytes"].as_f64().unwrap() * 10.0 / 921_600.0;
+    assert!((float["link"]["up_s"].as_f64().unwrap() - up_s).abs() < 1e-9);
+    // The same plan in 16 bits takes about half; the link, twice as fast, twice the patches.
+    let fixed = plan("--ram 512K --fixed --link 1843200 --pulse-rate 2");
+    assert_eq!(fixed["arithmetic"], "fixed");
+    assert_eq!(
+        fixed["sub_cpi_s"],
+        fixed["setup"]["num_pulses"].as_f64().unwrap() / 2.0
+    );
+    assert_eq!(fixed["keeps_up"], true);
+
+    let least = run(
+        folder.path(),
+        &format!("plan module --ram 2K {grid} a.cphd"),
+    );
+    least.failed(1, &["nothing that keeps -60 dB fits", "least memory"]);
+    let bytes = least
+        .stderr
+        .split("least memory that would is ")
+        .nth(1)
+        .unwrap();
+    let bytes = bytes.split(' ').next().unwrap();
+    run(
+        folder.path(),
+        &format!("plan module --ram {bytes} {grid} a.cphd"),
+    )
+    .succeeded();
+}
