@@ -1,11 +1,30 @@
-//! Links the firmware with `memory.x` of the workspace root; nothing to do for a host.
+//! Links the firmware with the memory map of its board; nothing to do for a host.
 
-use std::env;
+use std::path::PathBuf;
+use std::{env, fs};
 
 fn main() {
     println!("cargo::rerun-if-changed=../memory.x");
-    if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("none") {
-        println!("cargo::rustc-link-search={}/..", env!("CARGO_MANIFEST_DIR"));
-        println!("cargo::rustc-link-arg-bins=-Tlink.x");
+    println!("cargo::rerun-if-changed=memory-an500.x");
+    println!("cargo::rerun-if-changed=memory-h743.x");
+    if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
+        return;
+    }
+    let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
+    let map = if has("BOARD_H743") {
+        "memory-h743.x"
+    } else {
+        "memory-an500.x"
+    };
+    // cortex-m-rt's script includes the workspace's memory.x, and that includes board.x.
+    let folder = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    fs::copy(map, folder.join("board.x")).expect("the memory map can be copied");
+    println!("cargo::rustc-link-search={}", folder.display());
+    println!("cargo::rustc-link-search={}/..", env!("CARGO_MANIFEST_DIR"));
+    for kind in ["bins", "examples"] {
+        println!("cargo::rustc-link-arg-{kind}=-Tlink.x");
+        if has("DEFMT") {
+            println!("cargo::rustc-link-arg-{kind}=-Tdefmt.x");
+        }
     }
 }

@@ -245,7 +245,7 @@ fn the_checksum_is_that_described() {
     let rows: [&[u8]; 2] = [b"first row", b"second"];
     bytes.extend(rows.concat());
     let mut checksum = TransferChecksum::new(&header);
-    rows.map(|row| checksum.add_row(row));
+    rows.iter().for_each(|row| checksum.add_row(row));
     assert_eq!(checksum.value(), crc32fast::hash(&bytes));
 }
 

@@ -3,12 +3,12 @@
 use proptest::prelude::*;
 use subaperture_core::link::{
     Arithmetic, ChipGrid, Command, Configuration, DetectionRecord, EncodeError, Encoder, Encoding,
-    LinkCounters, MAX_TEXT_BYTES, Message, PulseCounters, Received, Receiver, Refusal, Report, Row,
-    State, Status, complex32s, f32s, max_frame_bytes, max_received_bytes, row_bytes, sc16s,
-    write_block_row, write_complex32s, write_f32s, write_sc16s,
+    LinkCounters, MAX_TEXT_BYTES, Message, Received, Receiver, Refusal, Report, Row, State, Status,
+    complex32s, f32s, max_frame_bytes, max_received_bytes, row_bytes, sc16s, write_block_row,
+    write_complex32s, write_f32s, write_sc16s,
 };
 use subaperture_core::stream::{
-    BlockFloat, Capacity, MapHeader, Node, Patch, Quantity, Setup, SetupError,
+    BlockFloat, Capacity, MapHeader, Node, Patch, PulseCounters, Quantity, Setup, SetupError,
 };
 use subaperture_core::{Complex32, Pulse, Sc16};
 
@@ -95,7 +95,10 @@ impl Values {
                 count,
                 patch: self.patch(),
             },
-            Command::Start { run: self.long },
+            Command::Start {
+                run: self.long,
+                first: self.long,
+            },
             Command::Pulse {
                 pulse: Pulse {
                     number: self.other,
@@ -546,7 +549,10 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
             count: 4,
             patch: GOLDEN_PATCH,
         },
-        Command::Start { run: 300 },
+        Command::Start {
+            run: 300,
+            first: 90,
+        },
         Command::Pulse {
             pulse: Pulse {
                 number: 70_000,

@@ -120,8 +120,8 @@ impl<'a> Plan<'a> {
         let (keystone, scale) = match keystone {
             KeystoneTable::Sinc(matrix) => {
                 LengthError::check("sinc matrix", shape.sinc_len(), matrix.len())?;
-                let size = shape.num_pulses * shape.num_pulses;
-                for (k, one) in matrix.chunks_exact_mut(size).enumerate() {
+                let one = shape.num_pulses.saturating_mul(shape.num_pulses).max(1);
+                for (k, one) in matrix.chunks_exact_mut(one).enumerate() {
                     sinc::fill_matrix(ratio(k), shape.num_pulses, one);
                 }
                 (Planned::Sinc(matrix), 1.0)
@@ -166,14 +166,17 @@ impl<'a> Plan<'a> {
 
     /// Windows pulse `m` into `history`, samples `[frequency][pulse]`.
     ///
-    /// # Panics
-    /// If there is no pulse `m`. Samples beyond the shorter of `pulse` and `history` are ignored;
-    /// [`crate::Processor::push`] checks all of that.
+    /// Does nothing if the sub-CPI has no pulse `m`. Samples and frequencies are taken in pairs, as
+    /// far as `pulse` and `history` both go; the rest is left as it is.
     pub fn window(&self, m: usize, pulse: &[Complex32], history: &mut [Complex32]) {
-        let slow = self.slow_weights[m];
-        let rows = history.chunks_exact_mut(self.slow_weights.len());
+        let Some(slow) = self.slow_weights.get(m) else {
+            return;
+        };
+        let rows = history.chunks_exact_mut(self.slow_weights.len().max(1));
         for ((row, sample), fast) in rows.zip(pulse).zip(self.fast_weights) {
-            row[m] = *sample * (*fast * slow);
+            if let Some(place) = row.get_mut(m) {
+                *place = *sample * (*fast * *slow);
+            }
         }
     }
 
@@ -193,14 +196,16 @@ impl<'a> Plan<'a> {
         LengthError::check("scratch", self.scratch_len(), scratch.len())?;
         LengthError::check("map", shape.map_len(), map.len())?;
 
-        let (frequencies, bins) = (shape.num_frequencies, shape.num_range_bins);
-        for (k, pulses) in history.chunks_exact(shape.num_pulses).enumerate() {
-            let column = range::column(k, frequencies, bins);
-            let column = map[column..].iter_mut().step_by(bins);
+        // A checked shape has no zeros; `max` lets the compiler see it.
+        let (num_pulses, bins) = (shape.num_pulses.max(1), shape.num_range_bins.max(1));
+        let frequencies = shape.num_frequencies;
+        for (k, pulses) in history.chunks_exact(num_pulses).enumerate() {
+            let column = map.get_mut(range::column(k, frequencies, bins)..);
+            let column = column.unwrap_or(&mut []).iter_mut().step_by(bins);
             match self.keystone {
                 Planned::Sinc(matrix) => {
-                    let size = shape.num_pulses * shape.num_pulses;
-                    let matrix = &matrix[k * size..][..size];
+                    let one = num_pulses.saturating_mul(num_pulses);
+                    let matrix = matrix.chunks_exact(one).nth(k).unwrap_or(&[]);
                     sinc::transform(matrix, pulses, scratch, column);
                 }
                 Planned::ChirpZ { centre, step, .. } => {

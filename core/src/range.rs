@@ -29,12 +29,12 @@ use crate::fft;
 
 /// Column of frequency `k` of `num_frequencies` in a row of `num_range_bins` (a power of two).
 pub const fn column(k: usize, num_frequencies: usize, num_range_bins: usize) -> usize {
-    (num_frequencies / 2).wrapping_sub(k) & (num_range_bins - 1)
+    (num_frequencies / 2).wrapping_sub(k) & num_range_bins.wrapping_sub(1)
 }
 
 /// `(-1)^(k - F/2)`: the factor of frequency `k` that centres path 0 on bin `R/2`.
 pub const fn sign(k: usize, num_frequencies: usize) -> f32 {
-    if (k + num_frequencies / 2).is_multiple_of(2) {
+    if k.wrapping_add(num_frequencies / 2).is_multiple_of(2) {
         1.0
     } else {
         -1.0
@@ -43,14 +43,14 @@ pub const fn sign(k: usize, num_frequencies: usize) -> f32 {
 
 /// Compresses one row in place; columns between the frequencies are taken as zero, whatever they hold.
 ///
-/// # Panics
-/// If `row` has a length that [`fft::supports`] does not admit, or fewer than `num_frequencies`.
+/// `row` has a length that [`fft::supports`] admits, at least `num_frequencies`, as [`crate::Plan::new`]
+/// ensures; one of another length is not transformed.
 pub fn compress(row: &mut [Complex32], num_frequencies: usize) {
-    // Frequencies fill columns 0 to F/2 and the last F - 1 - F/2.
-    let above = num_frequencies.div_ceil(2) - 1;
-    let padding = num_frequencies / 2 + 1..row.len() - above;
-    if !padding.is_empty() {
-        row[padding].fill(Complex32::ZERO);
+    // Frequencies fill columns 0 to F/2 and the last F - 1 - F/2; there may be none in between.
+    let above = num_frequencies.saturating_sub(1) / 2;
+    let padding = num_frequencies / 2 + 1..row.len().saturating_sub(above);
+    if let Some(padding) = row.get_mut(padding) {
+        padding.fill(Complex32::ZERO);
     }
     fft::forward(row);
 }

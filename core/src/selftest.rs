@@ -2,15 +2,17 @@
 //!
 //! Rust does not contract `a*b + c` or reorder floating point, and the transforms and functions used
 //! are pure Rust, so equality to the last bit can be demanded of host and target. Input: pseudo-random
-//! integers and three scatterers whose phase is a product of integers. Output: FNV-1a (Fowler, Noll,
-//! Vo; 32 bits, over little-endian bytes) of both maps, the pixels and the power.
+//! integers and three scatterers whose phase is a product of integers. They go through [`Plan`] twice,
+//! by the sinc Keystone and by the exact one, in the same buffers. Output: FNV-1a (Fowler, Noll, Vo;
+//! 32 bits, over little-endian bytes) of both maps, the pixels and the power.
 //!
 //! The expected number is held by `tests/core_selftest.rs`; `tests/firmware.rs` compares the target's.
 
 use num_complex::Complex32;
 
 use crate::accumulate::{Centre, CoherentGrid, PixelGrid, PowerMap};
-use crate::{ChirpZSubCpi, ParamError, Params, Processor, SincSubCpi, Turns, Window};
+use crate::keystone::KeystoneTable;
+use crate::{LengthError, Map, ParamError, Params, Plan, Shape, Tables, Turns, Window};
 
 /// Pulses of the synthetic sub-CPI.
 pub const PULSES: usize = 32;
@@ -20,8 +22,17 @@ pub const FREQUENCIES: usize = 64;
 pub const RANGE_BINS: usize = 128;
 /// Doppler bins of its map.
 pub const DOPPLER_BINS: usize = 64;
-const CHIRP_LENGTH: usize = 128;
-const PIXELS: usize = 256;
+/// Points of its chirp transforms.
+pub const CHIRP_LENGTH: usize = SHAPE.chirp_length();
+/// Pixels of its image.
+pub const PIXELS: usize = 256;
+
+const SHAPE: Shape = Shape {
+    num_pulses: PULSES,
+    num_frequencies: FREQUENCIES,
+    num_range_bins: RANGE_BINS,
+    num_doppler_bins: DOPPLER_BINS,
+};
 
 /// Parameters of the synthetic sub-CPI: 200 MHz around 10 GHz, both windows in use.
 pub const PARAMS: Params<'static> = Params {
@@ -34,8 +45,13 @@ pub const PARAMS: Params<'static> = Params {
 /// Buffers of the self-test; made to be a static.
 #[derive(Debug)]
 pub struct SelfTest {
-    sinc: SincSubCpi<PULSES, FREQUENCIES, RANGE_BINS, DOPPLER_BINS>,
-    chirp_z: ChirpZSubCpi<PULSES, FREQUENCIES, RANGE_BINS, DOPPLER_BINS, CHIRP_LENGTH>,
+    fast_weights: [f32; FREQUENCIES],
+    slow_weights: [f32; PULSES],
+    matrix: [[[f32; PULSES]; PULSES]; FREQUENCIES],
+    history: [[Complex32; PULSES]; FREQUENCIES],
+    /// The sinc form uses the first `DOPPLER_BINS` samples.
+    scratch: [[Complex32; CHIRP_LENGTH]; 3],
+    map: [[Complex32; RANGE_BINS]; DOPPLER_BINS],
     image: CoherentGrid<PIXELS>,
     power: PowerMap<{ RANGE_BINS * DOPPLER_BINS }>,
 }
@@ -47,8 +63,12 @@ impl SelfTest {
     /// Empty buffers.
     pub const fn new() -> Self {
         Self {
-            sinc: SincSubCpi::new(),
-            chirp_z: ChirpZSubCpi::new(),
+            fast_weights: [0.0; FREQUENCIES],
+            slow_weights: [0.0; PULSES],
+            matrix: [[[0.0; PULSES]; PULSES]; FREQUENCIES],
+            history: [[Complex32::ZERO; PULSES]; FREQUENCIES],
+            scratch: [[Complex32::ZERO; CHIRP_LENGTH]; 3],
+            map: [[Complex32::ZERO; RANGE_BINS]; DOPPLER_BINS],
             image: CoherentGrid::new(),
             power: PowerMap::new(),
         }
@@ -71,15 +91,29 @@ impl SelfTest {
             .map_err(|_| SelfTestError::Accumulate)?;
         self.power.clear();
         let mut checksum = Fnv1a::new();
-        let processors = [
-            self.sinc.start(&PARAMS).map_err(SelfTestError::Plan)?,
-            self.chirp_z.start(&PARAMS).map_err(SelfTestError::Plan)?,
-        ];
-        for mut processor in processors {
-            push_synthetic(&mut processor)?;
-            let map = processor.take_map().ok_or(SelfTestError::Push)?;
-            let centre =
-                Centre::monostatic([0.0, 0.0, 300.0], [0.125, 0.01, 0.0], [0.0, 1000.0, 0.0]);
+        let centre = Centre::monostatic([0.0, 0.0, 300.0], [0.125, 0.01, 0.0], [0.0, 1000.0, 0.0]);
+        for exact in [false, true] {
+            let keystone = if exact {
+                KeystoneTable::ChirpZ {
+                    length: CHIRP_LENGTH,
+                }
+            } else {
+                KeystoneTable::Sinc(self.matrix.as_flattened_mut().as_flattened_mut())
+            };
+            let tables = Tables {
+                fast_weights: &mut self.fast_weights,
+                slow_weights: &mut self.slow_weights,
+                keystone,
+            };
+            let plan = Plan::new(SHAPE, &PARAMS, tables).map_err(SelfTestError::Plan)?;
+            let history = self.history.as_flattened_mut();
+            window_synthetic(&plan, history);
+            let scratch = self.scratch.as_flattened_mut();
+            let scratch = scratch.get_mut(..plan.scratch_len()).unwrap_or(&mut []);
+            let map = self.map.as_flattened_mut();
+            plan.process(history, scratch, map)
+                .map_err(SelfTestError::Buffer)?;
+            let map = Map::new(*plan.axes(), map).map_err(SelfTestError::Buffer)?;
             self.image.accumulate(&map, &centre, 0.5);
             self.power
                 .accumulate(&map)
@@ -105,8 +139,8 @@ impl Default for SelfTest {
 pub enum SelfTestError {
     /// The parameters.
     Plan(ParamError),
-    /// A pulse.
-    Push,
+    /// A buffer.
+    Buffer(LengthError),
     /// A grid or a map.
     Accumulate,
 }
@@ -115,7 +149,7 @@ impl core::fmt::Display for SelfTestError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Plan(error) => write!(f, "self-test: {error}"),
-            Self::Push => f.write_str("self-test: a pulse was refused"),
+            Self::Buffer(error) => write!(f, "self-test: {error}"),
             Self::Accumulate => f.write_str("self-test: a map was refused"),
         }
     }
@@ -141,18 +175,16 @@ fn scatterers(m: usize, k: usize) -> Complex32 {
         .sum()
 }
 
-fn push_synthetic(processor: &mut Processor<'_>) -> Result<(), SelfTestError> {
+/// Windows the synthetic pulses into `history`.
+fn window_synthetic(plan: &Plan<'_>, history: &mut [Complex32]) {
     let mut noise = Lcg(2026);
     let mut pulse = [Complex32::ZERO; FREQUENCIES];
     for m in 0..PULSES {
         for (k, sample) in pulse.iter_mut().enumerate() {
             *sample = scatterers(m, k) + Complex32::new(noise.next(), noise.next()) * 0.125;
         }
-        processor
-            .push(m as u32, &pulse)
-            .map_err(|_| SelfTestError::Push)?;
+        plan.window(m, &pulse, history);
     }
-    Ok(())
 }
 
 /// Knuth's 64-bit linear congruential generator (MMIX).

@@ -85,7 +85,7 @@ impl Window<'_> {
                 Self::Taylor { .. } => taylor.iter().zip(1..).fold(1.0, |sum, (f, order)| {
                     sum + 2.0 * f * libm::cos(TAU * f64::from(order) * u)
                 }),
-                Self::Weights(own) => f64::from(own[i]),
+                Self::Weights(own) => own.get(i).copied().map_or(0.0, f64::from),
             }
         };
         let sum: f64 = (0..n).map(weight).sum();
@@ -107,22 +107,20 @@ fn taylor_coefficients(side_lobe_db: f64) -> Result<Vec<f64, MAX_COEFFICIENTS>, 
     let a = libm::acosh(libm::pow(10.0, side_lobe_db / 20.0)) / PI;
     let n_bar = libm::ceil(2.0 * a * a + 0.5).max(2.0);
     let zero_scale = n_bar * n_bar / (a * a + (n_bar - 0.5) * (n_bar - 0.5));
-    let orders = 1..n_bar as u32;
-    Ok(orders
-        .clone()
-        .map(f64::from)
-        .map(|m| {
-            // The pattern's zeros: moved ones above the line, the sinc's own below.
-            let mut f = if m % 2.0 == 1.0 { 0.5 } else { -0.5 };
-            for i in orders.clone().map(f64::from) {
-                f *= 1.0 - m * m / (zero_scale * (a * a + (i - 0.5) * (i - 0.5)));
-                if i != m {
-                    f /= 1.0 - m * m / (i * i);
-                }
+    let orders = (1..n_bar as u32).map(f64::from);
+    let mut coefficients = Vec::new();
+    for m in orders.clone() {
+        // The pattern's zeros: moved ones above the line, the sinc's own below.
+        let mut f = if m % 2.0 == 1.0 { 0.5 } else { -0.5 };
+        for i in orders.clone() {
+            f *= 1.0 - m * m / (zero_scale * (a * a + (i - 0.5) * (i - 0.5)));
+            if i != m {
+                f /= 1.0 - m * m / (i * i);
             }
-            f
-        })
-        .collect())
+        }
+        let _ = coefficients.push(f); // never full: see `MAX_COEFFICIENTS`
+    }
+    Ok(coefficients)
 }
 
 impl fmt::Display for WindowError {

@@ -70,7 +70,6 @@ pub struct LinkBuffers<'a> {
 }
 
 /// The module's end of the link.
-#[derive(Debug)]
 pub struct Station<'a, E: WireEngine> {
     receiver: Receiver<'a>,
     module: Module<'a, E>,
@@ -172,7 +171,6 @@ enum Part {
 }
 
 /// Everything but the receiver, from whose buffer commands borrow.
-#[derive(Debug)]
 struct Module<'a, E: WireEngine> {
     processor: SubCpiProcessor<'a, E>,
     encoder: Encoder,

@@ -116,22 +116,20 @@ pub fn crosscheck(
     let mut core_history = vec![Complex32::ZERO; shape.history_len()];
     let mut scratch = vec![Complex32::ZERO; plan.scratch_len()];
     let mut core_map = vec![Complex32::ZERO; shape.map_len()];
-    let mut processor = core::Processor::new(plan, &mut core_history, &mut scratch, &mut core_map)
-        .map_err(|e| refused(&e))?;
 
     let mut samples = vec![Complex32::ZERO; shape.history_len()];
     let count = collection.pulses.len().div_ceil(num_pulses);
     let mut differences_db = Vec::with_capacity(count);
     for index in 0..count {
         let first = (index * num_pulses).min(collection.pulses.len() - num_pulses);
-        processor.restart(first as u32);
         history.read(first..first + num_pulses, &mut samples)?;
         mapper.map(&samples, &mut host_map);
-        for (n, pulse) in (first..).zip(samples.chunks_exact(band.count)) {
-            processor.push(n as u32, pulse).map_err(|e| refused(&e))?;
+        for (m, pulse) in samples.chunks_exact(band.count).enumerate() {
+            plan.window(m, pulse, &mut core_history);
         }
-        let core_map = processor.take_map().expect("a full sub-CPI was pushed");
-        differences_db.push(difference_db(core_map.samples(), &host_map));
+        plan.process(&core_history, &mut scratch, &mut core_map)
+            .map_err(|e| refused(&e))?;
+        differences_db.push(difference_db(&core_map, &host_map));
         if monitor.cancelled() {
             return Err(FormError::Cancelled);
         }

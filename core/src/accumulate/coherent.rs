@@ -39,26 +39,37 @@ pub fn add_map(
     centre: &Centre,
     weight: f32,
 ) -> Result<usize, LengthError> {
-    let expected = grid.num_pixels().unwrap_or(usize::MAX);
-    LengthError::check("pixels", expected, pixels.len())?;
-    if pixels.is_empty() {
-        return Ok(0);
-    }
     let axes = map.axes();
     let shape = axes.shape();
     let wavenumber = axes.centre_hz() / SPEED_OF_LIGHT_M_S; // cycles a metre of path
     let late_by = (shape.num_pulses / 2) as f64 - (shape.num_pulses - 1) as f64 / 2.0; // 1/2 or 0
     let (doppler_bins, range_bins) = (shape.num_doppler_bins, shape.num_range_bins);
+    add_pixels(pixels, grid, |point_m| {
+        let (path, rate) = centre.relative_path_m(point_m);
+        let path = path + rate * late_by;
+        let doppler = (doppler_bins / 2) as f64 - doppler_bins as f64 * wavenumber * rate;
+        let range = (range_bins / 2) as f64 + axes.range_bins_per_metre() * path;
+        let value = map.bilinear(doppler, range)?;
+        Some(value * (Turns::from_f64(wavenumber * path).phasor() * weight))
+    })
+}
 
+/// Adds to every pixel what there is for its position; the number of pixels for which there was
+/// something.
+pub(super) fn add_pixels(
+    pixels: &mut [Complex32],
+    grid: &PixelGrid,
+    value_at: impl Fn([f64; 3]) -> Option<Complex32>,
+) -> Result<usize, LengthError> {
+    let expected = grid.num_pixels().unwrap_or(usize::MAX);
+    LengthError::check("pixels", expected, pixels.len())?;
     let mut inside = 0;
-    for (row, line) in pixels.chunks_exact_mut(grid.num_columns).enumerate() {
+    // A row of no columns has no pixels either: any width does.
+    let width = grid.num_columns.max(1);
+    for (row, line) in pixels.chunks_exact_mut(width).enumerate() {
         for (column, pixel) in line.iter_mut().enumerate() {
-            let (path, rate) = centre.relative_path_m(grid.position_m(row, column));
-            let path = path + rate * late_by;
-            let doppler = (doppler_bins / 2) as f64 - doppler_bins as f64 * wavenumber * rate;
-            let range = (range_bins / 2) as f64 + axes.range_bins_per_metre() * path;
-            if let Some(value) = map.bilinear(doppler, range) {
-                *pixel += value * (Turns::from_f64(wavenumber * path).phasor() * weight);
+            if let Some(value) = value_at(grid.position_m(row, column)) {
+                *pixel += value;
                 inside += 1;
             }
         }
@@ -146,6 +157,11 @@ impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
     /// The pixels, row-major.
     pub fn pixels(&self) -> &[Complex32] {
         &self.pixels
+    }
+
+    /// The grid, and the pixels to add to.
+    pub(super) fn parts(&mut self) -> (&PixelGrid, &mut [Complex32]) {
+        (&self.grid, &mut self.pixels)
     }
 }
 

@@ -1,13 +1,20 @@
 //! Accumulation of maps: coherent into pixels, non-coherent into power.
+//!
+//! Whole maps ([`crate::Map`]) and maps of patches ([`crate::stream::PatchMap`]) add up in the same
+//! owners: [`CoherentGrid`] and [`PowerMap`].
 
 mod centre;
+mod chip;
 mod coherent;
+mod kernel;
 mod power;
 
 use core::fmt;
 
 pub use centre::{Centre, PixelGrid};
+pub use chip::add_patch_map;
 pub use coherent::{CoherentGrid, add_map};
+pub use kernel::Kernel;
 pub use power::{PowerMap, add_power};
 
 /// Why an accumulator could not be set up or fed. Nothing has changed.
@@ -22,10 +29,10 @@ pub enum AccumulateError {
     },
     /// Maps of one accumulation must have one shape.
     Shape {
-        /// Shape of the maps before.
-        expected: crate::Shape,
-        /// Shape of this one.
-        got: crate::Shape,
+        /// Doppler and range bins of the maps before.
+        expected: [usize; 2],
+        /// Those of this one.
+        got: [usize; 2],
     },
 }
 
@@ -41,10 +48,7 @@ impl fmt::Display for AccumulateError {
             Self::Shape { expected, got } => write!(
                 f,
                 "a map of {} Doppler x {} range bins cannot be added to maps of {} x {}",
-                got.num_doppler_bins,
-                got.num_range_bins,
-                expected.num_doppler_bins,
-                expected.num_range_bins
+                got[0], got[1], expected[0], expected[1]
             ),
         }
     }

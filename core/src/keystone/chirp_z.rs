@@ -52,10 +52,9 @@ pub fn rate(ratio: f64, num_doppler_bins: usize) -> Turns {
 
 /// Transforms `pulses` at the scaled Doppler and writes the bins, times `L`, to `column`.
 ///
-/// `scratch` has `3 L` samples.
-///
-/// # Panics
-/// If `L` is not a length that [`fft::supports`] admits, or is below `M + D - 1`.
+/// `scratch` has `3 L` samples; `M` is at least 1, `D` even, and `L` a length that [`fft::supports`]
+/// admits and at least `M + D - 1`, as [`crate::Plan::new`] ensures. Otherwise nothing is written to
+/// `column`.
 pub fn transform<'a>(
     rate: Turns,
     pulses: &[Complex32],
@@ -64,18 +63,22 @@ pub fn transform<'a>(
     column: impl Iterator<Item = &'a mut Complex32>,
 ) {
     let length = scratch.len() / 3;
-    let (before, half) = (pulses.len() / 2, num_doppler_bins / 2);
-    assert!(
-        pulses.len() + num_doppler_bins <= length + 1,
-        "a chirp transform has at least M + D - 1 points"
-    );
-    let (chirp, rest) = scratch.split_at_mut(length);
-    let (kernel, work) = rest.split_at_mut(length);
+    let least = pulses.len().saturating_add(num_doppler_bins);
+    if pulses.is_empty() || least > length + 1 || !fft::supports(length) {
+        debug_assert!(false, "a chirp transform has at least M + D - 1 points");
+        return;
+    }
+    let mut parts = scratch.chunks_exact_mut(length.max(1));
+    let (Some(chirp), Some(kernel), Some(work)) = (parts.next(), parts.next(), parts.next()) else {
+        return;
+    };
 
     // c(n) for all |n| that occur as p, q or q - p; even in n. Where M is odd the largest n occurs
     // with one sign only: then its other place in the kernel is not read, or is the same place.
-    let reach = half + pulses.len().div_ceil(2) - 1;
-    let chirp = &mut chirp[..=reach];
+    let half = num_doppler_bins / 2;
+    let Some(chirp) = chirp.get_mut(..half + pulses.len().div_ceil(2)) else {
+        return;
+    };
     let (mut phase, mut step) = (Turns(0), rate);
     for value in chirp.iter_mut() {
         *value = phase.phasor();
@@ -83,15 +86,22 @@ pub fn transform<'a>(
         step = step.plus(rate.times(2));
     }
     kernel.fill(Complex32::ZERO);
-    for (n, value) in chirp.iter().enumerate() {
-        kernel[(length - n) & (length - 1)] = *value;
-        kernel[n] = *value;
+    for (place, value) in kernel.iter_mut().zip(chirp.iter()) {
+        *place = *value;
+    }
+    for (place, value) in kernel.iter_mut().rev().zip(chirp.iter().skip(1)) {
+        *place = *value;
     }
 
+    // Pulses at p >= 0 from the front, at p < 0 from the back.
+    let (before, after) = pulses.split_at(pulses.len() / 2);
     work.fill(Complex32::ZERO);
-    for (m, sample) in pulses.iter().enumerate() {
-        let place = (m + length - before) & (length - 1);
-        work[place] = *sample * chirp[m.abs_diff(before)].conj();
+    for ((place, sample), factor) in work.iter_mut().zip(after).zip(chirp.iter()) {
+        *place = *sample * factor.conj();
+    }
+    let before = before.iter().rev().zip(chirp.iter().skip(1));
+    for (place, (sample, factor)) in work.iter_mut().rev().zip(before) {
+        *place = *sample * factor.conj();
     }
     fft::forward(kernel);
     fft::forward(work);
@@ -100,11 +110,14 @@ pub fn transform<'a>(
     }
     fft::forward(work);
 
-    // Bin q of the inverse transform is at -q: q = -D/2..-1 at D/2..1, then 0, then from L-1 down.
-    let negative = work[1..=half].iter().zip(&chirp[1..=half]).rev();
-    let zero = work[..1].iter().zip(&chirp[..1]);
-    let positive = work[length - half + 1..].iter().rev().zip(&chirp[1..half]);
-    for (out, (value, factor)) in column.zip(negative.chain(zero).chain(positive)) {
+    // Bin q of the inverse transform is at -q: q = -D/2..0 at D/2..0, then from L-1 down.
+    let (Some(near), Some(chirp)) = (work.get(..=half), chirp.get(..=half)) else {
+        return;
+    };
+    let to_zero = near.iter().zip(chirp).rev();
+    let positive = chirp.iter().skip(1).take(half.saturating_sub(1));
+    let positive = work.iter().rev().zip(positive);
+    for (out, (value, factor)) in column.zip(to_zero.chain(positive)) {
         *out = *value * factor.conj();
     }
 }

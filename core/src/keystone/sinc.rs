@@ -39,12 +39,11 @@ use crate::fft;
 
 /// Fills one frequency's matrix `[output pulse][input pulse]`; `ratio` is `f[k] / f_ref`.
 ///
-/// # Panics
-/// If `matrix` is not of `num_pulses * num_pulses`.
+/// `matrix` has `num_pulses * num_pulses` weights; of another length, its whole rows are filled.
 pub fn fill_matrix(ratio: f64, num_pulses: usize, matrix: &mut [f32]) {
-    assert_eq!(matrix.len(), num_pulses * num_pulses, "sinc matrix");
+    debug_assert_eq!(matrix.len(), num_pulses * num_pulses, "sinc matrix");
     let centre = (num_pulses / 2) as f64;
-    for (i, row) in matrix.chunks_exact_mut(num_pulses).enumerate() {
+    for (i, row) in matrix.chunks_exact_mut(num_pulses.max(1)).enumerate() {
         let position = (i as f64 - centre) / ratio + centre;
         // sin(pi (position - m)) = (-1)^(nearest - m) sin(pi offset): one sine a row, and exact
         // where the position is a pulse.
@@ -65,8 +64,8 @@ pub fn fill_matrix(ratio: f64, num_pulses: usize, matrix: &mut [f32]) {
 
 /// Resamples `pulses` by `matrix` and writes the `D` Doppler bins to `column`.
 ///
-/// # Panics
-/// If `scratch` has a length that [`fft::supports`] does not admit, or shorter than `pulses`.
+/// `scratch` has `D` samples, a length that [`fft::supports`] admits and not below `M`, as
+/// [`crate::Plan::new`] ensures; otherwise nothing is written to `column`.
 pub fn transform<'a>(
     matrix: &[f32],
     pulses: &[Complex32],
@@ -74,17 +73,28 @@ pub fn transform<'a>(
     column: impl Iterator<Item = &'a mut Complex32>,
 ) {
     let (m, d) = (pulses.len(), scratch.len());
+    if m > d || !fft::supports(d) {
+        debug_assert!(
+            false,
+            "a Doppler transform has a power of two of points, at least M"
+        );
+        return;
+    }
     scratch.fill(Complex32::ZERO);
-    for (i, weights) in matrix.chunks_exact(m).enumerate() {
+    // Pulse i - M/2, modulo D: a circular shift in place of a phase.
+    let Some((late, early)) = scratch.split_at_mut_checked(d - m / 2) else {
+        return;
+    };
+    let places = early.iter_mut().chain(late);
+    for (place, weights) in places.zip(matrix.chunks_exact(m.max(1))) {
         let mut sum = Complex32::ZERO;
         for (weight, sample) in weights.iter().zip(pulses) {
             sum += *sample * *weight;
         }
-        // Pulse i - M/2, modulo D: a circular shift in place of a phase.
-        scratch[(i + d - m / 2) & (d - 1)] = sum;
+        *place = sum;
     }
     fft::forward(scratch);
-    let (positive, negative) = scratch.split_at(d / 2);
+    let (positive, negative) = scratch.split_at(scratch.len() / 2);
     for (out, value) in column.zip(negative.iter().chain(positive)) {
         *out = *value;
     }

@@ -72,7 +72,7 @@ pub(super) fn successor(sequence: u32) -> u32 {
 /// let (mut encoder, mut buffer) = (Encoder::new(), [0; 32]);
 /// // Version 1, sequence number 0, variant 0, CRC-32 of 01 00 00 00 00 00; codes at their places.
 /// let bytes = encoder.encode(&Command::Hello, &mut buffer)?;
-/// assert_eq!(bytes, [2, 1, 1, 1, 1, 1, 5, 0x55, 0x94, 0xF8, 0xC6, 0]);
+/// assert_eq!(bytes, [2, 1, 1, 1, 1, 1, 5, 0x06, 0x72, 0x9E, 0x7A, 0]);
 /// # Ok::<(), subaperture_core::link::EncodeError>(())
 /// ```
 #[derive(Clone, Debug)]

@@ -43,4 +43,5 @@ pub use float::{ANCHOR, FloatEngine, PulsePhase};
 pub use patch::{BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two};
 pub use processor::{Progress, PulseCounters, PulseError, Sample, Store, SubCpiProcessor};
 pub use setup::{Capacity, Quantity, Setup, SetupError};
+pub(crate) use track::node_offset_pulses;
 pub use track::nodes;

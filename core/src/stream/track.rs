@@ -1,50 +1,87 @@
-//! The antennas' track over a sub-CPI, by two places on it.
+//! The antennas' track over a sub-CPI, and the two places on it that a map is read by.
+//!
+//! **Equation.** A quadratic is fitted to the positions by least squares, on polynomials that are
+//! orthogonal over the pulses, `1`, `u` and `u^2 - (M^2 - 1)/12` with `u_m = m - (M - 1)/2`, and taken
+//! at `u = -u_g` and `u = +u_g`, `u_g^2 = (M^2 - 1)/12`, the mean of `u_m^2`. These are the nodes of
+//! Gauss's rule of two points for a uniform weight on the pulses: the straight line through a
+//! quadratic's values there is the quadratic's own least-squares line, so a path read at the two nodes
+//! is in error by its curvature only, without mean and without slope. The third polynomial is zero at
+//! the nodes: the first two sums are all that is computed. They average the jitter of measured
+//! positions.
+//!
+//! **Neglected**: third and higher orders of the track at the nodes. A single pulse has no line: both
+//! nodes are then on it. The pulses' weights do not enter.
+//!
+//! **Units** metres, `u` in pulses. **Cost** two passes over `M` positions in float64, no memory beyond
+//! them. **Accuracy** rounding only: positions are taken relative to the first, so that digits are kept
+//! far from the origin (`tests/core_chip.rs`: within 4e-9 m at 7e6 m, where a position resolves
+//! 1e-9 m). Positions that are not numbers make nodes that are not.
 
 use super::Node;
 use crate::Pulse;
 
-/// Antennas at Gauss's nodes.
+/// Antennas at `u = -u_g` and `u = +u_g` of the quadratic through the pulses' positions; at the origin
+/// if there are no pulses.
+///
+/// ```
+/// use subaperture_core::{Pulse, stream};
+/// // Seven pulses, u = -3 ..= 3, so that u_g = 2; the transmitter at x = 5 + u, y = u^2.
+/// let pulses: [Pulse; 7] = core::array::from_fn(|m| {
+///     let u = m as f64 - 3.0;
+///     Pulse { transmitter_m: [5.0 + u, u * u, 0.0], ..Pulse::EMPTY }
+/// });
+/// let [early, late] = stream::nodes(&pulses);
+/// let error = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).abs()).sum::<f64>();
+/// assert!(error(early.transmitter_m, [3.0, 4.0, 0.0]) < 1e-14);
+/// assert!(error(late.transmitter_m, [7.0, 4.0, 0.0]) < 1e-14);
+/// assert_eq!(early.receiver_m, [0.0; 3]);
+/// ```
 pub fn nodes(pulses: &[Pulse]) -> [Node; 2] {
-    let Some(first) = pulses.first() else {
-        return [Node::default(); 2];
-    };
-    let m = pulses.len() as f64;
-    let mean_square = (m * m - 1.0) / 12.0;
-    let place = libm::sqrt(mean_square);
-    let fit = |position: fn(&Pulse) -> [f64; 3]| {
-        let origin = position(first);
-        let (mut sums, mut norms) = ([[0.0; 3]; 3], [0.0; 3]);
-        let mut u = -(m - 1.0) / 2.0;
-        for pulse in pulses {
-            let here = position(pulse);
-            for ((sum, norm), p) in
-                sums.iter_mut()
-                    .zip(&mut norms)
-                    .zip([1.0, u, u * u - mean_square])
-            {
-                *norm += p * p;
-                for ((axis, x), x0) in sum.iter_mut().zip(here).zip(origin) {
-                    *axis += (x - x0) * p;
-                }
-            }
-            u += 1.0;
-        }
-        let order = pulses.len();
-        move |u: f64| {
-            let mut at = origin;
-            let terms = [1.0, u, u * u - mean_square];
-            for ((sum, norm), term) in sums.iter().zip(norms).zip(terms).take(order) {
-                for (axis, s) in at.iter_mut().zip(sum) {
-                    *axis += s / norm * term;
-                }
-            }
-            at
-        }
-    };
-    let transmitter = fit(|pulse| pulse.transmitter_m);
-    let receiver = fit(|pulse| pulse.receiver_m);
-    [-place, place].map(|u| Node {
-        transmitter_m: transmitter(u),
-        receiver_m: receiver(u),
+    let transmitter = Line::fit(pulses, |pulse| pulse.transmitter_m);
+    let receiver = Line::fit(pulses, |pulse| pulse.receiver_m);
+    let offset = node_offset_pulses(pulses.len());
+    [-offset, offset].map(|u| Node {
+        transmitter_m: transmitter.at(u),
+        receiver_m: receiver.at(u),
     })
+}
+
+/// `u_g`: pulses from the sub-CPI's middle to either node; 0 for a single pulse.
+pub(crate) fn node_offset_pulses(num_pulses: usize) -> f64 {
+    let m = num_pulses.max(1) as f64;
+    libm::sqrt((m * m - 1.0) / 12.0)
+}
+
+/// The first two terms of the fit.
+struct Line {
+    mean_m: [f64; 3],
+    slope_m_per_pulse: [f64; 3],
+}
+
+impl Line {
+    fn fit(pulses: &[Pulse], position_m: impl Fn(&Pulse) -> [f64; 3]) -> Self {
+        let origin_m = pulses.first().map_or([0.0; 3], &position_m);
+        let middle = (pulses.len() as f64 - 1.0) / 2.0;
+        let (mut sums, mut moments, mut norm) = ([0.0; 3], [0.0; 3], 0.0);
+        for (m, pulse) in pulses.iter().enumerate() {
+            let u = m as f64 - middle;
+            let position_m = position_m(pulse);
+            for axis in 0..3 {
+                let relative_m = position_m[axis] - origin_m[axis];
+                sums[axis] += relative_m;
+                moments[axis] += relative_m * u;
+            }
+            norm += u * u;
+        }
+        let count = pulses.len().max(1) as f64;
+        let slope = |moment: f64| if norm > 0.0 { moment / norm } else { 0.0 };
+        Self {
+            mean_m: [0, 1, 2].map(|axis| origin_m[axis] + sums[axis] / count),
+            slope_m_per_pulse: moments.map(slope),
+        }
+    }
+
+    fn at(&self, u: f64) -> [f64; 3] {
+        [0, 1, 2].map(|axis| self.mean_m[axis] + self.slope_m_per_pulse[axis] * u)
+    }
 }

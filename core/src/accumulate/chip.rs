@@ -1,0 +1,252 @@
+//! Coherent accumulation of patch maps: a chip of the image, sub-CPI by sub-CPI.
+//!
+//! **Equation** (the map is that of [`crate::stream`]). A pixel's path relative to the patch's centre
+//! is measured at the header's two nodes, `early` and `late`, `u_g` pulses before and after the
+//! sub-CPI's middle, `u_g^2 = (M^2 - 1)/12`; over the sub-CPI it is taken as the line through them:
+//!
+//! ```text
+//! a = (early + late) / 2,   b = (late - early) / (2 u_g)
+//! pixel += weight  map[-b D f_ref / c][a R step_hz / c]  exp(+j 2 pi f_ref a / c)
+//! ```
+//!
+//! read between bins by a [`Kernel`]. A single pulse has `b = 0`.
+//!
+//! **Weights.** A map is a mean over its `M` pulses. With the weight `M` over the sum of all pulses'
+//! weights a unit scatterer reads 1 in the sum of all sub-CPIs' maps, whatever the lengths of the
+//! sub-CPIs.
+//!
+//! **Neglected**: the curvature of the path relative to the patch's centre, whose least-squares line
+//! the nodes give, and the kernel's error, provided that `R >= 2F` and `D >= 2M`. A pixel of whose taps
+//! one with a weight lies outside the map receives nothing: choose the patch's reach larger than the
+//! pixels' by half the kernel.
+//!
+//! **Output** pixels, row-major. **Cost** 8 bytes a pixel; a pixel and map two float64 roots (four where
+//! transmitter and receiver are apart), one phasor, `2 T^2 + 2 T` multiply-adds for the reading of `T`
+//! taps. **Accuracy** against the exact sum over pulses and frequencies in float64, relative RMS over
+//! the chip, `R = 2F`, `D = 2M`, no windows (`tests/core_chip.rs`): 8 taps -64.4 dB, 10 taps
+//! -70.3 dB, of which curvature alone is -71.0 dB; bilinear reading of the same map -17.2 dB.
+
+use num_complex::Complex32;
+
+use super::coherent::add_pixels;
+use super::{CoherentGrid, Kernel, PixelGrid};
+use crate::pulse::distance_m;
+use crate::stream::{
+    BlockFloat, MapSamples, Node, PatchMap, Setup, node_offset_pulses, power_of_two,
+};
+use crate::{LengthError, SPEED_OF_LIGHT_M_S, Turns};
+
+/// Adds `weight` times a patch's map to the pixels of `grid`; the number of pixels that it reached.
+///
+/// # Errors
+/// [`LengthError`] unless `pixels` has the grid's number; nothing is then written.
+pub fn add_patch_map<const TAPS: usize, const PHASES: usize>(
+    pixels: &mut [Complex32],
+    grid: &PixelGrid,
+    setup: &Setup,
+    map: &PatchMap<'_>,
+    kernel: &Kernel<TAPS, PHASES>,
+    weight: f32,
+) -> Result<usize, LengthError> {
+    let line = Line::new(map);
+    let wavenumber = setup.centre_hz() / SPEED_OF_LIGHT_M_S; // cycles a metre of path
+    let doppler_bins = f64::from(setup.doppler_length) * wavenumber;
+    let range_bins = f64::from(setup.range_length) * setup.step_hz / SPEED_OF_LIGHT_M_S;
+    add_pixels(pixels, grid, |point_m| {
+        let (a, b) = line.path_m(point_m);
+        let value = read(map, kernel, -b * doppler_bins, a * range_bins)?;
+        Some(value * (Turns::from_f64(wavenumber * a).phasor() * weight))
+    })
+}
+
+impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
+    /// Adds `weight` times a patch's map; the number of pixels that it reached.
+    ///
+    /// ```
+    /// use subaperture_core::Complex32;
+    /// use subaperture_core::accumulate::{CoherentGrid, Kernel, PixelGrid};
+    /// use subaperture_core::stream::{MapHeader, MapSamples, Node, Patch, PatchMap, Setup};
+    ///
+    /// let mut chip = CoherentGrid::<1>::new();
+    /// chip.set_grid(&PixelGrid {
+    ///     origin_m: [0.0, 1000.0, 0.0],
+    ///     column_step_m: [0.0; 3],
+    ///     row_step_m: [0.0; 3],
+    ///     num_columns: 1,
+    ///     num_rows: 1,
+    /// })?;
+    /// let patch = Patch { centre_m: [0.0, 1000.0, 0.0], range_reach: 1, doppler_reach: 0 };
+    /// let header = MapHeader {
+    ///     sub_cpi: 0,
+    ///     patch_index: 0,
+    ///     num_pulses: 1,
+    ///     patch,
+    ///     time_s: [0.0; 2],
+    ///     weight_sum: 1.0,
+    ///     nodes: [Node::default(); 2],
+    /// };
+    /// let samples = [Complex32::ZERO, Complex32::I, Complex32::ZERO];
+    /// let map = PatchMap { header, samples: MapSamples::Float(&samples) };
+    /// let setup = Setup {
+    ///     num_pulses: 1,
+    ///     num_frequencies: 2,
+    ///     range_length: 4,
+    ///     doppler_length: 2,
+    ///     start_hz: 1e9,
+    ///     step_hz: 1e6,
+    /// };
+    /// // The patch's centre is the map's, on a bin and without phase.
+    /// assert_eq!(chip.accumulate_patch(&setup, &map, &Kernel::<8, 64>::new(), 0.5), 1);
+    /// assert_eq!(chip.pixels()[0], Complex32::new(0.0, 0.5));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn accumulate_patch<const TAPS: usize, const PHASES: usize>(
+        &mut self,
+        setup: &Setup,
+        map: &PatchMap<'_>,
+        kernel: &Kernel<TAPS, PHASES>,
+        weight: f32,
+    ) -> usize {
+        let (grid, pixels) = self.parts();
+        // Cannot fail: the pixels are the grid's.
+        add_patch_map(pixels, grid, setup, map, kernel, weight).unwrap_or(0)
+    }
+}
+
+/// The line that stands for the path over a sub-CPI, relative to the patch's centre.
+struct Line {
+    nodes: [Node; 2],
+    /// Paths from the nodes to the patch's centre, metres.
+    centre_paths_m: [f64; 2],
+    /// `u_g`.
+    offset_pulses: f64,
+}
+
+impl Line {
+    fn new(map: &PatchMap<'_>) -> Self {
+        let nodes = map.header.nodes;
+        Self {
+            nodes,
+            centre_paths_m: nodes.map(|node| path_m(&node, map.header.patch.centre_m)),
+            offset_pulses: node_offset_pulses(map.header.num_pulses.into()),
+        }
+    }
+
+    /// `(a, b)`: relative path in the middle, metres, and its rate, metres a pulse.
+    #[inline]
+    fn path_m(&self, point_m: [f64; 3]) -> (f64, f64) {
+        let relative_m = |i: usize| path_m(&self.nodes[i], point_m) - self.centre_paths_m[i];
+        let (early, late) = (relative_m(0), relative_m(1));
+        let rate = if self.offset_pulses > 0.0 {
+            (late - early) / (2.0 * self.offset_pulses)
+        } else {
+            0.0
+        };
+        ((early + late) / 2.0, rate)
+    }
+}
+
+/// Path from transmitter to point to receiver, metres; one root where both are at one place.
+#[inline]
+fn path_m(node: &Node, point_m: [f64; 3]) -> f64 {
+    let out_m = distance_m(node.transmitter_m, point_m);
+    if node.receiver_m == node.transmitter_m {
+        2.0 * out_m
+    } else {
+        out_m + distance_m(node.receiver_m, point_m)
+    }
+}
+
+/// The map between its bins, counted from the patch's centre; nothing where a tap that has a weight is
+/// outside.
+#[inline]
+fn read<const TAPS: usize, const PHASES: usize>(
+    map: &PatchMap<'_>,
+    kernel: &Kernel<TAPS, PHASES>,
+    doppler_bin: f64,
+    range_bin: f64,
+) -> Option<Complex32> {
+    let patch = &map.header.patch;
+    let (reach_d, reach_r) = (i32::from(patch.doppler_reach), i32::from(patch.range_reach));
+    // Also refuses what is not a number.
+    let inside = |bin: f64, reach: i32| libm::fabs(bin) <= f64::from(reach);
+    if !(inside(doppler_bin, reach_d) && inside(range_bin, reach_r)) {
+        return None;
+    }
+    let (first_d, weights_d) = kernel.place(doppler_bin);
+    let (first_r, weights_r) = kernel.place(range_bin);
+    let rows = (first_d..).zip(&weights_d);
+    let taps = TAPS as i32;
+    let whole = first_r >= -reach_r && first_r + taps - 1 <= reach_r;
+    let mut value = Complex32::ZERO;
+    for (d, weight_d) in rows {
+        if *weight_d == 0.0 {
+            continue;
+        }
+        if d < -reach_d || d > reach_d {
+            return None;
+        }
+        let along_range = if whole {
+            row(
+                map,
+                (d + reach_d) as usize,
+                (first_r + reach_r) as usize,
+                &weights_r,
+            )?
+        } else {
+            edge(map, d, first_r, &weights_r)?
+        };
+        value += along_range * *weight_d;
+    }
+    Some(value)
+}
+
+/// Weighted sum of samples of a row, all of which there are.
+#[inline]
+fn row<const TAPS: usize>(
+    map: &PatchMap<'_>,
+    row: usize,
+    first: usize,
+    weights: &[f32; TAPS],
+) -> Option<Complex32> {
+    let width = map.header.patch.num_range_bins();
+    let start = row * width + first;
+    let mut sum = Complex32::ZERO;
+    match map.samples {
+        MapSamples::Float(samples) => {
+            let samples = samples.get(start..)?.first_chunk::<TAPS>()?;
+            for (sample, weight) in samples.iter().zip(weights) {
+                sum += *sample * *weight;
+            }
+        }
+        MapSamples::Fixed(BlockFloat {
+            mantissas,
+            exponents,
+        }) => {
+            let mantissas = mantissas.get(start..)?.first_chunk::<TAPS>()?;
+            let exponents = exponents.get(row * BlockFloat::blocks(width)..)?;
+            for ((column, mantissa), weight) in (first..).zip(mantissas).zip(weights) {
+                let scale = power_of_two(*exponents.get(column / BlockFloat::BLOCK)?);
+                sum += mantissa.to_complex32() * (scale * *weight);
+            }
+        }
+    }
+    Some(sum)
+}
+
+/// The same where some of the samples may be missing.
+#[cold]
+fn edge(map: &PatchMap<'_>, d: i32, first: i32, weights: &[f32]) -> Option<Complex32> {
+    let reach = i32::from(map.header.patch.range_reach);
+    let mut sum = Complex32::ZERO;
+    for (r, weight) in (first..).zip(weights) {
+        if *weight == 0.0 {
+            continue;
+        }
+        if r < -reach || r > reach {
+            return None;
+        }
+        sum += map.at(d, r) * *weight;
+    }
+    Some(sum)
+}

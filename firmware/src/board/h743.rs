@@ -1,0 +1,197 @@
+//! ST's Nucleo-H743ZI2: an STM32H743ZI at 400 MHz. Compiled and measured for size; it has not run on
+//! the board.
+//!
+//! Serial link: USART3, pins PD8 (out) and PD9 (in), which the board's debugger shows to the computer as a
+//! serial port; 921 600 baud, 8 data bits, no parity. An interrupt a byte moves bytes between the USART
+//! and two rings, so that nothing is lost while the program computes: the receiver's ring holds 89 ms
+//! of the link at full speed. A ring that is full loses what comes; the protocol must notice.
+//!
+//! Clocks: the internal oscillator of 64 MHz, by a PLL (64 / 4 * 50 / 2) to 400 MHz, half of it for the
+//! buses: what every revision of the part does at voltage scale 1.
+
+use core::future::Future;
+use core::pin::pin;
+use core::task::{Context, Poll, Waker};
+
+use embassy_stm32::peripherals::{IWDG1, USART3};
+use embassy_stm32::usart::{self, BufferedUart, BufferedUartRx, BufferedUartTx};
+use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_stm32::{bind_interrupts, rcc};
+use embedded_io::{ErrorType, Read, ReadReady, Write, WriteReady};
+use static_cell::ConstStaticCell;
+
+use super::Board;
+
+const BAUD: u32 = 921_600;
+
+bind_interrupts!(struct Interrupts {
+    USART3 => usart::BufferedInterruptHandler<USART3>;
+});
+
+static RECEIVED: ConstStaticCell<[u8; 8192]> = ConstStaticCell::new([0; 8192]);
+static TO_SEND: ConstStaticCell<[u8; 2048]> = ConstStaticCell::new([0; 2048]);
+
+/// The board.
+pub struct H743 {
+    link: SerialLink,
+    watchdog: IndependentWatchdog<'static, IWDG1>,
+    watching: bool,
+}
+
+impl Board for H743 {
+    type Link = SerialLink;
+    const NAME: &'static str = "nucleo-h743zi2";
+    const TICKS_HZ: u32 = 400_000_000;
+    const WATCHDOG_MS: u32 = 2000;
+
+    fn take() -> Option<Self> {
+        let (received, to_send) = (RECEIVED.try_take()?, TO_SEND.try_take()?);
+        let mut core = cortex_m::Peripherals::take()?;
+        core.SCB.enable_icache();
+        core.DCB.enable_trace();
+        cortex_m::peripheral::DWT::unlock();
+        core.DWT.enable_cycle_counter();
+
+        let board = embassy_stm32::init(clocks());
+        let mut config = usart::Config::default();
+        config.baudrate = BAUD;
+        let uart = BufferedUart::new(
+            board.USART3,
+            board.PD9,
+            board.PD8,
+            to_send,
+            received,
+            Interrupts,
+            config,
+        );
+        let (tx, rx) = uart.ok()?.split();
+        Some(Self {
+            link: SerialLink {
+                rx,
+                tx,
+                waiting: None,
+            },
+            watchdog: IndependentWatchdog::new(board.IWDG1, Self::WATCHDOG_MS * 1000),
+            watching: false,
+        })
+    }
+
+    fn link(&mut self) -> &mut SerialLink {
+        &mut self.link
+    }
+
+    fn wait(&mut self) {
+        // Masked, so that a byte that comes between the look and the sleep ends the sleep.
+        cortex_m::interrupt::free(|_| {
+            if matches!(self.link.read_ready(), Ok(false)) {
+                cortex_m::asm::wfi();
+            }
+        });
+    }
+
+    fn ticks(&self) -> u32 {
+        cortex_m::peripheral::DWT::cycle_count()
+    }
+
+    fn feed_watchdog(&mut self) {
+        if self.watching {
+            self.watchdog.pet();
+        } else {
+            self.watchdog.unleash();
+            self.watching = true;
+        }
+    }
+}
+
+fn clocks() -> embassy_stm32::Config {
+    use rcc::{
+        AHBPrescaler, APBPrescaler, HSIPrescaler, Pll, PllDiv, PllMul, PllPreDiv, PllSource,
+    };
+    let mut config = embassy_stm32::Config::default();
+    config.rcc.hsi = Some(HSIPrescaler::DIV1);
+    config.rcc.pll1 = Some(Pll {
+        source: PllSource::HSI,
+        prediv: PllPreDiv::DIV4,
+        mul: PllMul::MUL50,
+        fracn: None,
+        divp: Some(PllDiv::DIV2),
+        divq: None,
+        divr: None,
+    });
+    config.rcc.sys = rcc::Sysclk::PLL1_P;
+    config.rcc.ahb_pre = AHBPrescaler::DIV2;
+    config.rcc.apb1_pre = APBPrescaler::DIV2;
+    config.rcc.apb2_pre = APBPrescaler::DIV2;
+    config.rcc.apb3_pre = APBPrescaler::DIV2;
+    config.rcc.apb4_pre = APBPrescaler::DIV2;
+    config.rcc.voltage_scale = rcc::VoltageScale::Scale1;
+    config
+}
+
+/// The serial link, USART3.
+///
+/// The driver cannot say whether its ring has room without putting something there; a byte that
+/// found none waits here.
+pub struct SerialLink {
+    rx: BufferedUartRx<'static>,
+    tx: BufferedUartTx<'static>,
+    waiting: Option<u8>,
+}
+
+impl SerialLink {
+    /// Puts as much of `buffer` into the ring as there is room for; `None` if there is none.
+    fn offer(&mut self, buffer: &[u8]) -> Result<Option<usize>, usart::Error> {
+        // The driver's future keeps nothing between polls: dropping it is what `None` means.
+        let write = pin!(embedded_io_async::Write::write(&mut self.tx, buffer));
+        match write.poll(&mut Context::from_waker(Waker::noop())) {
+            Poll::Ready(result) => result.map(Some),
+            Poll::Pending => Ok(None),
+        }
+    }
+}
+
+impl ErrorType for SerialLink {
+    type Error = usart::Error;
+}
+
+impl ReadReady for SerialLink {
+    fn read_ready(&mut self) -> Result<bool, usart::Error> {
+        self.rx.read_ready()
+    }
+}
+
+impl Read for SerialLink {
+    fn read(&mut self, buffer: &mut [u8]) -> Result<usize, usart::Error> {
+        self.rx.read(buffer)
+    }
+}
+
+impl WriteReady for SerialLink {
+    fn write_ready(&mut self) -> Result<bool, usart::Error> {
+        if let Some(byte) = self.waiting
+            && self.offer(&[byte])?.is_some()
+        {
+            self.waiting = None;
+        }
+        Ok(self.waiting.is_none())
+    }
+}
+
+impl Write for SerialLink {
+    fn write(&mut self, buffer: &[u8]) -> Result<usize, usart::Error> {
+        while !self.write_ready()? {}
+        let Some(first) = buffer.first() else {
+            return Ok(0);
+        };
+        if let Some(count) = self.offer(buffer)? {
+            return Ok(count);
+        }
+        self.waiting = Some(*first);
+        Ok(1)
+    }
+
+    fn flush(&mut self) -> Result<(), usart::Error> {
+        while !self.write_ready()? {}
+        self.tx.flush()
+    }
+}

@@ -1,0 +1,103 @@
+//! A board: a serial link, a counter, a watchdog, a log.
+
+use core::fmt;
+
+use embedded_io::{Read, ReadReady, Write, WriteReady};
+
+#[cfg(feature = "board-an500")]
+mod an500;
+#[cfg(feature = "board-h743")]
+mod h743;
+
+#[cfg(all(not(feature = "defmt"), feature = "board-an500"))]
+mod semihosting;
+
+#[cfg(feature = "board-an500")]
+pub use an500::{An500, An500 as Current, UartError};
+#[cfg(feature = "board-h743")]
+pub use h743::{H743, H743 as Current, SerialLink};
+
+#[cfg(not(any(feature = "board-an500", feature = "board-h743")))]
+compile_error!("choose a board: --features board-an500 or --features board-h743");
+#[cfg(all(feature = "board-an500", feature = "board-h743"))]
+compile_error!("two boards: add --no-default-features to --features board-h743");
+
+/// What a program asks of the machine it runs on.
+pub trait Board: Sized {
+    /// The serial link. `read` and `write` block until they can move a byte; a program that must not
+    /// wait asks `read_ready` and `write_ready` first.
+    type Link: Read + ReadReady + Write + WriteReady;
+
+    /// Name, for the banner.
+    const NAME: &'static str;
+    /// Rate of [`Board::ticks`].
+    const TICKS_HZ: u32;
+    /// The watchdog resets the board when it was not fed for this long.
+    const WATCHDOG_MS: u32;
+
+    /// The board, set up; `None` if it was taken before. The watchdog sleeps until it is first fed.
+    fn take() -> Option<Self>;
+
+    /// The serial link.
+    fn link(&mut self) -> &mut Self::Link;
+
+    /// Sleeps until the link has something to read, or a little less: a program that has nothing to do
+    /// calls it and asks again.
+    fn wait(&mut self);
+
+    /// A counter that runs up at [`Board::TICKS_HZ`] and wraps.
+    fn ticks(&self) -> u32;
+
+    /// Starts the watchdog, or tells it that the program is alive.
+    fn feed_watchdog(&mut self);
+
+    /// Starts over.
+    fn reset(&mut self) -> ! {
+        reset()
+    }
+
+    /// A line of log for a person at a debugger; lost where there is none.
+    fn log(&mut self, message: fmt::Arguments<'_>) {
+        log(message);
+    }
+}
+
+/// Starts over; for places that do not own the board.
+pub fn reset() -> ! {
+    cortex_m::peripheral::SCB::sys_reset()
+}
+
+/// Logs a line; for places that do not own the board.
+#[cfg(feature = "defmt")]
+pub fn log(message: fmt::Arguments<'_>) {
+    defmt::println!("{}", defmt::Display2Format(&message));
+}
+
+/// Logs a line; for places that do not own the board.
+#[cfg(all(not(feature = "defmt"), feature = "board-an500"))]
+pub fn log(message: fmt::Arguments<'_>) {
+    semihosting::line(message);
+}
+
+/// Logs a line, but without `defmt` there is nobody to read it: semihosting would stop a board that
+/// runs without a debugger.
+#[cfg(all(not(feature = "defmt"), feature = "board-h743"))]
+pub fn log(_message: fmt::Arguments<'_>) {}
+
+#[cfg(all(feature = "defmt", feature = "board-h743"))]
+use defmt_rtt as _;
+#[cfg(all(feature = "defmt", feature = "board-an500"))]
+use defmt_semihosting as _;
+
+/// Ends a program that is a test: the emulator exits with success or failure; a board waits for a person.
+pub fn end(_success: bool) -> ! {
+    #[cfg(feature = "board-an500")]
+    cortex_m_semihosting::debug::exit(if _success {
+        cortex_m_semihosting::debug::EXIT_SUCCESS
+    } else {
+        cortex_m_semihosting::debug::EXIT_FAILURE
+    });
+    loop {
+        cortex_m::asm::wfi();
+    }
+}

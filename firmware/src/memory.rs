@@ -1,0 +1,102 @@
+//! Where statics lie, and how much of the stack was used.
+//!
+//! Statics without more are in the memory next to the core, with the stack (`memory.x`). Large ones are
+//! put elsewhere with [`place!`](crate::place): `axi` (512K on the STM32H743) or `sram` (288K). Their
+//! initial value must be zero, bit by bit: they are in no flash. A value that is not stops the
+//! compiler, because the sections' names are those of zeroed memory.
+//!
+//! `__pre_init`, which runs before anything else, gives the memory in domain 2 its clocks and
+//! zeroes both sections. It is assembly because no Rust may run before statics have their values.
+
+/// Puts a static into a section of `memory.x`; once taken, it is the taker's for good.
+///
+/// ```ignore
+/// place!(axi static BUFFERS: SelfTest = SelfTest::new());
+/// let buffers: Option<&'static mut SelfTest> = BUFFERS.try_take();
+/// ```
+#[macro_export]
+macro_rules! place {
+    (axi static $name:ident: $type:ty = $value:expr) => {
+        // SAFETY: `memory.x` keeps the section and `memory.rs` zeroes it.
+        #[unsafe(link_section = ".bss.axi")]
+        static $name: $crate::memory::Placed<$type> = $crate::memory::Placed::new($value);
+    };
+    (sram static $name:ident: $type:ty = $value:expr) => {
+        // SAFETY: as above.
+        #[unsafe(link_section = ".bss.sram")]
+        static $name: $crate::memory::Placed<$type> = $crate::memory::Placed::new($value);
+    };
+}
+
+pub use static_cell::ConstStaticCell as Placed;
+
+unsafe extern "C" {
+    static mut _stack_end: u32;
+    static _stack_start: u32;
+}
+
+/// The most bytes of stack in use so far: from the first word, counted from the stack's far end, that no
+/// longer has the value that cortex-m-rt painted it with. A frame that never wrote its lowest words is
+/// counted without them.
+pub fn stack_high_water_bytes() -> usize {
+    let (mut word, start) = (&raw const _stack_end, &raw const _stack_start);
+    // SAFETY: the linker's symbols bound the stack; every word was painted, and no reference to any of
+    // them is made. Volatile, because the words above the stack pointer change.
+    while word < start && unsafe { word.read_volatile() } == cortex_m_rt::STACK_PAINT_VALUE {
+        word = word.wrapping_add(1);
+    }
+    start as usize - word as usize
+}
+
+/// Bytes that the stack has.
+pub fn stack_bytes() -> usize {
+    &raw const _stack_start as usize - &raw const _stack_end as usize
+}
+
+// Clocks of SRAM1, SRAM2 and SRAM3: bits 29, 30 and 31 of RCC_AHB2ENR (RM0433, 8.7.40); the read
+// after the write is the wait that the manual asks for.
+#[cfg(feature = "board-h743")]
+macro_rules! clocks {
+    () => {
+        "ldr r0, =0x580244dc
+         ldr r1, [r0]
+         orr r1, r1, #0xe0000000
+         str r1, [r0]
+         ldr r1, [r0]
+         dsb"
+    };
+}
+
+#[cfg(not(feature = "board-h743"))]
+macro_rules! clocks {
+    () => {
+        ""
+    };
+}
+
+core::arch::global_asm!(
+    ".section .text.__pre_init, \"ax\"
+     .global __pre_init
+     .type __pre_init, %function
+     .thumb_func
+     .syntax unified
+     __pre_init:",
+    clocks!(),
+    "    movs r2, #0
+         movs r3, #0
+         ldr r0, =__saxi
+         ldr r1, =__eaxi
+     1:  cmp r0, r1
+         beq 2f
+         strd r2, r3, [r0], #8
+         b 1b
+     2:  ldr r0, =__ssram
+         ldr r1, =__esram
+     3:  cmp r0, r1
+         beq 4f
+         strd r2, r3, [r0], #8
+         b 3b
+     4:  bx lr
+         .ltorg
+         .size __pre_init, . - __pre_init"
+);

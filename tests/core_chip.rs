@@ -1,0 +1,687 @@
+//! Chips from maps of patches against the exact sum over pulses and frequencies. Maps are evaluated from
+//! their definition in float64, so that nodes, kernel and phase are what is judged.
+
+use std::f64::consts::TAU;
+
+use num_complex::{Complex32, Complex64};
+use subaperture_core::accumulate::{
+    AccumulateError, CoherentGrid, Kernel, PixelGrid, PowerMap, add_patch_map,
+};
+use subaperture_core::stream::{
+    BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, Setup, nodes, power_of_two,
+};
+use subaperture_core::{Pulse, Sc16};
+
+const C: f64 = 299_792_458.0;
+const F: usize = 32;
+
+/// 200 MHz about 10 GHz, bins half a resolution cell wide in both axes.
+const SETUP: Setup = Setup {
+    num_pulses: 12,
+    num_frequencies: F as u16,
+    range_length: 64,
+    doppler_length: 24,
+    start_hz: 9.9e9,
+    step_hz: 6.25e6,
+};
+
+/// Points in the scene, metres, and their amplitudes' phases in turns.
+const POINTS: [([f64; 3], f64); 6] = [
+    ([0.0, 0.0, 0.0], 0.0),
+    ([11.3, -1.6, 0.0], 0.3),
+    ([-23.8, 2.9, 0.4], 0.8),
+    ([30.1, 1.1, -0.2], 0.1),
+    ([-4.4, -3.3, 0.0], 0.6),
+    ([18.9, 3.7, 0.1], 0.45),
+];
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
+}
+
+fn path(pulse: &Pulse, point: [f64; 3]) -> f64 {
+    distance(pulse.transmitter_m, point) + distance(point, pulse.receiver_m)
+}
+
+/// Antennas 8 km away on bent tracks, apart from each other, tapered weights, and a reference path
+/// that follows no point: nothing cancels by chance.
+fn track(count: usize) -> Vec<Pulse> {
+    (0..count)
+        .map(|m| {
+            let t = m as f64 - (count as f64 - 1.0) / 2.0;
+            Pulse {
+                number: m as u32,
+                time_s: 1e-3 * t,
+                transmitter_m: [0.7 * t, -7800.0 + 0.05 * t, 1800.0 + 2e-3 * t * t],
+                receiver_m: [300.0 + 0.6 * t, -7900.0 - 1e-3 * t * t, 1500.0],
+                reference_path_m: 15_900.0 + 0.3 * t,
+                weight: 1.0 - 0.3 * (t / count as f64).abs() as f32,
+            }
+        })
+        .collect()
+}
+
+fn frequency_hz(k: usize) -> f64 {
+    SETUP.start_hz + k as f64 * SETUP.step_hz
+}
+
+/// Samples `[pulse][frequency]` of the points.
+fn echoes(pulses: &[Pulse]) -> Vec<Complex64> {
+    let mut samples = vec![];
+    for pulse in pulses {
+        for k in 0..F {
+            samples.push(
+                POINTS
+                    .iter()
+                    .map(|&(point, turns)| {
+                        let relative = path(pulse, point) - pulse.reference_path_m;
+                        Complex64::cis(TAU * (turns - frequency_hz(k) * relative / C))
+                    })
+                    .sum(),
+            );
+        }
+    }
+    samples
+}
+
+/// The map's definition, `crate::stream`'s, with equal fast-time weights.
+fn map_of(pulses: &[Pulse], samples: &[Complex64], patch: &Patch) -> Vec<Complex32> {
+    let m = pulses.len();
+    let reference_hz = frequency_hz(F / 2);
+    let compensated: Vec<_> = samples
+        .iter()
+        .enumerate()
+        .map(|(i, z)| {
+            let pulse = &pulses[i / F];
+            let rho = path(pulse, patch.centre_m) - pulse.reference_path_m;
+            z * Complex64::cis(TAU * frequency_hz(i % F) * rho / C) * f64::from(pulse.weight)
+        })
+        .collect();
+    let (reach_d, reach_r) = (i32::from(patch.doppler_reach), i32::from(patch.range_reach));
+    let mut map = vec![];
+    for d in -reach_d..=reach_d {
+        let spectrum: Vec<Complex64> = (0..F)
+            .map(|k| {
+                let ratio = frequency_hz(k) / reference_hz;
+                let cycles = ratio * f64::from(d) / f64::from(SETUP.doppler_length);
+                (0..m)
+                    .map(|i| {
+                        let u = i as f64 - (m as f64 - 1.0) / 2.0;
+                        compensated[i * F + k] * Complex64::cis(-TAU * cycles * u)
+                    })
+                    .sum()
+            })
+            .collect();
+        for r in -reach_r..=reach_r {
+            let cycles = f64::from(r) / f64::from(SETUP.range_length);
+            let value: Complex64 = spectrum
+                .iter()
+                .enumerate()
+                .map(|(k, z)| z * Complex64::cis(TAU * cycles * (k as f64 - (F / 2) as f64)))
+                .sum();
+            let value = value / (m * F) as f64;
+            map.push(Complex32::new(value.re as f32, value.im as f32));
+        }
+    }
+    map
+}
+
+fn header_of(pulses: &[Pulse], patch: &Patch) -> MapHeader {
+    MapHeader {
+        sub_cpi: 0,
+        patch_index: 0,
+        num_pulses: pulses.len() as u16,
+        patch: *patch,
+        time_s: [pulses[0].time_s, pulses[pulses.len() - 1].time_s],
+        weight_sum: pulses.iter().map(|pulse| pulse.weight).sum(),
+        nodes: nodes(pulses),
+    }
+}
+
+/// The image by its definition: `sum w_m w_f z exp(+j 2 pi f path / c) / sum w_m`.
+fn exact(pulses: &[Pulse], samples: &[Complex64], grid: &PixelGrid) -> Vec<Complex64> {
+    let weights: f64 = pulses.iter().map(|pulse| f64::from(pulse.weight)).sum();
+    (0..grid.num_rows * grid.num_columns)
+        .map(|i| {
+            let pixel = grid.position_m(i / grid.num_columns, i % grid.num_columns);
+            let sum: Complex64 = samples
+                .chunks(F)
+                .zip(pulses)
+                .map(|(samples, pulse)| {
+                    let rho = path(pulse, pixel) - pulse.reference_path_m;
+                    let sum: Complex64 = samples
+                        .iter()
+                        .enumerate()
+                        .map(|(k, z)| z * Complex64::cis(TAU * frequency_hz(k) * rho / C))
+                        .sum();
+                    sum * f64::from(pulse.weight)
+                })
+                .sum();
+            sum / (F as f64 * weights)
+        })
+        .collect()
+}
+
+/// Relative RMS difference, decibels.
+fn difference_db(pixels: &[Complex32], exact: &[Complex64]) -> f64 {
+    assert_eq!(pixels.len(), exact.len());
+    let (mut error, mut power) = (0.0, 0.0);
+    for (pixel, exact) in pixels.iter().zip(exact) {
+        let pixel = Complex64::new(pixel.re.into(), pixel.im.into());
+        error += (pixel - exact).norm_sqr();
+        power += exact.norm_sqr();
+    }
+    10.0 * (error / power).log10()
+}
+
+/// `columns` of 2 m and `rows` of 0.37 m about a centre.
+fn grid(centre: [f64; 3], columns: usize, rows: usize) -> PixelGrid {
+    PixelGrid {
+        origin_m: [
+            centre[0] - (columns - 1) as f64,
+            centre[1] - 0.185 * (rows - 1) as f64,
+            centre[2],
+        ],
+        column_step_m: [2.0, 0.0, 0.0],
+        row_step_m: [0.0, 0.37, 0.0],
+        num_columns: columns,
+        num_rows: rows,
+    }
+}
+
+/// 4.1 m of range to either side are 8.2 m of path at most, 10.9 bins, and half a kernel of 16 taps; 36 m
+/// across change the path by at most `36 (0.7 + 0.6) / 8000 m` a pulse, 4.7 bins.
+const PATCH: Patch = Patch {
+    centre_m: [0.0, 0.0, 0.0],
+    range_reach: 20,
+    doppler_reach: 13,
+};
+
+/// `(a, b)` by the test's own hand.
+fn line(header: &MapHeader, point: [f64; 3]) -> (f64, f64) {
+    let m = f64::from(header.num_pulses);
+    let [early, late] = header.nodes.map(|node| {
+        let path = |q| distance(node.transmitter_m, q) + distance(q, node.receiver_m);
+        path(point) - path(header.patch.centre_m)
+    });
+    let spacing = 2.0 * ((m * m - 1.0) / 12.0).sqrt();
+    ((early + late) / 2.0, (late - early) / spacing)
+}
+
+/// What bilinear reading would give.
+fn bilinear(map: &PatchMap<'_>, grid: &PixelGrid) -> Vec<Complex32> {
+    let wavenumber = frequency_hz(F / 2) / C;
+    (0..grid.num_rows * grid.num_columns)
+        .map(|i| {
+            let pixel = grid.position_m(i / grid.num_columns, i % grid.num_columns);
+            let (a, b) = line(&map.header, pixel);
+            let d = -b * f64::from(SETUP.doppler_length) * wavenumber;
+            let r = a * f64::from(SETUP.range_length) * SETUP.step_hz / C;
+            let (d0, r0) = (d.floor(), r.floor());
+            let (fd, fr) = ((d - d0) as f32, (r - r0) as f32);
+            let (d0, r0) = (d0 as i32, r0 as i32);
+            let along = |d| map.at(d, r0) * (1.0 - fr) + map.at(d, r0 + 1) * fr;
+            let phase = Complex64::cis(TAU * wavenumber * a);
+            let phase = Complex32::new(phase.re as f32, phase.im as f32);
+            (along(d0) * (1.0 - fd) + along(d0 + 1) * fd) * phase
+        })
+        .collect()
+}
+
+/// One sub-CPI, one patch: the chip against the exact sum.
+///
+/// Expected: the kernels' RMS error in both axes (module `accumulate::kernel`, times sqrt 2), on data
+/// that fill the band: 8 taps -63.9 dB, 10 taps -77.2 dB. And the curvature of the relative path, which
+/// more taps leave alone: an aperture of `t = 12 (0.7 + 0.6)/2 / 8000 = 1e-3` rad bends the path of
+/// points 36 m off by at most `36 t^2 / 4 = 9e-6 m` at its ends, 1.9e-3 rad, of which `sqrt(4/45)` is
+/// left about the mean: -65 dB, and less nearer the middle; 16 taps show -71 dB. Powers of both added,
+/// and 1 dB for what such a sum leaves out.
+#[test]
+fn a_short_sub_cpi_is_the_exact_sum() {
+    let pulses = track(12);
+    let samples = echoes(&pulses);
+    let grid = grid([0.5, 0.1, 0.0], 37, 23);
+    let exact = exact(&pulses, &samples, &grid);
+    let values = map_of(&pulses, &samples, &PATCH);
+    let map = PatchMap {
+        header: header_of(&pulses, &PATCH),
+        samples: MapSamples::Float(&values),
+    };
+    let weight = 12.0 / map.header.weight_sum;
+
+    fn chip<const TAPS: usize, const PHASES: usize>(
+        map: &PatchMap<'_>,
+        grid: &PixelGrid,
+        weight: f32,
+    ) -> Vec<Complex32> {
+        let kernel = Kernel::<TAPS, PHASES>::new();
+        let mut chip = CoherentGrid::<1000>::new();
+        chip.set_grid(grid).unwrap();
+        let all = chip.pixels().len();
+        assert_eq!(chip.accumulate_patch(&SETUP, map, &kernel, weight), all);
+        chip.pixels().to_vec()
+    }
+    let linear: Vec<_> = bilinear(&map, &grid).iter().map(|z| z * weight).collect();
+    for (name, pixels, bound_db) in [
+        ("8 taps", chip::<8, 128>(&map, &grid, weight), -62.1),
+        ("10 taps", chip::<10, 128>(&map, &grid, weight), -69.0),
+        ("16 taps", chip::<16, 1024>(&map, &grid, weight), -70.0),
+    ] {
+        let db = difference_db(&pixels, &exact);
+        println!("{name}: {db:.1} dB");
+        assert!(db < bound_db);
+    }
+    let db = difference_db(&linear, &exact);
+    println!("bilinear: {db:.1} dB");
+    assert!(db > -25.0, "the kernels' bounds would say nothing");
+}
+
+/// Three sub-CPIs, the last a short one, and two patches: their maps add up to the whole image.
+#[test]
+fn sub_cpis_and_patches_add_up() {
+    let pulses = track(31);
+    let samples = echoes(&pulses);
+    let kernel = Kernel::<10, 128>::new();
+    let total: f32 = pulses.iter().map(|pulse| pulse.weight).sum();
+    for centre in [[-18.0, 0.0, 0.0], [18.0, 0.0, 0.0]] {
+        let patch = Patch {
+            centre_m: centre,
+            ..PATCH
+        };
+        let grid = grid(centre, 19, 23);
+        let mut chip = CoherentGrid::<500>::new();
+        chip.set_grid(&grid).unwrap();
+        for (pulses, samples) in pulses.chunks(12).zip(samples.chunks(12 * F)) {
+            let values = map_of(pulses, samples, &patch);
+            let map = PatchMap {
+                header: header_of(pulses, &patch),
+                samples: MapSamples::Float(&values),
+            };
+            let weight = pulses.len() as f32 / total;
+            let reached = chip.accumulate_patch(&SETUP, &map, &kernel, weight);
+            assert_eq!(reached, chip.pixels().len());
+        }
+        let exact = exact(&pulses, &samples, &grid);
+        let db = difference_db(chip.pixels(), &exact);
+        println!("patch at {centre:?}: {db:.1} dB");
+        assert!(db < -60.0);
+        // A point of its own in each half: phase too.
+        let (point, turns) = if centre[0] > 0.0 {
+            POINTS[3]
+        } else {
+            POINTS[2]
+        };
+        let mut pixel = CoherentGrid::<1>::new();
+        pixel
+            .set_grid(&PixelGrid {
+                origin_m: point,
+                num_columns: 1,
+                num_rows: 1,
+                ..grid
+            })
+            .unwrap();
+        for (pulses, samples) in pulses.chunks(12).zip(samples.chunks(12 * F)) {
+            let values = map_of(pulses, samples, &patch);
+            let map = PatchMap {
+                header: header_of(pulses, &patch),
+                samples: MapSamples::Float(&values),
+            };
+            pixel.accumulate_patch(&SETUP, &map, &kernel, pulses.len() as f32 / total);
+        }
+        let expected = Complex64::cis(TAU * turns);
+        let pixel = pixel.pixels()[0];
+        let error = (Complex64::new(pixel.re.into(), pixel.im.into()) - expected).norm();
+        // The other points' sidelobes are what differs: five, some resolution cells off in both axes.
+        println!("point {point:?}: {pixel:.3}, {error:.3} from {expected:.3}");
+        assert!(error < 0.15);
+    }
+}
+
+/// A single pulse has no Doppler: one row is enough, and it is read without neighbours.
+#[test]
+fn a_single_pulse_has_a_map_of_one_row() {
+    let pulses = track(1);
+    let samples = echoes(&pulses);
+    let patch = Patch {
+        doppler_reach: 0,
+        ..PATCH
+    };
+    let values = map_of(&pulses, &samples, &patch);
+    let map = PatchMap {
+        header: header_of(&pulses, &patch),
+        samples: MapSamples::Float(&values),
+    };
+    let grid = grid([0.0; 3], 9, 15);
+    let mut pixels = vec![Complex32::ZERO; 9 * 15];
+    let kernel = Kernel::<10, 128>::new();
+    let weight = 1.0 / map.header.weight_sum;
+    let reached = add_patch_map(&mut pixels, &grid, &SETUP, &map, &kernel, weight).unwrap();
+    assert_eq!(reached, pixels.len());
+    let db = difference_db(&pixels, &exact(&pulses, &samples, &grid));
+    println!("one pulse: {db:.1} dB");
+    assert!(db < -70.0);
+}
+
+/// Worst and RMS error of reading `exp(j 2 pi nu x)`, `|nu| <= 1/4`, anywhere between two bins.
+fn error_db<const TAPS: usize>(weights: impl Fn(f32) -> [f32; TAPS]) -> (f64, f64) {
+    let (mut worst, mut sum, mut count) = (0f64, 0.0, 0.0);
+    for i in 0..=300 {
+        let t = f64::from(i) / 300.0;
+        let weights = weights(t as f32);
+        for j in 0..=100 {
+            let nu = f64::from(j) / 400.0;
+            let read: Complex64 = weights
+                .iter()
+                .enumerate()
+                .map(|(i, weight)| {
+                    let bin = i as f64 + 1.0 - (TAPS / 2) as f64;
+                    f64::from(*weight) * Complex64::cis(TAU * nu * bin)
+                })
+                .sum();
+            let error = (read - Complex64::cis(TAU * nu * t)).norm_sqr();
+            worst = worst.max(error);
+            sum += error;
+            count += 1.0;
+        }
+    }
+    (10.0 * worst.log10(), 10.0 * (sum / count).log10())
+}
+
+/// Kaiser's design formula promises ripples of `-(7.95 + 2.285 pi T)` dB; over all images of a wave at
+/// the edge of the band they add up to some times that, and in the mean over the band to about that.
+/// The bounds are the figures in the module's table, rounded up.
+#[test]
+fn kernels_err_as_stated() {
+    let cases = [
+        (
+            6,
+            error_db(|t| Kernel::<6, 128>::new().weights(t)),
+            -42.3,
+            -53.4,
+        ),
+        (
+            8,
+            error_db(|t| Kernel::<8, 128>::new().weights(t)),
+            -57.0,
+            -66.8,
+        ),
+        (
+            10,
+            error_db(|t| Kernel::<10, 128>::new().weights(t)),
+            -71.2,
+            -80.0,
+        ),
+    ];
+    for (taps, (worst, rms), worst_bound, rms_bound) in cases {
+        let theory = -(7.95 + 2.285 * TAU / 2.0 * f64::from(taps));
+        println!("{taps} taps: worst {worst:.1} dB, RMS {rms:.1} dB, Kaiser {theory:.1} dB");
+        assert!(worst < worst_bound && rms < rms_bound);
+        assert!((rms - theory).abs() < 3.0);
+    }
+    let (worst, rms) = error_db(|t| [1.0 - t, t]);
+    println!("bilinear, one axis: worst {worst:.1} dB, RMS {rms:.1} dB");
+    // Half way between two bins cos(pi / 4) is read in place of 1.
+    assert!((worst - 20.0 * (1.0 - 0.5f64.sqrt()).log10()).abs() < 0.1);
+    // Few phases, h = 1/8 apart: linear interpolation of a wave errs by (2 pi nu)^2 h^2 t (1 - t) / 2. The
+    // RMS of nu^2 within the band is 1/16 / sqrt 5, that of t (1 - t) 1 / sqrt 30: -56.1 dB.
+    let (_, coarse) = error_db(|t| Kernel::<10, 9>::new().weights(t));
+    let theory = TAU * TAU / 16.0 / 5f64.sqrt() / 64.0 / 2.0 / 30f64.sqrt();
+    println!("10 taps, 9 phases: RMS {coarse:.1} dB");
+    assert!((coarse - 20.0 * theory.log10()).abs() < 0.3);
+}
+
+/// Least-squares quadratic by the normal equations in `m`, at `u = -u_g` and `u_g`.
+fn quadratic_at_nodes(values: &[f64]) -> [f64; 2] {
+    let n = values.len() as f64;
+    let mut equations = [[0.0f64; 4]; 3];
+    for (m, value) in values.iter().enumerate() {
+        let x = m as f64 / n;
+        let powers = [1.0, x, x * x];
+        for (equation, p) in equations.iter_mut().zip(powers) {
+            for (sum, q) in equation.iter_mut().zip([1.0, x, x * x, *value]) {
+                *sum += p * q;
+            }
+        }
+    }
+    for i in 0..3 {
+        let pivot = equations[i];
+        for (j, equation) in equations.iter_mut().enumerate() {
+            if i != j {
+                let factor = equation[i] / pivot[i];
+                for (a, b) in equation.iter_mut().zip(pivot) {
+                    *a -= factor * b;
+                }
+            }
+        }
+    }
+    let c = [0, 1, 2].map(|i| equations[i][3] / equations[i][i]);
+    let offset = ((n * n - 1.0) / 12.0).sqrt();
+    [-offset, offset].map(|u| {
+        let x = ((n - 1.0) / 2.0 + u) / n;
+        c[0] + c[1] * x + c[2] * x * x
+    })
+}
+
+/// Any track, not only quadratic ones, against the normal equations, whose condition of about 1e3
+/// leaves 1e-12 of metres; and far from the origin, where a position itself is rounded to half of
+/// 9e-10 m and so is the result.
+#[test]
+fn nodes_are_on_the_fitted_quadratic() {
+    for count in [3, 4, 5, 12, 31] {
+        let near = |m: usize| {
+            let t = m as f64;
+            [
+                (3.0 * t).sin() + 0.2 * t,
+                (0.1 * t).exp(),
+                -0.3 * t * t + (7.0 * t).cos(),
+            ]
+        };
+        let track = |far_m: f64| -> Vec<Pulse> {
+            (0..count)
+                .map(|m| Pulse {
+                    transmitter_m: near(m).map(|x| x + far_m),
+                    receiver_m: near(m + 50).map(|x| 2.0 * x - far_m),
+                    ..Pulse::EMPTY
+                })
+                .collect()
+        };
+        for axis in 0..3 {
+            let axis_of = |m: usize| near(m)[axis];
+            let transmitter: Vec<f64> = (0..count).map(axis_of).collect();
+            let receiver: Vec<f64> = (50..50 + count).map(|m| 2.0 * axis_of(m)).collect();
+            let scale = receiver.iter().fold(1f64, |most, x| most.max(x.abs()));
+            for (far_m, tolerance) in [(0.0, 1e-11 * scale), (7e6, 4e-9)] {
+                let found = nodes(&track(far_m));
+                let t = quadratic_at_nodes(&transmitter);
+                let r = quadratic_at_nodes(&receiver);
+                for i in 0..2 {
+                    let t_error = found[i].transmitter_m[axis] - far_m - t[i];
+                    let r_error = found[i].receiver_m[axis] + far_m - r[i];
+                    assert!(t_error.abs() < tolerance, "{count}, {far_m}: {t_error:e}");
+                    assert!(r_error.abs() < tolerance, "{count}, {far_m}: {r_error:e}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn nodes_of_few_pulses() {
+    assert_eq!(nodes(&[]), [Node::default(); 2]);
+    let at = |x: f64| Pulse {
+        transmitter_m: [x, 1.0, 2.0],
+        receiver_m: [-x, 1e7, 0.0],
+        ..Pulse::EMPTY
+    };
+    let one = Node {
+        transmitter_m: [4.0, 1.0, 2.0],
+        receiver_m: [-4.0, 1e7, 0.0],
+    };
+    assert_eq!(nodes(&[at(4.0)]), [one; 2]);
+    // Two pulses: u_g = 1/2, the pulses themselves.
+    let [early, late] = nodes(&[at(4.0), at(7.0)]);
+    assert_eq!(
+        (early.transmitter_m, late.receiver_m),
+        ([4.0, 1.0, 2.0], [-7.0, 1e7, 0.0])
+    );
+    // What is no number stays none, and stops nothing.
+    let bad = nodes(&[at(f64::NAN), at(1.0), at(f64::INFINITY)]);
+    assert!(bad[0].transmitter_m[0].is_nan() && bad[0].transmitter_m[1] == 1.0);
+}
+
+/// A monostatic radar at rest: range bins alone, 75 m of path in two, so that places can be counted.
+fn at_rest(samples: &[Complex32], range_reach: u16) -> PatchMap<'_> {
+    PatchMap {
+        header: MapHeader {
+            sub_cpi: 0,
+            patch_index: 0,
+            num_pulses: 1,
+            patch: Patch {
+                centre_m: [0.0, 1000.0, 0.0],
+                range_reach,
+                doppler_reach: 0,
+            },
+            time_s: [0.0; 2],
+            weight_sum: 1.0,
+            nodes: [Node::default(); 2],
+        },
+        samples: MapSamples::Float(samples),
+    }
+}
+
+#[test]
+fn pixels_whose_taps_are_outside_receive_nothing() {
+    // A bin of one metre of range: c / (R step) = 2 m.
+    let setup = Setup {
+        step_hz: C / 128.0,
+        ..SETUP
+    };
+    let ones = [Complex32::ONE; 17];
+    let map = at_rest(&ones, 8);
+    let kernel = Kernel::<8, 64>::new();
+    let line = |origin: f64, step: f64, count| PixelGrid {
+        origin_m: [0.0, origin, 0.0],
+        column_step_m: [0.0, step, 0.0],
+        row_step_m: [0.0; 3],
+        num_columns: count,
+        num_rows: 1,
+    };
+    // On bins, every one of the 17 and no more.
+    let mut pixels = [Complex32::ZERO; 21];
+    let on_bins = line(990.0, 1.0, 21);
+    assert_eq!(
+        add_patch_map(&mut pixels, &on_bins, &setup, &map, &kernel, 1.0),
+        Ok(17)
+    );
+    for (i, pixel) in pixels.iter().enumerate() {
+        let expected = if (2..19).contains(&i) { 1.0 } else { 0.0 };
+        assert!((pixel.norm() - expected).abs() < 1e-5, "{i}: {pixel}");
+    }
+    // Between bins, those with four bins to either side: from -4.5 to +4.5.
+    let mut pixels = [Complex32::ZERO; 21];
+    let between = line(990.5, 1.0, 21);
+    assert_eq!(
+        add_patch_map(&mut pixels, &between, &setup, &map, &kernel, 1.0),
+        Ok(10)
+    );
+    for (i, pixel) in pixels.iter().enumerate() {
+        let inside = (5..15).contains(&i);
+        assert_eq!(*pixel != Complex32::ZERO, inside, "{i}: {pixel}");
+    }
+    // A map of other samples than it says, positions that are no numbers, far away: nothing, quietly.
+    for (map, origin) in [
+        (at_rest(&ones[..5], 8), 1000.5),
+        (at_rest(&[], 8), 1000.5),
+        (at_rest(&ones, 8), f64::NAN),
+        (at_rest(&ones, 8), 1e300),
+        (at_rest(&ones, 8), -f64::INFINITY),
+    ] {
+        let mut pixels = [Complex32::ZERO];
+        let grid = line(origin, 0.0, 1);
+        assert_eq!(
+            add_patch_map(&mut pixels, &grid, &setup, &map, &kernel, 1.0),
+            Ok(0)
+        );
+        assert_eq!(pixels, [Complex32::ZERO]);
+    }
+    // Too few pixels, too many, more than can be counted.
+    let mut pixels = [Complex32::ZERO; 3];
+    for (columns, rows) in [(2, 1), (2, 2), (0, 3), (usize::MAX, 2)] {
+        let grid = PixelGrid {
+            num_rows: rows,
+            ..line(1000.0, 1.0, columns)
+        };
+        assert!(add_patch_map(&mut pixels, &grid, &setup, &map, &kernel, 1.0).is_err());
+    }
+    let none = line(1000.0, 1.0, 0);
+    assert_eq!(
+        add_patch_map(&mut [], &none, &setup, &map, &kernel, 1.0),
+        Ok(0)
+    );
+}
+
+/// Blocks of a common exponent hold the same numbers as floats: the same chip to the bit but for the
+/// order of two products, and the same power to the bit.
+#[test]
+fn fixed_point_maps_add_up_like_floating_ones() {
+    let pulses = track(12);
+    let values = map_of(&pulses, &echoes(&pulses), &PATCH);
+    let width = PATCH.num_range_bins();
+    let blocks = BlockFloat::blocks(width);
+    let exponents: Vec<i8> = (0..PATCH.num_doppler_bins() * blocks)
+        .map(|i| 3 + (i % 5) as i8)
+        .collect();
+    let exponent = |i: usize| exponents[i / width * blocks + i % width / BlockFloat::BLOCK];
+    let mantissas: Vec<Sc16> = values
+        .iter()
+        .enumerate()
+        .map(|(i, z)| Sc16::from_complex32(z / power_of_two(exponent(i))).0)
+        .collect();
+    let floats: Vec<Complex32> = mantissas
+        .iter()
+        .enumerate()
+        .map(|(i, z)| z.to_complex32() * power_of_two(exponent(i)))
+        .collect();
+    let header = header_of(&pulses, &PATCH);
+    let fixed = BlockFloat {
+        mantissas: &mantissas,
+        exponents: &exponents,
+    };
+    let grid = grid([0.5, 0.1, 0.0], 37, 23);
+    let kernel = Kernel::<8, 128>::new();
+    let [float, fixed] = [MapSamples::Float(&floats), MapSamples::Fixed(fixed)].map(|samples| {
+        let map = PatchMap { header, samples };
+        let mut chip = CoherentGrid::<1000>::new();
+        chip.set_grid(&grid).unwrap();
+        assert_eq!(chip.accumulate_patch(&SETUP, &map, &kernel, 1.0), 37 * 23);
+        let mut power = PowerMap::<2000>::new();
+        power.accumulate_patch(&map).unwrap();
+        power.accumulate_patch(&map).unwrap();
+        assert_eq!((power.num_maps(), power.bins()), (2, [27, 41]));
+        (chip.pixels().to_vec(), power.power().to_vec())
+    });
+    // A scale that is a power of two rounds nothing: the products are the same.
+    assert_eq!(float, fixed);
+    for (power, value) in float.1.iter().zip(&floats) {
+        assert_eq!(*power, 2.0 * value.norm_sqr());
+    }
+    let mut small = PowerMap::<1000>::new();
+    let map = PatchMap {
+        header,
+        samples: MapSamples::Float(&floats),
+    };
+    let wanted = 27 * 41;
+    assert_eq!(
+        small.accumulate_patch(&map),
+        Err(AccumulateError::Capacity {
+            capacity: 1000,
+            wanted
+        })
+    );
+    let ones = [Complex32::ONE; 17];
+    small.accumulate_patch(&at_rest(&ones, 8)).unwrap();
+    let error = small.accumulate_patch(&at_rest(&ones, 3)).unwrap_err();
+    let text = "a map of 1 Doppler x 7 range bins cannot be added to maps of 1 x 17";
+    assert_eq!(error.to_string(), text);
+    assert_eq!(small.power(), [1.0; 17]);
+}

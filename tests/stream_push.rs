@@ -1,0 +1,156 @@
+//! The streaming core under any order of pushes and work: a sub-CPI whose pulses were all taken gives
+//! its map once, to the bit, whatever came before and between; no other does; every pulse is counted.
+
+use proptest::prelude::*;
+use subaperture_core::stream::{FloatBuffers, FloatEngine, Progress, Setup, SubCpiProcessor};
+use subaperture_core::{Complex32, Pulse};
+use subaperture_tests::stream_scene::{at, patch};
+
+const PULSES: u32 = 3;
+const FREQUENCIES: u32 = 4;
+type Buffers = FloatBuffers<3, 4, 4, 3, 1>;
+type Processor<'a> = SubCpiProcessor<'a, FloatEngine<'a>>;
+
+const SETUP: Setup = Setup {
+    num_pulses: PULSES as u16,
+    num_frequencies: FREQUENCIES as u16,
+    range_length: 4,
+    doppler_length: 3,
+    start_hz: 1.0e9,
+    step_hz: 1.0e6,
+};
+
+#[derive(Clone, Copy, Debug)]
+enum Action {
+    /// The pulse that is due.
+    Push,
+    /// One that comes after so many that are lost.
+    Skip(u32),
+    /// One that came before, or too late.
+    Late(u32),
+    /// One of another number of samples.
+    Length(u32),
+    /// One with a sample, or a position, that is not a number.
+    NotFinite(bool),
+    /// So many pieces of work.
+    Work(usize),
+}
+
+fn action() -> impl Strategy<Value = Action> {
+    prop_oneof![
+        24 => Just(Action::Push),
+        1 => (1..8u32).prop_map(Action::Skip),
+        1 => (1..8u32).prop_map(Action::Late),
+        1 => prop_oneof![0..FREQUENCIES, 5..9u32].prop_map(Action::Length),
+        1 => any::<bool>().prop_map(Action::NotFinite),
+        8 => (1..20usize).prop_map(Action::Work),
+    ]
+}
+
+fn pulse(number: u32) -> Pulse {
+    Pulse {
+        number,
+        transmitter_m: [f64::from(number) * 0.3, -50.0, 20.0],
+        weight: 1.0 / (1 + number % 5) as f32,
+        ..Pulse::EMPTY
+    }
+}
+
+fn sample(number: u32, k: u32) -> Complex32 {
+    Complex32::new(number as f32 + 0.1, k as f32 - 0.3)
+}
+
+fn start(buffers: &mut Buffers, first: u32) -> Processor<'_> {
+    let mut processor = buffers.processor();
+    processor.configure(&SETUP).unwrap();
+    processor.set_patch(0, &patch([1.0; 3], 1, 1)).unwrap();
+    processor.start(first).unwrap();
+    processor
+}
+
+/// The sub-CPI's number and the map's bits.
+type Made = (u32, Vec<[u32; 2]>);
+
+/// One piece of work, and the map if it is the last of one.
+fn work(processor: &mut Processor<'_>, maps: &mut Vec<Made>) -> Progress {
+    let progress = processor.work();
+    if progress == Progress::Map {
+        let map = processor.map().unwrap();
+        let bits = |z: &Complex32| [z.re.to_bits(), z.im.to_bits()];
+        maps.push((map.header.sub_cpi, at(&map).iter().map(bits).collect()));
+    }
+    progress
+}
+
+/// The map of a sub-CPI by itself, in buffers of its own.
+fn alone(sub_cpi: u32) -> Made {
+    let mut buffers = Buffers::new();
+    let first = sub_cpi * PULSES;
+    let mut processor = start(&mut buffers, first);
+    for number in first..first + PULSES {
+        let samples = (0..FREQUENCIES).map(|k| sample(number, k));
+        processor.push(&pulse(number), samples).unwrap();
+    }
+    let mut maps = Vec::new();
+    while work(&mut processor, &mut maps) != Progress::Idle {}
+    assert_eq!(maps.len(), 1);
+    maps.remove(0)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+    #[test]
+    fn whole_sub_cpis_give_their_maps_and_no_others(
+        actions in prop::collection::vec(action(), 1..120)
+    ) {
+        let mut buffers = Buffers::new();
+        let mut processor = start(&mut buffers, 0);
+        let (mut taken, mut maps) = (Vec::new(), Vec::new());
+        let (mut pushes, mut lost) = (0, 0);
+        for action in actions {
+            let due = processor.next_pulse();
+            let (mut one, mut count, mut spoilt) = (pulse(due), FREQUENCIES, false);
+            match action {
+                Action::Push => {}
+                Action::Skip(missing) => {
+                    one = pulse(due + missing);
+                    lost += missing;
+                }
+                Action::Late(by) => one = pulse(due.saturating_sub(by)),
+                Action::Length(other) => count = other,
+                Action::NotFinite(true) => spoilt = true,
+                Action::NotFinite(false) => one.receiver_m[1] = f64::NAN,
+                Action::Work(pieces) => {
+                    for _ in 0..pieces {
+                        work(&mut processor, &mut maps);
+                    }
+                    continue;
+                }
+            }
+            pushes += 1;
+            let samples = (0..count).map(|k| match spoilt && k == 2 {
+                true => Complex32::new(f32::NAN, 0.0),
+                false => sample(one.number, k),
+            });
+            let good = count == FREQUENCIES && !spoilt && one.receiver_m[1].is_finite();
+            let result = processor.push(&one, samples);
+            prop_assert!(result.is_err() || (good && one.number >= due), "{:?}", action);
+            if result.is_ok() {
+                taken.push(one.number);
+            }
+            prop_assert_eq!(processor.next_pulse(), due.max(one.number + 1));
+        }
+        while work(&mut processor, &mut maps) != Progress::Idle {}
+
+        let expected: Vec<Made> = (0..=processor.next_pulse() / PULSES)
+            .filter(|n| (n * PULSES..(n + 1) * PULSES).all(|number| taken.contains(&number)))
+            .map(alone)
+            .collect();
+        prop_assert_eq!(maps, expected);
+        let counters = processor.counters();
+        prop_assert_eq!(counters.accepted, taken.len() as u32);
+        prop_assert_eq!(counters.lost, lost);
+        let others = counters.repeated + counters.refused + counters.dropped;
+        prop_assert_eq!(counters.accepted + others, pushes);
+    }
+}
