@@ -23,6 +23,8 @@ pub mod geometry;
 pub mod image;
 pub mod io;
 pub mod link;
+pub mod maps;
+pub mod module;
 pub mod phase_history;
 pub mod plot;
 pub mod signal;

@@ -1,6 +1,8 @@
 //! Shared by the integration tests.
 
+pub mod maps;
 pub mod matlab;
+pub mod module;
 pub mod stream_scene;
 pub mod subap;
 

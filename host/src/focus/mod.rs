@@ -14,6 +14,7 @@
 pub mod bp;
 pub mod budget;
 pub mod exact;
+pub mod maps;
 pub mod monitor;
 mod pixels;
 pub mod rdbp;
@@ -64,12 +65,17 @@ pub struct Formed {
 impl Formed {
     /// An image on the task's grid from its pixels, row-major; `settings` is a JSON object.
     fn new(task: &Task, pixels: Vec<Complex32>, settings: serde_json::Value) -> Self {
+        Self::on(task.grid, pixels, settings)
+    }
+
+    /// [`Self::new`] without a task.
+    fn on(grid: &ImageGrid, pixels: Vec<Complex32>, settings: serde_json::Value) -> Self {
         let serde_json::Value::Object(settings) = settings else {
             unreachable!("settings are an object")
         };
         let image = Image {
-            rows: task.grid.rows.count,
-            columns: task.grid.columns.count,
+            rows: grid.rows.count,
+            columns: grid.columns.count,
             pixels,
         };
         Self { image, settings }

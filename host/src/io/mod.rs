@@ -3,6 +3,7 @@
 pub mod atomic;
 pub mod cphd;
 pub mod gotcha;
+pub mod maps;
 mod matlab;
 pub mod npy;
 pub mod open;

@@ -8,3 +8,4 @@ pub mod range_profile;
 pub mod scaled_dft;
 pub mod sinc_keystone;
 pub mod window;
+pub mod windowed_sinc;

@@ -11,7 +11,7 @@
 //!   Nyquist's. The quadratic phase that made the grating lobes is common to the patch, and gone with
 //!   the compensation; what varies across the patch sets how long a sub-CPI may be ([`Plan`]).
 
-mod patch;
+pub(crate) mod patch;
 pub mod plan;
 pub mod precise;
 pub mod sub_cpi;
@@ -36,7 +36,7 @@ fn bins_per_cycle(band: &Band, num_pulses: usize) -> f64 {
 }
 
 /// The frequency axis, which both modes need to be the same for all pulses.
-fn shared_band(collection: &Collection) -> Result<Band, FormError> {
+pub(crate) fn shared_band(collection: &Collection) -> Result<Band, FormError> {
     collection.band().ok_or_else(|| {
         FormError::Unsuited(
             "the frequency axis changes from pulse to pulse; use --algorithm bp".to_owned(),

@@ -48,7 +48,7 @@ fn pixel_spacing_m(grid: &ImageGrid) -> [f64; 2] {
 
 /// A patch's place in the grid: first row and column, and how many of each.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Rectangle {
+pub(crate) struct Rectangle {
     /// First row.
     pub row: usize,
     /// First column.
@@ -59,7 +59,7 @@ pub(super) struct Rectangle {
 
 impl Rectangle {
     /// The scene point at fractions of the patch, 0 at its first pixel and 1 at its last.
-    pub(super) fn point_m(
+    pub(crate) fn point_m(
         &self,
         grid: &ImageGrid,
         row_fraction: f64,
@@ -77,13 +77,13 @@ impl Rectangle {
     }
 
     /// The scene point in its middle.
-    pub(super) fn centre_m(&self, grid: &ImageGrid) -> DVec3 {
+    pub(crate) fn centre_m(&self, grid: &ImageGrid) -> DVec3 {
         self.point_m(grid, 0.5, 0.5)
     }
 }
 
 /// The rectangles that cover the grid, row by row of patches. Their sizes differ by at most one pixel.
-pub(super) fn rectangles(grid: &ImageGrid, at_most: PatchSize) -> Vec<Rectangle> {
+pub(crate) fn rectangles(grid: &ImageGrid, at_most: PatchSize) -> Vec<Rectangle> {
     let cuts = |count: usize, at_most: usize| -> Vec<(usize, usize)> {
         let parts = count.div_ceil(at_most.max(1));
         (0..parts)

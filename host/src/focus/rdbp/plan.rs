@@ -192,7 +192,7 @@ impl Choice {
 
 /// Sub-CPI lengths to try: a quarter longer each time, evened out so that all sub-CPIs are full. One
 /// pulse has no path to model, so any bound that the kernel keeps can be met.
-fn lengths(num_pulses: usize) -> Vec<usize> {
+pub(crate) fn lengths(num_pulses: usize) -> Vec<usize> {
     let mut lengths = Vec::new();
     let mut length = 1;
     while length < num_pulses {
@@ -207,7 +207,7 @@ fn lengths(num_pulses: usize) -> Vec<usize> {
 
 /// Patch sizes to try, from a quarter of the grid's longer side down. A quarter leaves patches enough
 /// to share among threads, whose number must not change the image.
-fn patch_sizes(grid: &ImageGrid) -> Vec<PatchSize> {
+pub(crate) fn patch_sizes(grid: &ImageGrid) -> Vec<PatchSize> {
     let whole = PatchSize {
         rows: grid.rows.count,
         columns: grid.columns.count,
@@ -228,18 +228,22 @@ fn patch_sizes(grid: &ImageGrid) -> Vec<PatchSize> {
 }
 
 /// Measures the path model on samples of the grid and the aperture.
-struct Probe<'a> {
-    collection: &'a Collection,
-    grid: &'a ImageGrid,
-    band: &'a Band,
-    breaks: &'a [usize],
+pub(crate) struct Probe<'a> {
+    /// The track.
+    pub(crate) collection: &'a Collection,
+    /// The pixels.
+    pub(crate) grid: &'a ImageGrid,
+    /// Frequencies of all pulses.
+    pub(crate) band: &'a Band,
+    /// First pulses after a gap, across which no sub-CPI reaches.
+    pub(crate) breaks: &'a [usize],
 }
 
-struct Probed {
+pub(crate) struct Probed {
     /// RMS phase error, radians, of the worst patch and sub-CPI.
-    model_error: f64,
+    pub(crate) model_error: f64,
     /// Doppler band of a patch, cycles a pulse.
-    doppler_span: f64,
+    pub(crate) doppler_span: f64,
 }
 
 /// Nodes and weights of Gauss's rule on [0, 1]: exact for the square of a quadratic.
@@ -253,7 +257,8 @@ const GAUSS: [(f64, f64); 3] = [
 const PROBED_SUB_CPIS: usize = 8;
 
 impl Probe<'_> {
-    fn run(&self, length: usize, patch: PatchSize) -> Probed {
+    /// On a few sub-CPIs of `length` pulses, first and last among them.
+    pub(crate) fn run(&self, length: usize, patch: PatchSize) -> Probed {
         let sub_cpis = sub_cpi::cut(self.collection.pulses.len(), self.breaks, length);
         let step = sub_cpis.len().div_ceil(PROBED_SUB_CPIS).max(1);
         let first_and_last = sub_cpis.iter().step_by(step).chain(sub_cpis.last());
@@ -291,7 +296,7 @@ impl Probe<'_> {
     }
 
     /// The worst of patches in the grid's middle and corners, for one sub-CPI.
-    fn measure(&self, sub_cpi: &SubCpi, patch: PatchSize) -> Probed {
+    pub(crate) fn measure(&self, sub_cpi: &SubCpi, patch: PatchSize) -> Probed {
         let last_row = self.grid.rows.count - patch.rows;
         let last_column = self.grid.columns.count - patch.columns;
         let mut places = vec![(last_row / 2, last_column / 2)];

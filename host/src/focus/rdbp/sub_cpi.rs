@@ -17,6 +17,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
+use subaperture_core::stream;
 
 use crate::phase_history::{Collection, Pulse};
 
@@ -50,7 +51,7 @@ impl Node {
 
 /// Paths from the two nodes to a patch's centre: what `a` and `b` are relative to.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Datum([f64; 2]);
+pub(crate) struct Datum([f64; 2]);
 
 impl SubCpi {
     /// Fits the track over `pulses` (at least one).
@@ -73,18 +74,34 @@ impl SubCpi {
         }
     }
 
+    /// From the nodes that came with the map of a sub-CPI of `num_pulses`, at least one.
+    pub(crate) fn from_nodes(num_pulses: usize, nodes: &[stream::Node; 2]) -> Self {
+        let m = num_pulses as f64;
+        let node = |node: &stream::Node| Node {
+            transmitter_m: DVec3::from(node.transmitter_m),
+            receiver_m: DVec3::from(node.receiver_m),
+            monostatic: node.transmitter_m == node.receiver_m,
+        };
+        let [early, late] = nodes;
+        Self {
+            pulses: 0..num_pulses,
+            nodes: [node(early), node(late)],
+            half_spacing: ((m * m - 1.0) / 12.0).sqrt(),
+        }
+    }
+
     /// Number of pulses.
     pub fn num_pulses(&self) -> usize {
         self.pulses.len()
     }
 
     /// The datum of a patch with this centre.
-    pub(super) fn datum(&self, centre: DVec3) -> Datum {
+    pub(crate) fn datum(&self, centre: DVec3) -> Datum {
         Datum(self.nodes.map(|node| node.path_m(centre)))
     }
 
     /// Path offset `a` in metres and its rate `b` in metres a pulse.
-    pub(super) fn line(&self, datum: &Datum, point: DVec3) -> (f64, f64) {
+    pub(crate) fn line(&self, datum: &Datum, point: DVec3) -> (f64, f64) {
         let early = self.nodes[0].path_m(point) - datum.0[0];
         let late = self.nodes[1].path_m(point) - datum.0[1];
         let rate = if self.half_spacing > 0.0 {
@@ -186,7 +203,7 @@ impl CentreState {
 
 /// Cuts `num_pulses` into sub-CPIs of `length` pulses, never across one of `breaks` (indices of first
 /// pulses after a gap). What does not fill a sub-CPI makes a shorter last one: no pulse is dropped.
-pub(super) fn cut(num_pulses: usize, breaks: &[usize], length: usize) -> Vec<Range<usize>> {
+pub(crate) fn cut(num_pulses: usize, breaks: &[usize], length: usize) -> Vec<Range<usize>> {
     let mut ranges = Vec::new();
     let ends = breaks.iter().copied().chain([num_pulses]);
     let mut start = 0;

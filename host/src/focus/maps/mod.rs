@@ -1,0 +1,301 @@
+//! The image from maps of patches that a module computed ([`subaperture_core::stream`]).
+//!
+//! For a pixel at `p`, with `q` the centre of its patch, and for every sub-CPI of `M` pulses with
+//! weights `w_m`, the path relative to the centre is the line `a + b u` through the map's two nodes
+//! (`crate::focus::rdbp::sub_cpi`). Maps of `R` range bins and `D` Doppler bins a cycle give
+//!
+//! ```text
+//! I(p) = sum over sub-CPIs of  M exp(+j 2 pi f_ref a / c) map(d, r)  /  sum of all their w_m
+//! r = a R step_hz / c,   d = -b D f_ref / c
+//! ```
+//!
+//! Fast weights sum to 1 and a map is `1 / M` of its sum over pulses, so a unit scatterer on a pixel
+//! reads 1. Between bins the map is read with [`WindowedSinc`](crate::signal::windowed_sinc) kernels in range and in Doppler, of the
+//! fewest taps that keep the error bound.
+//!
+//! **Which pixels.** A map is accurate about its patch only. A pixel belongs to the patch whose centre is
+//! nearest. Where its place in any of that patch's maps lies so near the gate's edge that the kernel would reach
+//! beyond, it is left out: it reads 0, and [`Report::pixels_outside`] counts it.
+//!
+//! **Missing maps.** A patch is normalised by the weights of the maps that it has, so a unit scatterer
+//! reads 1 there too, on a shorter or thinned aperture. [`Report`] says how many maps are missing and how little of
+//! the aperture the worst patch has.
+//!
+//! Neglected: the path's curvature over the patch, which whoever chose the patches has planned
+//! ([`crate::module`]), and the kernels' error, predicted by formula
+//! ([`Report::kernel_db`]).
+//!
+//! Cost: `W^2 + 60` operations or so a pixel and map. Memory: 32 bytes a pixel, one map. Accuracy:
+//! `tests/maps_image.rs`, against the exact sum. The number of threads changes no bit.
+
+mod gather;
+pub mod kernels;
+
+use glam::DVec3;
+use num_complex::Complex32;
+use rayon::prelude::*;
+use serde_json::json;
+
+use self::gather::PatchMaps;
+use self::kernels::Kernels;
+use super::budget::Budget;
+use super::rdbp::SubCpi;
+use super::{FormError, Formed, MARGIN_DB, Monitor};
+use crate::SPEED_OF_LIGHT_M_S;
+use crate::geometry::ImageGrid;
+use crate::maps::{Maps, OwnedMap};
+use crate::signal::phase::phasor32;
+
+pub use gather::patches;
+
+/// An image to form from maps.
+#[derive(Clone, Copy)]
+pub struct MapsTask<'a> {
+    /// The maps.
+    pub maps: &'a dyn Maps,
+    /// The pixels wanted.
+    pub grid: &'a ImageGrid,
+    /// Bound on the error that reading the maps adds, relative RMS, dB (negative).
+    pub error_db: f64,
+    /// Bytes that image and maps may take together.
+    pub memory_bytes: u64,
+    /// Told of progress, asked whether to go on.
+    pub monitor: &'a dyn Monitor,
+}
+
+/// What became of the maps and pixels.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Report {
+    /// Patches that have maps.
+    pub patches: usize,
+    /// Maps used.
+    pub maps: usize,
+    /// Sub-CPIs of which there should be maps.
+    pub sub_cpis: u64,
+    /// Maps that should be there and are not.
+    pub maps_missing: u64,
+    /// Smallest share of the weight sent to the module that a patch's maps hold; `None` where the run
+    /// broke off and nothing is known of it.
+    pub least_weight_share: Option<f64>,
+    /// Pixels outside every patch's gate; they read 0.
+    pub pixels_outside: u64,
+    /// Taps of the kernels.
+    pub kernel_taps: usize,
+    /// Predicted error of reading maps, relative RMS, dB. `predicted_error_db` in the record.
+    #[serde(rename = "predicted_error_db")]
+    pub kernel_db: f64,
+}
+
+/// Pixels that a thread takes at a time.
+const PIXELS_A_TASK: usize = 256;
+
+/// Bytes a pixel: image, patch, order, sum.
+const PIXEL_BYTES: u64 = 8 + 4 + 8 + size_of::<Sum>() as u64;
+
+/// Forms the image.
+///
+/// # Errors
+/// [`FormError`]: no maps, maps that contradict one another, not enough memory, or as the maps' reader.
+pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
+    let patches = patches(task.maps)?;
+    let mut budget = Budget::new(task.memory_bytes);
+    let held_bytes = task.maps.held_bytes();
+    budget.take("the maps' index", held_bytes.into(), "raise --memory")?;
+    budget.take(
+        "the image",
+        u128::from(task.grid.num_pixels()) * u128::from(PIXEL_BYTES),
+        "use a smaller or coarser --grid, or raise --memory",
+    )?;
+    let headers = task.maps.headers();
+    let largest = headers.iter().map(OwnedMap::bytes).max().unwrap_or(0);
+    budget.take("a map", largest.into(), "raise --memory")?;
+
+    let target = 10f64.powf((task.error_db - MARGIN_DB) / 20.0);
+    let kernels = Kernels::for_error(&task.maps.run().setup, target);
+    let (order, ends) = by_patch(task.grid, &patches);
+    let mut pixels = vec![Complex32::ZERO; order.len()];
+    let mut report = Report {
+        patches: patches.len(),
+        maps: headers.len(),
+        sub_cpis: gather::expected_sub_cpis(task.maps),
+        maps_missing: 0,
+        least_weight_share: gather::least_weight_share(task.maps, &patches),
+        pixels_outside: 0,
+        kernel_taps: kernels.range.taps(),
+        kernel_db: 20.0 * kernels.error.log10(),
+    };
+    let (mut start, mut done) = (0, 0);
+    for (patch, end) in patches.iter().zip(ends) {
+        report.maps_missing += report.sub_cpis.saturating_sub(patch.maps.len() as u64);
+        let members = &order[start..end];
+        start = end;
+        let mut sums = vec![Sum::default(); members.len()];
+        for &index in &patch.maps {
+            if !members.is_empty() {
+                let map = task.maps.read(index)?;
+                add(task, &kernels, map, members, &mut sums)?;
+            }
+            if task.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            done += 1;
+            task.monitor.progress(f64::from(done) / headers.len() as f64);
+        }
+        let norm = (1.0 / patch.weight_sum) as f32;
+        for (&pixel, sum) in members.iter().zip(sums) {
+            if sum.outside {
+                report.pixels_outside += 1;
+            } else {
+                pixels[pixel] = sum.value * norm;
+            }
+        }
+    }
+    let mut settings = json!(report);
+    settings["error_db"] = json!(task.error_db);
+    Ok((Formed::on(task.grid, pixels, settings), report))
+}
+
+/// A pixel in the making.
+#[derive(Clone, Copy, Default)]
+struct Sum {
+    value: Complex32,
+    /// Whether its place lay outside one of the maps.
+    outside: bool,
+}
+
+/// The pixels sorted by their patches, and where each patch's end.
+fn by_patch(grid: &ImageGrid, patches: &[PatchMaps]) -> (Vec<usize>, Vec<usize>) {
+    let centres: Vec<DVec3> = patches
+        .iter()
+        .map(|patch| DVec3::from(patch.patch.centre_m))
+        .collect();
+    let columns = grid.columns.count;
+    let nearest: Vec<u32> = (0..grid.num_pixels() as usize)
+        .into_par_iter()
+        .map(|i| {
+            let point = grid.position_m(i / columns, i % columns);
+            let distances = centres.iter().map(|c| c.distance_squared(point));
+            let nearest = distances.zip(0..).min_by(|a, b| a.0.total_cmp(&b.0));
+            nearest.map_or(0, |(_, patch)| patch)
+        })
+        .collect();
+    let mut starts = vec![0; patches.len() + 1];
+    for &patch in &nearest {
+        starts[patch as usize + 1] += 1;
+    }
+    for i in 1..starts.len() {
+        starts[i] += starts[i - 1];
+    }
+    let mut order = vec![0; nearest.len()];
+    for (pixel, patch) in nearest.into_iter().enumerate() {
+        let place = &mut starts[patch as usize];
+        order[*place] = pixel;
+        *place += 1;
+    }
+    // Every start has moved on to its patch's end.
+    starts.pop();
+    (order, starts)
+}
+
+/// Adds one map to the pixels `members` of its patch.
+fn add(
+    task: &MapsTask,
+    kernels: &Kernels,
+    map: OwnedMap,
+    members: &[usize],
+    sums: &mut [Sum],
+) -> Result<(), FormError> {
+    let header = map.header;
+    let values = map.into_values();
+    if !values.iter().all(|z| z.re.is_finite() && z.im.is_finite()) {
+        return Err(FormError::Unsuited(format!(
+            "the map of sub-CPI {}, patch {} holds a value that is not a finite number: compute it again",
+            header.sub_cpi, header.patch_index
+        )));
+    }
+    let setup = &task.maps.run().setup;
+    let cycles_m = setup.centre_hz() / SPEED_OF_LIGHT_M_S;
+    let sub_cpi = SubCpi::from_nodes(header.num_pulses.into(), &header.nodes);
+    let reading = Reading {
+        kernels,
+        values: &values,
+        width: header.patch.num_range_bins(),
+        rows: header.patch.num_doppler_bins(),
+        centre: [
+            f64::from(header.patch.doppler_reach),
+            f64::from(header.patch.range_reach),
+        ],
+    };
+    let range_bins_m = f64::from(setup.range_length) * setup.step_hz / SPEED_OF_LIGHT_M_S;
+    let doppler_bins_m = -f64::from(setup.doppler_length) * cycles_m;
+    let num_pulses = f32::from(header.num_pulses);
+    let datum = sub_cpi.datum(DVec3::from(header.patch.centre_m));
+    let columns = task.grid.columns.count;
+    sums.par_chunks_mut(PIXELS_A_TASK)
+        .zip(members.par_chunks(PIXELS_A_TASK))
+        .for_each(|(sums, members)| {
+            if task.monitor.cancelled() {
+                return;
+            }
+            for (sum, pixel) in sums.iter_mut().zip(members) {
+                let point = task.grid.position_m(pixel / columns, pixel % columns);
+                let (path_m, rate_m) = sub_cpi.line(&datum, point);
+                match reading.at(rate_m * doppler_bins_m, path_m * range_bins_m) {
+                    Some(value) => sum.value += value * phasor32(path_m * cycles_m) * num_pulses,
+                    None => sum.outside = true,
+                }
+            }
+        });
+    Ok(())
+}
+
+/// A map's values and how to read between them.
+struct Reading<'a> {
+    kernels: &'a Kernels,
+    values: &'a [Complex32],
+    width: usize,
+    rows: usize,
+    /// Row and column of the patch's centre.
+    centre: [f64; 2],
+}
+
+impl Reading<'_> {
+    /// The value at a place in bins from the centre; `None` where the kernel would reach beyond the map.
+    fn at(&self, doppler: f64, range: f64) -> Option<Complex32> {
+        match self.kernels.range.taps() {
+            6 => self.read::<6>(doppler, range),
+            8 => self.read::<8>(doppler, range),
+            10 => self.read::<10>(doppler, range),
+            12 => self.read::<12>(doppler, range),
+            14 => self.read::<14>(doppler, range),
+            _ => self.read::<16>(doppler, range),
+        }
+    }
+
+    fn read<const W: usize>(&self, doppler: f64, range: f64) -> Option<Complex32> {
+        let [row, column] = self.centre;
+        let (first_row, row_fraction) = first_tap::<W>(doppler + row, self.rows)?;
+        let (first, fraction) = first_tap::<W>(range + column, self.width)?;
+        let row_weights = self.kernels.doppler.weights::<W>(row_fraction);
+        let weights = self.kernels.range.weights::<W>(fraction);
+        let rows = self.values[first_row * self.width..].chunks(self.width);
+        let mut sum = Complex32::ZERO;
+        for (row, row_weight) in rows.zip(row_weights) {
+            let mut line = Complex32::ZERO;
+            for (value, weight) in row[first..first + W].iter().zip(weights) {
+                line += value * weight;
+            }
+            sum += line * row_weight;
+        }
+        Some(sum)
+    }
+}
+
+/// First of the `W` bins about `place`, and the fraction beyond its bin; `None` unless all lie within
+/// `count` bins.
+fn first_tap<const W: usize>(place: f64, count: usize) -> Option<(usize, f32)> {
+    let whole = place.floor();
+    let first = whole - (W / 2 - 1) as f64;
+    let last = count.checked_sub(W)?;
+    (first >= 0.0 && first <= last as f64).then(|| (first as usize, (place - whole) as f32))
+}

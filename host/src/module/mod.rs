@@ -1,0 +1,14 @@
+//! Planning for a module: a small computer on the platform that makes maps of patches
+//! ([`subaperture_core::stream`]) and sends them to the host.
+//!
+//! [`ModulePlan`] chooses sub-CPI length, patches and kernel; [`RamBudget`] says what memory that takes,
+//! buffer by buffer; [`LinkBudget`] what goes over the link.
+
+mod link;
+mod plan;
+mod ram;
+mod reach;
+
+pub use link::LinkBudget;
+pub use plan::{ModulePlan, PlanError, Request, Room};
+pub use ram::{Buffer, RamBudget};

@@ -1,0 +1,314 @@
+//! The image from maps of patches, against the exact sum; and the module's planner, whose choices they
+//! are. The maps are the defining sum in float64.
+
+use std::path::Path;
+
+use subaperture::focus::exact::Exact;
+use subaperture::focus::maps::{MapsTask, Report, form};
+use subaperture::focus::{FormError, ImageFormer, Monitor, Silent, Task, Weights};
+use subaperture::geometry::ImageGrid;
+use subaperture::image::Image;
+use subaperture::io::maps::{MapFile, MapWriter};
+use subaperture::io::open::{Options, open_all};
+use subaperture::maps::{Arithmetic, Closing, OwnedMap, Run};
+use subaperture::module::{ModulePlan, PlanError, Request, Room};
+use subaperture::phase_history::PhaseHistory;
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Preset, Simulated, Variation};
+use subaperture_tests::error_db;
+use subaperture_tests::maps::{fast_weights, in_blocks, maps};
+
+/// A history, its plan, and the maps that a module without rounding would send.
+struct Bench<'a> {
+    history: &'a dyn PhaseHistory,
+    grid: ImageGrid,
+    weights: Weights,
+    plan: ModulePlan,
+    maps: Vec<OwnedMap>,
+}
+
+impl<'a> Bench<'a> {
+    fn new(history: &'a dyn PhaseHistory, grid: &str, window: Window, error_db: f64) -> Self {
+        let grid: ImageGrid = grid.parse().unwrap();
+        let collection = history.collection();
+        let weights = Weights::new(collection, window, window);
+        let request = Request {
+            error_db,
+            room: Room::Ram { bytes: 1 << 20 },
+            arithmetic: Arithmetic::Float,
+        };
+        let plan = ModulePlan::new(collection, &grid, &request).unwrap();
+        let fast = fast_weights(&weights.fast);
+        let maps = maps(history, &plan.setup, &plan.patches, &fast, &weights.slow);
+        println!(
+            "{} patches of {} x {} pixels, {} sub-CPIs of {}, D {}, R {}, {} taps, {} bytes, predicted {:.1} dB",
+            plan.patches.len(),
+            plan.patch_pixels.rows,
+            plan.patch_pixels.columns,
+            plan.num_sub_cpis,
+            plan.setup.num_pulses,
+            plan.setup.doppler_length,
+            plan.setup.range_length,
+            plan.taps,
+            plan.ram.total_bytes,
+            plan.predicted_db
+        );
+        Self {
+            history,
+            grid,
+            weights,
+            plan,
+            maps,
+        }
+    }
+
+    fn run(&self, arithmetic: Arithmetic) -> Run {
+        Run {
+            name: "bench".to_owned(),
+            setup: self.plan.setup,
+            arithmetic,
+            fast_window: "as given".to_owned(),
+            fast_weights: fast_weights(&self.weights.fast),
+            frame: self.history.collection().frame,
+            provenance: serde_json::Map::new(),
+        }
+    }
+
+    fn closing(&self) -> Closing {
+        Closing {
+            num_pulses: self.history.collection().pulses.len() as u64,
+            weight_sum: self.weights.slow.iter().sum(),
+            counters: serde_json::Map::new(),
+        }
+    }
+
+    /// The image of `maps` by way of a file.
+    fn try_form(
+        &self,
+        maps: &[OwnedMap],
+        arithmetic: Arithmetic,
+        error_db: f64,
+        memory_bytes: u64,
+        monitor: &dyn Monitor,
+    ) -> Result<(Image, Report), FormError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.maps");
+        let mut writer = MapWriter::create(&path, &self.run(arithmetic)).unwrap();
+        maps.iter().for_each(|map| writer.append(&map.view()).unwrap());
+        writer.finish(&self.closing()).unwrap();
+        let maps = MapFile::open(&path).unwrap();
+        assert!(maps.is_complete());
+        let task = MapsTask {
+            maps: &maps,
+            grid: &self.grid,
+            error_db,
+            memory_bytes,
+            monitor,
+        };
+        form(&task).map(|(formed, report)| (formed.image, report))
+    }
+
+    fn form(&self, maps: &[OwnedMap], error_db: f64) -> (Image, Report) {
+        self.try_form(maps, Arithmetic::Float, error_db, 1 << 30, &Silent)
+            .unwrap()
+    }
+
+    fn exact(&self) -> Image {
+        let task = Task {
+            history: self.history,
+            grid: &self.grid,
+            weights: &self.weights,
+            memory_bytes: 1 << 30,
+            monitor: &Silent,
+        };
+        Exact.form(&task).unwrap().image
+    }
+}
+
+fn table_4_1() -> Simulated {
+    Preset::Table41.simulate(&Variation::default())
+}
+
+const GRID: &str = "x=-40:40:1.37,y=-40:40:1.31";
+
+#[test]
+fn image_of_simulated_maps_keeps_the_bound() {
+    let history = table_4_1();
+    for (bound_db, window) in [
+        (-40.0, Window::None),
+        (-60.0, Window::None),
+        (-60.0, Window::default()),
+        (-80.0, Window::None),
+    ] {
+        let bench = Bench::new(&history, GRID, window, bound_db);
+        assert!(bench.plan.patches.len() > 3 && bench.plan.num_sub_cpis > 3);
+        let (image, report) = bench.form(&bench.maps, bound_db);
+        let measured_db = error_db(&image, &bench.exact());
+        println!("bound {bound_db} dB: measured {measured_db:.1} dB, {report:?}");
+        assert!(measured_db <= bound_db, "{measured_db} {bound_db}");
+        // The prediction is that of the worst patch and sub-CPI: never far below what comes out.
+        assert!(measured_db <= bench.plan.predicted_db + 2.0, "{measured_db}");
+        assert_eq!(report.pixels_outside, 0);
+        assert_eq!(report.maps_missing, 0);
+        assert!((report.least_weight_share.unwrap() - 1.0).abs() < 1e-6);
+        assert_eq!(report.kernel_taps, bench.plan.taps);
+    }
+}
+
+#[test]
+fn sixteen_bits_in_blocks_are_nearly_as_good() {
+    let history = table_4_1();
+    let bench = Bench::new(&history, GRID, Window::None, -60.0);
+    let fixed: Vec<OwnedMap> = bench.maps.iter().map(in_blocks).collect();
+    let form = bench.try_form(&fixed, Arithmetic::Fixed, -60.0, 1 << 30, &Silent);
+    let measured_db = error_db(&form.unwrap().0, &bench.form(&bench.maps, -60.0).0);
+    println!("blocks against float32: {measured_db:.1} dB");
+    // Rounding is 2^-15 / sqrt(12) of a block's peak a part, -101 dB; blocks of side lobes round finer,
+    // and a peak is seldom 20 dB above its block's RMS.
+    assert!(measured_db < -80.0, "{measured_db}");
+}
+
+#[test]
+fn missing_maps_leave_a_unit_scatterer_at_one() {
+    let history = table_4_1();
+    let bench = Bench::new(&history, GRID, Window::None, -60.0);
+    // Without the second sub-CPI, the image is the exact sum over the other pulses.
+    let kept: Vec<OwnedMap> = bench.maps.iter().filter(|map| map.header.sub_cpi != 1).cloned().collect();
+    let (image, report) = bench.form(&kept, -60.0);
+    assert_eq!(report.maps_missing, bench.plan.patches.len() as u64);
+    let length = usize::from(bench.plan.setup.num_pulses);
+    let mut weights = bench.weights.clone();
+    weights.slow[length..2 * length].fill(0.0);
+    let num_pulses = weights.slow.len() as f64;
+    let share = 1.0 - length as f64 / num_pulses;
+    assert!((report.least_weight_share.unwrap() - share).abs() < 1e-6);
+    let thinned = Bench { weights, maps: Vec::new(), plan: bench.plan.clone(), ..bench };
+    let measured_db = error_db(&image, &thinned.exact());
+    println!("one sub-CPI missing: {measured_db:.1} dB");
+    assert!(measured_db <= -60.0, "{measured_db}");
+}
+
+#[test]
+fn pixels_outside_every_patch_are_zero_and_counted() {
+    let history = table_4_1();
+    let mut bench = Bench::new(&history, "x=-10:10:1.37,y=-10:10:1.31", Window::None, -60.0);
+    let inner = bench.form(&bench.maps, -60.0).0;
+    // The same maps, a grid twice as wide whose middle are the same pixels.
+    let (x, y) = (bench.grid.columns, bench.grid.rows);
+    bench.grid.columns.start -= 15.0 * x.step;
+    bench.grid.columns.count += 30;
+    bench.grid.rows.start -= 15.0 * y.step;
+    bench.grid.rows.count += 30;
+    let (image, report) = bench.form(&bench.maps, -60.0);
+    let zeros = image.pixels.iter().filter(|z| z.norm_sqr() == 0.0).count();
+    assert_eq!(report.pixels_outside, zeros as u64);
+    assert!(report.pixels_outside > 0);
+    for row in 0..y.count {
+        for column in 0..x.count {
+            let wide = image.pixels[(row + 15) * image.columns + column + 15];
+            // Positions differ by a rounding of the start.
+            let same = (wide - inner.pixels[row * x.count + column]).norm() < 1e-6;
+            assert!(same, "{row} {column}");
+        }
+    }
+}
+
+#[test]
+fn threads_change_nothing_and_faults_are_told() {
+    let history = table_4_1();
+    let bench = Bench::new(&history, "x=-10:10:1.37,y=-10:10:1.31", Window::None, -60.0);
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let alone = one.install(|| bench.form(&bench.maps, -60.0).0);
+    assert_eq!(alone, bench.form(&bench.maps, -60.0).0);
+
+    let told = |maps: &[OwnedMap], memory: u64, monitor: &dyn Monitor, parts: &[&str]| {
+        let error = bench
+            .try_form(maps, Arithmetic::Float, -60.0, memory, monitor)
+            .unwrap_err()
+            .to_string();
+        for part in parts {
+            assert!(error.contains(part), "{error}");
+        }
+    };
+    told(&[], 1 << 30, &Silent, &["there are no maps in 'bench'"]);
+    told(&bench.maps, 1000, &Silent, &["--memory"]);
+    struct Impatient;
+    impl Monitor for Impatient {
+        fn progress(&self, _fraction: f64) {}
+        fn cancelled(&self) -> bool {
+            true
+        }
+    }
+    told(&bench.maps, 1 << 30, &Impatient, &["interrupted"]);
+    let mut other = bench.maps.clone();
+    other[bench.plan.patches.len()].header.patch.centre_m[0] += 1.0;
+    told(&other, 1 << 30, &Silent, &["patch 0", "maps of one run"]);
+    let mut other = bench.maps.clone();
+    other.iter_mut().for_each(|map| map.header.weight_sum = 0.0);
+    told(&other, 1 << 30, &Silent, &["patch 0", "positive sum"]);
+    let mut other = bench.maps.clone();
+    let subaperture::maps::OwnedSamples::Float(samples) = &mut other[1].samples else {
+        unreachable!()
+    };
+    samples[3].re = f32::NAN;
+    told(&other, 1 << 30, &Silent, &["patch 1", "not a finite number"]);
+}
+
+#[test]
+fn plans_fit_their_room_or_say_what_would() {
+    let history = table_4_1();
+    let collection = history.collection();
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let plan = |room: Room, error_db: f64, arithmetic: Arithmetic| {
+        let request = Request {
+            error_db,
+            room,
+            arithmetic,
+        };
+        ModulePlan::new(collection, &grid, &request)
+    };
+    let wide = plan(Room::Ram { bytes: 1 << 30 }, -60.0, Arithmetic::Float).unwrap();
+    // Buffers built for a plan have room for it; with one pulse less they do not.
+    let capacity = wide.capacity();
+    assert_eq!(plan(Room::Built(capacity), -60.0, Arithmetic::Float).unwrap(), wide);
+    let mut smaller = capacity;
+    smaller.pulses -= 1;
+    let other = plan(Room::Built(smaller), -60.0, Arithmetic::Float).unwrap();
+    assert!(other.setup.num_pulses < wide.setup.num_pulses);
+    for patch in &other.patches {
+        other.setup.check_patch(patch, &smaller).unwrap();
+    }
+
+    for arithmetic in [Arithmetic::Float, Arithmetic::Fixed] {
+        let error = plan(Room::Ram { bytes: 1000 }, -60.0, arithmetic).unwrap_err();
+        let PlanError::Room { least_bytes, .. } = error else {
+            panic!("{error}");
+        };
+        let least = plan(Room::Ram { bytes: least_bytes }, -60.0, arithmetic).unwrap();
+        println!("{arithmetic:?}: least {least_bytes}, {}", least.setup.num_pulses);
+        assert!(least.ram.total_bytes <= least_bytes);
+        assert!(error.to_string().contains("least memory"), "{error}");
+    }
+    let error = plan(Room::Ram { bytes: 1 << 30 }, -200.0, Arithmetic::Float).unwrap_err();
+    assert!(matches!(error, PlanError::Bound { .. }), "{error}");
+}
+
+/// One degree of GOTCHA, as its own planner cuts it.
+#[test]
+fn gotcha_maps_keep_the_bound() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../shared/data/gotcha/data_3dsar_pass1_az001_HH.mat");
+    if !path.exists() {
+        println!("skipped: {} not found", path.display());
+        return;
+    }
+    let history = open_all(&[path], &Options::default()).unwrap();
+    let bench = Bench::new(&history, "x=-20:20:0.4,y=-20:20:0.4", Window::None, -60.0);
+    let (image, report) = bench.form(&bench.maps, -60.0);
+    let measured_db = error_db(&image, &bench.exact());
+    println!("measured {measured_db:.1} dB, {report:?}");
+    println!("{:?}", bench.plan.link(921_600));
+    assert!(measured_db <= -60.0, "{measured_db}");
+    assert_eq!(report.pixels_outside, 0);
+    assert!(bench.plan.ram.total_bytes <= 512 << 10);
+}
