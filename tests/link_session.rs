@@ -107,7 +107,7 @@ struct Keep(Kept);
 impl MapSink for Keep {
     fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError> {
         let key = (map.header.sub_cpi, map.header.patch_index);
-        let values = map.rows().flat_map(|row| row.values()).collect();
+        let values = map.rows().flat_map(|row| row.values().collect::<Vec<_>>()).collect();
         assert!(self.0.insert(key, (map.header, values)).is_none(), "{key:?} twice");
         Ok(())
     }
