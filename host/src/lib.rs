@@ -22,6 +22,7 @@ pub mod focus;
 pub mod geometry;
 pub mod image;
 pub mod io;
+pub mod link;
 pub mod maps;
 pub mod module;
 pub mod phase_history;

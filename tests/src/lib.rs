@@ -2,6 +2,7 @@
 
 pub mod maps;
 pub mod matlab;
+pub mod module;
 pub mod stream_scene;
 pub mod subap;
 

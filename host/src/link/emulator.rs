@@ -1,0 +1,155 @@
+//! The firmware under QEMU, its serial line on a TCP connection of this machine.
+//!
+//! The emulator connects to a port that this side listens on, chosen by the system, so that no two
+//! sessions can want the same one. It is killed when the [`Emulator`] is dropped, and started anew by
+//! [`Transport::reconnect`]: that is a module switched off and on.
+
+use std::io::{self, ErrorKind};
+use std::net::{TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use super::place::Module;
+use super::transport::{Transport, prepare, read_stream, write_stream};
+
+const PROGRAM: &str = "qemu-system-arm";
+/// From its start to its connection the emulator takes a fraction of a second.
+const START_LIMIT: Duration = Duration::from_secs(20);
+
+/// A module under emulation.
+#[derive(Debug)]
+pub struct Emulator {
+    firmware: PathBuf,
+    verbose: bool,
+    running: Option<Running>,
+}
+
+#[derive(Debug)]
+struct Running {
+    child: Child,
+    stream: TcpStream,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Gone already is as good.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+impl Emulator {
+    /// Starts `firmware`, or what `cargo xtask module` built below this folder or one above it. What the
+    /// emulator and the firmware print goes to standard error if `verbose`.
+    ///
+    /// # Errors
+    /// If emulator or firmware are missing, or the emulator ends at once.
+    pub fn start(module: Module, firmware: Option<&Path>, verbose: bool) -> io::Result<Self> {
+        let firmware = match firmware {
+            Some(path) if path.is_file() => path.to_owned(),
+            Some(path) => {
+                let text = format!("the firmware {} is no file", path.display());
+                return Err(io::Error::new(ErrorKind::NotFound, text));
+            }
+            None => built(module)?,
+        };
+        let mut emulator = Self {
+            firmware,
+            verbose,
+            running: None,
+        };
+        emulator.reconnect()?;
+        Ok(emulator)
+    }
+
+    fn stream(&mut self) -> io::Result<&mut TcpStream> {
+        let gone = || io::Error::new(ErrorKind::NotConnected, "the emulator is not running");
+        Ok(&mut self.running.as_mut().ok_or_else(gone)?.stream)
+    }
+}
+
+/// The firmware where `cargo xtask module` leaves it.
+fn built(module: Module) -> io::Result<PathBuf> {
+    let name = Path::new("target/module").join(module.name());
+    let here = std::env::current_dir()?;
+    here.ancestors()
+        .map(|folder| folder.join(&name))
+        .find(|path| path.is_file())
+        .ok_or_else(|| {
+            let text = format!(
+                "there is no {} here or above {}: build it with 'cargo xtask module', or name the \
+                 firmware with --firmware",
+                name.display(),
+                here.display()
+            );
+            io::Error::new(ErrorKind::NotFound, text)
+        })
+}
+
+impl Transport for Emulator {
+    fn read(&mut self, buffer: &mut [u8], wait: Duration) -> io::Result<usize> {
+        read_stream(self.stream()?, buffer, wait)
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        write_stream(self.stream()?, bytes)
+    }
+
+    fn reconnect(&mut self) -> io::Result<()> {
+        self.running = None;
+        let listener = TcpListener::bind("127.0.0.1:0")?;
+        listener.set_nonblocking(true)?;
+        let port = listener.local_addr()?.port();
+        let printed = || match self.verbose {
+            true => Stdio::from(io::stderr()),
+            false => Stdio::null(),
+        };
+        let mut child = Command::new(PROGRAM)
+            .args(["-M", "mps2-an500", "-nographic", "-monitor", "none"])
+            .args(["-semihosting-config", "enable=on,target=native", "-serial"])
+            .arg(format!("tcp:127.0.0.1:{port},server=off,nodelay=on"))
+            .arg("-kernel")
+            .arg(&self.firmware)
+            .stdin(Stdio::null())
+            .stdout(printed())
+            .stderr(printed())
+            .spawn()
+            .map_err(|error| {
+                let text = match error.kind() {
+                    ErrorKind::NotFound => format!(
+                        "{PROGRAM} is not installed: install it (Debian: apt-get install \
+                         qemu-system-arm)"
+                    ),
+                    _ => format!("cannot start {PROGRAM}: {error}"),
+                };
+                io::Error::new(error.kind(), text)
+            })?;
+        let started = Instant::now();
+        loop {
+            match listener.accept() {
+                Ok((stream, _)) => {
+                    prepare(&stream)?;
+                    self.running = Some(Running { child, stream });
+                    return Ok(());
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+                Err(error) => return Err(error),
+            }
+            if let Some(status) = child.try_wait()? {
+                return Err(io::Error::other(format!(
+                    "{PROGRAM} ended at once ({status}); -v shows what it said"
+                )));
+            }
+            if started.elapsed() > START_LIMIT {
+                let _ = child.kill();
+                let _ = child.wait();
+                return Err(io::Error::new(
+                    ErrorKind::TimedOut,
+                    format!("{PROGRAM} did not connect within {START_LIMIT:?}"),
+                ));
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}

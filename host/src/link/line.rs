@@ -1,0 +1,95 @@
+//! A transport with frames on it: what is to go waits in a queue, so that writing never keeps from
+//! reading.
+
+use std::io;
+use std::time::Duration;
+
+use subaperture_core::link::{Command, Encoder, max_frame_bytes};
+
+use super::transport::Transport;
+
+/// Most samples of a pulse: that of the core's range transform.
+pub(super) const MOST_SAMPLES: usize = 4096;
+
+/// Wait for the other direction while bytes are still to go.
+const TURN: Duration = Duration::from_millis(1);
+
+pub(super) struct Line<'b> {
+    transport: &'b mut dyn Transport,
+    encoder: Encoder,
+    /// Number of the next frame, as the encoder counts.
+    next: u32,
+    frame: Vec<u8>,
+    queue: Vec<u8>,
+    /// Bytes of the queue that have gone.
+    gone: usize,
+    inbox: Vec<u8>,
+    /// Bytes to the module and from it.
+    pub(super) bytes_out: u64,
+    pub(super) bytes_in: u64,
+}
+
+impl<'b> Line<'b> {
+    pub(super) fn new(transport: &'b mut dyn Transport) -> Self {
+        Self {
+            transport,
+            encoder: Encoder::new(),
+            next: 1,
+            frame: vec![0; max_frame_bytes(MOST_SAMPLES)],
+            queue: Vec::new(),
+            gone: 0,
+            inbox: vec![0; 1 << 16],
+            bytes_out: 0,
+            bytes_in: 0,
+        }
+    }
+
+    /// Puts a command at the end of the queue; its number.
+    pub(super) fn send(&mut self, command: &Command<'_>) -> u32 {
+        let sequence = if *command == Command::Hello {
+            // Ends whatever noise came before.
+            self.queue.push(0);
+            0
+        } else {
+            self.next
+        };
+        let bytes = self.encoder.encode(command, &mut self.frame);
+        self.queue.extend_from_slice(
+            bytes.expect("the buffer holds the longest frame of the core's sizes"),
+        );
+        self.next = sequence.checked_add(1).unwrap_or(1);
+        sequence
+    }
+
+    /// Bytes that are still to go.
+    pub(super) fn backlog(&self) -> usize {
+        self.queue.len() - self.gone
+    }
+
+    /// Writes what goes, then reads what has come, waiting for it up to `wait`.
+    pub(super) fn exchange(&mut self, wait: Duration) -> io::Result<&[u8]> {
+        if self.backlog() > 0 {
+            let written = self.transport.write(&self.queue[self.gone..])?;
+            self.gone += written;
+            self.bytes_out += written as u64;
+            if self.backlog() == 0 {
+                self.queue.clear();
+                self.gone = 0;
+            }
+        }
+        let wait = match self.backlog() {
+            0 => wait,
+            _ => wait.min(TURN),
+        };
+        let count = self.transport.read(&mut self.inbox, wait)?;
+        self.bytes_in += count as u64;
+        Ok(&self.inbox[..count])
+    }
+
+    /// Connects anew; what was to go is forgotten.
+    pub(super) fn reconnect(&mut self) -> io::Result<()> {
+        self.queue.clear();
+        self.gone = 0;
+        self.transport.reconnect()
+    }
+}

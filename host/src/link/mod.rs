@@ -1,0 +1,38 @@
+//! The host's end of the link: pulses to a module, maps back.
+//!
+//! **What it does.** A [`Place`] says where a module is, a [`Transport`] carries bytes there and back, and
+//! a [`Session`] leads the conversation of [`subaperture_core::link`]: it greets the module, sends a
+//! [`Job`]'s settings, streams its pulses as far as the module has room, and hands each map that came
+//! whole to a [`MapSink`], once.
+//!
+//! ```text
+//! Place -> Transport -> Session <- Job (Setup, patches, PulseSource <- PhaseHistory)
+//!                          └-> MapSink (a file of maps; Verified compares with the core run here)
+//! ```
+//!
+//! **Neglected**: nothing. Frames that the line damages are lost and counted ([`Counts`]); the maps that
+//! they cost are fetched by further runs. What is taken has passed the checksums of its frames and of
+//! the whole map, and is of the sub-CPI, patch, times and number of pulses that were asked for.
+//!
+//! **Cost**: memory of one map, 64 pulses and two frames; one thread, which waits for the line.
+//! **Accuracy, errors**: `tests/link_session.rs`, lines with faults of every kind; [`LinkError`].
+
+mod counts;
+mod emulator;
+mod job;
+mod line;
+mod place;
+mod run;
+mod session;
+mod transport;
+mod verify;
+
+pub use counts::Counts;
+pub use emulator::Emulator;
+pub use job::{Job, PulseSource};
+pub use place::{Module, Place, PlaceError};
+pub use session::{
+    Buffers, Ending, Identity, LinkError, MapSink, Outcome, Session, Settings, SinkError, Watch,
+};
+pub use transport::{Transport, open};
+pub use verify::{HostCore, Verified};

@@ -1,0 +1,504 @@
+//! Sessions with a module over lines with faults: no wrong map is ever taken, every loss is counted, and
+//! with further runs nothing is missing in the end.
+//!
+//! The module is the firmware's own station in a thread of this process. Maps are judged by the
+//! core run here on the same pulses: they have to be the same bit by bit, since both run the same core
+//! on the same machine.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use glam::DVec3;
+use num_complex::Complex32;
+use subaperture::focus::Silent;
+use subaperture::geometry::SceneFrame;
+use subaperture::link::{
+    Buffers, Counts, Ending, HostCore, Job, LinkError, MapSink, Outcome, PulseSource, Session,
+    Settings, SinkError, Verified, Watch,
+};
+use subaperture::phase_history::{Collection, Pulse, Recorded};
+use subaperture_core::link::{Arithmetic, AssembledMap, Encoding};
+use subaperture_core::stream::{FloatBuffers, MapHeader, Progress};
+use subaperture_tests::module::{Faults, Module};
+use subaperture_tests::stream_scene::{Scene, at, patch};
+
+/// Eleven sub-CPIs of 4 pulses and one of 2, two patches: 24 maps.
+const PULSES: usize = 46;
+const MAPS: usize = 24;
+
+fn scene() -> Scene {
+    let patches = vec![patch([3.0, -2.0, 0.5], 8, 3), patch([-4.0, 6.0, 0.0], 6, 2)];
+    Scene::new(4, 16, 32, 16, PULSES, patches)
+}
+
+fn recorded(scene: &Scene) -> Recorded {
+    let pulses = scene.pulses.iter().map(|pulse| Pulse {
+        time_s: pulse.time_s,
+        transmitter_m: DVec3::from(pulse.transmitter_m),
+        receiver_m: DVec3::from(pulse.receiver_m),
+        reference_m: DVec3::ZERO,
+        reference_path_m: pulse.reference_path_m,
+        start_hz: scene.setup.start_hz,
+        step_hz: scene.setup.step_hz,
+    });
+    let collection = Collection {
+        name: "scene".to_owned(),
+        num_samples: scene.setup.num_frequencies.into(),
+        pulses: pulses.collect(),
+        frame: SceneFrame::Local,
+        extent: None,
+        timed: true,
+    };
+    Recorded::new(collection, scene.samples.concat()).unwrap()
+}
+
+fn job<'a>(scene: &Scene, recording: &'a Recorded, encoding: Encoding) -> Job<'a> {
+    let weights: Vec<f64> = scene.pulses.iter().map(|pulse| pulse.weight.into()).collect();
+    Job {
+        setup: scene.setup,
+        fast_weights: scene.weights.clone(),
+        patches: scene.patches.clone(),
+        pulses: PulseSource::new(recording, &weights, encoding).unwrap(),
+    }
+}
+
+type Key = (u32, u16);
+type Kept = BTreeMap<Key, (MapHeader, Vec<Complex32>)>;
+
+/// The maps that there are to be, by the core.
+fn expected(scene: &Scene) -> Kept {
+    let mut buffers = Box::new(FloatBuffers::<8, 40, 128, 24, 4>::new());
+    let mut processor = buffers.processor();
+    processor.configure(&scene.setup).unwrap();
+    processor
+        .set_weights(0, scene.weights.iter().copied())
+        .unwrap();
+    for (index, patch) in scene.patches.iter().enumerate() {
+        processor.set_patch(index, patch).unwrap();
+    }
+    processor.start(0).unwrap();
+    let mut maps = Kept::new();
+    for n in 0..=scene.pulses.len() {
+        match scene.pulses.get(n) {
+            Some(pulse) => processor
+                .push(pulse, scene.samples[n].iter().copied())
+                .unwrap(),
+            None => processor.finish(),
+        }
+        loop {
+            match processor.work() {
+                Progress::Idle => break,
+                Progress::Busy => {}
+                Progress::Map => {
+                    let map = processor.map().unwrap();
+                    let key = (map.header.sub_cpi, map.header.patch_index);
+                    maps.insert(key, (map.header, at(&map)));
+                }
+            }
+        }
+    }
+    assert_eq!(maps.len(), MAPS);
+    maps
+}
+
+#[derive(Default)]
+struct Keep(Kept);
+
+impl MapSink for Keep {
+    fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError> {
+        let key = (map.header.sub_cpi, map.header.patch_index);
+        let values = map.rows().flat_map(|row| row.values().collect::<Vec<_>>()).collect();
+        assert!(self.0.insert(key, (map.header, values)).is_none(), "{key:?} twice");
+        Ok(())
+    }
+}
+
+fn settings() -> Settings {
+    Settings {
+        answer: Duration::from_millis(30),
+        idle: Duration::from_secs(5),
+        first_number: 77,
+        ..Settings::default()
+    }
+}
+
+fn bits(values: &[Complex32]) -> Vec<(u32, u32)> {
+    values.iter().map(|z| (z.re.to_bits(), z.im.to_bits())).collect()
+}
+
+/// Has a module behind such a line do the scene; every map that was taken has been judged.
+fn session(faults: Faults, settings: Settings) -> (Outcome, Kept) {
+    let scene = scene();
+    let recording = recorded(&scene);
+    let mut job = job(&scene, &recording, Encoding::Complex32);
+    let mut module = Module::start(faults);
+    let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
+    let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
+    let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
+    println!("{}", outcome.counts);
+    let expected = expected(&scene);
+    for (key, (header, values)) in &keep.0 {
+        let (expected_header, expected_values) = &expected[key];
+        assert_eq!(header, expected_header);
+        assert_eq!(bits(values), bits(expected_values), "map {key:?}");
+    }
+    let counts = &outcome.counts;
+    assert_eq!(counts.maps_wanted, MAPS as u64);
+    assert_eq!(counts.maps_taken, keep.0.len() as u64);
+    assert_eq!(outcome.missing.len() + keep.0.len(), MAPS);
+    assert!(outcome.missing.iter().all(|key| !keep.0.contains_key(key)));
+    (outcome, keep.0)
+}
+
+#[test]
+fn a_clean_line_brings_everything_in_one_run() {
+    let (outcome, _) = session(Faults::default(), settings());
+    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    let counts = &outcome.counts;
+    assert_eq!(counts.runs, 1);
+    assert_eq!(counts.pulses_sent, PULSES as u64);
+    assert_eq!(counts.module_pulses.accepted, PULSES as u64);
+    let lost = counts.maps_lost + counts.maps_repeated + counts.maps_refused;
+    assert_eq!((lost, counts.maps_fetched_again), (0, 0));
+    for frames in [counts.frames_to_module, counts.frames_from_module] {
+        assert_eq!((frames.damaged, frames.lost, frames.repeated), (0, 0, 0));
+        assert!(frames.taken > 0);
+    }
+    assert!(counts.bytes_to_module > (PULSES * 16 * 8) as u64);
+    assert!(counts.bytes_from_module > (MAPS * 5 * 13 * 8) as u64);
+}
+
+#[test]
+fn bit_errors_cost_time_and_nothing_else() {
+    for (seed, bit_errors) in [(1, 1e-5), (2, 1e-5), (3, 1e-4)] {
+        let faults = Faults {
+            seed,
+            bit_errors,
+            ..Faults::default()
+        };
+        let settings = Settings {
+            retries: 1000,
+            ..settings()
+        };
+        let (outcome, _) = session(faults, settings);
+        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+        if bit_errors > 5e-5 {
+            // Some 40 kB each way and run: 30 wrong bits.
+            let counts = &outcome.counts;
+            assert!(counts.frames_to_module.damaged > 0);
+            assert!(counts.frames_from_module.damaged > 0);
+            assert!(counts.maps_fetched_again > 0);
+        }
+    }
+}
+
+#[test]
+fn a_line_too_bad_for_any_map_ends_and_says_so() {
+    let faults = Faults {
+        seed: 4,
+        bit_errors: 1e-3,
+        ..Faults::default()
+    };
+    let settings = Settings {
+        retries: 1,
+        ..settings()
+    };
+    let (outcome, _) = session(faults, settings);
+    assert!(!matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(outcome.counts.frames_from_module.damaged > 0);
+}
+
+#[test]
+fn without_retries_losses_are_told() {
+    let faults = Faults {
+        seed: 5,
+        dropped_pulses: 0.05,
+        ..Faults::default()
+    };
+    let settings = Settings {
+        retries: 0,
+        ..settings()
+    };
+    let (outcome, kept) = session(faults, settings);
+    assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
+    let counts = &outcome.counts;
+    // Pulses are lost and nothing else: sub-CPIs that lost one in their midst are given up, and those
+    // alone are missing.
+    assert!(counts.module_pulses.lost > 0);
+    assert!(counts.frames_to_module.lost >= counts.module_pulses.lost);
+    assert_eq!(counts.maps_lost, 0);
+    let missing: std::collections::BTreeSet<u32> =
+        outcome.missing.iter().map(|key| key.0).collect();
+    assert_eq!(outcome.missing.len(), 2 * missing.len(), "both patches of each");
+    // The next one is right.
+    let after = missing.iter().filter(|&&n| kept.contains_key(&(n + 1, 0)));
+    assert!(after.count() > 0);
+}
+
+#[test]
+fn pulses_that_vanish_are_sent_again() {
+    for seed in 6..9 {
+        let faults = Faults {
+            seed,
+            dropped_pulses: 0.2,
+            ..Faults::default()
+        };
+        let settings = Settings {
+            retries: 100,
+            ..settings()
+        };
+        let (outcome, _) = session(faults, settings);
+        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+        assert!(outcome.counts.maps_fetched_again > 0);
+        assert!(outcome.counts.module_pulses.sub_cpis_incomplete > 0);
+    }
+}
+
+#[test]
+fn cut_frames_are_lost_and_their_maps_fetched() {
+    for seed in 9..12 {
+        let faults = Faults {
+            seed,
+            cuts: 3e-4,
+            ..Faults::default()
+        };
+        let settings = Settings {
+            retries: 100,
+            ..settings()
+        };
+        let (outcome, _) = session(faults, settings);
+        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+        let counts = &outcome.counts;
+        assert!(counts.frames_from_module.damaged + counts.frames_from_module.lost > 0);
+    }
+}
+
+#[test]
+fn a_host_that_does_not_read_for_a_while_loses_nothing() {
+    let faults = Faults {
+        stalls_at: vec![
+            (6_000, Duration::from_millis(300)),
+            (9_000, Duration::from_millis(100)),
+        ],
+        ..Faults::default()
+    };
+    let (outcome, _) = session(faults, settings());
+    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert_eq!(outcome.counts.maps_lost, 0);
+    assert_eq!(outcome.counts.runs, 1);
+}
+
+#[test]
+fn a_line_that_dies_is_connected_anew() {
+    let faults = Faults {
+        dies_at: vec![5_000, 8_111],
+        ..Faults::default()
+    };
+    let (outcome, _) = session(faults, settings());
+    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert_eq!(outcome.counts.reconnects, 2);
+    assert_eq!(outcome.counts.maps_fetched_again, 0, "they were never lost");
+}
+
+#[test]
+fn a_module_that_begins_anew_is_configured_again() {
+    for at in [4_321, 7_000, 9_500] {
+        let faults = Faults {
+            restarts_at: vec![at, at + 3_000],
+            ..Faults::default()
+        };
+        let (outcome, _) = session(faults, settings());
+        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+        assert!(outcome.counts.restarts >= 1, "{outcome:?}");
+    }
+}
+
+#[test]
+fn everything_at_once() {
+    for seed in 20..23 {
+        let faults = Faults {
+            seed,
+            bit_errors: 2e-5,
+            cuts: 1e-4,
+            dropped_pulses: 0.05,
+            dies_at: vec![9_000],
+            restarts_at: vec![15_000],
+            stalls_at: vec![(7_000, Duration::from_millis(200))],
+            ..Faults::default()
+        };
+        let settings = Settings {
+            retries: 200,
+            ..settings()
+        };
+        let (outcome, _) = session(faults, settings);
+        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    }
+}
+
+#[test]
+fn another_session_finds_the_module_in_mid_run() {
+    struct Leave(u64);
+    impl Watch for Leave {
+        fn update(&mut self, counts: &Counts) {
+            self.0 = counts.maps_taken;
+        }
+        fn cancelled(&self) -> bool {
+            self.0 >= 5
+        }
+    }
+    let scene = scene();
+    let recording = recorded(&scene);
+    let mut module = Module::start(Faults::default());
+    {
+        let mut job = job(&scene, &recording, Encoding::Complex32);
+        let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
+        let mut session =
+            Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
+        let outcome = session.transfer(&mut job, &mut keep, &mut Leave(0));
+        assert!(matches!(
+            outcome.ending,
+            Ending::Failed(LinkError::Cancelled)
+        ));
+        assert!((5..MAPS).contains(&keep.0.len()), "{}", keep.0.len());
+        assert_eq!(outcome.missing.len() + keep.0.len(), MAPS);
+    }
+    let mut job = job(&scene, &recording, Encoding::Complex32);
+    let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
+    let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
+    let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
+    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    let expected = expected(&scene);
+    for (key, (_, values)) in &keep.0 {
+        assert_eq!(bits(values), bits(&expected[key].1), "map {key:?}");
+    }
+}
+
+#[test]
+fn at_a_radars_rate_what_has_no_room_is_counted() {
+    // The module needs longer for two maps than four pulses take.
+    let faults = Faults {
+        pause: Duration::from_micros(300),
+        ..Faults::default()
+    };
+    let settings = Settings {
+        rate_hz: Some(2000.0),
+        ..settings()
+    };
+    let (outcome, _) = session(faults, settings);
+    assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
+    let counts = &outcome.counts;
+    assert_eq!(counts.runs, 1);
+    assert_eq!(counts.pulses_sent + counts.pulses_unsent, PULSES as u64);
+    assert!(counts.module_pulses.dropped + counts.pulses_unsent > 0, "{counts}");
+    assert!(counts.maps_taken > 0);
+}
+
+#[test]
+fn at_a_slow_rate_nothing_is_lost() {
+    let settings = Settings {
+        rate_hz: Some(400.0),
+        ..settings()
+    };
+    let (outcome, _) = session(Faults::default(), settings);
+    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    // 46 pulses, 2.5 ms apart.
+    assert!(outcome.counts.seconds > 0.11);
+}
+
+#[test]
+fn a_dead_line_is_an_error() {
+    let faults = Faults {
+        dropped_pulses: 0.0,
+        cuts: 1.0,
+        ..Faults::default()
+    };
+    let mut module = Module::start(faults);
+    let mut buffers = Buffers::new();
+    let settings = Settings {
+        idle: Duration::from_millis(200),
+        ..settings()
+    };
+    let error = Session::open(&mut module, &mut buffers, settings, &mut Silent).err();
+    assert!(matches!(error, Some(LinkError::Silent)), "{error:?}");
+}
+
+#[test]
+fn what_the_module_refuses_is_an_error() {
+    let mut scene = scene();
+    scene.patches[1].doppler_reach = 200;
+    let recording = recorded(&scene);
+    let mut job = job(&scene, &recording, Encoding::Complex32);
+    let mut module = Module::start(Faults::default());
+    let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
+    let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
+    assert_eq!(session.identity().arithmetic, Arithmetic::Float);
+    assert_eq!(session.identity().capacity.pulses, 8);
+    let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
+    let Ending::Failed(error) = outcome.ending else {
+        panic!("{outcome:?}");
+    };
+    assert!(error.to_string().contains("Doppler"), "{error}");
+    assert_eq!(outcome.missing.len(), MAPS);
+}
+
+#[test]
+fn narrow_samples_come_at_the_scale_that_is_told() {
+    let scene = scene();
+    let recording = recorded(&scene);
+    let mut job = job(&scene, &recording, Encoding::Sc16);
+    let scale = job.pulses.amplitude_scale();
+    let parts = scene.samples.iter().flatten().flat_map(|z| [z.re.abs(), z.im.abs()]);
+    let largest = parts.fold(0.0, f32::max);
+    assert!((largest * scale * 32768.0 - 32766.0).abs() < 0.01);
+    let mut module = Module::start(Faults::default());
+    let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
+    let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
+    let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
+    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert_eq!(outcome.counts.samples_clamped, 0);
+    // Rounding to 2^-15 of full scale; the echo's power there is some -20 dB of full scale, and noise
+    // of rounding is 2^-15 / sqrt(6): -98 dB. Maps keep the ratio of both, or better.
+    let expected = expected(&scene);
+    let (mut error, mut power) = (0.0, 0.0);
+    for (key, (_, values)) in &keep.0 {
+        for (value, expected) in values.iter().zip(&expected[key].1) {
+            error += f64::from((value / scale - expected).norm_sqr());
+            power += f64::from(expected.norm_sqr());
+        }
+    }
+    let error_db = 10.0 * (error / power).log10();
+    println!("error {error_db:.1} dB");
+    assert!(error_db < -70.0, "{error_db}");
+}
+
+#[test]
+fn maps_are_verified_against_the_core_on_the_host() {
+    let scene = scene();
+    let recording = recorded(&scene);
+    // The module has the scene; the host's core the scene, or one of which a pulse differs in one bit.
+    for changed in [false, true] {
+        let mut other = recorded(&scene);
+        if changed {
+            let mut samples = scene.samples.concat();
+            samples[16 * 5].re = f32::from_bits(samples[16 * 5].re.to_bits() ^ 0x0040_0000);
+            other = Recorded::new(
+                subaperture::phase_history::PhaseHistory::collection(&recording).clone(),
+                samples,
+            )
+            .unwrap();
+        }
+        let core = HostCore::new(job(&scene, &other, Encoding::Complex32)).unwrap();
+        let mut verified = Verified::new(Keep::default(), core.unwrap());
+        let mut job = job(&scene, &recording, Encoding::Complex32);
+        let mut module = Module::start(Faults::default());
+        let mut buffers = Buffers::new();
+        let mut session =
+            Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
+        let outcome = session.transfer(&mut job, &mut verified, &mut Silent);
+        assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+        // Pulse 5 is in sub-CPI 1: two maps.
+        let different = if changed { 2 } else { 0 };
+        assert_eq!(verified.counts(), (MAPS as u64 - different, different));
+        assert_eq!(verified.into_inner().0.len(), MAPS - different as usize);
+    }
+}
