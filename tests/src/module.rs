@@ -10,8 +10,11 @@ use std::time::{Duration, Instant};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use subaperture::link::Transport;
+use subaperture_core::Complex32;
+use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
 use subaperture_core::stream::FloatBuffers;
+use subaperture_firmware::products::{ChipKernel, ProductBuffers};
 use subaperture_firmware::station::{LinkBuffers, Station};
 
 /// Sizes of the module's buffers: pulses, frequencies, range bins, Doppler rows, patches.
@@ -40,7 +43,9 @@ impl Pipe {
 
     fn read(&self, buffer: &mut [u8], wait: Duration) -> usize {
         let held = self.bytes.lock().unwrap_or_else(PoisonError::into_inner);
-        let waited = self.came.wait_timeout_while(held, wait, |held| held.is_empty());
+        let waited = self
+            .came
+            .wait_timeout_while(held, wait, |held| held.is_empty());
         let (mut held, _) = waited.unwrap_or_else(PoisonError::into_inner);
         let count = buffer.len().min(held.len());
         for (place, byte) in buffer.iter_mut().zip(held.drain(..count)) {
@@ -152,8 +157,7 @@ impl Module {
         for &byte in bytes {
             self.frame.push(byte);
             if byte == 0 {
-                let vanishes =
-                    self.frame.len() >= 100 && self.chance(self.faults.dropped_pulses);
+                let vanishes = self.frame.len() >= 100 && self.chance(self.faults.dropped_pulses);
                 if !vanishes {
                     left.append(&mut self.frame);
                 }
@@ -171,7 +175,10 @@ impl Module {
 
     fn check_line(&self) -> io::Result<()> {
         match self.dead {
-            true => Err(io::Error::new(ErrorKind::ConnectionReset, "the line is gone")),
+            true => Err(io::Error::new(
+                ErrorKind::ConnectionReset,
+                "the line is gone",
+            )),
             false => Ok(()),
         }
     }
@@ -202,7 +209,10 @@ impl Transport for Module {
         if let Some((_, pause)) = reached(&mut self.faults.stalls_at, self.sent, |stall| stall.0) {
             self.stalled_until = Some(Instant::now() + pause);
         }
-        if self.stalled_until.is_some_and(|until| Instant::now() < until) {
+        if self
+            .stalled_until
+            .is_some_and(|until| Instant::now() < until)
+        {
             std::thread::sleep(wait.min(Duration::from_millis(1)));
             return Ok(0);
         }
@@ -257,7 +267,16 @@ fn serve(to: &Pipe, from: &Pipe, restart: &AtomicBool, end: &AtomicBool, pause: 
         frame: &mut frame,
         row: &mut row,
     };
-    let mut station = Station::new(buffers.processor(), link, "station of the tests");
+    let mut chip = vec![Complex32::ZERO; 256];
+    let mut columns = vec![Column::EMPTY; ROW];
+    let kernel = ChipKernel::new();
+    let products = ProductBuffers {
+        chip: &mut chip,
+        kernel: &kernel,
+        columns: &mut columns,
+    };
+    let processor = buffers.processor();
+    let mut station = Station::new(processor, link, products, "station of the tests");
     let mut bytes = [0; 64];
     let mut idle = false;
     while !end.load(Ordering::Relaxed) && !restart.load(Ordering::Relaxed) {
