@@ -53,7 +53,11 @@ fn recorded(scene: &Scene) -> Recorded {
 }
 
 fn job<'a>(scene: &Scene, recording: &'a Recorded, encoding: Encoding) -> Job<'a> {
-    let weights: Vec<f64> = scene.pulses.iter().map(|pulse| pulse.weight.into()).collect();
+    let weights: Vec<f64> = scene
+        .pulses
+        .iter()
+        .map(|pulse| pulse.weight.into())
+        .collect();
     Job {
         setup: scene.setup,
         fast_weights: scene.weights.clone(),
@@ -107,8 +111,14 @@ struct Keep(Kept);
 impl MapSink for Keep {
     fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError> {
         let key = (map.header.sub_cpi, map.header.patch_index);
-        let values = map.rows().flat_map(|row| row.values().collect::<Vec<_>>()).collect();
-        assert!(self.0.insert(key, (map.header, values)).is_none(), "{key:?} twice");
+        let values = map
+            .rows()
+            .flat_map(|row| row.values().collect::<Vec<_>>())
+            .collect();
+        assert!(
+            self.0.insert(key, (map.header, values)).is_none(),
+            "{key:?} twice"
+        );
         Ok(())
     }
 }
@@ -123,7 +133,10 @@ fn settings() -> Settings {
 }
 
 fn bits(values: &[Complex32]) -> Vec<(u32, u32)> {
-    values.iter().map(|z| (z.re.to_bits(), z.im.to_bits())).collect()
+    values
+        .iter()
+        .map(|z| (z.re.to_bits(), z.im.to_bits()))
+        .collect()
 }
 
 /// Has a module behind such a line do the scene; every map that was taken has been judged.
@@ -229,7 +242,11 @@ fn without_retries_losses_are_told() {
     assert_eq!(counts.maps_lost, 0);
     let missing: std::collections::BTreeSet<u32> =
         outcome.missing.iter().map(|key| key.0).collect();
-    assert_eq!(outcome.missing.len(), 2 * missing.len(), "both patches of each");
+    assert_eq!(
+        outcome.missing.len(),
+        2 * missing.len(),
+        "both patches of each"
+    );
     // The next one is right.
     let after = missing.iter().filter(|&&n| kept.contains_key(&(n + 1, 0)));
     assert!(after.count() > 0);
@@ -389,7 +406,10 @@ fn at_a_radars_rate_what_has_no_room_is_counted() {
     let counts = &outcome.counts;
     assert_eq!(counts.runs, 1);
     assert_eq!(counts.pulses_sent + counts.pulses_unsent, PULSES as u64);
-    assert!(counts.module_pulses.dropped + counts.pulses_unsent > 0, "{counts}");
+    assert!(
+        counts.module_pulses.dropped + counts.pulses_unsent > 0,
+        "{counts}"
+    );
     assert!(counts.maps_taken > 0);
 }
 
@@ -447,7 +467,11 @@ fn narrow_samples_come_at_the_scale_that_is_told() {
     let recording = recorded(&scene);
     let mut job = job(&scene, &recording, Encoding::Sc16);
     let scale = job.pulses.amplitude_scale();
-    let parts = scene.samples.iter().flatten().flat_map(|z| [z.re.abs(), z.im.abs()]);
+    let parts = scene
+        .samples
+        .iter()
+        .flatten()
+        .flat_map(|z| [z.re.abs(), z.im.abs()]);
     let largest = parts.fold(0.0, f32::max);
     assert!((largest * scale * 32768.0 - 32766.0).abs() < 0.01);
     let mut module = Module::start(Faults::default());

@@ -94,7 +94,8 @@ impl<'a> Bench<'a> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.maps");
         let mut writer = MapWriter::create(&path, &self.run(arithmetic)).unwrap();
-        maps.iter().for_each(|map| writer.append(&map.view()).unwrap());
+        maps.iter()
+            .for_each(|map| writer.append(&map.view()).unwrap());
         writer.finish(&self.closing()).unwrap();
         let maps = MapFile::open(&path).unwrap();
         assert!(maps.is_complete());
@@ -147,7 +148,10 @@ fn image_of_simulated_maps_keeps_the_bound() {
         println!("bound {bound_db} dB: measured {measured_db:.1} dB, {report:?}");
         assert!(measured_db <= bound_db, "{measured_db} {bound_db}");
         // The prediction is that of the worst patch and sub-CPI: never far below what comes out.
-        assert!(measured_db <= bench.plan.predicted_db + 2.0, "{measured_db}");
+        assert!(
+            measured_db <= bench.plan.predicted_db + 2.0,
+            "{measured_db}"
+        );
         assert_eq!(report.pixels_outside, 0);
         assert_eq!(report.maps_missing, 0);
         assert!((report.least_weight_share.unwrap() - 1.0).abs() < 1e-6);
@@ -173,7 +177,12 @@ fn missing_maps_leave_a_unit_scatterer_at_one() {
     let history = table_4_1();
     let bench = Bench::new(&history, GRID, Window::None, -60.0);
     // Without the second sub-CPI, the image is the exact sum over the other pulses.
-    let kept: Vec<OwnedMap> = bench.maps.iter().filter(|map| map.header.sub_cpi != 1).cloned().collect();
+    let kept: Vec<OwnedMap> = bench
+        .maps
+        .iter()
+        .filter(|map| map.header.sub_cpi != 1)
+        .cloned()
+        .collect();
     let (image, report) = bench.form(&kept, -60.0);
     assert_eq!(report.maps_missing, bench.plan.patches.len() as u64);
     let length = usize::from(bench.plan.setup.num_pulses);
@@ -182,7 +191,12 @@ fn missing_maps_leave_a_unit_scatterer_at_one() {
     let num_pulses = weights.slow.len() as f64;
     let share = 1.0 - length as f64 / num_pulses;
     assert!((report.least_weight_share.unwrap() - share).abs() < 1e-6);
-    let thinned = Bench { weights, maps: Vec::new(), plan: bench.plan.clone(), ..bench };
+    let thinned = Bench {
+        weights,
+        maps: Vec::new(),
+        plan: bench.plan.clone(),
+        ..bench
+    };
     let measured_db = error_db(&image, &thinned.exact());
     println!("one sub-CPI missing: {measured_db:.1} dB");
     assert!(measured_db <= -60.0, "{measured_db}");
@@ -217,7 +231,10 @@ fn pixels_outside_every_patch_are_zero_and_counted() {
 fn threads_change_nothing_and_faults_are_told() {
     let history = table_4_1();
     let bench = Bench::new(&history, "x=-10:10:1.37,y=-10:10:1.31", Window::None, -60.0);
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let one = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .unwrap();
     let alone = one.install(|| bench.form(&bench.maps, -60.0).0);
     assert_eq!(alone, bench.form(&bench.maps, -60.0).0);
 
@@ -251,7 +268,12 @@ fn threads_change_nothing_and_faults_are_told() {
         unreachable!()
     };
     samples[3].re = f32::NAN;
-    told(&other, 1 << 30, &Silent, &["patch 1", "not a finite number"]);
+    told(
+        &other,
+        1 << 30,
+        &Silent,
+        &["patch 1", "not a finite number"],
+    );
 }
 
 #[test]
@@ -270,7 +292,10 @@ fn plans_fit_their_room_or_say_what_would() {
     let wide = plan(Room::Ram { bytes: 1 << 30 }, -60.0, Arithmetic::Float).unwrap();
     // Buffers built for a plan have room for it; with one pulse less they do not.
     let capacity = wide.capacity();
-    assert_eq!(plan(Room::Built(capacity), -60.0, Arithmetic::Float).unwrap(), wide);
+    assert_eq!(
+        plan(Room::Built(capacity), -60.0, Arithmetic::Float).unwrap(),
+        wide
+    );
     let mut smaller = capacity;
     smaller.pulses -= 1;
     let other = plan(Room::Built(smaller), -60.0, Arithmetic::Float).unwrap();
@@ -285,7 +310,10 @@ fn plans_fit_their_room_or_say_what_would() {
             panic!("{error}");
         };
         let least = plan(Room::Ram { bytes: least_bytes }, -60.0, arithmetic).unwrap();
-        println!("{arithmetic:?}: least {least_bytes}, {}", least.setup.num_pulses);
+        println!(
+            "{arithmetic:?}: least {least_bytes}, {}",
+            least.setup.num_pulses
+        );
         assert!(least.ram.total_bytes <= least_bytes);
         assert!(error.to_string().contains("least memory"), "{error}");
     }

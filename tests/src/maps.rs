@@ -25,21 +25,28 @@ pub fn maps(
     for (number, pulses) in collection.pulses.chunks(length).enumerate() {
         let first = number * length;
         let mut samples = vec![Complex32::ZERO; pulses.len() * width];
-        history.read(first..first + pulses.len(), &mut samples).unwrap();
+        history
+            .read(first..first + pulses.len(), &mut samples)
+            .unwrap();
         let slow = &slow[first..first + pulses.len()];
         let nodes = nodes(pulses);
-        all.par_extend(patches.par_iter().enumerate().map(|(index, &patch)| OwnedMap {
-            header: MapHeader {
-                sub_cpi: number as u32,
-                patch_index: index as u16,
-                num_pulses: pulses.len() as u16,
-                patch,
-                time_s: [pulses[0].time_s, pulses[pulses.len() - 1].time_s],
-                weight_sum: slow.iter().sum::<f64>() as f32,
-                nodes,
-            },
-            samples: OwnedSamples::Float(map(setup, &patch, pulses, &samples, fast, slow)),
-        }));
+        all.par_extend(
+            patches
+                .par_iter()
+                .enumerate()
+                .map(|(index, &patch)| OwnedMap {
+                    header: MapHeader {
+                        sub_cpi: number as u32,
+                        patch_index: index as u16,
+                        num_pulses: pulses.len() as u16,
+                        patch,
+                        time_s: [pulses[0].time_s, pulses[pulses.len() - 1].time_s],
+                        weight_sum: slow.iter().sum::<f64>() as f32,
+                        nodes,
+                    },
+                    samples: OwnedSamples::Float(map(setup, &patch, pulses, &samples, fast, slow)),
+                }),
+        );
     }
     all
 }
@@ -70,8 +77,8 @@ fn map(
             let z = Complex64::new(z.re.into(), z.im.into())
                 * Complex64::cis(tau * turns.fract())
                 * (f64::from(fast[k]) * slow[m]);
-            let rate = f_hz / setup.centre_hz() * (m as f64 - middle)
-                / f64::from(setup.doppler_length);
+            let rate =
+                f_hz / setup.centre_hz() * (m as f64 - middle) / f64::from(setup.doppler_length);
             let step = Complex64::cis(-tau * rate);
             let mut turn = Complex64::cis(tau * rate * f64::from(patch.doppler_reach));
             for row in 0..rows {
@@ -132,7 +139,13 @@ fn nodes(pulses: &[Pulse]) -> [Node; 2] {
             }
         }
         let x = u / scale;
-        let coefficient = |i: usize| if i < order { system[i][3] / system[i][i] } else { 0.0 };
+        let coefficient = |i: usize| {
+            if i < order {
+                system[i][3] / system[i][i]
+            } else {
+                0.0
+            }
+        };
         base + coefficient(0) + coefficient(1) * x + coefficient(2) * x * x
     };
     [-place, place].map(|u| Node {
@@ -152,7 +165,9 @@ pub fn in_blocks(map: &OwnedMap) -> OwnedMap {
     let (mut mantissas, mut exponents) = (Vec::new(), Vec::new());
     for row in samples.chunks(map.header.patch.num_range_bins()) {
         for block in row.chunks(BlockFloat::BLOCK) {
-            let largest = block.iter().fold(0f32, |a, z| a.max(z.re.abs()).max(z.im.abs()));
+            let largest = block
+                .iter()
+                .fold(0f32, |a, z| a.max(z.re.abs()).max(z.im.abs()));
             // Below 2^exponent by one part in 2^15, which rounding may not carry over.
             let exponent = if largest > 0.0 {
                 (largest * (1.0 + 1.0 / 16384.0)).log2().floor() as i8 + 1

@@ -40,7 +40,9 @@ impl Pipe {
 
     fn read(&self, buffer: &mut [u8], wait: Duration) -> usize {
         let held = self.bytes.lock().unwrap_or_else(PoisonError::into_inner);
-        let waited = self.came.wait_timeout_while(held, wait, |held| held.is_empty());
+        let waited = self
+            .came
+            .wait_timeout_while(held, wait, |held| held.is_empty());
         let (mut held, _) = waited.unwrap_or_else(PoisonError::into_inner);
         let count = buffer.len().min(held.len());
         for (place, byte) in buffer.iter_mut().zip(held.drain(..count)) {
@@ -152,8 +154,7 @@ impl Module {
         for &byte in bytes {
             self.frame.push(byte);
             if byte == 0 {
-                let vanishes =
-                    self.frame.len() >= 100 && self.chance(self.faults.dropped_pulses);
+                let vanishes = self.frame.len() >= 100 && self.chance(self.faults.dropped_pulses);
                 if !vanishes {
                     left.append(&mut self.frame);
                 }
@@ -171,7 +172,10 @@ impl Module {
 
     fn check_line(&self) -> io::Result<()> {
         match self.dead {
-            true => Err(io::Error::new(ErrorKind::ConnectionReset, "the line is gone")),
+            true => Err(io::Error::new(
+                ErrorKind::ConnectionReset,
+                "the line is gone",
+            )),
             false => Ok(()),
         }
     }
@@ -202,7 +206,10 @@ impl Transport for Module {
         if let Some((_, pause)) = reached(&mut self.faults.stalls_at, self.sent, |stall| stall.0) {
             self.stalled_until = Some(Instant::now() + pause);
         }
-        if self.stalled_until.is_some_and(|until| Instant::now() < until) {
+        if self
+            .stalled_until
+            .is_some_and(|until| Instant::now() < until)
+        {
             std::thread::sleep(wait.min(Duration::from_millis(1)));
             return Ok(0);
         }

@@ -72,12 +72,12 @@ impl OwnedMap {
                 let blocks = BlockFloat::blocks(width);
                 let rows = mantissas.chunks(width).zip(exponents.chunks(blocks));
                 rows.flat_map(|(row, exponents)| {
-                    row.chunks(BlockFloat::BLOCK).zip(exponents).flat_map(
-                        |(block, &exponent)| {
+                    row.chunks(BlockFloat::BLOCK)
+                        .zip(exponents)
+                        .flat_map(|(block, &exponent)| {
                             let scale = power_of_two(exponent);
                             block.iter().map(move |value| value.to_complex32() * scale)
-                        },
-                    )
+                        })
                 })
                 .collect()
             }

@@ -118,7 +118,9 @@ pub enum PlanError {
 fn best(best_db: Option<f64>) -> String {
     best_db.map_or_else(
         || ": its patches' Doppler is wider than the pulses tell apart".to_owned(),
-        |best_db| format!(" ({MARGIN_DB} dB of it are kept in reserve); {best_db:.1} dB is the best"),
+        |best_db| {
+            format!(" ({MARGIN_DB} dB of it are kept in reserve); {best_db:.1} dB is the best")
+        },
     )
 }
 
@@ -194,7 +196,10 @@ impl ModulePlan {
     /// Buffers that this plan fits exactly.
     pub fn capacity(&self) -> Capacity {
         let frequencies = self.setup.num_frequencies;
-        let samples = self.patches.iter().map(|patch| map_samples(&self.setup, patch));
+        let samples = self
+            .patches
+            .iter()
+            .map(|patch| map_samples(&self.setup, patch));
         let rows = samples.max().unwrap_or(0).div_ceil(frequencies.into());
         Capacity {
             pulses: self.setup.num_pulses,
@@ -213,7 +218,9 @@ impl ModulePlan {
                 let patches = self.patches.iter();
                 self.setup.check(capacity).is_ok()
                     && self.patches.len() <= usize::from(capacity.patches)
-                    && patches.clone().all(|patch| self.setup.check_patch(patch, capacity).is_ok())
+                    && patches
+                        .clone()
+                        .all(|patch| self.setup.check_patch(patch, capacity).is_ok())
             }
         }
     }
@@ -295,7 +302,9 @@ impl Search<'_> {
                     Some(error) => error,
                     None => probe.run(length, patch).model_error,
                 };
-                let fit = kernels.iter().filter(|(_, kernel)| error.hypot(*kernel) <= target);
+                let fit = kernels
+                    .iter()
+                    .filter(|(_, kernel)| error.hypot(*kernel) <= target);
                 for &(taps, _) in fit {
                     if errors.is_none() {
                         errors = Some(error);
@@ -324,14 +333,16 @@ impl Search<'_> {
             (last_row, last_column),
         ];
         let sub_cpis = self.sub_cpis(length, PROBED_SUB_CPIS);
-        let reach = places.iter().fold(Reach::default(), |reach, &(row, column)| {
-            let rectangle = Rectangle {
-                row,
-                column,
-                size: patch,
-            };
-            reach.max(Reach::of(self.grid, &rectangle, &sub_cpis))
-        });
+        let reach = places
+            .iter()
+            .fold(Reach::default(), |reach, &(row, column)| {
+                let rectangle = Rectangle {
+                    row,
+                    column,
+                    size: patch,
+                };
+                reach.max(Reach::of(self.grid, &rectangle, &sub_cpis))
+            });
         let setup = self.setup(length, taps, reach)?;
         let gate = reach.patch(&setup, [0.0; 3], taps)?;
         let patches = self.grid.rows.count.div_ceil(patch.rows)

@@ -46,7 +46,10 @@ impl RamBudget {
     /// For a run of `setup` on `num_patches` patches, of which `largest` has the largest map in work
     /// ([`map_samples`]).
     pub fn new(setup: &Setup, largest: &Patch, num_patches: usize, arithmetic: Arithmetic) -> Self {
-        let (pulses, frequencies) = (u64::from(setup.num_pulses), u64::from(setup.num_frequencies));
+        let (pulses, frequencies) = (
+            u64::from(setup.num_pulses),
+            u64::from(setup.num_frequencies),
+        );
         let sample_bytes = match arithmetic {
             Arithmetic::Float => 8,
             Arithmetic::Fixed => 4,
@@ -58,7 +61,10 @@ impl RamBudget {
             Arithmetic::Fixed => rows * BlockFloat::blocks(stride) as u64,
         };
         let buffers: Vec<Buffer> = [
-            ("pulse samples, two stores", 2 * sample_bytes * pulses * frequencies),
+            (
+                "pulse samples, two stores",
+                2 * sample_bytes * pulses * frequencies,
+            ),
             ("pulse records, two stores", 2 * PULSE_BYTES * pulses),
             ("map", sample_bytes * rows * stride as u64 + exponents),
             ("range row", 8 * u64::from(setup.range_length)),
@@ -106,9 +112,15 @@ mod tests {
             budget.buffers.iter().map(|buffer| buffer.bytes).collect()
         };
         let float = RamBudget::new(&setup, &patch, 16, Arithmetic::Float);
-        assert_eq!(bytes(&float), [203_520, 4320, 139_072, 8192, 1200, 1696, 512]);
+        assert_eq!(
+            bytes(&float),
+            [203_520, 4320, 139_072, 8192, 1200, 1696, 512]
+        );
         assert_eq!(float.total_bytes, 358_512);
         let fixed = RamBudget::new(&setup, &patch, 16, Arithmetic::Fixed);
-        assert_eq!(bytes(&fixed), [101_760, 4320, 69_536 + 41 * 14, 8192, 1200, 1696, 512]);
+        assert_eq!(
+            bytes(&fixed),
+            [101_760, 4320, 69_536 + 41 * 14, 8192, 1200, 1696, 512]
+        );
     }
 }

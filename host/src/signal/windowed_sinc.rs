@@ -174,7 +174,9 @@ mod tests {
             for j in 0..50 {
                 let t = f64::from(j) / 50.0;
                 let got: Complex64 = (1 - half..=half)
-                    .map(|i| Complex64::cis(2.0 * PI * x * f64::from(i)) * kernel.at(t - f64::from(i)))
+                    .map(|i| {
+                        Complex64::cis(2.0 * PI * x * f64::from(i)) * kernel.at(t - f64::from(i))
+                    })
                     .sum();
                 error += (got - Complex64::cis(2.0 * PI * x * t)).norm_sqr();
                 count += 1.0;
@@ -190,7 +192,11 @@ mod tests {
         for (taps, documented_db) in TAPS.into_iter().zip(documented_db) {
             let kernel = WindowedSinc::new(taps, 0.25);
             let (measured, predicted) = (measured_error(&kernel, 0.25), kernel.error(0.25));
-            println!("{taps} taps: {:.1} dB, predicted {:.1} dB", db(measured), db(predicted));
+            println!(
+                "{taps} taps: {:.1} dB, predicted {:.1} dB",
+                db(measured),
+                db(predicted)
+            );
             // Sixteen points stand for the band, two images on either side for all.
             assert!((db(measured) - db(predicted)).abs() < 0.5, "{taps}");
             assert!((db(predicted) - documented_db).abs() < 0.5, "{taps}");
@@ -198,7 +204,11 @@ mod tests {
         for band in [0.1, 0.2, 0.35] {
             let kernel = WindowedSinc::new(10, band);
             let (measured, predicted) = (measured_error(&kernel, band), kernel.error(band));
-            println!("band {band}: {:.1} dB, predicted {:.1} dB", db(measured), db(predicted));
+            println!(
+                "band {band}: {:.1} dB, predicted {:.1} dB",
+                db(measured),
+                db(predicted)
+            );
             assert!((db(measured) - db(predicted)).abs() < 0.5, "{band}");
         }
     }

@@ -19,7 +19,7 @@ use crate::progress::Progress;
 use crate::text;
 
 /// The error bound where none is given, dB.
-const DEFAULT_ERROR_DB: f64 = -60.0;
+pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
 
 /// Settings that every command shares.
 pub(crate) struct Session {
@@ -73,6 +73,11 @@ impl Session {
     /// A progress bar.
     pub(crate) fn progress(&self, what: &str) -> Progress {
         Progress::new(what, self.quiet)
+    }
+
+    /// How often `-v` was given.
+    pub(crate) fn verbosity(&self) -> u8 {
+        self.verbosity
     }
 
     /// Whether `-q` was given.

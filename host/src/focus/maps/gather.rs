@@ -48,7 +48,10 @@ pub fn patches(maps: &dyn Maps) -> Result<Vec<PatchMaps>, FormError> {
     }
     for (index, patch) in &mut patches {
         patch.maps.sort_by_key(|&map| headers[map].sub_cpi);
-        let weights = patch.maps.iter().map(|&map| f64::from(headers[map].weight_sum));
+        let weights = patch
+            .maps
+            .iter()
+            .map(|&map| f64::from(headers[map].weight_sum));
         patch.weight_sum = weights.sum();
         if !(patch.weight_sum > 0.0) {
             return Err(FormError::Unsuited(format!(
@@ -77,5 +80,7 @@ pub(super) fn expected_sub_cpis(maps: &dyn Maps) -> u64 {
 pub(super) fn least_weight_share(maps: &dyn Maps, patches: &[PatchMaps]) -> Option<f64> {
     let sent = maps.closing()?.weight_sum;
     let shares = patches.iter().map(|patch| patch.weight_sum / sent);
-    shares.filter(|share| share.is_finite()).min_by(f64::total_cmp)
+    shares
+        .filter(|share| share.is_finite())
+        .min_by(f64::total_cmp)
 }

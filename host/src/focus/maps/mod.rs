@@ -139,7 +139,8 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
                 return Err(FormError::Cancelled);
             }
             done += 1;
-            task.monitor.progress(f64::from(done) / headers.len() as f64);
+            task.monitor
+                .progress(f64::from(done) / headers.len() as f64);
         }
         let norm = (1.0 / patch.weight_sum) as f32;
         for (&pixel, sum) in members.iter().zip(sums) {

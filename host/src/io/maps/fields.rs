@@ -4,8 +4,8 @@ use glam::DVec3;
 use num_complex::Complex32;
 use serde_json::{Map, Value};
 use subaperture_core::Sc16;
-use subaperture_core::stream::{BlockFloat, MapHeader, Node, Patch, PatchMap, Setup};
 use subaperture_core::stream::MapSamples;
+use subaperture_core::stream::{BlockFloat, MapHeader, Node, Patch, PatchMap, Setup};
 
 use super::{ANY_SIZE, samples_bytes};
 use crate::geometry::SceneFrame;

@@ -47,9 +47,9 @@ pub use write::MapWriter;
 
 use subaperture_core::stream::{BlockFloat, Capacity, MapHeader, Setup};
 
+use crate::maps::Arithmetic;
 #[cfg(doc)]
 use crate::maps::{Closing, Run};
-use crate::maps::Arithmetic;
 
 /// Most maps in a file.
 pub const MOST_MAPS: u64 = 1 << 20;

@@ -90,7 +90,9 @@ impl MapFile {
     /// # Errors
     /// [`ReadError`].
     pub fn input(&self) -> Result<InputFile, ReadError> {
-        let crc = self.source.crc(0, self.source.length, crc32fast::Hasher::new())?;
+        let crc = self
+            .source
+            .crc(0, self.source.length, crc32fast::Hasher::new())?;
         Ok(InputFile {
             path: self.source.path.clone(),
             bytes: self.source.length,
@@ -111,7 +113,9 @@ impl MapFile {
             let count = fields.u64()?;
             let mut entries = Vec::new();
             if count > MOST_MAPS {
-                return Err(format!("{count} maps, and at most {MOST_MAPS} are possible"));
+                return Err(format!(
+                    "{count} maps, and at most {MOST_MAPS} are possible"
+                ));
             }
             for _ in 0..count {
                 entries.push((fields.u64()?, fields::header(&mut fields)?));
@@ -152,10 +156,9 @@ impl MapFile {
                 TAIL => return self.read_tail(place),
                 _ if tag[0].is_ascii_lowercase() => {}
                 _ => {
-                    return Err(self.source.malformed(format!(
-                        "a section '{}' is not known",
-                        tag.escape_ascii()
-                    )));
+                    return Err(self
+                        .source
+                        .malformed(format!("a section '{}' is not known", tag.escape_ascii())));
                 }
             }
             place = payload + length;

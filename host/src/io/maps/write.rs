@@ -120,7 +120,9 @@ impl MapWriter {
             return Some(what);
         }
         if !fields::is_whole(map, self.run.arithmetic) {
-            return Some("its samples are not those of its bins and the run's arithmetic".to_owned());
+            return Some(
+                "its samples are not those of its bins and the run's arithmetic".to_owned(),
+            );
         }
         if self.seen.contains(&(header.sub_cpi, header.patch_index)) {
             return Some("there is one already".to_owned());

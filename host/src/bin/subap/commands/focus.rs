@@ -1,7 +1,7 @@
 //! `subap focus`: recordings in, an image and its record out.
 
 mod check;
-mod record;
+pub(crate) mod record;
 
 use std::time::Instant;
 
