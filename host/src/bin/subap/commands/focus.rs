@@ -2,7 +2,7 @@
 
 mod check;
 mod from_maps;
-mod record;
+pub(crate) mod record;
 
 use std::time::Instant;
 
