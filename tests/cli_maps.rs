@@ -1,3 +1,4 @@
+<<<<<<< HEAD
 //! `subap focus --from-maps` and `subap plan module`.
 
 use std::path::Path;
@@ -263,3 +264,6 @@ fn a_plan_says_what_fits_and_what_would() {
     )
     .succeeded();
 }
+=======
+
+>>>>>>> session

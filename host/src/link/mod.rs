@@ -20,9 +20,11 @@
 mod counts;
 mod emulator;
 mod job;
+mod keep;
 mod line;
 mod place;
 mod run;
+mod running_image;
 mod session;
 mod transport;
 mod verify;
@@ -31,6 +33,7 @@ pub use counts::Counts;
 pub use emulator::Emulator;
 pub use job::{Job, PulseSource};
 pub use place::{Module, Place, PlaceError};
+pub use running_image::{MOST_WAITING, RunningImage};
 pub use session::{
     Buffers, Ending, Identity, LinkError, MapSink, Outcome, Session, Settings, SinkError, Watch,
 };

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args as Group, CommandFactory, Parser, Subcommand, ValueEnum, ValueHint};
 use subaperture::geometry::ImageGrid;
+use subaperture::link::Place;
 use subaperture::signal::window::Window;
 use subaperture::simulate::Preset;
 
@@ -58,6 +59,8 @@ pub(crate) struct Global {
 pub(crate) enum Command {
     /// Form an image of one or more recordings
     Focus(Focus),
+    /// Have a module compute the maps of recordings, and keep them in a file
+    Link(Link),
     /// Write the phase history of a simulated scene as CPHD 1.1
     Simulate(Simulate),
     /// Send every sub-CPI through the host's code and the embedded core; fail above -100 dB
@@ -162,6 +165,59 @@ pub(crate) enum Mode {
     Precise,
     /// As Schone 2020: sinc Keystone, zero padding, bilinear reading
     Thesis,
+}
+
+/// `subap link`.
+#[derive(Debug, Group)]
+pub(crate) struct Link {
+    /// Where the module is: tcp://HOST:PORT, serial:/dev/ttyX@BAUD, emulate:float or emulate:fixed
+    #[arg(value_name = "WHERE")]
+    pub(crate) place: Place,
+
+    #[command(flatten)]
+    pub(crate) input: Input,
+
+    /// File for the maps; subap focus --from-maps forms the image
+    #[arg(long, short, value_name = "MAPS", value_hint = ValueHint::FilePath)]
+    pub(crate) out: PathBuf,
+
+    /// Pixels that the maps are for, as for focus [default: the scene's extent at half the resolution]
+    #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
+    pub(crate) grid: Option<ImageGrid>,
+
+    /// Bound on the relative RMS error of the image against the exact sum, in dB, -20 to -120
+    /// [default: -60]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
+    pub(crate) error_db: Option<f64>,
+
+    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    pub(crate) window: Window,
+
+    /// Window over slow time, across all pulses: as --window
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    pub(crate) slow_window: Window,
+
+    /// Firmware to emulate [default: target/module/float or fixed, here or above]
+    #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath)]
+    pub(crate) firmware: Option<PathBuf>,
+
+    /// Send so many pulses a second, as a radar does that waits for nobody; what is lost is not sent
+    /// again [default: as fast as the module has room]
+    #[arg(long, value_name = "HERTZ", value_parser = length)]
+    pub(crate) rate: Option<f64>,
+
+    /// Further runs, at most, over what was lost
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub(crate) retries: u32,
+
+    /// Compare every map with the same core run here, bit by bit, and fail if one differs
+    #[arg(long)]
+    pub(crate) verify: bool,
+
+    /// Show the image so far in this file, about once a second
+    #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath)]
+    pub(crate) picture: Option<PathBuf>,
 }
 
 /// `subap simulate`.
@@ -455,6 +511,9 @@ mod tests {
             ("focus a --out d --threads 0", "--threads"),
             ("focus a --out d --threads 1025", "--threads"),
             ("focus a --out d --memory 3Q", "--memory"),
+            ("link nowhere a -o m", "WHERE"),
+            ("link tcp://h:1 a -o m --rate 0", "--rate"),
+            ("link tcp://h:1 a -o m --error-db 3", "--error-db"),
             ("simulate --preset table-9 -o f", "--preset"),
             ("simulate --preset table-4-1 -o f --sgn 2", "--sgn"),
         ] {

@@ -75,6 +75,11 @@ impl Session {
         Progress::new(what, self.quiet)
     }
 
+    /// How often `-v` was given.
+    pub(crate) fn verbosity(&self) -> u8 {
+        self.verbosity
+    }
+
     /// Whether `-q` was given.
     pub(crate) fn quiet(&self) -> bool {
         self.quiet

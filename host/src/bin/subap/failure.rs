@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use subaperture::focus::FormError;
 use subaperture::io::cphd;
+use subaperture::link::LinkError;
 
 /// What was typed does not make sense together. Exit status 2, as clap's own.
 #[derive(Debug, thiserror::Error)]
@@ -21,6 +22,14 @@ pub(crate) struct Interrupted;
 #[error("interrupted; every file in {0} is whole, but some are missing or of an earlier run")]
 pub(crate) struct InterruptedAmidFiles(pub(crate) String);
 
+/// [`Interrupted`], with the maps received so far in their file.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted; the {maps} maps received so far are in {path}")]
+pub(crate) struct InterruptedWithMaps {
+    pub(crate) maps: u64,
+    pub(crate) path: String,
+}
+
 /// Prints `error` on standard error, causes after it, and says how to exit.
 pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
     if error.chain().any(is_broken_pipe) {
@@ -28,6 +37,10 @@ pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     if let Some(interruption) = error.downcast_ref::<InterruptedAmidFiles>() {
+        eprintln!("subap: {interruption}");
+        return ExitCode::from(130);
+    }
+    if let Some(interruption) = error.downcast_ref::<InterruptedWithMaps>() {
         eprintln!("subap: {interruption}");
         return ExitCode::from(130);
     }
@@ -56,6 +69,7 @@ fn one_line(error: &anyhow::Error) -> String {
 fn is_interruption(cause: &(dyn std::error::Error + 'static)) -> bool {
     cause.is::<Interrupted>()
         || matches!(cause.downcast_ref(), Some(FormError::Cancelled))
+        || matches!(cause.downcast_ref(), Some(LinkError::Cancelled))
         || matches!(cause.downcast_ref(), Some(cphd::WriteError::Cancelled))
 }
 

@@ -30,6 +30,16 @@ impl Progress {
         Self { bar }
     }
 
+    /// What is called on the bar from now on.
+    pub(crate) fn tell(&self, what: String) {
+        self.bar.set_message(what);
+    }
+
+    /// Prints a line above the bar.
+    pub(crate) fn print(&self, line: &str) {
+        self.bar.suspend(|| eprintln!("{line}"));
+    }
+
     /// Takes the bar off the screen.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();

@@ -6,7 +6,11 @@ mod crosscheck;
 mod demo;
 mod focus;
 mod info;
+<<<<<<< HEAD
 mod plan;
+=======
+mod link;
+>>>>>>> session
 mod simulate;
 
 use crate::args::Command;
@@ -18,6 +22,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Focus(typed) => focus::run(session, &typed),
         Command::Simulate(typed) => simulate::run(session, &typed),
         Command::Crosscheck(typed) => crosscheck::run(session, &typed),
+        Command::Link(typed) => link::run(session, &typed),
         Command::Info(typed) => info::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),

@@ -81,7 +81,7 @@ pub(super) fn settings(
 }
 
 /// A grid's axes and plane.
-fn grid(grid: &ImageGrid) -> Value {
+pub(crate) fn grid(grid: &ImageGrid) -> Value {
     let (columns, rows) = if grid.polar {
         ("angle in radians", "range in metres")
     } else {
