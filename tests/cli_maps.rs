@@ -1,4 +1,3 @@
-<<<<<<< HEAD
 //! `subap focus --from-maps` and `subap plan module`.
 
 use std::path::Path;
@@ -264,6 +263,3 @@ fn a_plan_says_what_fits_and_what_would() {
     )
     .succeeded();
 }
-=======
-
->>>>>>> session

@@ -1,4 +1,3 @@
-<<<<<<< HEAD
 //! The file of maps: what goes in comes out to the bit, and damage never goes unnoticed.
 
 use std::path::Path;
@@ -363,6 +362,3 @@ fn made_up_files_are_refused_kindly() {
         .to_string();
     assert!(error.contains("none"), "{error}");
 }
-=======
-
->>>>>>> session

@@ -304,20 +304,8 @@ impl Search<'_> {
                     Some(error) => error,
                     None => probe.run(length, patch).model_error,
                 };
-<<<<<<< HEAD
                 if error.hypot(kernel_error) > target {
                     continue;
-=======
-                let fit = kernels
-                    .iter()
-                    .filter(|(_, kernel)| error.hypot(*kernel) <= target);
-                for &(taps, _) in fit {
-                    if errors.is_none() {
-                        errors = Some(error);
-                        first_patch = i;
-                    }
-                    candidates.extend(self.candidate(length, patch, taps));
->>>>>>> session
                 }
                 if errors.is_none() {
                     errors = Some(error);

@@ -1,12 +1,8 @@
 //! `subap focus`: recordings in, an image and its record out.
 
 mod check;
-<<<<<<< HEAD
 mod from_maps;
-mod record;
-=======
 pub(crate) mod record;
->>>>>>> session
 
 use std::time::Instant;
 

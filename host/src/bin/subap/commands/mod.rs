@@ -6,11 +6,8 @@ mod crosscheck;
 mod demo;
 mod focus;
 mod info;
-<<<<<<< HEAD
-mod plan;
-=======
 mod link;
->>>>>>> session
+mod plan;
 mod simulate;
 
 use crate::args::Command;
