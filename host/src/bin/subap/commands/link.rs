@@ -329,7 +329,7 @@ impl Watch for Watching {
 
     fn log(&mut self, text: &str) {
         if self.verbose {
-            self.bar.print(&format!("module: {text}"));
+            self.bar.print(text);
         }
     }
 
