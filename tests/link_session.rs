@@ -500,7 +500,11 @@ fn maps_are_verified_against_the_core_on_the_host() {
     let scene = scene();
     let recording = recorded(&scene);
     // The module has the scene; the host's core the scene, or one of which a pulse differs in one bit.
-    for changed in [false, true] {
+    for (changed, fixed) in [(false, false), (true, false), (false, true)] {
+        let encoding = match fixed {
+            true => Encoding::Sc16,
+            false => Encoding::Complex32,
+        };
         let mut other = recorded(&scene);
         if changed {
             let mut samples = scene.samples.concat();
@@ -511,10 +515,13 @@ fn maps_are_verified_against_the_core_on_the_host() {
             )
             .unwrap();
         }
-        let core = HostCore::new(job(&scene, &other, Encoding::Complex32)).unwrap();
-        let mut verified = Verified::new(Keep::default(), core.unwrap());
-        let mut job = job(&scene, &recording, Encoding::Complex32);
-        let mut module = Module::start(Faults::default());
+        let core = HostCore::new(job(&scene, &other, encoding)).unwrap();
+        let mut verified = Verified::new(Keep::default(), core);
+        let mut job = job(&scene, &recording, encoding);
+        let mut module = Module::start(Faults {
+            fixed,
+            ..Faults::default()
+        });
         let mut buffers = Buffers::new();
         let mut session =
             Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();

@@ -13,12 +13,15 @@ use subaperture::link::Transport;
 use subaperture_core::Complex32;
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
-use subaperture_core::stream::FloatBuffers;
+use subaperture_core::stream::{FixedBuffers, FloatBuffers, SubCpiProcessor};
+use subaperture_firmware::engine::WireEngine;
 use subaperture_firmware::products::{ChipKernel, ProductBuffers};
 use subaperture_firmware::station::{LinkBuffers, Station};
 
 /// Sizes of the module's buffers: pulses, frequencies, range bins, Doppler rows, patches.
-type Buffers = FloatBuffers<8, 40, 128, 24, 4>;
+type Float = FloatBuffers<8, 40, 128, 24, 4>;
+/// The same in fixed point, 3 exponents a row.
+type Fixed = FixedBuffers<8, 40, 128, 24, 3, 4>;
 /// Most samples of a row of a map.
 const ROW: usize = 128;
 
@@ -74,6 +77,8 @@ pub struct Faults {
     pub stalls_at: Vec<(u64, Duration)>,
     /// The module is slowed down: a pause after every piece of work.
     pub pause: Duration,
+    /// It computes in fixed point.
+    pub fixed: bool,
 }
 
 /// A module, and the host's end of the line to it.
@@ -102,10 +107,19 @@ impl Module {
         let thread = std::thread::spawn({
             let (to, from) = (to.clone(), from.clone());
             let (restart, end) = (restart.clone(), end.clone());
-            let pause = faults.pause;
+            let (pause, fixed) = (faults.pause, faults.fixed);
             move || {
                 while !end.load(Ordering::Relaxed) {
-                    serve(&to, &from, &restart, &end, pause);
+                    restart.store(false, Ordering::Relaxed);
+                    let over = || end.load(Ordering::Relaxed) || restart.load(Ordering::Relaxed);
+                    if fixed {
+                        let mut buffers = Box::new(Fixed::new());
+                        let processor = buffers.processor().expect("buffers of one size");
+                        serve(processor, &to, &from, &over, pause);
+                    } else {
+                        let mut buffers = Box::new(Float::new());
+                        serve(buffers.processor(), &to, &from, &over, pause);
+                    }
                 }
             }
         });
@@ -255,10 +269,14 @@ impl Transport for Module {
     }
 }
 
-/// Serves the line until the module is to begin anew or to end; what it held is gone then.
-fn serve(to: &Pipe, from: &Pipe, restart: &AtomicBool, end: &AtomicBool, pause: Duration) {
-    restart.store(false, Ordering::Relaxed);
-    let mut buffers = Box::new(Buffers::new());
+/// Serves the line until `over`; what the module held is gone then.
+fn serve<E: WireEngine>(
+    processor: SubCpiProcessor<'_, E>,
+    to: &Pipe,
+    from: &Pipe,
+    over: &dyn Fn() -> bool,
+    pause: Duration,
+) {
     let mut received = vec![0; max_received_bytes(ROW)];
     let mut frame = vec![0; max_frame_bytes(ROW)];
     let mut row = vec![0; 8 * ROW];
@@ -275,11 +293,10 @@ fn serve(to: &Pipe, from: &Pipe, restart: &AtomicBool, end: &AtomicBool, pause: 
         kernel: &kernel,
         columns: &mut columns,
     };
-    let processor = buffers.processor();
     let mut station = Station::new(processor, link, products, "station of the tests");
     let mut bytes = [0; 64];
     let mut idle = false;
-    while !end.load(Ordering::Relaxed) && !restart.load(Ordering::Relaxed) {
+    while !over() {
         let wait = Duration::from_micros(if idle { 200 } else { 0 });
         let count = to.read(&mut bytes, wait);
         station.receive(&bytes[..count]);

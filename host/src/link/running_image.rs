@@ -30,22 +30,19 @@ pub struct RunningImage {
     patches: usize,
     error_db: f64,
     memory_bytes: u64,
-    amplitude_scale: f32,
     waiting: BTreeMap<u32, Vec<OwnedMap>>,
     sum: Vec<Complex32>,
     weight_sum: f64,
 }
 
 impl RunningImage {
-    /// Nothing yet: for maps of `patches` patches of `run`, whose samples were multiplied by
-    /// `amplitude_scale`.
+    /// Nothing yet: for maps of `patches` patches of `run`.
     pub fn new(
         run: &Run,
         grid: &ImageGrid,
         patches: usize,
         error_db: f64,
         memory_bytes: u64,
-        amplitude_scale: f32,
     ) -> Self {
         Self {
             run: run.clone(),
@@ -53,7 +50,6 @@ impl RunningImage {
             patches,
             error_db,
             memory_bytes,
-            amplitude_scale,
             waiting: BTreeMap::new(),
             sum: vec![Complex32::ZERO; grid.num_pixels() as usize],
             weight_sum: 0.0,
@@ -118,7 +114,7 @@ impl RunningImage {
             *sum += pixel * weight as f32;
         }
         self.weight_sum += weight;
-        let norm = (1.0 / (self.weight_sum * f64::from(self.amplitude_scale))) as f32;
+        let norm = (1.0 / self.weight_sum) as f32;
         Ok(Some(Image {
             pixels: self.sum.iter().map(|sum| sum * norm).collect(),
             ..formed.image

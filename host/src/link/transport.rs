@@ -17,6 +17,12 @@ use super::place::Place;
 /// Longest wait for a connection.
 const CONNECT_LIMIT: Duration = Duration::from_secs(5);
 
+/// Fewer bytes than this are waited a little longer for.
+const FEW_BYTES: usize = 1024;
+
+/// How much longer.
+const GATHER: Duration = Duration::from_micros(500);
+
 /// Bytes given to a serial line at a time: 5.6 ms at 921600 bits a second, so that reading goes on.
 const SERIAL_CHUNK_BYTES: usize = 512;
 
@@ -121,22 +127,30 @@ pub(super) fn read_stream(
         )),
         count => Ok(count),
     };
-    match stream.read(buffer) {
-        Ok(count) => return some(count),
-        Err(error) if is_not_yet(&error) => {}
+    let now = match stream.read(buffer) {
+        Err(error) if is_not_yet(&error) && !wait.is_zero() => {
+            stream.set_nonblocking(false)?;
+            stream.set_read_timeout(Some(wait))?;
+            let read = stream.read(buffer);
+            stream.set_nonblocking(true)?;
+            read
+        }
+        read => read,
+    };
+    let count = match now {
+        Ok(count) => some(count)?,
+        Err(error) if is_not_yet(&error) => return Ok(0),
         Err(error) => return Err(error),
+    };
+    if count >= FEW_BYTES || wait.is_zero() {
+        return Ok(count);
     }
-    if wait.is_zero() {
-        return Ok(0);
-    }
-    stream.set_nonblocking(false)?;
-    stream.set_read_timeout(Some(wait))?;
-    let read = stream.read(buffer);
-    stream.set_nonblocking(true)?;
-    match read {
-        Ok(count) => some(count),
-        Err(error) if is_not_yet(&error) => Ok(0),
-        Err(error) => Err(error),
+    // A serial line behind a socket brings single bytes: more come while this side sleeps.
+    std::thread::sleep(GATHER.min(wait));
+    match stream.read(&mut buffer[count..]) {
+        Ok(more) => Ok(count + more),
+        // The next call finds the same again.
+        Err(_) => Ok(count),
     }
 }
 

@@ -43,6 +43,18 @@ pub struct Run {
     pub provenance: serde_json::Map<String, serde_json::Value>,
 }
 
+impl Run {
+    /// What the module's samples were multiplied by, and maps are too large by: `amplitude_scale` of the
+    /// provenance, a positive number; 1 where there is none.
+    pub fn amplitude_scale(&self) -> f64 {
+        let scale = self.provenance.get("amplitude_scale");
+        scale
+            .and_then(serde_json::Value::as_f64)
+            .filter(|scale| scale.is_finite() && *scale > 0.0)
+            .unwrap_or(1.0)
+    }
+}
+
 /// What is known when a run is over.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Closing {

@@ -17,6 +17,9 @@
 //! nearest. Where its place in any of that patch's maps lies so near the gate's edge that the kernel would reach
 //! beyond, it is left out: it reads 0, and [`Report::pixels_outside`] counts it.
 //!
+//! **Scale.** Samples that were multiplied to fill 16 bits are divided again
+//! ([`Run::amplitude_scale`](crate::maps::Run::amplitude_scale)).
+//!
 //! **Missing maps.** A patch is normalised by the weights of the maps that it has, so a unit scatterer
 //! reads 1 there too, on a shorter or thinned aperture. [`Report`] says how many maps are missing and how little of
 //! the aperture the worst patch has.
@@ -125,6 +128,7 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
         kernel_taps: kernels.range.taps(),
         kernel_db: 20.0 * kernels.error.log10(),
     };
+    let scale = task.maps.run().amplitude_scale();
     let (mut start, mut done) = (0, 0);
     for (patch, end) in patches.iter().zip(ends) {
         report.maps_missing += report.sub_cpis.saturating_sub(patch.maps.len() as u64);
@@ -143,7 +147,7 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
             task.monitor
                 .progress(f64::from(done) / headers.len() as f64);
         }
-        let norm = (1.0 / patch.weight_sum) as f32;
+        let norm = (1.0 / (patch.weight_sum * scale)) as f32;
         for (&pixel, sum) in members.iter().zip(sums) {
             if sum.outside {
                 report.pixels_outside += 1;

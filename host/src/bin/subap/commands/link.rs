@@ -107,14 +107,12 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     };
     let mut writer = MapWriter::create(&typed.out, &run)?;
     let picture = typed.picture.as_deref().map(|path| {
-        let scale = work.pulses.amplitude_scale();
         let image = link::RunningImage::new(
             &run,
             &grid,
             plan.patches.len(),
             error_db,
             session.memory_bytes,
-            scale,
         );
         Picture::start(path, image, &grid, survey.name.clone())
     });
@@ -123,11 +121,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
         picture,
     };
     let (outcome, compared) = if typed.verify {
-        let Some(core) = HostCore::new(job()?)? else {
-            bail!(
-                "--verify compares maps in floating point, and this module's are not: leave it out"
-            );
-        };
+        let core = HostCore::new(job()?)?;
         let mut verified = Verified::new(&mut keep, core);
         let outcome = module.transfer(&mut work, &mut verified, &mut watch);
         (outcome, Some(verified.counts()))
@@ -335,7 +329,7 @@ impl Watch for Watching {
 
     fn log(&mut self, text: &str) {
         if self.verbose {
-            self.bar.print(&format!("module: {text}"));
+            self.bar.print(text);
         }
     }
 
