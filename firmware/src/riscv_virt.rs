@@ -6,8 +6,8 @@
 use core::fmt::{self, Write};
 use core::panic::PanicInfo;
 
-// A stack, the floating-point unit where there is one (mstatus.FS = 1; the bits read as 0 where there is none),
-// then the program's `riscv_main`.
+// A stack, the floating-point unit where there is one (mstatus.FS = 1; the bits read as 0 where there is
+// none), then the program's `riscv_main`.
 core::arch::global_asm!(
     ".section .text.start, \"ax\"
      .global _start

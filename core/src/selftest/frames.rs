@@ -60,7 +60,9 @@ fn row_bytes<'b>(map: &PatchMap<'_>, index: usize, out: &'b mut [u8]) -> Option<
             exponents,
         }) => write_block_row(
             mantissas.chunks_exact(width).nth(index)?,
-            exponents.chunks_exact(BlockFloat::blocks(width)).nth(index)?,
+            exponents
+                .chunks_exact(BlockFloat::blocks(width))
+                .nth(index)?,
             out,
         ),
     }
