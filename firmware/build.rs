@@ -7,12 +7,21 @@ fn main() {
     println!("cargo::rerun-if-changed=../memory.x");
     println!("cargo::rerun-if-changed=memory-an500.x");
     println!("cargo::rerun-if-changed=memory-h743.x");
+    println!("cargo::rerun-if-changed=memory-microbit.x");
+    println!("cargo::rerun-if-changed=memory-virt.x");
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
+        return;
+    }
+    if env::var("CARGO_CFG_TARGET_ARCH").as_deref() == Ok("riscv32") {
+        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/memory-virt.x");
+        println!("cargo::rustc-link-arg-bins=-T{script}");
         return;
     }
     let has = |feature: &str| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
     let map = if has("BOARD_H743") {
         "memory-h743.x"
+    } else if has("BOARD_MICROBIT") {
+        "memory-microbit.x"
     } else {
         "memory-an500.x"
     };

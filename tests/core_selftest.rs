@@ -1,10 +1,13 @@
-//! The self-test's own test: its checksum is pinned (`firmware.rs` compares the target's).
-//! That its maps and pixels are right is shown by `core_map.rs` and `core_accumulate.rs`.
+//! The self-tests' own test: their checksums are pinned (`firmware.rs` and `golden.rs` compare those of
+//! targets). That maps and pixels are right is shown by `core_map.rs`, `core_accumulate.rs`,
+//! `stream_float.rs` and `core_fixed.rs`.
 
-use subaperture_core::selftest::SelfTest;
+use subaperture_core::selftest::{FixedStreamSelfTest, FloatStreamSelfTest, SelfTest};
 
 /// Changes only when the arithmetic changes: then run this test, look at why, and write the new one.
 const CHECKSUM: u32 = 0x8043_76ec;
+const FLOAT_STREAM_CHECKSUM: u32 = 0xbef4_6d58;
+const FIXED_STREAM_CHECKSUM: u32 = 0xce22_6408;
 
 #[test]
 fn checksum_is_the_recorded_one_and_repeats() {
@@ -15,4 +18,21 @@ fn checksum_is_the_recorded_one_and_repeats() {
         first, CHECKSUM,
         "0x{first:08x} is not the recorded 0x{CHECKSUM:08x}"
     );
+}
+
+#[test]
+fn checksums_of_the_stream_are_the_recorded_ones_and_repeat() {
+    let mut float = Box::new(FloatStreamSelfTest::new());
+    let mut fixed = Box::new(FixedStreamSelfTest::new());
+    for (name, first, again, recorded) in [
+        ("float", float.run(), float.run(), FLOAT_STREAM_CHECKSUM),
+        ("fixed", fixed.run(), fixed.run(), FIXED_STREAM_CHECKSUM),
+    ] {
+        let first = first.unwrap();
+        assert_eq!(again, Ok(first), "{name}: buffers in use leave no trace");
+        assert_eq!(
+            first, recorded,
+            "{name}: 0x{first:08x} is not the recorded 0x{recorded:08x}"
+        );
+    }
 }

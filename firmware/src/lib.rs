@@ -10,8 +10,9 @@
 //! | `board` | `Board` and the two boards that there are |
 //! | `memory` | where statics lie; how much of the stack was used |
 //! | `fault` | panics and exceptions: a line of log, then a reset, counted |
+//! | `riscv_virt` | start, output and end on QEMU's RISC-V machine |
 //!
-//! The last four are for a target only; the others run on a host too.
+//! The last five are for a target only (four for ARM, one for RISC-V); the others run on a host too.
 #![no_std]
 
 pub mod engine;
@@ -19,11 +20,14 @@ pub mod products;
 pub mod sizes;
 pub mod station;
 
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", target_arch = "arm"))]
 pub mod board;
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", target_arch = "arm"))]
 pub mod fault;
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", target_arch = "arm"))]
 pub mod memory;
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", target_arch = "arm"))]
 pub mod serve;
+
+#[cfg(all(target_os = "none", target_arch = "riscv32"))]
+pub mod riscv_virt;

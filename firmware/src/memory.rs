@@ -88,13 +88,13 @@ core::arch::global_asm!(
          ldr r1, =__eaxi
      1:  cmp r0, r1
          beq 2f
-         strd r2, r3, [r0], #8
+         stmia r0!, {{r2, r3}}
          b 1b
      2:  ldr r0, =__ssram
          ldr r1, =__esram
      3:  cmp r0, r1
          beq 4f
-         strd r2, r3, [r0], #8
+         stmia r0!, {{r2, r3}}
          b 3b
      4:  bx lr
          .ltorg

@@ -9,7 +9,10 @@ mod an500;
 #[cfg(feature = "board-h743")]
 mod h743;
 
-#[cfg(all(not(feature = "defmt"), feature = "board-an500"))]
+#[cfg(all(
+    not(feature = "defmt"),
+    any(feature = "board-an500", feature = "board-microbit")
+))]
 mod semihosting;
 
 #[cfg(feature = "board-an500")]
@@ -17,10 +20,20 @@ pub use an500::{An500, An500 as Current, UartError};
 #[cfg(feature = "board-h743")]
 pub use h743::{H743, H743 as Current, SerialLink};
 
-#[cfg(not(any(feature = "board-an500", feature = "board-h743")))]
-compile_error!("choose a board: --features board-an500 or --features board-h743");
-#[cfg(all(feature = "board-an500", feature = "board-h743"))]
-compile_error!("two boards: add --no-default-features to --features board-h743");
+#[cfg(not(any(
+    feature = "board-an500",
+    feature = "board-h743",
+    feature = "board-microbit"
+)))]
+compile_error!("choose a board: --features board-an500, board-h743 or board-microbit");
+#[cfg(any(
+    all(feature = "board-an500", feature = "board-h743"),
+    all(feature = "board-an500", feature = "board-microbit"),
+    all(feature = "board-h743", feature = "board-microbit")
+))]
+compile_error!("two boards: add --no-default-features to --features board-...");
+
+// The micro:bit stands for parts without atomic exchange and floating point: it has a log, and no `Board`.
 
 /// What a program asks of the machine it runs on.
 pub trait Board: Sized {
@@ -74,7 +87,10 @@ pub fn log(message: fmt::Arguments<'_>) {
 }
 
 /// Logs a line; for places that do not own the board.
-#[cfg(all(not(feature = "defmt"), feature = "board-an500"))]
+#[cfg(all(
+    not(feature = "defmt"),
+    any(feature = "board-an500", feature = "board-microbit")
+))]
 pub fn log(message: fmt::Arguments<'_>) {
     semihosting::line(message);
 }
@@ -91,7 +107,7 @@ use defmt_semihosting as _;
 
 /// Ends a program that is a test: the emulator exits with success or failure; a board waits for a person.
 pub fn end(_success: bool) -> ! {
-    #[cfg(feature = "board-an500")]
+    #[cfg(any(feature = "board-an500", feature = "board-microbit"))]
     cortex_m_semihosting::debug::exit(if _success {
         cortex_m_semihosting::debug::EXIT_SUCCESS
     } else {

@@ -21,9 +21,9 @@ Usage: cargo xtask COMMAND
   doc        rustdoc, warnings are errors
   deny       licences, sources, bans and (when its database can be reached) advisories
   unit       the tests of core, host and tests, doc tests included
-  firmware   the firmware under QEMU against the host
+  firmware   the firmware under QEMU against the host, and the core's bits on other machines
 
-'cargo xtask test' is what continuous integration runs. It may install a Rust target, Debian
+'cargo xtask test' is what continuous integration runs. It may install Rust targets, Debian
 packages (as root or with passwordless sudo), cargo-deny, and sarkit in target/venv unless
 SUBAPERTURE_PYTHON names a Python that has it.";
 
@@ -63,6 +63,9 @@ fn main() -> ExitCode {
     if let Err(what_to_do) = prerequisites::ensure(needs) {
         eprintln!("{what_to_do}");
         return ExitCode::FAILURE;
+    }
+    if matches!(command, "firmware" | "test") {
+        prerequisites::ensure_if_possible(&prerequisites::OTHER_MACHINES);
     }
     match command {
         "fmt" => checks::fmt(&mut runner),

@@ -4,16 +4,31 @@ use std::process::{Command, Stdio};
 
 use crate::python;
 
+const FIRMWARE_TARGET: &str = "thumbv7em-none-eabihf";
+
 /// Something a command of ours cannot do without.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Need {
     Rustfmt,
     Clippy,
     FirmwareTarget,
+    /// A target that the streaming core's bits are compared on.
+    OtherTarget(&'static str),
     Qemu,
+    QemuUser,
+    QemuRiscv,
     Python,
     CargoDeny,
 }
+
+/// Without these the tests on other machines are skipped.
+pub(crate) const OTHER_MACHINES: [Need; 5] = [
+    Need::OtherTarget("thumbv6m-none-eabi"),
+    Need::OtherTarget("aarch64-unknown-linux-musl"),
+    Need::OtherTarget("riscv32imafc-unknown-none-elf"),
+    Need::QemuUser,
+    Need::QemuRiscv,
+];
 
 /// How a missing need is met.
 enum Source {
@@ -27,8 +42,11 @@ impl Need {
         match self {
             Self::Rustfmt => works("cargo", &["fmt", "--version"]),
             Self::Clippy => works("cargo", &["clippy", "--version"]),
-            Self::FirmwareTarget => firmware_target_installed(),
+            Self::FirmwareTarget => target_installed(FIRMWARE_TARGET),
+            Self::OtherTarget(target) => target_installed(target),
             Self::Qemu => works("qemu-system-arm", &["--version"]),
+            Self::QemuUser => works("qemu-aarch64", &["--version"]),
+            Self::QemuRiscv => works("qemu-system-riscv32", &["--version"]),
             Self::Python => python::interpreter().is_some(),
             Self::CargoDeny => works("cargo", &["deny", "--version"]),
         }
@@ -37,10 +55,13 @@ impl Need {
     fn source(self) -> Source {
         match self {
             Self::Qemu => Source::Debian(&["qemu-system-arm"]),
+            Self::QemuUser => Source::Debian(&["qemu-user"]),
+            Self::QemuRiscv => Source::Debian(&["qemu-system-misc"]),
             Self::Python => Source::Debian(&["python3", "python3-venv"]),
             Self::Rustfmt => Source::Rustup(["component", "add", "rustfmt"]),
             Self::Clippy => Source::Rustup(["component", "add", "clippy"]),
-            Self::FirmwareTarget => Source::Rustup(["target", "add", "thumbv7em-none-eabihf"]),
+            Self::FirmwareTarget => Source::Rustup(["target", "add", FIRMWARE_TARGET]),
+            Self::OtherTarget(target) => Source::Rustup(["target", "add", target]),
             Self::CargoDeny => Source::CargoInstall("cargo-deny"),
         }
     }
@@ -86,6 +107,15 @@ pub(crate) fn ensure(needs: &[Need]) -> Result<(), String> {
     }
 }
 
+/// Meets what can be met of `needs`, and says what could not.
+pub(crate) fn ensure_if_possible(needs: &[Need]) {
+    for need in needs {
+        if let Err(what_to_do) = ensure(&[*need]) {
+            eprintln!("{what_to_do}\n{need:?}: going on without it");
+        }
+    }
+}
+
 fn install_packages(packages: &[&str]) -> Result<(), String> {
     let by_hand = format!("sudo apt-get install --yes {}", packages.join(" "));
     if !works("apt-get", &["--version"]) {
@@ -117,14 +147,9 @@ fn install_packages(packages: &[&str]) -> Result<(), String> {
     apt(&[&install, packages].concat()).map_err(|error| format!("{error}; run\n    {by_hand}"))
 }
 
-/// Whether the compiler in use has the firmware's standard library, with or without rustup.
-fn firmware_target_installed() -> bool {
-    let target = [
-        "--print",
-        "target-libdir",
-        "--target",
-        "thumbv7em-none-eabihf",
-    ];
+/// Whether the compiler in use has the standard library of `target`, with or without rustup.
+fn target_installed(target: &str) -> bool {
+    let target = ["--print", "target-libdir", "--target", target];
     run_quietly("rustc", &target).is_some_and(|dir| std::path::Path::new(dir.trim()).is_dir())
 }
 

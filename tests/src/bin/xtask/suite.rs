@@ -20,9 +20,17 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
     runner.tests("tests", &mut command);
 }
 
-/// Only the firmware under QEMU.
+/// Only what runs under QEMU.
 pub(crate) fn firmware(runner: &mut Runner) {
     let mut command = cargo(&["test", "--package", "subaperture-tests"]);
-    command.args(["--test", "firmware", "--locked", "--", SHOW_OUTPUT]);
+    command.args([
+        "--test",
+        "firmware",
+        "--test",
+        "golden",
+        "--locked",
+        "--",
+        SHOW_OUTPUT,
+    ]);
     runner.tests("firmware", &mut command);
 }

@@ -1,12 +1,23 @@
-//! One synthetic sub-CPI through everything, to one number that must be the same on every machine.
+//! Synthetic pulses through everything, to numbers that must be the same on every machine.
 //!
 //! Rust does not contract `a*b + c` or reorder floating point, and the transforms and functions used
 //! are pure Rust, so equality to the last bit can be demanded of host and target. Input: pseudo-random
-//! integers and three scatterers whose phase is a product of integers. They go through [`Plan`] twice,
-//! by the sinc Keystone and by the exact one, in the same buffers. Output: FNV-1a (Fowler, Noll, Vo;
-//! 32 bits, over little-endian bytes) of both maps, the pixels and the power.
+//! integers and three scatterers whose phase is a product of integers. Output: FNV-1a (Fowler, Noll, Vo;
+//! 32 bits, over little-endian bytes).
 //!
-//! The expected number is held by `tests/core_selftest.rs`; `tests/firmware.rs` compares the target's.
+//! | test | what runs | checksum of |
+//! |---|---|---|
+//! | [`SelfTest`] | one sub-CPI through [`Plan`], by the sinc Keystone and by the exact one | both maps, pixels, power |
+//! | [`FloatStreamSelfTest`], [`FixedStreamSelfTest`] | two runs of [`crate::stream`] | maps with their headers, the frames of [`crate::link`] |
+//!
+//! The expected numbers are held by `tests/core_selftest.rs`; `tests/firmware.rs` and `tests/golden.rs`
+//! compare those of other machines.
+
+mod frames;
+mod scene;
+mod stream;
+
+pub use stream::{FixedStreamSelfTest, FloatStreamSelfTest, StreamSelfTestError};
 
 use num_complex::Complex32;
 
@@ -188,16 +199,34 @@ fn window_synthetic(plan: &Plan<'_>, history: &mut [Complex32]) {
 }
 
 /// Knuth's 64-bit linear congruential generator (MMIX).
+#[derive(Clone)]
 struct Lcg(u64);
 
 impl Lcg {
-    /// Uniform in [-1, 1), 24 bits, exact in float32.
-    fn next(&mut self) -> f32 {
+    /// The upper half of the next state.
+    fn next_bits(&mut self) -> i32 {
         self.0 = self
             .0
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
-        ((self.0 >> 32) as i32 >> 8) as f32 / 8_388_608.0
+        (self.0 >> 32) as i32
+    }
+
+    /// Uniform in [-1, 1), 24 bits, exact in float32.
+    fn next(&mut self) -> f32 {
+        (self.next_bits() >> 8) as f32 / 8_388_608.0
+    }
+
+    /// Uniform in [-1/32, 1/32), in units of 2^-15.
+    fn next_part(&mut self) -> i16 {
+        (self.next_bits() >> 21) as i16
+    }
+
+    /// Leaves out `count` numbers.
+    fn skip(&mut self, count: u32) {
+        for _ in 0..count {
+            self.next_bits();
+        }
     }
 }
 
@@ -208,10 +237,14 @@ impl Fnv1a {
         Self(0x811c_9dc5)
     }
 
-    fn add(&mut self, value: f32) {
-        for byte in value.to_bits().to_le_bytes() {
-            self.0 = (self.0 ^ u32::from(byte)).wrapping_mul(0x0100_0193);
+    fn add_bytes(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u32::from(*byte)).wrapping_mul(0x0100_0193);
         }
+    }
+
+    fn add(&mut self, value: f32) {
+        self.add_bytes(&value.to_bits().to_le_bytes());
     }
 
     fn add_samples(&mut self, samples: &[Complex32]) {

@@ -1,0 +1,293 @@
+//! The streaming core's bits: one map of each arithmetic value for value, and the self-tests' checksums on
+//! other machines.
+//!
+//! `tests/golden/*.txt` hold a map a file, a value a line: Doppler bin, range bin, real and imaginary part;
+//! float32 as the hexadecimal digits of its bits, fixed point as mantissas (hexadecimal, 16 bits) and the
+//! block's exponent (decimal). They change only when the arithmetic changes: then look at why, and
+//! write new ones by
+//!
+//! ```text
+//! SUBAPERTURE_WRITE_GOLDEN=1 cargo test -p subaperture-tests --test golden golden_map
+//! ```
+//!
+//! That the maps are right is shown by `stream_float.rs` and `core_fixed.rs`; here they are only the same.
+
+use std::fmt::Write;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use subaperture_core::selftest::{FixedStreamSelfTest, FloatStreamSelfTest, SelfTest};
+use subaperture_core::stream::{BlockFloat, MapSamples, PatchMap};
+
+/// Which map is kept: the second patch, off the origin, of the second sub-CPI of the first run.
+const KEPT: usize = 3;
+
+#[test]
+fn golden_map_of_float() {
+    let (mut number, mut text) = (0, String::new());
+    let see = |map: &PatchMap<'_>| keep(map, &mut number, &mut text);
+    Box::new(FloatStreamSelfTest::new()).run_with(see).unwrap();
+    compare("stream_float.txt", &text);
+}
+
+#[test]
+fn golden_map_of_fixed_point() {
+    let (mut number, mut text) = (0, String::new());
+    let see = |map: &PatchMap<'_>| keep(map, &mut number, &mut text);
+    Box::new(FixedStreamSelfTest::new()).run_with(see).unwrap();
+    compare("stream_fixed.txt", &text);
+}
+
+/// Writes the map to `text` if it is the one that is kept.
+fn keep(map: &PatchMap<'_>, number: &mut usize, text: &mut String) {
+    if *number == KEPT {
+        write_map(map, text);
+    }
+    *number += 1;
+}
+
+fn write_map(map: &PatchMap<'_>, text: &mut String) {
+    let patch = &map.header.patch;
+    let (rows, width) = (patch.num_doppler_bins(), patch.num_range_bins());
+    for index in 0..rows * width {
+        let d = (index / width) as i32 - i32::from(patch.doppler_reach);
+        let r = (index % width) as i32 - i32::from(patch.range_reach);
+        match map.samples {
+            MapSamples::Float(samples) => {
+                let (re, im) = (samples[index].re.to_bits(), samples[index].im.to_bits());
+                writeln!(text, "{d} {r} {re:08x} {im:08x}").unwrap();
+            }
+            MapSamples::Fixed(block_float) => {
+                let mantissa = block_float.mantissas[index];
+                let blocks = index / width * BlockFloat::blocks(width);
+                let exponent = block_float.exponents[blocks + index % width / BlockFloat::BLOCK];
+                let (re, im) = (mantissa.re.to_bits(), mantissa.im.to_bits());
+                writeln!(text, "{d} {r} {re:04x} {im:04x} {exponent}").unwrap();
+            }
+        }
+    }
+}
+
+/// Compares with the file line by line, or writes it.
+fn compare(name: &str, text: &str) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden");
+    let path = folder.join(name);
+    if std::env::var_os("SUBAPERTURE_WRITE_GOLDEN").is_some() {
+        std::fs::write(&path, text).unwrap();
+        return;
+    }
+    let golden = std::fs::read_to_string(&path)
+        .unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+    let values = text.lines().count();
+    assert!(values > 100, "a map of {values} values");
+    assert_eq!(golden.lines().count(), values, "values of {name}");
+    let pairs = golden.lines().zip(text.lines()).enumerate();
+    let differ: Vec<_> = pairs.filter(|(_, (golden, got))| golden != got).collect();
+    if let Some((line, (golden, got))) = differ.first() {
+        panic!(
+            "{} of {values} values of {name} differ; the first, line {}:\n{golden} (golden)\n{got} (now)",
+            differ.len(),
+            line + 1
+        );
+    }
+}
+
+#[test]
+fn cortex_m7_computes_the_same_bits() {
+    let lines = Machine {
+        target: "thumbv7em-none-eabihf",
+        options: &[],
+        emulator: &["qemu-system-arm", "-M", "mps2-an500"],
+    }
+    .run("stream_selftest");
+    let Some(lines) = lines else { return };
+    assert_eq!(checksums(&lines[..2]), [float(), fixed()]);
+    let [used, all] = stack(&lines[2]);
+    assert!(used < all, "{used} of {all} bytes of stack");
+}
+
+/// 16 KiB of RAM, no floating point, no division, no atomic exchange. The linker holds the statics to the
+/// memory; the stack is what they leave.
+#[test]
+fn cortex_m0_computes_the_same_bits() {
+    let lines = Machine {
+        target: "thumbv6m-none-eabi",
+        options: &["--no-default-features", "--features", "board-microbit"],
+        emulator: &["qemu-system-arm", "-M", "microbit"],
+    }
+    .run("stream_selftest");
+    let Some(lines) = lines else { return };
+    assert_eq!(checksums(&lines[..1]), [fixed()]);
+    let [used, all] = stack(&lines[1]);
+    let buffers: u32 = lines[0].split(' ').nth(1).unwrap().parse().unwrap();
+    println!("buffers {buffers} bytes, stack {used} of {all} bytes");
+    assert!(buffers + all <= 16 * 1024, "the machine's memory");
+    assert!(used < all, "{used} of {all} bytes of stack");
+}
+
+#[test]
+fn riscv_computes_the_same_bits() {
+    let lines = Machine {
+        target: "riscv32imafc-unknown-none-elf",
+        options: &[],
+        emulator: &["qemu-system-riscv32", "-M", "virt", "-bios", "none"],
+    }
+    .run("stream_selftest");
+    let Some(lines) = lines else { return };
+    assert_eq!(checksums(&lines), [float(), fixed()]);
+}
+
+#[test]
+fn aarch64_computes_the_same_bits() {
+    let machine = Machine {
+        target: "aarch64-unknown-linux-musl",
+        options: &[],
+        emulator: &["qemu-aarch64"],
+    };
+    let Some(lines) = machine.run("stream_selftest") else {
+        return;
+    };
+    assert_eq!(checksums(&lines), [float(), fixed()]);
+    let lines = machine.run("selftest").unwrap();
+    let plan = Box::new(SelfTest::new()).run().unwrap();
+    assert_eq!(lines[1], format!("checksum 0x{plan:08x}"));
+}
+
+fn float() -> (String, String) {
+    let checksum = Box::new(FloatStreamSelfTest::new()).run().unwrap();
+    ("float".to_owned(), format!("0x{checksum:08x}"))
+}
+
+fn fixed() -> (String, String) {
+    let checksum = Box::new(FixedStreamSelfTest::new()).run().unwrap();
+    ("fixed".to_owned(), format!("0x{checksum:08x}"))
+}
+
+/// Names and checksums of lines such as `fixed 4496 bytes 0x01234567`.
+fn checksums(lines: &[String]) -> Vec<(String, String)> {
+    let parts = lines.iter().map(|line| {
+        let words: Vec<&str> = line.split(' ').collect();
+        let [name, _, "bytes", checksum] = words[..] else {
+            panic!("{line}");
+        };
+        (name.to_owned(), checksum.to_owned())
+    });
+    parts.collect()
+}
+
+/// Bytes used and there of a line such as `stack 2164 of 11868 bytes`.
+fn stack(line: &str) -> [u32; 2] {
+    let words: Vec<&str> = line.split(' ').collect();
+    let ["stack", used, "of", all, "bytes"] = words[..] else {
+        panic!("{line}");
+    };
+    [used, all].map(|bytes| bytes.parse().unwrap())
+}
+
+/// Builds take minutes on a busy machine, runs a second; a hang must not hang the tests.
+const TIME_LIMIT: Duration = Duration::from_secs(60);
+
+struct Machine {
+    target: &'static str,
+    /// Cargo's, beside the target.
+    options: &'static [&'static str],
+    emulator: &'static [&'static str],
+}
+
+impl Machine {
+    /// Lines that a program of the firmware prints; none if the target or the emulator is not at hand.
+    fn run(&self, program: &str) -> Option<Vec<String>> {
+        let emulator = self.emulator[0];
+        let version = Command::new(emulator).arg("--version").output();
+        for (found, what) in [
+            (self.is_installed(), self.target),
+            (version.is_ok(), emulator),
+        ] {
+            if !found {
+                println!("skipped: {what} not found");
+                return None;
+            }
+        }
+        Some(self.emulate(&self.build(program)))
+    }
+
+    fn is_installed(&self) -> bool {
+        let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+        let output = Command::new(rustc)
+            .args(["--print", "target-libdir", "--target", self.target])
+            .output()
+            .expect("rustc runs");
+        Path::new(String::from_utf8_lossy(&output.stdout).trim()).is_dir()
+    }
+
+    /// In a target folder of its own: cargo locks each.
+    fn build(&self, program: &str) -> PathBuf {
+        let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("golden");
+        let mut command = Command::new(env!("CARGO"));
+        command
+            .current_dir(workspace)
+            .args(["build", "--package", "subaperture-firmware", "--locked"])
+            .args(["--profile", "firmware", "--bin", program])
+            .args(self.options)
+            .args(["--target", self.target, "--target-dir"])
+            .arg(&folder);
+        if self.target.ends_with("-musl") {
+            // The linker that comes with Rust, and its own C library: no toolchain of the target is needed.
+            let name = self.target.to_uppercase().replace('-', "_");
+            command
+                .env(format!("CARGO_TARGET_{name}_LINKER"), "rust-lld")
+                .env(
+                    format!("CARGO_TARGET_{name}_RUSTFLAGS"),
+                    "-C link-self-contained=yes",
+                );
+        }
+        let output = command.output().expect("cargo runs");
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{stderr}");
+        folder.join(self.target).join("firmware").join(program)
+    }
+
+    fn emulate(&self, elf: &Path) -> Vec<String> {
+        let mut command = Command::new(self.emulator[0]);
+        command.args(&self.emulator[1..]);
+        if self.emulator[0].contains("-system-") {
+            command
+                .args(["-display", "none", "-monitor", "none", "-serial", "stdio"])
+                .args(["-semihosting-config", "enable=on,target=native", "-kernel"]);
+        }
+        let mut emulator = command
+            .arg(elf)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the emulator starts");
+        let started = Instant::now();
+        let status = loop {
+            if let Some(status) = emulator.try_wait().unwrap() {
+                break Some(status);
+            }
+            if started.elapsed() > TIME_LIMIT {
+                emulator.kill().unwrap();
+                emulator.wait().unwrap();
+                break None;
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        };
+        // A few lines: they fit the pipes.
+        let (mut printed, mut errors) = (String::new(), String::new());
+        let (stdout, stderr) = (emulator.stdout.take(), emulator.stderr.take());
+        stdout.unwrap().read_to_string(&mut printed).unwrap();
+        stderr.unwrap().read_to_string(&mut errors).unwrap();
+        assert!(
+            status.is_some_and(|status| status.success()),
+            "{} on {}: {status:?} (none: killed after {TIME_LIMIT:?})\n{printed}{errors}",
+            elf.display(),
+            self.emulator[0]
+        );
+        printed.lines().map(str::to_owned).collect()
+    }
+}
