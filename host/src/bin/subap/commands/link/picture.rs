@@ -1,7 +1,7 @@
 //! The picture of the image so far: a thread of its own, so that the line never waits for it.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -53,7 +53,7 @@ impl Picture {
 }
 
 fn draw(
-    path: &PathBuf,
+    path: &Path,
     mut image: RunningImage,
     grid: &ImageGrid,
     title: &str,
