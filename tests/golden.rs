@@ -115,7 +115,11 @@ fn cortex_m7_computes_the_same_bits() {
 fn cortex_m0_computes_the_same_bits() {
     let lines = Machine {
         target: "thumbv6m-none-eabi",
-        options: &["--no-default-features", "--features", "board-microbit,no-panic"],
+        options: &[
+            "--no-default-features",
+            "--features",
+            "board-microbit,no-panic",
+        ],
         emulator: &["qemu-system-arm", "-M", "microbit"],
     }
     .run("stream_selftest");
