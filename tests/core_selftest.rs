@@ -22,8 +22,8 @@ fn checksum_is_the_recorded_one_and_repeats() {
 
 #[test]
 fn checksums_of_the_stream_are_the_recorded_ones_and_repeat() {
-    let mut float = Box::new(FloatStreamSelfTest::new());
-    let mut fixed = Box::new(FixedStreamSelfTest::new());
+    let mut float = FloatStreamSelfTest::new();
+    let mut fixed = FixedStreamSelfTest::new();
     for (name, first, again, recorded) in [
         ("float", float.run(), float.run(), FLOAT_STREAM_CHECKSUM),
         ("fixed", fixed.run(), fixed.run(), FIXED_STREAM_CHECKSUM),

@@ -57,10 +57,14 @@ mod target {
     #[cfg_attr(target_arch = "riscv32", unsafe(export_name = "riscv_main"))]
     fn main() -> ! {
         #[cfg(not(feature = "board-microbit"))]
-        let float = super::run_float(log, FLOAT.take());
+        let float = FLOAT
+            .try_take()
+            .is_some_and(|test| super::run_float(log, test));
         #[cfg(feature = "board-microbit")]
         let float = true;
-        let fixed = super::run_fixed(log, FIXED.take());
+        let fixed = FIXED
+            .try_take()
+            .is_some_and(|test| super::run_fixed(log, test));
         #[cfg(target_arch = "arm")]
         {
             use subaperture_firmware::memory::{stack_bytes, stack_high_water_bytes};
