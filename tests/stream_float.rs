@@ -75,7 +75,7 @@ fn maps_are_the_defining_sum() {
                 15,
                 18,
                 vec![
-                    patch([3.0, -2.0, 0.5], 30, 5),
+                    patch([3.0, -2.0, 0.5], 22, 5),
                     patch([-4.0, 6.0, 0.0], 8, 7),
                 ],
             ),
@@ -83,7 +83,7 @@ fn maps_are_the_defining_sum() {
         ),
         // One pulse a sub-CPI, one frequency: the ends of both axes.
         (
-            Scene::new(1, 48, 64, 4, 3, vec![patch([1.0, 0.0, 0.0], 31, 1)]),
+            Scene::new(1, 48, 64, 4, 3, vec![patch([1.0, 0.0, 0.0], 23, 1)]),
             Box::new(FloatBuffers::<30, 48, 128, 41, 4>::new()),
         ),
         (
@@ -118,7 +118,7 @@ fn maps_are_the_defining_sum() {
 #[test]
 fn a_scatterer_is_where_the_definition_puts_it() {
     // A point in the patch: its place on both axes from the path's line over the sub-CPI.
-    let scene = Scene::point(30, 48, 128, 64, patch([0.0; 3], 40, 12), [2.0, 1.0, 0.0]);
+    let scene = Scene::point(30, 48, 128, 64, patch([0.0; 3], 23, 12), [2.0, 1.0, 0.0]);
     let mut buffers = Box::new(FloatBuffers::<30, 48, 128, 43, 1>::new());
     let maps = run!(buffers, &scene);
     let (a_m, b_m) = scene.line([2.0, 1.0, 0.0], 0);
@@ -131,7 +131,7 @@ fn a_scatterer_is_where_the_definition_puts_it() {
             power(i).total_cmp(&power(j))
         })
         .unwrap();
-    let (d, r) = ((peak / 81) as f64 - 12.0, (peak % 81) as f64 - 40.0);
+    let (d, r) = ((peak / 47) as f64 - 12.0, (peak % 47) as f64 - 23.0);
     assert!((d - doppler).abs() <= 0.51 && (r - range).abs() <= 0.51);
     // There it has the phase -2 pi f_ref a / c and, but for the place between bins, size 1.
     let value = scene.value_at(0, 0, doppler, range);

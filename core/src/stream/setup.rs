@@ -30,7 +30,7 @@ pub struct Setup {
 pub struct Capacity {
     /// Most pulses a sub-CPI.
     pub pulses: u16,
-    /// Most frequencies a pulse.
+    /// Most frequencies a pulse, and most range bins of a patch.
     pub frequencies: u16,
     /// Longest range transform.
     pub range_bins: u16,
@@ -140,7 +140,7 @@ impl Setup {
             wanted: wanted as u32,
             most: most as u32,
         };
-        let range_length = usize::from(self.range_length);
+        let range_length = self.range_length.min(capacity.frequencies).into();
         if patch.num_range_bins() > range_length {
             let wanted = patch.num_range_bins();
             return Err(too_large(Quantity::RangeGate, wanted, range_length));

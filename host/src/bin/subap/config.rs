@@ -21,6 +21,9 @@ use crate::text;
 /// The error bound where none is given, dB.
 pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
 
+/// That of maps, dB: so far below, because their image is compared with others that err too.
+pub(crate) const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
+
 /// Settings that every command shares.
 pub(crate) struct Session {
     /// Threads at work.

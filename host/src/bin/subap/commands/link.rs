@@ -22,7 +22,7 @@ use subaperture_core::link::{self as wire, AssembledMap, Encoding};
 use self::picture::Picture;
 use crate::args::Link;
 use crate::commands::focus::record::grid as grid_record;
-use crate::config::{DEFAULT_ERROR_DB, Session, record_of_run};
+use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, record_of_run};
 use crate::failure::InterruptedWithMaps;
 use crate::progress::Progress;
 use crate::{interrupt, text};
@@ -30,7 +30,7 @@ use crate::{interrupt, text};
 /// Has the module compute the maps. Those that came are kept, however it ends.
 pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let start = Instant::now();
-    let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
+    let error_db = typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB);
     let history = session.open(&typed.input)?;
     let collection = history.collection();
     let survey = Survey::of(collection).context("the input holds no pulses")?;
@@ -227,7 +227,7 @@ fn provenance(
         },
         "inputs": history.inputs()?,
         "grid": grid_record(grid),
-        "error_db": typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
+        "error_db": typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
         "predicted_error_db": plan.predicted_db,
         "slow_window": typed.slow_window.to_string(),
         "rate_hz": typed.rate,

@@ -8,7 +8,7 @@ use subaperture::phase_history::PhaseHistory;
 use subaperture::survey::Survey;
 
 use crate::args::{Plan, PlanModule, PlanTarget};
-use crate::config::{DEFAULT_ERROR_DB, Session};
+use crate::config::{DEFAULT_MAPS_ERROR_DB, Session};
 use crate::text::{self, bytes, metres};
 
 /// Prints the plan.
@@ -21,7 +21,7 @@ pub(crate) fn run(session: &Session, typed: &Plan) -> anyhow::Result<()> {
         None => survey.default_grid()?,
     };
     let request = Request {
-        error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
+        error_db: typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
         room: Room::Ram { bytes: typed.ram },
         arithmetic: if typed.fixed {
             Arithmetic::Fixed

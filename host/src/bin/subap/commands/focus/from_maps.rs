@@ -39,7 +39,9 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
             grid
         }
     };
-    let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
+    let planned = maps.run().provenance.get("error_db");
+    let planned = planned.and_then(serde_json::Value::as_f64);
+    let error_db = typed.error_db.or(planned).unwrap_or(DEFAULT_ERROR_DB);
     let progress = session.progress("focusing");
     let task = MapsTask {
         maps: &maps,
