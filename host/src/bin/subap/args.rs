@@ -186,7 +186,7 @@ pub(crate) struct Link {
     pub(crate) grid: Option<ImageGrid>,
 
     /// Bound on the relative RMS error of the image against the exact sum, in dB, -20 to -120
-    /// [default: -60]
+    /// [default: -66]
     #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
@@ -345,7 +345,7 @@ pub(crate) struct PlanModule {
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,
 
-    /// Bound on the relative RMS error of the image, in dB, -20 to -120 [default: -60]
+    /// Bound on the relative RMS error of the image, in dB, -20 to -120 [default: -66]
     #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
