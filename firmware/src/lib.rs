@@ -10,8 +10,10 @@
 //! | `board` | `Board` and the two boards that there are |
 //! | `memory` | where statics lie; how much of the stack was used |
 //! | `fault` | panics and exceptions: a line of log, then a reset, counted |
+//! | `module` | the buffers, and the station in them |
+//! | `meter` | instructions on the emulated board, cycles on a real one |
 //!
-//! The last four are for a target only; the others run on a host too.
+//! The last six are for a target only; the others run on a host too.
 #![no_std]
 
 pub mod engine;
@@ -25,5 +27,9 @@ pub mod board;
 pub mod fault;
 #[cfg(target_os = "none")]
 pub mod memory;
+#[cfg(target_os = "none")]
+pub mod meter;
+#[cfg(target_os = "none")]
+pub mod module;
 #[cfg(target_os = "none")]
 pub mod serve;
