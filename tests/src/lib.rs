@@ -1,6 +1,8 @@
-//! Shared by the integration tests.
+//! Shared by the integration tests and `xtask`.
 
+pub mod firmware;
 pub mod matlab;
+pub mod module_report;
 pub mod stream_scene;
 pub mod subap;
 

@@ -1,11 +1,13 @@
 //! A sub-CPI through the station, call by call.
 //!
 //! Commands are encoded as the host does and received by the station; every call of it is timed. Two
-//! patches: one fills the map buffer; the other, of one Doppler bin, has columns that are all
-//! compensation.
+//! patches: one fills the map buffer, and a chip is made of it; the other, of one Doppler bin, has
+//! columns that are all compensation. Both are searched for detections.
 
+use subaperture_core::cfar::{Cfar, Reach};
 use subaperture_core::link::{
-    Arithmetic, Command, Configuration, Encoder, Encoding, State, max_frame_bytes, write_complex32s,
+    Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, State, max_frame_bytes,
+    write_complex32s,
 };
 use subaperture_core::stream::{Patch, Setup, nodes};
 use subaperture_core::{Complex32, Pulse, Turns};
@@ -16,7 +18,9 @@ use subaperture_firmware::meter::Meter;
 use subaperture_firmware::module::{self, Engine};
 use subaperture_firmware::place;
 use subaperture_firmware::products::ChipKernel;
-use subaperture_firmware::sizes::{DOPPLER_BINS, FREQUENCIES, NAME, PATCHES, PULSES, RANGE_BINS};
+use subaperture_firmware::sizes::{
+    CHIP_PIXELS, DOPPLER_BINS, FREQUENCIES, NAME, PATCHES, PULSES, RANGE_BINS,
+};
 use subaperture_firmware::station::Station;
 
 const SETUP: Setup = Setup {
@@ -70,7 +74,7 @@ struct MapCost {
     begin: Cost,
     columns: Cost,
     rows: Cost,
-    /// Telling that there is no chip and nothing to search for.
+    /// Rows of the chip, the search for detections.
     products: Cost,
     frames: Cost,
     bytes: usize,
@@ -104,6 +108,25 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
         count: 2,
         patch,
     };
+    let chip = Command::Chip(ChipGrid {
+        patch: 0,
+        origin_m: [-4.0, -4.0, 0.0],
+        column_step_m: [0.25, 0.0, 0.0],
+        row_step_m: [0.0, 0.25, 0.0],
+        num_columns: 32,
+        num_rows: (CHIP_PIXELS / 32) as u16,
+    });
+    let detect = Command::Detect(Cfar {
+        range: Reach {
+            guard: 2,
+            training: 6,
+        },
+        doppler: Reach {
+            guard: 1,
+            training: 3,
+        },
+        false_alarm_probability: 1e-6,
+    });
     let start = Command::Start { run: 1, first: 0 };
     let preparation = [
         Command::Hello,
@@ -111,6 +134,8 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
         weights,
         patch(0, FULL),
         patch(1, ONE_BIN),
+        chip,
+        detect,
         start,
     ];
     for command in &preparation {
@@ -140,6 +165,10 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
     }
     let full = map(board, meter, &mut station, &FULL);
     let one = map(board, meter, &mut station, &ONE_BIN);
+    station.receive(encoder.encode(&Command::Stop, frame).ok()?);
+    drain(&mut station);
+    while station.work() {}
+    let chip_bytes = drain(&mut station);
     let stack_bytes = memory::stack_high_water_bytes();
     let nodes = meter
         .measure(board, || core::hint::black_box(nodes(pulses)))
@@ -161,17 +190,19 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
     show("rows", full.rows.sum);
     show("row_worst", full.rows.most);
     show("products", full.products.sum);
+    show("products_worst", full.products.most);
     show("send_map", full.frames.sum);
     show("send_worst", full.frames.most);
     show("nodes", nodes);
     show("up_bytes", up_bytes as u64);
     show("down_bytes_a_map", full.bytes as u64);
+    show("chip_bytes", chip_bytes as u64);
     show("stack", stack_bytes as u64);
     board.log(format_args!(
         "configuration {NAME} {:?}",
         Engine::ARITHMETIC
     ));
-    (full.bytes > 0 && one.bytes > 0).then_some(())
+    (full.bytes > 0 && one.bytes > 0 && chip_bytes > 0).then_some(())
 }
 
 /// Takes everything that the station wants to send; how much it was.
@@ -203,9 +234,13 @@ fn map(
     for _ in 0..patch.num_doppler_bins() {
         work(&mut cost.rows);
     }
-    // A search that was not asked for, and finding that nothing is left.
-    work(&mut cost.products);
-    work(&mut cost.products);
+    loop {
+        let (count, more) = meter.measure(board, || station.work());
+        if !more {
+            break;
+        }
+        cost.products.add(count);
+    }
     loop {
         let (count, bytes) = meter.measure(board, || station.pending().len());
         if bytes == 0 {

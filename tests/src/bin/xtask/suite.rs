@@ -23,6 +23,9 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
 /// Only the firmware under QEMU.
 pub(crate) fn firmware(runner: &mut Runner) {
     let mut command = cargo(&["test", "--package", "subaperture-tests"]);
-    command.args(["--test", "firmware", "--locked", "--", SHOW_OUTPUT]);
+    for test in ["firmware", "firmware_link", "module_budgets"] {
+        command.args(["--test", test]);
+    }
+    command.args(["--locked", "--", SHOW_OUTPUT]);
     runner.tests("firmware", &mut command);
 }
