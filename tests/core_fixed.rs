@@ -4,10 +4,11 @@ use std::f64::consts::TAU;
 
 use num_complex::{Complex, Complex64};
 use proptest::prelude::*;
+use subaperture_core::fixed_point::FixedSlices;
 use subaperture_core::fixed_point::{self, PulsePhase, fft, sine};
 use subaperture_core::stream::{
-    BlockFloat, Capacity, Engine, FixedEngine, FixedSlices, MapHeader, MapSamples, Node, Patch,
-    PatchMap, Setup, SetupError, Work,
+    BlockFloat, Capacity, Engine, FixedEngine, MapHeader, MapSamples, Node, Patch, PatchMap, Setup,
+    SetupError, Work,
 };
 use subaperture_core::{LengthError, Pulse, Sc16, Turns};
 

@@ -252,6 +252,7 @@ fn the_checksum_is_that_described() {
 #[test]
 fn chips_come_whole_or_not_at_all() {
     let grid = ChipGrid {
+        patch: 0,
         origin_m: [1.0, 2.0, 3.0],
         column_step_m: [0.5, 0.0, 0.0],
         row_step_m: [0.0, 0.5, 0.0],

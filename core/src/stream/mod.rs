@@ -39,7 +39,7 @@
 //!
 //! | | float32 | | fixed point | |
 //! |---|---|---|---|---|
-//! | [`PulseStores`] | `16 M F + 160 M` | 208320 | `8 M F + 160 M` | 106560 |
+//! | [`PulseStores`] | `16 M F + 144 M` | 207840 | `8 M F + 144 M` | 106080 |
 //! | [`FloatMap`], [`FixedMap`] | `8 F rows` | 139072 | `(4 F + B + 1) rows + F` | 70576 |
 //! | [`FloatScratch`], [`FixedScratch`] | `8 R + 40 M + 4 F + 32 P` | 11600 | `8 R + 32 M + 4 F + 32 P` | 11360 |
 //!
