@@ -23,9 +23,8 @@
 //! samples. What remains is an exponent that leaves `-128 ..= 127`, by weights that no
 //! window has: then mantissas are clamped and counted, [`Engine::saturated`].
 //!
-//! **Memory**: [`FixedSlices`]. **Cost**: a column takes one phasor a pulse,
-//! or a rotation of the last frequency's, then `M/2` times `Q + 1`
-//! steps of eight multiplications; a row one transform of `R` points.
+//! **Memory**: [`FixedSlices`]. **Cost**: a column takes a rotation a pulse (every 16th a fresh phasor),
+//! then `M/2` times `Q` steps of eight multiplications; a row one transform of `R` points.
 //!
 //! ```
 //! use subaperture_core::fixed_point::{FixedSlices, FixedEngine};
