@@ -52,10 +52,10 @@ fn size_on_target() -> u64 {
     let weights = 4 * (m + f);
     let (matrix, history) = (4 * f * m * m, 8 * f * m);
     let (scratch, map) = (3 * 8 * l, 8 * d * r);
-    // 256 pixels, the grid (72 bytes of vectors, two sizes, padded), a length; then power, shape,
-    // count, length.
+    // 256 pixels, the grid (72 bytes of vectors, two sizes, padded), a length; then power, two
+    // sizes, count, length.
     let image = 8 * 256 + 72 + 8 + 8;
-    let power = 4 * r * d + 16 + 4 + 4;
+    let power = 4 * r * d + 8 + 4 + 4;
     weights + matrix + history + scratch + map + image + power
 }
 
