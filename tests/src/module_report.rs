@@ -93,7 +93,7 @@ pub fn measure(name: &'static str, features: &str) -> Result<Figures, String> {
     let map = begin + columns + get(&values, "rows")?;
     let pairs = get(&values, "pulses")? / 2 * (rows / 2) * get(&values, "frequencies")?;
     let keystone = columns - compensation;
-    let per_map = map + get(&values, "products")? + get(&values, "send_map")?;
+    let per_map = map + get(&values, "send_map")?;
     let patches = get(&values, "patches")?;
     for (name, value) in [
         ("fft", fft),
@@ -214,12 +214,18 @@ pub fn render(all: &[Figures]) -> String {
             ("one transform of `R`", Kilo("fft")),
             ("`nodes` of a sub-CPI", Kilo("nodes")),
             ("taking a sub-CPI's pulses", Kilo("receive_pulses")),
-            ("products of a map", Kilo("products")),
+            (
+                "products of a map: 1024 pixels, detections",
+                Kilo("products"),
+            ),
             ("encoding a map", Kilo("send_map")),
-            ("a sub-CPI, all patches", Kilo("sub_cpi")),
+            (
+                "a sub-CPI: pulses, all maps, their encoding",
+                Kilo("sub_cpi"),
+            ),
             ("longest piece of work: column", Kilo("column_worst")),
             ("longest piece of work: row", Kilo("row_worst")),
-            ("longest piece of work: products", Kilo("products_worst")),
+            ("longest piece of work: detection", Kilo("products_worst")),
             ("longest frame taken", Kilo("receive_worst")),
             ("longest frame made", Kilo("send_worst")),
         ],
