@@ -63,12 +63,14 @@ fn account(outcome: &Outcome, kept: &Kept) {
     if counts.pulses_unsent == 0 {
         assert_eq!(counts.pulses_sent - counts.pulses_resent, ends);
     }
-    if counts.runs == 1 && counts.pulses_sent == PULSES as u64 {
-        // Of every sub-CPI that was not given up the module makes both maps.
-        let made = MAPS as u64 - 2 * module.sub_cpis_incomplete;
-        let ends =
-            counts.maps_taken + counts.maps_repeated + counts.maps_refused + counts.maps_lost;
-        assert_eq!(made, ends);
+    let made = counts.maps_taken + counts.maps_repeated + counts.maps_lost;
+    if counts.runs == 1 && counts.maps_refused == 0 {
+        // What was stored is in maps, but for one to three pulses of every sub-CPI given up. All have
+        // four, but the last, which has two.
+        assert_eq!(made % 2, 0, "both patches of each");
+        let given_up = module.sub_cpis_incomplete;
+        let stored = 2 * made - 2 + given_up..=2 * made + 3 * given_up;
+        assert!(stored.contains(&module.accepted), "{counts}");
     }
 }
 
