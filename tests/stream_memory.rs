@@ -27,14 +27,14 @@ fn buffers_take_the_documented_bytes() {
     assert_eq!(scratch, 8 * r + 40 * m + 4 * f + 32 * p);
     assert_eq!(scratch, 11_600);
     let scratch = FixedScratch::<30, 424, 1024, 16>::BYTES;
-    assert_eq!(scratch, 8 * r + 32 * m + 4 * f + 32 * p);
-    assert_eq!(scratch, 11_360);
+    assert_eq!(scratch, 8 * r + 48 * m + 4 * f + 32 * p);
+    assert_eq!(scratch, 11_840);
     assert_eq!(
         FloatBuffers::<30, 424, 1024, 41, 16>::BYTES,
         207_840 + 139_072 + 11_600
     );
     assert_eq!(
         FixedBuffers::<30, 424, 1024, 41, 15, 16>::BYTES,
-        106_080 + 70_576 + 11_360
+        106_080 + 70_576 + 11_840
     );
 }

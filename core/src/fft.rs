@@ -32,6 +32,8 @@ pub const fn supports(length: usize) -> bool {
 ///
 /// A buffer of a length that [`supports`] does not admit is left as it is: [`crate::Plan::new`] and
 /// [`crate::stream::Setup::check`] admit no others, and a target must not be able to panic here.
+// All lengths' code is tens of kilobytes: once, and not wherever it is called.
+#[inline(never)]
 pub fn forward(buffer: &mut [Complex32]) {
     let length = buffer.len();
     macro_rules! dispatch {

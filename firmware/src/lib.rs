@@ -10,9 +10,11 @@
 //! | `board` | `Board` and the two boards that there are |
 //! | `memory` | where statics lie; how much of the stack was used |
 //! | `fault` | panics and exceptions: a line of log, then a reset, counted |
+//! | `module` | the buffers, and the station in them |
+//! | `meter` | instructions on the emulated board, cycles on a real one |
 //! | `riscv_virt` | start, output and end on QEMU's RISC-V machine |
 //!
-//! The last five are for a target only (four for ARM, one for RISC-V); the others run on a host too.
+//! The last seven are for a target only (six for ARM, one for RISC-V); the others run on a host too.
 #![no_std]
 
 pub mod engine;
@@ -26,6 +28,10 @@ pub mod board;
 pub mod fault;
 #[cfg(all(target_os = "none", target_arch = "arm"))]
 pub mod memory;
+#[cfg(all(target_os = "none", target_arch = "arm"))]
+pub mod meter;
+#[cfg(all(target_os = "none", target_arch = "arm"))]
+pub mod module;
 #[cfg(all(target_os = "none", target_arch = "arm"))]
 pub mod serve;
 

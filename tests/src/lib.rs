@@ -1,8 +1,10 @@
-//! Shared by the integration tests.
+//! Shared by the integration tests and `xtask`.
 
+pub mod firmware;
 pub mod maps;
 pub mod matlab;
 pub mod module;
+pub mod module_report;
 pub mod stream_scene;
 pub mod subap;
 

@@ -118,6 +118,13 @@ impl Narrowing {
 
     #[inline]
     fn part(self, part: i32) -> (i16, bool) {
+        if self.excess == 0 {
+            // What the shift was chosen for: it fits. Halves up by a bit kept for it, in 32 bits; from
+            // 32 bits on only the sign is left, and rounds to zero.
+            let last = self.shift.min(1);
+            let kept = part >> self.shift.wrapping_sub(last).min(31);
+            return ((kept.wrapping_add(last as i32) >> last) as i16, false);
+        }
         let exact = rounded(part.into(), self.shift) << self.excess;
         let clamped = exact.clamp(i16::MIN.into(), i16::MAX.into());
         (clamped as i16, clamped != exact)

@@ -1,6 +1,6 @@
 //! The memory that a fixed-point engine works in.
 //!
-//! 4 bytes a cell of the map and a byte for 32 of them, 8 bytes a range bin and a pulse for work, 24
+//! 4 bytes a cell of the map and a byte for 32 of them, 8 bytes a range bin and a pulse for work, 40
 //! bytes a pulse for phases, a byte a frequency.
 
 use num_complex::Complex;

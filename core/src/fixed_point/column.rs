@@ -38,6 +38,9 @@ pub struct PulsePhase {
     pub(super) step: Turns,
     /// Weight in slow time, units of `2^-31` of the largest weight's power of two.
     pub(super) weight: i32,
+    /// Phasor times weight at the frequency in work, units of `2^-30`; and what turns it to the next.
+    pub(super) value: Complex<i32>,
+    pub(super) rotation: Complex<i32>,
 }
 
 impl PulsePhase {
@@ -46,8 +49,28 @@ impl PulsePhase {
         start: Turns(0),
         step: Turns(0),
         weight: 0,
+        value: Complex { re: 0, im: 0 },
+        rotation: Complex { re: 0, im: 0 },
     };
+
+    /// What compensates frequency `k`; frequencies in ascending order, from 0.
+    #[inline]
+    fn at(&mut self, k: usize) -> Complex<i32> {
+        self.value = if k.is_multiple_of(ANCHOR) {
+            let phasor = sine::phasor(self.start.plus(self.step.times(k as i64)));
+            let weighted = |part: i32| ((i64::from(part) * i64::from(self.weight)) >> 31) as i32;
+            Complex::new(weighted(phasor.re), weighted(phasor.im))
+        } else {
+            sine::turned(self.value, self.rotation)
+        };
+        self.value
+    }
 }
+
+/// Frequencies from one fresh phasor to the next. Between, every rotation errs by at most 4 units of
+/// `2^-30` a part: 2 of either part of what turns it, and half of its own rounding; after 15 of them, with
+/// the first's, by less than 64, which is `2^-24`.
+const ANCHOR: usize = 16;
 
 /// `g`, the least with `num_pulses 2^-g < 4`.
 pub(super) fn guard_bits(num_pulses: usize) -> u32 {
@@ -68,25 +91,28 @@ pub(super) struct Folded<'a> {
 
 /// Compensates `samples`, one a pulse, at frequency `k`, and folds them in `buffer`, one place a pulse.
 pub(super) fn fold<'a>(
-    phases: &[PulsePhase],
+    phases: &mut [PulsePhase],
     samples: impl Iterator<Item = Sc16>,
     k: usize,
     guard_bits: u32,
     buffer: &'a mut [Complex<i32>],
 ) -> Folded<'a> {
-    // Sample in 2^-15 times phasor in 2^-30, to 2^(g - 29).
-    let shift = 16 + guard_bits;
-    let half = 1i64 << (shift - 1);
-    for ((z, phase), sample) in buffer.iter_mut().zip(phases).zip(samples) {
-        let phasor = sine::phasor(phase.start.plus(phase.step.times(k as i64)));
-        let weighted = |part: i32| (i64::from(part) * i64::from(phase.weight)) >> 31;
-        let (cos, sin) = (weighted(phasor.re), weighted(phasor.im));
+    // Sample in 2^-15 times phasor in 2^-30 to 2^-29, which 32 bits hold, and that to 2^(g - 29). The half
+    // of what is dropped goes in where its bit is.
+    let (half, narrow_half) = match guard_bits.checked_sub(1) {
+        Some(last) => (0, 1i32.wrapping_shl(last)),
+        None => (1 << 15, 0),
+    };
+    let narrowed = |x: i64| (((x + half) >> 16) as i32).wrapping_add(narrow_half) >> guard_bits;
+    for ((z, phase), sample) in buffer.iter_mut().zip(phases.iter_mut()).zip(samples) {
+        let value = phase.at(k);
+        let (cos, sin) = (i64::from(value.re), i64::from(value.im));
         let (re, im) = (
             i64::from(sample.re.to_bits()),
             i64::from(sample.im.to_bits()),
         );
-        z.re = ((cos * re - sin * im + half) >> shift) as i32;
-        z.im = ((cos * im + sin * re + half) >> shift) as i32;
+        z.re = narrowed(cos * re - sin * im);
+        z.im = narrowed(cos * im + sin * re);
     }
     let pairs = buffer.len() / 2;
     let (odd, rest) = buffer.split_at_mut_checked(pairs).unwrap_or_default();
@@ -104,6 +130,18 @@ pub(super) fn fold<'a>(
 }
 
 impl Folded<'_> {
+    /// `X(0)` in units of `2^(g - 27)`: what [`Folded::bins`] gives twice at phase 0.
+    pub(super) fn zero_bin(&self) -> Complex<i32> {
+        let centre = self.centre.unwrap_or_default();
+        let (mut re, mut im) = (i64::from(centre.re), i64::from(centre.im));
+        for e in self.even {
+            re += i64::from(e.re);
+            im += i64::from(e.im);
+        }
+        let upper = |x: i64| ((x + 2) >> 2) as i32;
+        Complex::new(upper(re), upper(im))
+    }
+
     /// `X(+d)` and `X(-d)` in units of `2^(g - 27)`; `half_turn` is the phase of `d` at half a pulse,
     /// `a_k d / (2 D)` turns.
     pub(super) fn bins(&self, half_turn: Turns) -> [Complex<i32>; 2] {

@@ -23,8 +23,8 @@
 //! samples. What remains is an exponent that leaves `-128 ..= 127`, by weights that no
 //! window has: then mantissas are clamped and counted, [`Engine::saturated`].
 //!
-//! **Memory**: [`FixedSlices`]. **Cost**: a column takes one phasor a pulse, then `M/2` times `Q + 1`
-//! steps of eight multiplications; a row one transform of `R` points.
+//! **Memory**: [`FixedSlices`]. **Cost**: a column takes a rotation a pulse (every 16th a fresh phasor),
+//! then `M/2` times `Q` steps of eight multiplications; a row one transform of `R` points.
 //!
 //! ```
 //! use subaperture_core::fixed_point::{FixedSlices, FixedEngine};
@@ -218,10 +218,13 @@ impl Engine for FixedEngine<'_> {
             let weight = Scaled::from_f32(pulse.weight).unwrap_or(Scaled::ZERO);
             // A zero has exponent 0, which may be above the largest.
             let drop = (largest - weight.exponent).clamp(0, 31) as u32;
+            let step = Turns::from_f64(work.setup.step_hz * delay_s);
             *state = PulsePhase {
                 start: Turns::from_f64(work.setup.start_hz * delay_s),
-                step: Turns::from_f64(work.setup.step_hz * delay_s),
+                step,
                 weight: weight.mantissa >> drop,
+                value: Complex::new(0, 0),
+                rotation: sine::phasor(step),
             };
         }
         let half_cycle = 0.5 / f64::from(work.setup.doppler_length);
@@ -270,16 +273,13 @@ impl Engine for FixedEngine<'_> {
         let half_turn = prepared
             .half_turn
             .plus(prepared.half_turn_step.times(from_centre));
-        // Bins d above the middle, and those below it, which share bin 0.
-        let (below, above) = values.split_at_mut_checked(reach).unwrap_or_default();
-        let below = below.iter_mut().rev().map(Some);
-        let below = core::iter::once(None).chain(below);
-        for (d, (above, below)) in (0..).zip(above.iter_mut().zip(below)) {
-            let [plus, minus] = folded.bins(half_turn.times(d));
-            *above = plus;
-            if let Some(below) = below {
-                *below = minus;
-            }
+        let (below, rest) = values.split_at_mut_checked(reach).unwrap_or_default();
+        let mut above = rest.iter_mut();
+        if let Some(zero) = above.next() {
+            *zero = folded.zero_bin();
+        }
+        for (d, (above, below)) in (1..).zip(above.zip(below.iter_mut().rev())) {
+            [*above, *below] = folded.bins(half_turn.times(d));
         }
 
         let weight = work.weights.get(k).copied().unwrap_or(0.0);

@@ -64,19 +64,37 @@ pub(super) fn gate(
     // Bin -G is at R - G; the others follow it round.
     let mut first = work.len().wrapping_sub(reach);
     for (block, exponent) in out.chunks_mut(BlockFloat::BLOCK).zip(exponents) {
-        let bin = |i: usize| {
-            let place = first.wrapping_add(i) & work.len().wrapping_sub(1);
-            work.get(place).copied().unwrap_or_default()
+        let end = first.wrapping_add(block.len());
+        let block_clamped = match work.get(first..end) {
+            Some(bins) => narrow(bins.iter().copied(), unit, block, exponent),
+            // The one that goes round.
+            None => {
+                let mask = work.len().wrapping_sub(1);
+                let bin = |place: usize| work.get(place & mask).copied().unwrap_or_default();
+                narrow((first..end).map(bin), unit, block, exponent)
+            }
         };
-        let peak = (0..block.len()).fold(0, |peak, i| block::peak(peak, bin(i)));
-        let narrowing = Narrowing::new(peak, unit);
-        *exponent = narrowing.exponent;
-        for (i, sample) in block.iter_mut().enumerate() {
-            let (narrow, was_clamped) = narrowing.apply(bin(i));
-            *sample = narrow;
-            clamped += u32::from(was_clamped);
-        }
-        first = first.wrapping_add(BlockFloat::BLOCK);
+        clamped += block_clamped;
+        first = end & work.len().wrapping_sub(1);
+    }
+    clamped
+}
+
+/// Writes a block; how many samples had to be clamped.
+#[inline]
+fn narrow(
+    bins: impl Iterator<Item = Complex<i32>> + Clone,
+    unit: i32,
+    block: &mut [Sc16],
+    exponent: &mut i8,
+) -> u32 {
+    let narrowing = Narrowing::new(bins.clone().fold(0, block::peak), unit);
+    *exponent = narrowing.exponent;
+    let mut clamped = 0;
+    for (sample, bin) in block.iter_mut().zip(bins) {
+        let (narrow, was_clamped) = narrowing.apply(bin);
+        *sample = narrow;
+        clamped += u32::from(was_clamped);
     }
     clamped
 }

@@ -80,9 +80,11 @@ pub fn phasor(turns: Turns) -> Complex<i32> {
     // Within -2^19 ..= 2^19 - 1.
     let rest = phase.wrapping_sub(index << STEP_BITS) as i32;
 
-    // delta and delta^2 / 2 in units of 2^-40: below 2^30 and 2^19.
-    let delta = (i64::from(rest) * TAU_2_28) >> 20;
-    let half_square = (delta * delta) >> 41;
+    // delta and delta^2 / 2 in units of 2^-40: below 2^30 and 2^19, so 32 bits hold them and every product
+    // is one of 32 bits by 32.
+    let delta = ((i64::from(rest) * TAU_2_28) >> 20) as i32;
+    let half_square = ((i64::from(delta) * i64::from(delta)) >> 41) as i32;
+    let (delta, half_square) = (i64::from(delta), i64::from(half_square));
     let Complex { re: cos, im: sin } = unit(index as usize);
     let (wide_cos, wide_sin) = (i64::from(cos), i64::from(sin));
     // Below 2^61 each.

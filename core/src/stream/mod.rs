@@ -41,7 +41,7 @@
 //! |---|---|---|---|---|
 //! | [`PulseStores`] | `16 M F + 144 M` | 207840 | `8 M F + 144 M` | 106080 |
 //! | [`FloatMap`], [`FixedMap`] | `8 F rows` | 139072 | `(4 F + B + 1) rows + F` | 70576 |
-//! | [`FloatScratch`], [`FixedScratch`] | `8 R + 40 M + 4 F + 32 P` | 11600 | `8 R + 32 M + 4 F + 32 P` | 11360 |
+//! | [`FloatScratch`], [`FixedScratch`] | `8 R + 40 M + 4 F + 32 P` | 11600 | `8 R + 48 M + 4 F + 32 P` | 11840 |
 //!
 //! (`tests/stream_memory.rs` holds these figures, and that they are all.)
 

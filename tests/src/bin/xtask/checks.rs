@@ -12,6 +12,28 @@ const FIRMWARE: [&str; 4] = [
     "thumbv7em-none-eabihf",
 ];
 
+/// What the firmware is looked at with: both boards, every feature with at least one of them.
+const CLIPPY: [(&str, &str); 4] = [
+    ("clippy, firmware", "board-an500,no-panic"),
+    (
+        "clippy, firmware, fixed, small",
+        "board-an500,fixed,size-small",
+    ),
+    (
+        "clippy, firmware, STM32H743, large",
+        "board-h743,size-large",
+    ),
+    (
+        "clippy, firmware, STM32H743, fixed, defmt",
+        "board-h743,fixed,defmt",
+    ),
+];
+
+const DOC: [(&str, &str); 2] = [
+    ("documentation, firmware", "board-an500,fixed,defmt"),
+    ("documentation, firmware, STM32H743", "board-h743"),
+];
+
 /// `cargo` as the one that runs us.
 pub(crate) fn cargo(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
@@ -34,12 +56,16 @@ pub(crate) fn clippy(runner: &mut Runner) {
             "warnings",
         ]),
     );
-    runner.check(
-        "clippy, firmware",
-        cargo(&["clippy", "--locked"])
-            .args(FIRMWARE)
-            .args(["--", "-D", "warnings"]),
-    );
+    for (name, features) in CLIPPY {
+        runner.check(
+            name,
+            cargo(&["clippy", "--locked"])
+                .args(FIRMWARE)
+                .args(["--bins", "--lib", "--examples"])
+                .args(["--no-default-features", "--features", features])
+                .args(["--", "-D", "warnings"]),
+        );
+    }
 }
 
 pub(crate) fn doc(runner: &mut Runner) {
@@ -49,6 +75,15 @@ pub(crate) fn doc(runner: &mut Runner) {
             .args(["--no-deps", "--locked"])
             .env("RUSTDOCFLAGS", "-D warnings"),
     );
+    for (name, features) in DOC {
+        runner.check(
+            name,
+            cargo(&["doc", "--no-deps", "--locked", "--lib"])
+                .args(FIRMWARE)
+                .args(["--no-default-features", "--features", features])
+                .env("RUSTDOCFLAGS", "-D warnings"),
+        );
+    }
 }
 
 pub(crate) fn deny(runner: &mut Runner) {

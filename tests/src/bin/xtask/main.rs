@@ -2,6 +2,7 @@
 
 mod checks;
 mod log;
+mod module;
 mod prerequisites;
 mod python;
 mod runner;
@@ -22,6 +23,9 @@ Usage: cargo xtask COMMAND
   deny       licences, sources, bans and (when its database can be reached) advisories
   unit       the tests of core, host and tests, doc tests included
   firmware   the firmware under QEMU against the host, and the core's bits on other machines
+  module     build the application for the emulated board: target/module/float and fixed
+  module-report
+             measure the module and write firmware/REPORT.md; with --check compare it
 
 'cargo xtask test' is what continuous integration runs. It may install Rust targets, Debian
 packages (as root or with passwordless sudo), cargo-deny, and sarkit in target/venv unless
@@ -32,6 +36,7 @@ fn main() -> ExitCode {
     let command = match arguments.as_slice() {
         [] => "help",
         [one] => one.as_str(),
+        [one, option] if one == "module-report" && option == "--check" => "module-report --check",
         _ => {
             eprintln!("one command at a time\n\n{HELP}");
             return ExitCode::from(2);
@@ -41,9 +46,13 @@ fn main() -> ExitCode {
     let needs: &[Need] = match command {
         "fmt" => &[Need::Rustfmt],
         "clippy" => &[Need::Clippy, Need::FirmwareTarget],
-        "doc" | "unit" => &[],
+        "doc" => &[Need::FirmwareTarget],
+        "unit" => &[],
         "deny" => &[Need::CargoDeny],
-        "firmware" => &[Need::FirmwareTarget, Need::Qemu],
+        "firmware" | "module-report" | "module-report --check" => {
+            &[Need::FirmwareTarget, Need::Qemu]
+        }
+        "module" => &[Need::FirmwareTarget],
         "test" => &[
             Need::Rustfmt,
             Need::Clippy,
@@ -66,6 +75,12 @@ fn main() -> ExitCode {
     }
     if matches!(command, "firmware" | "test") {
         prerequisites::ensure_if_possible(&prerequisites::OTHER_MACHINES);
+    }
+    match command {
+        "module" => return module::build(),
+        "module-report" => return module::report(false),
+        "module-report --check" => return module::report(true),
+        _ => {}
     }
     match command {
         "fmt" => checks::fmt(&mut runner),

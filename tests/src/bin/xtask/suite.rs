@@ -23,14 +23,9 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
 /// Only what runs under QEMU.
 pub(crate) fn firmware(runner: &mut Runner) {
     let mut command = cargo(&["test", "--package", "subaperture-tests"]);
-    command.args([
-        "--test",
-        "firmware",
-        "--test",
-        "golden",
-        "--locked",
-        "--",
-        SHOW_OUTPUT,
-    ]);
+    for test in ["firmware", "firmware_link", "golden", "module_budgets"] {
+        command.args(["--test", test]);
+    }
+    command.args(["--locked", "--", SHOW_OUTPUT]);
     runner.tests("firmware", &mut command);
 }

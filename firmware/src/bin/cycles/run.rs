@@ -1,0 +1,295 @@
+//! A sub-CPI through the station, call by call.
+//!
+//! Commands are encoded as the host does and received by the station; every call of it is timed. Two
+//! patches: one fills the map buffer, and a chip is made of it; the other, of one Doppler bin, has
+//! columns that are all compensation. Both are searched for detections.
+
+use subaperture_core::cfar::{Cfar, Reach};
+use subaperture_core::link::{
+    Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, State, max_frame_bytes,
+    write_complex32s,
+};
+use subaperture_core::stream::{Patch, Setup, nodes};
+use subaperture_core::{Complex32, Pulse, Turns};
+use subaperture_firmware::board::{Board, Current};
+use subaperture_firmware::engine::WireEngine;
+use subaperture_firmware::memory::{self, Placed};
+use subaperture_firmware::meter::Meter;
+use subaperture_firmware::module::{self, Engine};
+use subaperture_firmware::place;
+use subaperture_firmware::products::ChipKernel;
+use subaperture_firmware::sizes::{
+    CHIP_PIXELS, DOPPLER_BINS, FREQUENCIES, NAME, PATCHES, PULSES, RANGE_BINS,
+};
+use subaperture_firmware::station::Station;
+
+const SETUP: Setup = Setup {
+    num_pulses: PULSES as u16,
+    num_frequencies: FREQUENCIES as u16,
+    range_length: RANGE_BINS as u16,
+    doppler_length: 2 * PULSES as u16,
+    start_hz: 9.4e9,
+    step_hz: 1.4e6,
+};
+
+/// The reaches that fill the map buffer, whose rows are of frequencies.
+const FULL: Patch = Patch {
+    centre_m: [3.0, -2.0, 0.0],
+    range_reach: (FREQUENCIES as u16 - 1) / 2,
+    doppler_reach: (DOPPLER_BINS as u16 - 1) / 2,
+};
+
+const ONE_BIN: Patch = Patch {
+    doppler_reach: 0,
+    ..FULL
+};
+
+const ENCODING: Encoding = match Engine::ARITHMETIC {
+    Arithmetic::Float => Encoding::Complex32,
+    Arithmetic::Fixed => Encoding::Sc16,
+};
+
+place!(sram static PULSES_SENT: [Pulse; PULSES] = [Pulse::EMPTY; PULSES]);
+static SAMPLES: Placed<[u8; 8 * FREQUENCIES]> = Placed::new([0; 8 * FREQUENCIES]);
+static FRAME: Placed<[u8; max_frame_bytes(FREQUENCIES)]> =
+    Placed::new([0; max_frame_bytes(FREQUENCIES)]);
+
+/// Costs of calls of one kind.
+#[derive(Default)]
+struct Cost {
+    sum: u64,
+    most: u64,
+}
+
+impl Cost {
+    fn add(&mut self, count: u64) {
+        self.sum += count;
+        self.most = self.most.max(count);
+    }
+}
+
+/// Costs of a map.
+#[derive(Default)]
+struct MapCost {
+    begin: Cost,
+    columns: Cost,
+    rows: Cost,
+    /// Rows of the chip, the search for detections.
+    products: Cost,
+    frames: Cost,
+    bytes: usize,
+}
+
+/// Runs it and prints what it costs; nothing if something went wrong.
+#[inline(never)]
+pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
+    let kernel = ChipKernel::new();
+    let mut station = module::station(&kernel)?;
+    let (pulses, samples, frame) = (
+        PULSES_SENT.try_take()?,
+        SAMPLES.try_take()?,
+        FRAME.try_take()?,
+    );
+    let mut encoder = Encoder::new();
+    let setup = Command::Configure(Configuration {
+        id: 1,
+        setup: SETUP,
+    });
+    let weight = (1.0 / FREQUENCIES as f32).to_le_bytes();
+    for place in samples.as_chunks_mut().0.iter_mut().take(FREQUENCIES) {
+        *place = weight;
+    }
+    let weights = Command::Weights {
+        first: 0,
+        weights: samples.get(..4 * FREQUENCIES)?,
+    };
+    let patch = |index, patch| Command::Patch {
+        index,
+        count: 2,
+        patch,
+    };
+    let chip = Command::Chip(ChipGrid {
+        patch: 0,
+        origin_m: [-4.0, -4.0, 0.0],
+        column_step_m: [0.25, 0.0, 0.0],
+        row_step_m: [0.0, 0.25, 0.0],
+        num_columns: 32,
+        num_rows: (CHIP_PIXELS / 32) as u16,
+    });
+    let detect = Command::Detect(Cfar {
+        range: Reach {
+            guard: 2,
+            training: 6,
+        },
+        doppler: Reach {
+            guard: 1,
+            training: 3,
+        },
+        false_alarm_probability: 1e-6,
+    });
+    let start = Command::Start { run: 1, first: 0 };
+    let preparation = [
+        Command::Hello,
+        setup,
+        weights,
+        patch(0, FULL),
+        patch(1, ONE_BIN),
+        chip,
+        detect,
+        start,
+    ];
+    for command in &preparation {
+        station.receive(encoder.encode(command, frame).ok()?);
+        drain(&mut station);
+    }
+    (station.state() == State::Running).then_some(())?;
+
+    let (mut receive, mut up_bytes) = (Cost::default(), 0);
+    for (m, place) in pulses.iter_mut().enumerate() {
+        *place = pulse(m);
+        let pulse = *place;
+        let samples = write_samples(m, samples)?;
+        let bytes = encoder
+            .encode(
+                &Command::Pulse {
+                    pulse,
+                    encoding: ENCODING,
+                    samples,
+                },
+                frame,
+            )
+            .ok()?;
+        up_bytes += bytes.len();
+        receive.add(meter.measure(board, || station.receive(bytes)).0);
+        drain(&mut station);
+    }
+    let full = map(board, meter, &mut station, &FULL);
+    let one = map(board, meter, &mut station, &ONE_BIN);
+    station.receive(encoder.encode(&Command::Stop, frame).ok()?);
+    drain(&mut station);
+    while station.work() {}
+    let chip_bytes = drain(&mut station);
+    let stack_bytes = memory::stack_high_water_bytes();
+    let nodes = meter
+        .measure(board, || core::hint::black_box(nodes(pulses)))
+        .0;
+
+    let mut show = |name: &str, value: u64| board.log(format_args!("{name} {value}"));
+    show("pulses", PULSES as u64);
+    show("frequencies", FREQUENCIES as u64);
+    show("range_length", RANGE_BINS as u64);
+    show("rows_of_map", FULL.num_doppler_bins() as u64);
+    show("bins_of_row", FULL.num_range_bins() as u64);
+    show("patches", PATCHES as u64);
+    show("receive_pulses", receive.sum);
+    show("receive_worst", receive.most);
+    show("begin", full.begin.sum);
+    show("columns", full.columns.sum);
+    show("column_worst", full.columns.most);
+    show("compensation", one.columns.sum);
+    show("rows", full.rows.sum);
+    show("row_worst", full.rows.most);
+    show("products", full.products.sum);
+    show("products_worst", full.products.most);
+    show("send_map", full.frames.sum);
+    show("send_worst", full.frames.most);
+    show("nodes", nodes);
+    show("up_bytes", up_bytes as u64);
+    show("down_bytes_a_map", full.bytes as u64);
+    show("chip_bytes", chip_bytes as u64);
+    show("stack", stack_bytes as u64);
+    board.log(format_args!(
+        "configuration {NAME} {:?}",
+        Engine::ARITHMETIC
+    ));
+    (full.bytes > 0 && one.bytes > 0 && chip_bytes > 0).then_some(())
+}
+
+/// Takes everything that the station wants to send; how much it was.
+fn drain(station: &mut Station<'_, Engine<'_>>) -> usize {
+    let mut bytes = 0;
+    loop {
+        let count = station.pending().len();
+        if count == 0 {
+            return bytes;
+        }
+        station.sent(count);
+        bytes += count;
+    }
+}
+
+/// The next map.
+fn map(
+    board: &Current,
+    meter: &Meter,
+    station: &mut Station<'_, Engine<'_>>,
+    patch: &Patch,
+) -> MapCost {
+    let mut cost = MapCost::default();
+    let mut work = |cost: &mut Cost| cost.add(meter.measure(board, || station.work()).0);
+    work(&mut cost.begin);
+    for _ in 0..FREQUENCIES {
+        work(&mut cost.columns);
+    }
+    for _ in 0..patch.num_doppler_bins() {
+        work(&mut cost.rows);
+    }
+    loop {
+        let (count, more) = meter.measure(board, || station.work());
+        if !more {
+            break;
+        }
+        cost.products.add(count);
+    }
+    loop {
+        let (count, bytes) = meter.measure(board, || station.pending().len());
+        if bytes == 0 {
+            break;
+        }
+        station.sent(bytes);
+        cost.frames.add(count);
+        cost.bytes += bytes;
+    }
+    // The turn to the next patch.
+    station.work();
+    cost
+}
+
+fn pulse(m: usize) -> Pulse {
+    let along_m = 0.35 * m as f64 - 5.0;
+    Pulse {
+        number: m as u32,
+        time_s: 1e-3 * m as f64,
+        transmitter_m: [800.0, along_m, 300.0],
+        receiver_m: [800.0, along_m + 1.5, 300.0],
+        reference_path_m: 1708.8,
+        weight: 0.75,
+    }
+}
+
+/// Two scatterers' samples, in the encoding of the engine.
+fn write_samples(m: usize, buffer: &mut [u8]) -> Option<&[u8]> {
+    let near = Turns(0x0123_4567_89ab_cdef).times(m as i64);
+    let far = Turns(0x7654_3210_fedc_ba98).times(m as i64);
+    let value = |k: usize| -> Complex32 {
+        let near = near.plus(Turns(0x00f1_2345_6789_abcd).times(k as i64));
+        let far = far.plus(Turns(0x0a98_7654_3210_fedc).times(k as i64));
+        near.phasor() * 0.5 + far.phasor() * 0.25
+    };
+    let bytes = ENCODING.sample_bytes();
+    let places = buffer.chunks_exact_mut(bytes).take(FREQUENCIES);
+    for (k, place) in places.enumerate() {
+        match ENCODING {
+            Encoding::Complex32 => {
+                write_complex32s(&[value(k)], place)?;
+            }
+            Encoding::Sc16 => {
+                let value = value(k);
+                let [a, b] = ((value.re * 32767.0) as i16).to_le_bytes();
+                let [c, d] = ((value.im * 32767.0) as i16).to_le_bytes();
+                place.copy_from_slice(&[a, b, c, d]);
+            }
+        }
+    }
+    buffer.get(..bytes * FREQUENCIES)
+}

@@ -1,0 +1,67 @@
+//! Instructions on the emulated board, cycles on a real one.
+//!
+//! The emulator has no cycle counter. Under `-icount shift=5` it lets 32 ns pass with each instruction, and the
+//! board's timer counts them at 25 MHz: 1.25 ticks an instruction. The meter does not rely on that: it
+//! first times a loop whose instructions it knows, and turns ticks into instructions by it. Without
+//! `-icount` ticks are the host's time and mean nothing. Interrupts are none, so that two runs agree.
+
+use core::arch::asm;
+
+use crate::board::{Board, Current};
+
+/// What the meter counts.
+pub const UNIT: &str = if cfg!(feature = "board-an500") {
+    "instructions"
+} else {
+    "cycles"
+};
+
+/// `2 rounds` instructions and those of a call.
+#[inline(never)]
+pub fn spin(rounds: u32) {
+    // SAFETY: counts a register down; touches no memory.
+    unsafe {
+        asm!("2: subs {0}, {0}, #1", "bne 2b", inout(reg) rounds => _, options(nomem, nostack));
+    }
+}
+
+/// Ticks to instructions (cycles, where the counter counts them).
+#[derive(Clone, Copy, Debug)]
+pub struct Meter {
+    known_instructions: u64,
+    known_ticks: u64,
+    empty_ticks: u32,
+}
+
+impl Meter {
+    /// A meter that knows what it costs itself.
+    pub fn new(board: &Current) -> Self {
+        let mut meter = Self {
+            known_instructions: 1,
+            known_ticks: 1,
+            empty_ticks: 0,
+        };
+        meter.empty_ticks = meter.ticks(board, || ()).0;
+        if cfg!(feature = "board-an500") {
+            let rounds = 1_000_000;
+            meter.known_ticks = u64::from(meter.ticks(board, || spin(rounds)).0.max(1));
+            meter.known_instructions = 2 * u64::from(rounds);
+        }
+        meter
+    }
+
+    fn ticks<T>(&self, board: &Current, work: impl FnOnce() -> T) -> (u32, T) {
+        let start = board.ticks();
+        let result = work();
+        let ticks = board.ticks().wrapping_sub(start);
+        (ticks.saturating_sub(self.empty_ticks), result)
+    }
+
+    /// What `work` costs, and gives.
+    #[inline(never)]
+    pub fn measure<T>(&self, board: &Current, work: impl FnOnce() -> T) -> (u64, T) {
+        let (ticks, result) = self.ticks(board, work);
+        let count = u64::from(ticks) * self.known_instructions / self.known_ticks.max(1);
+        (count, result)
+    }
+}

@@ -1,0 +1,71 @@
+//! The module's buffers, and the station made of them: what the application runs and `cycles` measures.
+
+use subaperture_core::Complex32;
+use subaperture_core::cfar::Column;
+use subaperture_core::link::{max_frame_bytes, max_received_bytes};
+use subaperture_core::stream::{PulseStores, SubCpiProcessor};
+#[cfg(not(feature = "fixed"))]
+use subaperture_core::{
+    Complex32 as Sample,
+    stream::{FloatEngine, FloatMap, FloatScratch as Scratch},
+};
+#[cfg(feature = "fixed")]
+use subaperture_core::{
+    Sc16 as Sample,
+    stream::{FixedEngine, FixedMap, FixedScratch as Scratch},
+};
+
+use crate::memory::Placed;
+use crate::place;
+use crate::products::{ChipKernel, ProductBuffers};
+#[cfg(feature = "fixed")]
+use crate::sizes::BLOCKS;
+use crate::sizes::{CHIP_PIXELS, DOPPLER_BINS, FREQUENCIES, PATCHES, PULSES, RANGE_BINS};
+use crate::station::{LinkBuffers, Station};
+
+/// The arithmetic that this program is built for.
+#[cfg(feature = "fixed")]
+pub type Engine<'a> = FixedEngine<'a>;
+/// The arithmetic that this program is built for.
+#[cfg(not(feature = "fixed"))]
+pub type Engine<'a> = FloatEngine<'a>;
+
+#[cfg(feature = "fixed")]
+type Map = FixedMap<FREQUENCIES, DOPPLER_BINS, BLOCKS>;
+#[cfg(not(feature = "fixed"))]
+type Map = FloatMap<FREQUENCIES, DOPPLER_BINS>;
+
+// The stores are written once a sample and read once a map: the slower, larger memory.
+place!(axi static STORES: PulseStores<Sample, PULSES, FREQUENCIES> = PulseStores::new());
+place!(sram static MAP: Map = Map::new());
+// What every piece of work goes through: the memory next to the core.
+static SCRATCH: Placed<Scratch<PULSES, FREQUENCIES, RANGE_BINS, PATCHES>> =
+    Placed::new(Scratch::new());
+static RECEIVED: Placed<[u8; max_received_bytes(FREQUENCIES)]> =
+    Placed::new([0; max_received_bytes(FREQUENCIES)]);
+static FRAME: Placed<[u8; max_frame_bytes(FREQUENCIES)]> =
+    Placed::new([0; max_frame_bytes(FREQUENCIES)]);
+static ROW: Placed<[u8; 8 * FREQUENCIES]> = Placed::new([0; 8 * FREQUENCIES]);
+static CHIP: Placed<[Complex32; CHIP_PIXELS]> = Placed::new([Complex32::ZERO; CHIP_PIXELS]);
+static COLUMNS: Placed<[Column; FREQUENCIES]> = Placed::new([Column::EMPTY; FREQUENCIES]);
+
+/// The station, in all of the module's buffers; `None` if they were taken before.
+pub fn station(kernel: &ChipKernel) -> Option<Station<'_, Engine<'_>>> {
+    let (stores, map, scratch) = (STORES.try_take()?, MAP.try_take()?, SCRATCH.try_take()?);
+    #[cfg(not(feature = "fixed"))]
+    let processor = SubCpiProcessor::float(stores, map, scratch);
+    #[cfg(feature = "fixed")]
+    let processor = SubCpiProcessor::fixed(stores, map, scratch).ok()?;
+    let buffers = LinkBuffers {
+        received: RECEIVED.try_take()?,
+        frame: FRAME.try_take()?,
+        row: ROW.try_take()?,
+    };
+    let products = ProductBuffers {
+        chip: CHIP.try_take()?,
+        kernel,
+        columns: COLUMNS.try_take()?,
+    };
+    let version = concat!("subaperture ", env!("CARGO_PKG_VERSION"));
+    Some(Station::new(processor, buffers, products, version))
+}

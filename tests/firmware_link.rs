@@ -1,0 +1,89 @@
+//! The emulated board's serial link: bytes there and back.
+
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::path::Path;
+use std::process::Child;
+use std::time::Instant;
+
+use subaperture_tests::firmware::{Build, TIME_LIMIT, build, emulator};
+
+/// The emulator with its serial port connected to us.
+struct Wired {
+    emulator: Child,
+    link: TcpStream,
+}
+
+impl Wired {
+    fn start(elf: &Path) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let serial = format!("tcp:{}", listener.local_addr().unwrap());
+        let emulator = emulator(elf, &["-serial", &serial]);
+        let link = listener.accept().unwrap().0;
+        link.set_read_timeout(Some(TIME_LIMIT)).unwrap();
+        Self { emulator, link }
+    }
+
+    /// Sends `bytes` bytes while it reads as many; the rate there and back in bytes a second.
+    fn echo(&mut self, bytes: usize) -> f64 {
+        // Knuth's generator: every value of a byte, no pattern that a lost one would hide in.
+        let mut state = 1u64;
+        let sent: Vec<u8> = std::iter::repeat_with(|| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 56) as u8
+        })
+        .take(bytes)
+        .collect();
+        let started = Instant::now();
+        let mut received = vec![0; bytes];
+        let mut writer = self.link.try_clone().unwrap();
+        std::thread::scope(|scope| {
+            scope.spawn(|| writer.write_all(&sent).unwrap());
+            let result = self.link.read_exact(&mut received);
+            if result.is_err() {
+                // Or the writer would wait for an emulator that has stopped.
+                let _ = self.link.shutdown(Shutdown::Both);
+            }
+            result.expect("as many bytes come back as were sent");
+        });
+        let first = sent.iter().zip(&received).position(|(a, b)| a != b);
+        assert_eq!(first, None, "the first byte that differs");
+        bytes as f64 / started.elapsed().as_secs_f64()
+    }
+}
+
+impl Drop for Wired {
+    fn drop(&mut self) {
+        let _ = self.emulator.kill();
+        let _ = self.emulator.wait();
+    }
+}
+
+/// A program that is slower than its input holds it up and loses nothing: 64 kB are more than the
+/// 64 bytes it takes at a time, and all are on their way before the first comes back.
+#[test]
+fn a_slow_reader_loses_nothing() {
+    let elf = build(&Build::example("slow_echo", ""));
+    let rate = Wired::start(&elf).echo(65_536);
+    println!("slow echo: {rate:.0} bytes a second");
+    // 64 bytes a millisecond at most: it did rest.
+    assert!(rate < 64_000.0, "{rate}");
+}
+
+/// The emulated UART moves a byte at a time, each for some system calls: a megabyte takes a minute or two.
+#[test]
+fn bytes_come_back_unchanged() {
+    let elf = build(&Build::example("echo", ""));
+    let rate = Wired::start(&elf).echo(131_072);
+    println!("echo: {rate:.0} bytes a second there and back");
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn a_megabyte_comes_back_unchanged() {
+    let elf = build(&Build::example("echo", ""));
+    let rate = Wired::start(&elf).echo(1_000_000);
+    println!("echo: {rate:.0} bytes a second there and back");
+}

@@ -1,0 +1,54 @@
+//! The module's programs, and the report of what they cost.
+
+use std::fs;
+use std::process::ExitCode;
+
+use subaperture_tests::{firmware, module_report};
+
+/// Builds the application in both arithmetics.
+pub(crate) fn build() -> ExitCode {
+    match firmware::module() {
+        Ok(elfs) => {
+            for elf in elfs {
+                println!("{}", elf.display());
+            }
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Writes the report, or compares it with the one that is there.
+pub(crate) fn report(check: bool) -> ExitCode {
+    match write_or_compare(check) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn write_or_compare(check: bool) -> Result<(), String> {
+    let text = module_report::render(&module_report::measure_all()?);
+    let place = module_report::place();
+    let told = |error| format!("{}: {error}", place.display());
+    if !check {
+        fs::write(&place, text).map_err(told)?;
+        println!("{}", place.display());
+        return Ok(());
+    }
+    let there = fs::read_to_string(&place).map_err(told)?;
+    let other = there.lines().zip(text.lines()).find(|(a, b)| a != b);
+    match other {
+        Some((there, measured)) => Err(format!(
+            "firmware/REPORT.md is out of date; run  cargo xtask module-report\n  there    {there}\n  \
+             measured {measured}"
+        )),
+        None if there.len() == text.len() => Ok(()),
+        None => Err("firmware/REPORT.md is out of date; run  cargo xtask module-report".to_owned()),
+    }
+}

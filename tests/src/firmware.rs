@@ -1,0 +1,234 @@
+//! Building the firmware, running it under emulation, reading what is where from its ELF.
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use object::{Object, ObjectSection, ObjectSegment};
+
+/// What the firmware is compiled for.
+pub const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Most runs take less than a second; a hang must not hang the tests.
+pub const TIME_LIMIT: Duration = Duration::from_secs(60);
+
+/// Options of the emulator that tie its time to instructions.
+pub const INSTRUCTION_TIME: [&str; 2] = ["-icount", "shift=5"];
+
+/// A program of the firmware, and how it is built.
+#[derive(Clone, Copy, Debug)]
+pub struct Build<'a> {
+    /// `--bin` or `--example`.
+    pub kind: &'a str,
+    /// Its name.
+    pub program: &'a str,
+    /// Features, separated by commas. With `board-h743` the default board is left out.
+    pub features: &'a str,
+    /// `firmware`, or another of the workspace's profiles.
+    pub profile: &'a str,
+}
+
+impl<'a> Build<'a> {
+    /// A program as it goes to the emulated board.
+    pub const fn bin(program: &'a str, features: &'a str) -> Self {
+        Self {
+            kind: "--bin",
+            program,
+            features,
+            profile: "firmware",
+        }
+    }
+
+    /// An example.
+    pub const fn example(program: &'a str, features: &'a str) -> Self {
+        Self {
+            kind: "--example",
+            ..Self::bin(program, features)
+        }
+    }
+}
+
+/// The workspace's folder.
+pub fn workspace() -> &'static Path {
+    let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
+    tests.parent().unwrap_or(tests)
+}
+
+/// Where builds go: `target`, or what `CARGO_TARGET_DIR` says.
+pub fn target_folder() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or_else(
+        || workspace().join("target"),
+        |folder| workspace().join(folder),
+    )
+}
+
+/// Builds a program, in a target folder of the firmware's own, and copies its ELF to a place that the next
+/// build with other features leaves alone. One build at a time, over all processes.
+///
+/// # Errors
+/// What cargo said, or what kept us from running it.
+pub fn try_build(build: &Build<'_>) -> Result<PathBuf, String> {
+    let folder = target_folder().join("firmware-module");
+    let place = folder.join("elf");
+    let told = |what: &Path, error| format!("{}: {error}", what.display());
+    fs::create_dir_all(&place).map_err(|error| told(&place, error))?;
+    let lock = File::create(folder.join("one-at-a-time")).map_err(|e| told(&folder, e))?;
+    lock.lock().map_err(|error| told(&folder, error))?;
+
+    let output = cargo(build, &folder).map_err(|error| format!("cargo does not start: {error}"))?;
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    if stderr.contains("can't find crate for `core`") {
+        return Err(format!("the target is missing: rustup target add {TARGET}"));
+    }
+    if !output.status.success() {
+        return Err(stderr.into_owned());
+    }
+    let built = folder.join(TARGET).join(build.profile);
+    let built = match build.kind {
+        "--example" => built.join("examples").join(build.program),
+        _ => built.join(build.program),
+    };
+    let name = format!("{}-{}-{}", build.program, build.profile, build.features);
+    let elf = place.join(name.replace(',', "-"));
+    copy_if_other(&built, &elf)?;
+    Ok(elf)
+}
+
+/// Builds a program; its ELF.
+///
+/// # Panics
+/// If it cannot be built.
+pub fn build(build: &Build<'_>) -> PathBuf {
+    match try_build(build) {
+        Ok(elf) => elf,
+        Err(error) => panic!("{build:?}\n{error}"),
+    }
+}
+
+fn cargo(build: &Build<'_>, folder: &Path) -> std::io::Result<Output> {
+    let other_board = build.features.contains("board-h743");
+    Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+        .current_dir(workspace())
+        .args(["build", "--quiet", "--package", "subaperture-firmware"])
+        .args(["--locked", "--target", TARGET, "--profile", build.profile])
+        .args([build.kind, build.program, "--features", build.features])
+        .args(other_board.then_some("--no-default-features"))
+        .arg("--target-dir")
+        .arg(folder)
+        .output()
+}
+
+/// The bytes of both are compared, so that what watches the copy sees it change only when it does; the new
+/// one takes its place whole.
+fn copy_if_other(from: &Path, to: &Path) -> Result<(), String> {
+    let told = |what: &Path, error| format!("{}: {error}", what.display());
+    let bytes = fs::read(from).map_err(|error| told(from, error))?;
+    if fs::read(to).is_ok_and(|there| there == bytes) {
+        return Ok(());
+    }
+    let beside = to.with_extension("new");
+    fs::write(&beside, bytes).map_err(|error| told(&beside, error))?;
+    fs::rename(&beside, to).map_err(|error| told(to, error))
+}
+
+/// Builds the application for the emulated board, medium size, no panic reachable, to
+/// `target/module/float` and `target/module/fixed`; the two.
+///
+/// # Errors
+/// As [`try_build`].
+pub fn module() -> Result<[PathBuf; 2], String> {
+    let place = target_folder().join("module");
+    fs::create_dir_all(&place).map_err(|error| format!("{}: {error}", place.display()))?;
+    let mut elfs = [place.join("float"), place.join("fixed")];
+    for (elf, features) in elfs.iter_mut().zip(["no-panic", "no-panic,fixed"]) {
+        copy_if_other(&try_build(&Build::bin("application", features))?, elf)?;
+    }
+    Ok(elfs)
+}
+
+/// Starts an ELF under emulation.
+///
+/// # Panics
+/// If there is no emulator.
+pub fn emulator(elf: &Path, options: &[&str]) -> Child {
+    Command::new("qemu-system-arm")
+        .args(["-M", "mps2-an500", "-display", "none", "-monitor", "none"])
+        .args(["-semihosting-config", "enable=on,target=native"])
+        .args(options)
+        .arg("-kernel")
+        .arg(elf)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the emulator is missing: apt-get install qemu-system-arm")
+}
+
+/// Runs an ELF to its end under emulation; what it printed.
+///
+/// # Panics
+/// If it fails, or does not end within [`TIME_LIMIT`].
+pub fn emulate(elf: &Path, options: &[&str]) -> String {
+    let mut emulator = emulator(elf, options);
+    let started = Instant::now();
+    let status = loop {
+        if let Some(status) = emulator.try_wait().unwrap() {
+            break Some(status);
+        }
+        if started.elapsed() > TIME_LIMIT {
+            emulator.kill().unwrap();
+            emulator.wait().unwrap();
+            break None;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    // A few lines: they fit the pipes, so reading them after the end cannot block the emulator.
+    let (mut printed, mut errors) = (String::new(), String::new());
+    let (stdout, stderr) = (emulator.stdout.take(), emulator.stderr.take());
+    stdout.unwrap().read_to_string(&mut printed).unwrap();
+    stderr.unwrap().read_to_string(&mut errors).unwrap();
+    assert!(
+        status.is_some_and(|status| status.success()),
+        "emulator: {status:?} (none: killed after {TIME_LIMIT:?})\n{printed}{errors}"
+    );
+    printed
+}
+
+/// A section of an ELF.
+#[derive(Clone, Debug)]
+pub struct Section {
+    /// Name, `.text` say.
+    pub name: String,
+    /// Where it is while the program runs.
+    pub address: u64,
+    /// Its size.
+    pub bytes: u64,
+}
+
+/// The sections of an ELF.
+///
+/// # Panics
+/// If it cannot be read.
+pub fn sections(elf: &Path) -> Vec<Section> {
+    let bytes = fs::read(elf).unwrap();
+    let file = object::File::parse(&*bytes).unwrap();
+    file.sections()
+        .map(|section| Section {
+            name: section.name().unwrap().to_owned(),
+            address: section.address(),
+            bytes: section.size(),
+        })
+        .collect()
+}
+
+/// Bytes of an ELF that are loaded: code, constants, the initial values of `.data`.
+///
+/// # Panics
+/// If it cannot be read.
+pub fn flash_bytes(elf: &Path) -> u64 {
+    let bytes = fs::read(elf).unwrap();
+    let file = object::File::parse(&*bytes).unwrap();
+    file.segments().map(|segment| segment.file_range().1).sum()
+}
