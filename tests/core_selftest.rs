@@ -7,7 +7,7 @@ use subaperture_core::selftest::{FixedStreamSelfTest, FloatStreamSelfTest, SelfT
 /// Changes only when the arithmetic changes: then run this test, look at why, and write the new one.
 const CHECKSUM: u32 = 0x8043_76ec;
 const FLOAT_STREAM_CHECKSUM: u32 = 0xbef4_6d58;
-const FIXED_STREAM_CHECKSUM: u32 = 0xce22_6408;
+const FIXED_STREAM_CHECKSUM: u32 = 0xd2ed_8aa6;
 
 #[test]
 fn checksum_is_the_recorded_one_and_repeats() {

@@ -83,12 +83,15 @@ fn bytes_of(all: &[Sent]) -> Vec<u8> {
         .collect()
 }
 
+/// Maps that came whole: number and bytes.
+type Whole = Vec<(u32, Vec<u8>)>;
+
 /// What came of some reports: maps that came whole, and the causes of the losses that were told.
 fn assemble(
     reports: &[Sent],
     maps: u32,
     room: usize,
-) -> (Vec<(u32, Vec<u8>)>, Vec<LossCause>, u32) {
+) -> (Whole, Vec<LossCause>, u32) {
     let mut buffer = vec![0; room];
     let mut assembly = MapAssembly::new(&mut buffer);
     let (mut whole, mut causes) = (Vec::new(), Vec::new());

@@ -10,9 +10,9 @@
 //! | `board` | `Board` and the two boards that there are |
 //! | `memory` | where statics lie; how much of the stack was used |
 //! | `fault` | panics and exceptions: a line of log, then a reset, counted |
-//! | `riscv_virt` | start, output and end on QEMU's RISC-V machine |
 //! | `module` | the buffers, and the station in them |
 //! | `meter` | instructions on the emulated board, cycles on a real one |
+//! | `riscv_virt` | start, output and end on QEMU's RISC-V machine |
 //!
 //! The last seven are for a target only (six for ARM, one for RISC-V); the others run on a host too.
 #![no_std]

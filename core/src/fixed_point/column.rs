@@ -68,7 +68,8 @@ impl PulsePhase {
 }
 
 /// Frequencies from one fresh phasor to the next. Between, every rotation errs by at most 4 units of
-/// `2^-30`: 2 of its phasor, 1 of its rounding, and what that was before; `2^-24` at the last.
+/// `2^-30` a part: 2 of either part of what turns it, and half of its own rounding; after 15 of them, with
+/// the first's, by less than 64, which is `2^-24`.
 const ANCHOR: usize = 16;
 
 /// `g`, the least with `num_pulses 2^-g < 4`.

@@ -20,7 +20,7 @@ use crate::stream::{
 use crate::{LengthError, Sc16, link};
 
 /// Float32: pulses, frequencies, points of the range transform, Doppler rows, patches.
-type Float = FloatBuffers<12, 48, 64, 15, 2>;
+type Float = FloatBuffers<12, 64, 64, 15, 2>;
 const FLOAT_SCENES: [Scene; 2] = [
     Scene::new([12, 48, 64, 16], [[20, 7], [30, 4]], 5),
     Scene::new([11, 47, 64, 15], [[15, 7], [31, 3]], 4),
@@ -29,7 +29,7 @@ const FLOAT_SCENES: [Scene; 2] = [
 const FLOAT_WIDTH: usize = 63;
 
 /// Fixed point: as above, the fifth is blocks.
-type Fixed = FixedBuffers<6, 24, 64, 9, 2, 2>;
+type Fixed = FixedBuffers<6, 42, 64, 9, 3, 2>;
 const FIXED_SCENES: [Scene; 2] = [
     Scene::new([6, 24, 64, 16], [[10, 4], [20, 2]], 3),
     Scene::new([5, 23, 32, 9], [[8, 4], [15, 2]], 2),
