@@ -3,6 +3,7 @@
 pub mod emulated;
 pub mod faults;
 pub mod firmware;
+pub mod link_recording;
 pub mod link_scene;
 pub mod maps;
 pub mod matlab;
