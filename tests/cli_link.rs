@@ -10,12 +10,14 @@ use std::time::{Duration, Instant};
 
 use subaperture_tests::emulated::{Begin, Emulated, Wire, application};
 use subaperture_tests::link_recording::write_recording;
-use subaperture_tests::subap::{Ran, command, listing, run};
+use subaperture_tests::subap::{Ran, command, listing, program, run};
 
 const GRID: &str = "--grid x=-6:6:0.5,y=-6:6:0.5,z=0";
 
 /// A folder with `a.cphd` in it.
 fn scene() -> tempfile::TempDir {
+    // Built before anything is timed.
+    program();
     let folder = tempfile::tempdir().unwrap();
     write_recording(&folder.path().join("a.cphd"));
     folder

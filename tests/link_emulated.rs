@@ -2,7 +2,7 @@
 //! wrong map is ever taken, every loss is counted, and what comes after a fault is right.
 //!
 //! Maps are judged by the core run here on the same pulses, bit by bit. The emulated serial line carries
-//! 12 to 35 kB a second; a run of all 46 pulses is 10 kB there and 17 kB back.
+//! 12 to 35 kB a second; a run of all 46 pulses is 10 kB there and 25 kB back.
 
 use std::io;
 use std::time::Duration;
@@ -135,7 +135,7 @@ fn bit_errors_cost_time_and_nothing_else() {
         let (outcome, _) = session(&mut module, settings(1000));
         complete(&outcome);
         if bit_errors > 5e-5 {
-            // 8 wrong bits there and 13 back in the first run alone.
+            // 8 wrong bits there and 20 back in the first run alone.
             let counts = &outcome.counts;
             assert!(counts.frames_to_module.damaged > 0);
             assert!(counts.frames_from_module.damaged > 0);
@@ -203,7 +203,7 @@ fn cut_frames_are_lost_and_their_maps_fetched() {
     complete(&outcome);
 }
 
-/// A serial device holds 4 kB of what the module says, so that it has to wait with the rest.
+/// Without news from the module the host sends what there is room for, and then waits too.
 #[test]
 fn a_host_that_does_not_read_for_seconds_loses_nothing() {
     let faults = Faults {
@@ -217,24 +217,28 @@ fn a_host_that_does_not_read_for_seconds_loses_nothing() {
     assert_eq!((outcome.counts.maps_lost, outcome.counts.runs), (0, 1));
 }
 
-/// The same at a radar's rate: what finds no room is counted, and the maps after it are right.
+/// At a radar's rate nothing is sent twice: what is lost stays lost, and is told. (That pulses find no
+/// room needs a module slower than its line: `link_session.rs`. The emulated line holds its sender up.)
 #[test]
-fn a_radar_does_not_wait_for_a_host_that_does_not_read() {
+fn at_a_radars_rate_losses_stay_and_are_told() {
     let faults = Faults {
-        stalls_at: vec![(2_000, Duration::from_millis(600))],
+        seed: 7,
+        dropped_pulses: 0.05,
+        stalls_at: vec![(2_000, Duration::from_secs(1))],
         ..Faults::default()
     };
-    let mut module = module(Wire::Terminal, Begin::Reset, faults);
-    let settings = Settings {
-        rate_hz: Some(60.0),
-        ..settings(0)
+    let mut module = module(Wire::Tcp, Begin::Reset, faults);
+    let at_a_rate = Settings {
+        rate_hz: Some(40.0),
+        ..settings(100)
     };
-    let (outcome, kept) = session(&mut module, settings);
+    let (outcome, kept) = session(&mut module, at_a_rate);
+    assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
     let counts = &outcome.counts;
     assert_eq!(counts.pulses_sent + counts.pulses_unsent, PULSES as u64);
-    assert!(counts.maps_taken > 0);
-    let (last, _) = kept.last_key_value().unwrap();
-    assert!(last.0 >= 10, "maps of the end are there: {last:?}");
+    assert!(counts.module_pulses.lost > 0, "{counts}");
+    assert_eq!((counts.runs, counts.maps_lost), (1, 0));
+    assert!(next_is_there(&outcome, &kept), "{:?}", outcome.missing);
 }
 
 /// A session whose host is gone at once, without a word to the module.

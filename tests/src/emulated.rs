@@ -30,7 +30,7 @@ pub fn application() -> &'static [PathBuf; 2] {
 pub enum Wire {
     /// A TCP port, which takes one connection after the other. What the module says meanwhile is lost.
     Tcp,
-    /// A pseudo-terminal: a serial device, which holds 4 kB.
+    /// A pseudo-terminal: a serial device, which holds some 12 kB.
     Terminal,
 }
 
