@@ -87,11 +87,7 @@ fn bytes_of(all: &[Sent]) -> Vec<u8> {
 type Whole = Vec<(u32, Vec<u8>)>;
 
 /// What came of some reports: maps that came whole, and the causes of the losses that were told.
-fn assemble(
-    reports: &[Sent],
-    maps: u32,
-    room: usize,
-) -> (Whole, Vec<LossCause>, u32) {
+fn assemble(reports: &[Sent], maps: u32, room: usize) -> (Whole, Vec<LossCause>, u32) {
     let mut buffer = vec![0; room];
     let mut assembly = MapAssembly::new(&mut buffer);
     let (mut whole, mut causes) = (Vec::new(), Vec::new());
