@@ -182,6 +182,10 @@ impl Sheet<'_> {
             plan.ram.total_bytes.to_string(),
         ]);
         memory.push(vec!["allowed".to_owned(), self.typed.ram.to_string()]);
+        memory.push(vec![
+            "beside: detections, chip".to_owned(),
+            plan.ram.options_bytes.to_string(),
+        ]);
         lines.push(String::new());
         lines.push(text::table(&["memory", "bytes"], &memory));
         lines.join("\n")
