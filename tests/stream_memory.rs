@@ -25,8 +25,8 @@ fn buffers_take_the_documented_bytes() {
     assert_eq!(map, 8 * f * rows);
     assert_eq!(map, 139_072);
     let map = FixedMap::<424, 41, 15>::BYTES;
-    // Rounded up to whole words.
-    let documented = ((4 * f + blocks + 1) * rows + f).next_multiple_of(4);
+    // Rounded up to the 16 bits of a sample's part.
+    let documented = ((4 * f + blocks + 1) * rows + f).next_multiple_of(2);
     assert_eq!(map, documented);
     assert_eq!(map, 70_576);
     let scratch = FloatScratch::<30, 424, 1024, 16>::BYTES;

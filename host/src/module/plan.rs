@@ -67,6 +67,9 @@ pub struct ModulePlan {
     pub num_sub_cpis: usize,
     /// Predicted relative RMS error of the image, dB.
     pub predicted_db: f64,
+    /// First pulses after a gap in the track. Sub-CPIs go on across it, which may have kept all of them
+    /// short.
+    pub gaps: Vec<usize>,
     /// Memory of the buffers.
     pub ram: RamBudget,
     pub(super) capacity: Capacity,

@@ -8,7 +8,7 @@
 //! |---|---|---|
 //! | pulse samples, two stores | `16 M F` | `8 M F` |
 //! | pulse records, two stores | `144 M` | the same |
-//! | map | `8 F rows` | `(4 F + B + 1) rows + F`, up to a multiple of 4 |
+//! | map | `8 F rows` | `(4 F + B + 1) rows + F`, up to a multiple of 2 |
 //! | range row | `8 R` | the same |
 //! | phases and column | `40 M` | `32 M` |
 //! | window | `4 F`, up to a multiple of 8 | the same |
@@ -26,7 +26,7 @@
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
 use subaperture_core::stream::{BlockFloat, Capacity, Patch, PulsePhase, Setup};
-use subaperture_core::{Pulse, fixed_point};
+use subaperture_core::{Pulse, Sc16, fixed_point};
 
 use crate::maps::Arithmetic;
 
@@ -82,7 +82,7 @@ impl RamBudget {
                 2 * sample_bytes * pulses * frequencies,
             ),
             ("pulse records, two stores", 2 * size_of::<Pulse>() * pulses),
-            ("map", map.next_multiple_of(4)),
+            ("map", map.next_multiple_of(align_of::<Sc16>())),
             ("range row", COMPLEX_BYTES * range_bins),
             ("phases and column", (phase_bytes + COMPLEX_BYTES) * pulses),
             ("window", (4 * frequencies).next_multiple_of(8)),

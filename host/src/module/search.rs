@@ -234,6 +234,7 @@ impl Search<'_> {
             patch_pixels: patch,
             taps,
             num_sub_cpis: sub_cpis.len(),
+            gaps: sub_cpi::breaks(self.collection),
             predicted_db: 20.0 * model_error.hypot(kernels.error).log10(),
         };
         // A gate wider than the band of one cycle is no plan.
