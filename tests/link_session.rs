@@ -5,123 +5,19 @@
 //! core run here on the same pulses: they have to be the same bit by bit, since both run the same core
 //! on the same machine.
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
-use glam::DVec3;
-use num_complex::Complex32;
 use subaperture::focus::Silent;
-use subaperture::geometry::SceneFrame;
 use subaperture::link::{
-    Buffers, Counts, Ending, HostCore, Job, LinkError, MapSink, Outcome, PulseSource, Session,
-    Settings, SinkError, Verified, Watch,
+    Buffers, Counts, Ending, HostCore, LinkError, Outcome, Session, Settings, Verified, Watch,
 };
-use subaperture::phase_history::{Collection, Pulse, Recorded};
-use subaperture_core::link::{Arithmetic, AssembledMap, Encoding};
-use subaperture_core::stream::{FloatBuffers, MapHeader, Progress};
-use subaperture_tests::module::{Faults, Module};
-use subaperture_tests::stream_scene::{Scene, at, patch};
-
-/// Eleven sub-CPIs of 4 pulses and one of 2, two patches: 24 maps.
-const PULSES: usize = 46;
-const MAPS: usize = 24;
-
-fn scene() -> Scene {
-    let patches = vec![patch([3.0, -2.0, 0.5], 8, 3), patch([-4.0, 6.0, 0.0], 6, 2)];
-    Scene::new(4, 16, 32, 16, PULSES, patches)
-}
-
-fn recorded(scene: &Scene) -> Recorded {
-    let pulses = scene.pulses.iter().map(|pulse| Pulse {
-        time_s: pulse.time_s,
-        transmitter_m: DVec3::from(pulse.transmitter_m),
-        receiver_m: DVec3::from(pulse.receiver_m),
-        reference_m: DVec3::ZERO,
-        reference_path_m: pulse.reference_path_m,
-        start_hz: scene.setup.start_hz,
-        step_hz: scene.setup.step_hz,
-    });
-    let collection = Collection {
-        name: "scene".to_owned(),
-        num_samples: scene.setup.num_frequencies.into(),
-        pulses: pulses.collect(),
-        frame: SceneFrame::Local,
-        extent: None,
-        timed: true,
-    };
-    Recorded::new(collection, scene.samples.concat()).unwrap()
-}
-
-fn job<'a>(scene: &Scene, recording: &'a Recorded, encoding: Encoding) -> Job<'a> {
-    let weights: Vec<f64> = scene
-        .pulses
-        .iter()
-        .map(|pulse| pulse.weight.into())
-        .collect();
-    Job {
-        setup: scene.setup,
-        fast_weights: scene.weights.clone(),
-        patches: scene.patches.clone(),
-        pulses: PulseSource::new(recording, &weights, encoding).unwrap(),
-    }
-}
-
-type Key = (u32, u16);
-type Kept = BTreeMap<Key, (MapHeader, Vec<Complex32>)>;
-
-/// The maps that there are to be, by the core.
-fn expected(scene: &Scene) -> Kept {
-    let mut buffers = Box::new(FloatBuffers::<8, 40, 128, 24, 4>::new());
-    let mut processor = buffers.processor();
-    processor.configure(&scene.setup).unwrap();
-    processor
-        .set_weights(0, scene.weights.iter().copied())
-        .unwrap();
-    for (index, patch) in scene.patches.iter().enumerate() {
-        processor.set_patch(index, patch).unwrap();
-    }
-    processor.start(0).unwrap();
-    let mut maps = Kept::new();
-    for n in 0..=scene.pulses.len() {
-        match scene.pulses.get(n) {
-            Some(pulse) => processor
-                .push(pulse, scene.samples[n].iter().copied())
-                .unwrap(),
-            None => processor.finish(),
-        }
-        loop {
-            match processor.work() {
-                Progress::Idle => break,
-                Progress::Busy => {}
-                Progress::Map => {
-                    let map = processor.map().unwrap();
-                    let key = (map.header.sub_cpi, map.header.patch_index);
-                    maps.insert(key, (map.header, at(&map)));
-                }
-            }
-        }
-    }
-    assert_eq!(maps.len(), MAPS);
-    maps
-}
-
-#[derive(Default)]
-struct Keep(Kept);
-
-impl MapSink for Keep {
-    fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError> {
-        let key = (map.header.sub_cpi, map.header.patch_index);
-        let values = map
-            .rows()
-            .flat_map(|row| row.values().collect::<Vec<_>>())
-            .collect();
-        assert!(
-            self.0.insert(key, (map.header, values)).is_none(),
-            "{key:?} twice"
-        );
-        Ok(())
-    }
-}
+use subaperture::phase_history::Recorded;
+use subaperture_core::link::{Arithmetic, Encoding};
+use subaperture_tests::faults::{Faults, FaultyLine};
+use subaperture_tests::link_scene::{
+    Keep, Kept, MAPS, PULSES, expected, job, judge, recorded, scene,
+};
+use subaperture_tests::module::{Manner, Module};
 
 fn settings() -> Settings {
     Settings {
@@ -132,29 +28,21 @@ fn settings() -> Settings {
     }
 }
 
-fn bits(values: &[Complex32]) -> Vec<(u32, u32)> {
-    values
-        .iter()
-        .map(|z| (z.re.to_bits(), z.im.to_bits()))
-        .collect()
-}
-
 /// Has a module behind such a line do the scene; every map that was taken has been judged.
 fn session(faults: Faults, settings: Settings) -> (Outcome, Kept) {
+    session_with(Module::behind(faults, Manner::default()), settings)
+}
+
+/// The same with this module.
+fn session_with(mut module: FaultyLine<Module>, settings: Settings) -> (Outcome, Kept) {
     let scene = scene();
     let recording = recorded(&scene);
     let mut job = job(&scene, &recording, Encoding::Complex32);
-    let mut module = Module::start(faults);
     let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
     let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
     let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
     println!("{}", outcome.counts);
-    let expected = expected(&scene);
-    for (key, (header, values)) in &keep.0 {
-        let (expected_header, expected_values) = &expected[key];
-        assert_eq!(header, expected_header);
-        assert_eq!(bits(values), bits(expected_values), "map {key:?}");
-    }
+    judge(&keep.0);
     let counts = &outcome.counts;
     assert_eq!(counts.maps_wanted, MAPS as u64);
     assert_eq!(counts.maps_taken, keep.0.len() as u64);
@@ -365,7 +253,7 @@ fn another_session_finds_the_module_in_mid_run() {
     }
     let scene = scene();
     let recording = recorded(&scene);
-    let mut module = Module::start(Faults::default());
+    let mut module = Module::start(Manner::default());
     {
         let mut job = job(&scene, &recording, Encoding::Complex32);
         let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
@@ -384,24 +272,22 @@ fn another_session_finds_the_module_in_mid_run() {
     let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
     let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
     assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
-    let expected = expected(&scene);
-    for (key, (_, values)) in &keep.0 {
-        assert_eq!(bits(values), bits(&expected[key].1), "map {key:?}");
-    }
+    judge(&keep.0);
 }
 
 #[test]
 fn at_a_radars_rate_what_has_no_room_is_counted() {
     // The module needs longer for two maps than four pulses take.
-    let faults = Faults {
+    let manner = Manner {
         pause: Duration::from_micros(300),
-        ..Faults::default()
+        ..Manner::default()
     };
     let settings = Settings {
         rate_hz: Some(2000.0),
         ..settings()
     };
-    let (outcome, _) = session(faults, settings);
+    let module = Module::behind(Faults::default(), manner);
+    let (outcome, _) = session_with(module, settings);
     assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
     let counts = &outcome.counts;
     assert_eq!(counts.runs, 1);
@@ -432,7 +318,7 @@ fn a_dead_line_is_an_error() {
         cuts: 1.0,
         ..Faults::default()
     };
-    let mut module = Module::start(faults);
+    let mut module = Module::behind(faults, Manner::default());
     let mut buffers = Buffers::new();
     let settings = Settings {
         idle: Duration::from_millis(200),
@@ -448,7 +334,7 @@ fn what_the_module_refuses_is_an_error() {
     scene.patches[1].doppler_reach = 200;
     let recording = recorded(&scene);
     let mut job = job(&scene, &recording, Encoding::Complex32);
-    let mut module = Module::start(Faults::default());
+    let mut module = Module::start(Manner::default());
     let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
     let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
     assert_eq!(session.identity().arithmetic, Arithmetic::Float);
@@ -474,7 +360,7 @@ fn narrow_samples_come_at_the_scale_that_is_told() {
         .flat_map(|z| [z.re.abs(), z.im.abs()]);
     let largest = parts.fold(0.0, f32::max);
     assert!((largest * scale * 32768.0 - 32766.0).abs() < 0.01);
-    let mut module = Module::start(Faults::default());
+    let mut module = Module::start(Manner::default());
     let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
     let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
     let outcome = session.transfer(&mut job, &mut keep, &mut Silent);
@@ -518,9 +404,9 @@ fn maps_are_verified_against_the_core_on_the_host() {
         let core = HostCore::new(job(&scene, &other, encoding)).unwrap();
         let mut verified = Verified::new(Keep::default(), core);
         let mut job = job(&scene, &recording, encoding);
-        let mut module = Module::start(Faults {
+        let mut module = Module::start(Manner {
             fixed,
-            ..Faults::default()
+            ..Manner::default()
         });
         let mut buffers = Buffers::new();
         let mut session =

@@ -1,6 +1,10 @@
 //! Shared by the integration tests and `xtask`.
 
+pub mod emulated;
+pub mod faults;
 pub mod firmware;
+pub mod link_recording;
+pub mod link_scene;
 pub mod maps;
 pub mod matlab;
 pub mod module;

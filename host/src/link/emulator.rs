@@ -16,6 +16,8 @@ use super::transport::{Transport, prepare, read_stream, write_stream};
 const PROGRAM: &str = "qemu-system-arm";
 /// From its start to its connection the emulator takes a fraction of a second.
 const START_LIMIT: Duration = Duration::from_secs(20);
+/// An emulator that ends closes its connection first, a moment before it is gone.
+const END_LIMIT: Duration = Duration::from_millis(200);
 
 /// A module under emulation.
 #[derive(Debug)]
@@ -67,6 +69,25 @@ impl Emulator {
         let gone = || io::Error::new(ErrorKind::NotConnected, "the emulator is not running");
         Ok(&mut self.running.as_mut().ok_or_else(gone)?.stream)
     }
+
+    /// The reason of a line that is gone: mostly that the emulator is.
+    fn explained(&mut self, error: io::Error) -> io::Error {
+        let Some(running) = &mut self.running else {
+            return error;
+        };
+        let started = Instant::now();
+        while started.elapsed() < END_LIMIT {
+            if let Ok(Some(status)) = running.child.try_wait() {
+                let text = format!(
+                    "{PROGRAM} ended ({status}): is {} a firmware for it? -v shows what it said",
+                    self.firmware.display()
+                );
+                return io::Error::new(error.kind(), text);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        error
+    }
 }
 
 /// The firmware where `cargo xtask module` leaves it.
@@ -89,11 +110,11 @@ fn built(module: Module) -> io::Result<PathBuf> {
 
 impl Transport for Emulator {
     fn read(&mut self, buffer: &mut [u8], wait: Duration) -> io::Result<usize> {
-        read_stream(self.stream()?, buffer, wait)
+        read_stream(self.stream()?, buffer, wait).map_err(|error| self.explained(error))
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        write_stream(self.stream()?, bytes)
+        write_stream(self.stream()?, bytes).map_err(|error| self.explained(error))
     }
 
     fn reconnect(&mut self) -> io::Result<()> {

@@ -303,7 +303,13 @@ impl<'b> Session<'b> {
             // It may well not hear it; then the next session does the same.
             self.running = false;
             self.line.send(&Command::Abort);
-            let _ = self.pump(TICK, &mut context);
+            let started = Instant::now();
+            while self.line.backlog() > 0 && started.elapsed() < self.settings.answer {
+                // Not by `pump`, which does nothing more once the user wants to stop.
+                if self.line.exchange(TICK).is_err() {
+                    break;
+                }
+            }
         }
         self.counts.samples_clamped = job.pulses.clamped();
         let missing = context

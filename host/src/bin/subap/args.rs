@@ -204,7 +204,7 @@ pub(crate) struct Link {
 
     /// Send so many pulses a second, as a radar does that waits for nobody; what is lost is not sent
     /// again [default: as fast as the module has room]
-    #[arg(long, value_name = "HERTZ", value_parser = length)]
+    #[arg(long, value_name = "HERTZ", allow_negative_numbers = true, value_parser = length)]
     pub(crate) rate: Option<f64>,
 
     /// Further runs, at most, over what was lost

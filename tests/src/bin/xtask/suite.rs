@@ -23,7 +23,16 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
 /// Only what runs under QEMU.
 pub(crate) fn firmware(runner: &mut Runner) {
     let mut command = cargo(&["test", "--package", "subaperture-tests"]);
-    for test in ["firmware", "firmware_link", "golden", "module_budgets"] {
+    for test in [
+        "cli_link",
+        "cli_link_image",
+        "firmware",
+        "firmware_link",
+        "golden",
+        "link_emulated",
+        "link_gotcha",
+        "module_budgets",
+    ] {
         command.args(["--test", test]);
     }
     command.args(["--locked", "--", SHOW_OUTPUT]);

@@ -1,0 +1,143 @@
+//! A job of a second for a module, and the maps that have to come of it, bit by bit.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use num_complex::Complex32;
+use subaperture::geometry::SceneFrame;
+use subaperture::link::{Job, MapSink, PulseSource, SinkError};
+use subaperture::phase_history::{Collection, Pulse, Recorded};
+use subaperture_core::link::{AssembledMap, Encoding};
+use subaperture_core::stream::{FloatBuffers, MapHeader, Progress};
+
+use crate::stream_scene::{Scene, at, patch};
+
+/// Pulses: eleven sub-CPIs of 4 and one of 2.
+pub const PULSES: usize = 46;
+/// Maps, of two patches.
+pub const MAPS: usize = 24;
+
+/// What the module is to do.
+pub fn scene() -> Scene {
+    let patches = vec![patch([3.0, -2.0, 0.5], 8, 3), patch([-4.0, 6.0, 0.0], 6, 2)];
+    Scene::new(4, 16, 32, 16, PULSES, patches)
+}
+
+/// Its pulses as a recording.
+pub fn recorded(scene: &Scene) -> Recorded {
+    let pulses = scene.pulses.iter().map(|pulse| Pulse {
+        time_s: pulse.time_s,
+        transmitter_m: DVec3::from(pulse.transmitter_m),
+        receiver_m: DVec3::from(pulse.receiver_m),
+        reference_m: DVec3::ZERO,
+        reference_path_m: pulse.reference_path_m,
+        start_hz: scene.setup.start_hz,
+        step_hz: scene.setup.step_hz,
+    });
+    let collection = Collection {
+        name: "scene".to_owned(),
+        num_samples: scene.setup.num_frequencies.into(),
+        pulses: pulses.collect(),
+        frame: SceneFrame::Local,
+        extent: None,
+        timed: true,
+    };
+    Recorded::new(collection, scene.samples.concat()).unwrap()
+}
+
+/// The job of it.
+pub fn job<'a>(scene: &Scene, recording: &'a Recorded, encoding: Encoding) -> Job<'a> {
+    let weights: Vec<f64> = scene
+        .pulses
+        .iter()
+        .map(|pulse| pulse.weight.into())
+        .collect();
+    Job {
+        setup: scene.setup,
+        fast_weights: scene.weights.clone(),
+        patches: scene.patches.clone(),
+        pulses: PulseSource::new(recording, &weights, encoding).unwrap(),
+    }
+}
+
+/// Sub-CPI and patch.
+pub type Key = (u32, u16);
+/// Headers and samples of maps.
+pub type Kept = BTreeMap<Key, (MapHeader, Vec<Complex32>)>;
+
+/// The maps that there are to be, by the core on this machine.
+pub fn expected(scene: &Scene) -> Kept {
+    let mut buffers = Box::new(FloatBuffers::<8, 40, 128, 24, 4>::new());
+    let mut processor = buffers.processor();
+    processor.configure(&scene.setup).unwrap();
+    processor
+        .set_weights(0, scene.weights.iter().copied())
+        .unwrap();
+    for (index, patch) in scene.patches.iter().enumerate() {
+        processor.set_patch(index, patch).unwrap();
+    }
+    processor.start(0).unwrap();
+    let mut maps = Kept::new();
+    for n in 0..=scene.pulses.len() {
+        match scene.pulses.get(n) {
+            Some(pulse) => processor
+                .push(pulse, scene.samples[n].iter().copied())
+                .unwrap(),
+            None => processor.finish(),
+        }
+        loop {
+            match processor.work() {
+                Progress::Idle => break,
+                Progress::Busy => {}
+                Progress::Map => {
+                    let map = processor.map().unwrap();
+                    let key = (map.header.sub_cpi, map.header.patch_index);
+                    maps.insert(key, (map.header, at(&map)));
+                }
+            }
+        }
+    }
+    assert_eq!(maps.len(), MAPS);
+    maps
+}
+
+/// Keeps what comes.
+#[derive(Default)]
+pub struct Keep(pub Kept);
+
+impl MapSink for Keep {
+    fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError> {
+        let key = (map.header.sub_cpi, map.header.patch_index);
+        let values = map
+            .rows()
+            .flat_map(|row| row.values().collect::<Vec<_>>())
+            .collect();
+        assert!(
+            self.0.insert(key, (map.header, values)).is_none(),
+            "{key:?} twice"
+        );
+        Ok(())
+    }
+}
+
+/// The bits of samples.
+pub fn bits(values: &[Complex32]) -> Vec<(u32, u32)> {
+    values
+        .iter()
+        .map(|z| (z.re.to_bits(), z.im.to_bits()))
+        .collect()
+}
+
+/// Asserts that maps are the core's own.
+///
+/// # Panics
+/// If one is not.
+#[track_caller]
+pub fn judge(kept: &Kept) {
+    let expected = expected(&scene());
+    for (key, (header, values)) in kept {
+        let (expected_header, expected_values) = &expected[key];
+        assert_eq!(header, expected_header);
+        assert_eq!(bits(values), bits(expected_values), "map {key:?}");
+    }
+}
