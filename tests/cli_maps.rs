@@ -250,7 +250,7 @@ fn a_plan_says_what_fits_and_what_would() {
         folder.path(),
         &format!("plan module --ram 2K {grid} a.cphd"),
     );
-    least.failed(1, &["nothing that keeps -60 dB fits", "least memory"]);
+    least.failed(1, &["nothing that keeps -66 dB fits", "least memory"]);
     let bytes = least
         .stderr
         .split("least memory that would is ")

@@ -1,9 +1,15 @@
-//! The memory of the streaming core is what its documentation says.
+//! The memory of the streaming core is what its documentation and the plan for a module say.
 
+use subaperture::maps::Arithmetic;
+use subaperture::module::RamBudget;
+use subaperture_core::cfar::Column;
+use subaperture_core::link::{max_frame_bytes, max_received_bytes};
 use subaperture_core::stream::{
-    FixedBuffers, FixedMap, FixedScratch, FloatBuffers, FloatMap, FloatScratch, PulseStores,
+    Capacity, FixedBuffers, FixedMap, FixedScratch, FloatBuffers, FloatMap, FloatScratch,
+    PulseStores,
 };
 use subaperture_core::{Complex32, Sc16};
+use subaperture_firmware::sizes;
 
 #[test]
 fn buffers_take_the_documented_bytes() {
@@ -19,8 +25,8 @@ fn buffers_take_the_documented_bytes() {
     assert_eq!(map, 8 * f * rows);
     assert_eq!(map, 139_072);
     let map = FixedMap::<424, 41, 15>::BYTES;
-    // Rounded up to whole words.
-    let documented = ((4 * f + blocks + 1) * rows + f).next_multiple_of(4);
+    // Rounded up to the 16 bits of a sample's part.
+    let documented = ((4 * f + blocks + 1) * rows + f).next_multiple_of(2);
     assert_eq!(map, documented);
     assert_eq!(map, 70_576);
     let scratch = FloatScratch::<30, 424, 1024, 16>::BYTES;
@@ -37,4 +43,59 @@ fn buffers_take_the_documented_bytes() {
         FixedBuffers::<30, 424, 1024, 41, 15, 16>::BYTES,
         106_080 + 70_576 + 11_840
     );
+}
+
+/// The statics of the firmware's application of these sizes, in float and in fixed point, and those of
+/// its options.
+fn statics<
+    const M: usize,
+    const F: usize,
+    const R: usize,
+    const D: usize,
+    const B: usize,
+    const P: usize,
+>() -> [usize; 3] {
+    let link = max_received_bytes(F) + max_frame_bytes(F) + 8 * F;
+    [
+        PulseStores::<Complex32, M, F>::BYTES
+            + FloatMap::<F, D>::BYTES
+            + FloatScratch::<M, F, R, P>::BYTES
+            + link,
+        PulseStores::<Sc16, M, F>::BYTES
+            + FixedMap::<F, D, B>::BYTES
+            + FixedScratch::<M, F, R, P>::BYTES
+            + link,
+        size_of::<[Column; F]>() + size_of::<[Complex32; sizes::CHIP_PIXELS]>(),
+    ]
+}
+
+#[test]
+fn plans_count_what_the_firmware_declares() {
+    macro_rules! check {
+        ($m:literal, $f:literal, $r:literal, $d:literal, $b:literal, $p:literal) => {
+            let capacity = Capacity {
+                pulses: $m,
+                frequencies: $f,
+                range_bins: $r,
+                doppler_bins: $d,
+                patches: $p,
+            };
+            let [float, fixed, options] = statics::<$m, $f, $r, $d, $b, $p>();
+            let budget = RamBudget::new(&capacity, Arithmetic::Float);
+            assert_eq!(budget.total_bytes, float as u64, "{capacity:?}");
+            assert_eq!(budget.options_bytes, options as u64);
+            let budget = RamBudget::new(&capacity, Arithmetic::Fixed);
+            assert_eq!(budget.total_bytes, fixed as u64, "{capacity:?}");
+            let sum: u64 = budget.buffers.iter().map(|buffer| buffer.bytes).sum();
+            assert_eq!(budget.total_bytes, sum);
+        };
+    }
+    // Those of `firmware/src/sizes.rs`, odd ones, the smallest.
+    check!(16, 64, 128, 17, 3, 4);
+    check!(32, 432, 1024, 45, 15, 16);
+    check!(62, 512, 2048, 70, 17, 64);
+    check!(7, 129, 256, 11, 6, 3);
+    check!(1, 1, 2, 1, 2, 1);
+    check!(40, 33, 64, 63, 3, 1);
+    check!(5, 31, 32, 9, 2, 7);
 }

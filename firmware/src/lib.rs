@@ -28,11 +28,23 @@ pub mod board;
 pub mod fault;
 #[cfg(all(target_os = "none", target_arch = "arm"))]
 pub mod memory;
-#[cfg(all(target_os = "none", target_arch = "arm"))]
+#[cfg(all(
+    target_os = "none",
+    target_arch = "arm",
+    not(feature = "board-microbit")
+))]
 pub mod meter;
-#[cfg(all(target_os = "none", target_arch = "arm"))]
+#[cfg(all(
+    target_os = "none",
+    target_arch = "arm",
+    not(feature = "board-microbit")
+))]
 pub mod module;
-#[cfg(all(target_os = "none", target_arch = "arm"))]
+#[cfg(all(
+    target_os = "none",
+    target_arch = "arm",
+    not(feature = "board-microbit")
+))]
 pub mod serve;
 
 #[cfg(all(target_os = "none", target_arch = "riscv32"))]

@@ -79,11 +79,18 @@ impl<'a> Products<'a> {
         }
     }
 
-    pub(crate) fn set_chip(&mut self, grid: &ChipGrid) -> Result<(), Refusal> {
+    /// A chip is wanted. Rows of more than `most_columns` pixels could not be sent.
+    pub(crate) fn set_chip(&mut self, grid: &ChipGrid, most_columns: usize) -> Result<(), Refusal> {
         let wanted = u32::from(grid.num_columns) * u32::from(grid.num_rows);
         let most = self.buffers.chip.len() as u32;
         if wanted == 0 || wanted > most {
             return Err(Refusal::Chip { wanted, most });
+        }
+        if usize::from(grid.num_columns) > most_columns {
+            return Err(Refusal::Chip {
+                wanted: grid.num_columns.into(),
+                most: most_columns as u32,
+            });
         }
         self.chip = Some(Chip {
             grid: *grid,

@@ -1,5 +1,6 @@
 //! The loop of the application: a station on a board's serial link.
 
+use embedded_hal::digital::OutputPin;
 use embedded_io::{Read, ReadReady, Write, WriteReady};
 
 use crate::board::Board;
@@ -13,10 +14,10 @@ const READS: usize = 16;
 
 /// Serves the link for good. Every turn reads what has come, writes what the line takes, and does one
 /// piece of work, so that none of the three waits for another; a program that hangs is found by the
-/// watchdog, which is fed once a turn.
+/// watchdog, which is fed once a turn. The light is on while there is work.
 pub fn serve<B: Board, E: WireEngine>(mut board: B, mut station: Station<'_, E>) -> ! {
     let mut bytes = [0; 64];
-    let mut was = State::Idle;
+    let (mut was, mut lit) = (State::Idle, false);
     loop {
         board.feed_watchdog();
         for _ in 0..READS {
@@ -36,7 +37,12 @@ pub fn serve<B: Board, E: WireEngine>(mut board: B, mut station: Station<'_, E>)
             let sent = board.link().write(pending).unwrap_or(pending.len());
             station.sent(sent);
         }
-        station.work();
+        let busy = station.work();
+        if busy != lit {
+            lit = busy;
+            // A light that cannot be switched is no reason to stop.
+            let _ = board.light().set_state(busy.into());
+        }
         let state = station.state();
         if state != was && state == State::Done {
             board.log(format_args!(

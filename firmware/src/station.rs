@@ -18,8 +18,8 @@
 
 use subaperture_core::Pulse;
 use subaperture_core::link::{
-    self, Command, Encoder, MAX_DETECTIONS, Received, Receiver, Refusal, Report, State, Status,
-    TransferChecksum, f32s, write_block_row, write_complex32s, write_detections,
+    self, Command, DETECTION_BYTES, Encoder, MAX_DETECTIONS, Received, Receiver, Refusal, Report,
+    State, Status, TransferChecksum, f32s, write_block_row, write_complex32s, write_detections,
 };
 use subaperture_core::stream::{
     BlockFloat, MapSamples, Patch, PatchMap, Progress, PulseError, SubCpiProcessor,
@@ -211,7 +211,10 @@ impl<E: WireEngine> Module<'_, E> {
                 self.abort();
                 Ok(())
             }
-            Command::Chip(grid) => self.add_product(|products| products.set_chip(&grid)),
+            Command::Chip(grid) => {
+                let columns = self.row.len() / link::Encoding::Complex32.sample_bytes();
+                self.add_product(|products| products.set_chip(&grid, columns))
+            }
             Command::Detect(cfar) => self.add_product(|products| products.set_cfar(&cfar)),
         };
         match refusal {
@@ -512,7 +515,9 @@ impl<E: WireEngine> Module<'_, E> {
         };
         let all = &self.products.detections;
         let rest = all.get(first..).unwrap_or(&[]);
-        let now = rest.get(..MAX_DETECTIONS).unwrap_or(rest);
+        // A short row's buffer holds fewer.
+        let most = MAX_DETECTIONS.min(self.row.len() / DETECTION_BYTES).max(1);
+        let now = rest.get(..most).unwrap_or(rest);
         if let Some(list) = write_detections(now, self.row) {
             let report = Report::Detections {
                 map: self.maps.saturating_sub(1),
@@ -524,7 +529,7 @@ impl<E: WireEngine> Module<'_, E> {
             };
             self.pending = send(&mut self.encoder, self.frame, &report);
         }
-        match first.saturating_add(MAX_DETECTIONS) {
+        match first.saturating_add(most) {
             next if next < all.len() => Transfer::Detections(next),
             _ => Transfer::Nothing,
         }

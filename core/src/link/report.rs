@@ -196,7 +196,7 @@ pub enum Refusal {
         /// Bytes that came.
         got: u32,
     },
-    /// A chip of more pixels than there is room for, or of none.
+    /// A chip of more pixels, or of more a row, than there is room for, or of none.
     Chip {
         /// Pixels wanted.
         wanted: u32,
@@ -236,7 +236,7 @@ impl fmt::Display for Refusal {
             Self::Chip { wanted, most } => {
                 write!(
                     f,
-                    "a chip of {wanted} pixels: there is room for 1 to {most}"
+                    "a chip of {wanted} pixels, in all or a row: there is room for 1 to {most}"
                 )
             }
             Self::Detect => f.write_str(

@@ -45,24 +45,28 @@
 //!
 //! (`tests/stream_memory.rs` holds these figures, and that they are all.)
 
+mod counters;
 mod engine;
 mod fixed_buffers;
 mod float;
 mod float_buffers;
 mod patch;
 mod processor;
+mod sample;
 mod setup;
 mod stores;
 mod track;
 
 pub use crate::fixed_point::FixedEngine;
+pub use counters::PulseCounters;
 pub use engine::{Engine, Work};
 pub use fixed_buffers::{FixedBuffers, FixedMap, FixedScratch};
 pub use float::{ANCHOR, FloatEngine, PulsePhase};
 pub use float_buffers::{FloatBuffers, FloatMap, FloatScratch};
 pub use patch::{BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two};
-pub use processor::{Progress, PulseCounters, PulseError, Sample, Store, SubCpiProcessor};
+pub use processor::{Progress, PulseError, SubCpiProcessor};
+pub use sample::Sample;
 pub use setup::{Capacity, Quantity, Setup, SetupError};
-pub use stores::PulseStores;
+pub use stores::{PulseStores, Store};
 pub(crate) use track::node_offset_pulses;
 pub use track::nodes;

@@ -1,72 +1,13 @@
 //! Pulses in, maps out: the order of things, and what happens when it is disturbed.
 
 use super::engine::{Engine, Work};
-use super::{Capacity, MapHeader, MapSamples, Patch, PatchMap, Quantity, Setup, SetupError, nodes};
-use crate::{Complex32, Pulse, Sc16};
-
-/// A sample as stored.
-pub trait Sample: Copy + sealed::Sealed {
-    /// Nothing.
-    const ZERO: Self;
-
-    /// Whether it is a number.
-    fn is_finite(self) -> bool;
-
-    /// Whether a converter was at the end of its range.
-    fn at_limit(self) -> bool;
-}
-
-impl Sample for Complex32 {
-    const ZERO: Self = Complex32::ZERO;
-
-    fn is_finite(self) -> bool {
-        self.re.is_finite() && self.im.is_finite()
-    }
-
-    fn at_limit(self) -> bool {
-        false
-    }
-}
-
-impl Sample for Sc16 {
-    const ZERO: Self = Sc16::ZERO;
-
-    fn is_finite(self) -> bool {
-        true
-    }
-
-    fn at_limit(self) -> bool {
-        Sc16::at_limit(self)
-    }
-}
-
-mod sealed {
-    pub trait Sealed {}
-    impl Sealed for crate::Complex32 {}
-    impl Sealed for crate::Sc16 {}
-}
-
-/// What became of the pulses; every one is in one of the first five.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct PulseCounters {
-    /// Stored, and in a map unless its sub-CPI was given up.
-    pub accepted: u32,
-    /// Never came: gaps in the numbers.
-    pub lost: u32,
-    /// Came again, or too late.
-    pub repeated: u32,
-    /// Could not be used: a wrong length, or not a number.
-    pub refused: u32,
-    /// Came while both stores were full, or in the middle of a sub-CPI whose beginning is missing.
-    pub dropped: u32,
-    /// Samples (not pulses) with a part at an end of the converter's range.
-    pub at_limit: u32,
-    /// Arithmetic results (not pulses) that had to be clamped.
-    pub saturated: u32,
-    /// Sub-CPIs (not pulses) given up because pulses were missing.
-    pub incomplete: u32,
-}
+use super::sample::Sample;
+use super::stores::Store;
+use super::{
+    Capacity, MapHeader, MapSamples, Patch, PatchMap, PulseCounters, Quantity, Setup, SetupError,
+    nodes,
+};
+use crate::Pulse;
 
 /// Why a pulse was not stored. It has been counted; nothing else has changed but what is said here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,32 +35,6 @@ pub enum Progress {
     Busy,
     /// A map is ready: [`SubCpiProcessor::map`]. Going on with the work gives it up.
     Map,
-}
-
-/// Raw pulses of one sub-CPI.
-#[derive(Debug)]
-pub struct Store<'a, S> {
-    samples: &'a mut [S],
-    pulses: &'a mut [Pulse],
-    count: usize,
-    full: bool,
-}
-
-impl<'a, S> Store<'a, S> {
-    /// Lends the buffers: samples of `M F`, pulses of `M`, at the most that the capacity states.
-    pub fn new(samples: &'a mut [S], pulses: &'a mut [Pulse]) -> Self {
-        Self {
-            samples,
-            pulses,
-            count: 0,
-            full: false,
-        }
-    }
-
-    fn clear(&mut self) {
-        self.count = 0;
-        self.full = false;
-    }
 }
 
 /// What is due next of the sub-CPI in work.

@@ -1,7 +1,35 @@
 //! Where raw pulses wait.
 
-use super::{Sample, Store};
+use super::Sample;
 use crate::Pulse;
+
+/// Raw pulses of one sub-CPI.
+#[derive(Debug)]
+pub struct Store<'a, S> {
+    pub(super) samples: &'a mut [S],
+    pub(super) pulses: &'a mut [Pulse],
+    /// Pulses that are there.
+    pub(super) count: usize,
+    /// Whether it waits for work, or is in work.
+    pub(super) full: bool,
+}
+
+impl<'a, S> Store<'a, S> {
+    /// Lends the buffers: samples of `M F`, pulses of `M`, at the most that the capacity states.
+    pub fn new(samples: &'a mut [S], pulses: &'a mut [Pulse]) -> Self {
+        Self {
+            samples,
+            pulses,
+            count: 0,
+            full: false,
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.count = 0;
+        self.full = false;
+    }
+}
 
 /// Two stores of raw pulses of samples `S`.
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! ARM's MPS2 with FPGA image AN500, as QEMU's machine `mps2-an500` emulates it.
 //!
-//! UART0 at 0x40004000, timer 0 at 0x40000000 and the watchdog at 0x40008000 are ARM's CMSDK parts
+//! LED 0 at 0x40028000, UART0 at 0x40004000, timer 0 at 0x40000000 and the watchdog at 0x40008000 are ARM's CMSDK parts
 //! (DDI 0479); all run at the board's 25 MHz. What the emulator leaves out: the UART has no speed (a byte
 //! goes as fast as the other end takes it), and time passes with the host's clock unless `-icount`
 //! ties it to instructions. The core's own cycle counter (DWT) is not emulated; the timer stands in.
@@ -8,9 +8,11 @@
 //! The receiver holds one byte. QEMU gives it the next only when that one was read, so nothing is lost
 //! however slowly a program reads; on the real board a program has one byte's time.
 
+use core::convert::Infallible;
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::NVIC;
+use embedded_hal::digital::{self, OutputPin};
 use embedded_io::{ErrorKind, ErrorType, Read, ReadReady, Write, WriteReady};
 
 use super::Board;
@@ -22,6 +24,7 @@ const BAUD: u32 = 921_600;
 #[derive(Debug)]
 pub struct An500 {
     uart: Uart,
+    light: Light,
     timer: Registers,
     watchdog: Registers,
 }
@@ -30,6 +33,7 @@ static TAKEN: AtomicBool = AtomicBool::new(false);
 
 impl Board for An500 {
     type Link = Uart;
+    type Light = Light;
     const NAME: &'static str = "mps2-an500";
     const TICKS_HZ: u32 = CLOCK_HZ;
     const WATCHDOG_MS: u32 = 2000;
@@ -56,6 +60,7 @@ impl Board for An500 {
         timer.write(timer::CTRL, timer::ENABLE);
         Some(Self {
             uart,
+            light: Light(Registers(0x4002_8000)),
             timer,
             watchdog: Registers(0x4000_8000),
         })
@@ -63,6 +68,10 @@ impl Board for An500 {
 
     fn link(&mut self) -> &mut Uart {
         &mut self.uart
+    }
+
+    fn light(&mut self) -> &mut Light {
+        &mut self.light
     }
 
     fn wait(&mut self) {
@@ -84,6 +93,26 @@ impl Board for An500 {
             .write(watchdog::CONTROL, watchdog::INTERRUPT | watchdog::RESET);
         self.watchdog.write(watchdog::INTCLR, 1);
         self.watchdog.write(watchdog::LOCK, 0);
+    }
+}
+
+/// User LED 0, a bit of the FPGA's own registers.
+#[derive(Debug)]
+pub struct Light(Registers);
+
+impl digital::ErrorType for Light {
+    type Error = Infallible;
+}
+
+impl OutputPin for Light {
+    fn set_low(&mut self) -> Result<(), Infallible> {
+        self.0.write(FPGA_LEDS, 0);
+        Ok(())
+    }
+
+    fn set_high(&mut self) -> Result<(), Infallible> {
+        self.0.write(FPGA_LEDS, 1);
+        Ok(())
     }
 }
 
@@ -210,6 +239,9 @@ impl Registers {
         unsafe { ((self.0 + offset) as *mut u32).write_volatile(value) }
     }
 }
+
+/// LEDs, one a bit.
+const FPGA_LEDS: usize = 0x0;
 
 mod uart {
     /// UART0's interrupts.

@@ -13,6 +13,7 @@ use core::future::Future;
 use core::pin::pin;
 use core::task::{Context, Poll, Waker};
 
+use embassy_stm32::gpio::{Level, Output, Speed};
 use embassy_stm32::peripherals::{IWDG1, USART3};
 use embassy_stm32::usart::{self, BufferedUart, BufferedUartRx, BufferedUartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
@@ -33,6 +34,7 @@ static TO_SEND: ConstStaticCell<[u8; 2048]> = ConstStaticCell::new([0; 2048]);
 
 /// The board.
 pub struct H743 {
+    light: Output<'static>,
     link: SerialLink,
     watchdog: IndependentWatchdog<'static, IWDG1>,
     watching: bool,
@@ -40,6 +42,7 @@ pub struct H743 {
 
 impl Board for H743 {
     type Link = SerialLink;
+    type Light = Output<'static>;
     const NAME: &'static str = "nucleo-h743zi2";
     const TICKS_HZ: u32 = 400_000_000;
     const WATCHDOG_MS: u32 = 2000;
@@ -48,6 +51,8 @@ impl Board for H743 {
         let (received, to_send) = (RECEIVED.try_take()?, TO_SEND.try_take()?);
         let mut core = cortex_m::Peripherals::take()?;
         core.SCB.enable_icache();
+        // Nothing here is moved by DMA, so the data cache needs no care.
+        core.SCB.enable_dcache(&mut core.CPUID);
         core.DCB.enable_trace();
         cortex_m::peripheral::DWT::unlock();
         core.DWT.enable_cycle_counter();
@@ -66,6 +71,8 @@ impl Board for H743 {
         );
         let (tx, rx) = uart.ok()?.split();
         Some(Self {
+            // LD1, the green one.
+            light: Output::new(board.PB0, Level::Low, Speed::Low),
             link: SerialLink {
                 rx,
                 tx,
@@ -78,6 +85,10 @@ impl Board for H743 {
 
     fn link(&mut self) -> &mut SerialLink {
         &mut self.link
+    }
+
+    fn light(&mut self) -> &mut Output<'static> {
+        &mut self.light
     }
 
     fn wait(&mut self) {

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use embedded_hal::digital::OutputPin;
 use embedded_io::{Read, ReadReady, Write, WriteReady};
 
 #[cfg(feature = "board-an500")]
@@ -40,6 +41,8 @@ pub trait Board: Sized {
     /// The serial link. `read` and `write` block until they can move a byte; a program that must not
     /// wait asks `read_ready` and `write_ready` first.
     type Link: Read + ReadReady + Write + WriteReady;
+    /// A light; high is on.
+    type Light: OutputPin;
 
     /// Name, for the banner.
     const NAME: &'static str;
@@ -57,6 +60,9 @@ pub trait Board: Sized {
     /// Sleeps until the link has something to read, or a little less: a program that has nothing to do
     /// calls it and asks again.
     fn wait(&mut self);
+
+    /// The light.
+    fn light(&mut self) -> &mut Self::Light;
 
     /// A counter that runs up at [`Board::TICKS_HZ`] and wraps.
     fn ticks(&self) -> u32;

@@ -18,6 +18,8 @@ use subaperture_core::{Pulse, Sc16};
 
 use super::job::Job;
 use super::session::{MapSink, SinkError};
+use crate::maps::Arithmetic;
+use crate::module::least_capacity;
 use crate::phase_history::ReadError;
 
 /// The core on the host, in the arithmetic that the job's samples are for.
@@ -36,19 +38,11 @@ impl<'a> HostCore<'a> {
     /// [`SetupError`] if the settings cannot be.
     pub fn new(job: Job<'a>) -> Result<Self, SetupError> {
         let setup = &job.setup;
-        // Rows are as long as there are frequencies; a patch's bins have to fit them.
-        let bins = job.patches.iter().map(Patch::num_range_bins).max();
-        let frequencies = bins.map_or(0, |bins| u16::try_from(bins).unwrap_or(u16::MAX));
-        let frequencies = frequencies.max(setup.num_frequencies).max(1);
-        let samples = |patch: &Patch| patch.num_doppler_bins() * setup.row_stride(patch);
-        let largest = job.patches.iter().map(samples).max().unwrap_or(0);
-        let capacity = Capacity {
-            pulses: setup.num_pulses,
-            frequencies,
-            range_bins: setup.range_length,
-            doppler_bins: u16::try_from(largest.div_ceil(frequencies.into())).unwrap_or(u16::MAX),
-            patches: u16::try_from(job.patches.len()).unwrap_or(u16::MAX),
+        let arithmetic = match job.pulses.encoding() {
+            Encoding::Complex32 => Arithmetic::Float,
+            Encoding::Sc16 => Arithmetic::Fixed,
         };
+        let capacity = least_capacity(setup, &job.patches, arithmetic);
         setup.check(&capacity)?;
         for patch in &job.patches {
             setup.check_patch(patch, &capacity)?;

@@ -8,7 +8,9 @@ mod link;
 mod plan;
 mod ram;
 mod reach;
+mod search;
 
 pub use link::LinkBudget;
 pub use plan::{ModulePlan, PlanError, Request, Room};
+pub(crate) use ram::least_capacity;
 pub use ram::{Buffer, RamBudget};

@@ -3,7 +3,9 @@
 //! As the host's own planner ([`crate::focus::rdbp::plan`]), by the same measure of the path's model on
 //! the recorded track: predicted error is the root sum square of the model's and the kernels'
 //! ([`crate::focus::maps::kernels`]), and [`MARGIN_DB`] is kept. What differs:
-//! - sub-CPIs are as long as one another, and do not heed gaps in the track: a module counts pulses;
+//! - sub-CPIs are as long as one another, and neither end at gaps in the track nor are halved where it is
+//!   rough: a module counts pulses. The prediction is the worst of all of them, so a gap that falls
+//!   within one makes all shorter, or leaves no plan at all;
 //! - maps have `R`, the power of two from `2F` (4096 at most), and `D`, twice Nyquist's at the highest
 //!   frequency, so that kernels have room;
 //! - of all choices within the bound and the room, the one with the fewest bytes of maps is taken, since
@@ -15,28 +17,15 @@
 
 use subaperture_core::stream::{Capacity, Patch, Setup};
 
-use super::ram::map_samples;
-use super::reach::Reach;
+use super::search::{Candidate, LONGEST_RANGE, Search};
 use super::{LinkBudget, RamBudget};
-use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::maps::kernels::Kernels;
-use crate::focus::rdbp::patch::{Rectangle, rectangles};
-use crate::focus::rdbp::plan::{Probe, lengths, patch_sizes};
-use crate::focus::rdbp::{PatchSize, SubCpi, shared_band, sub_cpi};
+use crate::focus::rdbp::{PatchSize, shared_band};
 use crate::focus::{FormError, MARGIN_DB};
 use crate::geometry::ImageGrid;
 use crate::maps::Arithmetic;
-use crate::phase_history::{Band, Collection};
+use crate::phase_history::Collection;
 use crate::signal::windowed_sinc::{TAPS, WindowedSinc};
-
-/// Longest range transform of a module.
-const LONGEST_RANGE: usize = 4096;
-
-/// Most pulses a sub-CPI that a module's buffers can be built for.
-const MOST_PULSES: usize = 4096;
-
-/// Most sub-CPIs that estimates look at.
-const PROBED_SUB_CPIS: usize = 8;
 
 /// The room there is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,8 +67,12 @@ pub struct ModulePlan {
     pub num_sub_cpis: usize,
     /// Predicted relative RMS error of the image, dB.
     pub predicted_db: f64,
+    /// First pulses after a gap in the track. Sub-CPIs go on across it, which may have kept all of them
+    /// short.
+    pub gaps: Vec<usize>,
     /// Memory of the buffers.
     pub ram: RamBudget,
+    pub(super) capacity: Capacity,
 }
 
 /// Why there is no plan.
@@ -155,7 +148,7 @@ impl ModulePlan {
         candidates.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
         // Estimates look at some patches and sub-CPIs; what is taken is worked out on all of them.
         let hopeful = candidates.iter().filter(|c| match request.room {
-            Room::Ram { bytes } => 0.9 * search.least_bytes(c) <= bytes as f64,
+            Room::Ram { bytes } => 0.9 * c.ram_bytes as f64 <= bytes as f64,
             Room::Built(_) => true,
         });
         let mut best_db: Option<f64> = None;
@@ -171,7 +164,7 @@ impl ModulePlan {
                 return Ok(plan);
             }
         }
-        candidates.sort_by(|a, b| a.ram_samples.total_cmp(&b.ram_samples));
+        candidates.sort_by_key(|candidate| candidate.ram_bytes);
         let least_bytes = candidates
             .iter()
             .find_map(&mut sound)
@@ -194,21 +187,9 @@ impl ModulePlan {
         })
     }
 
-    /// Buffers that this plan fits exactly.
+    /// Sizes of the smallest buffers that it fits.
     pub fn capacity(&self) -> Capacity {
-        let frequencies = self.setup.num_frequencies;
-        let samples = self
-            .patches
-            .iter()
-            .map(|patch| map_samples(&self.setup, patch));
-        let rows = samples.max().unwrap_or(0).div_ceil(frequencies.into());
-        Capacity {
-            pulses: self.setup.num_pulses,
-            frequencies,
-            range_bins: self.setup.range_length,
-            doppler_bins: u16::try_from(rows).unwrap_or(u16::MAX),
-            patches: u16::try_from(self.patches.len()).unwrap_or(u16::MAX),
-        }
+        self.capacity
     }
 
     /// Whether there is room for it.
@@ -229,217 +210,5 @@ impl ModulePlan {
     /// What it costs on a link of `baud` bits a second.
     pub fn link(&self, baud: u32) -> LinkBudget {
         LinkBudget::new(self, baud)
-    }
-}
-
-/// A choice, and what it comes to by estimate.
-struct Candidate {
-    length: usize,
-    patch: PatchSize,
-    taps: usize,
-    /// Samples of all maps of the collection.
-    map_samples: f64,
-    /// Samples of stores and map in work.
-    ram_samples: f64,
-}
-
-impl Candidate {
-    /// Bytes of maps rule; memory decides between equals.
-    fn cost(&self) -> f64 {
-        self.map_samples + 1e-6 * self.ram_samples
-    }
-}
-
-/// What choices are made from.
-struct Search<'a> {
-    collection: &'a Collection,
-    grid: &'a ImageGrid,
-    band: &'a Band,
-    arithmetic: Arithmetic,
-    error_db: f64,
-}
-
-impl Search<'_> {
-    fn range_length(&self) -> usize {
-        (2 * self.band.count).next_power_of_two().min(LONGEST_RANGE)
-    }
-
-    fn range_band(&self) -> f64 {
-        (self.band.count / 2) as f64 / self.range_length() as f64
-    }
-
-    /// Every choice that, by estimate, keeps the error below `target`.
-    fn candidates(&self, target: f64) -> Vec<Candidate> {
-        let range_band = self.range_band();
-        // Doppler bins are twice as fine as the whole band needs.
-        let kernels = TAPS.map(|taps| {
-            let error = |band: f64| WindowedSinc::new(taps, band).error(band);
-            (taps, error(range_band).hypot(error(0.25)))
-        });
-        // That which whoever forms the image will take.
-        let share = Kernels::share(self.error_db);
-        let kernel = kernels.into_iter().find(|&(_, error)| error <= share);
-        let Some((taps, kernel_error)) = kernel else {
-            return Vec::new();
-        };
-        let probe = Probe {
-            collection: self.collection,
-            grid: self.grid,
-            band: self.band,
-            breaks: &[],
-        };
-        let num_pulses = self.collection.pulses.len();
-        let patches = patch_sizes(self.grid);
-        let mut candidates = Vec::new();
-        let mut first_patch = 0;
-        for length in lengths(num_pulses) {
-            if length > MOST_PULSES {
-                break;
-            }
-            // Errors grow with the patch: what a size keeps, smaller ones keep too. A longer sub-CPI never
-            // allows a larger patch.
-            let mut errors: Option<f64> = None;
-            for (i, &patch) in patches.iter().enumerate().skip(first_patch) {
-                let error = match errors {
-                    Some(error) => error,
-                    None => probe.run(length, patch).model_error,
-                };
-                if error.hypot(kernel_error) > target {
-                    continue;
-                }
-                if errors.is_none() {
-                    errors = Some(error);
-                    first_patch = i;
-                }
-                candidates.extend(self.candidate(length, patch, taps));
-            }
-            if errors.is_none() {
-                // The smallest patch is too large already for longer sub-CPIs.
-                break;
-            }
-        }
-        candidates
-    }
-
-    /// What a choice comes to on patches in the grid's middle and corners.
-    fn candidate(&self, length: usize, patch: PatchSize, taps: usize) -> Option<Candidate> {
-        let last_row = self.grid.rows.count - patch.rows;
-        let last_column = self.grid.columns.count - patch.columns;
-        let places = [
-            (last_row / 2, last_column / 2),
-            (0, 0),
-            (0, last_column),
-            (last_row, 0),
-            (last_row, last_column),
-        ];
-        let sub_cpis = self.sub_cpis(length, PROBED_SUB_CPIS);
-        let reach = places
-            .iter()
-            .fold(Reach::default(), |reach, &(row, column)| {
-                let rectangle = Rectangle {
-                    row,
-                    column,
-                    size: patch,
-                };
-                reach.max(Reach::of(self.grid, &rectangle, &sub_cpis))
-            });
-        let setup = self.setup(length, taps, reach)?;
-        let gate = reach.patch(&setup, [0.0; 3], taps)?;
-        let patches = self.grid.rows.count.div_ceil(patch.rows)
-            * self.grid.columns.count.div_ceil(patch.columns);
-        let count = patches * self.collection.pulses.len().div_ceil(length);
-        Some(Candidate {
-            length,
-            patch,
-            taps,
-            map_samples: count as f64 * gate.map_len() as f64,
-            ram_samples: (2 * length * self.band.count + map_samples(&setup, &gate)) as f64,
-        })
-    }
-
-    /// Bytes that a choice takes at the least, by estimate.
-    fn least_bytes(&self, candidate: &Candidate) -> f64 {
-        match self.arithmetic {
-            Arithmetic::Float => 8.0 * candidate.ram_samples,
-            Arithmetic::Fixed => 4.0 * candidate.ram_samples,
-        }
-    }
-
-    /// At most about `most` sub-CPIs of `length`, first and last among them.
-    fn sub_cpis(&self, length: usize, most: usize) -> Vec<SubCpi> {
-        let ranges = sub_cpi::cut(self.collection.pulses.len(), &[], length);
-        let step = ranges.len().div_ceil(most).max(1);
-        let last = ranges.len().saturating_sub(1);
-        let some = ranges.iter().enumerate();
-        some.filter(|&(i, _)| i % step == 0 || i == last)
-            .map(|(_, pulses)| SubCpi::new(self.collection, pulses.clone()))
-            .collect()
-    }
-
-    fn setup(&self, length: usize, taps: usize, reach: Reach) -> Option<Setup> {
-        let highest = self.band.frequency_hz(self.band.count - 1) / self.band.centre_hz();
-        let twice_nyquist = (2.0 * length as f64 * highest.max(1.0)).ceil();
-        let cycles_m = self.band.centre_hz() / SPEED_OF_LIGHT_M_S;
-        Some(Setup {
-            num_pulses: u16::try_from(length).ok()?,
-            num_frequencies: u16::try_from(self.band.count).ok()?,
-            range_length: u16::try_from(self.range_length()).ok()?,
-            // At most MOST_PULSES are asked for: this fits.
-            doppler_length: reach.doppler_length(cycles_m, twice_nyquist as u16, taps)?,
-            start_hz: self.band.start_hz,
-            step_hz: self.band.step_hz,
-        })
-    }
-
-    /// The choice on all patches and sub-CPIs; `None` if it turns out impossible.
-    fn work_out(&self, candidate: &Candidate) -> Option<ModulePlan> {
-        let &Candidate {
-            length,
-            patch,
-            taps,
-            ..
-        } = candidate;
-        let places = rectangles(self.grid, patch);
-        if places.len() > usize::from(u16::MAX) {
-            return None;
-        }
-        let sub_cpis = self.sub_cpis(length, usize::MAX);
-        let reaches = Reach::of_each(self.grid, &places, &sub_cpis);
-        let widest = reaches.iter().fold(Reach::default(), |a, &b| a.max(b));
-        let setup = self.setup(length, taps, widest)?;
-        // Those that the image will be formed with: the maps' own bands may take fewer taps.
-        let kernels = Kernels::for_bound(&setup, self.error_db);
-        let taps = kernels.range.taps();
-        let patches: Vec<Patch> = places
-            .iter()
-            .zip(reaches)
-            .map(|(place, reach)| {
-                let centre_m = place.centre_m(self.grid).to_array();
-                reach.patch(&setup, centre_m, taps)
-            })
-            .collect::<Option<_>>()?;
-        let largest = *patches.iter().max_by_key(|p| map_samples(&setup, p))?;
-        let probe = Probe {
-            collection: self.collection,
-            grid: self.grid,
-            band: self.band,
-            breaks: &[],
-        };
-        let model_error = sub_cpis
-            .iter()
-            .map(|sub_cpi| probe.measure(sub_cpi, patch).model_error)
-            .fold(0.0, f64::max);
-        let plan = ModulePlan {
-            ram: RamBudget::new(&setup, &largest, patches.len(), self.arithmetic),
-            setup,
-            patches,
-            arithmetic: self.arithmetic,
-            patch_pixels: patch,
-            taps,
-            num_sub_cpis: sub_cpis.len(),
-            predicted_db: 20.0 * model_error.hypot(kernels.error).log10(),
-        };
-        // A gate wider than the band of one cycle is no plan.
-        plan.fits(&Room::Built(plan.capacity())).then_some(plan)
     }
 }

@@ -1,28 +1,40 @@
 //! What a module's buffers take: the one place that says so on the host.
 //!
-//! For `M` pulses of `F` frequencies, `R` range bins, patches of `2Q + 1` rows by `2G + 1` bins:
+//! For the sizes of a [`Capacity`]: `M` pulses, `F` frequencies, `R` range bins, `rows` Doppler bins, `P`
+//! patches, `B` blocks of 32 frequencies begun. In bytes, by what the firmware declares
+//! ([`subaperture_core::stream`]):
 //!
 //! | buffer | float | fixed |
 //! |---|---|---|
-//! | pulse samples, two stores | `2 * 8 M F` | `2 * 4 M F` |
-//! | pulse records, two stores | `2 * 72 M` | the same |
-//! | map | `8 (2Q + 1) max(F, 2G + 1)` | `4 (2Q + 1) max(F, 2G + 1)` and an exponent for every 32 |
-//! | range row | `8 R` | `8 R` |
-//! | phases and column | `40 M` | `40 M` |
-//! | window | `4 F` | `4 F` |
-//! | patch list | `32` a patch | `32` a patch |
+//! | pulse samples, two stores | `16 M F` | `8 M F` |
+//! | pulse records, two stores | `144 M` | the same |
+//! | map | `8 F rows` | `(4 F + B + 1) rows + F`, up to a multiple of 2 |
+//! | range row | `8 R` | the same |
+//! | phases and column | `40 M` | `32 M` |
+//! | window | `4 F`, up to a multiple of 8 | the same |
+//! | patch list | `32 P` | the same |
+//! | link, received | `8 F + 201` | the same |
+//! | link, sent | those, one for each 254 begun, and one | the same |
+//! | link, row | `8 F` | the same |
 //!
-//! Code, stack and what the link buffers are not counted.
+//! That is all that the firmware of these sizes holds in statics but for what its options need
+//! ([`RamBudget::options_bytes`]): `32 F` for detections and 8192 for a chip of 1024 pixels. Not counted
+//! are the code and the stack.
+//!
+//! **Accuracy**: exact, `tests/stream_memory.rs` (against the types that the firmware declares).
 
-use subaperture_core::stream::{BlockFloat, Patch, Setup};
+use subaperture_core::cfar::Column;
+use subaperture_core::link::{max_frame_bytes, max_received_bytes};
+use subaperture_core::stream::{BlockFloat, Capacity, Patch, PulsePhase, Setup};
+use subaperture_core::{Pulse, Sc16, fixed_point};
 
 use crate::maps::Arithmetic;
 
-/// Bytes of a pulse's record beside its samples.
-const PULSE_BYTES: u64 = 72;
+/// Bytes of a complex number of two float32 or of two 32-bit integers.
+const COMPLEX_BYTES: usize = 8;
 
-/// Bytes of phases and column for every pulse.
-const PHASE_BYTES: u64 = 40;
+/// Most pixels of a chip in the firmware.
+const CHIP_PIXELS: u64 = 1024;
 
 /// A buffer and its size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -36,91 +48,161 @@ pub struct Buffer {
 /// The buffers of a module.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct RamBudget {
-    /// Every buffer.
+    /// Every buffer that making and sending maps needs.
     pub buffers: Vec<Buffer>,
     /// Their sum.
     pub total_bytes: u64,
+    /// What detections and a chip take beside that.
+    pub options_bytes: u64,
 }
 
 impl RamBudget {
-    /// For a run of `setup` on `num_patches` patches, of which `largest` has the largest map in work:
-    /// rows times the row's stride.
-    pub fn new(setup: &Setup, largest: &Patch, num_patches: usize, arithmetic: Arithmetic) -> Self {
-        let (pulses, frequencies) = (
-            u64::from(setup.num_pulses),
-            u64::from(setup.num_frequencies),
-        );
-        let sample_bytes = match arithmetic {
-            Arithmetic::Float => 8,
-            Arithmetic::Fixed => 4,
+    /// For a module built with the sizes of `capacity`.
+    pub fn new(capacity: &Capacity, arithmetic: Arithmetic) -> Self {
+        let [pulses, frequencies, range_bins, rows, patches] = [
+            capacity.pulses,
+            capacity.frequencies,
+            capacity.range_bins,
+            capacity.doppler_bins,
+            capacity.patches,
+        ]
+        .map(usize::from);
+        let (sample_bytes, phase_bytes) = match arithmetic {
+            Arithmetic::Float => (8, size_of::<PulsePhase>()),
+            Arithmetic::Fixed => (4, size_of::<fixed_point::PulsePhase>()),
         };
-        let rows = largest.num_doppler_bins() as u64;
-        let stride = setup.row_stride(largest);
         let exponents = match arithmetic {
             Arithmetic::Float => 0,
-            Arithmetic::Fixed => rows * BlockFloat::blocks(stride) as u64,
+            Arithmetic::Fixed => rows * (BlockFloat::blocks(frequencies) + 1) + frequencies,
         };
+        let map = sample_bytes * rows * frequencies + exponents;
         let buffers: Vec<Buffer> = [
             (
                 "pulse samples, two stores",
                 2 * sample_bytes * pulses * frequencies,
             ),
-            ("pulse records, two stores", 2 * PULSE_BYTES * pulses),
-            ("map", sample_bytes * rows * stride as u64 + exponents),
-            ("range row", 8 * u64::from(setup.range_length)),
-            ("phases and column", PHASE_BYTES * pulses),
-            ("window", 4 * frequencies),
-            ("patch list", (num_patches * size_of::<Patch>()) as u64),
+            ("pulse records, two stores", 2 * size_of::<Pulse>() * pulses),
+            ("map", map.next_multiple_of(align_of::<Sc16>())),
+            ("range row", COMPLEX_BYTES * range_bins),
+            ("phases and column", (phase_bytes + COMPLEX_BYTES) * pulses),
+            ("window", (4 * frequencies).next_multiple_of(8)),
+            ("patch list", patches * size_of::<Patch>()),
+            ("link, received", max_received_bytes(frequencies)),
+            ("link, sent", max_frame_bytes(frequencies)),
+            ("link, row", COMPLEX_BYTES * frequencies),
         ]
-        .map(|(name, bytes)| Buffer { name, bytes })
+        .map(|(name, bytes)| Buffer {
+            name,
+            bytes: bytes as u64,
+        })
         .into();
-        let total_bytes = buffers.iter().map(|buffer| buffer.bytes).sum();
+        let columns = (size_of::<Column>() * frequencies) as u64;
         Self {
+            total_bytes: buffers.iter().map(|buffer| buffer.bytes).sum(),
             buffers,
-            total_bytes,
+            options_bytes: columns + COMPLEX_BYTES as u64 * CHIP_PIXELS,
         }
     }
 }
 
-/// Samples of a patch's map while it is in work.
-pub(super) fn map_samples(setup: &Setup, patch: &Patch) -> usize {
-    patch.num_doppler_bins() * setup.row_stride(patch)
+/// The least sizes that a run of `setup` on `patches` passes the checks of: a row has room for a pulse
+/// and for the widest gate, and there are as many rows as the tallest map has.
+pub(crate) fn least_capacity(setup: &Setup, patches: &[Patch], arithmetic: Arithmetic) -> Capacity {
+    let most = |count: fn(&Patch) -> usize| -> u16 {
+        let most = patches.iter().map(count).max().unwrap_or(1);
+        u16::try_from(most).unwrap_or(u16::MAX)
+    };
+    let doppler_bins = most(Patch::num_doppler_bins);
+    let range_bins = match arithmetic {
+        Arithmetic::Float => setup.range_length,
+        // The row's buffer is the column's too, and its length a power of two.
+        Arithmetic::Fixed => doppler_bins
+            .checked_next_power_of_two()
+            .unwrap_or(u16::MAX)
+            .max(setup.range_length),
+    };
+    Capacity {
+        pulses: setup.num_pulses,
+        frequencies: most(Patch::num_range_bins).max(setup.num_frequencies),
+        range_bins,
+        doppler_bins,
+        patches: u16::try_from(patches.len()).unwrap_or(u16::MAX),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const SETUP: Setup = Setup {
+        num_pulses: 30,
+        num_frequencies: 424,
+        range_length: 1024,
+        doppler_length: 61,
+        start_hz: 9.3e9,
+        step_hz: 1.5e6,
+    };
+
+    fn patch(range_reach: u16, doppler_reach: u16) -> Patch {
+        Patch {
+            centre_m: [0.0; 3],
+            range_reach,
+            doppler_reach,
+        }
+    }
+
     #[test]
     fn formulas_by_hand() {
-        assert_eq!(PULSE_BYTES as usize, size_of::<subaperture_core::Pulse>());
-        assert_eq!(size_of::<Patch>(), 32);
-        let setup = Setup {
-            num_pulses: 30,
-            num_frequencies: 424,
-            range_length: 1024,
-            doppler_length: 61,
-            start_hz: 9.3e9,
-            step_hz: 1.5e6,
-        };
-        let patch = Patch {
-            centre_m: [0.0; 3],
-            range_reach: 80,
-            doppler_reach: 20,
+        let capacity = Capacity {
+            pulses: 30,
+            frequencies: 424,
+            range_bins: 1024,
+            doppler_bins: 41,
+            patches: 16,
         };
         let bytes = |budget: &RamBudget| -> Vec<u64> {
             budget.buffers.iter().map(|buffer| buffer.bytes).collect()
         };
-        let float = RamBudget::new(&setup, &patch, 16, Arithmetic::Float);
-        assert_eq!(
-            bytes(&float),
-            [203_520, 4320, 139_072, 8192, 1200, 1696, 512]
-        );
-        assert_eq!(float.total_bytes, 358_512);
-        let fixed = RamBudget::new(&setup, &patch, 16, Arithmetic::Fixed);
-        assert_eq!(
-            bytes(&fixed),
-            [101_760, 4320, 69_536 + 41 * 14, 8192, 1200, 1696, 512]
-        );
+        // Received: 8 * 424 + 9 + 192; sent: those, 15 codes and a zero.
+        let link = [3593, 3609, 3392];
+        let float = RamBudget::new(&capacity, Arithmetic::Float);
+        let engine = [203_520, 4320, 139_072, 8192, 1200, 1696, 512];
+        assert_eq!(bytes(&float), [&engine[..], &link].concat());
+        assert_eq!(float.total_bytes, 358_512 + 10_594);
+        assert_eq!(float.options_bytes, 32 * 424 + 8192);
+        // 14 blocks and one; 41 * (1696 + 15) + 424 = 70 575, rounded up.
+        let fixed = RamBudget::new(&capacity, Arithmetic::Fixed);
+        let engine = [101_760, 4320, 70_576, 8192, 960, 1696, 512];
+        assert_eq!(bytes(&fixed), [&engine[..], &link].concat());
+        assert_eq!(fixed.total_bytes, 188_016 + 10_594);
+    }
+
+    #[test]
+    fn least_sizes_pass_and_smaller_ones_do_not() {
+        // A tall narrow map, and a flat one wider than a pulse: neither has most of both.
+        let patches = [patch(80, 25), patch(220, 3)];
+        let sizes = least_capacity(&SETUP, &patches, Arithmetic::Float);
+        assert_eq!((sizes.frequencies, sizes.doppler_bins), (441, 51));
+        let passes = |sizes: &Capacity| {
+            SETUP.check(sizes).is_ok()
+                && patches
+                    .iter()
+                    .all(|patch| SETUP.check_patch(patch, sizes).is_ok())
+        };
+        assert!(passes(&sizes));
+        let smaller: [fn(&mut Capacity); 4] = [
+            |sizes| sizes.pulses -= 1,
+            |sizes| sizes.frequencies -= 1,
+            |sizes| sizes.range_bins -= 1,
+            |sizes| sizes.doppler_bins -= 1,
+        ];
+        for make in smaller {
+            let mut sizes = sizes;
+            make(&mut sizes);
+            assert!(!passes(&sizes), "{sizes:?}");
+        }
+        // More rows than range bins: in fixed point the row's buffer holds a column.
+        let sizes = least_capacity(&SETUP, &[patch(1, 600)], Arithmetic::Fixed);
+        assert_eq!((sizes.range_bins, sizes.doppler_bins), (2048, 1201));
     }
 }

@@ -220,7 +220,7 @@ pub(crate) fn cut(num_pulses: usize, breaks: &[usize], length: usize) -> Vec<Ran
 /// Indices of pulses at which an antenna's step from the pulse before is more than five times its median
 /// step: gaps in the track, and joints between recordings. Jitter does not reach so far, and smaller
 /// gaps are left to the plan, which shortens the sub-CPIs that they spoil.
-pub(super) fn breaks(collection: &Collection) -> Vec<usize> {
+pub(crate) fn breaks(collection: &Collection) -> Vec<usize> {
     let pulses = &collection.pulses;
     let steps = |position: fn(&Pulse) -> DVec3| -> Vec<f64> {
         pulses

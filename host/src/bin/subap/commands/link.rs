@@ -22,6 +22,7 @@ use subaperture_core::link::{self as wire, AssembledMap, Encoding};
 use self::picture::Picture;
 use crate::args::Link;
 use crate::commands::focus::record::grid as grid_record;
+use crate::commands::plan::gaps;
 use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, record_of_run};
 use crate::failure::InterruptedWithMaps;
 use crate::progress::Progress;
@@ -84,6 +85,9 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
             plan.predicted_db
         )
     });
+    if let Some(gaps) = gaps(&plan) {
+        session.note(1, || format!("track: {gaps}"));
+    }
     let weights = Weights::new(collection, typed.window, typed.slow_window);
     let fast_sum: f64 = weights.fast.iter().sum();
     let fast_weights: Vec<f32> = weights.fast.iter().map(|w| (w / fast_sum) as f32).collect();

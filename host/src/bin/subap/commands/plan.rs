@@ -53,6 +53,19 @@ pub(crate) fn run(session: &Session, typed: &Plan) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// What gaps in the track mean for a plan, if there are any.
+pub(crate) fn gaps(plan: &ModulePlan) -> Option<String> {
+    let first = plan.gaps.first()?;
+    Some(format!(
+        "{} before pulse {first}: a module's sub-CPIs go on across a gap, which keeps them short; recordings \
+         apart may have longer ones",
+        match plan.gaps.len() {
+            1 => "a gap".to_owned(),
+            count => format!("{count} gaps, the first"),
+        }
+    ))
+}
+
 /// A plan and what it costs.
 struct Sheet<'a> {
     typed: &'a PlanModule,
@@ -75,6 +88,7 @@ impl Sheet<'_> {
             "setup": plan.setup,
             "capacity": plan.capacity(),
             "sub_cpis": plan.num_sub_cpis,
+            "gaps": plan.gaps,
             "patches": plan.patches,
             "patch_m": self.patch_m,
             "kernel_taps": plan.taps,
@@ -134,6 +148,9 @@ impl Sheet<'_> {
                 ),
             ),
         ];
+        if let Some(gaps) = gaps(plan) {
+            facts.push(("track", gaps));
+        }
         facts.push((
             "sub-CPI up",
             format!(
@@ -182,6 +199,10 @@ impl Sheet<'_> {
             plan.ram.total_bytes.to_string(),
         ]);
         memory.push(vec!["allowed".to_owned(), self.typed.ram.to_string()]);
+        memory.push(vec![
+            "beside: detections, chip".to_owned(),
+            plan.ram.options_bytes.to_string(),
+        ]);
         lines.push(String::new());
         lines.push(text::table(&["memory", "bytes"], &memory));
         lines.join("\n")
