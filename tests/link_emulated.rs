@@ -57,12 +57,11 @@ fn account(outcome: &Outcome, kept: &Kept) {
         // What the module counted in a run that broke off is not known.
         return;
     }
-    // What was sent, each number of each run once, has one of four ends.
+    // Of the numbers of each run every one has one of four ends; one that was not sent never came.
     let module = &counts.module_pulses;
     let ends = module.accepted + module.lost + module.refused + module.dropped;
-    if counts.pulses_unsent == 0 {
-        assert_eq!(counts.pulses_sent - counts.pulses_resent, ends);
-    }
+    let sent = counts.pulses_sent - counts.pulses_resent;
+    assert_eq!(sent + counts.pulses_unsent, ends, "{counts}");
     let made = counts.maps_taken + counts.maps_repeated + counts.maps_lost;
     if counts.runs == 1 && counts.maps_refused == 0 {
         // What was stored is in maps, but for one to three pulses of every sub-CPI given up. All have

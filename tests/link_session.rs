@@ -229,7 +229,6 @@ fn everything_at_once() {
             dies_at: vec![9_000],
             restarts_at: vec![15_000],
             stalls_at: vec![(7_000, Duration::from_millis(200))],
-            ..Faults::default()
         };
         let settings = Settings {
             retries: 200,

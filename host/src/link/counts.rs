@@ -54,7 +54,7 @@ pub(super) fn growth(before: &LinkCounters, now: &LinkCounters) -> Frames {
 pub struct ModulePulses {
     /// Stored.
     pub accepted: u64,
-    /// Never came.
+    /// Never came; of those at a run's end, by the number that it waits for in vain.
     pub lost: u64,
     /// Came again, or too late.
     pub repeated: u64,

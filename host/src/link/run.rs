@@ -362,6 +362,11 @@ impl Session<'_> {
         // After a failure, so that the module is told to end the run, it still counts as going on.
         self.running = streamed.is_err();
         self.counts.module_pulses.add(&told.pulses);
+        if streamed.is_ok() {
+            // Of those lost at the end the module cannot know.
+            let unknown = end.saturating_sub(told.next_pulse);
+            self.counts.module_pulses.lost += u64::from(unknown);
+        }
         if let Some(intake) = &mut context.intake {
             intake.end(&mut self.counts);
         }
