@@ -1,0 +1,280 @@
+//! The bytes of one frame of every message, so that the format cannot change unnoticed.
+
+use subaperture_core::Pulse;
+use subaperture_core::cfar::{Cfar, Reach};
+use subaperture_core::link::{
+    Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, LinkCounters, Refusal, Report,
+    State, Status,
+};
+use subaperture_core::stream::{
+    Capacity, MapHeader, Node, Patch, PulseCounters, Quantity, Setup, SetupError,
+};
+
+fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
+    let samples = [1i16, -2, 32767, -32768].map(i16::to_le_bytes).concat();
+    let weights = [0.25f32, 0.5].map(f32::to_le_bytes).concat();
+    let commands = [
+        Command::Hello,
+        Command::Configure(Configuration {
+            id: 7,
+            setup: Setup {
+                num_pulses: 64,
+                num_frequencies: 300,
+                range_length: 512,
+                doppler_length: 128,
+                start_hz: 9.6e9,
+                step_hz: 1.5e6,
+            },
+        }),
+        Command::Weights {
+            first: 128,
+            weights: &weights,
+        },
+        Command::Patch {
+            index: 3,
+            count: 4,
+            patch: GOLDEN_PATCH,
+        },
+        Command::Start {
+            run: 300,
+            first: 90,
+        },
+        Command::Pulse {
+            pulse: Pulse {
+                number: 70_000,
+                time_s: 1.5,
+                transmitter_m: [7000.0, 0.0, 7000.0],
+                receiver_m: [7000.0, 1.0, 7000.0],
+                reference_path_m: 19_798.75,
+                weight: 0.75,
+            },
+            encoding: Encoding::Sc16,
+            samples: &samples,
+        },
+        Command::Stop,
+        Command::Status,
+        Command::Abort,
+        Command::Chip(GOLDEN_GRID),
+        Command::Detect(Cfar {
+            range: Reach {
+                guard: 2,
+                training: 12,
+            },
+            doppler: Reach {
+                guard: 1,
+                training: 300,
+            },
+            false_alarm_probability: 1.0e-6,
+        }),
+    ];
+    let mut encoder = Encoder::new();
+    let mut buffer = [0; 300];
+    let frames = commands.map(|message| {
+        encoder
+            .encode(&message, &mut buffer)
+            .expect("room")
+            .to_vec()
+    });
+    COMMAND_FRAMES.into_iter().zip(frames).collect()
+}
+
+fn golden_reports() -> Vec<(&'static str, Vec<u8>)> {
+    let row = [1.0f32, -1.0].map(f32::to_le_bytes).concat();
+    let pixels = [0.0f32, 2.0].map(f32::to_le_bytes).concat();
+    let list = [10.5f32, 7.25, 100.0, 2.0].map(f32::to_le_bytes).concat();
+    let node = |y| Node {
+        transmitter_m: [7000.0, y, 7000.0],
+        receiver_m: [7000.0, y, 7000.0],
+    };
+    let reports = [
+        Report::Identity {
+            protocol: 1,
+            arithmetic: Arithmetic::Fixed,
+            capacity: Capacity {
+                pulses: 64,
+                frequencies: 512,
+                range_bins: 512,
+                doppler_bins: 127,
+                patches: 16,
+            },
+            version: "module 0.1.0",
+        },
+        Report::Status(Status {
+            state: State::Running,
+            configuration: 7,
+            run: 300,
+            next_pulse: 130,
+            accept_through: 256,
+            maps: 1000,
+            link: LinkCounters {
+                frames: 900,
+                corrupt: 1,
+                malformed: 2,
+                too_long: 3,
+                version: 4,
+                lost: 5,
+                repeated: 6,
+            },
+            pulses: PulseCounters {
+                accepted: 129,
+                lost: 1,
+                repeated: 2,
+                refused: 3,
+                dropped: 4,
+                at_limit: 500,
+                saturated: 6,
+                incomplete: 7,
+            },
+        }),
+        Report::MapStart {
+            map: 5,
+            header: MapHeader {
+                sub_cpi: 4,
+                patch_index: 3,
+                num_pulses: 64,
+                patch: GOLDEN_PATCH,
+                time_s: [1.5, 2.5],
+                weight_sum: 60.5,
+                nodes: [node(-1.0), node(1.0)],
+            },
+            encoding: Encoding::Complex32,
+        },
+        Report::MapRow {
+            map: 5,
+            row: 14,
+            samples: &row,
+        },
+        Report::MapEnd {
+            map: 5,
+            rows: 15,
+            crc: 0xDEAD_BEEF,
+        },
+        Report::ChipStart {
+            chip: 0,
+            grid: GOLDEN_GRID,
+            maps: 6,
+            weight_sum: 384.0,
+        },
+        Report::ChipRow {
+            chip: 0,
+            row: 99,
+            samples: &pixels,
+        },
+        Report::ChipEnd {
+            chip: 0,
+            rows: 100,
+            crc: 0,
+        },
+        Report::Detections {
+            map: 5,
+            sub_cpi: 4,
+            patch: 3,
+            first: 0,
+            total: 1,
+            list: &list,
+        },
+        Report::Refused {
+            sequence: 17,
+            what: Refusal::Setup(SetupError::Size {
+                what: Quantity::DopplerBand,
+                wanted: 5000,
+                most: 4096,
+            }),
+        },
+        Report::Log {
+            text: "ready: 25 °C",
+        },
+    ];
+    let mut encoder = Encoder::new();
+    let mut buffer = [0; 300];
+    let frames = reports.map(|message| {
+        encoder
+            .encode(&message, &mut buffer)
+            .expect("room")
+            .to_vec()
+    });
+    REPORT_FRAMES.into_iter().zip(frames).collect()
+}
+
+/// The format cannot change unnoticed: a change of any of these is a new protocol version.
+#[test]
+fn frames_have_the_bytes_described() {
+    for (expected, frame) in golden_commands().into_iter().chain(golden_reports()) {
+        let hex: String = frame.iter().map(|byte| format!("{byte:02x}")).collect();
+        assert_eq!(hex, expected);
+    }
+}
+
+const GOLDEN_PATCH: Patch = Patch {
+    centre_m: [1.0, -2.0, 0.5],
+    range_reach: 20,
+    doppler_reach: 7,
+};
+
+const GOLDEN_GRID: ChipGrid = ChipGrid {
+    patch: 3,
+    origin_m: [0.0; 3],
+    column_step_m: [0.25, 0.0, 0.0],
+    row_step_m: [0.0, 0.25, 0.0],
+    num_columns: 200,
+    num_rows: 100,
+};
+
+// Made from the tables at the head of `subaperture_core::link` by a program in another language, with
+// another library's CRC.
+const COMMAND_FRAMES: [&str; 11] = [
+    // Hello
+    "0201010101010506729e7a00",
+    // Configure
+    "03010101010a010740ac028004800101010105a3e101420101010960e33641149e0a4d00",
+    // Weights
+    "030102010105028001080103803e0101063fb942eeb000",
+    // Patch
+    "030103010104030304010101010103f03f01010101010102c0010101010109e03f1407d0c632c200",
+    // Start
+    "03010401010904ac025a2ce7b09300",
+    // Pulse
+    "03010501010505f0a204010101010103f83f010101010458bb400101010101010101010101010458bb4001010101\
+     0458bb40010101010103f03f010101010458bb4001010105b055d3400106403f01080105feffff7f06809da70a36\
+     00",
+    // Stop
+    "030106010106069322bd1c00",
+    // Status
+    "03010701010607b53bda5600",
+    // Abort
+    "03010801010608f5b1354400",
+    // Chip
+    "0301090101030903010101010101010101010101010101010101010101010101010101010103d03f010101010101\
+     010101010101010101010101010101010101010101010103d03f0101010101010108c80164f72d2c0900",
+    // Detect
+    "03010a0101130a020c01ac028dedb5a0f7c6b03e838e4ccf00",
+];
+const REPORT_FRAMES: [&str; 11] = [
+    // Identity
+    "0201010101011b010140800480047f100c6d6f64756c6520302e312e3087f123ca00",
+    // Status
+    "030101010122010207ac0282018002e8078407010203040506810101020304f4030607ce722b5e00",
+    // MapStart
+    "0301020101060205040340010101010103f03f01010101010102c0010101010105e03f1407010101010103f83f01\
+     0101010103044001037242010101010458bb40010101010103f0bf010101010458bb40010101010458bb40010101\
+     010103f0bf010101010458bb40010101010458bb40010101010103f03f010101010458bb40010101010458bb4001\
+     0101010103f03f010101010458bb4005f095785f00",
+    // MapRow
+    "03010301010503050e080103803f010780bfcc6fc59900",
+    // MapEnd
+    "03010401010d04050feffdb6f50d6342e1fe00",
+    // ChipStart
+    "030105010102050203010101010101010101010101010101010101010101010101010101010103d03f0101010101\
+     01010101010101010101010101010101010101010101010103d03f0101010101010105c80164060107c043164e62\
+     7500",
+    // ChipRow
+    "03010601010206036308010101010101064001aa310500",
+    // ChipEnd
+    "03010701010207026405ee9ff16700",
+    // Detections
+    "03010801010508050403030110010328410103e8400103c842010106405738f18000",
+    // Refused
+    "0301090101040911030a058827802068f6993b00",
+    // Log
+    "03010a0101140a0d72656164793a20323520c2b043a248977a00",
+];
