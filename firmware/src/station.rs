@@ -77,6 +77,7 @@ impl<'a, E: WireEngine> Station<'a, E> {
                 told_credit: 0,
                 transfer: Transfer::Nothing,
                 chip_sent: false,
+                pulse_refused: false,
             },
         }
     }
@@ -176,6 +177,8 @@ struct Module<'a, E: WireEngine> {
     told_credit: u32,
     transfer: Transfer,
     chip_sent: bool,
+    /// The host has been told that a pulse of the run is none.
+    pulse_refused: bool,
 }
 
 impl<E: WireEngine> Module<'_, E> {
@@ -316,12 +319,18 @@ impl<E: WireEngine> Module<'_, E> {
             State::Running | State::Finishing => return Err(Refusal::Running),
             State::Ready | State::Done => {}
         }
+        let patches = self.processor.patches().len();
+        let chip = self.products.chip;
+        if chip.is_some_and(|chip| usize::from(chip.grid.patch) >= patches) {
+            return Err(Refusal::PatchIndex);
+        }
         self.processor.start(first).map_err(Refusal::Setup)?;
         self.run = Some(run);
         self.maps = 0;
         self.transfer = Transfer::Nothing;
         self.products.begin_run();
         self.chip_sent = false;
+        self.pulse_refused = false;
         self.told_credit = self.processor.accept_through();
         self.state = State::Running;
         Ok(())
@@ -345,18 +354,23 @@ impl<E: WireEngine> Module<'_, E> {
             // Late ones of a run that is over are no news.
             return Ok(());
         }
-        match E::push(&mut self.processor, pulse, encoding, samples) {
-            None => Err(Refusal::Encoding),
-            Some(Err(PulseError::Length)) if self.processor.counters().refused == 1 => {
+        let refusal = match E::push(&mut self.processor, pulse, encoding, samples) {
+            None => Refusal::Encoding,
+            Some(Err(PulseError::Length)) => {
                 let frequencies = self.processor.setup().map_or(0, |s| s.num_frequencies);
                 let expected = usize::from(frequencies) * encoding.sample_bytes();
-                Err(Refusal::PulseLength {
+                Refusal::PulseLength {
                     expected: expected as u32,
                     got: samples.len() as u32,
-                })
+                }
             }
             // Counted by the processor.
-            Some(_) => Ok(()),
+            Some(_) => return Ok(()),
+        };
+        // The host is told once, lest answers fill the line.
+        match core::mem::replace(&mut self.pulse_refused, true) {
+            true => Ok(()),
+            false => Err(refusal),
         }
     }
 

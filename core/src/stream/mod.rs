@@ -28,7 +28,6 @@
 //!
 //! [`SubCpiProcessor`] knows the order; an [`Engine`] does the arithmetic, in units of bounded work:
 //! [`FloatEngine`] in float32, [`FixedEngine`] on 16-bit samples without a floating-point unit.
-
 //!
 //! # Memory
 //! Every buffer is an array of sizes known to the compiler, with its bytes as a `BYTES` constant. They
