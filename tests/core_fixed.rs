@@ -657,10 +657,10 @@ fn row_exponents_are_enough_for_any_patch() {
 }
 
 #[test]
-fn samples_at_the_rails_are_counted() {
+fn samples_at_the_rails_are_told() {
     let samples = [[0, 0], [i16::MAX, 0], [5, i16::MIN], [i16::MIN + 1, 9]];
-    let samples = samples.map(|[re, im]| Sc16::from_bits(re, im));
-    assert_eq!(fixed_point::clipped(&samples), 2);
+    let told = samples.map(|[re, im]| Sc16::from_bits(re, im).at_limit());
+    assert_eq!(told, [false, true, true, false]);
 }
 
 /// Bound of the module's head: 2 units of `2^-30`.

@@ -150,7 +150,7 @@ pub use receiver::{Damage, LinkCounters, Received, Receiver};
 pub use report::{Arithmetic, MAX_TEXT_BYTES, Refusal, Report, State, Status};
 pub use samples::{
     DETECTION_BYTES, MAX_DETECTIONS, Row, complex32s, detections, f32s, row_bytes, sc16s,
-    write_block_row, write_complex32s, write_detections, write_f32s, write_sc16s,
+    write_block_row, write_complex32s, write_detections, write_f32s, write_map_row, write_sc16s,
 };
 
 /// Serialises bytes as one run; serde would take a slice element by element, to the same bytes.

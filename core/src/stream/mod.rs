@@ -60,6 +60,7 @@ pub use crate::fixed_point::FixedEngine;
 pub use counters::PulseCounters;
 pub use engine::{Engine, Work};
 pub use fixed_buffers::{FixedBuffers, FixedMap, FixedScratch};
+pub(crate) use float::compensation;
 pub use float::{ANCHOR, FloatEngine, PulsePhase};
 pub use float_buffers::{FloatBuffers, FloatMap, FloatScratch};
 pub use patch::{BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two};
