@@ -4,8 +4,7 @@ use std::f64::consts::TAU;
 
 use num_complex::{Complex, Complex64};
 use proptest::prelude::*;
-use subaperture_core::fixed_point::FixedSlices;
-use subaperture_core::fixed_point::{self, PulsePhase, fft, sine};
+use subaperture_core::fixed_point::{FixedSlices, PulsePhase, fft, sine};
 use subaperture_core::stream::{
     BlockFloat, Capacity, Engine, FixedEngine, MapHeader, MapSamples, Node, Patch, PatchMap, Setup,
     SetupError, Work,
@@ -279,13 +278,12 @@ impl Memory {
 
 /// The least capacity for a case.
 fn capacity(case: &Case) -> Capacity {
-    let cells = case.patch.num_doppler_bins() * case.setup.row_stride(&case.patch);
-    let frequencies = usize::from(case.setup.num_frequencies);
     Capacity {
         pulses: case.setup.num_pulses,
-        frequencies: case.setup.num_frequencies,
+        // Rows hold a pulse's frequencies, then the gate.
+        frequencies: case.setup.row_stride(&case.patch) as u16,
         range_bins: case.setup.range_length,
-        doppler_bins: cells.div_ceil(frequencies) as u16,
+        doppler_bins: case.patch.num_doppler_bins() as u16,
         patches: 1,
     }
 }

@@ -115,8 +115,9 @@
 //!   the command's number. No answer in time, or no `Ready`: the host sends again, the
 //!   configuration from `Configure` on. All commands may come twice without harm: a `Start` of the run
 //!   that is going on, a `Stop` or an `Abort` of one that is over, change nothing.
-//! - `Pulse` is not answered: what became of pulses is counted in `Status`, which also comes by itself
-//!   whenever the credit grows. The host sends only pulses of numbers below `accept_through`. Credit is
+//! - `Pulse` is not answered, but for the first of a run that has the wrong length or encoding, which is
+//!   `Refused`: what became of pulses is counted in `Status`, which also comes by itself whenever the credit
+//!   grows. The host sends only pulses of numbers below `accept_through`. Credit is
 //!   absolute: a lost `Status` is made good by the next, and a lost pulse gives no credit away. A host that
 //!   waits for credit asks with `Status`.
 //! - Maps are not sent again. One that does not come whole is lost, and the rest of the run is not

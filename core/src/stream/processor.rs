@@ -113,6 +113,15 @@ where
         self.setup.as_ref()
     }
 
+    /// The settings; without, sub-CPIs are of no pulses.
+    fn settings(&self) -> Result<Setup, SetupError> {
+        self.setup.ok_or(SetupError::Size {
+            what: Quantity::Pulses,
+            wanted: 0,
+            most: self.capacity.pulses.into(),
+        })
+    }
+
     /// Takes settings for the next run: a rectangular fast-time window, no patches. Ends a run.
     ///
     /// # Errors
@@ -129,13 +138,13 @@ where
     /// Takes weights of the fast-time window from frequency `first` on; all together should sum to 1.
     ///
     /// # Errors
-    /// [`SetupError`] if there are not so many frequencies, or one is not finite.
+    /// [`SetupError`] if there are not so many frequencies, one is not finite, or there are no settings.
     pub fn set_weights(
         &mut self,
         first: usize,
         weights: impl ExactSizeIterator<Item = f32> + Clone,
     ) -> Result<(), SetupError> {
-        let frequencies = self.setup.map_or(0, |s| usize::from(s.num_frequencies));
+        let frequencies = usize::from(self.settings()?.num_frequencies);
         let end = first.saturating_add(weights.len());
         if end > frequencies {
             return Err(SetupError::Size {
@@ -159,7 +168,7 @@ where
     /// # Errors
     /// [`SetupError`] if there is no room for it, it does not fit the settings, or there are none.
     pub fn set_patch(&mut self, index: usize, patch: &Patch) -> Result<(), SetupError> {
-        let setup = self.setup.as_ref().ok_or(SetupError::Band)?;
+        let setup = self.settings()?;
         setup.check_patch(patch, &self.capacity)?;
         let most = (self.num_patches + 1).min(self.patches.len());
         if index >= most {
@@ -187,10 +196,11 @@ where
     /// # Errors
     /// [`SetupError`] without settings or patches.
     pub fn start(&mut self, first: u32) -> Result<(), SetupError> {
-        if self.setup.is_none() || self.num_patches == 0 {
+        self.settings()?;
+        if self.num_patches == 0 {
             return Err(SetupError::Size {
                 what: Quantity::Patches,
-                wanted: self.num_patches as u32,
+                wanted: 0,
                 most: u32::from(self.capacity.patches),
             });
         }

@@ -15,12 +15,16 @@
 //!
 //! **Order of what goes out**: who it is, refusals, status, and then the map in hand, its detections,
 //! the chip. One frame is in the buffer at a time.
+//!
+//! | file | what it has |
+//! |---|---|
+//! | this one | the station, its state, the order of work |
+//! | `commands` | what comes, and why it may be refused |
+//! | `reports` | what goes out, a frame at a time |
 
 mod commands;
 mod reports;
 
-#[cfg(doc)]
-use subaperture_core::link;
 use subaperture_core::link::{
     Command, Encoder, Received, Receiver, Refusal, State, TransferChecksum,
 };
@@ -32,9 +36,10 @@ use crate::products::{ProductBuffers, Products};
 /// Buffers of the link, lent to a station.
 #[derive(Debug)]
 pub struct LinkBuffers<'a> {
-    /// What comes, unstuffed: [`link::max_received_bytes`] of the largest pulse.
+    /// What comes, unstuffed: [`max_received_bytes`](subaperture_core::link::max_received_bytes) of the
+    /// largest pulse.
     pub received: &'a mut [u8],
-    /// What goes, stuffed: [`link::max_frame_bytes`] of the longest row.
+    /// What goes, stuffed: [`max_frame_bytes`](subaperture_core::link::max_frame_bytes) of the longest row.
     pub frame: &'a mut [u8],
     /// A row's samples: 8 bytes each.
     pub row: &'a mut [u8],

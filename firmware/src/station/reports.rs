@@ -1,8 +1,7 @@
 //! Reports: what goes out, a frame at a time.
 
-use subaperture_core::link::State;
 use subaperture_core::link::{
-    self, DETECTION_BYTES, Encoder, MAX_DETECTIONS, Report, Status, TransferChecksum,
+    self, DETECTION_BYTES, Encoder, MAX_DETECTIONS, Report, State, Status, TransferChecksum,
     write_detections, write_map_row,
 };
 
