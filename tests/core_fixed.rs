@@ -4,8 +4,7 @@ use std::f64::consts::TAU;
 
 use num_complex::{Complex, Complex64};
 use proptest::prelude::*;
-use subaperture_core::fixed_point::FixedSlices;
-use subaperture_core::fixed_point::{self, PulsePhase, fft, sine};
+use subaperture_core::fixed_point::{FixedSlices, PulsePhase, fft, sine};
 use subaperture_core::stream::{
     BlockFloat, Capacity, Engine, FixedEngine, MapHeader, MapSamples, Node, Patch, PatchMap, Setup,
     SetupError, Work,
@@ -279,13 +278,12 @@ impl Memory {
 
 /// The least capacity for a case.
 fn capacity(case: &Case) -> Capacity {
-    let cells = case.patch.num_doppler_bins() * case.setup.row_stride(&case.patch);
-    let frequencies = usize::from(case.setup.num_frequencies);
     Capacity {
         pulses: case.setup.num_pulses,
-        frequencies: case.setup.num_frequencies,
+        // Rows hold a pulse's frequencies, then the gate.
+        frequencies: case.setup.row_stride(&case.patch) as u16,
         range_bins: case.setup.range_length,
-        doppler_bins: cells.div_ceil(frequencies) as u16,
+        doppler_bins: case.patch.num_doppler_bins() as u16,
         patches: 1,
     }
 }
@@ -568,12 +566,13 @@ fn what_does_not_fit_is_refused() {
     let capacity = capacity(&case);
     type Shorten = fn(&mut Memory);
     let shortened: [(&str, usize, Shorten); 6] = [
-        ("cells", 11 * 41 + 11, |memory| memory.cells.truncate(461)),
-        ("column exponents", 33, |memory| {
-            memory.column_exponents.truncate(32)
+        ("cells", 11 * 41, |memory| memory.cells.truncate(450)),
+        ("column exponents", 41, |memory| {
+            memory.column_exponents.truncate(40)
         }),
-        ("row exponents", 28, |memory| {
-            memory.row_exponents.truncate(27)
+        // (451 + 11 * 31) / 32.
+        ("row exponents", 24, |memory| {
+            memory.row_exponents.truncate(23)
         }),
         ("work", 64, |memory| memory.work.truncate(63)),
         ("pulse phases", 7, |memory| memory.phases.truncate(6)),
@@ -657,10 +656,10 @@ fn row_exponents_are_enough_for_any_patch() {
 }
 
 #[test]
-fn samples_at_the_rails_are_counted() {
+fn samples_at_the_rails_are_told() {
     let samples = [[0, 0], [i16::MAX, 0], [5, i16::MIN], [i16::MIN + 1, 9]];
-    let samples = samples.map(|[re, im]| Sc16::from_bits(re, im));
-    assert_eq!(fixed_point::clipped(&samples), 2);
+    let told = samples.map(|[re, im]| Sc16::from_bits(re, im).at_limit());
+    assert_eq!(told, [false, true, true, false]);
 }
 
 /// Bound of the module's head: 2 units of `2^-30`.

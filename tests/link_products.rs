@@ -731,12 +731,55 @@ fn wrong_pulses_are_refused_and_counted() {
         bench.push(&scene.pulses[0], &scene.samples[0], Encoding::Complex32),
         Some(Refusal::Encoding)
     );
+    // Once a run, and counted: the numbers go on.
+    assert_eq!(
+        bench.push(&scene.pulses[1], &scene.samples[1], Encoding::Complex32),
+        None
+    );
+    bench.send(&Command::Status);
+    let status = bench.status.unwrap();
+    assert_eq!((status.pulses.refused, status.next_pulse), (2, 2));
     // Late pulses of a run that is over are no news.
     bench.send(&Command::Abort);
     assert_eq!(
         bench.push(&scene.pulses[0], &scene.samples[0], Encoding::Complex32),
         None
     );
+}
+
+/// A pulse that is refused for another reason does not keep the host from being told of its length.
+#[test]
+fn a_wrong_length_is_told_after_a_sample_that_is_no_number() {
+    let scene = scene();
+    let mut bench = float();
+    bench.configure(&scene);
+    bench.send(&Command::Start { run: 1, first: 0 });
+    let mut samples = scene.samples[0].clone();
+    samples[0].re = f32::NAN;
+    assert_eq!(
+        bench.push(&scene.pulses[0], &samples, Encoding::Complex32),
+        None
+    );
+    let refusal = bench.push(&scene.pulses[1], &samples[1..], Encoding::Complex32);
+    assert!(
+        matches!(refusal, Some(Refusal::PulseLength { .. })),
+        "{refusal:?}"
+    );
+}
+
+#[test]
+fn a_chip_of_a_patch_that_is_not_there_is_refused_at_the_start() {
+    let scene = scene();
+    let mut bench = float();
+    bench.configure(&scene);
+    let patch = scene.patches.len() as u16;
+    assert_eq!(bench.send(&Command::Chip(ChipGrid { patch, ..CHIP })), None);
+    let start = Command::Start { run: 1, first: 0 };
+    assert_eq!(bench.send(&start), Some(Refusal::PatchIndex));
+    assert_eq!(bench.state(), State::Ready);
+    bench.send(&Command::Chip(CHIP));
+    bench.run(1, &scene);
+    assert_eq!(bench.chips.len(), 1);
 }
 
 /// Commands that come twice do no harm, and an aborted run leaves nothing behind.

@@ -1,7 +1,7 @@
 //! The streaming core in float32 against a float64 evaluation of its defining sum.
 
 use num_complex::Complex64;
-use subaperture_core::stream::{FloatBuffers, Progress, PulseError, SetupError};
+use subaperture_core::stream::{FloatBuffers, Progress, PulseError, Quantity, SetupError};
 use subaperture_core::{Complex32, Pulse};
 use subaperture_tests::stream_scene::{Scene, at, patch, relative_error_db};
 
@@ -235,9 +235,19 @@ fn what_does_not_fit_is_refused_and_changes_nothing() {
         processor.push(&Pulse::EMPTY, [].iter().copied()),
         Err(PulseError::NotRunning)
     );
-    assert!(processor.start(0).is_err(), "no settings");
+    let nothing = |what, most| {
+        Err(SetupError::Size {
+            what,
+            wanted: 0,
+            most,
+        })
+    };
+    let unset = nothing(Quantity::Pulses, 4);
+    assert_eq!(processor.start(0), unset);
+    assert_eq!(processor.set_patch(0, &scene.patches[0]), unset);
+    assert_eq!(processor.set_weights(0, [1.0].into_iter()), unset);
     processor.configure(&scene.setup).unwrap();
-    assert!(processor.start(0).is_err(), "no patches");
+    assert_eq!(processor.start(0), nothing(Quantity::Patches, 1));
     let mut wrong = scene.setup;
     wrong.num_pulses = 5;
     assert!(matches!(

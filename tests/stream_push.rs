@@ -2,8 +2,10 @@
 //! its map once, to the bit, whatever came before and between; no other does; every pulse is counted.
 
 use proptest::prelude::*;
-use subaperture_core::stream::{FloatBuffers, FloatEngine, Progress, Setup, SubCpiProcessor};
-use subaperture_core::{Complex32, Pulse};
+use subaperture_core::stream::{
+    FixedBuffers, FloatBuffers, FloatEngine, Progress, PulseError, Setup, SubCpiProcessor,
+};
+use subaperture_core::{Complex32, Pulse, Sc16};
 use subaperture_tests::stream_scene::{at, patch};
 
 const PULSES: u32 = 3;
@@ -153,4 +155,115 @@ proptest! {
         let others = counters.repeated + counters.refused + counters.dropped;
         prop_assert_eq!(counters.accepted + others, pushes);
     }
+}
+
+/// Pushes a good pulse.
+fn push(processor: &mut Processor<'_>, number: u32) -> Result<(), PulseError> {
+    let samples = (0..FREQUENCIES).map(|k| sample(number, k));
+    processor.push(&pulse(number), samples)
+}
+
+#[test]
+fn a_rest_that_is_known_to_miss_a_pulse_is_given_up() {
+    // The rest as it is: two pulses of three.
+    let mut buffers = Buffers::new();
+    let mut processor = start(&mut buffers, 0);
+    for number in 0..2 {
+        push(&mut processor, number).unwrap();
+    }
+    processor.finish();
+    let mut maps = Vec::new();
+    while work(&mut processor, &mut maps) != Progress::Idle {}
+    assert_eq!(maps.len(), 1);
+    // The third came, but short.
+    processor.start(0).unwrap();
+    for number in 0..2 {
+        push(&mut processor, number).unwrap();
+    }
+    let short = processor.push(&pulse(2), [Complex32::ONE].into_iter());
+    assert_eq!(short, Err(PulseError::Length));
+    processor.finish();
+    assert_eq!(work(&mut processor, &mut maps), Progress::Idle);
+    assert_eq!((maps.len(), processor.counters().incomplete), (1, 1));
+}
+
+#[test]
+fn a_rest_waits_for_the_full_store_before_it() {
+    let mut buffers = Buffers::new();
+    let mut processor = start(&mut buffers, 0);
+    for number in 0..5 {
+        push(&mut processor, number).unwrap();
+    }
+    let mut maps = Vec::new();
+    work(&mut processor, &mut maps);
+    processor.finish();
+    processor.finish();
+    assert_eq!(push(&mut processor, 5), Err(PulseError::NotRunning));
+    while work(&mut processor, &mut maps) != Progress::Idle {}
+    let numbers: Vec<u32> = maps.iter().map(|map| map.0).collect();
+    assert_eq!(numbers, [0, 1]);
+    assert!(!processor.is_working());
+}
+
+/// The largest number would be followed by itself: it would count as new for ever.
+#[test]
+fn the_largest_number_is_no_pulse() {
+    let first = u32::MAX / PULSES * PULSES;
+    let mut buffers = Buffers::new();
+    let mut processor = start(&mut buffers, first - PULSES);
+    for number in first - PULSES..first {
+        push(&mut processor, number).unwrap();
+    }
+    for _ in 0..2 {
+        assert_eq!(push(&mut processor, u32::MAX), Err(PulseError::Number));
+    }
+    let counters = processor.counters();
+    assert_eq!((counters.refused, counters.lost), (2, 0));
+    assert_eq!(processor.next_pulse(), first);
+    let mut maps = Vec::new();
+    while work(&mut processor, &mut maps) != Progress::Idle {}
+    assert_eq!(maps, [alone(first / PULSES - 1)]);
+}
+
+#[test]
+fn a_place_far_outside_a_map_is_zero() {
+    let mut buffers = Buffers::new();
+    let mut processor = start(&mut buffers, 0);
+    for number in 0..PULSES {
+        push(&mut processor, number).unwrap();
+    }
+    while processor.work() != Progress::Map {}
+    let map = processor.map().unwrap();
+    assert_ne!(map.at(1, 1), Complex32::ZERO);
+    for far in [2, -2, i32::MAX, i32::MIN] {
+        assert_eq!(map.at(far, 0), Complex32::ZERO, "{far}");
+        assert_eq!(map.at(0, far), Complex32::ZERO, "{far}");
+    }
+}
+
+/// Weights so large that mantissas are clamped, in one run of two.
+#[test]
+fn clamped_results_are_counted_from_the_beginning_of_a_run() {
+    let mut buffers = FixedBuffers::<3, 4, 4, 3, 2, 1>::new();
+    let mut processor = buffers.processor().unwrap();
+    processor.configure(&SETUP).unwrap();
+    processor.set_patch(0, &patch([1.0; 3], 1, 1)).unwrap();
+    let mut run = |weight: f32| {
+        processor.start(0).unwrap();
+        for number in 0..PULSES {
+            let pulse = Pulse {
+                weight,
+                ..pulse(number)
+            };
+            let samples = [Sc16::from_bits(20_000, -20_000); FREQUENCIES as usize];
+            processor.push(&pulse, samples.into_iter()).unwrap();
+        }
+        while processor.work() != Progress::Idle {}
+        processor.counters().saturated
+    };
+    assert_eq!(run(1.0), 0);
+    let clamped = run(f32::MAX);
+    assert!(clamped > 0);
+    assert_eq!(run(1.0), 0);
+    assert_eq!(run(f32::MAX), clamped);
 }

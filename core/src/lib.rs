@@ -14,8 +14,8 @@
 //!   Keystone or by the exact one ([`keystone`]), without knowledge of any geometry. For batches, for the
 //!   comparison of the two forms, and for checking another implementation against this one.
 //!
-//! Maps of either way are read into pixels or summed as power by their users; [`accumulate`] does both
-//! for the maps of a [`Plan`].
+//! Maps of either way are read into pixels or summed as power by [`accumulate`]; those of the stream are
+//! also searched for targets by [`cfar`] and sent over a serial line by [`link`].
 //!
 //! # A plan's map
 //! `M` pulses of `F` frequencies, `f[k] = start_hz + k step_hz`, reference frequency

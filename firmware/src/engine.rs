@@ -13,7 +13,8 @@ pub trait WireEngine: Engine<Sample: Sample> + Sized {
     /// How its maps are sent.
     const MAP_ENCODING: Encoding;
 
-    /// Pushes a pulse; none if this arithmetic takes no such samples.
+    /// Pushes a pulse; none if this arithmetic takes no such samples: it is then counted as one that could
+    /// not be used.
     fn push(
         processor: &mut SubCpiProcessor<'_, Self>,
         pulse: &Pulse,
@@ -50,7 +51,11 @@ impl WireEngine for FixedEngine<'_> {
         samples: &[u8],
     ) -> Option<Result<(), PulseError>> {
         match encoding {
-            Encoding::Complex32 => None,
+            Encoding::Complex32 => {
+                // Without samples it is refused, and its number is used up.
+                let _ = processor.push(pulse, core::iter::empty());
+                None
+            }
             Encoding::Sc16 => Some(processor.push(pulse, sc16s(samples))),
         }
     }

@@ -7,7 +7,7 @@
 //! | `size-large` | 62 | 512 | 2048 | 70 | 64 | all of an STM32H743 |
 //!
 //! What `size-large` fills: two stores of 62 pulses of 512 samples of 8 bytes and 72 of geometry are
-//! 517 824 of the 524 288 bytes of AXI SRAM; 70 rows of 512 samples of 8 bytes are 286 720 of the
+//! 516 832 of the 524 288 bytes of AXI SRAM; 70 rows of 512 samples of 8 bytes are 286 720 of the
 //! 294 912 of SRAM1 to 3. (A run may use fewer of everything than there is room for.)
 
 use subaperture_core::stream::BlockFloat;

@@ -85,8 +85,9 @@ pub use self::buffers::FixedSlices;
 pub use self::column::PulsePhase;
 use crate::stream::{
     BlockFloat, Capacity, Engine, MapSamples, Patch, Quantity, Setup, SetupError, Work,
+    compensation,
 };
-use crate::{LengthError, Pulse, SPEED_OF_LIGHT_M_S, Sc16, Turns};
+use crate::{LengthError, Pulse, Sc16, Turns};
 
 /// The map of a patch in integers; see the head of the module.
 #[derive(Debug)]
@@ -189,11 +190,6 @@ fn at_least(what: &'static str, expected: usize, got: usize) -> Result<(), Lengt
     })
 }
 
-/// Samples with a part at either end of its range: where a converter has clipped.
-pub fn clipped(samples: &[Sc16]) -> usize {
-    samples.iter().filter(|sample| sample.at_limit()).count()
-}
-
 impl Engine for FixedEngine<'_> {
     type Sample = Sc16;
 
@@ -214,13 +210,12 @@ impl Engine for FixedEngine<'_> {
         let largest = self.largest_exponent(work.pulses);
         scale.exponent += largest;
         for (state, pulse) in self.buffers.phases.iter_mut().zip(work.pulses) {
-            let delay_s = pulse.relative_path_m(work.patch.centre_m) / SPEED_OF_LIGHT_M_S;
+            let (start, step) = compensation(work.setup, pulse, work.patch.centre_m);
             let weight = Scaled::from_f32(pulse.weight).unwrap_or(Scaled::ZERO);
             // A zero has exponent 0, which may be above the largest.
             let drop = (largest - weight.exponent).clamp(0, 31) as u32;
-            let step = Turns::from_f64(work.setup.step_hz * delay_s);
             *state = PulsePhase {
-                start: Turns::from_f64(work.setup.start_hz * delay_s),
+                start,
                 step,
                 weight: weight.mantissa >> drop,
                 value: Complex::new(0, 0),

@@ -115,8 +115,9 @@
 //!   the command's number. No answer in time, or no `Ready`: the host sends again, the
 //!   configuration from `Configure` on. All commands may come twice without harm: a `Start` of the run
 //!   that is going on, a `Stop` or an `Abort` of one that is over, change nothing.
-//! - `Pulse` is not answered: what became of pulses is counted in `Status`, which also comes by itself
-//!   whenever the credit grows. The host sends only pulses of numbers below `accept_through`. Credit is
+//! - `Pulse` is not answered, but for the first of a run that has the wrong length or encoding, which is
+//!   `Refused`: what became of pulses is counted in `Status`, which also comes by itself whenever the credit
+//!   grows. The host sends only pulses of numbers below `accept_through`. Credit is
 //!   absolute: a lost `Status` is made good by the next, and a lost pulse gives no credit away. A host that
 //!   waits for credit asks with `Status`.
 //! - Maps are not sent again. One that does not come whole is lost, and the rest of the run is not
@@ -150,7 +151,7 @@ pub use receiver::{Damage, LinkCounters, Received, Receiver};
 pub use report::{Arithmetic, MAX_TEXT_BYTES, Refusal, Report, State, Status};
 pub use samples::{
     DETECTION_BYTES, MAX_DETECTIONS, Row, complex32s, detections, f32s, row_bytes, sc16s,
-    write_block_row, write_complex32s, write_detections, write_f32s, write_sc16s,
+    write_block_row, write_complex32s, write_detections, write_f32s, write_map_row, write_sc16s,
 };
 
 /// Serialises bytes as one run; serde would take a slice element by element, to the same bytes.

@@ -185,11 +185,12 @@ pub enum Refusal {
     Setup(SetupError),
     /// Weights beyond the frequencies, or not a whole number of them.
     Weights,
-    /// A patch beyond its list, or of a list of another length than before.
+    /// A patch beyond its list, or of a list of another length than before; at a start, the patch of a
+    /// chip beyond the list.
     PatchIndex,
-    /// The arithmetic takes no samples of this encoding.
+    /// The arithmetic takes no samples of this encoding. Sent for the first pulse of a run that is refused.
     Encoding,
-    /// A pulse is not of the setup's length. Sent for the first of a run.
+    /// A pulse is not of the setup's length. Sent for the first pulse of a run that is refused.
     PulseLength {
         /// Bytes of samples needed.
         expected: u32,
@@ -221,9 +222,9 @@ impl fmt::Display for Refusal {
             Self::Weights => f.write_str(
                 "window weights lie beyond the last frequency, or are not of 4 bytes each",
             ),
-            Self::PatchIndex => {
-                f.write_str("a patch's index is not below the count, or the count has changed")
-            }
+            Self::PatchIndex => f.write_str(
+                "a patch's or chip's index is not below the count, or the count has changed",
+            ),
             Self::Encoding => {
                 f.write_str("the module's arithmetic takes samples of the other encoding")
             }

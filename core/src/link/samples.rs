@@ -20,7 +20,7 @@ use num_complex::Complex32;
 use super::Encoding;
 use crate::Sc16;
 use crate::cfar::Detection;
-use crate::stream::{BlockFloat, power_of_two};
+use crate::stream::{BlockFloat, MapSamples, PatchMap, power_of_two};
 
 /// Reads float32 values, 4 bytes each.
 pub fn f32s(bytes: &[u8]) -> impl ExactSizeIterator<Item = f32> + Clone + '_ {
@@ -83,6 +83,26 @@ pub fn write_block_row<'b>(
     let (_, rest) = buffer.split_at_mut_checked(len)?;
     let total = len.checked_add(write(exponents.iter().map(|e| e.to_le_bytes()), rest)?.len())?;
     buffer.get(..total)
+}
+
+/// Writes row `row` of a map, the lowest Doppler bin first, in the encoding of its samples; none if there
+/// is no such row.
+pub fn write_map_row<'b>(map: &PatchMap<'_>, row: usize, buffer: &'b mut [u8]) -> Option<&'b [u8]> {
+    let width = map.header.patch.num_range_bins();
+    let part = |len: usize| {
+        let start = row.checked_mul(len)?;
+        Some(start..start.checked_add(len)?)
+    };
+    match map.samples {
+        MapSamples::Float(samples) => write_complex32s(samples.get(part(width)?)?, buffer),
+        MapSamples::Fixed(BlockFloat {
+            mantissas,
+            exponents,
+        }) => {
+            let exponents = exponents.get(part(BlockFloat::blocks(width))?)?;
+            write_block_row(mantissas.get(part(width)?)?, exponents, buffer)
+        }
+    }
 }
 
 /// Bytes of a row of `width` samples of a map: Sc16 with an exponent for every

@@ -1,10 +1,8 @@
 //! A map as the link sends it: the bytes of its frames.
 
 use super::Fnv1a;
-use crate::link::{
-    EncodeError, Encoder, Encoding, Report, TransferChecksum, write_block_row, write_complex32s,
-};
-use crate::stream::{BlockFloat, MapSamples, PatchMap};
+use crate::link::{EncodeError, Encoder, Encoding, Report, TransferChecksum, write_map_row};
+use crate::stream::{MapSamples, PatchMap};
 
 /// Adds the frames of `map`, map `number` of a run, to `checksum`. `row` has room for a row of
 /// the map, `frame` for its frame.
@@ -33,7 +31,7 @@ pub(super) fn add_frames(
     let rows = map.header.patch.num_doppler_bins() as u16;
     for index in 0..rows {
         let room = row.len();
-        let samples = row_bytes(map, index.into(), row).ok_or(EncodeError::Room { room })?;
+        let samples = write_map_row(map, index.into(), row).ok_or(EncodeError::Room { room })?;
         transfer.add_row(samples);
         send(&Report::MapRow {
             map: number,
@@ -46,24 +44,4 @@ pub(super) fn add_frames(
         rows,
         crc: transfer.value(),
     })
-}
-
-/// Row `index` of `map` as it is sent.
-fn row_bytes<'b>(map: &PatchMap<'_>, index: usize, out: &'b mut [u8]) -> Option<&'b [u8]> {
-    let width = map.header.patch.num_range_bins();
-    match map.samples {
-        MapSamples::Float(samples) => {
-            write_complex32s(samples.chunks_exact(width).nth(index)?, out)
-        }
-        MapSamples::Fixed(BlockFloat {
-            mantissas,
-            exponents,
-        }) => write_block_row(
-            mantissas.chunks_exact(width).nth(index)?,
-            exponents
-                .chunks_exact(BlockFloat::blocks(width))
-                .nth(index)?,
-            out,
-        ),
-    }
 }

@@ -10,7 +10,7 @@ pub struct PulseCounters {
     pub lost: u32,
     /// Came again, or too late.
     pub repeated: u32,
-    /// Could not be used: a wrong length, or not a number.
+    /// Could not be used: a wrong length, not a number, or the largest number that there is.
     pub refused: u32,
     /// Came while both stores were full, or in the middle of a sub-CPI whose beginning is missing.
     pub dropped: u32,
@@ -18,6 +18,7 @@ pub struct PulseCounters {
     pub at_limit: u32,
     /// Arithmetic results (not pulses) that had to be clamped.
     pub saturated: u32,
-    /// Sub-CPIs (not pulses) given up because pulses were missing.
+    /// Sub-CPIs (not pulses) given up after some of their pulses had been accepted, because a later one
+    /// was missing. One that misses its first is never begun: its pulses are dropped.
     pub incomplete: u32,
 }

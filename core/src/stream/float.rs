@@ -60,7 +60,7 @@ pub(crate) fn compensation(setup: &Setup, pulse: &Pulse, point_m: [f64; 3]) -> (
 }
 
 /// Half of the turn from pulse to pulse at Doppler bin 1 and frequency `k`: `f_k / (2 D f_ref)`.
-pub(crate) fn half_rate(setup: &Setup, k: usize) -> Turns {
+fn half_rate(setup: &Setup, k: usize) -> Turns {
     let bins = 2.0 * f64::from(setup.doppler_length);
     let centre = Turns::from_f64(1.0 / bins);
     let step = Turns::from_f64(setup.step_hz / setup.centre_hz() / bins);

@@ -28,7 +28,6 @@
 //!
 //! [`SubCpiProcessor`] knows the order; an [`Engine`] does the arithmetic, in units of bounded work:
 //! [`FloatEngine`] in float32, [`FixedEngine`] on 16-bit samples without a floating-point unit.
-
 //!
 //! # Memory
 //! Every buffer is an array of sizes known to the compiler, with its bytes as a `BYTES` constant. They
@@ -61,6 +60,7 @@ pub use crate::fixed_point::FixedEngine;
 pub use counters::PulseCounters;
 pub use engine::{Engine, Work};
 pub use fixed_buffers::{FixedBuffers, FixedMap, FixedScratch};
+pub(crate) use float::compensation;
 pub use float::{ANCHOR, FloatEngine, PulsePhase};
 pub use float_buffers::{FloatBuffers, FloatMap, FloatScratch};
 pub use patch::{BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two};

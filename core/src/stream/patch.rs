@@ -116,13 +116,11 @@ impl PatchMap<'_> {
     /// The value at a bin, counted from the patch's centre; zero outside the map.
     pub fn at(&self, doppler_bin: i32, range_bin: i32) -> Complex32 {
         let patch = &self.header.patch;
-        let row = doppler_bin + i32::from(patch.doppler_reach);
-        let column = range_bin + i32::from(patch.range_reach);
-        let (Ok(row), Ok(column)) = (usize::try_from(row), usize::try_from(column)) else {
-            return Complex32::ZERO;
-        };
+        // Negative wraps to beyond any map; a sum that saturates is beyond it too.
+        let row = doppler_bin.saturating_add(patch.doppler_reach.into()) as usize;
+        let column = range_bin.saturating_add(patch.range_reach.into()) as usize;
         let width = patch.num_range_bins();
-        if column >= width {
+        if column >= width || row >= patch.num_doppler_bins() {
             return Complex32::ZERO;
         }
         let index = row * width + column;

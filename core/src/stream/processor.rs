@@ -20,6 +20,8 @@ pub enum PulseError {
     NotFinite,
     /// Its number was there before.
     Repeated,
+    /// Its number is the largest that there is: none could be due after it.
+    Number,
     /// Both stores are full. Its sub-CPI will be given up.
     Full,
     /// The beginning of its sub-CPI is missing: it waits for the next.
@@ -48,8 +50,8 @@ enum Stage {
 
 /// Collects pulses into sub-CPIs and forms the maps of every patch, a bounded piece of work at a time.
 ///
-/// Pulses carry running numbers; sub-CPI `n` holds the pulses `n M .. (n + 1) M` of a run. A sub-CPI
-/// that misses a pulse is given up and counted, and the next one is right.
+/// Pulses carry running numbers, below the largest `u32`; sub-CPI `n` holds the pulses `n M .. (n + 1) M`
+/// of a run. A sub-CPI that misses a pulse is given up, and the next one is right.
 #[derive(Debug)]
 pub struct SubCpiProcessor<'a, E: Engine> {
     engine: E,
@@ -67,6 +69,8 @@ pub struct SubCpiProcessor<'a, E: Engine> {
     patch: usize,
     stage: Stage,
     counters: PulseCounters,
+    /// What the engine had clamped when the run began.
+    saturated_before: u32,
 }
 
 impl<'a, E: Engine> SubCpiProcessor<'a, E>
@@ -95,6 +99,7 @@ where
             patch: 0,
             stage: Stage::Begin,
             counters: PulseCounters::default(),
+            saturated_before: 0,
         }
     }
 
@@ -106,6 +111,15 @@ where
     /// The settings, if any.
     pub fn setup(&self) -> Option<&Setup> {
         self.setup.as_ref()
+    }
+
+    /// The settings; without, sub-CPIs are of no pulses.
+    fn settings(&self) -> Result<Setup, SetupError> {
+        self.setup.ok_or(SetupError::Size {
+            what: Quantity::Pulses,
+            wanted: 0,
+            most: self.capacity.pulses.into(),
+        })
     }
 
     /// Takes settings for the next run: a rectangular fast-time window, no patches. Ends a run.
@@ -124,13 +138,13 @@ where
     /// Takes weights of the fast-time window from frequency `first` on; all together should sum to 1.
     ///
     /// # Errors
-    /// [`SetupError`] if there are not so many frequencies, or one is not finite.
+    /// [`SetupError`] if there are not so many frequencies, one is not finite, or there are no settings.
     pub fn set_weights(
         &mut self,
         first: usize,
         weights: impl ExactSizeIterator<Item = f32> + Clone,
     ) -> Result<(), SetupError> {
-        let frequencies = self.setup.map_or(0, |s| usize::from(s.num_frequencies));
+        let frequencies = usize::from(self.settings()?.num_frequencies);
         let end = first.saturating_add(weights.len());
         if end > frequencies {
             return Err(SetupError::Size {
@@ -154,7 +168,7 @@ where
     /// # Errors
     /// [`SetupError`] if there is no room for it, it does not fit the settings, or there are none.
     pub fn set_patch(&mut self, index: usize, patch: &Patch) -> Result<(), SetupError> {
-        let setup = self.setup.as_ref().ok_or(SetupError::Band)?;
+        let setup = self.settings()?;
         setup.check_patch(patch, &self.capacity)?;
         let most = (self.num_patches + 1).min(self.patches.len());
         if index >= most {
@@ -182,10 +196,11 @@ where
     /// # Errors
     /// [`SetupError`] without settings or patches.
     pub fn start(&mut self, first: u32) -> Result<(), SetupError> {
-        if self.setup.is_none() || self.num_patches == 0 {
+        self.settings()?;
+        if self.num_patches == 0 {
             return Err(SetupError::Size {
                 what: Quantity::Patches,
-                wanted: self.num_patches as u32,
+                wanted: 0,
                 most: u32::from(self.capacity.patches),
             });
         }
@@ -193,6 +208,7 @@ where
         self.running = true;
         self.next_pulse = first;
         self.counters = PulseCounters::default();
+        self.saturated_before = self.engine.saturated();
         Ok(())
     }
 
@@ -235,10 +251,12 @@ where
         }
     }
 
-    /// What became of the pulses so far.
+    /// What became of the run's pulses so far.
     pub fn counters(&self) -> PulseCounters {
+        // An engine counts for as long as it lives.
+        let saturated = self.engine.saturated();
         PulseCounters {
-            saturated: self.engine.saturated(),
+            saturated: saturated.saturating_sub(self.saturated_before),
             ..self.counters
         }
     }
@@ -259,6 +277,10 @@ where
             self.counters.repeated = self.counters.repeated.saturating_add(1);
             return Err(PulseError::Repeated);
         }
+        let Some(next_pulse) = pulse.number.checked_add(1) else {
+            self.counters.refused = self.counters.refused.saturating_add(1);
+            return Err(PulseError::Number);
+        };
         let frequencies = usize::from(setup.num_frequencies);
         let finite = [pulse.reference_path_m, pulse.time_s, pulse.weight.into()]
             .iter()
@@ -275,7 +297,7 @@ where
         let num_pulses = u32::from(setup.num_pulses).max(1);
         let place = (pulse.number % num_pulses) as usize;
         let missing = pulse.number - self.next_pulse;
-        self.next_pulse = pulse.number.saturating_add(1);
+        self.next_pulse = next_pulse;
         self.counters.lost = self.counters.lost.saturating_add(missing);
         if let Err(error) = usable {
             // The next one finds its place empty.
@@ -325,12 +347,22 @@ where
         Ok(())
     }
 
-    /// Takes no more pulses. What there is of a sub-CPI is worked on as one of fewer pulses.
+    /// Takes no more pulses. What there is of a sub-CPI is worked on as one of fewer pulses, unless a
+    /// pulse after them is known to be missing.
     pub fn finish(&mut self) {
         self.running = false;
-        let begun = |store: &Store<'_, E::Sample>| store.count > 0 && !store.full;
-        if self.stores.get(self.filling).is_some_and(begun) {
+        let Some(store) = self.stores.get_mut(self.filling) else {
+            return;
+        };
+        let last = store.count.checked_sub(1).filter(|_| !store.full);
+        let Some(last) = last.and_then(|last| store.pulses.get(last)) else {
+            return;
+        };
+        if last.number.wrapping_add(1) == self.next_pulse {
             self.turn();
+        } else {
+            self.counters.incomplete = self.counters.incomplete.saturating_add(1);
+            store.clear();
         }
     }
 

@@ -1,0 +1,203 @@
+//! Commands: what the host asks for, and why it may be refused.
+
+use subaperture_core::Pulse;
+use subaperture_core::link::{self, Command, Refusal, State, f32s};
+use subaperture_core::stream::{Patch, PulseError};
+
+use super::{Module, Transfer};
+use crate::engine::WireEngine;
+use crate::products::Products;
+
+impl<E: WireEngine> Module<'_, E> {
+    pub(super) fn obey(&mut self, sequence: u32, command: &Command<'_>) {
+        let answered = !matches!(command, Command::Hello | Command::Pulse { .. });
+        let refusal = match *command {
+            Command::Hello => {
+                self.due.identity = true;
+                Ok(())
+            }
+            Command::Configure(configuration) => self.configure(&configuration),
+            Command::Weights { first, weights } => self.set_weights(first.into(), weights),
+            Command::Patch {
+                index,
+                count,
+                patch,
+            } => self.set_patch(index, count, &patch),
+            Command::Start { run, first } => self.start(run, first),
+            Command::Pulse {
+                pulse,
+                encoding,
+                samples,
+            } => self.push(&pulse, encoding, samples),
+            Command::Stop => {
+                if self.state == State::Running {
+                    self.processor.finish();
+                    self.state = State::Finishing;
+                }
+                Ok(())
+            }
+            Command::Status => Ok(()),
+            Command::Abort => {
+                self.abort();
+                Ok(())
+            }
+            Command::Chip(grid) => {
+                let columns = self.row.len() / link::Encoding::Complex32.sample_bytes();
+                self.add_product(|products| products.set_chip(&grid, columns))
+            }
+            Command::Detect(cfar) => self.add_product(|products| products.set_cfar(&cfar)),
+        };
+        match refusal {
+            Ok(()) => self.due.status |= answered,
+            Err(refusal) => self.due.refusal = Some((sequence, refusal)),
+        }
+    }
+
+    fn is_busy(&self) -> bool {
+        matches!(self.state, State::Running | State::Finishing)
+    }
+
+    fn configure(&mut self, configuration: &link::Configuration) -> Result<(), Refusal> {
+        if self.is_busy() {
+            return Err(Refusal::Running);
+        }
+        let setup = &configuration.setup;
+        self.processor.configure(setup).map_err(Refusal::Setup)?;
+        self.configuration = configuration.id;
+        self.weights = 0;
+        self.patches = 0;
+        self.transfer = Transfer::Nothing;
+        self.products.forget();
+        self.state = State::Idle;
+        Ok(())
+    }
+
+    fn set_weights(&mut self, first: usize, weights: &[u8]) -> Result<(), Refusal> {
+        if self.is_busy() {
+            return Err(Refusal::Running);
+        }
+        if self.processor.setup().is_none() {
+            return Err(Refusal::NotConfigured);
+        }
+        // In order, so that all have come when the last has.
+        if first > self.weights || !weights.len().is_multiple_of(4) {
+            return Err(Refusal::Weights);
+        }
+        let weights = f32s(weights);
+        let end = first.saturating_add(weights.len());
+        self.processor
+            .set_weights(first, weights)
+            .map_err(Refusal::Setup)?;
+        self.weights = self.weights.max(end);
+        self.settle();
+        Ok(())
+    }
+
+    fn set_patch(&mut self, index: u16, count: u16, patch: &Patch) -> Result<(), Refusal> {
+        if self.is_busy() {
+            return Err(Refusal::Running);
+        }
+        if self.processor.setup().is_none() {
+            return Err(Refusal::NotConfigured);
+        }
+        let have = self.processor.patches().len();
+        let other_list = index > 0 && count != self.patches;
+        if index >= count || usize::from(index) > have || other_list {
+            return Err(Refusal::PatchIndex);
+        }
+        self.processor
+            .set_patch(index.into(), patch)
+            .map_err(Refusal::Setup)?;
+        self.patches = count;
+        self.settle();
+        Ok(())
+    }
+
+    fn add_product(
+        &mut self,
+        add: impl FnOnce(&mut Products<'_>) -> Result<(), Refusal>,
+    ) -> Result<(), Refusal> {
+        match self.state {
+            State::Running | State::Finishing => Err(Refusal::Running),
+            _ if self.processor.setup().is_none() => Err(Refusal::NotConfigured),
+            _ => add(&mut self.products),
+        }
+    }
+
+    /// Ready once everything that was announced is there.
+    fn settle(&mut self) {
+        let frequencies = self.processor.setup().map_or(0, |s| s.num_frequencies);
+        let all_weights = self.weights == usize::from(frequencies);
+        let all_patches =
+            self.patches > 0 && self.processor.patches().len() == usize::from(self.patches);
+        self.state = if all_weights && all_patches {
+            State::Ready
+        } else {
+            State::Idle
+        };
+    }
+
+    fn start(&mut self, run: u32, first: u32) -> Result<(), Refusal> {
+        if self.run == Some(run) && self.state != State::Ready && self.state != State::Idle {
+            return Ok(());
+        }
+        match self.state {
+            State::Idle => return Err(Refusal::NotConfigured),
+            State::Running | State::Finishing => return Err(Refusal::Running),
+            State::Ready | State::Done => {}
+        }
+        let patches = self.processor.patches().len();
+        let chip = self.products.chip;
+        if chip.is_some_and(|chip| usize::from(chip.grid.patch) >= patches) {
+            return Err(Refusal::PatchIndex);
+        }
+        self.processor.start(first).map_err(Refusal::Setup)?;
+        self.run = Some(run);
+        self.maps = 0;
+        self.transfer = Transfer::Nothing;
+        self.products.begin_run();
+        self.chip_sent = false;
+        self.pulse_refused = false;
+        self.told_credit = self.processor.accept_through();
+        self.state = State::Running;
+        Ok(())
+    }
+
+    fn abort(&mut self) {
+        if self.is_busy() {
+            self.processor.stop();
+            self.transfer = Transfer::Nothing;
+            self.state = State::Done;
+        }
+    }
+
+    fn push(
+        &mut self,
+        pulse: &Pulse,
+        encoding: link::Encoding,
+        samples: &[u8],
+    ) -> Result<(), Refusal> {
+        if self.state != State::Running {
+            // Late ones of a run that is over are no news.
+            return Ok(());
+        }
+        let refusal = match E::push(&mut self.processor, pulse, encoding, samples) {
+            None => Refusal::Encoding,
+            Some(Err(PulseError::Length)) => {
+                let frequencies = self.processor.setup().map_or(0, |s| s.num_frequencies);
+                let expected = usize::from(frequencies) * encoding.sample_bytes();
+                Refusal::PulseLength {
+                    expected: expected as u32,
+                    got: samples.len() as u32,
+                }
+            }
+            // Counted by the processor.
+            Some(_) => return Ok(()),
+        };
+        // The host is told once, lest answers fill the line.
+        match core::mem::replace(&mut self.pulse_refused, true) {
+            true => Ok(()),
+            false => Err(refusal),
+        }
+    }
+}
