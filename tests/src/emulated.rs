@@ -45,17 +45,20 @@ pub enum Begin {
 
 /// A running emulator.
 struct Running {
-    child: Child,
+    _process: Process,
     place: Place,
     /// Commands to the emulator itself, and its answers.
     console: BufReader<TcpStream>,
 }
 
-impl Drop for Running {
+/// The emulator, ended when dropped.
+struct Process(Child);
+
+impl Drop for Process {
     fn drop(&mut self) {
         // Gone already is as good.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 
@@ -88,7 +91,8 @@ impl Running {
             Wire::Tcp => format!("tcp:127.0.0.1:{port},server=on,wait=off,nodelay=on"),
             Wire::Terminal => "pty".to_owned(),
         };
-        let mut child = firmware::emulator(elf, &["-monitor", &monitor, "-serial", &serial]);
+        let child = firmware::emulator(elf, &["-monitor", &monitor, "-serial", &serial]);
+        let mut process = Process(child);
         let started = Instant::now();
         let stream = loop {
             match console.accept() {
@@ -96,7 +100,7 @@ impl Running {
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {}
                 Err(error) => return Err(error),
             }
-            if let Some(status) = child.try_wait()? {
+            if let Some(status) = process.0.try_wait()? {
                 let text = format!("the emulator ended at once ({status})");
                 return Err(io::Error::new(ErrorKind::AddrInUse, text));
             }
@@ -109,7 +113,7 @@ impl Running {
         stream.set_nonblocking(false)?;
         stream.set_read_timeout(Some(START_LIMIT))?;
         let mut running = Self {
-            child,
+            _process: process,
             place: Place::Tcp {
                 host: "127.0.0.1".to_owned(),
                 port,

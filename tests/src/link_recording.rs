@@ -21,7 +21,7 @@ pub fn recording() -> Simulated {
     let pulses = collection.pulses.iter().step_by(10).map(|pulse| Pulse {
         start_hz: 10e9 - (SAMPLES / 2) as f64 * step_hz,
         step_hz,
-        ..pulse.clone()
+        ..*pulse
     });
     collection.pulses = pulses.collect();
     collection.num_samples = SAMPLES;

@@ -123,6 +123,12 @@ pub enum LinkError {
     /// It said no.
     #[error("the module refuses: {0}")]
     Refused(Refusal),
+    /// It answers, but takes no pulse and sends no map.
+    #[error(
+        "the module answers, but for {0:?} it has taken no pulse and sent no map: its line may lose every \
+         long frame, or it hangs; switch it off and on"
+    )]
+    Stuck(Duration),
     /// It began anew.
     #[error("the module began anew again and again, without a map in between")]
     Restarted,
@@ -140,7 +146,10 @@ pub enum LinkError {
 impl LinkError {
     /// Whether connecting and configuring anew may help.
     pub(super) fn is_passing(&self) -> bool {
-        matches!(self, Self::Line(_) | Self::Silent | Self::Restarted)
+        matches!(
+            self,
+            Self::Line(_) | Self::Silent | Self::Stuck(_) | Self::Restarted
+        )
     }
 }
 
@@ -214,6 +223,8 @@ pub struct Session<'b> {
     heard: Instant,
     /// When it was greeted last.
     greeted: Instant,
+    /// When a run went on last: a pulse was taken, or a part of a map came.
+    pub(super) advanced: Instant,
     /// The module's counters by its last status.
     module_link: Option<LinkCounters>,
     /// Numbers of the configuration and the run that are in force.
@@ -255,6 +266,7 @@ impl<'b> Session<'b> {
             opened: now,
             heard: now,
             greeted: now,
+            advanced: now,
             module_link: None,
             configuration: settings.first_number,
             run: settings.first_number,
@@ -436,6 +448,7 @@ impl<'b> Session<'b> {
                 Report::Refused { sequence, what } => self.news.refusal = Some((sequence, what)),
                 Report::Log { text } => context.watch.log(text),
                 report => {
+                    self.advanced = self.heard;
                     if let Some(intake) = &mut context.intake {
                         intake.take(&report, &mut self.counts)?;
                     }
