@@ -440,6 +440,9 @@ impl Session<'_> {
                     (moved, asked) = (Instant::now(), false);
                 }
                 *told = status;
+                if told.next_pulse >= next {
+                    self.line.is_clear();
+                }
             }
             // At a given rate it ends by itself.
             if clock.is_none() {

@@ -35,7 +35,9 @@ pub(super) const TICK: Duration = Duration::from_millis(20);
 pub struct Settings {
     /// Wait for an answer before asking again.
     pub answer: Duration,
-    /// Silence after which the line is connected anew, and given up if that does not help.
+    /// Silence after which the line is connected anew, and given up if that does not help. It counts
+    /// from when what was sent has passed at the latest, by the line's speed, or 4 kB a second where it
+    /// tells none.
     pub idle: Duration,
     /// Further runs, at most, over all that is missing.
     pub retries: u32,
@@ -370,7 +372,8 @@ impl<'b> Session<'b> {
         context: &mut Context<'_>,
         mut satisfies: impl FnMut(&Status) -> Result<bool, LinkError>,
     ) -> Result<Status, LinkError> {
-        for _ in 0..attempts {
+        let mut asked_in_vain = 0;
+        while asked_in_vain < attempts {
             self.news.status = None;
             self.news.refusal = None;
             let sequence = self.line.send(command);
@@ -391,6 +394,8 @@ impl<'b> Session<'b> {
                     return Ok(status);
                 }
             }
+            // A question waits behind all that was sent before it; that is not in vain yet.
+            asked_in_vain += u32::from(Instant::now() >= self.line.clear_at());
         }
         Err(LinkError::Silent)
     }
@@ -464,7 +469,7 @@ impl<'b> Session<'b> {
         }
         let counts = self.counts();
         context.watch.update(&counts);
-        if self.heard.elapsed() > self.settings.idle {
+        if self.heard.max(self.line.clear_at()).elapsed() > self.settings.idle {
             return Err(LinkError::Silent);
         }
         Ok(())
