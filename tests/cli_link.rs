@@ -48,6 +48,16 @@ fn wrong_usage_is_told_and_leaves_nothing() {
         ),
         ("link emulate a.cphd -o a.maps --rate -1", 2, vec!["--rate"]),
         (
+            "link emulate a.cphd -o a.maps --rate 9 --retries 1",
+            2,
+            vec!["--rate", "--retries"],
+        ),
+        (
+            "link tcp://host:1 a.cphd -o a.maps --firmware a.elf",
+            2,
+            vec!["--firmware", "tcp://host:1"],
+        ),
+        (
             "link emulate a.cphd -o a.maps --error-db 3",
             2,
             vec!["--error-db"],

@@ -160,6 +160,67 @@ fn pulses_that_vanish_are_sent_again() {
 }
 
 #[test]
+fn a_module_that_no_pulse_reaches_is_given_up() {
+    // Everything else arrives: it greets, is configured, and answers.
+    let faults = Faults {
+        seed: 12,
+        dropped_pulses: 1.0,
+        ..Faults::default()
+    };
+    let settings = Settings {
+        idle: Duration::from_millis(100),
+        ..settings()
+    };
+    let (outcome, kept) = session(faults, settings);
+    let Ending::Failed(error) = &outcome.ending else {
+        panic!("{outcome:?}");
+    };
+    println!("{error}");
+    assert!(kept.is_empty());
+    assert!(outcome.counts.pulses_sent > 0);
+    assert!(outcome.counts.reconnects > 1, "{}", outcome.counts);
+}
+
+#[test]
+fn any_number_of_retries_ends_when_nothing_is_missing() {
+    let settings = Settings {
+        retries: u32::MAX,
+        ..settings()
+    };
+    let (outcome, _) = session(Faults::default(), settings);
+    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert_eq!(outcome.counts.runs, 1);
+}
+
+#[test]
+fn a_rate_too_low_for_any_pulse_to_end_is_no_panic() {
+    struct Once(bool);
+    impl Watch for Once {
+        fn update(&mut self, counts: &Counts) {
+            self.0 = counts.pulses_sent + counts.runs > 0 && counts.seconds > 0.2;
+        }
+        fn cancelled(&self) -> bool {
+            self.0
+        }
+    }
+    let scene = scene();
+    let recording = recorded(&scene);
+    let mut job = job(&scene, &recording, Encoding::Complex32);
+    let mut module = Module::start(Manner::default());
+    let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
+    let settings = Settings {
+        rate_hz: Some(1e-300),
+        ..settings()
+    };
+    let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
+    let outcome = session.transfer(&mut job, &mut keep, &mut Once(false));
+    assert!(
+        matches!(outcome.ending, Ending::Failed(LinkError::Cancelled)),
+        "{outcome:?}"
+    );
+}
+
+#[test]
 fn cut_frames_are_lost_and_their_maps_fetched() {
     for seed in 9..12 {
         let faults = Faults {

@@ -10,6 +10,7 @@ use subaperture::io::maps::{MapFile, MapWriter};
 use subaperture::maps::{Arithmetic, Closing, Maps, OwnedMap, OwnedSamples, Run};
 use subaperture_core::Sc16;
 use subaperture_core::stream::{BlockFloat, MapHeader, Node, Patch, Setup};
+use subaperture_tests::tiny_disk::TinyDisk;
 
 fn object(value: serde_json::Value) -> Map<String, serde_json::Value> {
     value.as_object().unwrap().clone()
@@ -231,6 +232,39 @@ fn an_unfinished_file_is_hidden_and_readable() {
     assert_eq!(examine(&entries[0], &maps), Ok((3, false)));
     drop(writer);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_full_disk_keeps_the_maps_that_fit() {
+    let Some(disk) = TinyDisk::mount() else {
+        return;
+    };
+    let path = disk.path().join("a.maps");
+    let mut writer = MapWriter::create(&path, &run(Arithmetic::Float)).unwrap();
+    let one = &maps(Arithmetic::Float)[0];
+    let mut fitted = 0;
+    let error = loop {
+        let mut map = one.clone();
+        map.header.sub_cpi = fitted;
+        match writer.append(&map.view()) {
+            Ok(()) => fitted += 1,
+            Err(error) => break error.to_string(),
+        }
+    };
+    println!("{error}");
+    assert!(error.contains("a.maps") && error.contains("free some space"));
+    // The index of so many maps does not fit either.
+    let error = writer.finish(&closing()).unwrap_err().to_string();
+    println!("{error}");
+    assert!(error.contains("every map in it can be read"), "{error}");
+    let names = std::fs::read_dir(disk.path()).unwrap();
+    assert_eq!(names.count(), 1, "nothing but the file");
+    let file = MapFile::open(&path).unwrap();
+    assert!(!file.is_complete());
+    assert_eq!(file.headers().len(), fitted as usize);
+    for index in 0..fitted as usize {
+        assert_eq!(file.read(index).unwrap().samples, one.samples);
+    }
 }
 
 #[test]

@@ -11,6 +11,7 @@ use subaperture::image::Image;
 use subaperture::io::atomic::{WriteError, write_atomically};
 use subaperture::io::npy;
 use subaperture::io::product::Product;
+use subaperture_tests::tiny_disk::TinyDisk;
 
 fn image(rows: usize, columns: usize) -> Image {
     let pixel = |i: usize| Complex32::new(i as f32 + 0.25, -(i as f32));
@@ -369,36 +370,12 @@ fn links_are_followed() {
     assert_eq!(fs::read(&target).unwrap(), b"new");
 }
 
-/// A file system of 256 KiB, gone when dropped.
-struct TinyDisk(tempfile::TempDir);
-
-impl TinyDisk {
-    fn mount() -> Option<Self> {
-        let place = tempfile::tempdir().unwrap();
-        let mounted = Command::new("mount")
-            .args(["-t", "tmpfs", "-o", "size=256k", "tmpfs"])
-            .arg(place.path())
-            .output()
-            .is_ok_and(|output| output.status.success());
-        if !mounted {
-            println!("skipped: no right to mount a tmpfs");
-        }
-        mounted.then_some(Self(place))
-    }
-}
-
-impl Drop for TinyDisk {
-    fn drop(&mut self) {
-        let _ = Command::new("umount").arg(self.0.path()).status();
-    }
-}
-
 #[test]
 fn a_full_disk_leaves_nothing() {
     let Some(disk) = TinyDisk::mount() else {
         return;
     };
-    let disk_path = disk.0.path();
+    let disk_path = disk.path();
     let (small, large) = (image(50, 50), image(300, 300));
     for folder in [disk_path.join("out"), disk_path.to_owned()] {
         // 300 x 300 x 8 bytes and a header are more than 256 KiB; seen early, and when it happens.

@@ -11,6 +11,7 @@ pub mod module;
 pub mod module_report;
 pub mod stream_scene;
 pub mod subap;
+pub mod tiny_disk;
 
 use subaperture::image::Image;
 

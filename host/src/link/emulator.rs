@@ -29,15 +29,19 @@ pub struct Emulator {
 
 #[derive(Debug)]
 struct Running {
-    child: Child,
+    process: Process,
     stream: TcpStream,
 }
 
-impl Drop for Running {
+/// The emulator, ended when dropped.
+#[derive(Debug)]
+struct Process(Child);
+
+impl Drop for Process {
     fn drop(&mut self) {
         // Gone already is as good.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 
@@ -77,7 +81,7 @@ impl Emulator {
         };
         let started = Instant::now();
         while started.elapsed() < END_LIMIT {
-            if let Ok(Some(status)) = running.child.try_wait() {
+            if let Ok(Some(status)) = running.process.0.try_wait() {
                 let text = format!(
                     "{PROGRAM} ended ({status}): is {} a firmware for it? -v shows what it said",
                     self.firmware.display()
@@ -126,7 +130,7 @@ impl Transport for Emulator {
             true => Stdio::from(io::stderr()),
             false => Stdio::null(),
         };
-        let mut child = Command::new(PROGRAM)
+        let child = Command::new(PROGRAM)
             .args(["-M", "mps2-an500", "-nographic", "-monitor", "none"])
             .args(["-semihosting-config", "enable=on,target=native", "-serial"])
             .arg(format!("tcp:127.0.0.1:{port},server=off,nodelay=on"))
@@ -146,25 +150,24 @@ impl Transport for Emulator {
                 };
                 io::Error::new(error.kind(), text)
             })?;
+        let mut process = Process(child);
         let started = Instant::now();
         loop {
             match listener.accept() {
                 Ok((stream, _)) => {
                     prepare(&stream)?;
-                    self.running = Some(Running { child, stream });
+                    self.running = Some(Running { process, stream });
                     return Ok(());
                 }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {}
                 Err(error) => return Err(error),
             }
-            if let Some(status) = child.try_wait()? {
+            if let Some(status) = process.0.try_wait()? {
                 return Err(io::Error::other(format!(
                     "{PROGRAM} ended at once ({status}); -v shows what it said"
                 )));
             }
             if started.elapsed() > START_LIMIT {
-                let _ = child.kill();
-                let _ = child.wait();
                 return Err(io::Error::new(
                     ErrorKind::TimedOut,
                     format!("{PROGRAM} did not connect within {START_LIMIT:?}"),

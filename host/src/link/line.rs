@@ -2,7 +2,7 @@
 //! reading.
 
 use std::io;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use subaperture_core::link::{Command, Encoder, max_frame_bytes};
 
@@ -13,6 +13,13 @@ pub(super) const MOST_SAMPLES: usize = 4096;
 
 /// Wait for the other direction while bytes are still to go.
 const TURN: Duration = Duration::from_millis(1);
+
+/// Bytes a second of a slow line whose speed is not known: an emulator on a busy machine takes twice as
+/// many.
+const SLOW_BYTES_S: f64 = 4e3;
+
+/// Most bytes that a system's buffers hold before a line.
+const BUFFERED_BYTES: f64 = 256e3;
 
 pub(super) struct Line<'b> {
     transport: &'b mut dyn Transport,
@@ -27,6 +34,7 @@ pub(super) struct Line<'b> {
     /// Bytes to the module and from it.
     pub(super) bytes_out: u64,
     pub(super) bytes_in: u64,
+    clear_at: Instant,
 }
 
 impl<'b> Line<'b> {
@@ -41,6 +49,7 @@ impl<'b> Line<'b> {
             inbox: vec![0; 1 << 16],
             bytes_out: 0,
             bytes_in: 0,
+            clear_at: Instant::now(),
         }
     }
 
@@ -72,6 +81,7 @@ impl<'b> Line<'b> {
             let written = self.transport.write(&self.queue[self.gone..])?;
             self.gone += written;
             self.bytes_out += written as u64;
+            self.written(written);
             if self.backlog() == 0 {
                 self.queue.clear();
                 self.gone = 0;
@@ -86,10 +96,31 @@ impl<'b> Line<'b> {
         Ok(&self.inbox[..count])
     }
 
+    /// When all that was written has passed, at the latest; until then a question waits behind it.
+    pub(super) fn clear_at(&self) -> Instant {
+        self.clear_at
+    }
+
+    /// All that was written has passed.
+    pub(super) fn is_clear(&mut self) {
+        self.clear_at = Instant::now();
+    }
+
+    fn written(&mut self, bytes: usize) {
+        let bytes_s = self
+            .transport
+            .baud()
+            .map_or(SLOW_BYTES_S, |baud| f64::from(baud) / 10.0);
+        let now = Instant::now();
+        let clear_at = self.clear_at.max(now) + Duration::from_secs_f64(bytes as f64 / bytes_s);
+        self.clear_at = clear_at.min(now + Duration::from_secs_f64(BUFFERED_BYTES / bytes_s));
+    }
+
     /// Connects anew; what was to go is forgotten.
     pub(super) fn reconnect(&mut self) -> io::Result<()> {
         self.queue.clear();
         self.gone = 0;
+        self.is_clear();
         self.transport.reconnect()
     }
 }

@@ -6,7 +6,8 @@
 //! missing, up to [`Settings::retries`](super::Settings) times. At a given rate nothing is sent twice:
 //! that is a radar, which does not wait.
 //!
-//! **When things break.** A line that fails, a silent module or one that began anew: connect, greet,
+//! **When things break.** A line that fails, a silent module, one that began anew or one that answers and
+//! does not go on: connect, greet,
 //! end what is going on, configure, and go on with what is missing of the run. That is given up when
 //! it happened eight times without a map in between.
 
@@ -28,6 +29,10 @@ const WEIGHTS_A_FRAME: usize = 32;
 
 /// Bytes that wait for the line beyond which no pulse is added, so that answers stay prompt.
 const BACKLOG_BYTES: usize = 8192;
+
+/// A module that answers gets so many times the patience of one that is silent: a large map on a small
+/// processor takes seconds.
+const STUCK_IDLES: u32 = 6;
 
 /// Times that things may break without a map in between.
 const FRUITLESS: u32 = 8;
@@ -144,6 +149,11 @@ impl Clock {
         // Saturates beyond the largest number.
         (self.start.elapsed().as_secs_f64() * self.rate_hz) as u32
     }
+
+    fn quarter_period(&self) -> Duration {
+        // A rate may be so low that its period is no duration.
+        Duration::try_from_secs_f64(0.25 / self.rate_hz).unwrap_or(Duration::MAX)
+    }
 }
 
 impl Session<'_> {
@@ -169,6 +179,9 @@ impl Session<'_> {
             intake.again = pass > 0;
             let all = 0..intake.wanted.num_sub_cpis();
             let mut todo = intake.missing(all);
+            if todo.is_empty() {
+                break;
+            }
             while let Some(range) = todo.pop_front() {
                 let before = self.counts.maps_taken;
                 let Err(error) = self.run(range.clone(), job, &mut clock, context) else {
@@ -350,10 +363,12 @@ impl Session<'_> {
             intake.begin();
         }
         self.running = true;
+        self.advanced = Instant::now();
         let clock = self.settings.rate_hz.map(|rate_hz| {
+            // It starts with the first run, and that with the first pulse.
             *clock.get_or_insert_with(|| Clock {
                 rate_hz,
-                start: Instant::now() - Duration::from_secs_f64(f64::from(first) / rate_hz),
+                start: Instant::now(),
             })
         });
         let streamed = self
@@ -411,7 +426,7 @@ impl Session<'_> {
                 return Ok(());
             }
             let wait = match clock {
-                Some(clock) => TICK.min(Duration::from_secs_f64(0.25 / clock.rate_hz)),
+                Some(clock) => TICK.min(clock.quarter_period()),
                 None => TICK.min(self.settings.answer),
             };
             self.pump(wait, context)?;
@@ -422,6 +437,7 @@ impl Session<'_> {
                     |status: &Status| (status.next_pulse, status.accept_through, status.maps);
                 if place(&status) != place(told) {
                     (moved, asked) = (Instant::now(), false);
+                    self.advanced = moved;
                 } else if asked && status.next_pulse < next && clock.is_none() {
                     // It answers after the last pulse, and waits for an earlier one.
                     self.counts.pulses_resent += u64::from(next - status.next_pulse);
@@ -429,6 +445,13 @@ impl Session<'_> {
                     (moved, asked) = (Instant::now(), false);
                 }
                 *told = status;
+                if told.next_pulse >= next {
+                    self.line.is_clear();
+                }
+            }
+            // At a given rate it ends by itself.
+            if clock.is_none() {
+                self.fail_if_stuck()?;
             }
             if self.line.backlog() > 0 {
                 moved = Instant::now();
@@ -450,13 +473,18 @@ impl Session<'_> {
             };
         *told = self.ask(&Command::Stop, ATTEMPTS, context, over)?;
         let mut moved = Instant::now();
+        self.advanced = moved;
         while told.state != State::Done {
             self.pump(TICK.min(self.settings.answer), context)?;
             if let Some(status) = self.news.status.take() {
                 self.check_mine(&status)?;
-                *told = status;
                 moved = Instant::now();
+                if status.maps != told.maps {
+                    self.advanced = moved;
+                }
+                *told = status;
             }
+            self.fail_if_stuck()?;
             if self.line.backlog() > 0 {
                 moved = Instant::now();
             }
@@ -469,6 +497,15 @@ impl Session<'_> {
             intake.assembly.finish(told.maps);
         }
         Ok(())
+    }
+
+    /// Fails if nothing has come of a run for so long that nothing will.
+    fn fail_if_stuck(&self) -> Result<(), LinkError> {
+        let limit = self.settings.idle * STUCK_IDLES;
+        match self.advanced.elapsed() > limit {
+            true => Err(LinkError::Stuck(limit)),
+            false => Ok(()),
+        }
     }
 
     /// The module says of the first pulse that it cannot use that it is none.

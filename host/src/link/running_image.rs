@@ -107,7 +107,10 @@ impl RunningImage {
             maps: &some,
             grid: &self.grid,
             error_db: self.error_db,
-            memory_bytes: self.memory_bytes,
+            // Beside the sum, and the image that is handed out.
+            memory_bytes: self
+                .memory_bytes
+                .saturating_sub(2 * size_of_val(self.sum.as_slice()) as u64),
             monitor: &Silent,
         })?;
         for (sum, pixel) in self.sum.iter_mut().zip(&formed.image.pixels) {

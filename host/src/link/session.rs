@@ -35,7 +35,9 @@ pub(super) const TICK: Duration = Duration::from_millis(20);
 pub struct Settings {
     /// Wait for an answer before asking again.
     pub answer: Duration,
-    /// Silence after which the line is connected anew, and given up if that does not help.
+    /// Silence after which the line is connected anew, and given up if that does not help. It counts
+    /// from when what was sent has passed at the latest, by the line's speed, or 4 kB a second where it
+    /// tells none.
     pub idle: Duration,
     /// Further runs, at most, over all that is missing.
     pub retries: u32,
@@ -123,6 +125,12 @@ pub enum LinkError {
     /// It said no.
     #[error("the module refuses: {0}")]
     Refused(Refusal),
+    /// It answers, but takes no pulse and sends no map.
+    #[error(
+        "the module answers, but for {0:?} it has taken no pulse and sent no map: its line may lose every \
+         long frame, or it hangs; switch it off and on"
+    )]
+    Stuck(Duration),
     /// It began anew.
     #[error("the module began anew again and again, without a map in between")]
     Restarted,
@@ -140,7 +148,10 @@ pub enum LinkError {
 impl LinkError {
     /// Whether connecting and configuring anew may help.
     pub(super) fn is_passing(&self) -> bool {
-        matches!(self, Self::Line(_) | Self::Silent | Self::Restarted)
+        matches!(
+            self,
+            Self::Line(_) | Self::Silent | Self::Stuck(_) | Self::Restarted
+        )
     }
 }
 
@@ -214,6 +225,8 @@ pub struct Session<'b> {
     heard: Instant,
     /// When it was greeted last.
     greeted: Instant,
+    /// When a run went on last: a pulse was taken, or a part of a map came.
+    pub(super) advanced: Instant,
     /// The module's counters by its last status.
     module_link: Option<LinkCounters>,
     /// Numbers of the configuration and the run that are in force.
@@ -255,6 +268,7 @@ impl<'b> Session<'b> {
             opened: now,
             heard: now,
             greeted: now,
+            advanced: now,
             module_link: None,
             configuration: settings.first_number,
             run: settings.first_number,
@@ -358,7 +372,8 @@ impl<'b> Session<'b> {
         context: &mut Context<'_>,
         mut satisfies: impl FnMut(&Status) -> Result<bool, LinkError>,
     ) -> Result<Status, LinkError> {
-        for _ in 0..attempts {
+        let mut asked_in_vain = 0;
+        while asked_in_vain < attempts {
             self.news.status = None;
             self.news.refusal = None;
             let sequence = self.line.send(command);
@@ -379,6 +394,8 @@ impl<'b> Session<'b> {
                     return Ok(status);
                 }
             }
+            // A question waits behind all that was sent before it; that is not in vain yet.
+            asked_in_vain += u32::from(Instant::now() >= self.line.clear_at());
         }
         Err(LinkError::Silent)
     }
@@ -436,6 +453,7 @@ impl<'b> Session<'b> {
                 Report::Refused { sequence, what } => self.news.refusal = Some((sequence, what)),
                 Report::Log { text } => context.watch.log(text),
                 report => {
+                    self.advanced = self.heard;
                     if let Some(intake) = &mut context.intake {
                         intake.take(&report, &mut self.counts)?;
                     }
@@ -451,7 +469,7 @@ impl<'b> Session<'b> {
         }
         let counts = self.counts();
         context.watch.update(&counts);
-        if self.heard.elapsed() > self.settings.idle {
+        if self.heard.max(self.line.clear_at()).elapsed() > self.settings.idle {
             return Err(LinkError::Silent);
         }
         Ok(())

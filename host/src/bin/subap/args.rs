@@ -208,7 +208,7 @@ pub(crate) struct Link {
     pub(crate) rate: Option<f64>,
 
     /// Further runs, at most, over what was lost
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = 3, conflicts_with = "rate")]
     pub(crate) retries: u32,
 
     /// Compare every map with the same core run here, bit by bit, and fail if one differs

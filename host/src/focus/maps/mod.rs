@@ -131,7 +131,9 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
     let scale = task.maps.run().amplitude_scale();
     let (mut start, mut done) = (0, 0);
     for (patch, end) in patches.iter().zip(ends) {
-        report.maps_missing += report.sub_cpis.saturating_sub(patch.maps.len() as u64);
+        // A file may claim any number of pulses.
+        let missing = report.sub_cpis.saturating_sub(patch.maps.len() as u64);
+        report.maps_missing = report.maps_missing.saturating_add(missing);
         let members = &order[start..end];
         start = end;
         let mut sums = vec![Sum::default(); members.len()];

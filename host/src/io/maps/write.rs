@@ -1,7 +1,8 @@
 //! Appending maps as they arrive.
 
 use std::collections::HashSet;
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use subaperture_core::stream::{MapHeader, PatchMap};
@@ -95,7 +96,9 @@ impl MapWriter {
     /// Writes the index, forces the file to disk and renames it into place.
     ///
     /// # Errors
-    /// [`WriteError`]; then its place is as it was.
+    /// [`WriteError`]. If there was no room for the index, the file takes its place without: all its maps
+    /// can be read, and [`MapFile::is_complete`](super::MapFile::is_complete) says that its end is
+    /// missing. Else its place is as it was.
     pub fn finish(mut self, closing: &Closing) -> Result<(), WriteError> {
         self.payload.clear();
         fields::put_closing(&mut self.payload, closing);
@@ -108,10 +111,25 @@ impl MapWriter {
         let tail = self.end;
         let mut trailer = tail.to_le_bytes().to_vec();
         trailer.extend_from_slice(END);
-        self.write_section(TAIL)
-            .and_then(|()| self.beside.file().write_all(&trailer))
-            .and_then(|()| self.beside.commit())
-            .map_err(|source| failed(&self.path, source))
+        let ended = self
+            .write_section(TAIL)
+            .and_then(|()| self.beside.file().write_all(&trailer));
+        let path = self.path;
+        let Err(source) = ended else {
+            return self.beside.commit().map_err(|source| failed(&path, source));
+        };
+        // Maps that took hours to come are worth more than their index.
+        let kept = cut(self.beside.file(), tail).and_then(|()| self.beside.commit());
+        Err(failed(
+            &path,
+            match kept {
+                Ok(()) => io::Error::new(
+                    source.kind(),
+                    format!("{source}, so it lacks its end; every map in it can be read"),
+                ),
+                Err(_) => source,
+            },
+        ))
     }
 
     fn objection(&self, map: &PatchMap) -> Option<String> {
@@ -140,11 +158,23 @@ impl MapWriter {
         head.extend_from_slice(&crc.finalize().to_le_bytes());
         head.extend_from_slice(&length.to_le_bytes());
         let file = self.beside.file();
-        file.write_all(&head)?;
-        file.write_all(&self.payload)?;
+        let written = file
+            .write_all(&head)
+            .and_then(|()| file.write_all(&self.payload));
+        if let Err(source) = written {
+            // What follows begins where this would have. If that fails too, readers stop here.
+            let _ = cut(file, self.end);
+            return Err(source);
+        }
         self.end += SECTION_BYTES + length;
         Ok(())
     }
+}
+
+/// Ends `file` at `end`, where writing goes on.
+fn cut(file: &mut File, end: u64) -> io::Result<()> {
+    file.set_len(end)?;
+    file.seek(SeekFrom::Start(end)).map(drop)
 }
 
 fn refused(what: String) -> io::Error {

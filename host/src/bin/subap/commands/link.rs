@@ -8,9 +8,9 @@ use anyhow::{Context, bail};
 use serde_json::{Map, Value, json};
 use subaperture::focus::{Monitor, Weights};
 use subaperture::geometry::ImageGrid;
-use subaperture::io::maps::MapWriter;
+use subaperture::io::maps::{MOST_MAPS, MapWriter};
 use subaperture::link::{
-    self, Buffers, Counts, Ending, HostCore, Identity, Job, LinkError, MapSink, Outcome,
+    self, Buffers, Counts, Ending, HostCore, Identity, Job, LinkError, MapSink, Outcome, Place,
     PulseSource, Settings, SinkError, Verified, Watch,
 };
 use subaperture::maps::{Arithmetic, Closing, OwnedMap, Run};
@@ -24,13 +24,20 @@ use crate::args::Link;
 use crate::commands::focus::record::grid as grid_record;
 use crate::commands::plan::gaps;
 use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, record_of_run};
-use crate::failure::InterruptedWithMaps;
+use crate::failure::{InterruptedWithMaps, Usage};
 use crate::progress::Progress;
 use crate::{interrupt, text};
 
 /// Has the module compute the maps. Those that came are kept, however it ends.
 pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let start = Instant::now();
+    if typed.firmware.is_some() && !matches!(typed.place, Place::Emulate(_)) {
+        let what = format!(
+            "--firmware is what to emulate, and {} runs its own",
+            typed.place
+        );
+        return Err(Usage(what).into());
+    }
     let error_db = typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB);
     let history = session.open(&typed.input)?;
     let collection = history.collection();
@@ -88,6 +95,13 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     if let Some(gaps) = gaps(&plan) {
         session.note(1, || format!("track: {gaps}"));
     }
+    let num_maps = plan.num_sub_cpis as u64 * plan.patches.len() as u64;
+    if num_maps > MOST_MAPS {
+        bail!(
+            "{num_maps} maps are more than the {MOST_MAPS} of a file: give a smaller --grid, or link the \
+             recordings one by one"
+        );
+    }
     let weights = Weights::new(collection, typed.window, typed.slow_window);
     let fast_sum: f64 = weights.fast.iter().sum();
     let fast_weights: Vec<f32> = weights.fast.iter().map(|w| (w / fast_sum) as f32).collect();
@@ -120,6 +134,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
         );
         Picture::start(path, image, &grid, survey.name.clone())
     });
+    let picture = picture.transpose()?;
     let mut keep = Keep {
         writer: &mut writer,
         picture,
@@ -133,18 +148,27 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
         (module.transfer(&mut work, &mut keep, &mut watch), None)
     };
     watch.bar.finish();
-    let drawn = keep.picture.take().map(Picture::finish);
+    let picture = keep.picture.take();
     let maps = writer.num_maps() as u64;
     if maps > 0 {
-        writer.finish(&closing(&outcome, &work, compared))?;
+        writer.finish(&closing(&outcome, &work, compared, maps))?;
     }
+    // The maps are safe before the last picture is drawn.
+    let drawn = picture.map(Picture::finish);
+    report(session, typed, &outcome, compared, maps, start.elapsed())?;
     if let Some(drawn) = drawn {
-        drawn?;
+        let left_out = drawn?;
+        if left_out > 0 && !session.quiet() {
+            eprintln!(
+                "subap: {left_out} maps came too fast for --picture and are not in it; they are in {}",
+                typed.out.display()
+            );
+        }
     }
-    report(session, typed, &outcome, compared, maps, start.elapsed())
+    Ok(())
 }
 
-/// What is said at the end, and whether it is a failure.
+/// What is said at the end, and whether it is a failure: it is unless every map came.
 fn report(
     session: &Session,
     typed: &Link,
@@ -173,21 +197,20 @@ fn report(
     }
     match &outcome.ending {
         Ending::Complete => Ok(()),
-        Ending::Incomplete => {
-            eprintln!(
-                "subap: {} of {} maps are missing in {path}: {}",
-                outcome.missing.len(),
-                outcome.counts.maps_wanted,
-                match typed.rate {
-                    Some(_) => "the module or the line are too slow for this --rate",
-                    None => "the line loses too much; more --retries may fetch them",
-                }
-            );
-            if maps == 0 {
-                bail!("no map came whole; nothing was written");
+        // A failure, so that no script takes an image of half the aperture for the whole.
+        Ending::Incomplete => bail!(
+            "{} of {} maps are missing: {}; {}",
+            outcome.missing.len(),
+            outcome.counts.maps_wanted,
+            match typed.rate {
+                Some(_) => "the module or the line are too slow for this --rate",
+                None => "the line loses too much, and more --retries may fetch them",
+            },
+            match maps {
+                0 => "nothing was written".to_owned(),
+                _ => format!("the {maps} that came are in {path}"),
             }
-            Ok(())
-        }
+        ),
         Ending::Failed(LinkError::Cancelled) if maps > 0 => {
             Err(InterruptedWithMaps { maps, path }.into())
         }
@@ -244,9 +267,16 @@ fn provenance(
 }
 
 /// What is known at the end.
-fn closing(outcome: &Outcome, job: &Job<'_>, compared: Option<(u64, u64)>) -> Closing {
+fn closing(
+    outcome: &Outcome,
+    job: &Job<'_>,
+    compared: Option<(u64, u64)>,
+    written: u64,
+) -> Closing {
     /// Missing maps that are named one by one.
     const NAMED: usize = 1000;
+    // Those that came and were not the core's own are missing too.
+    let missing = outcome.counts.maps_wanted.saturating_sub(written);
     let mut counters = outcome.counts.to_json();
     let named = outcome.missing.iter().take(NAMED);
     counters.insert(
@@ -255,10 +285,11 @@ fn closing(outcome: &Outcome, job: &Job<'_>, compared: Option<(u64, u64)>) -> Cl
             .map(|(sub_cpi, patch)| json!([sub_cpi, patch]))
             .collect(),
     );
-    counters.insert("maps_missing".to_owned(), json!(outcome.missing.len()));
+    counters.insert("maps_missing".to_owned(), json!(missing));
     counters.insert(
         "ending".to_owned(),
         json!(match &outcome.ending {
+            Ending::Complete if written < outcome.counts.maps_wanted => "incomplete".to_owned(),
             Ending::Complete => "complete".to_owned(),
             Ending::Incomplete => "incomplete".to_owned(),
             Ending::Failed(error) => error.to_string(),
@@ -287,7 +318,7 @@ impl MapSink for Keep<'_> {
     fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError> {
         let map = OwnedMap::from(map);
         self.writer.append(&map.view())?;
-        if let Some(picture) = &self.picture {
+        if let Some(picture) = &mut self.picture {
             picture.take(map);
         }
         Ok(())

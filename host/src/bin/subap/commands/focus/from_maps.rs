@@ -91,7 +91,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
 /// What the user should know of an image that is not all it could be.
 fn warn(report: &Report, error_db: f64, num_pixels: u64) {
     if report.maps_missing > 0 {
-        let expected = report.sub_cpis * report.patches as u64;
+        let expected = report.sub_cpis.saturating_mul(report.patches as u64);
         eprintln!(
             "subap: {} of {expected} maps are missing: their patches are of a shorter aperture",
             report.maps_missing

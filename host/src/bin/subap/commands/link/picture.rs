@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::write_atomically;
 use subaperture::link::RunningImage;
@@ -22,31 +22,49 @@ const WAITING: usize = 64;
 /// A picture in the making.
 pub(crate) struct Picture {
     maps: SyncSender<OwnedMap>,
+    /// Maps that found the thread too far behind.
+    left_out: u64,
     thread: JoinHandle<anyhow::Result<()>>,
 }
 
 impl Picture {
     /// Begins a picture at `path`.
-    pub(crate) fn start(path: &Path, image: RunningImage, grid: &ImageGrid, title: String) -> Self {
+    ///
+    /// # Errors
+    /// If there can be none: found out now, and not after hours.
+    pub(crate) fn start(
+        path: &Path,
+        image: RunningImage,
+        grid: &ImageGrid,
+        title: String,
+    ) -> anyhow::Result<Self> {
+        let folder = path.parent().filter(|folder| *folder != Path::new(""));
+        if path.is_dir() || folder.is_some_and(|folder| !folder.is_dir()) {
+            bail!(
+                "--picture: {} cannot be written; name a file in a folder that exists",
+                path.display()
+            );
+        }
         let (sender, receiver) = sync_channel(WAITING);
         let (path, grid) = (path.to_owned(), *grid);
         let thread = std::thread::spawn(move || draw(&path, image, &grid, &title, &receiver));
-        Self {
+        Ok(Self {
             maps: sender,
+            left_out: 0,
             thread,
-        }
+        })
     }
 
     /// Takes a map, unless the thread is too far behind.
-    pub(crate) fn take(&self, map: OwnedMap) {
-        let _ = self.maps.try_send(map);
+    pub(crate) fn take(&mut self, map: OwnedMap) {
+        self.left_out += u64::from(self.maps.try_send(map).is_err());
     }
 
-    /// The last picture.
-    pub(crate) fn finish(self) -> anyhow::Result<()> {
+    /// Draws the last picture; how many maps are not in it because they came too fast.
+    pub(crate) fn finish(self) -> anyhow::Result<u64> {
         drop(self.maps);
         match self.thread.join() {
-            Ok(drawn) => drawn,
+            Ok(drawn) => drawn.map(|()| self.left_out),
             Err(panic) => std::panic::resume_unwind(panic),
         }
     }
@@ -73,7 +91,7 @@ fn draw(
             Err(RecvTimeoutError::Timeout) => false,
             Err(RecvTimeoutError::Disconnected) => true,
         };
-        if let Some(so_far) = image.form()? {
+        if let Some(so_far) = image.form().context("--picture")? {
             let picture = plot::quicklook(&Panel::new(&so_far, grid, title))?;
             write_atomically(path, picture.len() as u64, |file| file.write_all(&picture))
                 .context("--picture")?;
