@@ -17,7 +17,7 @@ use subaperture_firmware::products::{ChipKernel, DETECTIONS};
 use subaperture_tests::stream_scene::{Scene, patch, relative_error_db};
 
 use crate::station_bench::{
-    Bench, CHIP, Came, Chip, F, Listed, M, R, ROWS, SPEED_OF_LIGHT_M_S, cfar, fixed, float, scene,
+    Bench, CHIP, Came, F, Listed, M, R, ROWS, SPEED_OF_LIGHT_M_S, cfar, fixed, float, scene,
 };
 
 /// The exact sum at every pixel of `CHIP`.

@@ -5,7 +5,7 @@ use subaperture_core::link::{ChipGrid, Command, Configuration, Encoding, Refusal
 use subaperture_core::stream::{Quantity, Setup, SetupError};
 use subaperture_tests::stream_scene::{at, patch, relative_error_db};
 
-use crate::station_bench::{CHIP, Chip, F, M, cfar, fixed, float, scene};
+use crate::station_bench::{CHIP, F, M, cfar, fixed, float, scene};
 
 #[test]
 fn what_cannot_be_is_refused() {
