@@ -14,9 +14,8 @@ use subaperture_tests::subap::{Ran, command, listing, program, run};
 
 const GRID: &str = "--grid x=-6:6:0.5,y=-6:6:0.5,z=0";
 
-/// A folder with `a.cphd` in it.
+/// A folder with `a.cphd` in it. The program is built by then: that is in nobody's time.
 fn scene() -> tempfile::TempDir {
-    // Built before anything is timed.
     program();
     let folder = tempfile::tempdir().unwrap();
     write_recording(&folder.path().join("a.cphd"));
@@ -189,15 +188,16 @@ fn ctrl_c_keeps_the_maps_so_far() {
     let folder = scene();
     let before = listing(folder.path());
     let more = format!("--firmware {}", application()[0].display());
-    // At this rate 104 pulses take five seconds, a sub-CPI one or two.
-    let (child, mut stderr) = linking(folder.path(), "emulate", &format!("{more} --rate 20"));
-    std::thread::sleep(Duration::from_secs(4));
+    // At this rate 104 pulses take twenty seconds, a sub-CPI four to eight.
+    let (child, mut stderr) = linking(folder.path(), "emulate", &format!("{more} --rate 5"));
+    std::thread::sleep(Duration::from_secs(12));
     signal(&child, "-INT");
     let start = Instant::now();
     let mut said = String::new();
     stderr.read_to_string(&mut said).unwrap();
     let mut ran: Ran = child.wait_with_output().unwrap().into();
-    assert!(start.elapsed() < Duration::from_secs(2));
+    // Well before it would have ended by itself, on a busy machine too.
+    assert!(start.elapsed() < Duration::from_secs(6));
     ran.stderr = said;
     ran.failed(130, &["interrupted", "maps received so far are in a.maps"]);
     let mut after = listing(folder.path());

@@ -35,8 +35,8 @@ pub(super) const TICK: Duration = Duration::from_millis(20);
 pub struct Settings {
     /// Wait for an answer before asking again.
     pub answer: Duration,
-    /// Silence after which the line is connected anew, and given up if that does not help. It counts
-    /// from when what was sent has passed at the latest, by the line's speed, or 4 kB a second where it
+    /// Silence after which the line is connected anew, and given up if that does not help. To this comes the
+    /// time that what was sent may still take to pass, by the line's speed, or 4 kB a second where it
     /// tells none.
     pub idle: Duration,
     /// Further runs, at most, over all that is missing.
@@ -469,7 +469,11 @@ impl<'b> Session<'b> {
         }
         let counts = self.counts();
         context.watch.update(&counts);
-        if self.heard.max(self.line.clear_at()).elapsed() > self.settings.idle {
+        let passing = self
+            .line
+            .clear_at()
+            .saturating_duration_since(Instant::now());
+        if self.heard.elapsed() > self.settings.idle + passing {
             return Err(LinkError::Silent);
         }
         Ok(())
