@@ -21,18 +21,14 @@
 
 use std::f64::consts::PI;
 
-use super::window::bessel_i0;
-
-/// Rows of the weight table for each sample of distance.
-const TABLE_STEPS: usize = 512;
+use super::taps::{KaiserWindow, WeightTable};
 
 /// A kernel of `taps` taps.
 #[derive(Clone, Debug)]
 pub struct KaiserBessel {
     taps: usize,
-    beta: f64,
-    /// `TABLE_STEPS + 1` rows of `taps` weights, for fractions 0 to 1.
-    table: Vec<f32>,
+    window: KaiserWindow,
+    table: WeightTable,
 }
 
 impl KaiserBessel {
@@ -40,19 +36,12 @@ impl KaiserBessel {
     pub fn new(taps: usize) -> Self {
         let half = taps as f64 / 2.0;
         let beta = PI * (half * half * 2.25 - 0.8).sqrt();
-        let mut kernel = Self {
+        let window = KaiserWindow::new(taps, beta);
+        Self {
             taps,
-            beta,
-            table: Vec::new(),
-        };
-        kernel.table = (0..=TABLE_STEPS)
-            .flat_map(|row| {
-                let fraction = row as f64 / TABLE_STEPS as f64;
-                (0..taps).map(move |i| fraction + half - 1.0 - i as f64)
-            })
-            .map(|t| kernel.at(t) as f32)
-            .collect();
-        kernel
+            window,
+            table: WeightTable::new(taps, |t| window.at(t)),
+        }
     }
 
     /// Number of taps.
@@ -62,39 +51,18 @@ impl KaiserBessel {
 
     /// `phi(t)`, `t` in samples.
     pub fn at(&self, t: f64) -> f64 {
-        let u = 2.0 * t / self.taps as f64;
-        let inside = 1.0 - u * u;
-        if inside < 0.0 {
-            0.0
-        } else {
-            bessel_i0(self.beta * inside.sqrt()) / bessel_i0(self.beta)
-        }
+        self.window.at(t)
     }
 
     /// `Phi(x)`, the kernel's spectrum at `x` cycles a sample.
     pub fn spectrum(&self, x: f64) -> f64 {
-        let w = self.taps as f64;
-        let inside = self.beta * self.beta - (PI * w * x).powi(2);
-        let root = inside.abs().sqrt();
-        let shape = if root < 1e-9 {
-            1.0
-        } else if inside > 0.0 {
-            root.sinh() / root
-        } else {
-            root.sin() / root
-        };
-        w * shape / bessel_i0(self.beta)
+        self.window.spectrum(x)
     }
 
     /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
     /// `whole - W/2 + 1 + i` has weight `i`.
     pub fn weights<const W: usize>(&self, fraction: f32) -> [f32; W] {
-        debug_assert_eq!(W, self.taps);
-        let place = fraction * TABLE_STEPS as f32;
-        let row = (place as usize).min(TABLE_STEPS - 1);
-        let t = place - row as f32;
-        let rows = &self.table[row * W..(row + 2) * W];
-        std::array::from_fn(|i| rows[i] + (rows[W + i] - rows[i]) * t)
+        self.table.weights(fraction)
     }
 
     /// Relative RMS error for a flat spectrum over `|x| <= band` cycles a sample: the images at

@@ -7,5 +7,6 @@ pub mod range_doppler;
 pub mod range_profile;
 pub mod scaled_dft;
 pub mod sinc_keystone;
+mod taps;
 pub mod window;
 pub mod windowed_sinc;

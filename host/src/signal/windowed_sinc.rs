@@ -31,10 +31,7 @@
 
 use std::f64::consts::PI;
 
-use super::window::bessel_i0;
-
-/// Rows of the weight table for each sample of distance.
-const TABLE_STEPS: usize = 512;
+use super::taps::{KaiserWindow, WeightTable};
 
 /// Numbers of taps that there are, fewest first.
 pub const TAPS: [usize; 6] = [6, 8, 10, 12, 14, 16];
@@ -47,11 +44,8 @@ const WIDEST_BAND: f64 = 0.45;
 #[derive(Clone, Debug)]
 pub struct WindowedSinc {
     taps: usize,
-    beta: f64,
-    /// `I0(beta)`.
-    peak: f64,
-    /// `TABLE_STEPS + 1` rows of `taps` weights, for fractions 0 to 1.
-    table: Vec<f32>,
+    window: KaiserWindow,
+    table: WeightTable,
 }
 
 impl WindowedSinc {
@@ -60,21 +54,12 @@ impl WindowedSinc {
         let transition = 1.0 - 2.0 * band.min(WIDEST_BAND);
         let attenuation_db = 8.0 + 2.285 * 2.0 * PI * transition * taps as f64;
         let beta = (0.1102 * (attenuation_db - 8.7)).max(0.0);
-        let mut kernel = Self {
+        let window = KaiserWindow::new(taps, beta);
+        Self {
             taps,
-            beta,
-            peak: bessel_i0(beta),
-            table: Vec::new(),
-        };
-        let half = taps as f64 / 2.0;
-        kernel.table = (0..=TABLE_STEPS)
-            .flat_map(|row| {
-                let fraction = row as f64 / TABLE_STEPS as f64;
-                (0..taps).map(move |i| fraction + half - 1.0 - i as f64)
-            })
-            .map(|t| kernel.at(t) as f32)
-            .collect();
-        kernel
+            window,
+            table: WeightTable::new(taps, |t| window.at(t) * sinc(t)),
+        }
     }
 
     /// Number of taps.
@@ -84,43 +69,13 @@ impl WindowedSinc {
 
     /// `h(t)`, `t` in samples.
     pub fn at(&self, t: f64) -> f64 {
-        let u = 2.0 * t / self.taps as f64;
-        let inside = 1.0 - u * u;
-        if inside < 0.0 {
-            return 0.0;
-        }
-        let sinc = if t == 0.0 {
-            1.0
-        } else {
-            (PI * t).sin() / (PI * t)
-        };
-        sinc * bessel_i0(self.beta * inside.sqrt()) / self.peak
+        self.window.at(t) * sinc(t)
     }
 
     /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
     /// `whole - W/2 + 1 + i` has weight `i`.
     pub fn weights<const W: usize>(&self, fraction: f32) -> [f32; W] {
-        debug_assert_eq!(W, self.taps);
-        let place = fraction * TABLE_STEPS as f32;
-        let row = (place as usize).min(TABLE_STEPS - 1);
-        let t = place - row as f32;
-        let rows = &self.table[row * W..(row + 2) * W];
-        std::array::from_fn(|i| rows[i] + (rows[W + i] - rows[i]) * t)
-    }
-
-    /// The window's transform at `y` cycles a sample.
-    fn window_spectrum(&self, y: f64) -> f64 {
-        let w = self.taps as f64;
-        let inside = self.beta * self.beta - (PI * w * y).powi(2);
-        let root = inside.abs().sqrt();
-        let shape = if root < 1e-9 {
-            1.0
-        } else if inside > 0.0 {
-            root.sinh() / root
-        } else {
-            root.sin() / root
-        };
-        w * shape / self.peak
+        self.table.weights(fraction)
     }
 
     /// `H(x)`, by Simpson's rule on steps of a 16th of the window's side lobes.
@@ -135,7 +90,7 @@ impl WindowedSinc {
                     _ if i % 2 == 1 => 4.0,
                     _ => 2.0,
                 };
-                weight * self.window_spectrum(x - 0.5 + i as f64 * step)
+                weight * self.window.spectrum(x - 0.5 + i as f64 * step)
             })
             .sum();
         sum * step / 3.0
@@ -157,6 +112,14 @@ impl WindowedSinc {
             })
             .sum();
         (square / f64::from(points)).sqrt()
+    }
+}
+
+fn sinc(t: f64) -> f64 {
+    if t == 0.0 {
+        1.0
+    } else {
+        (PI * t).sin() / (PI * t)
     }
 }
 

@@ -1,0 +1,86 @@
+//! What interpolation kernels are made of: Kaiser's window of some taps, and a table of weights.
+
+use std::f64::consts::PI;
+
+use super::window::bessel_i0;
+
+/// Rows of a weight table for each sample of distance.
+const STEPS: usize = 512;
+
+/// `I0(beta sqrt(1 - (2 t / W)^2)) / I0(beta)` for `|t| < W / 2`, `W` taps wide.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KaiserWindow {
+    width: f64,
+    beta: f64,
+    peak: f64,
+}
+
+impl KaiserWindow {
+    pub(super) fn new(taps: usize, beta: f64) -> Self {
+        Self {
+            width: taps as f64,
+            beta,
+            peak: bessel_i0(beta),
+        }
+    }
+
+    /// Its value at `t` samples from the middle.
+    pub(super) fn at(&self, t: f64) -> f64 {
+        let u = 2.0 * t / self.width;
+        let inside = 1.0 - u * u;
+        if inside < 0.0 {
+            0.0
+        } else {
+            bessel_i0(self.beta * inside.sqrt()) / self.peak
+        }
+    }
+
+    /// Its transform at `x` cycles a sample:
+    /// `W sinh(sqrt(beta^2 - (pi W x)^2)) / (I0(beta) sqrt(beta^2 - (pi W x)^2))`.
+    pub(super) fn spectrum(&self, x: f64) -> f64 {
+        let inside = self.beta * self.beta - (PI * self.width * x).powi(2);
+        let root = inside.abs().sqrt();
+        let shape = if root < 1e-9 {
+            1.0
+        } else if inside > 0.0 {
+            root.sinh() / root
+        } else {
+            root.sin() / root
+        };
+        self.width * shape / self.peak
+    }
+}
+
+/// Weights of a kernel's taps for places between samples, linearly interpolated.
+#[derive(Clone, Debug)]
+pub(super) struct WeightTable {
+    taps: usize,
+    /// `STEPS + 1` rows of `taps` weights, for fractions 0 to 1.
+    rows: Vec<f32>,
+}
+
+impl WeightTable {
+    /// Of a kernel with the value `at(t)` at `t` samples.
+    pub(super) fn new(taps: usize, at: impl Fn(f64) -> f64) -> Self {
+        let half = taps as f64 / 2.0;
+        let rows = (0..=STEPS)
+            .flat_map(|row| {
+                let fraction = row as f64 / STEPS as f64;
+                (0..taps).map(move |i| fraction + half - 1.0 - i as f64)
+            })
+            .map(|t| at(t) as f32)
+            .collect();
+        Self { taps, rows }
+    }
+
+    /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
+    /// `whole - W/2 + 1 + i` has weight `i`.
+    pub(super) fn weights<const W: usize>(&self, fraction: f32) -> [f32; W] {
+        debug_assert_eq!(W, self.taps);
+        let place = fraction * STEPS as f32;
+        let row = (place as usize).min(STEPS - 1);
+        let t = place - row as f32;
+        let rows = &self.rows[row * W..(row + 2) * W];
+        std::array::from_fn(|i| rows[i] + (rows[W + i] - rows[i]) * t)
+    }
+}
