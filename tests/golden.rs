@@ -13,13 +13,12 @@
 //! That the maps are right is shown by `stream_float.rs` and `core_fixed.rs`; here they are only the same.
 
 use std::fmt::Write;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 use subaperture_core::selftest::{FixedStreamSelfTest, FloatStreamSelfTest, SelfTest};
 use subaperture_core::stream::{BlockFloat, MapSamples, PatchMap};
+use subaperture_tests::firmware::finish;
 
 /// Which map is kept: the second patch, off the origin, of the second sub-CPI of the first run.
 const KEPT: usize = 3;
@@ -192,9 +191,6 @@ fn stack(line: &str) -> [u32; 2] {
     [used, all].map(|bytes| bytes.parse().unwrap())
 }
 
-/// Builds take minutes on a busy machine, runs a second; a hang must not hang the tests.
-const TIME_LIMIT: Duration = Duration::from_secs(60);
-
 struct Machine {
     target: &'static str,
     /// Cargo's, beside the target.
@@ -264,36 +260,14 @@ impl Machine {
                 .args(["-display", "none", "-monitor", "none", "-serial", "stdio"])
                 .args(["-semihosting-config", "enable=on,target=native", "-kernel"]);
         }
-        let mut emulator = command
+        let emulator = command
             .arg(elf)
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
             .expect("the emulator starts");
-        let started = Instant::now();
-        let status = loop {
-            if let Some(status) = emulator.try_wait().unwrap() {
-                break Some(status);
-            }
-            if started.elapsed() > TIME_LIMIT {
-                emulator.kill().unwrap();
-                emulator.wait().unwrap();
-                break None;
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        };
-        // A few lines: they fit the pipes.
-        let (mut printed, mut errors) = (String::new(), String::new());
-        let (stdout, stderr) = (emulator.stdout.take(), emulator.stderr.take());
-        stdout.unwrap().read_to_string(&mut printed).unwrap();
-        stderr.unwrap().read_to_string(&mut errors).unwrap();
-        assert!(
-            status.is_some_and(|status| status.success()),
-            "{} on {}: {status:?} (none: killed after {TIME_LIMIT:?})\n{printed}{errors}",
-            elf.display(),
-            self.emulator[0]
-        );
+        let printed = finish(emulator);
         printed.lines().map(str::to_owned).collect()
     }
 }

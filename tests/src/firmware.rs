@@ -171,7 +171,14 @@ pub fn emulator(elf: &Path, options: &[&str]) -> Child {
 /// # Panics
 /// If it fails, or does not end within [`TIME_LIMIT`].
 pub fn emulate(elf: &Path, options: &[&str]) -> String {
-    let mut emulator = emulator(elf, options);
+    finish(emulator(elf, options))
+}
+
+/// Waits for an emulator of a program that prints a few lines and ends; what it printed.
+///
+/// # Panics
+/// If it fails, or does not end within [`TIME_LIMIT`].
+pub fn finish(mut emulator: Child) -> String {
     let started = Instant::now();
     let status = loop {
         if let Some(status) = emulator.try_wait().unwrap() {
