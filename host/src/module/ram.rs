@@ -10,7 +10,7 @@
 //! | pulse records, two stores | `144 M` | the same |
 //! | map | `8 F rows` | `(4 F + B + 1) rows + F`, up to a multiple of 2 |
 //! | range row | `8 R` | the same |
-//! | phases and column | `40 M` | `32 M` |
+//! | phases and column | `40 M` | `48 M` |
 //! | window | `4 F`, up to a multiple of 8 | the same |
 //! | patch list | `32 P` | the same |
 //! | link, received | `8 F + 201` | the same |
@@ -172,9 +172,9 @@ mod tests {
         assert_eq!(float.options_bytes, 32 * 424 + 8192);
         // 14 blocks and one; 41 * (1696 + 15) + 424 = 70 575, rounded up.
         let fixed = RamBudget::new(&capacity, Arithmetic::Fixed);
-        let engine = [101_760, 4320, 70_576, 8192, 960, 1696, 512];
+        let engine = [101_760, 4320, 70_576, 8192, 1440, 1696, 512];
         assert_eq!(bytes(&fixed), [&engine[..], &link].concat());
-        assert_eq!(fixed.total_bytes, 188_016 + 10_594);
+        assert_eq!(fixed.total_bytes, 188_496 + 10_594);
     }
 
     #[test]
