@@ -10,14 +10,7 @@ macro_rules! run {
     ($buffers:expr, $scene:expr) => {{
         let scene: &Scene = $scene;
         let mut processor = $buffers.processor();
-        processor.configure(&scene.setup).unwrap();
-        processor
-            .set_weights(0, scene.weights.iter().copied())
-            .unwrap();
-        for (index, patch) in scene.patches.iter().enumerate() {
-            processor.set_patch(index, patch).unwrap();
-        }
-        processor.start(scene.pulses[0].number).unwrap();
+        begin(&mut processor, scene);
         let mut maps = Vec::new();
         for (pulse, samples) in scene.pulses.iter().zip(&scene.samples) {
             assert!(pulse.number < processor.accept_through());
@@ -38,6 +31,18 @@ struct Made {
     patch: usize,
     num_pulses: usize,
     samples: Vec<Complex32>,
+}
+
+/// Settles the scene's run and begins it.
+fn begin(processor: &mut Processor<'_>, scene: &Scene) {
+    processor.configure(&scene.setup).unwrap();
+    processor
+        .set_weights(0, scene.weights.iter().copied())
+        .unwrap();
+    for (index, patch) in scene.patches.iter().enumerate() {
+        processor.set_patch(index, patch).unwrap();
+    }
+    processor.start(scene.pulses[0].number).unwrap();
 }
 
 fn drain(processor: &mut Processor<'_>, maps: &mut Vec<Made>) {
@@ -146,12 +151,7 @@ fn what_is_missing_is_counted_and_the_next_sub_cpi_is_right() {
     let mut buffers = Box::new(FloatBuffers::<6, 16, 32, 7, 1>::new());
     let whole = run!(buffers, &scene);
     let mut processor = buffers.processor();
-    processor.configure(&scene.setup).unwrap();
-    processor
-        .set_weights(0, scene.weights.iter().copied())
-        .unwrap();
-    processor.set_patch(0, &scene.patches[0]).unwrap();
-    processor.start(0).unwrap();
+    begin(&mut processor, &scene);
     let mut maps = Vec::new();
     for n in 0..36 {
         // Pulse 8 is lost; 15 is not a number; 20 comes twice.
@@ -193,12 +193,7 @@ fn a_processor_that_nobody_works_drops_and_goes_on() {
     let mut buffers = Box::new(FloatBuffers::<4, 16, 32, 7, 1>::new());
     let whole = run!(buffers, &scene);
     let mut processor = buffers.processor();
-    processor.configure(&scene.setup).unwrap();
-    processor
-        .set_weights(0, scene.weights.iter().copied())
-        .unwrap();
-    processor.set_patch(0, &scene.patches[0]).unwrap();
-    processor.start(0).unwrap();
+    begin(&mut processor, &scene);
     let mut maps = Vec::new();
     for n in 0..24 {
         let result = processor.push(&scene.pulses[n], scene.samples[n].iter().copied());
