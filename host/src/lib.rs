@@ -28,6 +28,7 @@ pub mod module;
 pub mod phase_history;
 pub mod plot;
 pub mod receive;
+pub mod reproduce;
 pub mod signal;
 pub mod simulate;
 pub mod survey;
