@@ -1,11 +1,15 @@
-//! NumPy arrays of complex64, read and written.
+//! NumPy arrays: images read and written, recordings' arrays read.
 //!
-//! Format 1.0 (NumPy enhancement proposal 1), type `<c8`, C order, two dimensions: rows (y or range
-//! ascending) x columns (x or angle ascending). `numpy.load` gives the image as it is here.
+//! Format 1.0 (NumPy enhancement proposal 1). An image is of type `<c8`, C order, two dimensions: rows
+//! (y or range ascending) x columns (x or angle ascending). `numpy.load` gives the image as it is
+//! here. [`Array`] is any array of numbers, alone or in an archive (`.npz`).
 //!
 //! (Why not a crate: `npyz` 0.9.1 panics on a shape whose product overflows, before a caller can see
 //! the shape, and brings 36 crates with a parser of all Python literals. One kind of header is a
 //! page.)
+
+mod array;
+mod header;
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};
@@ -13,8 +17,11 @@ use std::path::{Path, PathBuf};
 
 use num_complex::Complex32;
 
+use self::header::{Header, HeaderError};
 use super::atomic::{WriteError, write_atomically};
 use crate::image::Image;
+
+pub use array::{Array, Values};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -102,35 +109,13 @@ pub fn read(path: &Path) -> Result<Image, NpyError> {
     let file = File::open(path).map_err(io)?;
     let file_bytes = file.metadata().map_err(io)?.len();
     let mut reader = BufReader::new(file);
-
-    let mut start = Vec::new();
-    reader
-        .by_ref()
-        .take(10)
-        .read_to_end(&mut start)
-        .map_err(io)?;
-    let header_bytes = match start.strip_prefix(MAGIC) {
-        Some(&[1, 0, low, high]) => u16::from_le_bytes([low, high]),
-        Some([1, 0, ..]) => return Err(unsuited("truncated within its header".to_owned())),
-        Some([major, minor, ..]) => {
-            return Err(unsuited(format!(
-                "NumPy format {major}.{minor}; 1.0, as numpy.save writes of a plain array, is read"
-            )));
-        }
-        _ => return Err(unsuited("not a NumPy array file (.npy)".to_owned())),
-    };
-    let mut header = Vec::new();
-    reader
-        .by_ref()
-        .take(u64::from(header_bytes))
-        .read_to_end(&mut header)
-        .map_err(io)?;
-    if header.len() < usize::from(header_bytes) {
-        return Err(unsuited("truncated within its header".to_owned()));
-    }
-    let (rows, columns) = parse_header(&String::from_utf8_lossy(&header)).map_err(unsuited)?;
+    let header = Header::read(&mut reader).map_err(|error| match error {
+        HeaderError::Io(source) => io(source),
+        HeaderError::Unsuited(what) => unsuited(what),
+    })?;
+    let (rows, columns) = image_shape(&header).map_err(unsuited)?;
     let needed = u128::from(rows) * u128::from(columns) * 8;
-    let present = file_bytes.saturating_sub(10 + u64::from(header_bytes));
+    let present = file_bytes.saturating_sub(header.bytes);
     if needed != u128::from(present) {
         return Err(unsuited(format!(
             "{rows} x {columns} complex64 values need {needed} bytes after the header, but the file \
@@ -158,41 +143,18 @@ pub fn read(path: &Path) -> Result<Image, NpyError> {
     })
 }
 
-/// Rows and columns of a complex64 image's header, a Python dictionary with just the keys `descr`,
-/// `fortran_order` and `shape` in any order.
-fn parse_header(text: &str) -> Result<(u64, u64), String> {
-    let compact: String = text
-        .chars()
-        .filter(|c| !c.is_whitespace())
-        .map(|c| if c == '"' { '\'' } else { c })
-        .collect();
-    let value = |key: &str| {
-        let (_, rest) = compact.split_once(&format!("'{key}':"))?;
-        let end = match rest.strip_prefix('(') {
-            Some(inside) => inside.find(')')? + 2,
-            None => rest.find([',', '}'])?,
-        };
-        Some(&rest[..end])
-    };
-    let (Some(kind), Some(order), Some(shape)) =
-        (value("descr"), value("fortran_order"), value("shape"))
-    else {
-        return Err(
-            "its NumPy header is damaged, or not that of a plain array: keys descr, fortran_order \
-             and shape are expected"
-                .to_owned(),
-        );
-    };
-    let sizes: Option<Vec<u64>> = shape.strip_prefix('(').and_then(|s| {
-        let inside = s.strip_suffix(')')?;
-        let sizes = inside.strip_suffix(',').unwrap_or(inside).split(',');
-        sizes.map(|size| size.parse().ok()).collect()
-    });
-    match (kind, order, sizes.as_deref()) {
+/// Rows and columns of a complex64 image.
+fn image_shape(header: &Header) -> Result<(u64, u64), String> {
+    match (
+        header.kind.as_str(),
+        header.order.as_str(),
+        header.sizes.as_deref(),
+    ) {
         ("'<c8'", "False", Some(&[rows, columns])) => Ok((rows, columns)),
-        _ => Err(format!(
-            "holds type {kind}, fortran_order {order}, shape {shape}; an image, '<c8' (complex64) of \
-             two dimensions in C order, is expected: numpy.ascontiguousarray(a, 'complex64')"
+        (kind, order, _) => Err(format!(
+            "holds type {kind}, fortran_order {order}, shape {}; an image, '<c8' (complex64) of two \
+             dimensions in C order, is expected: numpy.ascontiguousarray(a, 'complex64')",
+            header.shape
         )),
     }
 }

@@ -1,0 +1,265 @@
+//! Arrays of numbers of any kind and shape, alone in a `.npy` file or named in a `.npz` archive.
+
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+use num_complex::Complex32;
+
+use super::NpyError;
+use super::header::{Header, HeaderError};
+
+/// An array, its last index fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Array {
+    /// Its sizes; none for a single number.
+    pub shape: Vec<usize>,
+    /// Its values, as many as the product of its sizes.
+    pub values: Values,
+}
+
+/// The values of an array.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    /// Integers of up to 32 bits and floats. Wider integers too, if float64 holds them exactly.
+    Real(Vec<f64>),
+    /// Complex numbers, complex128 rounded to complex64.
+    Complex(Vec<Complex32>),
+}
+
+impl Array {
+    /// Reads an array of a file. `name` chooses one of an archive, with or without its `.npy`. No more
+    /// than `memory_bytes` is held. Values may be NaN.
+    ///
+    /// # Errors
+    /// [`NpyError`]: not such a file, no array of that name, a kind that is not a number, more than
+    /// `memory_bytes`.
+    pub fn read(path: &Path, name: Option<&str>, memory_bytes: u64) -> Result<Self, NpyError> {
+        let io = |source| NpyError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let unsuited = |what: String| NpyError::Unsuited {
+            path: path.to_owned(),
+            what,
+        };
+        let file = File::open(path).map_err(io)?;
+        let read = |stream: &mut dyn Read| {
+            Self::read_from(&mut BufReader::new(stream), memory_bytes).map_err(
+                |error| match error {
+                    HeaderError::Io(source) => io(source),
+                    HeaderError::Unsuited(what) => match name {
+                        Some(name) => unsuited(format!("array {name}: {what}")),
+                        None => unsuited(what),
+                    },
+                },
+            )
+        };
+        let Some(name) = name else {
+            return read(&mut &file);
+        };
+        let mut archive = zip::ZipArchive::new(BufReader::new(&file))
+            .map_err(|error| unsuited(format!("not an archive of arrays (.npz): {error}")))?;
+        let member = format!("{}.npy", name.strip_suffix(".npy").unwrap_or(name));
+        let Some(index) = archive.index_for_name(&member) else {
+            let known: Vec<_> = archive.file_names().flatten().collect();
+            return Err(unsuited(format!(
+                "has no array {name}; it has {}",
+                known.join(", ").replace(".npy", "")
+            )));
+        };
+        let mut member = archive
+            .by_index(index)
+            .map_err(|error| unsuited(format!("array {name}: {error}")))?;
+        read(&mut member)
+    }
+
+    /// The values, if they are real.
+    pub fn real(&self) -> Option<&[f64]> {
+        match &self.values {
+            Values::Real(values) => Some(values),
+            Values::Complex(_) => None,
+        }
+    }
+
+    fn read_from(reader: &mut impl Read, memory_bytes: u64) -> Result<Self, HeaderError> {
+        let unsuited = |what: String| HeaderError::Unsuited(what);
+        let header = Header::read(reader)?;
+        let kind = header.kind.trim_matches('\'').to_owned();
+        let Some(element) = Element::of(&kind) else {
+            return Err(unsuited(format!(
+                "holds type '{kind}'; numbers are expected: integers, floats or complex numbers, \
+                 little-endian"
+            )));
+        };
+        let (Some(sizes), "False") = (&header.sizes, header.order.as_str()) else {
+            return Err(unsuited(format!(
+                "has fortran_order {} and shape {}; C order is expected: numpy.ascontiguousarray(a)",
+                header.order, header.shape
+            )));
+        };
+        let count = sizes.iter().fold(1u128, |product, &size| {
+            product.saturating_mul(u128::from(size))
+        });
+        let needed = count.saturating_mul(8);
+        if needed > u128::from(memory_bytes) {
+            return Err(unsuited(format!(
+                "its {count} values need {needed} bytes of memory and {memory_bytes} are left: raise \
+                 --memory"
+            )));
+        }
+        let mut values = element.no_values();
+        // Piece by piece: a header may promise more than there is.
+        let mut bytes = vec![0; element.bytes * 4096];
+        let mut left = count as usize;
+        while left > 0 {
+            let now = left.min(4096);
+            let piece = &mut bytes[..now * element.bytes];
+            reader.read_exact(piece).map_err(HeaderError::Io)?;
+            for value in piece.chunks_exact(element.bytes) {
+                element.push(value, &mut values);
+            }
+            left -= now;
+        }
+        Ok(Self {
+            shape: sizes.iter().map(|&size| size as usize).collect(),
+            values,
+        })
+    }
+}
+
+/// One kind of number.
+#[derive(Clone, Copy)]
+struct Element {
+    kind: u8,
+    bytes: usize,
+}
+
+impl Element {
+    fn of(kind: &str) -> Option<Self> {
+        let (&order, rest) = kind.as_bytes().split_first()?;
+        let (&letter, size) = rest.split_first()?;
+        let bytes = match size {
+            b"1" => 1,
+            b"2" => 2,
+            b"4" => 4,
+            b"8" => 8,
+            b"16" => 16,
+            _ => return None,
+        };
+        let little = order == b'<' || (order == b'|' && bytes == 1);
+        let known = match letter {
+            b'i' | b'u' => bytes <= 8,
+            b'f' => bytes == 4 || bytes == 8,
+            b'c' => bytes == 8 || bytes == 16,
+            _ => false,
+        };
+        (little && known).then_some(Self {
+            kind: letter,
+            bytes,
+        })
+    }
+
+    fn no_values(self) -> Values {
+        match self.kind {
+            b'c' => Values::Complex(Vec::new()),
+            _ => Values::Real(Vec::new()),
+        }
+    }
+
+    fn push(self, bytes: &[u8], values: &mut Values) {
+        match values {
+            Values::Complex(values) => {
+                let (re, im) = bytes.split_at(bytes.len() / 2);
+                values.push(Complex32::new(float(re) as f32, float(im) as f32));
+            }
+            Values::Real(values) => values.push(match self.kind {
+                b'f' => float(bytes),
+                kind => integer(bytes, kind == b'i'),
+            }),
+        }
+    }
+}
+
+fn float(bytes: &[u8]) -> f64 {
+    match *bytes {
+        [a, b, c, d] => f64::from(f32::from_le_bytes([a, b, c, d])),
+        [a, b, c, d, e, f, g, h] => f64::from_le_bytes([a, b, c, d, e, f, g, h]),
+        _ => f64::NAN,
+    }
+}
+
+fn integer(bytes: &[u8], signed: bool) -> f64 {
+    let fill = match bytes.last() {
+        Some(&high) if signed && high >= 0x80 => 0xff,
+        _ => 0,
+    };
+    let mut wide = [fill; 8];
+    wide[..bytes.len()].copy_from_slice(bytes);
+    match signed {
+        true => i64::from_le_bytes(wide) as f64,
+        false => u64::from_le_bytes(wide) as f64,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n");
+        let mut file = b"\x93NUMPY\x01\x00".to_vec();
+        file.extend((header.len() as u16).to_le_bytes());
+        file.extend(header.as_bytes());
+        file.extend(data);
+        file
+    }
+
+    fn read(file: &[u8]) -> Result<Array, String> {
+        Array::read_from(&mut &file[..], 1000).map_err(|error| match error {
+            HeaderError::Io(error) => error.to_string(),
+            HeaderError::Unsuited(what) => what,
+        })
+    }
+
+    #[test]
+    fn numbers_of_every_kind() {
+        let real = |file: Vec<u8>| read(&file).unwrap().real().unwrap().to_vec();
+        assert_eq!(
+            real(file("<i2", "(2,)", &[0xff, 0xff, 1, 2])),
+            [-1.0, 513.0]
+        );
+        assert_eq!(
+            real(file("<u4", "(1,)", &[0xff, 0xff, 0xff, 0xff])),
+            [4_294_967_295.0]
+        );
+        assert_eq!(real(file("|i1", "(1, 2)", &[0x80, 0x7f])), [-128.0, 127.0]);
+        assert_eq!(real(file("<f4", "(1,)", &1.5f32.to_le_bytes())), [1.5]);
+        assert_eq!(real(file("<f8", "()", &(-2.25f64).to_le_bytes())), [-2.25]);
+        let bytes = [3f64.to_le_bytes(), (-4f64).to_le_bytes()].concat();
+        let complex = read(&file("<c16", "(1,)", &bytes)).unwrap();
+        assert_eq!(
+            complex.values,
+            Values::Complex(vec![Complex32::new(3.0, -4.0)])
+        );
+        assert_eq!(complex.shape, [1]);
+    }
+
+    #[test]
+    fn what_cannot_be_read_says_why() {
+        for (file, part) in [
+            (file(">i2", "(1,)", &[0, 0]), "type '>i2'"),
+            (file("<U8", "(1,)", &[0; 32]), "numbers are expected"),
+            (
+                file("<f8", "(1000000000000,1000000000000)", &[]),
+                "raise --memory",
+            ),
+            (file("<f8", "(126,)", &[]), "raise --memory"),
+            (file("<f8", "(2,)", &[0; 15]), "failed to fill whole buffer"),
+            (file("<f8", "(x,)", &[]), "shape (x,)"),
+        ] {
+            let error = read(&file).unwrap_err();
+            assert!(error.contains(part), "{error}");
+        }
+    }
+}
