@@ -95,6 +95,36 @@ pub struct Picture {
     pub png: Vec<u8>,
 }
 
+impl Check {
+    /// A number of the thesis and ours, which agree within `tolerance`; all in `unit`, shown with
+    /// `digits` decimals.
+    pub fn number(
+        what: &str,
+        thesis: f64,
+        ours: f64,
+        tolerance: f64,
+        digits: usize,
+        unit: &str,
+    ) -> Self {
+        Self::claim(
+            what,
+            &format!("{thesis:.digits$} {unit}"),
+            format!("{ours:.digits$} {unit}"),
+            (ours - thesis).abs() <= tolerance,
+        )
+    }
+
+    /// A claim of the thesis in words, and what we measured.
+    pub fn claim(what: &str, thesis: &str, ours: String, agrees: bool) -> Self {
+        Self {
+            what: what.to_owned(),
+            thesis: thesis.to_owned(),
+            ours,
+            agrees,
+        }
+    }
+}
+
 impl Finding {
     /// Whether every figure agrees.
     pub fn agrees(&self) -> bool {
