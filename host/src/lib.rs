@@ -27,6 +27,7 @@ pub mod maps;
 pub mod module;
 pub mod phase_history;
 pub mod plot;
+pub mod quality;
 pub mod receive;
 pub mod reproduce;
 pub mod signal;

@@ -37,7 +37,7 @@ impl Canvas {
     }
 
     /// Mixes `colour` into a pixel; outside the page nothing happens.
-    fn mix(&mut self, x: i64, y: i64, colour: Rgb, part: f32) {
+    pub(super) fn mix(&mut self, x: i64, y: i64, colour: Rgb, part: f32) {
         let inside = |v: i64, size: usize| usize::try_from(v).ok().filter(|&v| v < size);
         if let (Some(x), Some(y)) = (inside(x, self.width), inside(y, self.height)) {
             let at = (y * self.width + x) * 3;

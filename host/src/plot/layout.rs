@@ -1,11 +1,9 @@
 //! Where everything on a page lies.
 
-use super::Panel;
 use super::canvas::{Anchor, Canvas, INK, Typeface};
-use super::raster::resample;
+use super::colours::Colours;
 use super::scale::Levels;
 use super::ticks::{ticks, ticks_apart};
-use crate::geometry::Axis;
 
 const LABEL_PX: f32 = 15.0;
 const TITLE_PX: f32 = 18.0;
@@ -31,6 +29,28 @@ const BAD: [u8; 3] = [214, 40, 40];
 /// Values and labels.
 type Ticks = Vec<(f64, String)>;
 
+/// What a panel shows, whatever it is of.
+pub(super) struct Sheet<'a> {
+    pub(super) title: &'a str,
+    /// Rows and columns of pixels.
+    pub(super) count: (usize, usize),
+    /// Values at the outer edges of the first and last column and row, in the unit shown.
+    pub(super) across: (f64, f64),
+    pub(super) up: (f64, f64),
+    pub(super) across_label: &'a str,
+    pub(super) up_label: &'a str,
+    pub(super) bar_label: &'a str,
+    /// Width and height of what is shown, in any one unit.
+    pub(super) proportions: (f64, f64),
+    pub(super) colours: Colours,
+    /// Levels that the colour bar surely has room for.
+    pub(super) typical: Levels,
+    pub(super) cells: Cells<'a>,
+}
+
+/// Makes the levels of `height x width` cells, row 0 first, and those of the darkest and brightest colour.
+pub(super) type Cells<'a> = Box<dyn Fn(usize, usize) -> (Vec<f64>, Levels) + 'a>;
+
 /// Where a panel's parts lie, in pixels.
 struct Plan {
     width: usize,
@@ -46,10 +66,10 @@ struct Plan {
 }
 
 impl Plan {
-    fn new(panel: &Panel, limit: usize) -> Self {
+    fn new(sheet: &Sheet, limit: usize) -> Self {
         let font = Typeface::sans(LABEL_PX, false);
-        let (width, height) = plot_size(panel, limit);
-        let (low, high) = across_edges(panel);
+        let (width, height) = plot_size(sheet, limit);
+        let (low, high) = sheet.across;
         let across = ticks_apart(low, high, (width / 60).max(2), width as f64, |label| {
             f64::from(font.width(label) + LABEL_GAP)
         });
@@ -61,13 +81,10 @@ impl Plan {
             before = before.max(half - at);
             after = after.max(at + half - width as f32);
         }
-        let (low, high) = edges(&panel.grid.rows, 1.0);
+        let (low, high) = sheet.up;
         let up = ticks(low, high, (height / 60).max(2));
         let room = TO_LABEL as f32 + widest(&font, &up) + TEXT_GAP + LABEL_PX;
-        // Without the image's powers, which are not at hand yet. They only matter to a scale from the
-        // data, whose labels, whole decibels of three digits, fit the least room anyhow.
-        let levels = panel.scale.levels(&[]);
-        let bar = widest(&font, &bar_ticks(levels, height));
+        let bar = widest(&font, &bar_ticks(sheet.typical, height));
         Self {
             width,
             height,
@@ -91,18 +108,18 @@ fn widest(font: &Typeface, ticks: &Ticks) -> f32 {
 }
 
 fn bar_ticks(levels: Levels, height: usize) -> Ticks {
-    ticks(levels.bottom_db, levels.top_db, (height / 70).max(2))
+    ticks(levels.bottom, levels.top, (height / 70).max(2))
 }
 
-/// The page with all panels drawn.
-pub(super) fn page(panels: &[Panel], columns: usize) -> Canvas {
+/// The page with all sheets drawn.
+pub(super) fn page(sheets: &[Sheet], columns: usize) -> Canvas {
     let limit = match columns {
         1 => 1600,
         2 => 800,
         _ => 560,
     };
-    let plans: Vec<Plan> = panels.iter().map(|p| Plan::new(p, limit)).collect();
-    let rows = panels.len().div_ceil(columns);
+    let plans: Vec<Plan> = sheets.iter().map(|s| Plan::new(s, limit)).collect();
+    let rows = sheets.len().div_ceil(columns);
     let mut lefts = vec![0; columns];
     let mut rights = vec![0; columns];
     let mut heights = vec![0; rows];
@@ -114,29 +131,23 @@ pub(super) fn page(panels: &[Panel], columns: usize) -> Canvas {
     }
     let widths: Vec<usize> = lefts.iter().zip(&rights).map(|(l, r)| l + r).collect();
     let mut canvas = Canvas::new(widths.iter().sum(), heights.iter().sum());
-    for (i, (panel, plan)) in panels.iter().zip(&plans).enumerate() {
+    for (i, (sheet, plan)) in sheets.iter().zip(&plans).enumerate() {
         let (row, column) = (i / columns, i % columns);
         let x = lefts[column] + widths[..column].iter().sum::<usize>();
         let y = TOP + heights[..row].iter().sum::<usize>();
-        draw(&mut canvas, panel, plan, (x, y));
+        draw(&mut canvas, sheet, plan, (x, y));
     }
     canvas
 }
 
 /// Width and height of the plot, its longer side at most `limit` pixels. Small images are enlarged by
 /// a whole number, to some 60 % of the limit or more.
-fn plot_size(panel: &Panel, limit: usize) -> (usize, usize) {
-    let grid = panel.grid;
-    let (across, up) = if grid.polar {
-        (grid.columns.count as f64, grid.rows.count as f64)
-    } else {
-        let length = |axis: &Axis| axis.count as f64 * axis.step.abs();
-        (length(&grid.columns), length(&grid.rows))
-    };
+fn plot_size(sheet: &Sheet, limit: usize) -> (usize, usize) {
+    let (across, up) = sheet.proportions;
     let pixels = if across >= up {
-        grid.columns.count
+        sheet.count.1
     } else {
-        grid.rows.count
+        sheet.count.0
     };
     let longer = if pixels > limit {
         limit
@@ -154,18 +165,16 @@ fn plot_size(panel: &Panel, limit: usize) -> (usize, usize) {
     (side(across), side(up))
 }
 
-fn draw(canvas: &mut Canvas, panel: &Panel, plan: &Plan, (x, y): (usize, usize)) {
+fn draw(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize)) {
     let (width, height) = (plan.width, plan.height);
-    let powers = resample(panel.image, height, width);
-    let levels = panel.scale.levels(&powers);
-    for (row, cells) in powers.chunks_exact(width).enumerate() {
-        for (column, &power) in cells.iter().enumerate() {
-            let level =
-                (10.0 * power.log10() - levels.bottom_db) / (levels.top_db - levels.bottom_db);
+    let (cells, levels) = (sheet.cells)(height, width);
+    for (row, cells) in cells.chunks_exact(width).enumerate() {
+        for (column, &cell) in cells.iter().enumerate() {
+            let level = (cell - levels.bottom) / (levels.top - levels.bottom);
             // Zero power is minus infinity, and dark; only NaN is bad.
             let colour = match level.is_nan() {
                 true => BAD,
-                false => panel.colours.at(level),
+                false => sheet.colours.at(level),
             };
             canvas.fill(x + column, y + height - 1 - row, 1, 1, colour);
         }
@@ -179,38 +188,18 @@ fn draw(canvas: &mut Canvas, panel: &Panel, plan: &Plan, (x, y): (usize, usize))
         y as f32 - 16.0,
         Anchor::Left,
         &title,
-        &title.fitted(&panel.title, room),
+        &title.fitted(sheet.title, room),
     );
-    axes(canvas, panel, plan, (x, y));
-    colour_bar(canvas, panel, levels, (x + width + plan.gap, y), height);
+    axes(canvas, sheet, plan, (x, y));
+    colour_bar(canvas, sheet, levels, (x + width + plan.gap, y), height);
 }
 
-/// Values at an axis' two ends: the outer edges of its first and last pixel.
-fn edges(axis: &Axis, unit: f64) -> (f64, f64) {
-    let half = axis.step / 2.0;
-    let last = axis.at(axis.count - 1);
-    ((axis.start - half) * unit, (last + half) * unit)
-}
-
-/// The edges of the axis across in the unit that is shown.
-fn across_edges(panel: &Panel) -> (f64, f64) {
-    let unit = match panel.grid.polar {
-        true => 1f64.to_degrees(),
-        false => 1.0,
-    };
-    edges(&panel.grid.columns, unit)
-}
-
-fn axes(canvas: &mut Canvas, panel: &Panel, plan: &Plan, (x, y): (usize, usize)) {
+fn axes(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize)) {
     let (width, height) = (plan.width, plan.height);
     let font = Typeface::sans(LABEL_PX, false);
-    let (across_label, up_label) = match panel.grid.polar {
-        true => ("angle (deg)", "range (m)"),
-        false => ("x (m)", "y (m)"),
-    };
     let bottom = y + height;
 
-    let (low, high) = across_edges(panel);
+    let (low, high) = sheet.across;
     for (value, label) in &plan.across {
         let at = x as f64 + (value - low) / (high - low) * width as f64;
         let pixel = (at as usize).clamp(x, x + width - 1);
@@ -229,10 +218,10 @@ fn axes(canvas: &mut Canvas, panel: &Panel, plan: &Plan, (x, y): (usize, usize))
         bottom as f32 + 47.0,
         Anchor::Middle,
         &font,
-        across_label,
+        sheet.across_label,
     );
 
-    let (low, high) = edges(&panel.grid.rows, 1.0);
+    let (low, high) = sheet.up;
     for (value, label) in &plan.up {
         let at = bottom as f64 - (value - low) / (high - low) * height as f64;
         let pixel = (at as usize).clamp(y, bottom - 1);
@@ -241,12 +230,12 @@ fn axes(canvas: &mut Canvas, panel: &Panel, plan: &Plan, (x, y): (usize, usize))
         canvas.text(end, at as f32 + 5.0, Anchor::Right, &font, label);
     }
     let base = (x - TO_LABEL) as f32 - widest(&font, &plan.up) - TEXT_GAP;
-    canvas.text_upwards(base, y as f32 + height as f32 / 2.0, &font, up_label);
+    canvas.text_upwards(base, y as f32 + height as f32 / 2.0, &font, sheet.up_label);
 }
 
 fn colour_bar(
     canvas: &mut Canvas,
-    panel: &Panel,
+    sheet: &Sheet,
     levels: Levels,
     (x, y): (usize, usize),
     height: usize,
@@ -254,10 +243,10 @@ fn colour_bar(
     let font = Typeface::sans(LABEL_PX, false);
     for row in 0..height {
         let level = 1.0 - (row as f64 + 0.5) / height as f64;
-        canvas.fill(x, y + row, BAR, 1, panel.colours.at(level));
+        canvas.fill(x, y + row, BAR, 1, sheet.colours.at(level));
     }
     canvas.frame(x, y, BAR, height);
-    let (low, high) = (levels.bottom_db, levels.top_db);
+    let (low, high) = (levels.bottom, levels.top);
     for (value, label) in bar_ticks(levels, height) {
         let at = (y + height) as f64 - (value - low) / (high - low) * height as f64;
         let pixel = (at as usize).clamp(y, y + height - 1);
@@ -276,6 +265,6 @@ fn colour_bar(
         (y + height) as f32 + 23.0,
         Anchor::Middle,
         &font,
-        "dB",
+        sheet.bar_label,
     );
 }

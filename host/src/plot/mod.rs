@@ -6,19 +6,26 @@
 //! but never dropped; small ones are enlarged without interpolation. Pixels that are NaN or infinite
 //! are red.
 //!
+//! [`heat`] shows any real values over any two axes on a linear scale, [`lines`] draws curves.
+//!
 //! Text is set in DejaVu Sans, which the program carries: no font need be installed.
 
 mod canvas;
 mod colours;
+mod heat;
 mod layout;
+mod lines;
 mod raster;
 mod scale;
 mod ticks;
 
-use crate::geometry::ImageGrid;
-use crate::image::Image;
+use crate::geometry::{Axis, ImageGrid};
+use crate::image::{Image, power};
+use layout::Sheet;
 
 pub use colours::Colours;
+pub use heat::{Heat, heat};
+pub use lines::{Chart, Curve, Stroke, lines};
 pub use scale::Scale;
 
 /// An image and how to show it.
@@ -47,6 +54,48 @@ impl<'a> Panel<'a> {
             colours: Colours::Grey,
         }
     }
+
+    fn sheet(&self) -> Sheet<'_> {
+        let (image, grid) = (self.image, self.grid);
+        let (across_label, up_label, unit) = match grid.polar {
+            true => ("angle (deg)", "range (m)", 1f64.to_degrees()),
+            false => ("x (m)", "y (m)", 1.0),
+        };
+        let length = |axis: &Axis| axis.count as f64 * axis.step.abs();
+        Sheet {
+            title: &self.title,
+            count: (grid.rows.count, grid.columns.count),
+            across: edges(&grid.columns, unit),
+            up: edges(&grid.rows, 1.0),
+            across_label,
+            up_label,
+            bar_label: "dB",
+            proportions: match grid.polar {
+                true => (grid.columns.count as f64, grid.rows.count as f64),
+                false => (length(&grid.columns), length(&grid.rows)),
+            },
+            colours: self.colours,
+            // Without the image's powers, which only matter to a scale from the data, whose labels,
+            // whole decibels of three digits, fit the least room anyhow.
+            typical: self.scale.levels(&[]),
+            cells: Box::new(move |height, width| {
+                let size = (image.rows, image.columns);
+                let mut cells = raster::resample(size, |i| power(image.pixels[i]), height, width);
+                let levels = self.scale.levels(&cells);
+                for cell in &mut cells {
+                    *cell = 10.0 * cell.log10();
+                }
+                (cells, levels)
+            }),
+        }
+    }
+}
+
+/// Values at an axis' two ends: the outer edges of its first and last pixel.
+fn edges(axis: &Axis, unit: f64) -> (f64, f64) {
+    let half = axis.step / 2.0;
+    let last = axis.at(axis.count - 1);
+    ((axis.start - half) * unit, (last + half) * unit)
 }
 
 /// Why no picture was drawn.
@@ -100,5 +149,6 @@ pub fn panels(panels: &[Panel], columns: usize) -> Result<Vec<u8>, PlotError> {
             what: "there is nothing to draw".to_owned(),
         });
     }
-    layout::page(panels, columns.clamp(1, panels.len())).into_png()
+    let sheets: Vec<Sheet> = panels.iter().map(Panel::sheet).collect();
+    layout::page(&sheets, columns.clamp(1, panels.len())).into_png()
 }

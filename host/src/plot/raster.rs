@@ -1,23 +1,26 @@
-//! An image's power on a raster of another size.
+//! Values on a raster of another size.
 
-use crate::image::{Image, power};
-
-/// Power of `image` on `height x width` cells that cover it evenly, row 0 first: the area-weighted mean
-/// of the pixels under each cell. Pixels that are not finite do not count; a cell of none else is NaN.
-pub(super) fn resample(image: &Image, height: usize, width: usize) -> Vec<f64> {
-    let across = spans(image.columns, width);
+/// Values of `rows x columns` pixels, given by `value` of a pixel's index, on `height x width` cells that
+/// cover them evenly, row 0 first: the area-weighted mean of the pixels under each cell. Values that
+/// are not finite do not count; a cell of none else is NaN.
+pub(super) fn resample(
+    (rows, columns): (usize, usize),
+    value: impl Fn(usize) -> f64,
+    height: usize,
+    width: usize,
+) -> Vec<f64> {
+    let across = spans(columns, width);
     let mut cells = vec![0.0; height * width];
     let mut weights = vec![0.0; width];
-    for (span, out) in spans(image.rows, height)
+    for (span, out) in spans(rows, height)
         .iter()
         .zip(cells.chunks_exact_mut(width))
     {
         weights.fill(0.0);
         for (row, down) in span.cells() {
-            let pixels = &image.pixels[row * image.columns..(row + 1) * image.columns];
             for ((cell, weight), span) in out.iter_mut().zip(&mut weights).zip(&across) {
                 for (column, along) in span.cells() {
-                    let value = power(pixels[column]);
+                    let value = value(row * columns + column);
                     if value.is_finite() {
                         *cell += down * along * value;
                         *weight += down * along;
@@ -72,33 +75,22 @@ fn spans(count: usize, cells: usize) -> Vec<Span> {
 
 #[cfg(test)]
 mod tests {
-    use num_complex::Complex32;
-
     use super::resample;
-    use crate::image::Image;
-
-    fn image(rows: usize, columns: usize, amplitudes: &[f32]) -> Image {
-        Image {
-            rows,
-            columns,
-            pixels: amplitudes.iter().map(|&a| Complex32::new(0.0, a)).collect(),
-        }
-    }
 
     #[test]
-    fn power_is_averaged_by_area() {
-        // Three pixels of power 1, 4, 9 on two cells of one and a half each.
-        let cells = resample(&image(1, 3, &[1.0, 2.0, 3.0]), 1, 2);
+    fn values_are_averaged_by_area() {
+        // Three pixels of 1, 4, 9 on two cells of one and a half each.
+        let cells = resample((1, 3), |i| [1.0, 4.0, 9.0][i], 1, 2);
         assert!((cells[0] - (1.0 + 2.0) / 1.5).abs() < 1e-12);
         assert!((cells[1] - (2.0 + 9.0) / 1.5).abs() < 1e-12);
         // Two by two on one.
-        let cells = resample(&image(2, 2, &[1.0, 2.0, 3.0, 4.0]), 1, 1);
+        let cells = resample((2, 2), |i| [1.0, 4.0, 9.0, 16.0][i], 1, 1);
         assert!((cells[0] - 30.0 / 4.0).abs() < 1e-12);
     }
 
     #[test]
     fn pixels_are_repeated() {
-        let cells = resample(&image(2, 2, &[1.0, 2.0, 3.0, 4.0]), 4, 6);
+        let cells = resample((2, 2), |i| [1.0, 4.0, 9.0, 16.0][i], 4, 6);
         let expected = [[1.0, 4.0], [1.0, 4.0], [9.0, 16.0], [9.0, 16.0]];
         for (row, expected) in cells.chunks(6).zip(expected) {
             for (i, cell) in row.iter().enumerate() {
@@ -109,11 +101,8 @@ mod tests {
 
     #[test]
     fn what_is_not_finite_does_not_count() {
-        let cells = resample(
-            &image(1, 4, &[1.0, f32::NAN, f32::INFINITY, f32::NAN]),
-            1,
-            2,
-        );
+        let values = [1.0, f64::NAN, f64::INFINITY, f64::NAN];
+        let cells = resample((1, 4), |i| values[i], 1, 2);
         assert!((cells[0] - 1.0).abs() < 1e-12);
         assert!(cells[1].is_nan());
     }

@@ -17,11 +17,11 @@ pub enum Scale {
     },
 }
 
-/// Bottom and top, dB.
+/// Bottom and top, in the unit shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Levels {
-    pub(super) bottom_db: f64,
-    pub(super) top_db: f64,
+    pub(super) bottom: f64,
+    pub(super) top: f64,
 }
 
 impl Scale {
@@ -34,8 +34,8 @@ impl Scale {
             _ => from_data(powers),
         };
         Levels {
-            bottom_db: top_db - span_db,
-            top_db,
+            bottom: top_db - span_db,
+            top: top_db,
         }
     }
 }

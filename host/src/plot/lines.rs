@@ -1,0 +1,399 @@
+//! Curves over two axes: ticks, grid, legend, marked values.
+//!
+//! Lines are drawn smooth: a pixel is covered by how far its middle lies from the line. A curve covers each
+//! pixel once, however often it passes, so that dense curves are no darker. Curves are clipped at the
+//! plot's box; a point that is not finite interrupts its curve.
+
+use super::PlotError;
+use super::canvas::{Anchor, Canvas, INK, Rgb, Typeface};
+use super::ticks::{ticks, ticks_apart};
+
+/// Curves and how to show them.
+#[derive(Clone, Debug, Default)]
+pub struct Chart {
+    /// The line above; cut short if it does not fit.
+    pub title: String,
+    /// Label across, with the unit.
+    pub across_label: String,
+    /// Label upwards, with the unit.
+    pub up_label: String,
+    /// The curves, in the order of their colours and of the legend.
+    pub curves: Vec<Curve>,
+    /// Values across that are marked by a thin line from bottom to top.
+    pub marks: Vec<f64>,
+    /// First and last value across; `None` for those of the curves.
+    pub across: Option<(f64, f64)>,
+    /// Lowest and highest value, as a floor in dB is; `None` for those of the curves and some air.
+    pub up: Option<(f64, f64)>,
+}
+
+/// One curve.
+#[derive(Clone, Debug)]
+pub struct Curve {
+    /// Its name in the legend; none if empty.
+    pub name: String,
+    /// Its points, joined in this order.
+    pub points: Vec<(f64, f64)>,
+    /// How it is drawn.
+    pub stroke: Stroke,
+}
+
+/// How a curve is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Stroke {
+    /// A line.
+    #[default]
+    Solid,
+    /// A line with gaps.
+    Dashed,
+    /// A dot on every point, not joined.
+    Dots,
+}
+
+const WIDTH: usize = 960;
+const HEIGHT: usize = 560;
+const TOP: usize = 48;
+const RIGHT: usize = 32;
+const BOTTOM: usize = 60;
+const LEAST_LEFT: usize = 96;
+const LABEL_PX: f32 = 15.0;
+const TITLE_PX: f32 = 18.0;
+const TICK: usize = 6;
+const TO_LABEL: usize = TICK + 6;
+const GRID: Rgb = [225, 225, 225];
+const MARK: Rgb = [130, 130, 130];
+/// Half of a line's width, radius of a dot, pixels.
+const HALF_LINE: f64 = 0.9;
+const DOT: f64 = 3.0;
+/// Length of a dash and of the gap after it, pixels.
+const DASH: f64 = 9.0;
+const GAP: f64 = 6.0;
+
+/// Dark enough on white and apart for the colour-blind (Okabe and Ito).
+const COLOURS: [Rgb; 7] = [
+    [0, 114, 178],
+    [213, 94, 0],
+    [0, 158, 115],
+    [204, 121, 167],
+    [86, 180, 233],
+    [230, 159, 0],
+    [90, 90, 90],
+];
+
+/// The picture, as the bytes of a PNG file.
+///
+/// # Errors
+/// [`PlotError`], if there is nothing finite to draw or a range is empty.
+pub fn lines(chart: &Chart) -> Result<Vec<u8>, PlotError> {
+    let unsuited = |what: &str| PlotError::Unsuited {
+        title: chart.title.clone(),
+        what: what.to_owned(),
+    };
+    let points = || chart.curves.iter().flat_map(|curve| &curve.points);
+    let finite = || points().filter(|p| p.0.is_finite() && p.1.is_finite());
+    if finite().next().is_none() {
+        return Err(unsuited("there is no finite point to draw"));
+    }
+    let across = chart
+        .across
+        .unwrap_or_else(|| apart(range(finite().map(|p| p.0)), 0.0));
+    let up = chart
+        .up
+        .unwrap_or_else(|| apart(range(finite().map(|p| p.1)), 0.05));
+    let sound = |(low, high): (f64, f64)| low < high && (high - low).is_finite();
+    if !(sound(across) && sound(up)) {
+        return Err(unsuited("an axis needs a lowest and a higher value"));
+    }
+    Ok(Page::new(chart, across, up).drawn(chart).into_png()?)
+}
+
+/// Smallest and largest.
+fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+        (low.min(v), high.max(v))
+    })
+}
+
+/// A range with `air` of its length on both sides, and never empty.
+fn apart((low, high): (f64, f64), air: f64) -> (f64, f64) {
+    match high > low {
+        true => (low - air * (high - low), high + air * (high - low)),
+        false => {
+            let half = if low == 0.0 { 1.0 } else { low.abs() / 2.0 };
+            (low - half, high + half)
+        }
+    }
+}
+
+/// The plot's box on the page, and what its edges stand for.
+struct Page {
+    left: usize,
+    width: usize,
+    height: usize,
+    across: (f64, f64),
+    up: (f64, f64),
+    up_ticks: Vec<(f64, String)>,
+    font: Typeface,
+}
+
+impl Page {
+    fn new(chart: &Chart, across: (f64, f64), up: (f64, f64)) -> Self {
+        let font = Typeface::sans(LABEL_PX, false);
+        let height = HEIGHT - TOP - BOTTOM;
+        let up_ticks = ticks(up.0, up.1, height / 50);
+        let label = if chart.up_label.is_empty() {
+            0.0
+        } else {
+            LABEL_PX + 12.0
+        };
+        let room = TO_LABEL as f32 + widest(&font, &up_ticks) + label + 6.0;
+        let left = LEAST_LEFT.max(room.ceil() as usize);
+        Self {
+            left,
+            width: WIDTH - left - RIGHT,
+            height,
+            across,
+            up,
+            up_ticks,
+            font,
+        }
+    }
+
+    /// Pixels from the box's left edge, and down from its top.
+    fn place(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        (
+            (x - self.across.0) / (self.across.1 - self.across.0) * self.width as f64,
+            (self.up.1 - y) / (self.up.1 - self.up.0) * self.height as f64,
+        )
+    }
+
+    fn drawn(&self, chart: &Chart) -> Canvas {
+        let mut canvas = Canvas::new(WIDTH, HEIGHT);
+        self.axes(&mut canvas, chart);
+        for &mark in &chart.marks {
+            let (x, _) = self.place((mark, 0.0));
+            if (0.0..=self.width as f64).contains(&x) {
+                let x = (x as usize).min(self.width - 1);
+                for y in (0..self.height).step_by(6) {
+                    let long = 3.min(self.height - y);
+                    canvas.fill(self.left + x, TOP + y, 1, long, MARK);
+                }
+            }
+        }
+        for (curve, colour) in chart.curves.iter().zip(COLOURS.iter().cycle()) {
+            let mut cover = Cover::new(self.width, self.height);
+            cover.stroke(curve.points.iter().map(|&p| self.place(p)), curve.stroke);
+            cover.onto(&mut canvas, (self.left, TOP), *colour);
+        }
+        canvas.frame(self.left, TOP, self.width, self.height);
+        self.legend(&mut canvas, chart);
+        let title = Typeface::sans(TITLE_PX, true);
+        let text = title.fitted(&chart.title, self.width as f32);
+        canvas.text(
+            self.left as f32,
+            TOP as f32 - 16.0,
+            Anchor::Left,
+            &title,
+            &text,
+        );
+        canvas
+    }
+
+    fn axes(&self, canvas: &mut Canvas, chart: &Chart) {
+        let (width, height, bottom) = (self.width, self.height, TOP + self.height);
+        let (low, high) = self.across;
+        let marks = ticks_apart(low, high, width / 80, width as f64, |label| {
+            f64::from(self.font.width(label) + 12.0)
+        });
+        for (value, label) in marks {
+            let (x, _) = self.place((value, 0.0));
+            let pixel = self.left + (x as usize).min(width - 1);
+            canvas.fill(pixel, TOP, 1, height, GRID);
+            canvas.fill(pixel, bottom + 1, 1, TICK, INK);
+            let (x, y) = ((self.left as f64 + x) as f32, bottom as f32 + 23.0);
+            canvas.text(x, y, Anchor::Middle, &self.font, &label);
+        }
+        for (value, label) in &self.up_ticks {
+            let (_, y) = self.place((0.0, *value));
+            let pixel = TOP + (y as usize).min(height - 1);
+            canvas.fill(self.left, pixel, width, 1, GRID);
+            canvas.fill(self.left - 1 - TICK, pixel, TICK, 1, INK);
+            let (x, y) = ((self.left - TO_LABEL) as f32, (TOP as f64 + y) as f32 + 5.0);
+            canvas.text(x, y, Anchor::Right, &self.font, label);
+        }
+        let middle = self.left as f32 + width as f32 / 2.0;
+        let base = bottom as f32 + 47.0;
+        canvas.text(
+            middle,
+            base,
+            Anchor::Middle,
+            &self.font,
+            &chart.across_label,
+        );
+        let base = (self.left - TO_LABEL) as f32 - widest(&self.font, &self.up_ticks) - 12.0;
+        let middle = TOP as f32 + height as f32 / 2.0;
+        canvas.text_upwards(base, middle, &self.font, &chart.up_label);
+    }
+
+    /// Names beside samples of their strokes, in the upper right corner.
+    fn legend(&self, canvas: &mut Canvas, chart: &Chart) {
+        const LINE: usize = 22;
+        const SAMPLE: usize = 34;
+        let named: Vec<_> = chart
+            .curves
+            .iter()
+            .zip(COLOURS.iter().cycle())
+            .filter(|(curve, _)| !curve.name.is_empty())
+            .collect();
+        let most = self.width as f32 / 2.0;
+        let names: Vec<String> = named
+            .iter()
+            .map(|(curve, _)| self.font.fitted(&curve.name, most))
+            .collect();
+        let Some(widest) = names.iter().map(|n| self.font.width(n)).reduce(f32::max) else {
+            return;
+        };
+        let (width, height) = (
+            SAMPLE + widest.ceil() as usize + 26,
+            named.len() * LINE + 10,
+        );
+        let (x, y) = (self.left + self.width - width - 10, TOP + 10);
+        canvas.fill(x, y, width, height, GRID);
+        canvas.fill(x + 1, y + 1, width - 2, height - 2, [255; 3]);
+        for (i, ((curve, colour), name)) in named.iter().zip(&names).enumerate() {
+            let mut cover = Cover::new(SAMPLE, LINE);
+            let middle = LINE as f64 / 2.0;
+            let ends = match curve.stroke {
+                Stroke::Dots => vec![(SAMPLE as f64 / 2.0, middle)],
+                _ => vec![(1.0, middle), (SAMPLE as f64 - 1.0, middle)],
+            };
+            cover.stroke(ends.into_iter(), curve.stroke);
+            let top = y + 5 + i * LINE;
+            cover.onto(canvas, (x + 8, top), **colour);
+            let (x, y) = ((x + 8 + SAMPLE + 8) as f32, top as f32 + 16.0);
+            canvas.text(x, y, Anchor::Left, &self.font, name);
+        }
+    }
+}
+
+fn widest(font: &Typeface, ticks: &[(f64, String)]) -> f32 {
+    ticks.iter().map(|t| font.width(&t.1)).fold(0.0, f32::max)
+}
+
+/// How far a curve covers each pixel of a box.
+struct Cover {
+    width: usize,
+    height: usize,
+    parts: Vec<f32>,
+}
+
+impl Cover {
+    fn new(width: usize, height: usize) -> Self {
+        Self {
+            width,
+            height,
+            parts: vec![0.0; width * height],
+        }
+    }
+
+    /// Draws through points given in pixels.
+    fn stroke(&mut self, points: impl Iterator<Item = (f64, f64)>, stroke: Stroke) {
+        let mut last: Option<(f64, f64)> = None;
+        let mut walked = 0.0;
+        for point in points {
+            if !(point.0.is_finite() && point.1.is_finite()) {
+                last = None;
+                continue;
+            }
+            match (stroke, last) {
+                (Stroke::Dots, _) => self.segment(point, point, DOT),
+                (_, None) => {}
+                (Stroke::Solid, Some(before)) => self.segment(before, point, HALF_LINE),
+                (Stroke::Dashed, Some(before)) => walked = self.dashes(before, point, walked),
+            }
+            last = Some(point);
+        }
+    }
+
+    /// Dashes from `a` to `b`, `walked` pixels into the pattern; how far it is at `b`.
+    fn dashes(&mut self, a: (f64, f64), b: (f64, f64), walked: f64) -> f64 {
+        let Some((a, b)) = self.clipped(a, b) else {
+            return walked;
+        };
+        let length = (b.0 - a.0).hypot(b.1 - a.1);
+        let at = |s: f64| {
+            let part = if length > 0.0 { s / length } else { 0.0 };
+            (a.0 + part * (b.0 - a.0), a.1 + part * (b.1 - a.1))
+        };
+        let mut s = -walked;
+        while s < length {
+            let (from, to) = (s.max(0.0), (s + DASH).min(length));
+            if from < to {
+                self.segment(at(from), at(to), HALF_LINE);
+            }
+            s += DASH + GAP;
+        }
+        (walked + length) % (DASH + GAP)
+    }
+
+    /// A line with round ends.
+    fn segment(&mut self, a: (f64, f64), b: (f64, f64), half_width: f64) {
+        let Some((a, b)) = self.clipped(a, b) else {
+            return;
+        };
+        let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+        let square = dx * dx + dy * dy;
+        let reach = half_width + 1.0;
+        let span = |u: f64, v: f64, size: usize| {
+            let low = (u.min(v) - reach).floor().max(0.0) as usize;
+            let high = (u.max(v) + reach).ceil().max(0.0) as usize;
+            low.min(size)..high.min(size)
+        };
+        for y in span(a.1, b.1, self.height) {
+            for x in span(a.0, b.0, self.width) {
+                let (px, py) = (x as f64 + 0.5 - a.0, y as f64 + 0.5 - a.1);
+                let along = if square > 0.0 {
+                    ((px * dx + py * dy) / square).clamp(0.0, 1.0)
+                } else {
+                    0.0
+                };
+                let distance = (px - along * dx).hypot(py - along * dy);
+                let part = (half_width + 0.5 - distance).clamp(0.0, 1.0) as f32;
+                let cell = &mut self.parts[y * self.width + x];
+                *cell = cell.max(part);
+            }
+        }
+    }
+
+    /// The part of a segment within a few pixels of the box (Liang and Barsky 1984).
+    fn clipped(&self, a: (f64, f64), b: (f64, f64)) -> Option<((f64, f64), (f64, f64))> {
+        let air = DOT + 2.0;
+        let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+        let (mut first, mut last) = (0.0f64, 1.0f64);
+        for (step, room) in [
+            (-dx, a.0 + air),
+            (dx, self.width as f64 + air - a.0),
+            (-dy, a.1 + air),
+            (dy, self.height as f64 + air - a.1),
+        ] {
+            if step == 0.0 {
+                if room < 0.0 {
+                    return None;
+                }
+            } else if step < 0.0 {
+                first = first.max(room / step);
+            } else {
+                last = last.min(room / step);
+            }
+        }
+        let at = |t: f64| (a.0 + t * dx, a.1 + t * dy);
+        (first <= last).then(|| (at(first), at(last)))
+    }
+
+    fn onto(&self, canvas: &mut Canvas, (left, top): (usize, usize), colour: Rgb) {
+        for (i, &part) in self.parts.iter().enumerate().filter(|(_, p)| **p > 0.0) {
+            let (x, y) = (left + i % self.width, top + i / self.width);
+            canvas.mix(x as i64, y as i64, colour, part);
+        }
+    }
+}
