@@ -26,6 +26,7 @@ pub mod link;
 pub mod maps;
 pub mod module;
 pub mod phase_history;
+pub mod planner;
 pub mod plot;
 pub mod quality;
 pub mod receive;

@@ -1,5 +1,7 @@
 //! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
 
+mod plan;
+
 use std::path::PathBuf;
 
 use clap::{Args as Group, CommandFactory, Parser, Subcommand, ValueEnum, ValueHint};
@@ -7,6 +9,8 @@ use subaperture::geometry::ImageGrid;
 use subaperture::link::Place;
 use subaperture::signal::window::Window;
 use subaperture::simulate::Preset;
+
+pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -311,55 +315,6 @@ pub(crate) struct Demo {
     /// [default: the scene's 80 x 80 m and some margin]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,
-}
-
-/// `subap plan`.
-#[derive(Debug, Group)]
-pub(crate) struct Plan {
-    #[command(subcommand)]
-    pub(crate) target: PlanTarget,
-}
-
-/// What to plan for.
-#[derive(Debug, Subcommand)]
-pub(crate) enum PlanTarget {
-    /// A small computer that makes maps of patches and sends them over a serial link
-    Module(PlanModule),
-}
-
-/// `subap plan module`.
-#[derive(Debug, Group)]
-pub(crate) struct PlanModule {
-    #[command(flatten)]
-    pub(crate) input: Input,
-
-    /// Memory for the module's buffers: bytes, or with K or M (powers of 1024)
-    #[arg(long, value_name = "SIZE", value_parser = ram_size)]
-    pub(crate) ram: u64,
-
-    /// Rate of the serial link, bits a second
-    #[arg(long, value_name = "BAUD", default_value_t = 921_600, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) link: u32,
-
-    /// Pixels, as for focus [default: the scene's extent at half the resolution]
-    #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
-    pub(crate) grid: Option<ImageGrid>,
-
-    /// Bound on the relative RMS error of the image, in dB, -20 to -120 [default: -66]
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
-    pub(crate) error_db: Option<f64>,
-
-    /// The module computes on 16-bit samples
-    #[arg(long)]
-    pub(crate) fixed: bool,
-
-    /// Pulses a second [default: the recording's, if it tells times]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = length)]
-    pub(crate) pulse_rate: Option<f64>,
-
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
 }
 
 /// `subap completions`.

@@ -7,13 +7,12 @@ use subaperture::module::{LinkBudget, ModulePlan, Request, Room};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::survey::Survey;
 
-use crate::args::{Plan, PlanModule, PlanTarget};
+use crate::args::PlanModule;
 use crate::config::{DEFAULT_MAPS_ERROR_DB, Session};
 use crate::text::{self, bytes, metres};
 
 /// Prints the plan.
-pub(crate) fn run(session: &Session, typed: &Plan) -> anyhow::Result<()> {
-    let PlanTarget::Module(typed) = &typed.target;
+pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
     let history = session.open(&typed.input)?;
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
     let grid = match typed.grid {

@@ -1,0 +1,21 @@
+//! Planning a collection: what a radar will show, what that takes, and what it costs.
+//!
+//! [`RadarPlan`] gathers everything for one collection, be it a recording or a pass that exists in numbers only
+//! ([`Parameters`]). Each part stands for itself, with its equations:
+//!
+//! - [`sampling`]: resolution, and pulse spacing by Nyquist;
+//! - [`grating`]: grating lobes of sub-CPIs in the thesis's mode, place and level;
+//! - [`cost`]: memory and operations of the image formers;
+//! - [`link`]: the radar equation;
+//! - [`ambiguity`]: the ambiguity function of pulses and bursts.
+
+pub mod ambiguity;
+pub mod cost;
+pub mod grating;
+pub mod link;
+pub mod parameters;
+mod radar;
+pub mod sampling;
+
+pub use parameters::{ParameterError, Parameters};
+pub use radar::{Aperture, PlanError, RadarPlan, Request, SubCpis};
