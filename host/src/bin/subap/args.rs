@@ -77,6 +77,8 @@ pub(crate) enum Command {
     Plan(Plan),
     /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures
     Demo(Demo),
+    /// Make the figures of both theses again, beside the theses' own numbers; writes a page
+    Reproduce(Reproduce),
     /// Print completions for a shell
     Completions(Completions),
 }
@@ -315,6 +317,26 @@ pub(crate) struct Demo {
     /// [default: the scene's 80 x 80 m and some margin]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,
+}
+
+/// `subap reproduce`.
+#[derive(Debug, Group)]
+pub(crate) struct Reproduce {
+    /// Folder to write; items that are there already are not made again
+    #[arg(long, short, value_name = "DIR", default_value = "subap-gallery", value_hint = ValueHint::DirPath)]
+    pub(crate) out: PathBuf,
+
+    /// Only these items, by their names (see --list)
+    #[arg(long, value_name = "ID")]
+    pub(crate) only: Vec<String>,
+
+    /// GOTCHA recordings, for the items that can be shown on them
+    #[arg(long, value_name = "MAT", num_args = 1.., value_hint = ValueHint::FilePath)]
+    pub(crate) gotcha: Vec<PathBuf>,
+
+    /// List the items and do nothing else
+    #[arg(long)]
+    pub(crate) list: bool,
 }
 
 /// `subap completions`.

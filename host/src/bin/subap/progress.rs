@@ -35,6 +35,12 @@ impl Progress {
         self.bar.set_message(what);
     }
 
+    /// The next stretch, from nothing, called `what`.
+    pub(crate) fn begin(&self, what: String) {
+        self.bar.set_message(what);
+        self.bar.set_position(0);
+    }
+
     /// Prints a line above the bar.
     pub(crate) fn print(&self, line: &str) {
         self.bar.suspend(|| eprintln!("{line}"));

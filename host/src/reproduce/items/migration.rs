@@ -112,8 +112,7 @@ impl Pass {
     fn maps(&self, band: &Band, slow: usize, doppler_bins: usize) -> Vec<Complex32> {
         let bins = self.range_axis().count;
         let fast = vec![1.0; self.band.count];
-        let mut mapper =
-            RangeDopplerMapper::new(band, &fast, &vec![1.0; slow], bins, doppler_bins);
+        let mut mapper = RangeDopplerMapper::new(band, &fast, &vec![1.0; slow], bins, doppler_bins);
         let mut maps = vec![Complex32::ZERO; self.num_pulses() / slow * doppler_bins * bins];
         maps.chunks_exact_mut(doppler_bins * bins)
             .zip(self.samples.chunks_exact(slow * self.band.count))
@@ -204,7 +203,9 @@ impl Levels {
             .clone()
             .flat_map(|row| {
                 let line = &self.values[row * self.across.count..(row + 1) * self.across.count];
-                line[columns.clone()].iter().map(|power| 10.0 * power.log10())
+                line[columns.clone()]
+                    .iter()
+                    .map(|power| 10.0 * power.log10())
             })
             .collect();
         let png = heat(&Heat {
@@ -298,11 +299,13 @@ fn focused(_: &Context) -> Result<Finding, ItemError> {
     let pass = Pass::new()?;
     let map = pass.map(true);
     Ok(Finding {
-        thesis: "The Keystone transform fully corrects linear range migration: the target is one point."
-            .to_owned(),
-        method: "The same pulses; the Doppler transform on an axis scaled with frequency, which is \
+        thesis:
+            "The Keystone transform fully corrects linear range migration: the target is one point."
+                .to_owned(),
+        method:
+            "The same pulses; the Doppler transform on an axis scaled with frequency, which is \
                  Keystone without resampling."
-            .to_owned(),
+                .to_owned(),
         checks: vec![
             Check::number("peak of the map", 0.0, map.peak_db(), 0.05, 2, "dB"),
             // 0.886 of the resolution is an unweighted band's width, and a bin is an eighth of it.

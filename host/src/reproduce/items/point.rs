@@ -5,9 +5,7 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::forming::{
-    backprojection, form, grid_about, lone_scatterer, side_by_side, thesis,
-};
+use super::forming::{backprojection, form, grid_about, lone_scatterer, side_by_side, thesis};
 use crate::geometry::{Axis, ImageGrid};
 use crate::image::{Comparison, Image, power};
 use crate::phase_history::{PhaseHistory, Recorded};
@@ -77,13 +75,21 @@ fn table(_: &Context) -> Result<Finding, ItemError> {
     let cross_m = survey.cross_range_resolution_m.unwrap_or(f64::NAN);
     Ok(Finding {
         thesis: "200 MHz, PRI 1 ms, 1040 pulses, 5 km, 125 m/s.".to_owned(),
-        method: "The table simulated at 10 GHz; what it can resolve is read off the support of its \
+        method:
+            "The table simulated at 10 GHz; what it can resolve is read off the support of its \
                  samples in spatial frequency."
-            .to_owned(),
+                .to_owned(),
         checks: vec![
             // c / 2B, and lambda R / 2 L of 1040 pulses 0.125 m apart.
             Check::number("range resolution, c / 2B", 0.749, range_m, 0.002, 3, "m"),
-            Check::number("cross-range resolution, lambda R / 2L", 0.577, cross_m, 0.01, 3, "m"),
+            Check::number(
+                "cross-range resolution, lambda R / 2L",
+                0.577,
+                cross_m,
+                0.01,
+                3,
+                "m",
+            ),
         ],
         why: None,
         pictures: vec![],
@@ -165,8 +171,7 @@ fn point(context: &Context) -> Result<Finding, ItemError> {
 fn long_sub_cpis(context: &Context) -> Result<Finding, ItemError> {
     let simulated = lone_scatterer(DVec3::ZERO);
     let grid = grid_about(DVec3::ZERO, 20.0, 6.0, 0.1);
-    let images = [104, 130]
-        .map(|length| form(context, &simulated, &grid, &thesis(length)));
+    let images = [104, 130].map(|length| form(context, &simulated, &grid, &thesis(length)));
     let [ten, eight] = images;
     let (ten, eight) = (ten?, eight?);
     let lobe = |length: usize| {
@@ -177,7 +182,10 @@ fn long_sub_cpis(context: &Context) -> Result<Finding, ItemError> {
     };
     let (first_of_ten, first_of_eight) = (lobe(104)?, lobe(130)?);
     let measured = |image: &Image, lobe: Lobe| level_db(image, &grid, lobe.cross_range_m);
-    let (level_ten, level_eight) = (measured(&ten, first_of_ten), measured(&eight, first_of_eight));
+    let (level_ten, level_eight) = (
+        measured(&ten, first_of_ten),
+        measured(&eight, first_of_eight),
+    );
     Ok(Finding {
         thesis: "10 sub-CPIs of 104 pulses and 8 of 130 show high side lobes in cross-range, closer and \
                  stronger the longer the sub-CPI."
@@ -323,7 +331,10 @@ fn array(context: &Context) -> Result<Finding, ItemError> {
                     "m",
                 ),
                 Check::number(
-                    &format!("level of lobe {}: predicted from geometry, measured", lobe.order),
+                    &format!(
+                        "level of lobe {}: predicted from geometry, measured",
+                        lobe.order
+                    ),
                     lobe.level_db,
                     level_db,
                     1.0,
@@ -390,9 +401,10 @@ fn single_sub_cpi(context: &Context) -> Result<Finding, ItemError> {
         [&whole, &images[0], &images[1]].map(|image| widths_m(image, &grid).0);
     let peaks = [peak_db(&images[0]), peak_db(&images[1])];
     Ok(Finding {
-        thesis: "A single sub-CPI resolves far less in cross-range than the whole CPI; the one of 130 \
+        thesis:
+            "A single sub-CPI resolves far less in cross-range than the whole CPI; the one of 130 \
                  pulses is smeared, although it should resolve a little better."
-            .to_owned(),
+                .to_owned(),
         method: "The middle sub-CPI alone, as the thesis forms it.".to_owned(),
         checks: vec![
             Check::claim(
@@ -523,6 +535,12 @@ fn largest_difference_db(a: &Image, b: &Image) -> f64 {
 /// Level against place of an image of one row or column.
 fn points_db(image: &Image, axis: &Axis) -> Vec<(f64, f64)> {
     let peak = image.peak().map_or(f64::NAN, |peak| power(peak.value));
-    let levels = image.pixels.iter().map(|&z| 10.0 * (power(z) / peak).log10());
-    levels.enumerate().map(|(i, level)| (axis.at(i), level)).collect()
+    let levels = image
+        .pixels
+        .iter()
+        .map(|&z| 10.0 * (power(z) / peak).log10());
+    levels
+        .enumerate()
+        .map(|(i, level)| (axis.at(i), level))
+        .collect()
 }

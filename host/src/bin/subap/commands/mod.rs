@@ -8,6 +8,7 @@ mod focus;
 mod info;
 mod link;
 mod plan;
+mod reproduce;
 mod simulate;
 
 use crate::args::Command;
@@ -24,6 +25,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),
         Command::Demo(typed) => demo::run(session, &typed),
+        Command::Reproduce(typed) => reproduce::run(session, &typed),
         Command::Completions(typed) => completions::run(&typed),
     }
 }
