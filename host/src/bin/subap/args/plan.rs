@@ -20,7 +20,7 @@ pub(crate) enum PlanTarget {
     /// A small computer that makes maps of patches and sends them over a serial link
     Module(PlanModule),
     /// A radar: resolution, sampling, sub-CPIs and their lobes, memory, sensitivity
-    Radar(PlanRadar),
+    Radar(Box<PlanRadar>),
 }
 
 /// `subap plan module`.
