@@ -135,7 +135,7 @@ impl Cost {
 
     /// Backprojection within an error bound of `error_db`.
     pub fn backprojection(work: &Work, error_db: f64) -> Self {
-        let upsampling = RangeProfiler::oversampling_for(error_db - MARGIN_DB) as f64;
+        let upsampling = RangeProfiler::oversampling_for(error_db - MARGIN_DB);
         let (k, n) = (work.frequencies as f64, work.pulses as f64);
         let length = upsampling * k;
         let held = n.min(PROFILES as f64);

@@ -45,7 +45,9 @@
 //! Neglected: Keystone's truncated edges (-50 dB or so), the dependence of `e_m`'s phase on frequency (half the
 //! relative bandwidth), zero padding and bilinear reading (-60 dB).
 //!
-//! Accuracy: `tests/planner.rs` forms the image and compares every lobe's place and level.
+//! Accuracy: `tests/planner.rs` forms the image. With 20 sub-CPIs of Table 4.1 the first three lobes (-21.1, -33.6 and
+//! -41.7 dB) lie within 0.1 m and 0.4 dB of both predictions; with 10 and 8 sub-CPIs (-8.4 and -3.7 dB, the thesis's
+//! "slightly less than 4 dB") within 0.1 dB of the sum. Below -48 dB what is neglected shows.
 
 use std::f64::consts::{PI, TAU};
 
@@ -204,15 +206,27 @@ impl Element {
 }
 
 impl Moving {
-    /// Where it is in the middle, and the mean step: from the two halves' means, which for a path that is
-    /// quadratic in slow time gives the slope at the centre, and the middle pulses' mean for the position.
+    /// Position and slope at `u = 0` of the least-squares parabola through the pulses' positions.
     fn middle(pulses: &[Pulse], position: impl Fn(&Pulse) -> DVec3) -> Self {
-        let last = pulses.len() - 1;
-        let middle = position(&pulses[last / 2]).midpoint(position(&pulses[last.div_ceil(2)]));
-        let steps = last.max(1) as f64;
+        let count = pulses.len() as f64;
+        let slow_times = || (0..).map(|m| f64::from(m) - (count - 1.0) / 2.0);
+        let mean_square = (count * count - 1.0) / 12.0;
+        // Relative to one position, so that the sums keep their digits far from the origin.
+        let origin = position(&pulses[0]);
+        // A polynomial's coefficient; none where it vanishes on so few pulses.
+        let fit = |polynomial: &dyn Fn(f64) -> f64| {
+            let (mut sum, mut norm) = (DVec3::ZERO, 0.0);
+            for (u, pulse) in slow_times().zip(pulses) {
+                let value = polynomial(u);
+                sum += (position(pulse) - origin) * value;
+                norm += value * value;
+            }
+            if norm > 1e-9 { sum / norm } else { DVec3::ZERO }
+        };
+        let bend = fit(&|u| u * u - mean_square);
         Self {
-            position_m: middle,
-            velocity_m: (position(&pulses[last]) - position(&pulses[0])) / steps,
+            position_m: origin + fit(&|_| 1.0) - bend * mean_square,
+            velocity_m: fit(&|u| u),
         }
     }
 }
@@ -222,7 +236,9 @@ fn path_and_rate(antennas: &[Moving; 2], point: DVec3) -> (f64, f64) {
     let leg = |antenna: &Moving| {
         let sight = antenna.position_m - point;
         let range_m = sight.length();
-        (range_m, sight.dot(antenna.velocity_m) / range_m)
+        // At the antenna itself there is no direction.
+        let direction = sight.normalize_or_zero();
+        (range_m, direction.dot(antenna.velocity_m))
     };
     let (out, back) = (leg(&antennas[0]), leg(&antennas[1]));
     (out.0 + back.0, out.1 + back.1)
