@@ -8,6 +8,7 @@ mod focus;
 mod info;
 mod link;
 mod plan;
+mod quality;
 mod simulate;
 
 use crate::args::Command;
@@ -23,6 +24,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Info(typed) => info::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),
+        Command::Quality(typed) => quality::run(session, &typed),
         Command::Demo(typed) => demo::run(session, &typed),
         Command::Completions(typed) => completions::run(&typed),
     }
