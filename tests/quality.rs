@@ -165,10 +165,11 @@ fn a_made_response_is_measured_to_theory() {
                 error / cell
             );
             assert!(error < cell / 128.0, "{window}: {error}");
-            // Off by a hundredth of a cell the level falls by 1e-4: a thousandth of a dB.
+            // What the chip leaves out of an unweighted response, -32 dB at its edge, is felt at the
+            // peak by less than a tenth: 2e-3 of amplitude, 0.02 dB.
             let level_db = 20.0 * 0.3f64.log10();
             assert!(
-                (response.level_db - level_db).abs() < 0.01,
+                (response.level_db - level_db).abs() < 0.02,
                 "{}",
                 response.level_db
             );
