@@ -16,6 +16,10 @@
 //!
 //! An error on the way removes the staging folder; only a killed process or a power cut leaves one
 //! (`.subap-*`), never a product in part.
+//!
+//! [`read`] reads one back.
+
+mod read;
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -26,6 +30,8 @@ use serde_json::{Value, json};
 use super::atomic::{WriteError, plain, sync_folder};
 use super::npy;
 use crate::image::Image;
+
+pub use read::{ReadError, StoredProduct, read};
 
 const IMAGE: &str = "image.npy";
 const METADATA: &str = "image.json";

@@ -28,6 +28,16 @@ pub struct PixelMap {
     pub values: Vec<f32>,
 }
 
+impl PixelMap {
+    /// Mean of the values that are there; `None` if none is.
+    pub fn mean(&self) -> Option<f64> {
+        let there = || self.values.iter().filter(|v| v.is_finite());
+        let sum: f64 = there().map(|&v| f64::from(v)).sum();
+        let count = there().count();
+        (count > 0).then(|| sum / count as f64)
+    }
+}
+
 /// Why two images cannot be set against each other.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PairError {

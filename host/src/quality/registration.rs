@@ -44,13 +44,9 @@ pub fn offset(a: &Image, b: &Image) -> Result<Offset, PairError> {
     check_sizes(a, b)?;
     let (rows, columns) = (a.rows, a.columns);
     let (mut spectrum, a_power) = magnitudes(a)?;
-    let (other, b_power) = magnitudes(b)?;
+    let (mut other, b_power) = magnitudes(b)?;
     transform(&mut spectrum, rows, columns, FftDirection::Forward);
-    let other = {
-        let mut other = other;
-        transform(&mut other, rows, columns, FftDirection::Forward);
-        other
-    };
+    transform(&mut other, rows, columns, FftDirection::Forward);
     for (u, v) in spectrum.iter_mut().zip(&other) {
         *u *= v.conj();
     }

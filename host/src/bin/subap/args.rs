@@ -73,6 +73,8 @@ pub(crate) enum Command {
     Info(Info),
     /// Say how far apart two complex images are
     Compare(Compare),
+    /// Measure an image: responses of points, level, contrast, differences from another
+    Quality(Quality),
     /// Say what a module needs to make the maps of a scene
     Plan(Plan),
     /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures
@@ -306,6 +308,52 @@ pub(crate) struct Compare {
     pub(crate) json: bool,
 }
 
+/// `subap quality`.
+#[derive(Debug, Group)]
+pub(crate) struct Quality {
+    /// Folder of a product (image.json and image.npy), or complex64 .npy, measured in pixels
+    #[arg(value_name = "IMAGE", value_hint = ValueHint::AnyPath)]
+    pub(crate) image: PathBuf,
+
+    /// Point to measure, the brightest pixel within 4 of it: x and y in metres (angle in degrees and
+    /// range of a polar grid, column and row of a .npy); may be repeated [default: the brightest]
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = point)]
+    pub(crate) at: Vec<(f64, f64)>,
+
+    /// Image to compare with, on the same grid
+    #[arg(long, value_name = "OTHER", value_hint = ValueHint::AnyPath)]
+    pub(crate) against: Option<PathBuf>,
+
+    /// Rectangle for the statistics, in the units of --at; of an empty one the mean level is the noise
+    /// [default: the whole image]
+    #[arg(long, value_name = "X0:X1,Y0:Y1", allow_hyphen_values = true, value_parser = rectangle)]
+    pub(crate) extent: Option<((f64, f64), (f64, f64))>,
+
+    /// Window that theory is computed for [default: the product's, if it has one for both directions]
+    #[arg(long, value_name = "W")]
+    pub(crate) window: Option<Window>,
+
+    /// Measure along and across this line of sight too: its angle from x towards y
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = finite)]
+    pub(crate) line_of_sight: Option<f64>,
+
+    /// Pixels so far below the peak of --against have no percent difference, dB
+    #[arg(long, value_name = "DB", default_value_t = 60.0, value_parser = length)]
+    pub(crate) floor: f64,
+
+    /// Side of the coherence's window, pixels, odd
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = odd)]
+    pub(crate) coherence: usize,
+
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+
+    /// Folder for pictures: cuts, chips, percent difference, coherence
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub(crate) plots: Option<PathBuf>,
+}
+
 /// `subap demo`.
 #[derive(Debug, Group)]
 pub(crate) struct Demo {
@@ -387,6 +435,30 @@ fn length(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|&v| v > 0.0)
         .ok_or_else(|| "give a number above 0".to_owned())
+}
+
+fn pair(text: &str, separator: char) -> Option<(f64, f64)> {
+    let (first, second) = text.split_once(separator)?;
+    Some((finite(first.trim()).ok()?, finite(second.trim()).ok()?))
+}
+
+fn point(text: &str) -> Result<(f64, f64), String> {
+    pair(text, ',').ok_or_else(|| "give two numbers, for example 10.5,-3".to_owned())
+}
+
+fn rectangle(text: &str) -> Result<((f64, f64), (f64, f64)), String> {
+    let parsed = text.split_once(',').and_then(|(x, y)| {
+        let ascending = |text| pair(text, ':').filter(|(low, high)| low < high);
+        Some((ascending(x)?, ascending(y)?))
+    });
+    parsed.ok_or_else(|| "give two ascending ranges, for example -5:5,20:30".to_owned())
+}
+
+fn odd(text: &str) -> Result<usize, String> {
+    positive(text)
+        .ok()
+        .filter(|n| *n >= 3 && n % 2 == 1)
+        .ok_or_else(|| "give an odd number from 3".to_owned())
 }
 
 fn error_bound(text: &str) -> Result<f64, String> {

@@ -320,18 +320,19 @@ fn chip_size(
     asked: Option<[usize; 2]>,
 ) -> Result<[usize; 2], ResponseError> {
     let here = power(image.pixels[row * image.columns + column]);
-    // Pixels from the peak to half its power, on the side that falls faster.
-    let half_width = |stride: usize, back: usize, ahead: usize| {
+    // Pixels from below half the power on the one side to below it on the other, less the part of a
+    // pixel by which both overshoot on average.
+    let width = |stride: usize, back: usize, ahead: usize| {
         let at = row * image.columns + column;
         let falls = |i: usize| power(image.pixels[i]) < here / 2.0;
         let left = (1..=back).find(|k| falls(at - k * stride));
         let right = (1..=ahead).find(|k| falls(at + k * stride));
-        left.into_iter().chain(right).min().unwrap_or(MOST_HALF)
+        let (left, right) = (left.unwrap_or(MOST_HALF), right.unwrap_or(MOST_HALF));
+        (left + right) as f64 - 1.0
     };
     let size = |axis: usize, stride, at: usize, count: usize| {
         let room = at.min(count - 1 - at);
-        // The last pixel above half power and the first below it: half a pixel is taken off.
-        let width = (2.0 * half_width(stride, at, count - 1 - at) as f64 - 1.0).max(1.0);
+        let width = width(stride, at, count - 1 - at);
         let wanted = match asked {
             Some(half) => half[axis].clamp(LEAST_HALF, MOST_HALF),
             None => ((REACH_WIDTHS * width).ceil() as usize).clamp(2 * LEAST_HALF, MOST_HALF),

@@ -9,6 +9,7 @@ mod info;
 mod link;
 mod plan;
 mod reproduce;
+mod quality;
 mod simulate;
 
 use crate::args::Command;
@@ -24,6 +25,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Info(typed) => info::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),
+        Command::Quality(typed) => quality::run(session, &typed),
         Command::Demo(typed) => demo::run(session, &typed),
         Command::Reproduce(typed) => reproduce::run(session, &typed),
         Command::Completions(typed) => completions::run(&typed),

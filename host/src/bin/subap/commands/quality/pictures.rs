@@ -1,0 +1,147 @@
+//! The pictures of `subap quality`: cuts with theory beside them, chips, maps of differences.
+
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+
+use subaperture::geometry::Axis;
+use subaperture::io::atomic::write_atomically;
+use subaperture::plot::{
+    Chart, Colours, Curve, Heat, Panel, Scale, Stroke, heat, lines, quicklook,
+};
+use subaperture::quality::PixelMap;
+use subaperture::quality::response::Cut;
+use subaperture::quality::theory::transform;
+use subaperture::signal::window::Window;
+
+use super::source::Source;
+use super::{Point, Report, THEORY_SAMPLES};
+use crate::interrupt;
+
+/// What cuts are shown down to, dB.
+const FLOOR_DB: f64 = -60.0;
+
+/// Writes every picture into `folder`, which is made if need be.
+pub(super) fn write(
+    folder: &Path,
+    report: &Report,
+    source: &Source,
+    window: Option<Window>,
+) -> anyhow::Result<()> {
+    fs::create_dir_all(folder)?;
+    let save = |name: String, bytes: Vec<u8>| {
+        interrupt::check()?;
+        let path = folder.join(name);
+        write_atomically(&path, bytes.len() as u64, |file| file.write_all(&bytes))?;
+        anyhow::Ok(())
+    };
+    for (i, point) in report.points.iter().enumerate() {
+        let number = i + 1;
+        let place = source.place(point.response.column_value, point.response.row_value);
+        for (k, cut) in point.response.cuts.iter().enumerate() {
+            let name = cut.along.name().replace(' ', "-");
+            let chart = cut_chart(source, cut, point, k, window, &place);
+            save(format!("point-{number}-{name}.png"), lines(&chart)?)?;
+        }
+        let chip = &point.response.chip;
+        let panel = Panel {
+            scale: Scale::Fixed {
+                top_db: point.response.level_db,
+                span_db: -FLOOR_DB,
+            },
+            colours: Colours::Viridis,
+            ..Panel::new(&chip.image, &chip.grid, format!("response at {place}"))
+        };
+        save(format!("point-{number}-chip.png"), quicklook(&panel)?)?;
+    }
+    if let Some(against) = &report.against {
+        let map = |map: &PixelMap, title: &str, unit: &str, range| {
+            let (across_label, up_label, factor) = source.labels();
+            let columns = source.grid.columns;
+            heat(&Heat {
+                values: &map.values,
+                rows: source.grid.rows,
+                columns: Axis {
+                    start: columns.start * factor,
+                    step: columns.step * factor,
+                    ..columns
+                },
+                title: title.to_owned(),
+                across_label: across_label.to_owned(),
+                up_label: up_label.to_owned(),
+                unit: unit.to_owned(),
+                range,
+                colours: Colours::Viridis,
+                proportional: !source.grid.polar,
+            })
+        };
+        // As figure 4.10 of Schone 2020, unless nearly all of it would be dark.
+        let most = against.percent_difference.percentile_95.unwrap_or(0.0);
+        let top = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0]
+            .into_iter()
+            .find(|top| most <= *top)
+            .unwrap_or(200.0);
+        save(
+            "percent-difference.png".to_owned(),
+            map(
+                &against.difference.map,
+                "percent difference of magnitudes",
+                "%",
+                (0.0, top),
+            )?,
+        )?;
+        save(
+            "coherence.png".to_owned(),
+            map(&against.coherence, "coherence", "", (0.0, 1.0))?,
+        )?;
+    }
+    Ok(())
+}
+
+fn cut_chart(
+    source: &Source,
+    cut: &Cut,
+    point: &Point,
+    index: usize,
+    window: Option<Window>,
+    place: &str,
+) -> Chart {
+    let (unit, factor) = source.unit(cut.along);
+    let db = |power: f64| 10.0 * power.log10();
+    let floored = |power: f64| db(power).max(2.0 * FLOOR_DB);
+    let measured = cut.offsets.iter().zip(&cut.powers);
+    let mut curves = vec![Curve {
+        name: "measured".to_owned(),
+        points: measured.map(|(s, p)| (s * factor, floored(*p))).collect(),
+        stroke: Stroke::Solid,
+    }];
+    if let (Some(window), Some(theory)) = (window, &point.theory[index]) {
+        let weights = window.weights(THEORY_SAMPLES);
+        // The recording's own cell, or, where it is not known, that which gives the width measured.
+        let fitted = || cut.width_3db.map(|width| width / theory.width_3db);
+        let known = source.cell(cut.along);
+        if let Some(cell) = known.or_else(fitted) {
+            let points = cut.offsets.iter().map(|s| {
+                let power = transform(&weights, s / cell).powi(2);
+                (s * factor, floored(power))
+            });
+            curves.push(Curve {
+                name: match known {
+                    Some(_) => format!("theory, {window}"),
+                    None => format!("theory, {window}, of this width"),
+                },
+                points: points.collect(),
+                stroke: Stroke::Dashed,
+            });
+        }
+    }
+    Chart {
+        title: format!("cut along {} at {place}", cut.along.name()),
+        across_label: format!("{} from the peak ({unit})", cut.along.name()),
+        up_label: "power over the peak's (dB)".to_owned(),
+        curves,
+        marks: cut.nulls.map_or(vec![], |n| n.map(|v| v * factor).to_vec()),
+        across: Some((cut.span[0] * factor, cut.span[1] * factor)),
+        up: Some((FLOOR_DB, 3.0)),
+    }
+}

@@ -1,0 +1,220 @@
+//! Curves and maps, decoded again: lines run where the axes say, values have their colours.
+
+use subaperture::geometry::Axis;
+use subaperture::plot::{Chart, Colours, Curve, Heat, Stroke, heat, lines};
+
+struct Picture {
+    width: usize,
+    rgb: Vec<u8>,
+}
+
+impl Picture {
+    fn decode(bytes: &[u8]) -> Self {
+        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes))
+            .read_info()
+            .unwrap();
+        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut rgb).unwrap();
+        assert_eq!(info.color_type, png::ColorType::Rgb);
+        Self {
+            width: info.width as usize,
+            rgb,
+        }
+    }
+
+    fn at(&self, x: usize, y: usize) -> [u8; 3] {
+        let at = (y * self.width + x) * 3;
+        [self.rgb[at], self.rgb[at + 1], self.rgb[at + 2]]
+    }
+
+    /// The plot's box within its frame: left, top, right, bottom, ends excluded. The frame's lines are the
+    /// long runs of ink.
+    fn plot(&self) -> [usize; 4] {
+        const INK: [u8; 3] = [25, 25, 25];
+        let height = self.rgb.len() / 3 / self.width;
+        let run = |y: usize| {
+            let first = (0..self.width)
+                .find(|&x| (x..x + 150).all(|x| x < self.width && self.at(x, y) == INK))?;
+            let last = (first..self.width)
+                .take_while(|&x| self.at(x, y) == INK)
+                .last()?;
+            Some((first, last))
+        };
+        let found: Vec<_> = (0..height).filter_map(|y| Some((y, run(y)?))).collect();
+        let (top, (left, right)) = found[0];
+        [left + 1, top + 1, right, found[1].0]
+    }
+
+    /// Rows of column `x` of the plot with a colour nearly this one.
+    fn rows_of(&self, x: usize, [_, top, _, bottom]: [usize; 4], colour: [u8; 3]) -> Vec<usize> {
+        let alike = |y: &usize| {
+            let pixel = self.at(x, *y);
+            pixel.iter().zip(colour).all(|(a, b)| a.abs_diff(b) < 40)
+        };
+        (top..bottom).filter(alike).collect()
+    }
+}
+
+const BLUE: [u8; 3] = [0, 114, 178];
+const ORANGE: [u8; 3] = [213, 94, 0];
+
+fn curve(points: Vec<(f64, f64)>, stroke: Stroke) -> Curve {
+    Curve {
+        name: String::new(),
+        points,
+        stroke,
+    }
+}
+
+#[test]
+fn a_line_runs_where_its_values_are() {
+    // From the lower left corner to the upper right, and a level one of dashes at a quarter.
+    let chart = Chart {
+        curves: vec![
+            curve(vec![(0.0, -10.0), (4.0, 10.0)], Stroke::Solid),
+            curve(vec![(0.0, -5.0), (4.0, -5.0)], Stroke::Dashed),
+        ],
+        across: Some((0.0, 4.0)),
+        up: Some((-10.0, 10.0)),
+        ..Chart::default()
+    };
+    let picture = Picture::decode(&lines(&chart).unwrap());
+    let plot @ [left, top, right, bottom] = picture.plot();
+    let (width, height) = ((right - left) as f64, (bottom - top) as f64);
+    for part in [0.1, 0.4, 0.6, 0.9] {
+        let x = left + (part * width) as usize;
+        let wanted = bottom as f64 - part * height;
+        let rows = picture.rows_of(x, plot, BLUE);
+        let middle = rows.iter().sum::<usize>() as f64 / rows.len() as f64 + 0.5;
+        assert!(
+            (middle - wanted).abs() < 1.0,
+            "{part}: {middle}, not {wanted}"
+        );
+        assert!(rows.len() <= 4, "{rows:?}");
+    }
+    let level = (bottom as f64 - height / 4.0) as usize;
+    let lit = (left..right)
+        .filter(|&x| {
+            picture
+                .rows_of(x, plot, ORANGE)
+                .iter()
+                .any(|y| y.abs_diff(level) <= 1)
+        })
+        .count() as f64;
+    // Dashes of 9 of every 15 pixels, and round ends.
+    assert!((0.55..0.85).contains(&(lit / width)), "{lit} of {width}");
+}
+
+#[test]
+fn curves_are_clipped_and_gaps_are_left() {
+    let chart = Chart {
+        curves: vec![curve(
+            vec![
+                (0.0, 0.5),
+                (1.0, 0.5),
+                (1.5, f64::NAN),
+                (2.0, 0.5),
+                (3.0, 0.5),
+                (3.0, 1e12),
+            ],
+            Stroke::Solid,
+        )],
+        marks: vec![0.5],
+        across: Some((0.0, 4.0)),
+        up: Some((0.0, 1.0)),
+        ..Chart::default()
+    };
+    let picture = Picture::decode(&lines(&chart).unwrap());
+    let plot @ [left, top, right, _] = picture.plot();
+    let column = |value: f64| left + (value / 4.0 * (right - left) as f64) as usize;
+    assert!(!picture.rows_of(column(0.3), plot, BLUE).is_empty());
+    assert!(
+        picture.rows_of(column(1.5), plot, BLUE).is_empty(),
+        "the gap"
+    );
+    assert!(picture.rows_of(column(3.5), plot, BLUE).is_empty());
+    // Up and out of the box at 3: the whole upper half, and nothing above the frame.
+    let up = picture.rows_of(column(3.0), plot, BLUE);
+    assert_eq!(up.first(), Some(&top));
+    for y in 0..top - 1 {
+        assert_ne!(picture.at(column(3.0), y), BLUE);
+    }
+    assert!(
+        picture.rows_of(column(0.5), plot, [130, 130, 130]).len() > 100,
+        "the mark"
+    );
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused() {
+    let chart = |points, up| Chart {
+        title: "cut".to_owned(),
+        curves: vec![curve(points, Stroke::Dots)],
+        up,
+        ..Chart::default()
+    };
+    for (chart, part) in [
+        (chart(vec![(f64::NAN, 1.0)], None), "no finite point"),
+        (chart(vec![(0.0, 1.0)], Some((1.0, 1.0))), "an axis needs"),
+    ] {
+        let error = lines(&chart).unwrap_err().to_string();
+        assert!(error.contains(part) && error.contains("cut"), "{error}");
+    }
+    // One point has axes of its own.
+    lines(&chart(vec![(0.0, 1.0)], None)).unwrap();
+}
+
+#[test]
+fn a_map_is_drawn_on_its_linear_scale() {
+    let axis = |start, count| Axis {
+        start,
+        step: 1.0,
+        count,
+    };
+    let mut values = vec![0.0; 200];
+    // Row 7 of 10, third from above; column 3 of 20.
+    values[7 * 20 + 3] = 4.0;
+    values[0] = f32::NAN;
+    let map = Heat {
+        values: &values,
+        rows: axis(100.0, 10),
+        columns: axis(-10.0, 20),
+        title: "map".to_owned(),
+        across_label: "Doppler (Hz)".to_owned(),
+        up_label: "range (m)".to_owned(),
+        unit: "%".to_owned(),
+        range: (-4.0, 4.0),
+        colours: Colours::Grey,
+        proportional: false,
+    };
+    let picture = Picture::decode(&heat(&map).unwrap());
+    let [left, top, right, bottom] = picture.plot();
+    let side = (right - left) / 20;
+    assert_eq!((right - left, bottom - top), (20 * side, 10 * side));
+    let at = |row: usize, column: usize| {
+        picture.at(
+            left + column * side + side / 2,
+            bottom - 1 - row * side - side / 2,
+        )
+    };
+    assert_eq!(at(7, 3), [255; 3]);
+    assert_eq!(at(5, 5), [128; 3], "0 is half way");
+    assert_eq!(at(0, 0), [214, 40, 40], "NaN is red");
+    let error = heat(&Heat {
+        range: (1.0, 1.0),
+        ..map.clone()
+    })
+    .unwrap_err()
+    .to_string();
+    assert!(error.contains("no colours from 1 to 1"), "{error}");
+    let error = heat(&Heat {
+        rows: axis(0.0, 9),
+        ..map
+    })
+    .unwrap_err()
+    .to_string();
+    assert!(
+        error.contains("200 values do not fill 9 rows x 20"),
+        "{error}"
+    );
+}

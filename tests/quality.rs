@@ -1,0 +1,525 @@
+//! Measures of images against responses and figures known by hand.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use subaperture::focus::exact::Exact;
+use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::geometry::{Axis, ImageGrid};
+use subaperture::image::Image;
+use subaperture::phase_history::PhaseHistory;
+use subaperture::quality::PairError;
+use subaperture::quality::coherence::coherence;
+use subaperture::quality::difference::percent_difference;
+use subaperture::quality::registration::offset;
+use subaperture::quality::response::{
+    Direction, Response, ResponseError, Settings, Target, measure,
+};
+use subaperture::quality::theory::{Expected, expected};
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
+
+const WINDOWS: [Window; 3] = [
+    Window::None,
+    Window::Hamming,
+    Window::Taylor { side_lobe_db: 35.0 },
+];
+
+fn square(side: usize) -> ImageGrid {
+    let axis = Axis {
+        start: 0.0,
+        step: 1.0,
+        count: side,
+    };
+    ImageGrid::horizontal(axis, axis, 0.0)
+}
+
+/// A separable response of `n` weighted lines a dimension, `cell` pixels a cell, its peak of amplitude
+/// `a` at `(row, column)`; the phase turns by `turn` a pixel: the definition, summed line by line.
+struct Made {
+    window: Window,
+    cell: f64,
+    row: f64,
+    column: f64,
+    turn: [f64; 2],
+    amplitude: Complex64,
+}
+
+impl Made {
+    const LINES: usize = 101;
+
+    fn image(&self, side: usize) -> Image {
+        let weights = self.window.weights(Self::LINES);
+        let sum: f64 = weights.iter().sum();
+        let along = |at: f64, turn: f64| -> Vec<Complex64> {
+            (0..side)
+                .map(|i| {
+                    let x = i as f64 - at;
+                    let lines = weights.iter().enumerate().map(|(k, w)| {
+                        let line = (k as f64 - 50.0) / Self::LINES as f64 / self.cell;
+                        Complex64::cis((TAU * line + turn) * x) * w / sum
+                    });
+                    lines.sum()
+                })
+                .collect()
+        };
+        let down = along(self.row, self.turn[0]);
+        let across = along(self.column, self.turn[1]);
+        let pixel = |i: usize| self.amplitude * down[i / side] * across[i % side];
+        Image {
+            rows: side,
+            columns: side,
+            pixels: (0..side * side).map(|i| narrow(pixel(i))).collect(),
+        }
+    }
+}
+
+fn narrow(z: Complex64) -> Complex32 {
+    Complex32::new(z.re as f32, z.im as f32)
+}
+
+/// Theory for a span of pixels on either side.
+fn theory(window: Window, span_cells: f64) -> Expected {
+    expected(&window.weights(Made::LINES), span_cells, 1.5).unwrap()
+}
+
+#[track_caller]
+fn near_db(what: &str, value: Option<f64>, wanted: Option<f64>) {
+    let (value, wanted) = (value.unwrap(), wanted.unwrap());
+    println!("{what}: {value:.3} dB, theory {wanted:.3} dB");
+    assert!(
+        (value - wanted).abs() < 0.2,
+        "{what}: {value}, not {wanted}"
+    );
+}
+
+/// The figures of every cut: widths to 1 %, ratios to 0.2 dB.
+fn check_cuts(what: &str, response: &Response, window: Window, cells: [f64; 2]) {
+    for (cut, cell) in response.cuts.iter().zip(cells) {
+        let span = (cut.span[1] - cut.span[0]) / 2.0 / cell;
+        let theory = theory(window, span);
+        let width = cut.width_3db.unwrap() / cell;
+        println!(
+            "{what} {window} {:?}: {width:.4} cells, theory {:.4}, span {span:.1}",
+            cut.along, theory.width_3db
+        );
+        assert!(
+            (width / theory.width_3db - 1.0).abs() < 0.01,
+            "{what} {window}: {width}"
+        );
+        near_db(
+            "PSLR, nulls",
+            cut.null_rule.pslr_db,
+            theory.null_rule.pslr_db,
+        );
+        near_db(
+            "ISLR, nulls",
+            cut.null_rule.islr_db,
+            theory.null_rule.islr_db,
+        );
+        near_db(
+            "PSLR, fixed",
+            cut.fixed_rule.pslr_db,
+            theory.fixed_rule.pslr_db,
+        );
+        near_db(
+            "ISLR, fixed",
+            cut.fixed_rule.islr_db,
+            theory.fixed_rule.islr_db,
+        );
+    }
+}
+
+#[test]
+fn a_made_response_is_measured_to_theory() {
+    // Cells of 1.4 to 3 pixels, peaks between pixels, spectra anywhere, across their cut too.
+    for (cell, row, column, turn) in [
+        (2.0, 50.31, 49.77, [0.0, 0.0]),
+        (1.4, 50.5, 50.0, [0.6, -1.1]),
+        (3.0, 49.9, 50.123, [3.0, -2.9]),
+    ] {
+        for window in WINDOWS {
+            let made = Made {
+                window,
+                cell,
+                row,
+                column,
+                turn,
+                amplitude: Complex64::from_polar(0.3, 1.2),
+            };
+            let image = made.image(101);
+            let response = measure(
+                &image,
+                &square(101),
+                Target::Brightest,
+                &Settings::default(),
+            )
+            .unwrap();
+            let error = (response.row - row).hypot(response.column - column);
+            println!(
+                "{window}, cell {cell}: position off by {:.5} cells",
+                error / cell
+            );
+            assert!(error < cell / 128.0, "{window}: {error}");
+            // What the chip leaves out of an unweighted response, -32 dB at its edge, is felt at the
+            // peak by less than a tenth: 2e-3 of amplitude, 0.02 dB.
+            let level_db = 20.0 * 0.3f64.log10();
+            assert!(
+                (response.level_db - level_db).abs() < 0.02,
+                "{}",
+                response.level_db
+            );
+            // A turn of 3 radians a pixel carries an error of a hundredth of a pixel to 0.03.
+            assert!(
+                (response.phase_rad - 1.2).abs() < 0.03,
+                "{}",
+                response.phase_rad
+            );
+            check_cuts("made", &response, window, [cell, cell]);
+            // Separable: (main + side)^2 of the energy, of which main^2 is inside.
+            let ratio = |i: usize| 10f64.powf(response.cuts[i].null_rule.islr_db.unwrap() / 10.0);
+            let both = (1.0 + ratio(0)) * (1.0 + ratio(1)) - 1.0;
+            near_db("ISLR, 2-D", response.islr_2d_db, Some(10.0 * both.log10()));
+        }
+    }
+}
+
+#[test]
+fn a_line_of_sight_is_measured_along_and_across() {
+    // The response is the same along both axes and, for Hamming's round main lobe, nearly so along
+    // diagonals; exactly, the diagonal cut is the product of both axes' responses at s / sqrt 2.
+    let made = Made {
+        window: Window::Hamming,
+        cell: 2.0,
+        row: 50.2,
+        column: 50.4,
+        turn: [0.0; 2],
+        amplitude: Complex64::ONE,
+    };
+    let settings = Settings {
+        line_of_sight_rad: Some(TAU / 8.0),
+        ..Settings::default()
+    };
+    let response = measure(&made.image(101), &square(101), Target::Brightest, &settings).unwrap();
+    let directions: Vec<Direction> = response.cuts.iter().map(|cut| cut.along).collect();
+    assert_eq!(
+        directions,
+        [
+            Direction::X,
+            Direction::Y,
+            Direction::Range,
+            Direction::CrossRange
+        ]
+    );
+    // Where the product has half its power each factor has 1 / sqrt 2 of it.
+    let weights = Window::Hamming.weights(Made::LINES);
+    let power = |x: f64| subaperture::quality::theory::transform(&weights, x).powi(2);
+    let half = (0..20_000)
+        .map(|i| f64::from(i) * 1e-4)
+        .find(|&x| power(x) < 0.5f64.sqrt())
+        .unwrap();
+    let wanted = 2.0 * half * 2f64.sqrt() * 2.0;
+    for cut in &response.cuts[2..] {
+        let width = cut.width_3db.unwrap();
+        assert!((width / wanted - 1.0).abs() < 0.01, "{width}, not {wanted}");
+    }
+}
+
+#[test]
+fn what_is_no_point_is_refused() {
+    let made = |row, column| Made {
+        window: Window::None,
+        cell: 2.0,
+        row,
+        column,
+        turn: [0.0; 2],
+        amplitude: Complex64::ONE,
+    };
+    let settings = Settings::default();
+    let grid = square(61);
+    let at = |image: &Image, target| measure(image, &grid, target, &settings).unwrap_err();
+    let border = at(&made(4.0, 30.0).image(61), Target::Brightest);
+    assert!(
+        matches!(
+            border,
+            ResponseError::Border {
+                row: 4,
+                column: 30,
+                room: 4,
+                ..
+            }
+        ),
+        "{border}"
+    );
+    let noise = noise(61, 1);
+    assert!(matches!(
+        at(&noise, Target::Brightest),
+        ResponseError::NoPeak { .. } | ResponseError::Border { .. }
+    ));
+    let near = |x, y| Target::Near {
+        column_value: x,
+        row_value: y,
+    };
+    let refused = at(&noise, near(30.0, 30.0));
+    assert!(matches!(refused, ResponseError::NoPeak { .. }), "{refused}");
+    let outside = at(&noise, near(90.0, 30.0)).to_string();
+    assert!(
+        outside.contains("x 90 is not on the image, which reaches from 0 to 60"),
+        "{outside}"
+    );
+    let mut holed = made(30.0, 30.0).image(61);
+    holed.pixels[35 * 61 + 35] = Complex32::new(f32::NAN, 0.0);
+    let error = at(&holed, Target::Brightest);
+    assert_eq!(
+        error,
+        ResponseError::NotFinite {
+            row: 30,
+            column: 30
+        }
+    );
+    let dark = Image {
+        pixels: vec![Complex32::ZERO; 61 * 61],
+        ..holed
+    };
+    assert!(
+        at(&dark, Target::Brightest)
+            .to_string()
+            .contains("no pixel above zero")
+    );
+}
+
+/// One scatterer of Table 4.1 by two formers.
+#[test]
+fn focused_points_are_measured_to_theory() {
+    let history = Preset::Table41.simulate(&Variation::default());
+    let position_m = DVec3::new(0.113, -0.207, 0.0);
+    let history = Simulated::new(
+        history.collection().clone(),
+        vec![Scatterer {
+            position_m,
+            amplitude: Complex64::from_polar(1.0, 0.5),
+        }],
+        None,
+    );
+    // Range: c / (2 B) with 200 MHz. Cross range: the wavelength at 10 GHz over twice the angle of
+    // the aperture, whose pulses, like the band's samples, stand for cells: 1040 times 0.125 m at 5 km.
+    let cross = 299_792_458.0 / 10e9 / 2.0 / (2.0 * f64::atan(1040.0 * 0.125 / 2.0 / 5000.0));
+    let cells = [cross, 299_792_458.0 / 2.0 / 200e6];
+    let grid: ImageGrid = "x=-9:9:0.28,y=-12:12:0.35".parse().unwrap();
+    let formers: [Box<dyn ImageFormer>; 2] = [
+        Box::new(Exact),
+        Box::new(RangeDoppler {
+            mode: Mode::Precise,
+            error_db: -60.0,
+            sub_cpi: None,
+            patch_m: None,
+        }),
+    ];
+    for former in &formers {
+        for window in [Window::None, Window::Taylor { side_lobe_db: 35.0 }] {
+            let weights = Weights::new(history.collection(), window, window);
+            let image = former
+                .form(&Task {
+                    history: &history,
+                    grid: &grid,
+                    weights: &weights,
+                    memory_bytes: 1 << 30,
+                    monitor: &Silent,
+                })
+                .unwrap()
+                .image;
+            // The two-way phase turns by 4 pi / lambda a metre of range, 10 GHz less half a sample.
+            let middle_hz = 10e9 - 200e6 / 256.0 / 2.0;
+            let turn = TAU * 2.0 * middle_hz / 299_792_458.0 * grid.rows.step;
+            let settings = Settings {
+                turn: [turn, 0.0],
+                ..Settings::default()
+            };
+            let response = measure(&image, &grid, Target::Brightest, &settings).unwrap();
+            let off = [
+                response.column_value - position_m.x,
+                response.row_value - position_m.y,
+            ];
+            println!("{} {window}: off by {off:?} m", former.name());
+            assert!(
+                off[0].abs() < cells[0] / 128.0 && off[1].abs() < cells[1] / 128.0,
+                "{off:?}"
+            );
+            assert!(response.level_db.abs() < 0.02, "{}", response.level_db);
+            // The phase is that of where the peak was found: 1 mm of range turns it by 0.42 radians.
+            let wanted = 0.5 + turn / grid.rows.step * off[1];
+            println!(
+                "phase {:.4}, turn {:?} of {turn}",
+                response.phase_rad, response.turn
+            );
+            assert!(
+                (response.phase_rad - wanted).abs() < 0.02,
+                "{}",
+                response.phase_rad
+            );
+            check_cuts(former.name(), &response, window, cells);
+        }
+    }
+}
+
+/// Complex Gaussian noise of power 1: sums of 12 uniform numbers.
+fn noise(side: usize, seed: u64) -> Image {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut normal = || {
+        let sum: f64 = (0..12)
+            .map(|_| f64::from(random.next_u32()) / 2f64.powi(32))
+            .sum();
+        (sum - 6.0) / 2f64.sqrt()
+    };
+    Image {
+        rows: side,
+        columns: side,
+        pixels: (0..side * side)
+            .map(|_| narrow(Complex64::new(normal(), normal())))
+            .collect(),
+    }
+}
+
+#[test]
+fn percent_differences_by_hand() {
+    let row = |values: &[f32]| Image {
+        rows: 1,
+        columns: values.len(),
+        pixels: values.iter().map(|&v| Complex32::new(0.0, v)).collect(),
+    };
+    // Peak 10; the floor of 20 dB is at 1. Magnitudes only: the sign of -8 does not count.
+    let b = row(&[10.0, 4.0, 2.0, 0.5, 0.0, f32::NAN]);
+    let a = row(&[-8.0, 5.0, 6.0, 9.0, 1.0, 1.0]);
+    let d = percent_difference(&a, &b, 20.0).unwrap();
+    for (value, wanted) in d.map.values.iter().zip([20.0, 25.0, 200.0]) {
+        assert!((value - wanted).abs() < 1e-4, "{value}");
+    }
+    assert!(d.map.values[3..].iter().all(|v| v.is_nan()));
+    let s = d.summary;
+    assert_eq!((s.num_pixels, s.num_excluded), (3, 3));
+    assert!((s.median.unwrap() - 25.0).abs() < 1e-9);
+    assert!((s.largest.unwrap() - 200.0).abs() < 1e-9);
+    assert!((s.mean.unwrap() - 245.0 / 3.0).abs() < 1e-9);
+    let error = percent_difference(&a, &row(&[1.0]), 20.0).unwrap_err();
+    assert!(matches!(error, PairError::Size { .. }));
+}
+
+#[test]
+fn coherence_of_known_decorrelation() {
+    // b = rho a + sqrt(1 - rho^2) n with independent a and n of power 1 has coherence rho. A window of n^2
+    // pixels estimates it with a bias of about (1 - rho^2)^2 / (4 n^2 rho) and the mean of 120^2 pixels
+    // of windows scatters by less than 1 / (n sqrt(2 * 120^2 / n^2)) = 0.006.
+    let (a, other) = (noise(120, 5), noise(120, 6));
+    for rho in [0.95, 0.6] {
+        let pixels = a
+            .pixels
+            .iter()
+            .zip(&other.pixels)
+            .map(|(&u, &v)| u * rho as f32 + v * f64::sqrt(1.0 - rho * rho) as f32);
+        let b = Image {
+            pixels: pixels.collect(),
+            ..a.clone()
+        };
+        let map = coherence(&a, &b, 11).unwrap();
+        let bias = (1.0 - rho * rho).powi(2) / (4.0 * 121.0 * rho);
+        let mean = map.mean().unwrap();
+        println!("rho {rho}: mean {mean:.4}");
+        assert!((mean - rho - bias).abs() < 0.01, "{mean}");
+    }
+    // Against the definition at a corner, an edge and inside.
+    let map = coherence(&a, &other, 5).unwrap();
+    for (row, column) in [(0usize, 0usize), (0, 60), (119, 119), (70, 33), (3, 118)] {
+        let (mut cross, mut p, mut q) = (Complex64::ZERO, 0.0, 0.0);
+        for i in row.saturating_sub(2)..=(row + 2).min(119) {
+            for j in column.saturating_sub(2)..=(column + 2).min(119) {
+                let wide = |z: Complex32| Complex64::new(z.re.into(), z.im.into());
+                let (u, v) = (wide(a.pixels[i * 120 + j]), wide(other.pixels[i * 120 + j]));
+                cross += u * v.conj();
+                p += u.norm_sqr();
+                q += v.norm_sqr();
+            }
+        }
+        let wanted = cross.norm() / (p * q).sqrt();
+        let value = f64::from(map.values[row * 120 + column]);
+        assert!(
+            (value - wanted).abs() < 1e-6,
+            "{row} {column}: {value} {wanted}"
+        );
+    }
+    // A factor changes nothing; a pixel that is not finite is felt as far as its window reaches.
+    let mut turned = Image {
+        pixels: a
+            .pixels
+            .iter()
+            .map(|z| z * Complex32::new(0.0, -3.0))
+            .collect(),
+        ..a.clone()
+    };
+    turned.pixels[60 * 120 + 60].re = f32::NAN;
+    let map = coherence(&a, &turned, 3).unwrap();
+    for (i, value) in map.values.iter().enumerate() {
+        let felt = (i / 120).abs_diff(60) <= 1 && (i % 120).abs_diff(60) <= 1;
+        assert!(
+            if felt {
+                value.is_nan()
+            } else {
+                (value - 1.0).abs() < 1e-6
+            },
+            "{i}: {value}"
+        );
+    }
+    assert!(
+        coherence(&a, &turned, 4)
+            .unwrap_err()
+            .to_string()
+            .contains("odd")
+    );
+}
+
+#[test]
+fn a_known_shift_is_found() {
+    // Points of a band sampled at half its cell, the same moved by a fraction of a pixel.
+    let scene = |rows: f64, columns: f64| {
+        let mut image = Image {
+            rows: 101,
+            columns: 101,
+            pixels: vec![Complex32::ZERO; 101 * 101],
+        };
+        for (row, column, phase) in [(40.3, 31.2, 0.1), (62.8, 70.9, 2.0), (25.0, 66.4, -1.3)] {
+            let made = Made {
+                window: Window::Taylor { side_lobe_db: 35.0 },
+                cell: 2.0,
+                row: row + rows,
+                column: column + columns,
+                turn: [1.0, -2.0],
+                amplitude: Complex64::cis(phase),
+            };
+            for (sum, z) in image.pixels.iter_mut().zip(made.image(101).pixels) {
+                *sum += z;
+            }
+        }
+        image
+    };
+    let b = scene(0.0, 0.0);
+    for (rows, columns) in [(0.0, 0.0), (0.37, -1.61), (-7.25, 4.5)] {
+        let found = offset(&scene(rows, columns), &b).unwrap();
+        println!("{rows} {columns}: {found:?}");
+        assert!((found.rows - rows).abs() < 0.01, "{found:?}");
+        assert!((found.columns - columns).abs() < 0.01, "{found:?}");
+        assert!(found.correlation > 0.99, "{found:?}");
+    }
+    let flat = Image {
+        pixels: vec![Complex32::ONE; 101 * 101],
+        ..b.clone()
+    };
+    assert!(
+        offset(&flat, &b)
+            .unwrap_err()
+            .to_string()
+            .contains("contrast")
+    );
+}
