@@ -231,7 +231,8 @@ impl Array {
             path: path.to_owned(),
             what,
         };
-        let needed = u128::from(self.rows) * u128::from(self.columns) * N as u128;
+        // Below 2^128 as it stands, but not with the values' bytes.
+        let needed = (u128::from(self.rows) * u128::from(self.columns)).saturating_mul(N as u128);
         if needed != u128::from(self.data_bytes) {
             return Err(unsuited(format!(
                 "{} x {} values of type {} need {needed} bytes after the header, but the file has {}",

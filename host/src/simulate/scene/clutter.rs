@@ -137,15 +137,6 @@ impl Clutter {
     }
 }
 
-/// The part of `points` that lies within `radius_m` of a place: used by tests of makers.
-#[cfg(test)]
-pub(super) fn power_within(points: &[Scatterer], place_m: DVec3, radius_m: f64) -> f64 {
-    let inside = points
-        .iter()
-        .filter(|p| p.position_m.distance(place_m) < radius_m);
-    inside.map(|p| p.amplitude.norm_sqr()).sum()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -157,6 +148,13 @@ mod tests {
             density,
             sigma0_db: -13.0,
         }
+    }
+
+    fn power_within(points: &[Scatterer], place_m: DVec3, radius_m: f64) -> f64 {
+        let inside = points
+            .iter()
+            .filter(|p| p.position_m.distance(place_m) < radius_m);
+        inside.map(|p| p.amplitude.norm_sqr()).sum()
     }
 
     #[test]
