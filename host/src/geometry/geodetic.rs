@@ -30,6 +30,15 @@ impl Geodetic {
         }
     }
 
+    /// Earth-centred Earth-fixed coordinates, metres. The inverse of [`Self::from_ecf_m`].
+    pub fn to_ecf_m(&self) -> DVec3 {
+        let (latitude, longitude) = (
+            self.latitude_deg.to_radians(),
+            self.longitude_deg.to_radians(),
+        );
+        map_3d::geodetic2ecef(latitude, longitude, self.height_m, map_3d::Ellipsoid::WGS84).into()
+    }
+
     /// Unit vectors east, north and up (normal to the ellipsoid) in ECF.
     pub(crate) fn east_north_up(&self) -> [DVec3; 3] {
         let (sin_lat, cos_lat) = self.latitude_deg.to_radians().sin_cos();
@@ -86,6 +95,8 @@ mod tests {
                 longitude_deg,
                 height_m,
             };
+            // Places have some 1e-9 m of roundings.
+            assert!(place.to_ecf_m().distance(to_ecf(place)) < 1e-8);
             let back = Geodetic::from_ecf_m(to_ecf(place));
             // Float64 resolves 1e-9 m at 6.4e6 m: 1e-8 m allows ten roundings, and 1e-8 m of
             // ground is 1e-13 degrees (over cos(latitude) for the longitude).
