@@ -4,10 +4,13 @@
 //! true motion the delay is solved for every sample. Cost: 8 operations a scatterer and sample, or
 //! some five poses of the body.
 
+use std::ops::Range;
+
 use glam::DVec3;
 use num_complex::Complex64;
 
 use super::View;
+use super::illumination::Illumination;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::signal::phase::phasor;
 use crate::simulate::radar::Motion;
@@ -16,36 +19,53 @@ use crate::simulate::scene::Scene;
 /// Sets `out` to the sum over `scene`.
 pub(super) fn pulse(scene: &Scene, view: &View, out: &mut [Complex64]) {
     out.fill(Complex64::ZERO);
-    let mut adder = Adder::new(view);
+    let illumination = Illumination::new(view, &scene.blocks);
+    let adder = Adder::of_samples(view, 0..out.len());
     for point in &scene.points {
-        adder.add(point.amplitude, |_| point.position_m, out);
+        let gain = illumination.of(point.position_m);
+        adder.add(point.amplitude * gain, |_| point.position_m, out);
+    }
+    for corner in &scene.corners {
+        let gain = illumination.of(corner.position_m);
+        let amplitude = Complex64::from(illumination.corner(corner) * gain);
+        adder.add(amplitude, |_| corner.position_m, out);
     }
     for mover in &scene.movers {
-        adder.add(mover.amplitude, |t| mover.motion.pose(t).position_m, out);
+        let place = |t| mover.motion.pose(t).position_m;
+        let gain = illumination.of(place(view.middle_s()));
+        adder.add(mover.amplitude * gain, place, out);
     }
 }
 
 /// Adds single scatterers to the samples of a pulse.
 pub(super) struct Adder<'a> {
     view: &'a View<'a>,
+    /// Index of the first sample.
+    first: usize,
     /// Where the receiver is at each sample; once, if it stands still.
     receivers_m: Vec<DVec3>,
 }
 
 impl<'a> Adder<'a> {
-    pub(super) fn new(view: &'a View<'a>) -> Self {
+    /// To a run of the pulse's samples.
+    pub(super) fn of_samples(view: &'a View<'a>, samples: Range<usize>) -> Self {
+        let first = samples.start;
         let receivers_m = match view.motion {
             Motion::StopAndGo => vec![view.receiver_m(view.time_s)],
-            Motion::True => (0..view.sweep.count)
+            Motion::True => samples
                 .map(|k| view.receiver_m(view.sample_s(k as f64)))
                 .collect(),
         };
-        Self { view, receivers_m }
+        Self {
+            view,
+            first,
+            receivers_m,
+        }
     }
 
     /// Adds a scatterer at `place(t)`.
     pub(super) fn add(
-        &mut self,
+        &self,
         amplitude: Complex64,
         place: impl Fn(f64) -> DVec3,
         out: &mut [Complex64],
@@ -59,7 +79,8 @@ impl<'a> Adder<'a> {
                 let path_m = view.transmitter_m(view.time_s).distance(point_m)
                     + self.receivers_m[0].distance(point_m);
                 let d = path_m / SPEED_OF_LIGHT_M_S - view.reference_s;
-                let mut value = amplitude * phasor(residual(d) - sweep.start_hz * d);
+                let start_hz = sweep.start_hz + self.first as f64 * sweep.step_hz;
+                let mut value = amplitude * phasor(residual(d) - start_hz * d);
                 let step = phasor(-sweep.step_hz * d);
                 for z in out.iter_mut() {
                     *z += value;
@@ -68,7 +89,8 @@ impl<'a> Adder<'a> {
             }
             Motion::True => {
                 let mut delay_s = 0.0;
-                for (k, (z, &receiver_m)) in out.iter_mut().zip(&self.receivers_m).enumerate() {
+                for (i, (z, &receiver_m)) in out.iter_mut().zip(&self.receivers_m).enumerate() {
+                    let k = self.first + i;
                     delay_s = view.delay_s(&place, view.sample_s(k as f64), receiver_m, delay_s);
                     let d = delay_s - view.reference_s;
                     let frequency_hz = sweep.start_hz + k as f64 * sweep.step_hz;
