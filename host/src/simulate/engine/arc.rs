@@ -89,6 +89,8 @@ pub(super) struct Arc {
     centre_hz: f64,
     half_hz: f64,
     half_samples: f64,
+    /// From its far end to the middle of the sweep, in half lengths.
+    to_middle: f64,
     residual_hz_s: f64,
     reference_s: f64,
     centre_s: f64,
@@ -141,6 +143,7 @@ impl Arc {
             centre_hz: sweep.start_hz + sweep.step_hz * centre,
             half_hz: sweep.step_hz * half_samples,
             half_samples,
+            to_middle: (centre - sweep.count as f64 / 2.0).abs() / half_samples + 1.0,
             residual_hz_s: sweep.residual_hz_s,
             reference_s: view.reference_s,
             centre_s,
@@ -162,8 +165,8 @@ impl Arc {
         ] {
             let v = (way.step_m.length() + 2.0 * way.bend_m.length()) * scale;
             let a = 2.0 * way.bend_m.length() * scale * scale;
-            // Reaches hold for the middle of the sweep; a run is at most all of it away.
-            let near_m = (reach.near_m - 2.0 * v * self.runs()).max(0.0);
+            // Reaches are those of the middle of the sweep.
+            let near_m = (reach.near_m - v * self.to_middle).max(0.0);
             first += v / c;
             second += (v * v / near_m + a) / c;
             third += (3.0 * v * a / near_m + 2.0 / 3f64.sqrt() * v.powi(3) / near_m.powi(2)) / c;
@@ -182,11 +185,6 @@ impl Arc {
         let neglected = cubic + highest_hz * (off + third / (9.0 * 3f64.sqrt()));
         let bend = self.half_hz.abs() * d1 + highest_hz * d2 + g * (d1 * d1 / 2.0 + far_s * d2);
         2.0 * PI * neglected <= NEGLECTED_RAD && PI * bend <= MAX_BEND_RAD
-    }
-
-    /// How many half runs the sweep's middle is away from the run's, at most.
-    fn runs(&self) -> f64 {
-        (self.first as f64 / self.half_samples).max(1.0)
     }
 
     /// Coefficients of a scatterer's phase from its delays (less the reference) at `kappa = -1, 0, 1`,

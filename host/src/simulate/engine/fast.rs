@@ -108,8 +108,8 @@ pub(super) fn pulse(
                 if !rest.is_empty() {
                     let adder = Adder::of_samples(view, samples.clone());
                     for mover in rest {
-                        let amplitude =
-                            mover.amplitude * illumination.of(mover.motion.pose(middle_s).position_m);
+                        let amplitude = mover.amplitude
+                            * illumination.of(mover.motion.pose(middle_s).position_m);
                         let place = |t| mover.motion.pose(t).position_m;
                         adder.add(amplitude, place, &mut out[samples.clone()]);
                     }
@@ -130,11 +130,7 @@ pub(super) fn chunks(scatterers: impl Iterator<Item = Scatterer>) -> Vec<Chunk> 
 }
 
 /// Distances of the nearest and farthest from `from_m`; infinitely wide if one is not a number.
-fn reach<'a>(
-    work: &mut Work,
-    chunks: impl Iterator<Item = &'a Chunk>,
-    from_m: DVec3,
-) -> Reach {
+fn reach<'a>(work: &mut Work, chunks: impl Iterator<Item = &'a Chunk>, from_m: DVec3) -> Reach {
     let mut reach: Option<Reach> = None;
     for chunk in chunks {
         let ranges_m = &mut work.ranges_m[0];
