@@ -20,6 +20,7 @@ use super::View;
 use super::arc::{Arc, Reach};
 use super::chunk::{Chunk, LANES, Lanes, Phases};
 use super::illumination::Illumination;
+use super::lattice::Lattice;
 use super::nufft::{Grid, Nufft, Values};
 use super::sum::{self, Adder};
 use crate::SPEED_OF_LIGHT_M_S;
@@ -58,6 +59,7 @@ impl Default for Work {
 pub(super) fn pulse(
     scene: &Scene,
     points: &[Chunk],
+    lattice: Option<&Lattice>,
     view: &View,
     work: &mut Work,
     out: &mut [Complex64],
@@ -75,6 +77,14 @@ pub(super) fn pulse(
     out.fill(Complex64::ZERO);
     match view.motion {
         Motion::StopAndGo => {
+            let recycled = lattice.and_then(|l| l.shift(view).map(|shift| (l, shift)));
+            if let Some((lattice, shift)) = recycled {
+                let mut run = Run::new(work, out.len());
+                lattice.add(shift, &mut run);
+                run.finish(out);
+                lattice.refer(view, out);
+            }
+            let points = if recycled.is_some() { &[] } else { points };
             let mut run = Run::new(work, out.len());
             for chunk in points.iter().chain(&corners).chain(&movers) {
                 run.illuminate(&illumination, chunk);
@@ -154,7 +164,7 @@ fn reach<'a>(work: &mut Work, chunks: impl Iterator<Item = &'a Chunk>, from_m: D
 }
 
 /// One NUFFT's samples, or a series of them.
-struct Run<'a> {
+pub(super) struct Run<'a> {
     work: &'a mut Work,
     nufft: usize,
     /// Terms of the series in use.
@@ -162,7 +172,7 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(work: &'a mut Work, samples: usize) -> Self {
+    pub(super) fn new(work: &'a mut Work, samples: usize) -> Self {
         let planned = work.nuffts.iter().position(|n| n.samples() == samples);
         let nufft = planned.unwrap_or_else(|| {
             work.nuffts.push(Nufft::new(samples));
@@ -176,7 +186,7 @@ impl<'a> Run<'a> {
     }
 
     /// Sets the gain of each scatterer.
-    fn illuminate(&mut self, illumination: &Illumination, chunk: &Chunk) {
+    pub(super) fn illuminate(&mut self, illumination: &Illumination, chunk: &Chunk) {
         let gain = &mut self.work.gain;
         if illumination.is_even() {
             gain.fill(1.0);
@@ -196,7 +206,7 @@ impl<'a> Run<'a> {
     }
 
     /// Sets the phases of scatterers and a radar that stand still.
-    fn stand_still(&mut self, view: &View, chunk: &Chunk) {
+    pub(super) fn stand_still(&mut self, view: &View, chunk: &Chunk) {
         let transmitter_m = view.transmitter_m(view.time_s);
         let receiver_m = view.receiver_m(view.time_s);
         let [out_m, back_m] = &mut *self.work.ranges_m;
@@ -251,8 +261,48 @@ impl<'a> Run<'a> {
         self.add(chunk, terms);
     }
 
+    /// Makes grids for so many terms ready.
+    fn open(&mut self, terms: usize) {
+        let Work { nuffts, grids, .. } = &mut *self.work;
+        while self.terms < terms {
+            if grids.len() <= self.terms {
+                grids.push(Grid::default());
+            }
+            grids[self.terms].fit(&nuffts[self.nufft]);
+            self.terms += 1;
+        }
+    }
+
+    /// Values of a chunk whose gains and phases are set.
+    pub(super) fn values(&mut self, chunk: &Chunk) -> &Values {
+        let Work {
+            nuffts,
+            phases,
+            values,
+            gain,
+            ..
+        } = &mut *self.work;
+        let length = nuffts[self.nufft].length();
+        values.set((&chunk.re, &chunk.im), gain, phases, length);
+        values
+    }
+
+    /// Adds the first `count` of the values that `fill` sets.
+    pub(super) fn add_values(&mut self, count: usize, fill: impl FnOnce(&mut Values)) {
+        self.open(1);
+        let Work {
+            nuffts,
+            grids,
+            values,
+            ..
+        } = &mut *self.work;
+        fill(values);
+        nuffts[self.nufft].spread(values, count, &mut grids[0]);
+    }
+
     /// Adds a chunk with some terms of the series.
     fn add(&mut self, chunk: &Chunk, terms: usize) {
+        self.open(terms);
         let Work {
             nuffts,
             grids,
@@ -262,13 +312,6 @@ impl<'a> Run<'a> {
             ..
         } = &mut *self.work;
         let nufft = &nuffts[self.nufft];
-        while self.terms < terms {
-            if grids.len() <= self.terms {
-                grids.push(Grid::default());
-            }
-            grids[self.terms].fit(nufft);
-            self.terms += 1;
-        }
         values.set((&chunk.re, &chunk.im), gain, phases, nufft.length());
         for (p, grid) in grids[..terms].iter_mut().enumerate() {
             if p > 0 {

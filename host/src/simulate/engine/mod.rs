@@ -16,12 +16,14 @@ mod chunk;
 mod delay;
 mod fast;
 mod illumination;
+mod lattice;
 mod nufft;
 mod sum;
 
 use num_complex::Complex64;
 
 use self::chunk::Chunk;
+use self::lattice::Lattice;
 use crate::simulate::body::Trajectory;
 use crate::simulate::radar::{Antenna, Motion};
 use crate::simulate::scene::Scene;
@@ -82,6 +84,7 @@ pub struct Engine {
     scene: Scene,
     method: Method,
     points: Vec<Chunk>,
+    lattice: Option<Lattice>,
 }
 
 /// Working memory of one thread. What it was used for before never matters.
@@ -101,7 +104,24 @@ impl Engine {
             scene: scene.clone(),
             method,
             points,
+            lattice: None,
         }
+    }
+
+    /// Prepares `scene` for the pulses `views` of one pair of antennas, in their order. On a straight, even track
+    /// over a lattice of points, what the radar sees is kept in tables of at most `memory_bytes` and
+    /// reused; else, and for other pulses, this is [`Self::new`].
+    pub fn for_track(scene: &Scene, method: Method, views: &[View], memory_bytes: u64) -> Engine {
+        let mut engine = Self::new(scene, method);
+        if method == Method::Fast {
+            engine.lattice = Lattice::new(scene, views, memory_bytes);
+        }
+        engine
+    }
+
+    /// Whether tables for a track are in use.
+    pub fn recycles(&self) -> bool {
+        self.lattice.is_some()
     }
 
     /// Sets `out` to the samples of the pulse that `view` describes.
@@ -112,7 +132,14 @@ impl Engine {
         assert_eq!(out.len(), view.sweep.count, "out must hold the sweep");
         match self.method {
             Method::Sum => sum::pulse(&self.scene, view, out),
-            Method::Fast => fast::pulse(&self.scene, &self.points, view, &mut scratch.work, out),
+            Method::Fast => fast::pulse(
+                &self.scene,
+                &self.points,
+                self.lattice.as_ref(),
+                view,
+                &mut scratch.work,
+                out,
+            ),
         }
     }
 }
