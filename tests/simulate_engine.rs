@@ -158,8 +158,8 @@ fn a_scatterer_has_its_phase_residual_and_all() {
             Complex64::new(0.6, 0.8) * Complex64::new(phase.cos(), phase.sin())
         })
         .collect();
-    // 1e4 rad in float64: 1e-12 a sample, and as much from the oracle's own sine.
-    assert!(error_db(&samples(&scene, Method::Sum, &view), &exact) < -220.0);
+    // Delays of 8e-6 s are rounded to 1e-21 s, 5e-11 rad, a few times here and there: below 3e-10.
+    assert!(error_db(&samples(&scene, Method::Sum, &view), &exact) < -190.0);
     assert!(error_db(&samples(&scene, Method::Fast, &view), &exact) < -110.0);
 }
 
@@ -386,5 +386,72 @@ fn scratch_that_was_used_for_something_else_changes_no_bit() {
         view.sweep = sweep(64);
         engine.pulse(&view, &mut scratch, &mut out[..64]);
         assert_eq!(out[..64], samples(&scene, Method::Fast, &view));
+    }
+}
+
+#[test]
+fn recycling_changes_nothing() {
+    let wide = Pattern::Gaussian {
+        azimuth_rad: 0.4,
+        elevation_rad: 0.4,
+    };
+    let (one, two) = (antenna(DVec3::X, wide), antenna(DVec3::NEG_X, wide));
+    // The radar moves 0.125 m a pulse; points 0.0625 or 0.25 m apart, rows anywhere.
+    for pitch_m in [0.0625, 0.25] {
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let points = (0..4)
+            .flat_map(|row| (0..200).map(move |i| (row, i)))
+            .map(|(row, i)| Scatterer {
+                position_m: DVec3::new(
+                    -255.0 + pitch_m * f64::from(i),
+                    7.3 * f64::from(row * row),
+                    0.4 * f64::from(row),
+                ),
+                amplitude: Complex64::new(uniform(&mut random), uniform(&mut random)),
+            })
+            .collect();
+        let scene = Scene {
+            points,
+            corners: vec![Corner {
+                position_m: DVec3::new(-240.0, 3.0, 0.0),
+                boresight: DVec3::new(0.0, -0.9, 0.4).normalize(),
+                edge_m: 0.05,
+            }],
+            ..Scene::default()
+        };
+        let mut views: Vec<View> = (0..40)
+            .map(|n| {
+                let mut view = view(&AIRCRAFT, &one, &two, Motion::StopAndGo);
+                view.time_s = 0.4 + 1e-3 * f64::from(n);
+                view.sweep.residual_hz_s = 0.0;
+                // As compensation to a point of the scene does it.
+                view.reference_s += 1e-9 * f64::from(n);
+                view.spreading_from_m = Some(1000.0);
+                view
+            })
+            .collect();
+        let engine = Engine::for_track(&scene, Method::Fast, &views, 1 << 20);
+        assert!(engine.recycles());
+        for view in &views {
+            let mut out = vec![Complex64::ZERO; view.sweep.count];
+            engine.pulse(view, &mut Scratch::default(), &mut out);
+            let fast = error_db(&out, &samples(&scene, Method::Fast, view));
+            let sum = error_db(&out, &samples(&scene, Method::Sum, view));
+            // Pulses off their places by 1e-6 wavelengths at most: 1.3e-5 rad, -98 dB; here by roundings only.
+            assert!(fast < -110.0 && sum < -110.0, "{fast} {sum}");
+        }
+        // Too little memory, a track that is not even, a scene off the lattice: as without.
+        assert!(!Engine::for_track(&scene, Method::Fast, &views, 1000).recycles());
+        views[7].time_s += 1e-5;
+        assert!(!Engine::for_track(&scene, Method::Fast, &views, 1 << 20).recycles());
+        views[7].time_s -= 1e-5;
+        let mut off = scene.clone();
+        off.points[5].position_m.x += 1e-4;
+        assert!(!Engine::for_track(&off, Method::Fast, &views, 1 << 20).recycles());
+        // A pulse from elsewhere is right all the same.
+        views[7].time_s += 3.3e-4;
+        let mut out = vec![Complex64::ZERO; 300];
+        engine.pulse(&views[7], &mut Scratch::default(), &mut out);
+        assert_eq!(out, samples(&scene, Method::Fast, &views[7]));
     }
 }

@@ -72,9 +72,18 @@ fn main() {
     };
     let sum = Engine::new(&scene, Method::Sum);
     let fast = Engine::new(&scene, Method::Fast);
-    let ways: [(&str, &Engine, Motion, usize); 3] = [
+    let views: Vec<View> = (0..10_000).map(|n| view(n, Motion::StopAndGo)).collect();
+    let start = Instant::now();
+    let recycled = Engine::for_track(&scene, Method::Fast, &views, 1 << 30);
+    println!(
+        "tables for 10,000 pulses: {:.2} s, recycles: {}",
+        start.elapsed().as_secs_f64(),
+        recycled.recycles()
+    );
+    let ways: [(&str, &Engine, Motion, usize); 4] = [
         ("sum", &sum, Motion::StopAndGo, 1),
         ("fast", &fast, Motion::StopAndGo, PULSES),
+        ("recycled", &recycled, Motion::StopAndGo, PULSES),
         ("fast, true motion", &fast, Motion::True, PULSES),
     ];
     let mut seconds = vec![Vec::new(); ways.len()];
