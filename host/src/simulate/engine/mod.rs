@@ -11,8 +11,22 @@
 //! with `g_s` the antennas' amplitude towards the scatterer and, if asked, the spreading. The sum over
 //! everything in the scene is all this module does; noise, windows and files are others' work.
 
+mod arc;
+mod chunk;
+mod delay;
+mod fast;
+mod illumination;
+mod lattice;
+mod nufft;
+mod sum;
+
+use num_complex::Complex64;
+
+use self::chunk::Chunk;
+use self::lattice::Lattice;
 use crate::simulate::body::Trajectory;
 use crate::simulate::radar::{Antenna, Motion};
+use crate::simulate::scene::Scene;
 
 /// How sums are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -60,4 +74,72 @@ pub struct View<'a> {
     pub motion: Motion,
     /// Range at which spreading is 1, metres; `None` for no spreading.
     pub spreading_from_m: Option<f64>,
+}
+
+/// A scene made ready for sums over it.
+///
+/// Memory: the scene, 40 bytes a point, and for [`Method::Fast`] 32 bytes a point more.
+#[derive(Debug)]
+pub struct Engine {
+    scene: Scene,
+    method: Method,
+    points: Vec<Chunk>,
+    lattice: Option<Lattice>,
+}
+
+/// Working memory of one thread. What it was used for before never matters.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    work: fast::Work,
+}
+
+impl Engine {
+    /// Prepares `scene`.
+    pub fn new(scene: &Scene, method: Method) -> Engine {
+        let points = match method {
+            Method::Sum => Vec::new(),
+            Method::Fast => fast::chunks(scene.points.iter().copied()),
+        };
+        Engine {
+            scene: scene.clone(),
+            method,
+            points,
+            lattice: None,
+        }
+    }
+
+    /// Prepares `scene` for the pulses `views` of one pair of antennas, in their order. On a straight, even track
+    /// over a lattice of points, what the radar sees is kept in tables of at most `memory_bytes` and
+    /// reused; else, and for other pulses, this is [`Self::new`].
+    pub fn for_track(scene: &Scene, method: Method, views: &[View], memory_bytes: u64) -> Engine {
+        let mut engine = Self::new(scene, method);
+        if method == Method::Fast {
+            engine.lattice = Lattice::new(scene, views, memory_bytes);
+        }
+        engine
+    }
+
+    /// Whether tables for a track are in use.
+    pub fn recycles(&self) -> bool {
+        self.lattice.is_some()
+    }
+
+    /// Sets `out` to the samples of the pulse that `view` describes.
+    ///
+    /// # Panics
+    /// If `out` does not hold `view.sweep.count` samples.
+    pub fn pulse(&self, view: &View, scratch: &mut Scratch, out: &mut [Complex64]) {
+        assert_eq!(out.len(), view.sweep.count, "out must hold the sweep");
+        match self.method {
+            Method::Sum => sum::pulse(&self.scene, view, out),
+            Method::Fast => fast::pulse(
+                &self.scene,
+                &self.points,
+                self.lattice.as_ref(),
+                view,
+                &mut scratch.work,
+                out,
+            ),
+        }
+    }
 }
