@@ -1,5 +1,8 @@
 //! What transmits and receives.
 
+mod shape;
+mod waveform;
+
 use glam::DVec3;
 
 use crate::phase_history::Band;
