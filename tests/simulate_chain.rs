@@ -348,10 +348,15 @@ fn a_fast_clock_reads_ranges_long() {
     }
 }
 
-/// Jitter of 1 ns: over 400 pulses the RMS delay has a standard error of `1 / sqrt(800)`, 3.5 %.
+/// Jitter of 1 ns: over 400 pulses the RMS delay has a standard error of `1 / sqrt(800)`, 3.5 %. A sweep that
+/// is mixed with its own copy does not mind when it is sampled: beats stay what they are.
 #[test]
 fn jitter_moves_pulses() {
-    for waveform in [IDEAL, pulsed(10e9, 200e6, true), fmcw(false)] {
+    for (waveform, expected_s) in [
+        (IDEAL, 1e-9),
+        (pulsed(10e9, 200e6, true), 1e-9),
+        (fmcw(false), 0.0),
+    ] {
         let mut jittered = experiment(waveform, vec![point(0.0, 0.0, 1.0)]);
         jittered.radar.num_pulses = 400;
         jittered.track = Arc::new(Line {
@@ -370,7 +375,7 @@ fn jitter_moves_pulses() {
             .chunks_exact(collection.num_samples)
             .map(|row| relative_delay_s(row, step_hz).powi(2));
         let rms_s = (squares.sum::<f64>() / 400.0).sqrt();
-        assert!((rms_s / 1e-9 - 1.0).abs() < 0.15, "{rms_s}");
+        assert!((rms_s - expected_s).abs() < 0.15e-9, "{rms_s}");
     }
 }
 
@@ -579,7 +584,9 @@ fn true_and_measured_positions_survive_a_file() {
         (error.rms_m - (squares / 32.0).sqrt()).abs() < 1e-8,
         "{error:?}"
     );
-    assert!(error.max_m <= 0.05 + 1e-8 && error.max_m > 0.0499);
+    // It still rises at 31 ms, the last.
+    let most_m = 0.05 * (TAU * 7.0 * 31e-3).sin();
+    assert!((error.max_m - most_m).abs() < 1e-8, "{error:?}");
 
     // Phases: the true path, less the recorded path to the reference.
     let samples = read_whole(&recording);
