@@ -1,5 +1,7 @@
 //! What transmits and receives.
 
+mod pattern;
+
 use glam::DVec3;
 
 use crate::phase_history::Band;
@@ -140,7 +142,7 @@ pub enum Pattern {
     /// Alike everywhere.
     #[default]
     Isotropic,
-    /// `exp(-2 ln 2 ((az / az_w)^2 + (el / el_w)^2))` in power: half at half the widths.
+    /// `exp(-2 ln 2 ((az / az_w)^2 + (el / el_w)^2))` in amplitude: half the power at half the widths.
     Gaussian {
         /// Full half-power width in azimuth (about `up`), radians.
         azimuth_rad: f64,

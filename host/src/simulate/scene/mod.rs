@@ -4,6 +4,9 @@
 //! of its reflection: 1 is 1 m². The engine hands it on unscaled for a scatterer at the scene's
 //! reference point, so a 1 m² point there reads 1 in a focused image, whatever the radar.
 
+mod corner;
+pub mod shadow;
+
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
@@ -28,7 +31,7 @@ pub struct Scene {
 /// A triangular trihedral corner reflector.
 ///
 /// Its cross section on boresight is `4 pi a^4 / (3 lambda^2)` for an edge of `a`, falling off with
-/// the angle from boresight.
+/// the angle from boresight; [`Corner::amplitude`] says how.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corner {
     /// Its apex, metres in the scene frame.
