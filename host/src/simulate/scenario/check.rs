@@ -229,7 +229,8 @@ fn aperture(platform: &Values, experiment: &Experiment, looks: &[Look]) -> Optio
             .all(|(now, first)| now.distance(first) < 1e-9)
     });
     let meant = platform.text("kind") == "fixed";
-    (still && !meant && looks.len() > 1).then(|| {
+    let sees_motion = !experiment.scene.movers.is_empty();
+    (still && !meant && !sees_motion && looks.len() > 1).then(|| {
         Found::new(
             &platform.at,
             "the radar does not move from the first pulse to the last, so there is no aperture: give it \

@@ -52,6 +52,7 @@ mod nearest;
 mod platform;
 mod radar;
 mod receiver;
+mod recorded;
 mod resolve;
 mod scene;
 mod schema;
@@ -168,20 +169,21 @@ impl Scenario {
         }
 
         let seed = top.count("seed");
-        let (frame, extent, reference) = scene::place(top.section("scene"))?;
+        let one = |found| vec![found];
+        let place = scene::place(top.section("scene")).map_err(one)?;
         let mut radar = radar::build(top.section("radar"))?;
-        let ways = platform::build(top.section("platform"), &radar, &frame, seed, &self.folder)?;
-        check::place_window(&mut radar, &*ways.track, reference);
-        let scene = scene::build(top.section("scene"), &radar, seed, &self.folder)?;
+        let ways = platform::build(&top, &radar, &place.frame, seed, &self.folder).map_err(one)?;
+        check::place_window(&mut radar, &*ways.track, place.reference);
+        let scene = scene::build(top.section("scene"), &radar, seed, &self.folder).map_err(one)?;
         let experiment = Experiment {
             name: top.text("name").to_owned(),
-            frame,
-            extent,
+            frame: place.frame,
+            extent: place.extent,
             radar,
             track: ways.track,
             measured: ways.measured,
             scene,
-            reference,
+            reference: place.reference,
             seed,
             method: match top.text("method") {
                 "sum" => Method::Sum,

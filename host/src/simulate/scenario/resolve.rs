@@ -124,7 +124,7 @@ fn sections(
     parent_at: &At,
     faults: &mut Vec<Found>,
 ) -> Vec<Values> {
-    let mut one = |node: &Node, faults: &mut Vec<Found>| match &node.raw {
+    let one = |node: &Node, faults: &mut Vec<Found>| match &node.raw {
         Raw::Table(table) => Some(resolve(section, table, &node.at, faults)),
         other => {
             faults.push(Found::new(

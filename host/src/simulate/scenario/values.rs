@@ -139,13 +139,6 @@ impl Values {
         }
     }
 
-    pub(super) fn interval(&self, key: &str) -> (f64, f64) {
-        match self.value(key) {
-            Value::Numbers(numbers) => (numbers[0], numbers[1]),
-            other => unreachable!("'{key}' is {other:?}"),
-        }
-    }
-
     pub(super) fn rows(&self, key: &str) -> &[Vec<f64>] {
         match self.value(key) {
             Value::Rows(rows) => rows,
@@ -155,12 +148,6 @@ impl Values {
 
     pub(super) fn optional_rows(&self, key: &str) -> Option<&[Vec<f64>]> {
         self.given(key).map(|_| self.rows(key))
-    }
-
-    /// Points of rows of three.
-    pub(super) fn points(&self, key: &str) -> Vec<DVec3> {
-        let rows = self.rows(key).iter();
-        rows.map(|row| DVec3::from_slice(row)).collect()
     }
 
     /// The sections of this name within; none if there are none.

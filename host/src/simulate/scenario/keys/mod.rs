@@ -2,7 +2,7 @@
 //! reader checks texts against it, `subap simulate --keys` prints it, and tests hold that each key is
 //! read.
 
-mod platform;
+mod motion;
 mod radar;
 mod scene;
 
@@ -47,10 +47,7 @@ pub(super) static SECTIONS: &[&Section] = &[
     &scene::ORIGIN,
     &scene::POINT,
     &scene::CORNER,
-    &scene::CLUTTER,
-    &scene::PICTURE,
-    &scene::BUILDING,
-    &scene::MOVER,
+    &motion::MOVER,
     &radar::RADAR,
     &radar::PULSE,
     &radar::TRANSMITTER,
@@ -60,9 +57,9 @@ pub(super) static SECTIONS: &[&Section] = &[
     &radar::CLOCK,
     &radar::INTERFERENCE,
     &radar::CONVERTER,
-    &platform::PLATFORM,
-    &platform::PERTURBATION,
-    &platform::NAVIGATION,
+    &motion::PLATFORM,
+    &motion::PERTURBATION,
+    &motion::NAVIGATION,
 ];
 
 /// The sections directly within the one at `path`.

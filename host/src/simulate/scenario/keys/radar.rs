@@ -73,7 +73,7 @@ pub(super) static RADAR: Section = Section {
         Key::new(
             "window_start",
             Kind::Quantity(Dimension::Time, Bounds::NotNegative),
-            Need::Optional("\"33 us\""),
+            Need::Optional("\"38.7 us\""),
             "Delay of sample 0 after the pulse's start. If left out, the echo of the reference lies in \
              the middle of the window, in the middle of the collection.",
         )
