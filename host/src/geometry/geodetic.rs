@@ -30,17 +30,13 @@ impl Geodetic {
         }
     }
 
-    /// To Earth-centred Earth-fixed coordinates, metres. The inverse of [`Self::from_ecf_m`].
+    /// Earth-centred Earth-fixed coordinates, metres. The inverse of [`Self::from_ecf_m`].
     pub fn to_ecf_m(&self) -> DVec3 {
-        let (sin_lat, cos_lat) = self.latitude_deg.to_radians().sin_cos();
-        let (sin_lon, cos_lon) = self.longitude_deg.to_radians().sin_cos();
-        let prime_vertical_m = SEMI_MAJOR_M / (1.0 - ECCENTRICITY2 * sin_lat * sin_lat).sqrt();
-        let across_m = (prime_vertical_m + self.height_m) * cos_lat;
-        DVec3::new(
-            across_m * cos_lon,
-            across_m * sin_lon,
-            (prime_vertical_m * (1.0 - ECCENTRICITY2) + self.height_m) * sin_lat,
-        )
+        let (latitude, longitude) = (
+            self.latitude_deg.to_radians(),
+            self.longitude_deg.to_radians(),
+        );
+        map_3d::geodetic2ecef(latitude, longitude, self.height_m, map_3d::Ellipsoid::WGS84).into()
     }
 
     /// Unit vectors east, north and up (normal to the ellipsoid) in ECF.
@@ -99,9 +95,9 @@ mod tests {
                 longitude_deg,
                 height_m,
             };
+            // Places have some 1e-9 m of roundings.
+            assert!(place.to_ecf_m().distance(to_ecf(place)) < 1e-8);
             let back = Geodetic::from_ecf_m(to_ecf(place));
-            // Some five roundings of values below 6.4e6 m, 1e-9 m each.
-            assert!(place.to_ecf_m().distance(to_ecf(place)) < 5e-9);
             // Float64 resolves 1e-9 m at 6.4e6 m: 1e-8 m allows ten roundings, and 1e-8 m of
             // ground is 1e-13 degrees (over cos(latitude) for the longitude).
             assert!((back.height_m - height_m).abs() < 1e-8, "{back:?}");

@@ -5,6 +5,8 @@ pub mod cphd;
 pub mod gotcha;
 pub mod maps;
 mod matlab;
+pub mod novatel;
 pub mod npy;
 pub mod open;
 pub mod product;
+pub mod track_csv;

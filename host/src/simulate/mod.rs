@@ -11,7 +11,8 @@
 //!                        ^ receiver: thermal noise, phase noise, interference, converter
 //! ```
 //!
-//! - [`scene`] is what reflects, [`radar`] what transmits and receives, [`body`] how it moves.
+//! - [`scene`] is what reflects, [`radar`] what transmits and receives, [`body`] says what a motion is, [`track`]
+//!   has them.
 //! - [`engine`] computes, for one pulse of one pair of antennas, the sum over all scatterers
 //!   of the scene; nothing else in the simulator knows how.
 //! - [`crate::receive`] turns echoes, simulated or recorded, into phase history. The simulator
@@ -29,6 +30,7 @@ mod plain;
 mod preset;
 pub mod radar;
 pub mod scene;
+pub mod track;
 
 pub use experiment::{Experiment, Pair, Reference};
 pub use plain::{Noise, Scatterer, Simulated};

@@ -1,0 +1,259 @@
+//! Tracks as comma-separated values.
+//!
+//! The first line names the columns, in any order: `time_s`, `x_m`, `y_m`, `z_m`, and if attitude is known all
+//! of `roll_deg`, `pitch_deg`, `yaw_deg` or all of `roll_rad`, `pitch_rad`, `yaw_rad`. Every line
+//! after it is a fix. Times are seconds from the collection's start, positions metres in the scene
+//! frame; angles are right-handed about x forward, y left and z up ([`turned`]). Empty lines and
+//! lines that begin with `#` are passed over.
+//!
+//! ```text
+//! time_s,x_m,y_m,z_m
+//! 0.0,-100.0,-500.0,300.0
+//! 0.1,-95.0,-500.0,300.1
+//! ```
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use crate::simulate::track::{Fix, turned};
+
+/// Bytes a line may have.
+const LONGEST_LINE: u64 = 4096;
+
+/// Farthest that a coordinate may lie from the scene's origin, metres, and longest a time, seconds.
+const FARTHEST: f64 = 1e9;
+
+const PLACE: [&str; 4] = ["time_s", "x_m", "y_m", "z_m"];
+const DEGREES: [&str; 3] = ["roll_deg", "pitch_deg", "yaw_deg"];
+const RADIANS: [&str; 3] = ["roll_rad", "pitch_rad", "yaw_rad"];
+
+/// Why a track was not read.
+#[derive(Debug, thiserror::Error)]
+pub enum TrackCsvError {
+    /// The operating system refused.
+    #[error("cannot read {path}: {source}")]
+    Io {
+        /// File concerned.
+        path: PathBuf,
+        /// Cause.
+        source: io::Error,
+    },
+    /// A line is not what it should be.
+    #[error("{path}, line {line}: {what}")]
+    Line {
+        /// File concerned.
+        path: PathBuf,
+        /// The line, from 1.
+        line: u64,
+        /// What is wrong with it.
+        what: String,
+    },
+}
+
+/// Reads a track's fixes.
+///
+/// # Errors
+/// [`TrackCsvError`], with the line. That times ascend is the track's to check.
+pub fn read(path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
+    let file = File::open(path).map_err(|source| TrackCsvError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    read_from(BufReader::new(file), path)
+}
+
+/// Reads a track's fixes from a stream; `path` is for errors.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_from(mut stream: impl BufRead, path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
+    let mut columns = None;
+    let mut fixes = Vec::new();
+    let mut text = Vec::new();
+    let mut line = 0;
+    loop {
+        line += 1;
+        let refused = |what: String| TrackCsvError::Line {
+            path: path.to_owned(),
+            line,
+            what,
+        };
+        text.clear();
+        let mut limited = stream.by_ref().take(LONGEST_LINE);
+        let read = limited.read_until(b'\n', &mut text);
+        let count = read.map_err(|source| TrackCsvError::Io {
+            path: path.to_owned(),
+            source,
+        })?;
+        if count as u64 == LONGEST_LINE {
+            return Err(refused(format!(
+                "{LONGEST_LINE} bytes or more; not a track"
+            )));
+        }
+        if count == 0 {
+            break;
+        }
+        let Ok(row) = std::str::from_utf8(&text) else {
+            return Err(refused("not text".to_owned()));
+        };
+        // A spreadsheet may put a byte order mark before the first name.
+        let row = row.trim_start_matches('\u{feff}').trim();
+        if row.is_empty() || row.starts_with('#') {
+            continue;
+        }
+        match &columns {
+            None => columns = Some(Columns::parse(row).map_err(refused)?),
+            Some(columns) => fixes.push(columns.fix(row).map_err(refused)?),
+        }
+    }
+    if columns.is_none() {
+        return Err(TrackCsvError::Line {
+            path: path.to_owned(),
+            line: 1,
+            what: format!("no header; begin with {}", PLACE.join(",")),
+        });
+    }
+    Ok(fixes)
+}
+
+/// Where each value is in a row.
+struct Columns {
+    names: Vec<String>,
+    place: [usize; 4],
+    /// Roll, pitch and yaw, and what one of their units is in radians.
+    angles: Option<([usize; 3], f64)>,
+}
+
+impl Columns {
+    fn parse(header: &str) -> Result<Self, String> {
+        let names: Vec<String> = header.split(',').map(|n| n.trim().to_owned()).collect();
+        for (n, name) in names.iter().enumerate() {
+            let known = [&PLACE[..], &DEGREES, &RADIANS].concat();
+            if !known.contains(&name.as_str()) {
+                return Err(format!(
+                    "column '{name}' is not known; the columns are {}",
+                    known.join(", ")
+                ));
+            }
+            if names[..n].contains(name) {
+                return Err(format!("column '{name}' comes twice"));
+            }
+        }
+        let at = |name: &str| names.iter().position(|n| n == name);
+        let mut place = [0; 4];
+        for (place, name) in place.iter_mut().zip(PLACE) {
+            *place = at(name).ok_or_else(|| format!("column '{name}' is missing"))?;
+        }
+        let angles = match (DEGREES.map(at), RADIANS.map(at)) {
+            ([Some(r), Some(p), Some(y)], [None, None, None]) => {
+                Some(([r, p, y], 1f64.to_radians()))
+            }
+            ([None, None, None], [Some(r), Some(p), Some(y)]) => Some(([r, p, y], 1.0)),
+            ([None, None, None], [None, None, None]) => None,
+            _ => {
+                return Err(format!(
+                    "give all of {}, or all of {}, or none",
+                    DEGREES.join(", "),
+                    RADIANS.join(", ")
+                ));
+            }
+        };
+        Ok(Self {
+            names,
+            place,
+            angles,
+        })
+    }
+
+    fn fix(&self, row: &str) -> Result<Fix, String> {
+        let values: Vec<&str> = row.split(',').map(str::trim).collect();
+        if values.len() != self.names.len() {
+            return Err(format!(
+                "{} values; the header names {} columns",
+                values.len(),
+                self.names.len()
+            ));
+        }
+        let number = |n: usize| match values[n].parse::<f64>() {
+            Ok(value) if value.abs() <= FARTHEST => Ok(value),
+            _ => Err(format!(
+                "{} is '{}'; a number of at most {FARTHEST:e} is expected",
+                self.names[n], values[n]
+            )),
+        };
+        let [t, x, y, z] = self.place;
+        let attitude = match self.angles {
+            Some(([roll, pitch, yaw], unit)) => Some(turned(
+                number(roll)? * unit,
+                number(pitch)? * unit,
+                number(yaw)? * unit,
+            )),
+            None => None,
+        };
+        Ok(Fix {
+            time_s: number(t)?,
+            position_m: DVec3::new(number(x)?, number(y)?, number(z)?),
+            attitude,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fixes(text: &str) -> Result<Vec<Fix>, TrackCsvError> {
+        read_from(text.as_bytes(), Path::new("way.csv"))
+    }
+
+    #[test]
+    fn columns_are_found_by_name() {
+        let read = fixes(
+            "\u{feff}# flight 3\nz_m, x_m,y_m,yaw_deg,roll_deg,pitch_deg,time_s\r\n\r\n300,1,2,90,0,0,0.5\n\
+             301,-1e1,2.5,0,30,0,1\n",
+        )
+        .unwrap();
+        assert_eq!(read.len(), 2);
+        assert_eq!(read[0].time_s, 0.5);
+        assert_eq!(read[1].position_m, DVec3::new(-10.0, 2.5, 301.0));
+        assert!((read[0].attitude.unwrap() * DVec3::X).distance(DVec3::Y) < 1e-15);
+        assert!(((read[1].attitude.unwrap() * DVec3::Y).z - 0.5).abs() < 1e-15);
+        let radians = fixes("time_s,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad\n0,0,0,0,0,0.5,0\n");
+        let nose = radians.unwrap()[0].attitude.unwrap() * DVec3::X;
+        assert!((nose.z + 0.5f64.sin()).abs() < 1e-15);
+        assert_eq!(
+            fixes("time_s,x_m,y_m,z_m\n1,2,3,4").unwrap()[0].attitude,
+            None
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        for (text, what) in [
+            ("", "line 1: no header"),
+            ("time_s,x_m,y_m\n", "line 1: column 'z_m' is missing"),
+            (
+                "time_s,x_m,y_m,z_m,x_m\n",
+                "line 1: column 'x_m' comes twice",
+            ),
+            ("time,x_m,y_m,z_m\n", "line 1: column 'time' is not known"),
+            (
+                "time_s,x_m,y_m,z_m,yaw_deg\n",
+                "line 1: give all of roll_deg",
+            ),
+            ("time_s,x_m,y_m,z_m\n\n1,2,3\n", "line 3: 3 values"),
+            ("time_s,x_m,y_m,z_m\n1,2,x,4\n", "line 2: y_m is 'x'"),
+            ("time_s,x_m,y_m,z_m\n1,2,inf,4\n", "line 2: y_m is 'inf'"),
+            ("time_s,x_m,y_m,z_m\n1,2,NaN,4\n", "line 2: y_m is 'NaN'"),
+        ] {
+            let error = fixes(text).unwrap_err().to_string();
+            assert!(error.contains(what), "{error}");
+        }
+        let long = "9".repeat(10_000);
+        assert!(fixes(&long).unwrap_err().to_string().contains("4096 bytes"));
+        assert!(read_from(&b"\xff\xfe\n"[..], Path::new("a")).is_err());
+    }
+}
