@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use glam::DVec3;
 use num_complex::Complex32;
 
 use super::{Collection, InputFile, PhaseHistory, ReadError};
@@ -10,6 +11,8 @@ use super::{Collection, InputFile, PhaseHistory, ReadError};
 pub struct Aperture {
     /// That of all parts, if there are several; the only one's own is not copied.
     joined: Option<Collection>,
+    /// True positions of all parts, if there are several and all know them.
+    true_antennas: Option<Vec<[DVec3; 2]>>,
     parts: Vec<Box<dyn PhaseHistory>>,
 }
 
@@ -25,6 +28,7 @@ impl Aperture {
         if rest.is_empty() {
             return Ok(Self {
                 joined: None,
+                true_antennas: None,
                 parts,
             });
         }
@@ -60,8 +64,16 @@ impl Aperture {
             extent: collection.extent,
             timed,
         };
+        let mut true_antennas = Some(Vec::new());
+        for part in &parts {
+            match (&mut true_antennas, part.true_antennas()) {
+                (Some(all), Some(of_part)) => all.extend_from_slice(of_part),
+                _ => true_antennas = None,
+            }
+        }
         Ok(Self {
             joined: Some(joined),
+            true_antennas,
             parts,
         })
     }
@@ -96,9 +108,17 @@ impl PhaseHistory for Aperture {
         Ok(())
     }
 
+    fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        match &self.joined {
+            Some(_) => self.true_antennas.as_deref(),
+            None => self.parts[0].true_antennas(),
+        }
+    }
+
     fn held_bytes(&self) -> u64 {
         let own = self.joined.as_ref();
-        let own = own.map_or(0, |joined| size_of_val(joined.pulses.as_slice()));
+        let own = own.map_or(0, |joined| size_of_val(joined.pulses.as_slice()))
+            + self.true_antennas.as_deref().map_or(0, size_of_val);
         own as u64 + self.parts.iter().map(|part| part.held_bytes()).sum::<u64>()
     }
 

@@ -10,6 +10,7 @@
 
 mod aperture;
 mod recorded;
+mod track_error;
 
 use std::ops::Range;
 use std::path::PathBuf;
@@ -22,6 +23,7 @@ use crate::geometry::{Extent, SceneFrame};
 
 pub use aperture::Aperture;
 pub use recorded::Recorded;
+pub use track_error::TrackError;
 
 /// Geometry and frequency axis of one pulse. Positions in metres in the scene frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -204,6 +206,12 @@ pub trait PhaseHistory: Sync + Send {
     /// # Panics
     /// If `samples.len() != pulses.len() * num_samples` or `pulses.end` is past the last pulse.
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
+
+    /// Where transmitter and receiver truly were in every pulse, metres in the scene frame, if that is
+    /// known: simulations know it, and [`Pulse`] holds what was measured.
+    fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        None
+    }
 
     /// Bytes held in memory for as long as this lives: at least the geometry of all pulses.
     fn held_bytes(&self) -> u64 {

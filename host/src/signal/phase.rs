@@ -16,3 +16,8 @@ pub fn phasor32(turns: f64) -> Complex32 {
 pub fn narrow(z: Complex64) -> Complex32 {
     Complex32::new(z.re as f32, z.im as f32)
 }
+
+/// Both parts as float64.
+pub fn widen(z: Complex32) -> Complex64 {
+    Complex64::new(f64::from(z.re), f64::from(z.im))
+}

@@ -24,14 +24,20 @@
 //! seed gives the same file on any number of threads and in any order of reading.
 
 pub mod body;
+mod channel;
 pub mod engine;
 pub mod experiment;
 mod plain;
 mod preset;
 pub mod radar;
+pub mod receiver;
+mod recording;
+pub mod scenario;
 pub mod scene;
 pub mod track;
 
+pub use channel::Channel;
 pub use experiment::{Experiment, Pair, Reference};
 pub use plain::{Noise, Scatterer, Simulated};
 pub use preset::{Preset, PresetError, Variation};
+pub use recording::{RecordError, Recording};

@@ -11,8 +11,14 @@
 //! with `g_s` the antennas' amplitude towards the scatterer and, if asked, the spreading. The sum over
 //! everything in the scene is all this module does; noise, windows and files are others' work.
 
+mod delay;
+mod sum;
+
+use num_complex::Complex64;
+
 use crate::simulate::body::Trajectory;
 use crate::simulate::radar::{Antenna, Motion};
+use crate::simulate::scene::Scene;
 
 /// How sums are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -60,4 +66,37 @@ pub struct View<'a> {
     pub motion: Motion,
     /// Range at which spreading is 1, metres; `None` for no spreading.
     pub spreading_from_m: Option<f64>,
+}
+
+/// A scene made ready for sums over it.
+#[derive(Debug)]
+pub struct Engine {
+    scene: Scene,
+    method: Method,
+}
+
+/// Working memory of one thread. What it was used for before never matters.
+#[derive(Debug, Default)]
+pub struct Scratch {}
+
+impl Engine {
+    /// Prepares `scene`.
+    pub fn new(scene: &Scene, method: Method) -> Engine {
+        Engine {
+            scene: scene.clone(),
+            method,
+        }
+    }
+
+    /// Sets `out` to the samples of the pulse that `view` describes.
+    ///
+    /// # Panics
+    /// If `out` does not hold `view.sweep.count` samples.
+    pub fn pulse(&self, view: &View, scratch: &mut Scratch, out: &mut [Complex64]) {
+        assert_eq!(out.len(), view.sweep.count, "out must hold the sweep");
+        let _ = scratch;
+        match self.method {
+            Method::Sum | Method::Fast => sum::pulse(&self.scene, view, out),
+        }
+    }
 }

@@ -1,6 +1,8 @@
 //! What transmits and receives.
 
 mod pattern;
+mod shape;
+mod waveform;
 
 use glam::DVec3;
 

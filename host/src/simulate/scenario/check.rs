@@ -10,7 +10,7 @@ use crate::simulate::experiment::{Experiment, Reference};
 use crate::simulate::radar::{Radar, Waveform};
 
 use super::error::Found;
-use super::radar::{centre_hz, pulse_s, transmission_s};
+use super::radar::transmission_s;
 use super::values::Values;
 
 /// Pulses that are looked at.
@@ -89,7 +89,7 @@ pub(super) fn place_window(radar: &mut Radar, track: &dyn Trajectory, reference:
     } = &mut radar.waveform
         && window_start_s.is_infinite()
     {
-        let echo_middle_s = (least + most + pulse_s(shape)) / 2.0;
+        let echo_middle_s = (least + most + shape.duration_s()) / 2.0;
         *window_start_s = (echo_middle_s - *num_samples as f64 / *sample_rate_hz / 2.0).max(0.0);
     }
 }
@@ -108,6 +108,16 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
                 "the next pulse begins after {} but one takes {}: lengthen pri or shorten the pulse",
                 time(radar.pri_s),
                 time(taken_s)
+            ),
+        ));
+    }
+    if radar.num_pulses < radar.transmitters.len() {
+        faults.push(radar_values.fault(
+            "pulses",
+            format!(
+                "{} transmitters take turns over {} pulses, so some never transmit: raise pulses",
+                radar.transmitters.len(),
+                radar.num_pulses
             ),
         ));
     }
@@ -144,7 +154,7 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Fo
                 ..
             } => {
                 let end_s = window_start_s + *num_samples as f64 / sample_rate_hz;
-                let echo_end_s = most_s + pulse_s(shape);
+                let echo_end_s = most_s + shape.duration_s();
                 let slack_s = 1e-9 * echo_end_s;
                 if least_s < window_start_s - slack_s || echo_end_s > end_s + slack_s {
                     let key = if values.keys.contains_key("window_start") {
@@ -195,7 +205,7 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Fo
 
 /// A radar within the scene that it is to see.
 fn inside(top: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Found> {
-    let wavelength_m = SPEED_OF_LIGHT_M_S / centre_hz(&experiment.radar.waveform);
+    let wavelength_m = SPEED_OF_LIGHT_M_S / experiment.radar.waveform.centre_hz();
     let (point, ground_m) = match experiment.reference {
         Reference::Point(point) => (Some(point), point.z),
         Reference::Range(_) => (None, 0.0),

@@ -7,7 +7,6 @@ use crate::simulate::radar::{Antenna, Motion, Pattern, PulseShape, Radar, Wavefo
 
 use super::error::Found;
 use super::receiver;
-use super::schema::SMALLEST;
 use super::values::Values;
 
 /// The radar. A pulsed one without `window_start` is left with an infinite one, for
@@ -273,11 +272,11 @@ fn antenna(values: &Values, name: String) -> Result<Antenna, Found> {
     })
 }
 
-/// How long a pulse or sweep and its sampling take the transmitter, seconds; 0 of an ideal one.
+/// How long the transmitter is at work for one pulse, seconds; 0 of an ideal one.
 pub(super) fn transmission_s(waveform: &Waveform) -> f64 {
     match waveform {
         Waveform::Ideal { .. } => 0.0,
-        Waveform::Pulsed { shape, .. } => pulse_s(shape),
+        Waveform::Pulsed { shape, .. } => shape.duration_s(),
         Waveform::Fmcw {
             sample_rate_hz,
             num_samples,
@@ -285,28 +284,4 @@ pub(super) fn transmission_s(waveform: &Waveform) -> f64 {
         } => *num_samples as f64 / sample_rate_hz,
         Waveform::Stepped { band, step_s, .. } => band.count as f64 * step_s,
     }
-}
-
-/// A pulse's length, seconds.
-pub(super) fn pulse_s(shape: &PulseShape) -> f64 {
-    match shape {
-        PulseShape::Lfm { duration_s, .. } => *duration_s,
-        PulseShape::PhaseCode { phases_rad, chip_s } => phases_rad.len() as f64 * chip_s,
-    }
-}
-
-/// Centre frequency, hertz.
-pub(super) fn centre_hz(waveform: &Waveform) -> f64 {
-    match waveform {
-        Waveform::Ideal { band } | Waveform::Stepped { band, .. } => band.centre_hz(),
-        Waveform::Pulsed { centre_hz, .. } => *centre_hz,
-        Waveform::Fmcw {
-            start_hz,
-            chirp_hz_s,
-            sample_rate_hz,
-            num_samples,
-            ..
-        } => start_hz + chirp_hz_s * *num_samples as f64 / sample_rate_hz / 2.0,
-    }
-    .max(SMALLEST)
 }

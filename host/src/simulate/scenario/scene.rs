@@ -8,7 +8,9 @@ use crate::geometry::{Extent, Geodetic, SceneFrame};
 use crate::simulate::Scatterer;
 use crate::simulate::experiment::Reference;
 use crate::simulate::radar::Radar;
-use crate::simulate::scene::{Corner, Mover, Scene};
+use crate::simulate::scene::{
+    Area, Building, Clutter, Corner, Density, Mover, Picture, Placement, Scene, SceneError,
+};
 
 use super::error::Found;
 use super::platform;
@@ -62,8 +64,8 @@ pub(super) fn place(values: &Values) -> Result<Place, Found> {
 pub(super) fn build(
     values: &Values,
     radar: &Radar,
-    _seed: u64,
-    _folder: &Path,
+    seed: u64,
+    folder: &Path,
 ) -> Result<Scene, Found> {
     let mut scene = Scene::default();
     for point in values.sections("point") {
@@ -85,7 +87,81 @@ pub(super) fn build(
             amplitude: amplitude(mover),
         });
     }
+    for (values, index) in values.sections("clutter").iter().zip(0..) {
+        let points = clutter(values)?.points(seed, index);
+        scene.points.extend(made(values, "sigma0", points)?);
+    }
+    for (values, index) in values.sections("picture").iter().zip(0..) {
+        let picture = Picture::read(&folder.join(values.text("file")));
+        let placement = Placement {
+            extent: extent(values),
+            height_m: values.number("height"),
+            spacing_m: values.number("spacing"),
+            white_sigma0_db: values.number("sigma0"),
+            speckle: values.flag("speckle"),
+        };
+        let points = made(values, "file", picture)?.points(&placement, seed, index);
+        scene.points.extend(made(values, "spacing", points)?);
+    }
+    for (values, index) in values.sections("building").iter().zip(0..) {
+        let building = Building {
+            centre_m: values.vector("position"),
+            size_m: values.vector("size"),
+            yaw_rad: values.number("yaw"),
+            spacing_m: values.number("spacing"),
+            wall_sigma0_db: values.number("wall"),
+            edge_sigma_db: values.number("edge"),
+            foot_sigma_db: values.number("foot"),
+        };
+        let points = building.points(seed, index);
+        scene.points.extend(made(values, "size", points)?);
+        scene.blocks.push(building.block());
+    }
     Ok(scene)
+}
+
+/// What a maker made, or its error at `key`.
+fn made<T>(values: &Values, key: &str, result: Result<T, SceneError>) -> Result<T, Found> {
+    result.map_err(|error| values.fault(key, error.to_string()))
+}
+
+fn extent(values: &Values) -> Extent {
+    Extent {
+        x_m: values.interval("x"),
+        y_m: values.interval("y"),
+    }
+}
+
+fn clutter(values: &Values) -> Result<Clutter, Found> {
+    let (area, height_m) = if values.text("kind") == "rectangle" {
+        (Area::Rectangle(extent(values)), values.number("height"))
+    } else {
+        let centre = values.vector("centre");
+        let disc = Area::Disc {
+            centre_m: centre.truncate(),
+            radius_m: values.number("radius"),
+        };
+        (disc, centre.z)
+    };
+    let density = match (values.optional_number("density"), values.optional_count("count")) {
+        (Some(density), None) => Density::PerSquareMetre(density),
+        (None, Some(count)) => Density::Total(count as usize),
+        (Some(_), Some(_)) => {
+            return Err(values.fault("count", "give either density or count, not both"));
+        }
+        (None, None) => {
+            return Err(values.fault(
+                "density",
+                "[[scene.clutter]] needs 'density' or 'count': write for example density = 1",
+            ));
+        }
+    };
+    Ok(Clutter {
+        area,
+        height_m,
+        density,
+        sigma0_db: values.number("sigma0"),
+    })
 }
 
 /// The square root of the cross section, with the phase of the reflection.

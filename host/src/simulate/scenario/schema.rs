@@ -81,7 +81,7 @@ pub(super) enum Need {
 
 /// Smallest positive value: below all that is measured in seconds, metres or hertz here, and far from
 /// where float64 loses digits.
-pub(super) const SMALLEST: f64 = 1e-18;
+const SMALLEST: f64 = 1e-18;
 
 impl Bounds {
     /// What a value has to be instead, if it is out of bounds.

@@ -21,6 +21,7 @@ const EITHER: &[(&str, &str, &str)] = &[
     ("radar", "pri", "prf"),
     ("radar.pulse", "code", "phases"),
     ("scene", "reference", "reference_range"),
+    ("scene.clutter", "density", "count"),
 ];
 
 /// The section as text with the selector at `variant`: every key if `all`, of pairs the second if
@@ -73,6 +74,13 @@ fn files() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let csv = "time_s,x_m,y_m,z_m\n0,-3,-5000,3000\n0.03,0,-5000,3000\n0.06,3,-5000,3000\n";
     std::fs::write(folder.path().join("track.csv"), csv).unwrap();
+    // Two by two grey pixels.
+    let file = std::fs::File::create(folder.path().join("picture.png")).unwrap();
+    let mut png = png::Encoder::new(file, 2, 2);
+    png.set_color(png::ColorType::Grayscale);
+    png.set_depth(png::BitDepth::Eight);
+    let mut png = png.write_header().unwrap();
+    png.write_image_data(&[0, 85, 170, 255]).unwrap();
     folder
 }
 

@@ -111,6 +111,17 @@ impl Values {
         }
     }
 
+    pub(super) fn optional_count(&self, key: &str) -> Option<u64> {
+        self.given(key).map(|_| self.count(key))
+    }
+
+    pub(super) fn interval(&self, key: &str) -> (f64, f64) {
+        match self.value(key) {
+            Value::Numbers(numbers) => (numbers[0], numbers[1]),
+            other => unreachable!("'{key}' is {other:?}"),
+        }
+    }
+
     pub(super) fn vector(&self, key: &str) -> DVec3 {
         match self.value(key) {
             Value::Numbers(numbers) => DVec3::from_slice(numbers),
@@ -133,10 +144,7 @@ impl Values {
     }
 
     pub(super) fn optional_interval(&self, key: &str) -> Option<(f64, f64)> {
-        match &self.given(key)?.value {
-            Value::Numbers(numbers) => Some((numbers[0], numbers[1])),
-            other => unreachable!("'{key}' is {other:?}"),
-        }
+        self.given(key).map(|_| self.interval(key))
     }
 
     pub(super) fn rows(&self, key: &str) -> &[Vec<f64>] {

@@ -152,9 +152,24 @@ pub(super) static PLATFORM: Section = Section {
             "file",
             Kind::Path,
             Need::Required("\"track.csv\""),
-            "The recorded track.",
+            "The recorded track: a CSV with columns time_s, x_m, y_m, z_m and, if known, roll_deg, \
+             pitch_deg, yaw_deg; or a NovAtel log, whose first record is at time 0.",
         )
         .when(&["csv", "novatel"]),
+        Key::new(
+            "record",
+            Kind::Choice(&["inspvax", "inspva", "bestpos"]),
+            Need::Default("\"inspvax\""),
+            "Which records of the log are the track; bestpos has no attitude.",
+        )
+        .when(&["novatel"]),
+        Key::new(
+            "skip_damaged",
+            Kind::Flag,
+            Need::Default("false"),
+            "Whether lines of the log that are damaged are passed over.",
+        )
+        .when(&["novatel"]),
     ],
 };
 

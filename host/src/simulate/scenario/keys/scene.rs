@@ -125,3 +125,159 @@ pub(super) static CORNER: Section = Section {
         ),
     ],
 };
+
+const X: Key = Key::new(
+    "x",
+    Kind::Interval(Dimension::Length),
+    Need::Required("\"-20, 20 m\""),
+    "Its extent in x.",
+);
+const Y: Key = Key::new(
+    "y",
+    Kind::Interval(Dimension::Length),
+    Need::Required("\"-20, 20 m\""),
+    "Its extent in y.",
+);
+const HEIGHT: Key = Key::new(
+    "height",
+    Kind::Quantity(Dimension::Length, Bounds::Any),
+    Need::Default("\"0 m\""),
+    "Its height, z.",
+);
+const SPACING: Key = Key::new(
+    "spacing",
+    Kind::Quantity(Dimension::Length, Bounds::Positive),
+    Need::Required("\"2 m\""),
+    "Distance from point to point.",
+);
+const LEVEL: Bounds = Bounds::Within(-300.0, 300.0, "-300 to 300 dB");
+
+pub(super) static CLUTTER: Section = Section {
+    path: "scene.clutter",
+    presence: Presence::Many,
+    when: &[],
+    selector: "kind",
+    doc: "Many weak points on a level plane that together look like ground.",
+    keys: &[
+        Key::new(
+            "kind",
+            Kind::Choice(&["rectangle", "disc"]),
+            Need::Default("\"rectangle\""),
+            "The shape of its area.",
+        ),
+        X.when(&["rectangle"]),
+        Y.when(&["rectangle"]),
+        Key::new(
+            "centre",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"0, 0, 0 m\""),
+            "Centre of the disc; z is its height.",
+        )
+        .when(&["disc"]),
+        Key::new(
+            "radius",
+            Kind::Quantity(Dimension::Length, Bounds::Positive),
+            Need::Required("\"20 m\""),
+            "Radius of the disc.",
+        )
+        .when(&["disc"]),
+        HEIGHT.when(&["rectangle"]),
+        Key::new(
+            "density",
+            Kind::Quantity(Dimension::Ratio, Bounds::Positive),
+            Need::Optional("1"),
+            "Points on a square metre: ten a resolution cell make speckle. Either this or count.",
+        ),
+        Key::new(
+            "count",
+            Kind::Count(1, 1 << 26),
+            Need::Optional("1000"),
+            "Points in all. Either this or density.",
+        ),
+        Key::new(
+            "sigma0",
+            Kind::Quantity(Dimension::Level, LEVEL),
+            Need::Required("\"-20 dB\""),
+            "Mean cross section of a square metre.",
+        ),
+    ],
+};
+
+pub(super) static PICTURE: Section = Section {
+    path: "scene.picture",
+    presence: Presence::Many,
+    when: &[],
+    selector: "",
+    doc: "A picture laid on a level plane, its brightness proportional to amplitude.",
+    keys: &[
+        Key::new(
+            "file",
+            Kind::Path,
+            Need::Required("\"picture.png\""),
+            "A grey PNG of 8 or 16 bits, or a NumPy array of real numbers.",
+        ),
+        X,
+        Y,
+        HEIGHT,
+        SPACING,
+        Key::new(
+            "sigma0",
+            Kind::Quantity(Dimension::Level, LEVEL),
+            Need::Required("\"0 dB\""),
+            "Cross section of a square metre of white.",
+        ),
+        Key::new(
+            "speckle",
+            Kind::Flag,
+            Need::Default("true"),
+            "Whether amplitudes are complex Gaussian, as of rough ground.",
+        ),
+    ],
+};
+
+pub(super) static BUILDING: Section = Section {
+    path: "scene.building",
+    presence: Presence::Many,
+    when: &[],
+    selector: "",
+    doc: "An upright box with walls, roof edge and foot that reflect; it hides what is behind it.",
+    keys: &[
+        Key::new(
+            "position",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"10, 5, 0 m\""),
+            "Middle of its ground plan, at the foot.",
+        ),
+        Key::new(
+            "size",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"12, 8, 6 m\""),
+            "Length, width and height.",
+        ),
+        Key::new(
+            "yaw",
+            Kind::Quantity(Dimension::Angle, Bounds::Any),
+            Need::Default("\"0 deg\""),
+            "Angle from the scene's x axis to its length, towards y.",
+        ),
+        SPACING,
+        Key::new(
+            "wall",
+            Kind::Quantity(Dimension::Level, LEVEL),
+            Need::Default("\"-10 dB\""),
+            "Mean cross section of a square metre of wall.",
+        ),
+        Key::new(
+            "edge",
+            Kind::Quantity(Dimension::Level, LEVEL),
+            Need::Default("\"-10 dB\""),
+            "Of a metre of roof edge.",
+        ),
+        Key::new(
+            "foot",
+            Kind::Quantity(Dimension::Level, LEVEL),
+            Need::Default("\"0 dB\""),
+            "Of a metre of foot, where wall and ground make a dihedral.",
+        ),
+    ],
+};

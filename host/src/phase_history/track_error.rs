@@ -1,0 +1,35 @@
+//! How far the recorded positions are from the true ones.
+
+use super::PhaseHistory;
+
+/// Distances between recorded and true positions of the antennas, over all pulses, both antennas.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct TrackError {
+    /// Root of the mean square, metres.
+    pub rms_m: f64,
+    /// The largest, metres.
+    pub max_m: f64,
+}
+
+impl TrackError {
+    /// Of a history that knows the truth; `None` if it does not, or has no pulses.
+    pub fn of(history: &dyn PhaseHistory) -> Option<Self> {
+        let pulses = &history.collection().pulses;
+        let truth = history.true_antennas()?;
+        let (mut sum, mut max) = (0.0, 0.0f64);
+        for (pulse, [transmitter_m, receiver_m]) in pulses.iter().zip(truth) {
+            for error_m in [
+                pulse.transmitter_m.distance(*transmitter_m),
+                pulse.receiver_m.distance(*receiver_m),
+            ] {
+                sum += error_m * error_m;
+                max = max.max(error_m);
+            }
+        }
+        let count = 2 * pulses.len().min(truth.len());
+        (count > 0).then(|| Self {
+            rms_m: (sum / count as f64).sqrt(),
+            max_m: max,
+        })
+    }
+}

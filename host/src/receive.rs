@@ -1,1 +1,0 @@
-//! From echoes to phase history: what a receiver's samples need before any image former can use them.

@@ -1,0 +1,113 @@
+//! An experiment's recordings: raw samples taken through [`crate::receive`].
+
+use std::ops::Range;
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use super::channel::Channel;
+use super::experiment::{Experiment, Pair};
+use super::radar::Waveform;
+use crate::phase_history::{Collection, PhaseHistory, ReadError};
+use crate::receive::{Compressed, Deskewed, Echoes, Filter, ReceiveError, Referenced, Skew};
+
+/// An experiment cannot be recorded.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RecordError {
+    /// A part of it does not make sense.
+    #[error("{name}: {what}")]
+    Unsuited {
+        /// Name of the experiment.
+        name: String,
+        /// What is wrong, and what to do.
+        what: String,
+    },
+    /// The echoes do not make phase history.
+    #[error(transparent)]
+    Receive(#[from] ReceiveError),
+}
+
+impl RecordError {
+    pub(super) fn new(experiment: &Experiment, what: String) -> Self {
+        Self::Unsuited {
+            name: experiment.name.clone(),
+            what,
+        }
+    }
+}
+
+/// Phase history of a pair of antennas, made when read.
+pub struct Recording<'a>(Received<'a>);
+
+enum Received<'a> {
+    Compressed(Compressed<Channel<'a>>),
+    Deskewed(Deskewed<Channel<'a>>),
+    Referenced(Referenced<Channel<'a>>),
+}
+
+impl Experiment {
+    /// Raw samples of a pair, with all that the receiver adds.
+    ///
+    /// # Errors
+    /// [`RecordError`] if there is no such pair or a part of the experiment does not make sense.
+    pub fn echoes(&self, pair: Pair) -> Result<Channel<'_>, RecordError> {
+        Channel::new(self, pair)
+    }
+
+    /// Phase history of a pair: pulses through the inverse filter, sweeps with residual video phase and
+    /// range skew removed. For other choices put [`crate::receive`]'s adapters on [`Self::echoes`].
+    ///
+    /// # Errors
+    /// As [`Self::echoes`], and if the echoes cannot be made phase history.
+    pub fn record(&self, pair: Pair) -> Result<Recording<'_>, RecordError> {
+        let echoes = self.echoes(pair)?;
+        Ok(Recording(match self.radar.waveform {
+            Waveform::Pulsed { .. } => {
+                Received::Compressed(Compressed::new(echoes, Filter::Inverse)?)
+            }
+            Waveform::Fmcw { .. } => {
+                Received::Deskewed(Deskewed::new(echoes, None, Skew::Removed)?)
+            }
+            Waveform::Ideal { .. } | Waveform::Stepped { .. } => {
+                Received::Referenced(Referenced::new(echoes)?)
+            }
+        }))
+    }
+}
+
+impl<'a> Recording<'a> {
+    /// The raw samples behind.
+    pub fn echoes(&self) -> &Channel<'a> {
+        match &self.0 {
+            Received::Compressed(received) => received.echoes(),
+            Received::Deskewed(received) => received.echoes(),
+            Received::Referenced(received) => received.echoes(),
+        }
+    }
+
+    fn history(&self) -> &dyn PhaseHistory {
+        match &self.0 {
+            Received::Compressed(received) => received,
+            Received::Deskewed(received) => received,
+            Received::Referenced(received) => received,
+        }
+    }
+}
+
+impl PhaseHistory for Recording<'_> {
+    fn collection(&self) -> &Collection {
+        self.history().collection()
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        self.history().read(pulses, samples)
+    }
+
+    fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        self.echoes().true_antennas()
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.history().held_bytes()
+    }
+}
