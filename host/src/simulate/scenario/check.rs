@@ -101,7 +101,11 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
     let mut faults = Vec::new();
     let taken_s = transmission_s(&radar.waveform);
     if taken_s > radar.pri_s * (1.0 + 1e-9) {
-        let key = if radar_values.keys.contains_key("prf") { "prf" } else { "pri" };
+        let key = if radar_values.keys.contains_key("prf") {
+            "prf"
+        } else {
+            "pri"
+        };
         faults.push(radar_values.fault(
             key,
             format!(

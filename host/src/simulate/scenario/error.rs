@@ -176,8 +176,16 @@ mod tests {
             ]
         );
         let array = text.find('[').unwrap();
-        let spread = explain("f", text, &[], vec![Found::new(&At::Text(array..text.len()), "x")]);
+        let spread = explain(
+            "f",
+            text,
+            &[],
+            vec![Found::new(&At::Text(array..text.len()), "x")],
+        );
         assert_eq!(spread.faults[0].column, Some(6));
-        assert!(spread.faults[0].excerpt.ends_with(" |      ^^^"), "{spread}");
+        assert!(
+            spread.faults[0].excerpt.ends_with(" |      ^^^"),
+            "{spread}"
+        );
     }
 }

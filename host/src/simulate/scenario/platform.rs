@@ -76,7 +76,11 @@ pub(super) fn track(values: &Values, middle_s: f64) -> Result<Arc<dyn Trajectory
         }),
         "circular" => {
             let radius_m = values.number("radius");
-            let turn = if values.text("turn") == "left" { 1.0 } else { -1.0 };
+            let turn = if values.text("turn") == "left" {
+                1.0
+            } else {
+                -1.0
+            };
             let rate_rad_s = turn * values.number("speed") / radius_m;
             Arc::new(Circular {
                 centre_m: values.vector("centre"),
@@ -135,7 +139,11 @@ pub(super) fn track(values: &Values, middle_s: f64) -> Result<Arc<dyn Trajectory
 }
 
 fn at_s(values: &Values, middle_s: f64) -> f64 {
-    if values.text("at") == "middle" { middle_s } else { 0.0 }
+    if values.text("at") == "middle" {
+        middle_s
+    } else {
+        0.0
+    }
 }
 
 fn perturbation(values: &Values, seed: u64, index: u32) -> Result<Perturbation, Found> {

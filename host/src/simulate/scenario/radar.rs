@@ -110,7 +110,11 @@ fn waveform(values: &Values) -> Result<Waveform, Found> {
             let bandwidth_hz = within_centre(values.number("bandwidth"), values)?;
             let sample_rate_hz = values.number("sample_rate");
             let duration_s = sampled_s(sample_rate_hz)?;
-            let direction = if values.text("sweep") == "down" { -1.0 } else { 1.0 };
+            let direction = if values.text("sweep") == "down" {
+                -1.0
+            } else {
+                1.0
+            };
             Ok(Waveform::Fmcw {
                 start_hz: centre_hz - direction * bandwidth_hz / 2.0,
                 chirp_hz_s: direction * bandwidth_hz / duration_s,

@@ -29,12 +29,10 @@ pub(super) fn build(radar: &Values) -> Result<Receiver, Found> {
                 duty: values.number("duty"),
             })
             .collect(),
-        converter: radar
-            .optional_section("converter")
-            .map(|values| Converter {
-                bits: values.count("bits") as u32,
-                full_scale_db: values.number("full_scale"),
-            }),
+        converter: radar.optional_section("converter").map(|values| Converter {
+            bits: values.count("bits") as u32,
+            full_scale_db: values.number("full_scale"),
+        }),
     })
 }
 

@@ -154,7 +154,11 @@ fn sections(
         ) => items.iter().filter_map(|item| one(item, faults)).collect(),
         (Presence::Many, Some((key_at, node))) => {
             faults.push(Found::new(
-                if matches!(node.raw, Raw::Table(_)) { key_at } else { &node.at },
+                if matches!(node.raw, Raw::Table(_)) {
+                    key_at
+                } else {
+                    &node.at
+                },
                 format!(
                     "'{}' can come several times: write {} with two brackets",
                     section.name(),
@@ -184,7 +188,9 @@ fn unknown(section: &'static Section, name: &str, node: &Node) -> String {
             other.header()
         );
     }
-    let known: Vec<&str> = own.chain(keys::within(section.path).map(Section::name)).collect();
+    let known: Vec<&str> = own
+        .chain(keys::within(section.path).map(Section::name))
+        .collect();
     format!(
         "unknown key '{name}': {} has {}",
         section.header(),
@@ -195,7 +201,11 @@ fn unknown(section: &'static Section, name: &str, node: &Node) -> String {
 fn first_sentence(doc: &str) -> String {
     let sentence = doc.split(['.', ':', ';']).next().unwrap_or_default();
     let mut letters = sentence.chars();
-    let first: String = letters.next().into_iter().flat_map(char::to_lowercase).collect();
+    let first: String = letters
+        .next()
+        .into_iter()
+        .flat_map(char::to_lowercase)
+        .collect();
     first + letters.as_str()
 }
 
@@ -260,7 +270,9 @@ fn value(key: &Key, node: &Node) -> Result<Value, Found> {
                 (Raw::Integer(Some(n)), Dimension::Ratio) => *n as f64,
                 (Raw::Float(number), Dimension::Ratio) if number.is_finite() => *number,
                 (Raw::Text(text), _) => dimension.parse(text).map_err(fail)?,
-                (Raw::Integer(_) | Raw::Float(_), _) => return Err(unitless(key, node, &[dimension])),
+                (Raw::Integer(_) | Raw::Float(_), _) => {
+                    return Err(unitless(key, node, &[dimension]));
+                }
                 _ => return Err(wrong(dimension.name())),
             };
             match bounds.refuse(number) {

@@ -143,7 +143,10 @@ fn clutter(values: &Values) -> Result<Clutter, Found> {
         };
         (disc, centre.z)
     };
-    let density = match (values.optional_number("density"), values.optional_count("count")) {
+    let density = match (
+        values.optional_number("density"),
+        values.optional_count("count"),
+    ) {
         (Some(density), None) => Density::PerSquareMetre(density),
         (None, Some(count)) => Density::Total(count as usize),
         (Some(_), Some(_)) => {
@@ -166,5 +169,8 @@ fn clutter(values: &Values) -> Result<Clutter, Found> {
 
 /// The square root of the cross section, with the phase of the reflection.
 fn amplitude(values: &Values) -> Complex64 {
-    Complex64::from_polar(values.number("cross_section").sqrt(), values.number("phase"))
+    Complex64::from_polar(
+        values.number("cross_section").sqrt(),
+        values.number("phase"),
+    )
 }

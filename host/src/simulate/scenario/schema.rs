@@ -134,10 +134,17 @@ impl Kind {
                 format!("x, y, z, each {} ({})", dimension.name(), dimension.units())
             }
             Self::Interval(dimension) => {
-                format!("from, to, each {} ({})", dimension.name(), dimension.units())
+                format!(
+                    "from, to, each {} ({})",
+                    dimension.name(),
+                    dimension.units()
+                )
             }
             Self::Rows(dimensions, least) => {
-                format!("array of {least} or more texts as {}", example_row(dimensions))
+                format!(
+                    "array of {least} or more texts as {}",
+                    example_row(dimensions)
+                )
             }
         }
     }
@@ -179,12 +186,7 @@ impl Section {
 }
 
 impl Key {
-    pub(super) const fn new(
-        name: &'static str,
-        kind: Kind,
-        need: Need,
-        doc: &'static str,
-    ) -> Self {
+    pub(super) const fn new(name: &'static str, kind: Kind, need: Need, doc: &'static str) -> Self {
         Self {
             name,
             kind,

@@ -116,7 +116,9 @@ pub(super) fn parse_path(path: &str) -> Result<Vec<Step>, String> {
             let (name, index) = match word.split_once('[') {
                 None => (word, None),
                 Some((name, rest)) => {
-                    let index = rest.strip_suffix(']').and_then(|digits| digits.parse().ok());
+                    let index = rest
+                        .strip_suffix(']')
+                        .and_then(|digits| digits.parse().ok());
                     let Some(index) = index else {
                         return Err(format!("'{word}': write an index as {name}[0]"));
                     };
@@ -185,7 +187,9 @@ pub(super) fn lay_over(root: &mut Table, path: &[Step], value: Node) -> Result<(
         table = match &mut node.raw {
             Raw::Table(table) => table,
             Raw::Array(_) => {
-                return fail(format!("'{section}' comes several times: write {section}[0]"));
+                return fail(format!(
+                    "'{section}' comes several times: write {section}[0]"
+                ));
             }
             _ => return fail(format!("'{section}' is no section")),
         };

@@ -369,7 +369,10 @@ mod tests {
         ] {
             let got = dimension.parse(text).unwrap();
             // One rounding each of the factor, the power and the product.
-            assert!((got - expected).abs() <= 1e-15 * expected.abs(), "{text}: {got}");
+            assert!(
+                (got - expected).abs() <= 1e-15 * expected.abs(),
+                "{text}: {got}"
+            );
         }
     }
 
@@ -393,9 +396,17 @@ mod tests {
             ("five km", Dimension::Length, "does not begin with a number"),
             ("", Dimension::Length, "does not begin with a number"),
             ("nan m", Dimension::Length, "does not begin with a number"),
-            ("5 ms", Dimension::Length, "is a time and a length is wanted"),
+            (
+                "5 ms",
+                Dimension::Length,
+                "is a time and a length is wanted",
+            ),
             ("5 Ghz", Dimension::Frequency, "did you mean 'GHz'?"),
-            ("5 parsec", Dimension::Length, "is not known: units of a length"),
+            (
+                "5 parsec",
+                Dimension::Length,
+                "is not known: units of a length",
+            ),
             ("1e300 m", Dimension::Length, "beyond anything sensible"),
             ("1e999 m", Dimension::Length, "beyond anything sensible"),
             ("9999 dBm", Dimension::Power, "beyond anything sensible"),

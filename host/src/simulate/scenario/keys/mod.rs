@@ -91,7 +91,11 @@ pub fn reference() -> String {
         };
         let condition = condition(section.when, section.parent().and_then(selector_of));
         if !section.doc.is_empty() {
-            wrap(&mut text, 0, &format!("{}{presence}{condition}", section.doc));
+            wrap(
+                &mut text,
+                0,
+                &format!("{}{presence}{condition}", section.doc),
+            );
         }
         for key in section.keys {
             let need = match key.need {

@@ -78,7 +78,15 @@ pub(super) static PLATFORM: Section = Section {
         Key::new(
             "kind",
             Kind::Choice(&[
-                "linear", "circular", "rail", "arc", "waypoints", "spline", "csv", "novatel", "fixed",
+                "linear",
+                "circular",
+                "rail",
+                "arc",
+                "waypoints",
+                "spline",
+                "csv",
+                "novatel",
+                "fixed",
             ]),
             Need::Required("\"linear\""),
             "A straight line, a level circle, a carriage on a rail, a swinging arm, points passed at \
