@@ -51,10 +51,8 @@ fn the_track_agrees_with_recorded_velocities_and_the_other_positions() {
     };
     let fixes = log.fixes(Source::Inspvax, &frame, first.time).unwrap();
     let track = Recorded::new(&fixes).unwrap();
-    let end = track.pose(115.0).position_m;
-    println!("115 s later: {end} m");
     assert!((fixes.last().unwrap().time_s - 114.4).abs() < 1e-9);
-    let (mut sum, mut count) = (0.0, 0.0);
+    let mut errors = Vec::new();
     let inertial = log.records.iter().filter(|r| r.source == Source::Inspvax);
     let mut fastest: f64 = 0.0;
     for record in inertial {
@@ -64,16 +62,18 @@ fn the_track_agrees_with_recorded_velocities_and_the_other_positions() {
         let [north, east, up] = record.velocity_m_s.unwrap();
         let recorded = DVec3::new(east, north, up);
         fastest = fastest.max(recorded.length());
-        sum += velocity.distance_squared(recorded);
-        count += 1.0;
+        errors.push(velocity.distance(recorded));
     }
-    let rms = f64::sqrt(sum / count);
+    errors.sort_by(f64::total_cmp);
+    let median = errors[errors.len() / 2];
     println!(
-        "velocity of the spline against the recorded one: {rms:.4} m/s RMS of {fastest:.2} m/s"
+        "velocity of the spline against the recorded one: median {median:.4} m/s of {fastest:.2} m/s"
     );
-    // Positions are given to 1e-11 degrees (1 um) and 0.1 mm of height: the spline's derivative at 20 Hz
-    // makes 0.03 mm RMS of that 1 mm/s. The rest is what the filter corrects positions by.
-    assert!(fastest > 0.5 && rms < 0.05, "{rms} of {fastest}");
+    // The receiver corrects its positions by up to 6 cm from one record to the next, which its velocities do
+    // not follow: plain differences of the file's positions over two records have a median of 0.032 m/s,
+    // and 1 % above 0.45 m/s. Half as much again is left for the spline. East taken for north, or a wrong
+    // sign, would give most of the walk's speed, 0.74 m/s RMS.
+    assert!(fastest > 1.0 && median < 0.05, "{median} of {fastest}");
     // The best position is the antenna's, less than 1 m from the inertial unit.
     let best = log.fixes(Source::Bestpos, &frame, first.time).unwrap();
     let apart = best

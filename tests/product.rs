@@ -154,6 +154,10 @@ fn other_arrays_and_damage_are_errors() {
             "bytes after the header",
         ),
         (
+            "{'descr': '<c8', 'fortran_order': False, 'shape': (18446744073709551615, 18446744073709551615), }",
+            "bytes after the header",
+        ),
+        (
             "{'descr': '<c8', 'fortran_order': False, 'shape': (-1, 3), }",
             "shape (-1,3)",
         ),

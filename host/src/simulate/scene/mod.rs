@@ -3,8 +3,13 @@
 //! A scatterer's amplitude is the square root of its radar cross section in square metres, with the phase
 //! of its reflection: 1 is 1 m². The engine hands it on unscaled for a scatterer at the scene's
 //! reference point, so a 1 m² point there reads 1 in a focused image, whatever the radar.
+//!
+//! [`Clutter`], [`Picture`] and [`Building`] make points of what is more than a point.
 
+mod building;
+mod clutter;
 mod corner;
+mod picture;
 pub mod shadow;
 
 use std::sync::Arc;
@@ -12,8 +17,17 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use num_complex::Complex64;
 
+pub use building::Building;
+pub use clutter::{Area, Clutter, Density};
+pub use picture::{Picture, Placement};
+
 use super::Scatterer;
 use super::body::Trajectory;
+
+/// What is wrong with a part of a scene, and what to give instead.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("scene: {0}")]
+pub struct SceneError(pub String);
 
 /// Everything that reflects or hides.
 #[derive(Clone, Debug, Default)]
