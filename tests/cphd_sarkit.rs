@@ -5,12 +5,14 @@
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Arc;
 
 use glam::DVec3;
 use subaperture::focus::Silent;
 use subaperture::io::cphd::{Channel, Domain, Sgn, WriteOptions, write};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::simulate::{Preset, Variation};
+use subaperture_tests::experiment::{FLIGHT, IDEAL, Line, antenna, experiment, five_points};
 
 use crate::cphd_scene::{ORIGIN, Scene, TRACK, read_all};
 
@@ -151,6 +153,32 @@ fn sarkit_finds_every_kind_of_file_consistent() {
             Sgn::Minus,
             &[("B", other), ("A", bistatic)],
         );
+    }
+    files.check();
+}
+
+/// True positions as added parameters, beside a recorded track that differs.
+#[test]
+fn sarkit_accepts_true_positions() {
+    let mut array = experiment(IDEAL, five_points());
+    array.measured = Some(Arc::new(Line {
+        sway_m: 0.05,
+        ..FLIGHT
+    }));
+    array.radar.receivers = vec![
+        antenna("R0", DVec3::ZERO),
+        antenna("R1", DVec3::new(-0.2, 0.0, 0.0)),
+    ];
+    let recordings: Vec<_> = array
+        .pairs()
+        .into_iter()
+        .map(|pair| array.record(pair).unwrap())
+        .collect();
+    let mut files = Files::new();
+    for domain in [Domain::Fx, Domain::Toa] {
+        let channels: [(&str, &dyn PhaseHistory); 2] =
+            [("R0", &recordings[0]), ("R1", &recordings[1])];
+        files.add_histories("truth", domain, Sgn::Minus, &channels, "");
     }
     files.check();
 }

@@ -1,6 +1,7 @@
 //! Shared by the integration tests and `xtask`.
 
 pub mod emulated;
+pub mod experiment;
 pub mod faults;
 pub mod firmware;
 pub mod link_recording;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::prepare::Prepared;
-use super::pvp::{self, RECORD_BYTES};
+use super::pvp::{self, record_bytes};
 use super::reference_geometry;
 use super::request::{Channel, WriteOptions};
 use super::xml::Writer;
@@ -37,7 +37,7 @@ pub(super) fn document(entries: &[Entry], options: &WriteOptions) -> String {
         );
         data(w, entries);
         channels(w, entries);
-        pvp::describe(w);
+        pvp::describe(w, entries[0].prepared.with_truth());
         dwell(w, entries);
         let prepared = &reference.prepared;
         let vector = &prepared.records[prepared.reference];
@@ -210,7 +210,10 @@ fn corner_points(frame: &SceneFrame, extent: &Extent) -> [Geodetic; 4] {
 fn data(w: &mut Writer, entries: &[Entry]) {
     w.element("Data", "", |w| {
         w.text("SignalArrayFormat", "CF8");
-        w.text("NumBytesPVP", RECORD_BYTES);
+        w.text(
+            "NumBytesPVP",
+            record_bytes(entries[0].prepared.with_truth()),
+        );
         w.text("NumCPHDChannels", entries.len());
         for entry in entries {
             w.element("Channel", "", |w| {

@@ -4,7 +4,7 @@
 use glam::DVec3;
 
 use super::conventions::Domain;
-use super::pvp::Record;
+use super::pvp::{Record, record_bytes};
 use super::reference_geometry;
 use super::request::WriteError;
 use super::toa::Bins;
@@ -39,7 +39,12 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
-    pub(super) fn new(collection: &Collection, domain: Domain) -> Result<Self, WriteError> {
+    /// `truth` are the true positions of the antennas, if they are to be written.
+    pub(super) fn new(
+        collection: &Collection,
+        truth: Option<&[[DVec3; 2]]>,
+        domain: Domain,
+    ) -> Result<Self, WriteError> {
         let name = &collection.name;
         let unsuited = |what: String| WriteError::Unsuited(format!("{name}: {what}"));
         let pulses = &collection.pulses;
@@ -52,6 +57,7 @@ impl Prepared {
         }
         check_frame(&collection.frame).map_err(unsuited)?;
         check_pulses(pulses).map_err(unsuited)?;
+        check_truth(pulses, truth).map_err(unsuited)?;
         let stored_samples = match domain {
             Domain::Fx => num_samples,
             Domain::Toa => fast_length((num_samples as f64 * TOA_OVERSAMPLING).ceil() as usize),
@@ -99,6 +105,7 @@ impl Prepared {
                 toa2,
                 sc0: axis.sc0,
                 scss: axis.scss,
+                true_antennas: truth.map(|truth| truth[index].map(ecf)),
             });
         }
         set_velocities(&mut records);
@@ -114,6 +121,16 @@ impl Prepared {
             extent,
             records,
         })
+    }
+
+    /// Whether records have true positions.
+    pub(super) fn with_truth(&self) -> bool {
+        self.records[0].true_antennas.is_some()
+    }
+
+    /// Length of the PVP array.
+    pub(super) fn pvp_bytes(&self) -> u64 {
+        self.records.len() as u64 * record_bytes(self.with_truth())
     }
 
     /// Smallest and largest of a parameter over the vectors.
@@ -202,6 +219,19 @@ fn check_pulses(pulses: &[Pulse]) -> Result<(), String> {
         before = p.time_s;
     }
     Ok(())
+}
+
+fn check_truth(pulses: &[Pulse], truth: Option<&[[DVec3; 2]]>) -> Result<(), String> {
+    let Some(truth) = truth else { return Ok(()) };
+    let finite = |antennas: &[DVec3; 2]| antennas.iter().all(|p| p.is_finite());
+    if truth.len() == pulses.len() && truth.iter().all(finite) {
+        return Ok(());
+    }
+    Err(format!(
+        "the true positions of {} pulses are {}, or not all finite",
+        pulses.len(),
+        truth.len()
+    ))
 }
 
 fn check_area(extent: Extent) -> Result<Extent, String> {

@@ -28,6 +28,7 @@ pub(super) struct Layout {
     scss: Field,
     amp_sf: Option<Field>,
     signal: Option<Field>,
+    true_antennas: Option<[Field; 2]>,
 }
 
 /// The parameters of one vector, every one of them finite.
@@ -44,6 +45,8 @@ pub(super) struct Vector {
     pub(super) amp_sf: Option<f64>,
     /// The SIGNAL parameter: 0 for a vector without signal.
     pub(super) signal: Option<i64>,
+    /// True positions of transmitter and receiver.
+    pub(super) true_antennas: Option<[DVec3; 2]>,
 }
 
 /// Some thousand times the size of a record of all the standard's parameters.
@@ -53,6 +56,9 @@ const SCALAR: &str = "F8";
 const POSITION: &str = "X=F8;Y=F8;Z=F8;";
 const INTEGER: &str = "I8";
 
+/// Names of the added parameters (`AddedPVP`) that hold the true positions, ECF, metres.
+const TRUE_ANTENNAS: [&str; 2] = ["TxPosTrue", "RcvPosTrue"];
+
 impl Layout {
     pub(super) fn parse(pvp: &Element, num_bytes: &Element) -> Result<Self, MetadataError> {
         let bytes = num_bytes.count()?;
@@ -61,10 +67,7 @@ impl Layout {
                 "{bytes} is not a positive multiple of 8 up to {MAX_RECORD_BYTES}"
             )));
         }
-        let field = |name: &'static str, format: &str| -> Result<Option<Field>, MetadataError> {
-            let Some(node) = pvp.optional(name) else {
-                return Ok(None);
-            };
+        let place = |node: &Element, name: &'static str, format: &str| {
             let words = if format == POSITION { 3 } else { 1 };
             let found = node.child("Format")?;
             if found.text().trim_end_matches(';') != format.trim_end_matches(';') {
@@ -74,15 +77,26 @@ impl Layout {
             let word = offset.count()?;
             let end = word.checked_add(words).and_then(|end| end.checked_mul(8));
             match end.and_then(|end| usize::try_from(end).ok()) {
-                Some(end) if end as u64 <= bytes => Ok(Some(Field {
+                Some(end) if end as u64 <= bytes => Ok(Field {
                     name,
                     byte: end - words as usize * 8,
-                })),
+                }),
                 _ => Err(offset.fault(format!(
                     "word {word} lies outside the record of {bytes} bytes (CPHD/Data/NumBytesPVP)"
                 ))),
             }
         };
+        let field = |name: &'static str, format: &str| -> Result<Option<Field>, MetadataError> {
+            let node = pvp.optional(name);
+            node.map(|node| place(&node, name, format)).transpose()
+        };
+        let added = |name: &'static str| -> Result<Option<Field>, MetadataError> {
+            let named = |node: &Element| node.optional_text("Name").as_deref() == Some(name);
+            let node = pvp.children("AddedPVP").find(named);
+            node.map(|node| place(&node, name, POSITION)).transpose()
+        };
+        let [transmitter, receiver] = TRUE_ANTENNAS;
+        let true_antennas = added(transmitter)?.zip(added(receiver)?);
         let required = |name, format| -> Result<Field, MetadataError> {
             match field(name, format)? {
                 Some(found) => Ok(found),
@@ -101,12 +115,18 @@ impl Layout {
             scss: required("SCSS", SCALAR)?,
             amp_sf: field("AmpSF", SCALAR)?,
             signal: field("SIGNAL", INTEGER)?,
+            true_antennas: true_antennas.map(|(transmitter, receiver)| [transmitter, receiver]),
         })
     }
 
     /// Whether samples are to be multiplied by AmpSF.
     pub(super) fn has_amp_sf(&self) -> bool {
         self.amp_sf.is_some()
+    }
+
+    /// Whether vectors have true positions.
+    pub(super) fn has_true_antennas(&self) -> bool {
+        self.true_antennas.is_some()
     }
 
     /// Decodes vector `index` from its record of [`Self::num_bytes`].
@@ -147,6 +167,12 @@ impl Layout {
             signal: self
                 .signal
                 .map(|f| i64::from_be_bytes(word_at(record, f.byte))),
+            true_antennas: match self.true_antennas {
+                Some([transmitter, receiver]) => {
+                    Some([position(transmitter)?, position(receiver)?])
+                }
+                None => None,
+            },
         };
         if vector.scss <= 0.0 {
             let what = format!("is {:?}; only ascending samples are read", vector.scss);
@@ -187,6 +213,8 @@ pub(super) struct Record {
     pub(super) toa2: f64,
     pub(super) sc0: f64,
     pub(super) scss: f64,
+    /// True positions of transmitter and receiver; in all records of a file or in none.
+    pub(super) true_antennas: Option<[DVec3; 2]>,
 }
 
 /// Parameters in the order in which they are written.
@@ -211,11 +239,14 @@ const WRITTEN: [(&str, &str); 18] = [
     ("SIGNAL", INTEGER),
 ];
 
-/// Length of a written record, bytes: 13 scalars and 5 positions.
-pub(super) const RECORD_BYTES: u64 = 8 * (13 + 5 * 3);
+/// Length of a written record, bytes: 13 scalars and 5 positions, and 2 more if true positions are
+/// known.
+pub(super) const fn record_bytes(with_truth: bool) -> u64 {
+    8 * (13 + if with_truth { 7 } else { 5 } * 3)
+}
 
 impl Record {
-    /// Appends [`RECORD_BYTES`]. The rates of frequency with range, aFRR1 and aFRR2, are zero for
+    /// Appends [`record_bytes`]. The rates of frequency with range, aFRR1 and aFRR2, are zero for
     /// all vectors, which says that they are not given; TDTropoSRP is zero: propagation as in
     /// vacuum; SIGNAL is 1: normal signal.
     pub(super) fn encode(&self, bytes: &mut Vec<u8>) {
@@ -234,6 +265,11 @@ impl Record {
         put(&[self.a_fdop, 0.0, 0.0, self.fx1, self.fx2]);
         put(&[self.toa1, self.toa2, 0.0, self.sc0, self.scss]);
         bytes.extend_from_slice(&1i64.to_be_bytes());
+        for position in self.true_antennas.iter().flatten() {
+            for value in position.to_array() {
+                bytes.extend_from_slice(&value.to_be_bytes());
+            }
+        }
     }
 
     /// The time at which the wavefront is at the SRP's range from the transmitter (6.5.1 (5)).
@@ -245,17 +281,26 @@ impl Record {
 }
 
 /// Writes the PVP branch of the XML.
-pub(super) fn describe(w: &mut Writer) {
+pub(super) fn describe(w: &mut Writer, with_truth: bool) {
     w.element("PVP", "", |w| {
         let mut offset = 0;
-        for (name, format) in WRITTEN {
+        let mut place = |w: &mut Writer, format: &str| {
             let size = if format == POSITION { 3 } else { 1 };
-            w.element(name, "", |w| {
-                w.text("Offset", offset);
-                w.text("Size", size);
-                w.text("Format", format);
-            });
+            w.text("Offset", offset);
+            w.text("Size", size);
+            w.text("Format", format);
             offset += size;
+        };
+        for (name, format) in WRITTEN {
+            w.element(name, "", |w| place(w, format));
+        }
+        if with_truth {
+            for name in TRUE_ANTENNAS {
+                w.element("AddedPVP", "", |w| {
+                    w.text("Name", name);
+                    place(w, POSITION);
+                });
+            }
         }
     });
 }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
+use glam::DVec3;
 use num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
@@ -28,7 +29,8 @@ const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 ///
 /// Opening reads the header, the XML and the channel's PVP; samples are read when asked for, by
 /// positioned reads of at most 1 MiB (or one vector in the TOA domain), so one `Cphd` can
-/// be read from many threads. Memory: the [`Collection`], up to 17 bytes a vector, and in the TOA
+/// be read from many threads. Memory: the [`Collection`], up to 17 bytes a
+/// vector, 48 more with true positions, and in the TOA
 /// domain the plan of the transform, about 256 bytes for each sample of one vector.
 ///
 /// - Samples are `AmpSF` times the stored value where there is an `AmpSF`; vectors whose `SIGNAL`
@@ -38,6 +40,8 @@ const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 ///   wide in steps of `1 / (N SCSS)`, which must be the same number in every vector. The transform
 ///   is in float64 and exact but for the float32 of the stored samples.
 /// - `SGN = +1` samples are conjugated.
+/// - Added parameters `TxPosTrue` and `RcvPosTrue`, as [`write`](super::write()) makes them, are the
+///   true positions of the antennas.
 /// - `reference_path_m` is the path by way of `SRPPos`; see the [module](super) for the atmosphere.
 pub struct Cphd {
     source: Source,
@@ -53,6 +57,8 @@ pub struct Cphd {
     /// Whether each vector has signal, if any has none.
     has_signal: Option<Vec<bool>>,
     arrival: Option<Arrival>,
+    /// True positions of the antennas, if the file has them.
+    true_antennas: Option<Vec<[DVec3; 2]>>,
     held_bytes: u64,
 }
 
@@ -105,8 +111,13 @@ impl Cphd {
             Domain::Fx => 0,
             Domain::Toa => chosen.num_samples,
         };
+        let truth_bytes = if layout.has_true_antennas() {
+            size_of::<[DVec3; 2]>() as u64
+        } else {
+            0
+        };
         let held_bytes = (chosen.num_vectors)
-            .saturating_mul(size_of::<Pulse>() as u64 + KEPT_BYTES)
+            .saturating_mul(size_of::<Pulse>() as u64 + KEPT_BYTES + truth_bytes)
             .saturating_add(transformed.saturating_mul(TRANSFORM_BYTES));
         let records = chosen.num_vectors.saturating_mul(layout.num_bytes);
         source.check_memory(
@@ -122,10 +133,11 @@ impl Cphd {
             amp_sf: Vec::new(),
             has_signal: Vec::new(),
             shifts: Vec::new(),
+            true_antennas: Vec::new(),
             bins: None,
         };
         vectors
-            .reserve(num_vectors, layout.has_amp_sf())
+            .reserve(num_vectors, &layout)
             .map_err(|_| too_large())?;
         read_records(
             &source,
@@ -164,6 +176,7 @@ impl Cphd {
                 .contains(&false)
                 .then_some(vectors.has_signal),
             arrival,
+            true_antennas: layout.has_true_antennas().then_some(vectors.true_antennas),
             held_bytes,
             source,
         })
@@ -250,6 +263,10 @@ impl PhaseHistory for Cphd {
             check_finite(&self.source.name(), pulse, fx.len(), fx)?;
         }
         Ok(())
+    }
+
+    fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        self.true_antennas.as_deref()
     }
 
     fn held_bytes(&self) -> u64 {
@@ -354,16 +371,20 @@ struct Vectors {
     amp_sf: Vec<f64>,
     has_signal: Vec<bool>,
     shifts: Vec<f64>,
+    true_antennas: Vec<[DVec3; 2]>,
     bins: Option<Bins>,
 }
 
 impl Vectors {
     /// Makes room for `count` vectors and no more.
-    fn reserve(&mut self, count: usize, scaled: bool) -> Result<(), TryReserveError> {
+    fn reserve(&mut self, count: usize, layout: &Layout) -> Result<(), TryReserveError> {
         self.pulses.try_reserve_exact(count)?;
         self.has_signal.try_reserve_exact(count)?;
-        if scaled {
+        if layout.has_amp_sf() {
             self.amp_sf.try_reserve_exact(count)?;
+        }
+        if layout.has_true_antennas() {
+            self.true_antennas.try_reserve_exact(count)?;
         }
         if self.domain == Domain::Toa {
             self.shifts.try_reserve_exact(count)?;
@@ -402,6 +423,10 @@ impl Vectors {
         self.pulses.push(pulse);
         if let Some(amp_sf) = vector.amp_sf {
             self.amp_sf.push(amp_sf);
+        }
+        if let Some(truth) = vector.true_antennas {
+            self.true_antennas
+                .push(truth.map(|p| self.frame.from_ecf_m(p)));
         }
         self.has_signal.push(vector.signal != Some(0));
         Ok(())

@@ -13,7 +13,7 @@ use super::conventions::{Domain, Sgn};
 use super::describe::{self, Entry};
 use super::header::{self, SECTION_END, Sizes};
 use super::prepare::Prepared;
-use super::pvp::RECORD_BYTES;
+use super::pvp::record_bytes;
 use super::request::{Channel, WriteError, WriteOptions};
 use super::signal;
 use super::source::CHUNK_BYTES;
@@ -47,8 +47,10 @@ use crate::phase_history::check_finite;
 ///   three. For a platform at rest, or a single pulse, it reports side of track and Doppler cone
 ///   angle (written as L and 90) as well. Such files are sound in all else.
 /// - `ImageGrid` is a proposal at range resolution.
+/// - If all channels know the true positions of their antennas, these are added parameters
+///   (`AddedPVP`) of their own, `TxPosTrue` and `RcvPosTrue`, in ECF.
 ///
-/// Memory: 192 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
+/// Memory: 248 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
 ///
 /// # Errors
 /// [`WriteError`]; among the unsuited are a local scene frame, times that do not rise, and pulses
@@ -66,7 +68,7 @@ pub fn write(
     let last = &entries[entries.len() - 1];
     let sizes = Sizes {
         xml: xml.len() as u64,
-        pvp: last.pvp_offset + pvp_bytes(&last.prepared),
+        pvp: last.pvp_offset + last.prepared.pvp_bytes(),
         signal: last.signal_offset + signal_bytes(&last.prepared)?,
     };
     let layout = header::lay_out(&sizes, &options.classification, &options.release_info)
@@ -108,10 +110,6 @@ fn too_large() -> WriteError {
     WriteError::Unsuited("the file would have more than 2^63 bytes".to_owned())
 }
 
-fn pvp_bytes(prepared: &Prepared) -> u64 {
-    prepared.records.len() as u64 * RECORD_BYTES
-}
-
 fn signal_bytes(prepared: &Prepared) -> Result<u64, WriteError> {
     (prepared.records.len() as u64)
         .checked_mul(prepared.stored_samples as u64)
@@ -130,16 +128,19 @@ fn prepare<'a>(
     let frame = first.history.collection().frame;
     let mut entries: Vec<Entry> = Vec::new();
     let (mut pvp_offset, mut signal_offset) = (0, 0);
+    let known = |channel: &Channel| channel.history.true_antennas().is_some();
+    let with_truth = channels.iter().all(known);
     for channel in channels {
         let collection = channel.history.collection();
-        let prepared = Prepared::new(collection, options.domain)?;
+        let truth = channel.history.true_antennas().filter(|_| with_truth);
+        let prepared = Prepared::new(collection, truth, options.domain)?;
         if !collection.frame.agrees_with(&frame) {
             return Err(WriteError::Unsuited(format!(
                 "channel '{}' has another scene frame than channel '{}': a CPHD file has one",
                 channel.id, first.id
             )));
         }
-        let (pvp, signal) = (pvp_bytes(&prepared), signal_bytes(&prepared)?);
+        let (pvp, signal) = (prepared.pvp_bytes(), signal_bytes(&prepared)?);
         entries.push(Entry {
             channel,
             prepared,
@@ -233,7 +234,7 @@ impl Output<'_> {
 }
 
 fn write_records(out: &mut Output, prepared: &Prepared) -> io::Result<()> {
-    let at_once = CHUNK_BYTES / RECORD_BYTES as usize;
+    let at_once = CHUNK_BYTES / record_bytes(prepared.with_truth()) as usize;
     let mut bytes = Vec::new();
     for records in prepared.records.chunks(at_once) {
         bytes.clear();

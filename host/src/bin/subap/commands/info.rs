@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use subaperture::focus::rdbp::{Plan, Request};
 use subaperture::io::cphd::CphdInfo;
 use subaperture::io::open::cphd_info;
-use subaperture::phase_history::PhaseHistory;
+use subaperture::phase_history::{PhaseHistory, TrackError};
 use subaperture::survey::{Side, Survey};
 
 use crate::args::Info;
@@ -20,10 +20,12 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     let history = session.open(&typed.input)?;
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
     let advice = Advice::of(session, &history, &survey);
+    let track_error = TrackError::of(&history);
     let containers = containers(&typed.input.paths)?;
     if typed.json {
         let mut value = serde_json::to_value(&survey)?;
         value["sub_cpi_advice"] = advice.to_json();
+        value["track_error"] = serde_json::to_value(track_error)?;
         value["containers"] = containers.iter().map(Container::to_json).collect();
         value["default_grid"] = match survey.default_grid() {
             Ok(grid) => json!({ "x": grid.columns, "y": grid.rows, "z": grid.origin_m.z }),
@@ -32,7 +34,17 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         text::say(serde_json::to_string_pretty(&value)?)?;
     } else {
         let files: String = containers.iter().map(Container::describe).collect();
-        text::say(files + &describe(session, &survey, &advice))?;
+        let mut report = files + &describe(session, &survey, &advice);
+        if let Some(error) = track_error {
+            let _ = writeln!(
+                report,
+                "{:<16} held by the file; positions recorded are {} RMS and {} at most off it",
+                "true track",
+                text::metres(Some(error.rms_m)),
+                text::metres(Some(error.max_m))
+            );
+        }
+        text::say(report)?;
     }
     Ok(())
 }
