@@ -32,6 +32,7 @@ mod preset;
 pub mod radar;
 pub mod receiver;
 mod recording;
+pub mod scenario;
 pub mod scene;
 pub mod track;
 

@@ -8,7 +8,7 @@ use clap::{Args as Group, CommandFactory, Parser, Subcommand, ValueEnum, ValueHi
 use subaperture::geometry::ImageGrid;
 use subaperture::link::Place;
 use subaperture::signal::window::Window;
-use subaperture::simulate::Preset;
+use subaperture::simulate::{Preset, scenario};
 
 pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
 
@@ -230,14 +230,37 @@ pub(crate) struct Link {
 
 /// `subap simulate`.
 #[derive(Debug, Group)]
+#[command(after_help = "First steps:\n  \
+    subap simulate --example spotlight > scene.toml\n  \
+    subap simulate scene.toml --set radar.pulses=256 -o scene.cphd")]
 pub(crate) struct Simulate {
-    /// Scene and radar: table-4-1 (imaging) or table-2-1 (range migration) of Schone 2020
-    #[arg(long, value_name = "NAME")]
-    pub(crate) preset: Preset,
+    /// What to simulate, in TOML: see --keys and --example
+    #[arg(value_name = "SCENARIO", value_hint = ValueHint::FilePath,
+        required_unless_present_any = ["preset", "keys", "example"])]
+    pub(crate) scenario: Option<PathBuf>,
 
-    /// CPHD file to write
-    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath)]
-    pub(crate) out: PathBuf,
+    /// In place of a scenario: table-4-1 (imaging) or table-2-1 (range migration) of Schone 2020
+    #[arg(long, value_name = "NAME", conflicts_with = "scenario")]
+    pub(crate) preset: Option<Preset>,
+
+    /// Override a key of the scenario, as radar.pri="0.5 ms" or scene.point[0].position="0, 1, 0 m";
+    /// any number of times
+    #[arg(long, value_name = "KEY=VALUE", conflicts_with = "preset", value_parser = setting)]
+    pub(crate) set: Vec<(String, String)>,
+
+    /// Print every key of a scenario with its unit, default and meaning
+    #[arg(long, conflicts_with_all = ["scenario", "preset", "example", "out"])]
+    pub(crate) keys: bool,
+
+    /// Print a scenario to start from
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["scenario", "preset", "out"],
+        value_parser = clap::builder::PossibleValuesParser::new(scenario::examples::names()))]
+    pub(crate) example: Option<String>,
+
+    /// CPHD file to write; a scenario's pairs of antennas are its channels
+    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath,
+        required_unless_present_any = ["keys", "example"])]
+    pub(crate) out: Option<PathBuf>,
 
     /// Domain of the signal array
     #[arg(long, value_enum, default_value_t)]
@@ -247,17 +270,19 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "SIGN", default_value = "-1", allow_hyphen_values = true, value_parser = sign)]
     pub(crate) sgn: i8,
 
-    /// Add noise of this power, dB relative to a unit scatterer's sample
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = finite)]
+    /// Of a preset: add noise of this power, dB relative to a unit scatterer's sample
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = finite,
+        conflicts_with = "scenario")]
     pub(crate) noise_db: Option<f64>,
 
-    /// Shake the track by this much (RMS in each axis, smooth, known to the record)
-    #[arg(long, value_name = "METRES", default_value_t = 0.0, allow_negative_numbers = true, value_parser = not_negative)]
+    /// Of a preset: shake the track by this much (RMS in each axis, smooth, known to the record)
+    #[arg(long, value_name = "METRES", default_value_t = 0.0, allow_negative_numbers = true,
+        value_parser = not_negative, conflicts_with = "scenario")]
     pub(crate) perturb: f64,
 
-    /// Seed of noise and shaking
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub(crate) seed: u64,
+    /// Seed of everything random [default: the scenario's, or 0]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    pub(crate) seed: Option<u64>,
 }
 
 /// Domains of a CPHD's signal arrays.
@@ -468,6 +493,13 @@ fn error_bound(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "give decibels from -120 to -20, for example -60".to_owned())
 }
 
+fn setting(text: &str) -> Result<(String, String), String> {
+    let (key, value) = text
+        .split_once('=')
+        .ok_or_else(|| "give KEY=VALUE, for example radar.pri=1ms".to_owned())?;
+    Ok((key.trim().to_owned(), value.trim().to_owned()))
+}
+
 fn sign(text: &str) -> Result<i8, String> {
     match text {
         "-1" => Ok(-1),
@@ -565,6 +597,12 @@ mod tests {
             ("link tcp://h:1 a -o m --error-db 3", "--error-db"),
             ("simulate --preset table-9 -o f", "--preset"),
             ("simulate --preset table-4-1 -o f --sgn 2", "--sgn"),
+            ("simulate -o f", "SCENARIO"),
+            ("simulate a.toml", "--out"),
+            ("simulate a.toml -o f --preset table-4-1", "--preset"),
+            ("simulate a.toml -o f --noise-db 3", "--noise-db"),
+            ("simulate a.toml -o f --set radar.pri", "--set"),
+            ("simulate --example nothing", "--example"),
         ] {
             let words = std::iter::once("subap").chain(words.split(' '));
             let error = Args::try_parse_from(words).unwrap_err();

@@ -1,23 +1,101 @@
 //! `subap simulate`: a simulated collection as CPHD 1.1.
 
+use std::path::Path;
+
+use anyhow::Context;
 use subaperture::io::cphd::{self, Channel, Domain, Sgn, WriteOptions};
 use subaperture::phase_history::PhaseHistory;
-use subaperture::simulate::{Noise, Variation};
+use subaperture::simulate::scenario::{self, Scenario};
+use subaperture::simulate::{Experiment, Noise, Recording, Variation};
 
 use crate::args::{SignalDomain, Simulate};
 use crate::config::Session;
 use crate::text;
 
-/// Writes the file, complete or not at all.
+/// Writes the file, complete or not at all, or prints what there is to know of scenarios.
 pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
-    let simulated = typed.preset.simulate(&Variation {
-        noise: typed.noise_db.map(|power_db| Noise {
-            power_db,
-            seed: typed.seed,
-        }),
+    if typed.keys {
+        text::say(scenario::reference())?;
+    }
+    if let Some(name) = &typed.example {
+        text::say(scenario::examples::text(name).context("--example: no such name")?)?;
+    }
+    let Some(out) = &typed.out else {
+        return Ok(());
+    };
+    if let Some(path) = &typed.scenario {
+        let experiment = experiment(path, typed)?;
+        let recordings = record(session, &experiment)?;
+        let channels: Vec<Channel> = recordings
+            .iter()
+            .map(|(id, recording)| Channel::new(id.clone(), recording))
+            .collect();
+        return write(session, typed, out, &channels);
+    }
+    if let Some(preset) = typed.preset {
+        let simulated = preset.simulate(&variation(typed));
+        return write(session, typed, out, &[Channel::new("1", &simulated)]);
+    }
+    Ok(())
+}
+
+/// What the scenario says, with the settings laid over.
+fn experiment(path: &Path, typed: &Simulate) -> anyhow::Result<Experiment> {
+    let mut scenario =
+        Scenario::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    for (key, value) in &typed.set {
+        scenario.set(key, value)?;
+    }
+    if let Some(seed) = typed.seed {
+        scenario.set("seed", &seed.to_string())?;
+    }
+    Ok(scenario.experiment()?)
+}
+
+/// Every pair of antennas with its channel's identifier: `1` if there is one, else as `T1R2`.
+fn record<'a>(
+    session: &Session,
+    experiment: &'a Experiment,
+) -> anyhow::Result<Vec<(String, Recording<'a>)>> {
+    let pairs = experiment.pairs();
+    let mut held: u64 = 0;
+    let mut recordings = Vec::new();
+    for pair in &pairs {
+        let id = match pairs.len() {
+            1 => "1".to_owned(),
+            _ => format!("T{}R{}", pair.transmitter + 1, pair.receiver + 1),
+        };
+        let recording = experiment.record(*pair)?;
+        held = held.saturating_add(recording.held_bytes());
+        if held > session.memory_bytes {
+            anyhow::bail!(
+                "the pulses of {} channels take {}; --memory allows {}: simulate fewer pulses, or raise \
+                 --memory",
+                recordings.len() + 1,
+                text::bytes(held.into()),
+                text::bytes(session.memory_bytes.into())
+            );
+        }
+        recordings.push((id, recording));
+    }
+    Ok(recordings)
+}
+
+fn variation(typed: &Simulate) -> Variation {
+    let seed = typed.seed.unwrap_or(0);
+    Variation {
+        noise: typed.noise_db.map(|power_db| Noise { power_db, seed }),
         perturbation_m: typed.perturb,
-        seed: typed.seed,
-    });
+        seed,
+    }
+}
+
+fn write(
+    session: &Session,
+    typed: &Simulate,
+    out: &Path,
+    channels: &[Channel],
+) -> anyhow::Result<()> {
     let options = WriteOptions {
         domain: match typed.domain {
             SignalDomain::Fx => Domain::Fx,
@@ -27,14 +105,20 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         ..WriteOptions::default()
     };
     let progress = session.progress("simulating");
-    let channels = [Channel::new("1", &simulated)];
-    cphd::write(&typed.out, &channels, &options, &progress)?;
+    cphd::write(out, channels, &options, &progress)?;
     progress.finish();
-    if !session.quiet() {
-        let collection = simulated.collection();
+    if session.quiet() {
+        return Ok(());
+    }
+    for channel in channels {
+        let collection = channel.history.collection();
+        let name = match channels.len() {
+            1 => String::new(),
+            _ => format!(" {}", channel.id),
+        };
         text::say(format!(
-            "{}: {} pulses of {} frequencies",
-            typed.out.display(),
+            "{}{name}: {} pulses of {} frequencies",
+            out.display(),
             collection.pulses.len(),
             collection.num_samples
         ))?;

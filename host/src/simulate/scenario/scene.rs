@@ -1,0 +1,176 @@
+//! `[scene]`: from its keys to where it is and what it holds.
+
+use std::path::Path;
+
+use num_complex::Complex64;
+
+use crate::geometry::{Extent, Geodetic, SceneFrame};
+use crate::simulate::Scatterer;
+use crate::simulate::experiment::Reference;
+use crate::simulate::radar::Radar;
+use crate::simulate::scene::{
+    Area, Building, Clutter, Corner, Density, Mover, Picture, Placement, Scene, SceneError,
+};
+
+use super::error::Found;
+use super::platform;
+use super::values::Values;
+
+/// Where the scene is.
+pub(super) struct Place {
+    pub(super) frame: SceneFrame,
+    pub(super) extent: Option<Extent>,
+    pub(super) reference: Reference,
+}
+
+/// Where the scene is, and what phases are referred to.
+pub(super) fn place(values: &Values) -> Result<Place, Found> {
+    let origin = values.section("origin");
+    let origin = Geodetic {
+        latitude_deg: origin.number("latitude").to_degrees(),
+        longitude_deg: origin.number("longitude").to_degrees(),
+        height_m: origin.number("height"),
+    };
+    let [east, north, _] = origin.east_north_up();
+    let extent = match (values.optional_interval("x"), values.optional_interval("y")) {
+        (Some(x_m), Some(y_m)) => Some(Extent { x_m, y_m }),
+        (None, None) => None,
+        (Some(_), None) => return Err(values.fault("x", "there is x but no y: give both")),
+        (None, Some(_)) => return Err(values.fault("y", "there is y but no x: give both")),
+    };
+    let point = values.optional_vector("reference");
+    let reference = match (point, values.optional_number("reference_range")) {
+        (Some(_), Some(_)) => {
+            return Err(values.fault(
+                "reference_range",
+                "give either reference or reference_range, not both",
+            ));
+        }
+        (None, Some(range_m)) => Reference::Range(range_m),
+        (point, None) => Reference::Point(point.unwrap_or_default()),
+    };
+    Ok(Place {
+        frame: SceneFrame::Earth {
+            origin_ecf_m: origin.to_ecf_m(),
+            x_axis_ecf: east,
+            y_axis_ecf: north,
+        },
+        extent,
+        reference,
+    })
+}
+
+/// What the scene holds.
+pub(super) fn build(
+    values: &Values,
+    radar: &Radar,
+    seed: u64,
+    folder: &Path,
+) -> Result<Scene, Found> {
+    let mut scene = Scene::default();
+    for point in values.sections("point") {
+        scene.points.push(Scatterer {
+            position_m: point.vector("position"),
+            amplitude: amplitude(point),
+        });
+    }
+    for corner in values.sections("corner") {
+        scene.corners.push(Corner {
+            position_m: corner.vector("position"),
+            boresight: corner.direction("boresight")?,
+            edge_m: corner.number("edge"),
+        });
+    }
+    for mover in values.sections("mover") {
+        scene.movers.push(Mover {
+            motion: platform::track(mover, platform::middle_s(radar))?,
+            amplitude: amplitude(mover),
+        });
+    }
+    for (values, index) in values.sections("clutter").iter().zip(0..) {
+        let points = clutter(values)?.points(seed, index);
+        scene.points.extend(made(values, "sigma0", points)?);
+    }
+    for (values, index) in values.sections("picture").iter().zip(0..) {
+        let picture = Picture::read(&folder.join(values.text("file")));
+        let placement = Placement {
+            extent: extent(values),
+            height_m: values.number("height"),
+            spacing_m: values.number("spacing"),
+            white_sigma0_db: values.number("sigma0"),
+            speckle: values.flag("speckle"),
+        };
+        let points = made(values, "file", picture)?.points(&placement, seed, index);
+        scene.points.extend(made(values, "spacing", points)?);
+    }
+    for (values, index) in values.sections("building").iter().zip(0..) {
+        let building = Building {
+            centre_m: values.vector("position"),
+            size_m: values.vector("size"),
+            yaw_rad: values.number("yaw"),
+            spacing_m: values.number("spacing"),
+            wall_sigma0_db: values.number("wall"),
+            edge_sigma_db: values.number("edge"),
+            foot_sigma_db: values.number("foot"),
+        };
+        let points = building.points(seed, index);
+        scene.points.extend(made(values, "size", points)?);
+        scene.blocks.push(building.block());
+    }
+    Ok(scene)
+}
+
+/// What a maker made, or its error at `key`.
+fn made<T>(values: &Values, key: &str, result: Result<T, SceneError>) -> Result<T, Found> {
+    result.map_err(|error| values.fault(key, error.to_string()))
+}
+
+fn extent(values: &Values) -> Extent {
+    Extent {
+        x_m: values.interval("x"),
+        y_m: values.interval("y"),
+    }
+}
+
+fn clutter(values: &Values) -> Result<Clutter, Found> {
+    let (area, height_m) = if values.text("kind") == "rectangle" {
+        (Area::Rectangle(extent(values)), values.number("height"))
+    } else {
+        let centre = values.vector("centre");
+        let disc = Area::Disc {
+            centre_m: centre.truncate(),
+            radius_m: values.number("radius"),
+        };
+        (disc, centre.z)
+    };
+    let density = match (
+        values.optional_number("density"),
+        values.optional_count("count"),
+    ) {
+        (Some(density), None) => Density::PerSquareMetre(density),
+        (None, Some(count)) => Density::Total(count as usize),
+        (Some(_), Some(_)) => {
+            return Err(values.fault("count", "give either density or count, not both"));
+        }
+        (None, None) => {
+            return Err(values.fault(
+                "density",
+                "[[scene.clutter]] needs 'density' or 'count': write for example density = 1",
+            ));
+        }
+    };
+    Ok(Clutter {
+        area,
+        height_m,
+        density,
+        sigma0_db: values.number("sigma0"),
+    })
+}
+
+/// The square root of the cross section, with the phase of the reflection.
+fn amplitude(values: &Values) -> Complex64 {
+    Complex64::from_polar(
+        values.number("cross_section").sqrt(),
+        values.number("phase"),
+    )
+}

@@ -1,0 +1,184 @@
+//! A section's values, checked against the table of keys, for the builders to take.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+
+use super::error::{At, Found};
+use super::schema::Section;
+
+/// A value in SI units.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Value {
+    Text(String),
+    Flag(bool),
+    Count(u64),
+    Number(f64),
+    /// Vectors and intervals.
+    Numbers(Vec<f64>),
+    Rows(Vec<Vec<f64>>),
+}
+
+/// A value, where it is, and whether a builder has asked for it.
+#[derive(Clone, Debug)]
+pub(super) struct Given {
+    pub(super) value: Value,
+    pub(super) at: At,
+    pub(super) taken: Cell<bool>,
+}
+
+/// A section of the scenario with defaults filled in. All keys that are required are there.
+#[derive(Clone, Debug)]
+pub(super) struct Values {
+    pub(super) section: &'static Section,
+    /// Its header.
+    pub(super) at: At,
+    pub(super) keys: BTreeMap<&'static str, Given>,
+    /// Sections within, by name.
+    pub(super) within: BTreeMap<&'static str, Vec<Values>>,
+}
+
+/// # Panics
+/// All methods that take a key: if the table of keys has none of this name and kind. Those whose name
+/// does not begin with `optional`: if it is neither required nor has a default. Both are faults of the
+/// program that every use shows.
+impl Values {
+    fn given(&self, key: &str) -> Option<&Given> {
+        assert!(
+            self.section.key(key).is_some(),
+            "no key '{key}' of {} in the table",
+            self.section.header()
+        );
+        let given = self.keys.get(key)?;
+        given.taken.set(true);
+        Some(given)
+    }
+
+    fn value(&self, key: &str) -> &Value {
+        let given = self.given(key);
+        &given
+            .unwrap_or_else(|| panic!("{}: '{key}' may be absent", self.section.header()))
+            .value
+    }
+
+    /// Where the key's value is, or else the section.
+    pub(super) fn at(&self, key: &str) -> &At {
+        self.keys.get(key).map_or(&self.at, |given| &given.at)
+    }
+
+    /// Something wrong with a key's value.
+    pub(super) fn fault(&self, key: &str, message: impl Into<String>) -> Found {
+        Found::new(self.at(key), message)
+    }
+
+    pub(super) fn optional_number(&self, key: &str) -> Option<f64> {
+        match &self.given(key)?.value {
+            Value::Number(number) => Some(*number),
+            other => unreachable!("'{key}' is {other:?}"),
+        }
+    }
+
+    pub(super) fn number(&self, key: &str) -> f64 {
+        match self.value(key) {
+            Value::Number(number) => *number,
+            other => unreachable!("'{key}' is {other:?}"),
+        }
+    }
+
+    pub(super) fn optional_text(&self, key: &str) -> Option<&str> {
+        match &self.given(key)?.value {
+            Value::Text(text) => Some(text),
+            other => unreachable!("'{key}' is {other:?}"),
+        }
+    }
+
+    pub(super) fn text(&self, key: &str) -> &str {
+        match self.value(key) {
+            Value::Text(text) => text,
+            other => unreachable!("'{key}' is {other:?}"),
+        }
+    }
+
+    pub(super) fn flag(&self, key: &str) -> bool {
+        matches!(self.value(key), Value::Flag(true))
+    }
+
+    pub(super) fn count(&self, key: &str) -> u64 {
+        match self.value(key) {
+            Value::Count(count) => *count,
+            other => unreachable!("'{key}' is {other:?}"),
+        }
+    }
+
+    pub(super) fn optional_count(&self, key: &str) -> Option<u64> {
+        self.given(key).map(|_| self.count(key))
+    }
+
+    pub(super) fn interval(&self, key: &str) -> (f64, f64) {
+        match self.value(key) {
+            Value::Numbers(numbers) => (numbers[0], numbers[1]),
+            other => unreachable!("'{key}' is {other:?}"),
+        }
+    }
+
+    pub(super) fn vector(&self, key: &str) -> DVec3 {
+        match self.value(key) {
+            Value::Numbers(numbers) => DVec3::from_slice(numbers),
+            other => unreachable!("'{key}' is {other:?}"),
+        }
+    }
+
+    pub(super) fn optional_vector(&self, key: &str) -> Option<DVec3> {
+        self.given(key).map(|_| self.vector(key))
+    }
+
+    /// The direction of a vector, which must have one.
+    pub(super) fn direction(&self, key: &str) -> Result<DVec3, Found> {
+        self.vector(key).try_normalize().ok_or_else(|| {
+            self.fault(
+                key,
+                "a direction of length zero points nowhere: write for example \"0, 1, 0\"",
+            )
+        })
+    }
+
+    pub(super) fn optional_interval(&self, key: &str) -> Option<(f64, f64)> {
+        self.given(key).map(|_| self.interval(key))
+    }
+
+    pub(super) fn rows(&self, key: &str) -> &[Vec<f64>] {
+        match self.value(key) {
+            Value::Rows(rows) => rows,
+            other => unreachable!("'{key}' is {other:?}"),
+        }
+    }
+
+    pub(super) fn optional_rows(&self, key: &str) -> Option<&[Vec<f64>]> {
+        self.given(key).map(|_| self.rows(key))
+    }
+
+    /// The sections of this name within; none if there are none.
+    pub(super) fn sections(&self, name: &str) -> &[Self] {
+        self.within.get(name).map_or(&[], Vec::as_slice)
+    }
+
+    /// The one section of this name within.
+    pub(super) fn optional_section(&self, name: &str) -> Option<&Self> {
+        self.sections(name).first()
+    }
+
+    /// The one section of this name within, which is always there.
+    pub(super) fn section(&self, name: &str) -> &Self {
+        let section = self.optional_section(name);
+        section.unwrap_or_else(|| panic!("section '{name}' may be absent"))
+    }
+
+    /// Keys that no builder has asked for, with their sections' paths: a fault of the program.
+    pub(super) fn not_taken(&self) -> Vec<String> {
+        let own = self.keys.iter().filter(|(_, given)| !given.taken.get());
+        let own = own.map(|(key, _)| format!("{} {key}", self.section.header()));
+        let within = self.within.values().flatten().flat_map(Self::not_taken);
+        own.chain(within).collect()
+    }
+}
