@@ -24,7 +24,18 @@
 //!
 //! Cost beyond what is shared: 6 complex multiply-adds and a phasor for each of `K Q` samples, `Q` transforms of `2 R`.
 //!
-//! Accuracy: see `tests/strip_formers.rs`.
+//! Accuracy, against [`super::exact`] without windows (`tests/strip_formers.rs`):
+//!
+//! | scene | error, dB |
+//! |---|---|
+//! | strip map, 5 GHz, 100 MHz, 240 m of track at 3 km, 110 x 120 m | -91 |
+//! | Table 4.1 of Schone 2020, 80 x 80 m | -86 |
+//! | the same strip map with 3 m from pulse to pulse, its ambiguities inside the scene | -86 |
+//! | 40 degrees ahead, X band, 200 MHz, 2 km off the track | -93 |
+//! | rail of 1.6 m, 1.1 to 1.3 GHz, 6.5 to 11.5 m off | -84 |
+//!
+//! The ends of the band of directions make most of it: pixels at the grid's edge seen from the aperture's ends.
+//! Points lie where they are to 1e-5 of the resolution; widths agree with `exact`'s to 2e-5 and side lobes to 0.002 dB.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;

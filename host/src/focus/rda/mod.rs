@@ -13,11 +13,11 @@
 //! applied, samples are transformed over frequency (range compression), read at `r / D` (range cell
 //! migration correction, hyperbolic), multiplied by the azimuth filter `exp(j r kappa_c D)` of their own range, and transformed back. Chim 2018
 //! 3.1.1 has the same with a parabola for `1 / D`, `1 + (lambda fx)^2 / 8`; his (3.5) gives that as phase with the
-//! signs of its terms wrong: `D = 1 - (lambda fx)^2 / 8 - (lambda fx)^4 / 128 - ...`.
+//! wrong signs: `D = 1 - (lambda fx)^2 / 8 - (lambda fx)^4 / 128 - ...`, and `fx` there is `2 x / (lambda R_0)`.
 //!
 //! **Secondary range compression** multiplies the two-dimensional spectrum by
 //! `exp(j r_ref (kr - kappa_c D - (kappa - kappa_c) / D))`: all terms from the second on, exact at the middle of the swath. Without it
-//! the second term defocuses range: by `r (kx / kappa_c)^2 (pi B / c)^2 / kappa_c` radians or so at the band's ends, which grows with the square of
+//! the second term defocuses range: by `2 r (kx / kappa_c)^2 (pi B / c)^2 / kappa_c` radians or so at the band's ends, which grows with the square of
 //! squint and bandwidth. With it `r - r_ref` stands for `r`.
 //!
 //! **Neglected**: just that, `(r - r_ref)` times those terms. Its RMS over band, directions and both ends of the swath is
@@ -29,7 +29,17 @@
 //!
 //! Cost beyond what is shared: `Q` transforms of `2 K`, 6 multiply-adds and a phasor for each of `Q R` range bins.
 //!
-//! Accuracy: see `tests/strip_formers.rs`.
+//! Accuracy, against [`super::exact`] without windows (`tests/strip_formers.rs`), dB:
+//!
+//! | scene | with secondary compression (predicted) | without (predicted) |
+//! |---|---|---|
+//! | strip map, 5 GHz, 100 MHz, 240 m of track at 3 km, 110 x 120 m | -79 (-67) | -38 (-32) |
+//! | Table 4.1 of Schone 2020, 80 x 80 m | -85 (-82) | not measured |
+//! | rail of 1.6 m, 1.1 to 1.3 GHz, 6.5 to 11.5 m off | -50 (-35) | not measured |
+//! | 40 degrees ahead, X band, 200 MHz, 2 km off the track, 32 x 32 m | -23 (-17) | +2 (+3): no image |
+//!
+//! Points of the first and third lie where they are to 4e-5 of the resolution; widths agree with `exact`'s to
+//! 2e-5, side lobes to 0.004 dB. For squint, take [`super::omega_k`], which costs the same.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -38,13 +48,14 @@ use num_complex::{Complex32, Complex64};
 use rustfft::{Fft, FftPlanner};
 use serde_json::json;
 
+use super::rdbp::shared_band;
 use super::strip::{Axes, ImageAxis, RangeMethod, RangeStage, Strip, TAPS};
 use super::{FormError, Formed, ImageFormer, Task};
+use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::Band;
 use crate::signal::fast_length::fast_length;
 use crate::signal::kaiser_bessel::KaiserBessel;
 use crate::signal::phase::phasor32;
-use crate::{SPEED_OF_LIGHT_M_S, focus::rdbp::shared_band};
 
 /// The range-Doppler algorithm.
 #[derive(Clone, Copy, Debug, PartialEq)]

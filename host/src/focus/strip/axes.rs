@@ -231,8 +231,5 @@ fn pixel_bounds(track: &StraightTrack, grid: &ImageGrid) -> ([f64; 2], [f64; 2])
                 (widen(along, [x, x]), widen(range, [r, r]))
             })
         })
-        .reduce(
-            || (none, none),
-            |a, b| (widen(a.0, b.0), widen(a.1, b.1)),
-        )
+        .reduce(|| (none, none), |a, b| (widen(a.0, b.0), widen(a.1, b.1)))
 }

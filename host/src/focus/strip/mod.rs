@@ -119,8 +119,7 @@ impl<'a> Strip<'a> {
             .iter()
             .flat_map(|&row| [0, columns / 2, columns].map(|c| task.grid.position_m(row, c)))
             .collect();
-        let residual_m =
-            track.check(collection, &points, reference, band.centre_hz(), error_db)?;
+        let residual_m = track.check(collection, &points, reference, band.centre_hz(), error_db)?;
         let axes = Axes::new(&track, &band, task.grid, method)?;
         Ok(Self {
             task,
@@ -267,4 +266,45 @@ impl<'a> Strip<'a> {
 /// out.
 fn stationary_phase_error(z: f64) -> Complex64 {
     Complex64::new(1.0 + 15.0 / (128.0 * z * z), 3.0 / (8.0 * z))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{FRAC_2_PI, PI};
+
+    use super::*;
+
+    /// `J1 + j Y1` by Bessel's and Heine's integrals (DLMF 10.9.1 and 10.9.7), trapezoids: the first integrands
+    /// are periodic together, the last falls off doubly exponentially.
+    fn hankel1(z: f64) -> Complex64 {
+        const STEPS: i32 = 40_000;
+        let step = PI / f64::from(STEPS);
+        let (mut j, mut y) = (0.0, 0.0);
+        for i in 0..=STEPS {
+            let angle = f64::from(i) * step;
+            let end = if i == 0 || i == STEPS { 0.5 } else { 1.0 };
+            j += end * (angle - z * angle.sin()).cos();
+            y += end * (z * angle.sin() - angle).sin();
+            let t = 3.0 * angle / PI;
+            let tail = (t.exp() - (-t).exp()) * (-z * t.sinh()).exp();
+            y -= end * tail * 3.0 / PI;
+        }
+        Complex64::new(j, y) * step / PI
+    }
+
+    #[test]
+    fn the_bracket_is_what_stationary_phase_leaves_out() {
+        for z in [6.0, 20.0, 100.0] {
+            let leading = Complex64::cis(z - 0.75 * PI) * (FRAC_2_PI / z).sqrt();
+            let error = (hankel1(z) / leading - stationary_phase_error(z)).norm();
+            // The next term of Hankel's expansion is (3 5 21) / (3! 8^3 z^3), and bounds the rest; the trapezoids'
+            // ends leave 1e-8 or so.
+            let next = 315.0 / 3072.0 / z.powi(3);
+            assert!(error < 1.05 * next + 1e-7, "{z}: {error:e} {next:e}");
+            assert!(
+                (hankel1(z) / leading - 1.0).norm() > 100.0 * error / z,
+                "{z}"
+            );
+        }
+    }
 }

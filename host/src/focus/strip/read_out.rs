@@ -51,8 +51,8 @@ pub(super) fn pixels(strip: &Strip, image: &[Complex32]) -> Result<Vec<Complex32
     let kernel = KaiserBessel::new(TAPS);
     let columns = axes.along.count;
     // What of the reference does not depend on range: sqrt(2 pi j), and 1 / period for the sum over kx.
-    let constant = Complex64::cis(FRAC_PI_4) * TAU.sqrt()
-        / (axes.period as f64 * strip.track.spacing_m);
+    let constant =
+        Complex64::cis(FRAC_PI_4) * TAU.sqrt() / (axes.period as f64 * strip.track.spacing_m);
     let carrier = axes.range.carrier;
     let at_reference = stationary_phase_error(axes.reference_range_m() * carrier);
     let mut pixels = vec![Complex32::ZERO; strip.task.grid.num_pixels() as usize];
