@@ -21,7 +21,7 @@ mod pixels;
 pub mod rda;
 pub mod rdbp;
 pub mod straight_track;
-mod strip;
+pub mod strip;
 pub mod weights;
 
 use num_complex::Complex32;

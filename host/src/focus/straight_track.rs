@@ -86,8 +86,8 @@ impl StraightTrack {
         pulse.path_m(point) - 2.0 * (point - on_line).length()
     }
 
-    /// What moving every pulse to the line for `reference` leaves at `points`: the RMS over pulses of half
-    /// the path, at the worst point, metres.
+    /// What moving every pulse to the line for `reference` leaves at `points`: the RMS over pulses of
+    /// half the path, at the worst point, metres.
     pub fn residual_m(&self, collection: &Collection, points: &[DVec3], reference: DVec3) -> f64 {
         let at = |&point: &DVec3| {
             let pulses = collection.pulses.iter().enumerate();
@@ -104,7 +104,8 @@ impl StraightTrack {
     }
 
     /// Checks that what is left of the track's deviations keeps `error_db` at `frequency_hz`; returns it,
-    /// metres. A range wrong by `e` turns a sample by `4 pi f e / c`, which is the image's relative error.
+    /// metres. A range wrong by `e` turns a sample by `4 pi f e / c`, which is the image's relative
+    /// error.
     ///
     /// # Errors
     /// [`FormError::Unsuited`] with both figures if it does not.
@@ -179,8 +180,8 @@ mod tests {
 
     #[test]
     fn what_sway_leaves_is_the_change_of_the_line_of_sight() {
-        // 1 cm of sway upwards every other pulse. From the middle of the track, seen at points P and Q, the
-        // excess one-way range differs by 1 cm times the difference of the lines of sight's heights.
+        // 1 cm of sway upwards every other pulse. From the middle of the track, seen at points P and Q,
+        // the excess one-way range differs by 1 cm times the difference of the lines of sight's heights.
         let sway = |n: usize| DVec3::Z * if n.is_multiple_of(2) { 0.01 } else { -0.01 };
         let swaying = collection(sway, 0.0);
         let track = StraightTrack::fit(&swaying).unwrap();

@@ -1,28 +1,32 @@
-//! The range migration algorithm, omega-K: the two-dimensional spectrum moved from `(kappa, kx)` to `(kr, kx)`.
+//! The range migration algorithm, omega-K: the two-dimensional spectrum moved from `(kappa, kx)` to `(kr,
+//! kx)`.
 //!
 //! ```text
 //! I(x, r) = sum over kx of exp(j kx x) sum_k F[k][kx] exp(j r kr),   kr = sqrt(kappa_k^2 - kx^2)
 //! ```
 //!
-//! with `F` the spectrum times the reference's amplitude ([`super::strip`]; Cumming and Wong 2005, chapter 8; Chim
-//! 2018, 3.1.2). In Chim (3.8) to (3.10) the root has `c fx / 4`; it is `c^2 fx^2 / 4`, and its sign is that
-//! of his receiver, opposite to ours.
+//! with `F` the spectrum times the reference's amplitude ([`super::strip`]; Cumming and Wong 2005,
+//! chapter 8; Chim 2018, 3.1.2). In Chim (3.8) to (3.10) the root has `c fx / 4`; it is `c^2 fx^2 / 4`,
+//! and its sign is that of his receiver, opposite to ours.
 //!
-//! **Stolt mapping.** The sum over `k` is one over unevenly spaced `kr`. It is not interpolated, which would take the
-//! spectrum for smooth and need the Jacobian, but spread: each sample, turned to the
-//! reference range at the swath's middle by `exp(j r_ref (kr - kr_0))`, is added to an even grid of `kr` with a
-//! Kaiser-Bessel kernel of 6 taps, and the kernel's roll-off is divided out of the image over range. That is
-//! the sum itself to -107 dB: samples count as they do in `exact`, range side lobes and the
-//! periods of a sampled band included.
+//! **Stolt mapping.** The sum over `k` is one over unevenly spaced `kr`. It is not interpolated, which
+//! would take the spectrum for smooth and need the Jacobian, but spread: each sample, turned to the
+//! reference range at the swath's middle by `exp(j r_ref (kr - kr_0))`, is added to an even grid of `kr`
+//! with a Kaiser-Bessel kernel of 6 taps, and the kernel's roll-off is divided out of the image over
+//! range. That is the sum itself to -107 dB: samples count as they do in `exact`, range side lobes and
+//! the periods of a sampled band included.
 //!
-//! **Assumes** a straight, even track ([`super::straight_track`], checked to `error_db`) and one band for all pulses. Squint and aperture
-//! are not limited but by 80 degrees off broadside, less where the nearest range is few wavelengths: the ends of the band of
-//! directions take `6 / sqrt(kappa r)` in sine. The swath is not limited; memory and padding grow with the farthest range times the
-//! tangent of the steepest angle.
+//! **Assumes** a straight, even track ([`super::straight_track`], checked to `error_db`) and one band for
+//! all pulses. Squint and aperture are not limited but by 80 degrees off broadside, less where the
+//! nearest range is few wavelengths: the ends of the band of directions take `6 / sqrt(kappa r)` in sine.
+//! The swath is not limited; memory and padding grow with the farthest range times the tangent of the
+//! steepest angle.
 //!
-//! **Neglected**: terms of the stationary phase's error from the fourth on ([`super::strip`]). Rounding of float32 sums: -110 dB or so.
+//! **Neglected**: terms of the stationary phase's error from the fourth on ([`super::strip`]). Rounding
+//! of float32 sums: -110 dB or so.
 //!
-//! Cost beyond what is shared: 6 complex multiply-adds and a phasor for each of `K Q` samples, `Q` transforms of `2 R`.
+//! Cost beyond what is shared: 6 complex multiply-adds and a phasor for each of `K Q` samples, `Q`
+//! transforms of `2 R`.
 //!
 //! Accuracy, against [`super::exact`] without windows (`tests/strip_formers.rs`):
 //!
@@ -34,8 +38,9 @@
 //! | 40 degrees ahead, X band, 200 MHz, 2 km off the track | -93 |
 //! | rail of 1.6 m, 1.1 to 1.3 GHz, 6.5 to 11.5 m off | -84 |
 //!
-//! The ends of the band of directions make most of it: pixels at the grid's edge seen from the aperture's ends.
-//! Points lie where they are to 1e-5 of the resolution; widths agree with `exact`'s to 2e-5 and side lobes to 0.002 dB.
+//! The ends of the band of directions make most of it: pixels at the grid's edge seen from the aperture's
+//! ends. Points lie where they are to 1e-5 of the resolution; widths agree with `exact`'s to 2e-5 and
+//! side lobes to 0.002 dB.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;

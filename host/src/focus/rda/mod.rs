@@ -1,7 +1,8 @@
 //! The range-Doppler algorithm.
 //!
-//! The range wavenumber `kr = sqrt(kappa^2 - kx^2)` of a sample ([`super::strip`]) is expanded about the carrier `kappa_c`
-//! (that of sample `K/2`), with `D = sqrt(1 - kx^2 / kappa_c^2)` the cosine of the angle off broadside:
+//! The range wavenumber `kr = sqrt(kappa^2 - kx^2)` of a sample ([`super::strip`]) is expanded about the
+//! carrier `kappa_c` (that of sample `K/2`), with `D = sqrt(1 - kx^2 / kappa_c^2)` the cosine of the
+//! angle off broadside:
 //!
 //! ```text
 //! kr = kappa_c D + (kappa - kappa_c) / D - kx^2 (kappa - kappa_c)^2 / (2 kappa_c^3 D^3) + ...
@@ -9,25 +10,29 @@
 //! g(rho; kx) = sum_k F[k][kx] exp(j rho (kappa_k - kappa_c))
 //! ```
 //!
-//! (Cumming and Wong 2005, chapter 6.) In their order: samples are transformed over slow time, secondary range compression is
-//! applied, samples are transformed over frequency (range compression), read at `r / D` (range cell
-//! migration correction, hyperbolic), multiplied by the azimuth filter `exp(j r kappa_c D)` of their own range, and transformed back. Chim 2018
-//! 3.1.1 has the same with a parabola for `1 / D`, `1 + (lambda fx)^2 / 8`; his (3.5) gives that as phase with the
-//! wrong signs: `D = 1 - (lambda fx)^2 / 8 - (lambda fx)^4 / 128 - ...`, and `fx` there is `2 x / (lambda R_0)`.
+//! (Cumming and Wong 2005, chapter 6.) In their order: samples are transformed over slow time, secondary
+//! range compression is applied, samples are transformed over frequency (range compression), read at `r /
+//! D` (range cell migration correction, hyperbolic), multiplied by the azimuth filter `exp(j r kappa_c
+//! D)` of their own range, and transformed back. Chim 2018 3.1.1 has the same with a parabola for `1 /
+//! D`, `1 + (lambda fx)^2 / 8`; his (3.5) gives that as phase with the wrong signs: `D = 1 - (lambda
+//! fx)^2 / 8 - (lambda fx)^4 / 128 - ...`, and `fx` there is `2 x / (lambda R_0)`.
 //!
-//! **Secondary range compression** multiplies the two-dimensional spectrum by
-//! `exp(j r_ref (kr - kappa_c D - (kappa - kappa_c) / D))`: all terms from the second on, exact at the middle of the swath. Without it
-//! the second term defocuses range: by `2 r (kx / kappa_c)^2 (pi B / c)^2 / kappa_c` radians or so at the band's ends, which grows with the square of
-//! squint and bandwidth. With it `r - r_ref` stands for `r`.
+//! **Secondary range compression** multiplies the two-dimensional spectrum by `exp(j r_ref (kr - kappa_c
+//! D - (kappa - kappa_c) / D))`: all terms from the second on, exact at the middle of the swath. Without
+//! it the second term defocuses range: by `2 r (kx / kappa_c)^2 (pi B / c)^2 / kappa_c` radians or so at
+//! the band's ends, which grows with the square of squint and bandwidth. With it `r - r_ref` stands for
+//! `r`.
 //!
-//! **Neglected**: just that, `(r - r_ref)` times those terms. Its RMS over band, directions and both ends of the swath is
-//! `predicted_error_db` among the settings; it is not a reason to refuse. All else is common with [`super::omega_k`], and as exact: amplitudes,
-//! the aperture's ends, interpolation (-107 dB).
+//! **Neglected**: just that, `(r - r_ref)` times those terms. Its RMS over band, directions and both ends
+//! of the swath is `predicted_error_db` among the settings; it is not a reason to refuse. All else is
+//! common with [`super::omega_k`], and as exact: amplitudes, the aperture's ends, interpolation (-107
+//! dB).
 //!
-//! **Assumes** a straight, even track ([`super::straight_track`], checked to `error_db`), one band for all pulses, and a band
-//! so narrow that all directions propagate at `kappa_c`.
+//! **Assumes** a straight, even track ([`super::straight_track`], checked to `error_db`), one band for
+//! all pulses, and a band so narrow that all directions propagate at `kappa_c`.
 //!
-//! Cost beyond what is shared: `Q` transforms of `2 K`, 6 multiply-adds and a phasor for each of `Q R` range bins.
+//! Cost beyond what is shared: `Q` transforms of `2 K`, 6 multiply-adds and a phasor for each of `Q R`
+//! range bins.
 //!
 //! Accuracy, against [`super::exact`] without windows (`tests/strip_formers.rs`), dB:
 //!
@@ -38,8 +43,8 @@
 //! | rail of 1.6 m, 1.1 to 1.3 GHz, 6.5 to 11.5 m off | -50 (-35) | not measured |
 //! | 40 degrees ahead, X band, 200 MHz, 2 km off the track, 32 x 32 m | -23 (-17) | +2 (+3): no image |
 //!
-//! Points of the first and third lie where they are to 4e-5 of the resolution; widths agree with `exact`'s to
-//! 2e-5, side lobes to 0.004 dB. For squint, take [`super::omega_k`], which costs the same.
+//! Points of the first and third lie where they are to 4e-5 of the resolution; widths agree with
+//! `exact`'s to 2e-5, side lobes to 0.004 dB. For squint, take [`super::omega_k`], which costs the same.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;

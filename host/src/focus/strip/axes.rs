@@ -16,8 +16,8 @@ use crate::phase_history::Band;
 /// Taps of every kernel: -107 dB in one dimension ([`crate::signal::kaiser_bessel`]).
 pub(in crate::focus) const TAPS: usize = 6;
 
-/// The largest sine of an angle off broadside, its fall included: beyond it a range changes so much with an
-/// angle that transforms grow out of bounds.
+/// The largest sine of an angle off broadside, its fall included: beyond it a range changes so much with
+/// an angle that transforms grow out of bounds.
 const LARGEST_SINE: f64 = 0.985;
 
 /// Longest transform over slow time: more would not fit any memory.

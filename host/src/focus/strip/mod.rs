@@ -1,42 +1,42 @@
 //! What the frequency-domain formers share: from pulses on a straight track to the two-dimensional
 //! spectrum, and from an image over place along the track and closest range to pixels.
 //!
-//! For a straight track ([`StraightTrack`]) the sum that every former computes ([`super`]) is, for each frequency,
-//! a correlation over slow time, `u = x - s_n`:
+//! For a straight track ([`StraightTrack`]) the sum that every former computes ([`super`]) is, for each
+//! frequency, a correlation over slow time, `u = x - s_n`:
 //!
 //! ```text
 //! I(x, r) = sum_k w_k sum_n v_n z[n][k] h_k(x - s_n; r),   h_k(u; r) = exp(+j kappa_k sqrt(r^2 + u^2)),
 //! kappa_k = 4 pi f_k / c
 //! ```
 //!
-//! with samples referred to path zero. With `Y_k(kx)` the transform of `v_n z[n][k]` over `s_n` and `H_k` that
-//! of `h_k`, it is a product in `kx`. `H_k` has a closed form, for `exp(j kappa R) / R` has (a Hankel
-//! function), and differentiation by `kappa` takes the `1 / R` away:
+//! with samples referred to path zero. With `Y_k(kx)` the transform of `v_n z[n][k]` over `s_n` and `H_k`
+//! that of `h_k`, it is a product in `kx`. `H_k` has a closed form, for `exp(j kappa R) / R` has (a
+//! Hankel function), and differentiation by `kappa` takes the `1 / R` away:
 //!
 //! ```text
 //! H(kx; r) = -pi r (kappa / kr) H1(r kr),   kr = sqrt(kappa^2 - kx^2)
 //!          = sqrt(2 pi j r) kappa kr^(-3/2) exp(j r kr) (1 + 3j / (8 r kr) + 15 / (128 (r kr)^2) + ...)
 //! ```
 //!
-//! `H1` the Hankel function of the first kind and order 1. The factor before the bracket is the principle of
-//! stationary phase (Cumming and Wong 2005, chapter 5), the bracket its error: 3 / (8 r kr), -41 dB at 1 m
-//! and 1 GHz, -89 dB at 1 km and 1 GHz. Its first three terms are used, at the middle of the swath
+//! `H1` the Hankel function of the first kind and order 1. The factor before the bracket is the principle
+//! of stationary phase (Cumming and Wong 2005, chapter 5), the bracket its error: 3 / (8 r kr), -41 dB at
+//! 1 m and 1 GHz, -89 dB at 1 km and 1 GHz. Its first three terms are used, at the middle of the swath
 //! for each `(kappa, kx)` and for the range of the pixel with the carrier's `kr`.
 //!
 //! `kx` runs over all directions in which a pixel is seen from a pulse, with smooth ends outside of them
-//! ([`taper`]), and pulses are padded with zeros until no repetition of the reference reaches a
-//! pixel: the sum over slow time is not circular, and ends of the aperture are where they are. Where the
-//! directions need more than `2 pi / spacing`, the spectrum is repeated, as that of samples is: what is ambiguous
-//! in `exact` is just as ambiguous here.
+//! (`taper`), and pulses are padded with zeros until no repetition of the reference reaches a pixel: the
+//! sum over slow time is not circular, and ends of the aperture are where they are. Where the directions
+//! need more than `2 pi / spacing`, the spectrum is repeated, as that of samples is: what is ambiguous in
+//! `exact` is just as ambiguous here.
 //!
-//! What the formers differ in is the way from `(kappa, kx)` to `(r, kx)` ([`RangeMethod`]).
-//! Both image axes are spaced at half of Nyquist's step, brought down by their carriers, and read at every pixel's
-//! `(x, r)` with a Kaiser-Bessel kernel of 6 taps whose roll-off is divided out of the
-//! spectrum: -107 dB in each axis. Any grid will do: a pixel is its `(x, r)`, in the ground or slant plane alike.
+//! What the formers differ in is the way from `(kappa, kx)` to `(r, kx)` (`RangeMethod`). Both image axes
+//! are spaced at half of Nyquist's step, brought down by their carriers, and read at every pixel's `(x,
+//! r)` with a Kaiser-Bessel kernel of 6 taps whose roll-off is divided out of the spectrum: -107 dB in
+//! each axis. Any grid will do: a pixel is its `(x, r)`, in the ground or slant plane alike.
 //!
-//! Cost, with `N` pulses, `K` frequencies, `L` padded pulses, `Q` wavenumbers `kx`, `R` ranges: `K` transforms of `L`,
-//! `R` of `2 Q`, about 40 operations a pixel, and the method's. Memory: `8 K (N + Q)`, then `8 Q (K + R)`
-//! bytes, then `8 R (Q + X)` with `X` columns, whichever is the most, and the image.
+//! Cost, with `N` pulses, `K` frequencies, `L` padded pulses, `Q` wavenumbers `kx`, `R` ranges: `K`
+//! transforms of `L`, `R` of `2 Q`, about 40 operations a pixel, and the method's. Memory: `8 K (N + Q)`,
+//! then `8 Q (K + R)` bytes, then `8 R (Q + X)` with `X` columns, whichever is the most, and the image.
 
 mod axes;
 mod read_out;
@@ -103,8 +103,8 @@ impl<'a> Strip<'a> {
     /// Checks that `task` suits, and lays out axes for `method`.
     ///
     /// # Errors
-    /// [`FormError::Unsuited`] if the band changes, the track is not straight to `error_db`, or pixels lie
-    /// too near.
+    /// [`FormError::Unsuited`] if the band changes, the track is not straight to `error_db`, or pixels
+    /// lie too near.
     pub(super) fn new(
         task: &'a Task<'a>,
         method: &dyn RangeMethod,
@@ -152,8 +152,9 @@ impl<'a> Strip<'a> {
             spectrum_bytes + range_bytes,
             range_bytes + bytes(ranges, axes.along.count),
         ];
+        let advice = "use a smaller --grid or --algorithm bp, or raise --memory";
         let most = steps.into_iter().max().unwrap_or(0);
-        let threads = rayon::current_num_threads();
+        budget.take("the two-dimensional spectrum", most, advice)?;
         let stage = method.stage(axes);
         let lengths = [
             3 * axes.period,
@@ -161,11 +162,8 @@ impl<'a> Strip<'a> {
             samples + stage.scratch_length(),
         ];
         let longest = lengths.into_iter().max().unwrap_or(0);
-        budget.take(
-            "the two-dimensional spectrum",
-            most + bytes(threads, longest),
-            "use a smaller --grid or --algorithm bp, or raise --memory",
-        )?;
+        let threads = rayon::current_num_threads();
+        budget.take("transforms", bytes(threads, longest), advice)?;
 
         let spectrum = spectrum::along_track(self)?;
         let ranges = self.ranges(stage.as_ref(), &spectrum)?;
@@ -223,8 +221,8 @@ impl<'a> Strip<'a> {
         Ok(ranges)
     }
 
-    /// What a sample of the spectrum is multiplied by, window apart: the reference's amplitude, the stage's
-    /// phase, and the roll-off of the kernels that will read the image.
+    /// What a sample of the spectrum is multiplied by, window apart: the reference's amplitude, the
+    /// stage's phase, and the roll-off of the kernels that will read the image.
     fn filter(
         &self,
         stage: &dyn RangeStage,
@@ -262,8 +260,8 @@ impl<'a> Strip<'a> {
     }
 }
 
-/// `H1(z)` over its leading term, for `z` of more than about 5: what the principle of stationary phase leaves
-/// out.
+/// `H1(z)` over its leading term, for `z` of more than about 5: what the principle of stationary phase
+/// leaves out.
 fn stationary_phase_error(z: f64) -> Complex64 {
     Complex64::new(1.0 + 15.0 / (128.0 * z * z), 3.0 / (8.0 * z))
 }
@@ -274,8 +272,8 @@ mod tests {
 
     use super::*;
 
-    /// `J1 + j Y1` by Bessel's and Heine's integrals (DLMF 10.9.1 and 10.9.7), trapezoids: the first integrands
-    /// are periodic together, the last falls off doubly exponentially.
+    /// `J1 + j Y1` by Bessel's and Heine's integrals (DLMF 10.9.1 and 10.9.7), trapezoids: the first
+    /// integrands are periodic together, the last falls off doubly exponentially.
     fn hankel1(z: f64) -> Complex64 {
         const STEPS: i32 = 40_000;
         let step = PI / f64::from(STEPS);
@@ -297,8 +295,8 @@ mod tests {
         for z in [6.0, 20.0, 100.0] {
             let leading = Complex64::cis(z - 0.75 * PI) * (FRAC_2_PI / z).sqrt();
             let error = (hankel1(z) / leading - stationary_phase_error(z)).norm();
-            // The next term of Hankel's expansion is (3 5 21) / (3! 8^3 z^3), and bounds the rest; the trapezoids'
-            // ends leave 1e-8 or so.
+            // The next term of Hankel's expansion is (3 5 21) / (3! 8^3 z^3), and bounds the rest; the
+            // trapezoids' ends leave 1e-8 or so.
             let next = 315.0 / 3072.0 / z.powi(3);
             assert!(error < 1.05 * next + 1e-7, "{z}: {error:e} {next:e}");
             assert!(

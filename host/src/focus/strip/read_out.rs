@@ -12,7 +12,8 @@ use crate::focus::pixels::add_to_each;
 use crate::signal::kaiser_bessel::KaiserBessel;
 use crate::signal::phase::{narrow, phasor};
 
-/// The image over range and place along the track, `[R][X]`, from `[Q][R]`; brought down by both carriers.
+/// The image over range and place along the track, `[R][X]`, from `[Q][R]`; brought down by both
+/// carriers.
 pub(super) fn compress(strip: &Strip, ranges: &[Complex32]) -> Result<Vec<Complex32>, FormError> {
     let axes = &strip.axes;
     let (num_bins, num_ranges) = (axes.num_bins, axes.range.count);

@@ -1,16 +1,16 @@
 //! The band of directions that a reference function covers, with smooth ends.
 //!
 //! A reference `exp(j kappa sqrt(r^2 + u^2))` without ends has a smooth spectrum, and every direction
-//! `sin(theta) = kx / kappa` of that spectrum stands for one place `u = r tan(theta)`. A band of directions
-//! that is cut sharply would ring all over `u`; one that falls off as the integral of a Kaiser window of half-width
-//! `delta` (in `kx`) rings no farther than `beta / delta`. The fall lies
-//! outside the directions that are needed, with its middle `delta` off, which is `delta r / (kappa cos^3
-//! theta)` in `u`: far enough if `delta^2 >= beta kappa cos^3(theta) / r`.
+//! `sin(theta) = kx / kappa` of that spectrum stands for one place `u = r tan(theta)`. A band of
+//! directions that is cut sharply would ring all over `u`; one that falls off as the integral of a Kaiser
+//! window of half-width `delta` (in `kx`) rings no farther than `beta / delta`. The fall lies outside the
+//! directions that are needed, with its middle `delta` off, which is `delta r / (kappa cos^3 theta)` in
+//! `u`: far enough if `delta^2 >= beta kappa cos^3(theta) / r`.
 
 use crate::signal::window::bessel_i0;
 
-/// Shape of the Kaiser window. Measured on Table 4.1 of Schone 2020, whose pixels reach the ends: with 8 the image
-/// of [`crate::focus::omega_k`] errs by -75 dB, with 12 by -86 dB.
+/// Shape of the Kaiser window. Measured on Table 4.1 of Schone 2020, whose pixels reach the ends: with 8
+/// the image of [`crate::focus::omega_k`] errs by -75 dB, with 12 by -86 dB.
 pub(super) const BETA: f64 = 12.0;
 
 /// Values of the step that are kept.
