@@ -262,8 +262,8 @@ impl Cut {
 
 #[test]
 fn a_point_is_where_it_is_and_as_wide_as_it_should() {
-    // Cuts of 20 resolutions: along track 0.37 m (240 m of track at 3 km), on the ground 1.6 m (1.5 m of range at
-    // 1 km height).
+    // Cuts of 20 resolutions: along track 0.37 m (240 m of track at 3 km), on the ground 1.6 m (1.5 m
+    // of range at 1 km height).
     let stripmap = (&STRIPMAP, DVec3::new(13.31, -17.73, 0.0), [0.37, 1.59]);
     // 1.6 m of rail at 9.4 m and 1.2 GHz; 200 MHz.
     let rail = (&RAIL, DVec3::new(0.31, 0.43, 0.0), [0.73, 0.75]);
