@@ -20,7 +20,7 @@ fn a_grid_beyond_memory_is_refused_before_anything_else() {
     let folder = tempfile::tempdir().unwrap();
     // 1e6 x 1e6 pixels; the input need not even exist.
     let grid = "--grid x=-50000:50000:0.1,y=-50000:50000:0.1,z=0";
-    for algorithm in ["exact", "bp", "rdbp"] {
+    for algorithm in ["exact", "bp", "rdbp", "rda", "omega-k"] {
         let line = format!("focus none.cphd --out out --memory 1G -a {algorithm} {grid}");
         run(folder.path(), &line)
             .failed(1, &["--grid", "1000000 x 1000000", "--memory", "1.0 GiB"]);

@@ -90,7 +90,7 @@ fn focus_writes_image_record_and_picture() {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), "simulate --preset table-4-1 -o scene.cphd").succeeded();
     let grid = "--grid x=-6:6:0.25,y=-5:5:0.25,z=0 --window none --slow-window none";
-    for algorithm in ["exact", "bp", "rdbp"] {
+    for algorithm in ["exact", "bp", "rdbp", "rda", "omega-k"] {
         let line = format!("focus scene.cphd --out {algorithm} -a {algorithm} {grid} --check 5000");
         let ran = run(folder.path(), &line);
         let error_db = number_after(ran.succeeded(), "pixels: ");

@@ -68,6 +68,10 @@ fn wrong_usage_exits_with_2_and_names_the_option() {
             vec!["--error-db", "-60"],
         ),
         (
+            "focus a.mat --out d --algorithm omega-k --no-src",
+            vec!["--no-src", "omega-k"],
+        ),
+        (
             "focus a.mat --out d --algorithm bp --patch 3",
             vec!["--patch", "bp"],
         ),

@@ -16,8 +16,12 @@ pub mod budget;
 pub mod exact;
 pub mod maps;
 pub mod monitor;
+pub mod omega_k;
 mod pixels;
+pub mod rda;
 pub mod rdbp;
+pub mod straight_track;
+pub mod strip;
 pub mod weights;
 
 use num_complex::Complex32;

@@ -106,7 +106,8 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "algorithm", "mode", "sub_cpi", "patch", "window", "slow_window", "check"
+        "paths", "channel", "algorithm", "mode", "sub_cpi", "patch", "no_src", "window", "slow_window",
+        "check"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
 
@@ -123,7 +124,8 @@ pub(crate) struct Focus {
     pub(crate) mode: Option<Mode>,
 
     /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120, for a grid that
-    /// covers the scene's bright scatterers; bp and rdbp choose their sizes from it [default: -60]
+    /// covers the scene's bright scatterers; bp and rdbp choose their sizes from it, rda and omega-k how
+    /// crooked a track may be [default: -60]
     #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
 
@@ -134,6 +136,10 @@ pub(crate) struct Focus {
     /// Side of rdbp's patches in metres [default: from the error bound]
     #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = length)]
     pub(crate) patch: Option<f64>,
+
+    /// Leave out rda's secondary range compression
+    #[arg(long)]
+    pub(crate) no_src: bool,
 
     /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
     #[arg(long, value_name = "W", default_value_t = Window::default())]
@@ -164,6 +170,10 @@ pub(crate) enum Algorithm {
     /// Sub-CPI range-Doppler backprojection
     #[default]
     Rdbp,
+    /// Range-Doppler algorithm: straight, even tracks at small squint
+    Rda,
+    /// Range migration algorithm: straight, even tracks
+    OmegaK,
 }
 
 /// Modes of range-Doppler backprojection.

@@ -3,10 +3,13 @@
 use std::time::Duration;
 
 use anyhow::Context;
+use clap::ValueEnum;
 use serde_json::{Value, json};
 use subaperture::focus::ImageFormer;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
+use subaperture::focus::omega_k::OmegaK;
+use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::open::{Options, open_all};
@@ -136,11 +139,12 @@ fn half_of_physical_memory() -> u64 {
 /// [`Usage`] for an option that this former has no use for.
 pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage> {
     let algorithm = typed.algorithm;
+    let name = algorithm.to_possible_value();
+    let name = name.as_ref().map_or("", |value| value.get_name());
     let refuse = |option: &str, given: bool, allowed: bool| {
         if given && !allowed {
             return Err(Usage(format!(
-                "{option} says nothing to --algorithm {}: leave it out",
-                format!("{algorithm:?}").to_lowercase()
+                "{option} says nothing to --algorithm {name}: leave it out"
             )));
         }
         Ok(())
@@ -154,6 +158,7 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
     refuse("--mode", typed.mode.is_some(), is_rdbp)?;
     refuse("--sub-cpi", typed.sub_cpi.is_some(), is_rdbp)?;
     refuse("--patch", typed.patch.is_some(), is_rdbp)?;
+    refuse("--no-src", typed.no_src, algorithm == Algorithm::Rda)?;
     if typed.mode == Some(args::Mode::Thesis) {
         for (option, given) in [
             ("--error-db", typed.error_db.is_some()),
@@ -179,6 +184,11 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
             sub_cpi: typed.sub_cpi,
             patch_m: typed.patch,
         }),
+        Algorithm::Rda => Box::new(RangeDopplerAlgorithm {
+            error_db,
+            secondary_compression: !typed.no_src,
+        }),
+        Algorithm::OmegaK => Box::new(OmegaK { error_db }),
     })
 }
 

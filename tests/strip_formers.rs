@@ -1,0 +1,455 @@
+//! The frequency-domain formers against the exact sum: complex images, phase included, and points by
+//! their measures.
+
+use glam::DVec3;
+use num_complex::Complex64;
+use subaperture::focus::exact::Exact;
+use subaperture::focus::omega_k::OmegaK;
+use subaperture::focus::rda::RangeDopplerAlgorithm;
+use subaperture::focus::{FormError, Formed, ImageFormer, Monitor, Silent, Task, Weights};
+use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::phase_history::{Collection, PhaseHistory, Pulse};
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
+use subaperture_tests::error_db;
+
+const OMEGA_K: OmegaK = OmegaK { error_db: -60.0 };
+const RDA: RangeDopplerAlgorithm = RangeDopplerAlgorithm {
+    error_db: -60.0,
+    secondary_compression: true,
+};
+const RDA_WITHOUT_SRC: RangeDopplerAlgorithm = RangeDopplerAlgorithm {
+    error_db: -60.0,
+    secondary_compression: false,
+};
+
+/// A radar on a track.
+struct Radar {
+    /// Frequency of sample 0, step, number.
+    band: (f64, f64, usize),
+    num_pulses: usize,
+    /// Transmitter and receiver of pulse `n`, from the aperture's middle.
+    antennas: fn(f64) -> (DVec3, DVec3),
+    /// Path that all samples are referred to, or to the scene's origin if `None`.
+    reference_path_m: Option<f64>,
+}
+
+impl Radar {
+    fn collection(&self) -> Collection {
+        let (start_hz, step_hz, num_samples) = self.band;
+        let pulses = (0..self.num_pulses)
+            .map(|n| {
+                let index = n as f64 - (self.num_pulses as f64 - 1.0) / 2.0;
+                let (transmitter_m, receiver_m) = (self.antennas)(index);
+                let to_origin_m = transmitter_m.length() + receiver_m.length();
+                Pulse {
+                    time_s: n as f64,
+                    transmitter_m,
+                    receiver_m,
+                    reference_m: DVec3::ZERO,
+                    reference_path_m: self.reference_path_m.unwrap_or(to_origin_m),
+                    start_hz,
+                    step_hz,
+                }
+            })
+            .collect();
+        Collection {
+            name: "strip".to_owned(),
+            num_samples,
+            pulses,
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        }
+    }
+
+    /// Twelve scatterers within `half_m` of the origin.
+    fn over_many(&self, half_m: [f64; 2]) -> Simulated {
+        let scatterers = (0..12)
+            .map(|i| {
+                // The plastic number's powers: spread evenly without a lattice.
+                let place = |a: f64| 2.0 * (a * f64::from(i) + 0.5).fract() - 1.0;
+                let (x, y) = (place(0.754_877_666), place(0.569_840_291));
+                Scatterer {
+                    position_m: DVec3::new(half_m[0] * x, half_m[1] * y, 0.0),
+                    amplitude: Complex64::cis(f64::from(i)),
+                }
+            })
+            .collect();
+        Simulated::new(self.collection(), scatterers, None)
+    }
+}
+
+/// A stripmap of 5 GHz and 100 MHz at 3 km, from 1 km above the ground, broadside.
+const STRIPMAP: Radar = Radar {
+    band: (4.95e9, 0.8e6, 125),
+    num_pulses: 600,
+    antennas: |n| {
+        let at = DVec3::new(0.4 * n, -(8f64.sqrt()) * 1000.0, 1000.0);
+        (at, at)
+    },
+    reference_path_m: Some(6000.0),
+};
+
+/// A rail of 1.6 m at 1.1 to 1.3 GHz, its scene from 6 m on.
+const RAIL: Radar = Radar {
+    band: (1.1e9, 4e6, 51),
+    num_pulses: 81,
+    antennas: |n| {
+        let at = DVec3::new(0.02 * n, -9.0, 0.0);
+        (at, at)
+    },
+    reference_path_m: Some(0.0),
+};
+
+/// X band, 200 MHz, looking 40 degrees ahead.
+const SQUINT: Radar = Radar {
+    band: (9.4e9, 1e6, 200),
+    num_pulses: 300,
+    antennas: |n| {
+        let ahead_m = 2000.0 * 40f64.to_radians().tan();
+        let at = DVec3::new(0.3 * n - ahead_m, -2000.0, 0.0);
+        (at, at)
+    },
+    reference_path_m: None,
+};
+
+fn try_form(
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+    window: Window,
+    former: &dyn ImageFormer,
+    memory_bytes: u64,
+    monitor: &dyn Monitor,
+) -> Result<Formed, FormError> {
+    let weights = Weights::new(history.collection(), window, window);
+    former.form(&Task {
+        history,
+        grid,
+        weights: &weights,
+        memory_bytes,
+        monitor,
+    })
+}
+
+/// Errors of the formers on a grid, dB against the exact sum.
+fn errors_db<const N: usize>(
+    what: &str,
+    history: &Simulated,
+    grid: &str,
+    window: Window,
+    formers: [&dyn ImageFormer; N],
+) -> [f64; N] {
+    let grid: ImageGrid = grid.parse().unwrap();
+    let form = |former| try_form(history, &grid, window, former, 1 << 30, &Silent).unwrap();
+    let exact = form(&Exact).image;
+    formers.map(|former| {
+        let started = std::time::Instant::now();
+        let formed = form(former);
+        let taken = started.elapsed();
+        let db = error_db(&formed.image, &exact);
+        let predicted = formed.settings.get("predicted_error_db");
+        println!(
+            "{what}: {} {db:.1} dB in {taken:.2?}, predicted {predicted:?}",
+            former.name()
+        );
+        // The worse end of the swath decides the prediction; what else errs is below -80 dB.
+        if let Some(predicted_db) = predicted.and_then(serde_json::Value::as_f64) {
+            assert!(db <= predicted_db.max(-80.0) + 1.0, "{db} {predicted_db}");
+        }
+        db
+    })
+}
+
+#[test]
+fn stripmap() {
+    let history = STRIPMAP.over_many([50.0, 50.0]);
+    for window in [Window::None, Window::default()] {
+        let [omega_k, rda, without] = errors_db(
+            "stripmap",
+            &history,
+            "x=-55:55:2.3,y=-60:60:2.1",
+            window,
+            [&OMEGA_K, &RDA, &RDA_WITHOUT_SRC],
+        );
+        assert!(omega_k < -85.0, "{omega_k}");
+        assert!(rda < -75.0 && without < -35.0, "{rda} {without}");
+    }
+}
+
+#[test]
+fn rail() {
+    let history = RAIL.over_many([2.0, 2.5]);
+    let [omega_k, rda] = errors_db(
+        "rail",
+        &history,
+        "x=-2:2:0.11,y=-2.5:2.5:0.13",
+        Window::None,
+        [&OMEGA_K, &RDA],
+    );
+    assert!(omega_k < -80.0 && rda < -45.0, "{omega_k} {rda}");
+}
+
+#[test]
+fn table_4_1() {
+    let history = Preset::Table41.simulate(&Variation::default());
+    let [omega_k, rda] = errors_db(
+        "Table 4.1",
+        &history,
+        "x=-40:40:1.97,y=-40:40:1.91",
+        Window::None,
+        [&OMEGA_K, &RDA],
+    );
+    assert!(omega_k < -82.0 && rda < -80.0, "{omega_k} {rda}");
+}
+
+#[test]
+fn squint() {
+    let history = SQUINT.over_many([15.0, 15.0]);
+    let [omega_k, rda, without] = errors_db(
+        "squint",
+        &history,
+        "x=-16:16:0.53,y=-16:16:0.57",
+        Window::None,
+        [&OMEGA_K, &RDA, &RDA_WITHOUT_SRC],
+    );
+    assert!(omega_k < -85.0 && rda < -20.0, "{omega_k} {rda}");
+    assert!(without > -5.0, "{without}");
+}
+
+/// Measures of a point's response along a cut.
+struct Cut {
+    peak_m: f64,
+    width_m: f64,
+    peak_side_lobe_db: f64,
+    integrated_side_lobe_db: f64,
+}
+
+impl Cut {
+    /// Of values at `start_m + i step_m`, with the point's own main lobe among them.
+    fn new(start_m: f64, step_m: f64, values: &[num_complex::Complex32]) -> Self {
+        let power: Vec<f64> = values.iter().map(|z| f64::from(z.norm_sqr())).collect();
+        let top = (0..power.len())
+            .max_by(|&a, &b| power[a].total_cmp(&power[b]))
+            .unwrap();
+        // A parabola through the top three.
+        let (a, b, c) = (power[top - 1], power[top], power[top + 1]);
+        let shift = 0.5 * (a - c) / (a - 2.0 * b + c);
+        let peak = b - 0.25 * (a - c) * shift;
+        let crossing = |i: usize, j: usize| {
+            let t = (peak / 2.0 - power[i]) / (power[j] - power[i]);
+            i as f64 + t * (j as f64 - i as f64)
+        };
+        let right = (top..).find(|&i| power[i + 1] < peak / 2.0).unwrap();
+        let left = (0..=top)
+            .rev()
+            .find(|&i| power[i - 1] < peak / 2.0)
+            .unwrap();
+        let width = crossing(right, right + 1) - crossing(left, left - 1);
+        let null_right = (right..).find(|&i| power[i + 1] > power[i]).unwrap();
+        let null_left = (0..=left).rev().find(|&i| power[i - 1] > power[i]).unwrap();
+        let main: f64 = power[null_left..=null_right].iter().sum();
+        let sides = power[..null_left].iter().chain(&power[null_right + 1..]);
+        Self {
+            peak_m: start_m + (top as f64 + shift) * step_m,
+            width_m: width * step_m,
+            peak_side_lobe_db: 10.0
+                * (sides.clone().fold(0.0, |a: f64, &b| a.max(b)) / peak).log10(),
+            integrated_side_lobe_db: 10.0 * (sides.sum::<f64>() / main).log10(),
+        }
+    }
+}
+
+#[test]
+fn a_point_is_where_it_is_and_as_wide_as_it_should() {
+    // Cuts of 20 resolutions: along track 0.37 m (240 m of track at 3 km), on the ground 1.6 m (1.5 m
+    // of range at 1 km height).
+    let stripmap = (&STRIPMAP, DVec3::new(13.31, -17.73, 0.0), [0.37, 1.59]);
+    // 1.6 m of rail at 9.4 m and 1.2 GHz; 200 MHz.
+    let rail = (&RAIL, DVec3::new(0.31, 0.43, 0.0), [0.73, 0.75]);
+    for (radar, at_m, [along_m, across_m]) in [stripmap, rail] {
+        let point = Scatterer {
+            position_m: at_m,
+            amplitude: Complex64::ONE,
+        };
+        let history = Simulated::new(radar.collection(), vec![point], None);
+        let lobes = if along_m < 0.5 { 10.0 } else { 4.0 };
+        let cut = |former: &dyn ImageFormer, along: bool| {
+            let (centre_m, resolution_m) = if along {
+                (at_m.x, along_m)
+            } else {
+                (at_m.y, across_m)
+            };
+            let (start_m, step_m) = (centre_m - lobes * resolution_m, resolution_m / 40.0);
+            let range = format!("{start_m}:{}:{step_m}", centre_m + lobes * resolution_m);
+            let grid = if along {
+                format!("x={range},y={}:{}:1", at_m.y, at_m.y + 0.5)
+            } else {
+                format!("x={}:{}:1,y={range}", at_m.x, at_m.x + 0.5)
+            };
+            let grid = grid.parse().unwrap();
+            let formed = try_form(&history, &grid, Window::None, former, 1 << 30, &Silent).unwrap();
+            (
+                Cut::new(start_m, step_m, &formed.image.pixels),
+                centre_m,
+                resolution_m,
+            )
+        };
+        for along in [true, false] {
+            let (exact, ..) = cut(&Exact, along);
+            for former in [&OMEGA_K as &dyn ImageFormer, &RDA] {
+                let (got, centre_m, resolution_m) = cut(former, along);
+                let off = (got.peak_m - centre_m) / resolution_m;
+                let width = got.width_m / exact.width_m - 1.0;
+                let pslr_db = got.peak_side_lobe_db - exact.peak_side_lobe_db;
+                let islr_db = got.integrated_side_lobe_db - exact.integrated_side_lobe_db;
+                println!(
+                    "{} along {along}: off {off:.1e} resolutions, width {:.4} m {width:+.1e}, PSLR \
+                     {:.2} dB {pslr_db:+.1e}, ISLR {:.2} dB {islr_db:+.1e}",
+                    former.name(),
+                    got.width_m,
+                    got.peak_side_lobe_db,
+                    got.integrated_side_lobe_db,
+                );
+                assert!(width.abs() < 0.01 && pslr_db.abs() < 0.2 && islr_db.abs() < 0.2);
+                assert!(off.abs() <= 1.0 / 128.0, "{off}");
+            }
+        }
+    }
+}
+
+#[test]
+fn any_plane_and_either_kind_of_grid() {
+    let history = STRIPMAP.over_many([20.0, 20.0]);
+    for grid in [
+        "x=-20:20:1.7,y=-20:20:1.9,yaw=30,pitch=10,roll=-20",
+        "r=5:25:1.1,theta=-80:80:4,cx=-10,cy=3",
+    ] {
+        let [omega_k, rda] =
+            errors_db("plane", &history, grid, Window::default(), [&OMEGA_K, &RDA]);
+        assert!(omega_k < -80.0 && rda < -75.0, "{omega_k} {rda}");
+    }
+}
+
+#[test]
+fn slow_time_that_is_sampled_too_coarsely_is_as_ambiguous_as_it_is() {
+    // 3 m from pulse to pulse and 600 m of track: ambiguities lie 30 m apart, inside the scene.
+    let radar = Radar {
+        num_pulses: 200,
+        antennas: |n| {
+            let at = DVec3::new(3.0 * n, -3000.0, 0.0);
+            (at, at)
+        },
+        ..STRIPMAP
+    };
+    let history = radar.over_many([40.0, 10.0]);
+    let grid = "x=-60:60:0.57,y=-10:10:1.9";
+    let [omega_k] = errors_db("coarse", &history, grid, Window::None, [&OMEGA_K]);
+    assert!(omega_k < -80.0, "{omega_k}");
+}
+
+#[test]
+fn small_deviations_are_compensated_and_large_ones_refused() {
+    // 3 cm of slow sway, and antennas 0.5 m apart: exact at the grid's middle.
+    let radar = Radar {
+        antennas: |n| {
+            let sway_m = 0.03 * (n * 0.02).sin();
+            let at = DVec3::new(0.4 * n, -3000.0 + sway_m, sway_m);
+            let half = DVec3::new(0.25, 0.0, 0.0);
+            (at - half, at + half)
+        },
+        ..STRIPMAP
+    };
+    let history = radar.over_many([30.0, 30.0]);
+    let grid = "x=-30:30:1.3,y=-30:30:1.7";
+    let former = OmegaK { error_db: -40.0 };
+    let [got] = errors_db("sway", &history, grid, Window::None, [&former]);
+    assert!(got < -40.0, "{got}");
+
+    // A circle of 3 km: 2.4 m off the line at the ends of 240 m.
+    let curved = Radar {
+        antennas: |n| {
+            let angle = n * 0.4 / 3000.0;
+            let at = DVec3::new(3000.0 * angle.sin(), -3000.0 * angle.cos(), 0.0);
+            (at, at)
+        },
+        ..STRIPMAP
+    };
+    let gap = Radar {
+        antennas: |n| {
+            let at = DVec3::new(0.4 * n + 20.0 * n.signum(), -3000.0, 0.0);
+            (at, at)
+        },
+        ..STRIPMAP
+    };
+    for radar in [curved, gap] {
+        let history = radar.over_many([30.0, 30.0]);
+        for former in [&OMEGA_K as &dyn ImageFormer, &RDA] {
+            let grid = grid.parse().unwrap();
+            let refused = try_form(&history, &grid, Window::None, former, 1 << 30, &Silent);
+            let error = refused.unwrap_err();
+            assert!(matches!(error, FormError::Unsuited(_)), "{error}");
+            let text = error.to_string();
+            assert!(
+                text.contains("not straight") && text.contains("--algorithm bp"),
+                "{text}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_does_not_suit_is_refused() {
+    let history = RAIL.over_many([2.0, 2.0]);
+    let refused = |history: &Simulated, grid: &str, memory_bytes, former: &dyn ImageFormer| {
+        let grid = grid.parse().unwrap();
+        try_form(history, &grid, Window::None, former, memory_bytes, &Silent).unwrap_err()
+    };
+    // Pixels on the track's line, next to it, far along it, and past the budget.
+    for (grid, expected) in [
+        ("x=-1:1:0.5,y=-9:-8:0.5", "too near"),
+        ("x=-1:1:0.5,y=-8.9:-8:0.5", "too near"),
+        ("x=-1:100:0.5,y=-2:2:0.5", "too near"),
+    ] {
+        let text = refused(&history, grid, 1 << 30, &OMEGA_K).to_string();
+        assert!(
+            text.contains(expected) && text.contains("--algorithm bp"),
+            "{text}"
+        );
+    }
+    for former in [&OMEGA_K as &dyn ImageFormer, &RDA] {
+        let error = refused(&history, "x=-1:1:0.1,y=-1:1:0.1", 40_000, former);
+        assert!(matches!(error, FormError::Memory { .. }), "{error}");
+    }
+    // 0.3 to 1.7 GHz: what goes 45 degrees off at 1.7 GHz does not exist at 1 GHz.
+    let wide = Radar {
+        band: (0.3e9, 20e6, 71),
+        ..RAIL
+    };
+    let wide = wide.over_many([2.0, 2.0]);
+    let text = refused(&wide, "x=-30:30:0.5,y=20:24:0.5", 1 << 30, &RDA).to_string();
+    assert!(text.contains("omega-k"), "{text}");
+}
+
+#[test]
+fn threads_do_not_change_a_bit_and_work_can_be_stopped() {
+    struct Stop;
+    impl Monitor for Stop {
+        fn progress(&self, _fraction: f64) {}
+        fn cancelled(&self) -> bool {
+            true
+        }
+    }
+    let history = RAIL.over_many([2.0, 2.0]);
+    let grid: ImageGrid = "x=-2:2:0.11,y=-2:2:0.13".parse().unwrap();
+    for former in [&OMEGA_K as &dyn ImageFormer, &RDA] {
+        let form = || try_form(&history, &grid, Window::None, former, 1 << 30, &Silent).unwrap();
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            pool.build().unwrap().install(|| form().image)
+        };
+        assert_eq!(on(1), on(3), "{}", former.name());
+        let stopped = try_form(&history, &grid, Window::None, former, 1 << 30, &Stop);
+        assert!(matches!(stopped, Err(FormError::Cancelled)));
+    }
+}
