@@ -16,6 +16,8 @@ pub mod budget;
 pub mod exact;
 pub mod maps;
 pub mod monitor;
+pub mod moving;
+pub mod pfa;
 mod pixels;
 pub mod rdbp;
 pub mod weights;

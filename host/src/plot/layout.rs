@@ -204,10 +204,7 @@ fn across_edges(panel: &Panel) -> (f64, f64) {
 fn axes(canvas: &mut Canvas, panel: &Panel, plan: &Plan, (x, y): (usize, usize)) {
     let (width, height) = (plan.width, plan.height);
     let font = Typeface::sans(LABEL_PX, false);
-    let (across_label, up_label) = match panel.grid.polar {
-        true => ("angle (deg)", "range (m)"),
-        false => ("x (m)", "y (m)"),
-    };
+    let [across_label, up_label] = panel.labels;
     let bottom = y + height;
 
     let (low, high) = across_edges(panel);

@@ -34,10 +34,12 @@ pub struct Panel<'a> {
     pub scale: Scale,
     /// The colours between.
     pub colours: Colours,
+    /// What the axes across and up show, with their units.
+    pub labels: [&'static str; 2],
 }
 
 impl<'a> Panel<'a> {
-    /// A grey picture with a scale of its own.
+    /// A grey picture with a scale of its own, its axes those of an image.
     pub fn new(image: &'a Image, grid: &'a ImageGrid, title: impl Into<String>) -> Self {
         Self {
             image,
@@ -45,6 +47,10 @@ impl<'a> Panel<'a> {
             title: title.into(),
             scale: Scale::FromData,
             colours: Colours::Grey,
+            labels: match grid.polar {
+                true => ["angle (deg)", "range (m)"],
+                false => ["x (m)", "y (m)"],
+            },
         }
     }
 }

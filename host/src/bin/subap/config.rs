@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use subaperture::focus::ImageFormer;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
+use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::open::{Options, open_all};
@@ -154,7 +155,13 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
     refuse("--mode", typed.mode.is_some(), is_rdbp)?;
     refuse("--sub-cpi", typed.sub_cpi.is_some(), is_rdbp)?;
     refuse("--patch", typed.patch.is_some(), is_rdbp)?;
-    if typed.mode == Some(args::Mode::Thesis) {
+    let is_thesis = typed.mode == Some(args::Mode::Thesis);
+    if typed.no_keystone && !is_thesis {
+        return Err(Usage(
+            "--no-keystone is for --mode thesis only: leave it out".to_owned(),
+        ));
+    }
+    if is_thesis {
         for (option, given) in [
             ("--error-db", typed.error_db.is_some()),
             ("--patch", typed.patch.is_some()),
@@ -173,11 +180,16 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
         Algorithm::Rdbp => Box::new(RangeDoppler {
             mode: match typed.mode.unwrap_or(args::Mode::Precise) {
                 args::Mode::Precise => rdbp::Mode::Precise,
+                args::Mode::Thesis if typed.no_keystone => rdbp::Mode::ThesisWithoutKeystone,
                 args::Mode::Thesis => rdbp::Mode::Thesis,
             },
             error_db,
             sub_cpi: typed.sub_cpi,
             patch_m: typed.patch,
+        }),
+        Algorithm::Pfa => Box::new(PolarFormat {
+            error_db,
+            centre_m: None,
         }),
     })
 }

@@ -9,6 +9,7 @@ mod info;
 mod link;
 mod plan;
 mod simulate;
+mod velocity;
 
 use crate::args::Command;
 use crate::config::Session;
@@ -19,6 +20,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Focus(typed) => focus::run(session, &typed),
         Command::Simulate(typed) => simulate::run(session, &typed),
         Command::Crosscheck(typed) => crosscheck::run(session, &typed),
+        Command::Velocity(typed) => velocity::run(session, &typed),
         Command::Link(typed) => link::run(session, &typed),
         Command::Info(typed) => info::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),
