@@ -14,6 +14,7 @@
 pub mod bp;
 pub mod budget;
 pub mod exact;
+pub mod ffbp;
 pub mod maps;
 pub mod monitor;
 pub mod moving;

@@ -170,6 +170,8 @@ pub(crate) enum Algorithm {
     Rdbp,
     /// Polar format: quick, good near the grid's middle only
     Pfa,
+    /// Fast factorised backprojection: patches within patches
+    Ffbp,
 }
 
 /// Modes of range-Doppler backprojection.

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use subaperture::focus::ImageFormer;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
+use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
@@ -187,6 +188,7 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
             sub_cpi: typed.sub_cpi,
             patch_m: typed.patch,
         }),
+        Algorithm::Ffbp => Box::new(FastFactorised { error_db }),
         Algorithm::Pfa => Box::new(PolarFormat {
             error_db,
             centre_m: None,
