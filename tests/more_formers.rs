@@ -201,7 +201,7 @@ fn polar_format_keeps_its_prediction() {
 /// at the aperture's ends, times `2 / (3 sqrt 5)` for the RMS of a square less its mean.
 #[test]
 fn polar_format_fails_far_from_its_centre_as_predicted() {
-    let (range_m, wavelength_m, half_angle) = (5000.0, 0.03, 65.0 / 5000.0);
+    let (range_m, wavelength_m, half_angle) = (5000.0f64, 0.03f64, 65.0f64 / 5000.0);
     let former = PolarFormat {
         error_db: -60.0,
         centre_m: Some(DVec3::ZERO),
@@ -261,14 +261,14 @@ impl Cut {
         let (a, b, c) = (values[peak - 1], values[peak], values[peak + 1]);
         let offset = (a - c) / (2.0 * (a - 2.0 * b + c));
         let top = b - (a - c) * offset / 4.0;
-        let crossing = |range: &mut dyn Iterator<Item = usize>| {
+        let crossing = |mut range: Box<dyn Iterator<Item = usize>>| {
             let half = top / 2f64.sqrt();
             let i = range.find(|&i| values[i] < half).unwrap();
             let inner = if i > peak { i - 1 } else { i + 1 };
             let t = (values[inner] - half) / (values[inner] - values[i]);
             inner as f64 + (i as f64 - inner as f64) * t
         };
-        let width = crossing(&mut (peak..values.len())) - crossing(&mut (0..peak).rev());
+        let width = crossing(Box::new(peak..values.len())) - crossing(Box::new((0..peak).rev()));
         let rises = |i: usize, j: usize| values[j] > values[i];
         let right = (peak..values.len() - 1).find(|&i| rises(i, i + 1)).unwrap();
         let left = (1..=peak).rev().find(|&i| rises(i, i - 1)).unwrap();
