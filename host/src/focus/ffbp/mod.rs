@@ -15,7 +15,7 @@
 //! ([`WindowedSinc`]) of the pixels' own phase, `exp(j phase(n)) = sum_i h(n / q_n - i) exp(j
 //! phase(i q_n))`, which is all that the sum over pulses and frequencies needs; it makes no matter what lies outside
 //! the patch. At the ends, `h` reaches past the data: decimated histories are by `W` longer,
-//! and there the antennas continue on the fitted track ([`track`]).
+//! and there the antennas continue on the fitted track (`track`).
 //!
 //! This is the quadtree form (S. Xiao, D. Munson, S. Basu and Y. Bresler, 2000) of fast backprojection,
 //! not the one that merges images of sub-apertures (Ulander, Hellsten and Stenstroem, 2003): a merge

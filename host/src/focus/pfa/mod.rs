@@ -13,7 +13,7 @@
 //! grid's plane. The textbook's way resamples that raster to a rectangular one; it then needs the
 //! density of the samples as a weight, and approximates a filter with a *uniform* spectrum. The exact
 //! sum that all formers here are held to weighs every *sample* alike, and spreading each sample onto
-//! the rectangular raster with a kernel whose transform is divided out of the image ([`raster`])
+//! the rectangular raster with a kernel whose transform is divided out of the image (`raster`)
 //! computes just that, with no density to estimate. So that is done.
 //!
 //! **Distortion.** `p' = p - q` only at the centre. Elsewhere the curved wave front displaces and
@@ -30,7 +30,7 @@
 //! less its mean, so an RMS phase of `(2 pi / lambda) |y^2 - x^2| theta_m^2 / R * 2 / (3 sqrt 5)`, which
 //! is the relative RMS error. A quadratic phase of `pi / 2` at the aperture's ends, the usual limit, is
 //! reached at a radius of `2 rho sqrt(R / lambda)` with `rho` the resolution across range (Carrara, Goodman and
-//! Majewski 1995, chapter 3); -60 dB at 1/28 of it. [`PolarFormat`] forms the image in
+//! Majewski 1995, chapter 3); -60 dB at 1/22 of it. [`PolarFormat`] forms the image in
 //! any case and says in `predicted_error_db` what the worst of its pixels has to expect, evaluated with
 //! the true paths.
 //!
