@@ -8,6 +8,8 @@ use std::time::Instant;
 
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
+use subaperture::focus::ffbp::FastFactorised;
+use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rdbp::{Mode, RangeDoppler};
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::ImageGrid;
@@ -46,12 +48,21 @@ fn main() {
         sub_cpi: None,
         patch_m: None,
     };
-    let formers: [(&str, &dyn ImageFormer); 5] = [
+    let formers: [(&str, &dyn ImageFormer); 8] = [
         ("bp, -60 dB", &Backprojection { error_db: -60.0 }),
         ("bp, -45 dB", &Backprojection { error_db: -45.0 }),
         ("rdbp, thesis", &rdbp(Mode::Thesis, -60.0)),
         ("rdbp, -60 dB", &rdbp(Mode::Precise, -60.0)),
         ("rdbp, -45 dB", &rdbp(Mode::Precise, -45.0)),
+        ("ffbp, -60 dB", &FastFactorised { error_db: -60.0 }),
+        ("ffbp, -45 dB", &FastFactorised { error_db: -45.0 }),
+        (
+            "pfa",
+            &PolarFormat {
+                error_db: -60.0,
+                centre_m: None,
+            },
+        ),
     ];
     let exact = form(&Exact);
     let errors: Vec<f64> = formers

@@ -51,67 +51,77 @@ impl ImageFormer for Backprojection {
     }
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
-        let collection = task.history.collection();
-        let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
-        let mut budget = Budget::for_task(task, 8)?;
-
-        let oversampling = RangeProfiler::oversampling_for(self.error_db - MARGIN_DB);
-        // Normalised here, before the transform sums: large samples stay within float32.
-        let norm = task.weights.normalisation();
-        let window: Vec<f64> = task.weights.fast.iter().map(|w| w * norm).collect();
-        let profiler = RangeProfiler::new(&window, oversampling);
-        let length = profiler.length();
-        let pulse_bytes = 8 * (num_samples + length + 1) as u64;
-        let block = budget.take_block(
-            "a range profile",
-            pulse_bytes,
-            num_pulses.min(64),
-            "raise --memory",
-        )?;
-        let mut samples = vec![Complex32::ZERO; block * num_samples];
-        let mut profiles = vec![Complex32::ZERO; block * (length + 1)];
-        let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
-
-        for first in (0..num_pulses).step_by(block) {
-            let pulses = first..(first + block).min(num_pulses);
-            let samples = &mut samples[..pulses.len() * num_samples];
-            task.history.read(pulses.clone(), samples)?;
-            let profiles = &mut profiles[..pulses.len() * (length + 1)];
-            profiles
-                .par_chunks_exact_mut(length + 1)
-                .zip(samples.par_chunks_exact(num_samples))
-                .for_each_init(
-                    || vec![Complex32::ZERO; profiler.scratch_length()],
-                    |scratch, (profile, pulse)| profiler.profile(pulse, profile, scratch),
-                );
-            let sources: Vec<Source> = pulses
-                .clone()
-                .map(|n| {
-                    let pulse = &collection.pulses[n];
-                    Source {
-                        pulse,
-                        weight: task.weights.slow[n] as f32,
-                        centre_cycles_m: pulse.frequency_hz(num_samples / 2) / SPEED_OF_LIGHT_M_S,
-                        bins_m: pulse.step_hz / SPEED_OF_LIGHT_M_S,
-                    }
-                })
-                .collect();
-            add_to_each(task, &mut pixels, |point| {
-                contribution(point, &sources, profiles, length)
-            });
-            if task.monitor.cancelled() {
-                return Err(FormError::Cancelled);
-            }
-            task.monitor.progress(pulses.end as f64 / num_pulses as f64);
-        }
-
-        let settings = json!({
-            "error_db": self.error_db,
-            "profile_length": length,
-            "oversampling": length as f64 / num_samples as f64,
-        });
-        Ok(Formed::new(task, pixels, settings))
+        backproject(task, self.error_db, Pulse::relative_path_m)
     }
+}
+
+/// Backprojection with `path_m(pulse, point)` for the path of a grid's point relative to the pulse's
+/// reference, metres.
+pub(super) fn backproject(
+    task: &Task,
+    error_db: f64,
+    path_m: impl Fn(&Pulse, DVec3) -> f64 + Sync,
+) -> Result<Formed, FormError> {
+    let collection = task.history.collection();
+    let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
+    let mut budget = Budget::for_task(task, 8)?;
+
+    let oversampling = RangeProfiler::oversampling_for(error_db - MARGIN_DB);
+    // Normalised here, before the transform sums: large samples stay within float32.
+    let norm = task.weights.normalisation();
+    let window: Vec<f64> = task.weights.fast.iter().map(|w| w * norm).collect();
+    let profiler = RangeProfiler::new(&window, oversampling);
+    let length = profiler.length();
+    let pulse_bytes = 8 * (num_samples + length + 1) as u64;
+    let block = budget.take_block(
+        "a range profile",
+        pulse_bytes,
+        num_pulses.min(64),
+        "raise --memory",
+    )?;
+    let mut samples = vec![Complex32::ZERO; block * num_samples];
+    let mut profiles = vec![Complex32::ZERO; block * (length + 1)];
+    let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
+
+    for first in (0..num_pulses).step_by(block) {
+        let pulses = first..(first + block).min(num_pulses);
+        let samples = &mut samples[..pulses.len() * num_samples];
+        task.history.read(pulses.clone(), samples)?;
+        let profiles = &mut profiles[..pulses.len() * (length + 1)];
+        profiles
+            .par_chunks_exact_mut(length + 1)
+            .zip(samples.par_chunks_exact(num_samples))
+            .for_each_init(
+                || vec![Complex32::ZERO; profiler.scratch_length()],
+                |scratch, (profile, pulse)| profiler.profile(pulse, profile, scratch),
+            );
+        let sources: Vec<Source> = pulses
+            .clone()
+            .map(|n| {
+                let pulse = &collection.pulses[n];
+                Source {
+                    pulse,
+                    weight: task.weights.slow[n] as f32,
+                    centre_cycles_m: pulse.frequency_hz(num_samples / 2) / SPEED_OF_LIGHT_M_S,
+                    bins_m: pulse.step_hz / SPEED_OF_LIGHT_M_S,
+                }
+            })
+            .collect();
+        add_to_each(task, &mut pixels, |point| {
+            contribution(point, &sources, profiles, length, &path_m)
+        });
+        if task.monitor.cancelled() {
+            return Err(FormError::Cancelled);
+        }
+        task.monitor.progress(pulses.end as f64 / num_pulses as f64);
+    }
+
+    let settings = json!({
+        "error_db": error_db,
+        "profile_length": length,
+        "oversampling": length as f64 / num_samples as f64,
+    });
+    Ok(Formed::new(task, pixels, settings))
 }
 
 /// What a block of pulses adds to one pixel.
@@ -120,10 +130,11 @@ fn contribution(
     sources: &[Source],
     profiles: &[Complex32],
     length: usize,
+    path_m: &impl Fn(&Pulse, DVec3) -> f64,
 ) -> Complex32 {
     let mut sum = Complex32::ZERO;
     for (source, profile) in sources.iter().zip(profiles.chunks_exact(length + 1)) {
-        let path_m = source.pulse.relative_path_m(point);
+        let path_m = path_m(source.pulse, point);
         let turns = path_m * source.bins_m;
         let bin = (turns - turns.floor()) * length as f64;
         // `turns - floor` may round to 1; the last whole bin then, where the repeated value stands.

@@ -14,9 +14,12 @@
 pub mod bp;
 pub mod budget;
 pub mod exact;
+pub mod ffbp;
 pub mod maps;
 pub mod monitor;
+pub mod moving;
 pub mod omega_k;
+pub mod pfa;
 mod pixels;
 pub mod rda;
 pub mod rdbp;

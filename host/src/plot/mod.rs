@@ -41,10 +41,12 @@ pub struct Panel<'a> {
     pub scale: Scale,
     /// The colours between.
     pub colours: Colours,
+    /// What the axes across and up show, with their units.
+    pub labels: [&'static str; 2],
 }
 
 impl<'a> Panel<'a> {
-    /// A grey picture with a scale of its own.
+    /// A grey picture with a scale of its own, its axes those of an image.
     pub fn new(image: &'a Image, grid: &'a ImageGrid, title: impl Into<String>) -> Self {
         Self {
             image,
@@ -52,14 +54,19 @@ impl<'a> Panel<'a> {
             title: title.into(),
             scale: Scale::FromData,
             colours: Colours::Grey,
+            labels: match grid.polar {
+                true => ["angle (deg)", "range (m)"],
+                false => ["x (m)", "y (m)"],
+            },
         }
     }
 
     fn sheet(&self) -> Sheet<'_> {
         let (image, grid) = (self.image, self.grid);
-        let (across_label, up_label, unit) = match grid.polar {
-            true => ("angle (deg)", "range (m)", 1f64.to_degrees()),
-            false => ("x (m)", "y (m)", 1.0),
+        let [across_label, up_label] = self.labels;
+        let unit = match grid.polar {
+            true => 1f64.to_degrees(),
+            false => 1.0,
         };
         let length = |axis: &Axis| axis.count as f64 * axis.step.abs();
         Sheet {

@@ -5,7 +5,8 @@ mod plan;
 use std::path::PathBuf;
 
 use clap::{Args as Group, CommandFactory, Parser, Subcommand, ValueEnum, ValueHint};
-use subaperture::geometry::ImageGrid;
+use glam::DVec3;
+use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::link::Place;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
@@ -63,6 +64,8 @@ pub(crate) struct Global {
 pub(crate) enum Command {
     /// Form an image of one or more recordings
     Focus(Focus),
+    /// Show one place of recordings at many velocities
+    Velocity(Velocity),
     /// Have a module compute the maps of recordings, and keep them in a file
     Link(Link),
     /// Write the phase history of a simulated scene as CPHD 1.1
@@ -106,8 +109,8 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "algorithm", "mode", "sub_cpi", "patch", "no_src", "window", "slow_window",
-        "check"
+        "paths", "channel", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
+        "window", "slow_window", "check"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
 
@@ -123,8 +126,16 @@ pub(crate) struct Focus {
     #[arg(long, value_enum)]
     pub(crate) mode: Option<Mode>,
 
+    /// Leave out the thesis mode's Keystone, which a fast target needs
+    #[arg(long)]
+    pub(crate) no_keystone: bool,
+
+    /// Focus what moves at this velocity, m/s; pixels are places at the first pulse
+    #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector)]
+    pub(crate) velocity: Option<DVec3>,
+
     /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120, for a grid that
-    /// covers the scene's bright scatterers; bp and rdbp choose their sizes from it, rda and omega-k how
+    /// covers the scene's bright scatterers; the formers choose their sizes from it, rda and omega-k how
     /// crooked a track may be [default: -60]
     #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
@@ -174,6 +185,10 @@ pub(crate) enum Algorithm {
     Rda,
     /// Range migration algorithm: straight, even tracks
     OmegaK,
+    /// Polar format: quick, good near the grid's middle only
+    Pfa,
+    /// Fast factorised backprojection: patches within patches
+    Ffbp,
 }
 
 /// Modes of range-Doppler backprojection.
@@ -183,6 +198,45 @@ pub(crate) enum Mode {
     Precise,
     /// As Schone 2020: sinc Keystone, zero padding, bilinear reading
     Thesis,
+}
+
+/// `subap velocity`.
+#[derive(Debug, Group)]
+pub(crate) struct Velocity {
+    #[command(flatten)]
+    pub(crate) input: Input,
+
+    /// Where the target is at the first pulse, metres in the scene frame
+    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector)]
+    pub(crate) at: DVec3,
+
+    /// Velocities along x, m/s, stop excluded
+    #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis)]
+    pub(crate) vx: Axis,
+
+    /// Velocities along y, m/s, stop excluded
+    #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis)]
+    pub(crate) vy: Axis,
+
+    /// Velocity along z, m/s
+    #[arg(long, value_name = "M/S", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
+    pub(crate) vz: f64,
+
+    /// Folder for image.npy, image.json and image.png
+    #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    pub(crate) out: PathBuf,
+
+    /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120 [default: -60]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
+    pub(crate) error_db: Option<f64>,
+
+    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    pub(crate) window: Window,
+
+    /// Window over slow time, across all pulses: as --window
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    pub(crate) slow_window: Window,
 }
 
 /// `subap link`.
@@ -458,6 +512,29 @@ fn finite(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "give a number".to_owned())
 }
 
+/// `3,-4` or `3,-4,0.5`.
+fn vector(text: &str) -> Result<DVec3, String> {
+    let numbers: Result<Vec<f64>, String> =
+        text.split(',').map(|part| finite(part.trim())).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y]) => Ok(DVec3::new(x, y, 0.0)),
+        Ok(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+        _ => Err("give two or three numbers, for example 3.5,-2".to_owned()),
+    }
+}
+
+/// `-5:5:0.1`.
+fn axis(text: &str) -> Result<Axis, String> {
+    let numbers: Result<Vec<f64>, String> =
+        text.split(':').map(|part| finite(part.trim())).collect();
+    match numbers.as_deref() {
+        Ok(&[start, stop, step]) => {
+            Axis::from_range(start, stop, step).map_err(|error| error.to_string())
+        }
+        _ => Err("give START:STOP:STEP, for example -5:5:0.1".to_owned()),
+    }
+}
+
 fn not_negative(text: &str) -> Result<f64, String> {
     finite(text)
         .ok()
@@ -599,6 +676,12 @@ mod tests {
             ("focus a --out d --grid x=1", "--grid"),
             ("focus a --out d --window blackman", "--window"),
             ("focus a --out d --patch -3", "--patch"),
+            ("focus a --out d --velocity 3", "--velocity"),
+            ("velocity a --out d --at 1 --vx -1:1:1 --vy -1:1:1", "--at"),
+            (
+                "velocity a --out d --at 1,2 --vx 1:-1:1 --vy -1:1:1",
+                "--vx",
+            ),
             ("focus a --out d --threads 0", "--threads"),
             ("focus a --out d --threads 1025", "--threads"),
             ("focus a --out d --memory 3Q", "--memory"),

@@ -8,7 +8,9 @@ use serde_json::{Value, json};
 use subaperture::focus::ImageFormer;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
+use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::omega_k::OmegaK;
+use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
@@ -159,7 +161,13 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
     refuse("--sub-cpi", typed.sub_cpi.is_some(), is_rdbp)?;
     refuse("--patch", typed.patch.is_some(), is_rdbp)?;
     refuse("--no-src", typed.no_src, algorithm == Algorithm::Rda)?;
-    if typed.mode == Some(args::Mode::Thesis) {
+    let is_thesis = typed.mode == Some(args::Mode::Thesis);
+    if typed.no_keystone && !is_thesis {
+        return Err(Usage(
+            "--no-keystone is for --mode thesis only: leave it out".to_owned(),
+        ));
+    }
+    if is_thesis {
         for (option, given) in [
             ("--error-db", typed.error_db.is_some()),
             ("--patch", typed.patch.is_some()),
@@ -178,6 +186,7 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
         Algorithm::Rdbp => Box::new(RangeDoppler {
             mode: match typed.mode.unwrap_or(args::Mode::Precise) {
                 args::Mode::Precise => rdbp::Mode::Precise,
+                args::Mode::Thesis if typed.no_keystone => rdbp::Mode::ThesisWithoutKeystone,
                 args::Mode::Thesis => rdbp::Mode::Thesis,
             },
             error_db,
@@ -189,6 +198,11 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
             secondary_compression: !typed.no_src,
         }),
         Algorithm::OmegaK => Box::new(OmegaK { error_db }),
+        Algorithm::Ffbp => Box::new(FastFactorised { error_db }),
+        Algorithm::Pfa => Box::new(PolarFormat {
+            error_db,
+            centre_m: None,
+        }),
     })
 }
 

@@ -52,6 +52,8 @@ pub enum Mode {
     Precise,
     /// As the thesis has it.
     Thesis,
+    /// The thesis's without Keystone: what a fast target then looks like (S 4.3, Figure 4.14).
+    ThesisWithoutKeystone,
 }
 
 /// Sub-CPI range-Doppler backprojection.
@@ -74,8 +76,10 @@ impl ImageFormer for RangeDoppler {
     }
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
+        let thesis_sub_cpi = self.sub_cpi.unwrap_or(thesis::SUB_CPI);
         match self.mode {
-            Mode::Thesis => thesis::form(task, self.sub_cpi.unwrap_or(thesis::SUB_CPI)),
+            Mode::Thesis => thesis::form(task, thesis_sub_cpi, true),
+            Mode::ThesisWithoutKeystone => thesis::form(task, thesis_sub_cpi, false),
             Mode::Precise => {
                 let request = Request {
                     error_db: self.error_db,

@@ -109,7 +109,7 @@ pub(crate) fn rectangles(grid: &ImageGrid, at_most: PatchSize) -> Vec<Rectangle>
 }
 
 /// Bytes that `rectangles` and what [`split`] makes of them take.
-pub(super) fn account_bytes(rectangles: &[Rectangle]) -> u64 {
+pub(in crate::focus) fn account_bytes(rectangles: &[Rectangle]) -> u64 {
     let own = size_of::<Rectangle>() + size_of::<Vec<&mut [Complex32]>>();
     let rows: usize = rectangles.iter().map(|r| r.size.rows).sum();
     // Vectors grow by doubling.
@@ -118,7 +118,7 @@ pub(super) fn account_bytes(rectangles: &[Rectangle]) -> u64 {
 
 /// The pixels of every rectangle, as disjoint row segments of one image. `rectangles` must be those
 /// that [`rectangles`] returns for a grid with this many columns.
-pub(super) fn split<'a>(
+pub(in crate::focus) fn split<'a>(
     pixels: &'a mut [Complex32],
     num_columns: usize,
     rectangles: &[Rectangle],

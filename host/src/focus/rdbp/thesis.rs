@@ -18,6 +18,10 @@
 //! after (3.13). It makes grating lobes when sub-CPIs are long; they are this mode's to show. Also the
 //! sub-CPI's edges ([`SincKeystone`]) and bilinear reading (-48 dB at an upsampling of 10).
 //!
+//! Without Keystone, a point that comes nearer by `v` smears over `v M PRI` in range within a sub-CPI:
+//! nothing on a stationary scene, all of the focus of a fast target (S 4.3, Figure 4.14). Keystone in
+//! turn resamples what was sampled once a pulse, so it needs a path rate within `lambda / 2` a pulse.
+//!
 //! Accuracy on Table 4.1 against [`crate::focus::exact`]: see the tests and `subap demo`.
 //!
 //! Memory: the map, `16 M * 10 K` complex float32, and weights of `K M^2` float32.
@@ -43,7 +47,12 @@ const DOPPLER_PADDING: usize = 16;
 /// Upsampling of the range axis (5.2).
 const RANGE_PADDING: usize = 10;
 
-pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormError> {
+/// The image; without `keystone`, slow time goes to the Doppler transform as it is.
+pub(super) fn form(
+    task: &Task,
+    sub_cpi_length: usize,
+    keystone: bool,
+) -> Result<Formed, FormError> {
     let collection = task.history.collection();
     let band = super::shared_band(collection)?;
     if sub_cpi_length == 0 {
@@ -60,8 +69,10 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
     let advice = "use a smaller --sub-cpi, --mode precise, or raise --memory";
     let map_values = doppler_length as u128 * (range_length + num_samples) as u128;
     budget.take("a range-Doppler map", map_values * 8, advice)?;
-    let weight_bytes = 2 * u128::from(SincKeystone::bytes(num_samples, longest));
-    budget.take("Keystone weights", weight_bytes, advice)?;
+    if keystone {
+        let weight_bytes = 2 * u128::from(SincKeystone::bytes(num_samples, longest));
+        budget.take("Keystone weights", weight_bytes, advice)?;
+    }
     budget.take("a sub-CPI", (longest * num_samples) as u128 * 8, advice)?;
 
     let scales = band.scales();
@@ -78,7 +89,7 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
     let mut map = vec![Complex32::ZERO; doppler_length * range_length];
     let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
     let sub_cpis = sub_cpi::cut(num_pulses, &sub_cpi::breaks(collection), sub_cpi_length);
-    let mut keystone: Option<(usize, SincKeystone)> = None;
+    let mut resampler: Option<(usize, SincKeystone)> = None;
 
     for (index, pulses) in sub_cpis.iter().enumerate() {
         let m = pulses.len();
@@ -91,10 +102,10 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
         if task.monitor.cancelled() {
             return Err(FormError::Cancelled);
         }
-        if keystone.as_ref().is_none_or(|(length, _)| *length != m) {
-            keystone = Some((m, SincKeystone::new(&scales, m)));
+        if keystone && resampler.as_ref().is_none_or(|(length, _)| *length != m) {
+            resampler = Some((m, SincKeystone::new(&scales, m)));
         }
-        let keystone = &keystone.as_ref().expect("set above").1;
+        let resampler = resampler.as_ref().map(|(_, resampler)| resampler);
 
         doppler
             .par_chunks_exact_mut(doppler_length)
@@ -106,7 +117,10 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
                     for (z, pulse) in slow.iter_mut().zip(samples.chunks_exact(num_samples)) {
                         *z = pulse[k];
                     }
-                    keystone.resample(k, slow, resampled);
+                    match resampler {
+                        Some(resampler) => resampler.resample(k, slow, resampled),
+                        None => resampled[..m].copy_from_slice(slow),
+                    }
                     row.fill(Complex32::ZERO);
                     for (i, z) in resampled[..m].iter().enumerate() {
                         row[(i + doppler_length - m / 2) % doppler_length] = *z;
@@ -149,6 +163,7 @@ pub(super) fn form(task: &Task, sub_cpi_length: usize) -> Result<Formed, FormErr
 
     let settings = json!({
         "mode": "thesis",
+        "keystone": keystone,
         "sub_cpi_pulses": longest,
         "sub_cpis": sub_cpis.len(),
         "doppler_length": doppler_length,

@@ -107,7 +107,8 @@ impl Picture {
             Some("npy") => {
                 let array = npy::Array::read(path, None, MOST_BYTES)
                     .map_err(|e| SceneError(e.to_string()))?;
-                let (Some(values), &[rows, columns]) = (array.real(), array.shape.as_slice()) else {
+                let (Some(values), &[rows, columns]) = (array.real(), array.shape.as_slice())
+                else {
                     return Err(about(&"not a picture; real numbers of two dimensions are"));
                 };
                 let brightness = values.iter().map(|&v| v as f32).collect();

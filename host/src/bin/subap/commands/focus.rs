@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use serde_json::{Map, Value};
+use subaperture::focus::moving::Moving;
 use subaperture::focus::{Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, power};
@@ -33,8 +34,15 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     }
     Product::prepare(&typed.out, typed.grid.map_or(0, |grid| grid.num_pixels()))?;
 
-    let history = session.open(&typed.input)?;
-    let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
+    let recorded = session.open(&typed.input)?;
+    let survey = Survey::of(recorded.collection()).context("the input holds no pulses")?;
+    let first_s = recorded.collection().pulses[0].time_s;
+    let moving = typed.velocity.map(|v| Moving::new(&recorded, v, first_s));
+    let moving = moving.transpose()?;
+    let history: &dyn PhaseHistory = match &moving {
+        Some(moving) => moving,
+        None => &recorded,
+    };
     let grid = match typed.grid {
         Some(grid) => grid,
         None => {
@@ -56,7 +64,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let weights = Weights::new(history.collection(), typed.window, typed.slow_window);
     let progress = session.progress("focusing");
     let task = Task {
-        history: &history,
+        history,
         grid: &grid,
         weights: &weights,
         memory_bytes: session.memory_bytes,

@@ -8,9 +8,10 @@ mod focus;
 mod info;
 mod link;
 mod plan;
-mod reproduce;
 mod quality;
+mod reproduce;
 mod simulate;
+mod velocity;
 
 use crate::args::Command;
 use crate::config::Session;
@@ -21,6 +22,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Focus(typed) => focus::run(session, &typed),
         Command::Simulate(typed) => simulate::run(session, &typed),
         Command::Crosscheck(typed) => crosscheck::run(session, &typed),
+        Command::Velocity(typed) => velocity::run(session, &typed),
         Command::Link(typed) => link::run(session, &typed),
         Command::Info(typed) => info::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),

@@ -73,6 +73,7 @@ pub(super) fn settings(
             "error_db": typed.error_db,
             "sub_cpi": typed.sub_cpi,
             "patch_m": typed.patch,
+            "velocity_m_s": typed.velocity.map(|v| v.to_array()),
             "channel": typed.input.channel,
             "check": typed.check,
         },

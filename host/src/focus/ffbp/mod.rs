@@ -1,0 +1,295 @@
+//! Fast factorised backprojection: patches within patches, each with no more pulses and frequencies
+//! than it needs.
+//!
+//! Compensated to a patch's centre `q`, the phase history of the patch's own pixels varies slowly: by
+//! `2 pi f (path_n(p) - path_n(q)) / c`, over frequency as the patch is deep, over slow time as it is
+//! wide. Of a patch half as large, half of the pulses and half of the frequencies say all. So
+//!
+//! ```text
+//! y[n][k]   = z[n][k] exp(+j 2 pi f_k (path_n(q) - reference_path_n) / c)        compensate to q
+//! y'[i][l]  = sum_n sum_k h(n / q_n - i) h(k / q_k - l) y[n][k]                  decimate
+//! ```
+//!
+//! and the same again from each patch to its four quarters, with their own centres, until a patch has a
+//! few pixels and few pulses; there plain backprojection ends it. `h` is the interpolation kernel
+//! ([`WindowedSinc`]) of the pixels' own phase, `exp(j phase(n)) = sum_i h(n / q_n - i) exp(j
+//! phase(i q_n))`, which is all that the sum over pulses and frequencies needs; it makes no matter what lies outside
+//! the patch. At the ends, `h` reaches past the data: decimated histories are by `W` longer,
+//! and there the antennas continue on the fitted track (`track`).
+//!
+//! This is the quadtree form (S. Xiao, D. Munson, S. Basu and Y. Bresler, 2000) of fast backprojection,
+//! not the one that merges images of sub-apertures (Ulander, Hellsten and Stenstroem, 2003): a merge
+//! interpolates complex images in two dimensions, `W^2` operations a value, where decimation is
+//! separable, `2 W`, and its error is the kernel's alone. It is also [`super::rdbp`]'s patch compensation,
+//! over several levels.
+//!
+//! Neglected: the kernel's error, once a level and direction; the range profiles' ([`super::bp`]); the
+//! track's departure from its fit where slow time is decimated: positions themselves
+//! are used up to there, so that only its part that differs across the patch counts. A third of the
+//! bound's power is planned for each; pulses are taken in stretches short enough for the last.
+//!
+//! Cost: for `N x N` pixels, `N` pulses and `N` frequencies, about `6 W` real operations a sample and level,
+//! `log2(N / 16)` levels of `N^2` samples or more, and some `4 W` pulses a pixel at the end: `N^2 log N`
+//! where backprojection takes `N^3`. The kernel's reach makes small histories grow, so it pays from some
+//! hundreds of pixels and pulses on.
+//!
+//! Memory: a stretch of pulses, and at most four times as much again a thread; the image.
+//!
+//! Accuracy: the bound asked for, against [`super::exact`], in `tests/more_formers.rs`.
+
+mod patch_history;
+mod track;
+
+use num_complex::Complex32;
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::budget::Budget;
+use super::rdbp::patch::{self, PatchSize, Rectangle};
+use super::rdbp::{shared_band, sub_cpi};
+use super::{FormError, Formed, ImageFormer, MARGIN_DB, Task};
+use crate::signal::range_profile::RangeProfiler;
+use crate::signal::windowed_sinc::{TAPS, WindowedSinc};
+
+use patch_history::{PatchHistory, Refiner, Scratch};
+use track::Track;
+
+/// Patches a side that the image is cut into first: work for threads.
+const FIRST_PATCHES: usize = 4;
+/// Pixels a side at which a patch is not cut further.
+const LEAF_PIXELS: usize = 16;
+/// Copies of a stretch of pulses that a thread's patches within patches may take: each is at most 0.8
+/// of the one before.
+const SCRATCH_COPIES: u64 = 4;
+
+/// Fast factorised backprojection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FastFactorised {
+    /// Bound on the relative RMS error of the image, dB (negative).
+    pub error_db: f64,
+}
+
+impl ImageFormer for FastFactorised {
+    fn name(&self) -> &'static str {
+        "ffbp"
+    }
+
+    fn form(&self, task: &Task) -> Result<Formed, FormError> {
+        // A third of the error's power each to kernels, profiles and track.
+        let share = 10f64.powf((self.error_db - MARGIN_DB) / 20.0) / 3f64.sqrt();
+        let grid = task.grid;
+        let side = grid.rows.count.max(grid.columns.count);
+        let levels = (side as f64 / LEAF_PIXELS as f64).log2().max(0.0).ceil() + 1.0;
+        let error = |taps| WindowedSinc::new(taps, 0.25).error(0.25) * (2.0 * levels).sqrt();
+        let fits = TAPS.into_iter().find(|&taps| error(taps) <= share);
+        let plan = Plan {
+            share,
+            levels,
+            error_db: self.error_db,
+        };
+        match fits.unwrap_or(TAPS[TAPS.len() - 1]) {
+            6 => plan.form::<6>(task),
+            8 => plan.form::<8>(task),
+            10 => plan.form::<10>(task),
+            12 => plan.form::<12>(task),
+            14 => plan.form::<14>(task),
+            _ => plan.form::<16>(task),
+        }
+    }
+}
+
+/// What the bound comes to.
+struct Plan {
+    /// Relative RMS error of each of three causes.
+    share: f64,
+    levels: f64,
+    error_db: f64,
+}
+
+impl Plan {
+    fn form<const W: usize>(&self, task: &Task) -> Result<Formed, FormError> {
+        let collection = task.history.collection();
+        let band = shared_band(collection)?;
+        let num_samples = band.count;
+        let mut budget = Budget::for_task(task, 8)?;
+        let size = PatchSize {
+            rows: first_side(task.grid.rows.count),
+            columns: first_side(task.grid.columns.count),
+        };
+        let rectangles = patch::rectangles(task.grid, size);
+        budget.take(
+            "patches",
+            patch::account_bytes(&rectangles).into(),
+            "raise --memory",
+        )?;
+        // A stretch and one thread's copies; whatever the number of threads, so that sums are the same.
+        let pulse_bytes = 8 * num_samples as u64 + PatchHistory::PULSE_BYTES;
+        let longest = budget.take_block(
+            "a stretch of pulses",
+            pulse_bytes * (1 + SCRATCH_COPIES),
+            collection.pulses.len(),
+            "raise --memory",
+        )?;
+        let threads = rayon::current_num_threads();
+        let more = match threads {
+            1 => 0,
+            _ => {
+                let copies = pulse_bytes * SCRATCH_COPIES * longest as u64;
+                (budget.left_bytes() / copies.max(1)).min(threads as u64 - 1) as usize
+            }
+        };
+        let probes = [0, rectangles.len() / 2, rectangles.len() - 1].map(|i| rectangles[i]);
+        let mut tracks = Vec::new();
+        for pulses in sub_cpi::cut(
+            collection.pulses.len(),
+            &sub_cpi::breaks(collection),
+            longest,
+        ) {
+            track::fit_all(task, pulses, &probes, self.share, &mut tracks);
+        }
+        let refiner = Refiner::<W>::new(task.grid, self.share);
+        let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
+        let mut add_all = || self.add_all(task, &tracks, &refiner, &rectangles, &mut pixels);
+        if more + 1 < threads {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(more + 1)
+                .build();
+            pool.map_err(|e| FormError::Unsuited(format!("cannot start threads: {e}")))?
+                .install(&mut add_all)?;
+        } else {
+            add_all()?;
+        }
+        let kernel_error = WindowedSinc::new(W, 0.25).error(0.25) * (2.0 * self.levels).sqrt();
+        let track_error = tracks.iter().map(Track::error).fold(0.0, f64::max);
+        let squares = kernel_error.powi(2) + track_error.powi(2) + self.share.powi(2);
+        let settings = json!({
+            "error_db": self.error_db,
+            "predicted_error_db": 10.0 * squares.log10(),
+            "stretches": tracks.len(),
+            "levels": self.levels,
+            "kernel_taps": W,
+        });
+        Ok(Formed::new(task, pixels, settings))
+    }
+
+    fn add_all<const W: usize>(
+        &self,
+        task: &Task,
+        tracks: &[Track],
+        refiner: &Refiner<W>,
+        rectangles: &[Rectangle],
+        pixels: &mut [Complex32],
+    ) -> Result<(), FormError> {
+        for (index, track) in tracks.iter().enumerate() {
+            let top = self.read(task, track)?;
+            let patches = patch::split(pixels, task.grid.columns.count, rectangles);
+            rectangles.par_iter().zip(patches).for_each_init(
+                Scratch::default,
+                |scratch, (&rectangle, mut patch)| {
+                    let Scratch { levels, leaf } = scratch;
+                    let mut target = Target {
+                        origin: rectangle,
+                        patch: &mut patch,
+                    };
+                    descend(
+                        task,
+                        refiner,
+                        track,
+                        &top,
+                        rectangle,
+                        &mut target,
+                        levels,
+                        leaf,
+                    );
+                },
+            );
+            if task.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            task.monitor
+                .progress((index + 1) as f64 / tracks.len() as f64);
+        }
+        Ok(())
+    }
+
+    /// The samples of a stretch, weighted.
+    fn read(&self, task: &Task, track: &Track) -> Result<PatchHistory, FormError> {
+        let collection = task.history.collection();
+        let mut top = PatchHistory::of_pulses(collection, track.pulses());
+        task.history.read(track.pulses(), top.samples_mut())?;
+        let norm = task.weights.normalisation();
+        let fast: Vec<f32> = task.weights.fast.iter().map(|&w| w as f32).collect();
+        let rows = top.samples_mut().par_chunks_exact_mut(fast.len());
+        rows.zip(track.pulses()).for_each(|(row, n)| {
+            let slow = (task.weights.slow[n] * norm) as f32;
+            row.iter_mut().zip(&fast).for_each(|(z, w)| *z *= w * slow);
+        });
+        Ok(top)
+    }
+}
+
+/// Pixels a side of a first patch.
+fn first_side(count: usize) -> usize {
+    count.div_ceil(FIRST_PATCHES).max(LEAF_PIXELS)
+}
+
+/// The pixels of a first patch.
+pub(super) struct Target<'a, 'b> {
+    origin: Rectangle,
+    patch: &'a mut [&'b mut [Complex32]],
+}
+
+/// Adds what `parent` says of `rectangle` to the image, from the patch's own, smaller history if there
+/// is one.
+#[allow(clippy::too_many_arguments)]
+fn descend<const W: usize>(
+    task: &Task,
+    refiner: &Refiner<W>,
+    track: &Track,
+    parent: &PatchHistory,
+    rectangle: Rectangle,
+    target: &mut Target,
+    levels: &mut Vec<PatchHistory>,
+    leaf: &mut patch_history::Leaf,
+) {
+    if task.monitor.cancelled() {
+        return;
+    }
+    let mut own = levels.pop().unwrap_or_default();
+    let smaller = refiner.refine(parent, track, rectangle, &mut own);
+    let history = if smaller { &own } else { parent };
+    let size = rectangle.size;
+    let is_small = size.rows.max(size.columns) <= LEAF_PIXELS;
+    if is_small || history.num_pulses() <= 4 * W {
+        refiner.image(history, rectangle, target, leaf);
+    } else {
+        for quarter in quarters(rectangle) {
+            descend(task, refiner, track, history, quarter, target, levels, leaf);
+        }
+    }
+    levels.push(own);
+}
+
+/// Four parts of a rectangle, or two or one where a side is a single pixel.
+fn quarters(whole: Rectangle) -> impl Iterator<Item = Rectangle> {
+    let halves = |first: usize, count: usize| {
+        let half = count / 2;
+        [(first, half), (first + half, count - half)]
+    };
+    let columns = halves(whole.column, whole.size.columns);
+    halves(whole.row, whole.size.rows)
+        .into_iter()
+        .flat_map(move |(row, rows)| {
+            columns.map(|(column, columns)| Rectangle {
+                row,
+                column,
+                size: PatchSize { rows, columns },
+            })
+        })
+        .filter(|part| part.size.rows > 0 && part.size.columns > 0)
+}
+
+/// The upsampling of a leaf's range profiles.
+fn oversampling(share: f64) -> f64 {
+    RangeProfiler::oversampling_for(20.0 * share.log10())
+}
