@@ -139,6 +139,8 @@ impl Clutter {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     fn meadow(area: Area, density: Density) -> Clutter {
