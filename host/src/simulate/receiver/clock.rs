@@ -4,7 +4,7 @@
 //! the record states the nominal ones: a range `R` reads `R (1 + offset)`, and pulses are taken sooner
 //! than it says. Jitter moves the start of a pulse's sampling, not the oscillator: of baseband's
 //! frequency `f` the phase turns by `+2 pi f dt`, as if the echo came `dt` sooner. Carriers one after another
-//! do not mind it.
+//! do not mind it, and a sweep mixed with its own copy only turns as a whole.
 
 use super::stream::{Kind, normal, stream};
 use crate::simulate::radar::Clock;
