@@ -13,6 +13,11 @@
 //! Phases are reduced in float64 and turned into float32 phasors, errors of 4e-7 that differ from scatterer
 //! to scatterer.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes of several arrays of one fixed length, side by side"
+)]
+
 use glam::DVec3;
 use num_complex::Complex64;
 
