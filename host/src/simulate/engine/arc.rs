@@ -23,6 +23,11 @@
 //! `c1` is a place of the NUFFT: a delay rate shifts the beat. `c2` is a series ([`super::fast`]), good for
 //! `pi |c2| <= 1`, which bounds runs too.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes of several arrays of one fixed length, side by side"
+)]
+
 use std::f64::consts::PI;
 
 use glam::DVec3;
@@ -69,7 +74,7 @@ impl Parabola {
         for x in CHECKS {
             // `max` would lose what is not a number.
             let error_m = place(x).distance(parabola.at(x));
-            if !(error_m <= parabola.error_m) {
+            if error_m.is_nan() || error_m > parabola.error_m {
                 parabola.error_m = error_m;
             }
         }

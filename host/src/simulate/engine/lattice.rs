@@ -9,6 +9,9 @@
 //! Points may be off the lattice by 1e-7 wavelengths, pulses by 1e-6 of one (-100 dB). Blocks hide by place,
 //! not by difference: with blocks nothing is recycled. A pulse that does not fit is computed like any other.
 //!
+//! It pays: 11.7 ns a point and pulse against 17.0 without, one core, 1e6 points (`benches/simulate.rs`);
+//! what is left is spreading.
+//!
 //! Memory: 16 bytes a difference and 12 a point.
 
 use glam::{DQuat, DVec3};
