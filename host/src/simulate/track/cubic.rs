@@ -37,15 +37,17 @@ impl<const N: usize> Cubic<N> {
             let (before, after) = (times[n] - times[n - 1], times[n + 1] - times[n]);
             let pivot = 2.0 * (before + after) - before * upper[n - 1];
             upper[n] = after / pivot;
-            for i in 0..N {
+            let earlier = second[n - 1];
+            second[n] = std::array::from_fn(|i| {
                 let slopes = (values[n + 1][i] - values[n][i]) / after
                     - (values[n][i] - values[n - 1][i]) / before;
-                second[n][i] = (6.0 * slopes - before * second[n - 1][i]) / pivot;
-            }
+                (6.0 * slopes - before * earlier[i]) / pivot
+            });
         }
         for n in (1..count.saturating_sub(1)).rev() {
-            for i in 0..N {
-                second[n][i] -= upper[n] * second[n + 1][i];
+            let later = second[n + 1];
+            for (m, later) in second[n].iter_mut().zip(later) {
+                *m -= upper[n] * later;
             }
         }
         Self {
