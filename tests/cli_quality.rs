@@ -2,8 +2,14 @@
 
 use std::fs;
 
+use glam::DVec3;
+use num_complex::Complex64;
 use serde_json::Value;
+use subaperture::focus::Silent;
+use subaperture::io::cphd::{self, Channel, WriteOptions};
 use subaperture::io::product;
+use subaperture::phase_history::PhaseHistory;
+use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
 use subaperture_tests::subap::{listing, run};
 
 const GRID: &str = "--grid x=-8:8:0.28,y=-16:16:0.35";
@@ -12,7 +18,20 @@ const GRID: &str = "--grid x=-8:8:0.28,y=-16:16:0.35";
 fn a_product_is_measured_and_shown() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    run(at, "simulate --preset table-4-1 -o t.cphd").succeeded();
+    let scatterer = Scatterer {
+        position_m: DVec3::ZERO,
+        amplitude: Complex64::cis(0.5),
+    };
+    let table = Preset::Table41.simulate(&Variation::default());
+    let history = Simulated::new(table.collection().clone(), vec![scatterer], None);
+    let channels = [Channel::new("1", &history)];
+    cphd::write(
+        at.join("t.cphd"),
+        &channels,
+        &WriteOptions::default(),
+        &Silent,
+    )
+    .unwrap();
     run(at, &format!("focus t.cphd -o fast {GRID}")).succeeded();
     run(
         at,
@@ -27,11 +46,15 @@ fn a_product_is_measured_and_shown() {
             .and_then(Value::as_f64)
             .unwrap_or_else(|| panic!("no {pointer}"))
     };
-    // A unit scatterer in the middle of the scene, among others 35 dB and more below it in its side
-    // lobes: a hundredth of a cell and a tenth of a dB.
-    assert!(number("/points/0/response/column_value").abs() < 0.01);
-    assert!(number("/points/0/response/row_value").abs() < 0.01);
-    assert!(number("/points/0/response/level_db").abs() < 0.2);
+    // A unit scatterer alone in the middle of the scene: to 1/128 of the cells of 0.58 m and 0.75 m. Its
+    // phase is 0.5 less what an error of position in range makes of it, 4 pi / 0.03 m.
+    assert!(number("/points/0/response/column_value").abs() < 0.58 / 128.0);
+    let off_m = number("/points/0/response/row_value");
+    assert!(off_m.abs() < 0.75 / 128.0);
+    assert!(number("/points/0/response/level_db").abs() < 0.02);
+    let phase_rad = number("/points/0/response/phase_rad") - 0.5 - 419.17 * off_m;
+    assert!(phase_rad.abs() < 0.02, "{phase_rad}");
+    assert_eq!(report["points"][0]["response"]["turn_is_known"], true);
     // Range is along y: 1.185 cells of 0.7495 m by Taylor's 35 dB window.
     let width_m = number("/points/0/response/cuts/1/width_3db");
     let wanted_m = number("/points/0/theory/1/width_3db") * 0.7495;
@@ -72,7 +95,10 @@ fn a_product_is_measured_and_shown() {
     ] {
         assert!(table.succeeded().contains(part), "{part}: {}", table.stdout);
     }
-    // An array alone is measured in pixels: the same width, in steps of 0.35 m.
+    assert!(!table.stdout.contains("half a turn"), "{}", table.stdout);
+    // An array alone is measured in pixels: the same width, in steps of 0.35 m, and its phase with a proviso.
+    let pixels = run(at, "quality fast/image.npy --at 29,46");
+    assert!(pixels.succeeded().contains("half a turn a pixel"));
     let line = "quality fast/image.npy --at 29,46 --window taylor --json";
     let pixels: Value = serde_json::from_str(run(at, line).succeeded()).unwrap();
     let width = pixels["points"][0]["response"]["cuts"][1]["width_3db"]

@@ -199,7 +199,14 @@ fn a_map_is_drawn_on_its_linear_scale() {
     };
     assert_eq!(at(7, 3), [255; 3]);
     assert_eq!(at(5, 5), [128; 3], "0 is half way");
-    assert_eq!(at(0, 0), [214, 40, 40], "NaN is red");
+    assert_eq!(at(0, 0), [214, 40, 40], "NaN is red among greys");
+    let coloured = heat(&Heat {
+        colours: Colours::Viridis,
+        ..map.clone()
+    });
+    let picture = Picture::decode(&coloured.unwrap());
+    let [left, _, _, bottom] = picture.plot();
+    assert_eq!(picture.at(left + side / 2, bottom - 1 - side / 2), [222; 3]);
     let error = heat(&Heat {
         range: (1.0, 1.0),
         ..map.clone()

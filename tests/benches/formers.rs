@@ -9,7 +9,9 @@ use std::time::Instant;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
+use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
+use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDoppler};
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::ImageGrid;
@@ -48,7 +50,7 @@ fn main() {
         sub_cpi: None,
         patch_m: None,
     };
-    let formers: [(&str, &dyn ImageFormer); 8] = [
+    let formers: [(&str, &dyn ImageFormer); 10] = [
         ("bp, -60 dB", &Backprojection { error_db: -60.0 }),
         ("bp, -45 dB", &Backprojection { error_db: -45.0 }),
         ("rdbp, thesis", &rdbp(Mode::Thesis, -60.0)),
@@ -63,6 +65,14 @@ fn main() {
                 centre_m: None,
             },
         ),
+        (
+            "rda",
+            &RangeDopplerAlgorithm {
+                error_db: -60.0,
+                secondary_compression: true,
+            },
+        ),
+        ("omega-k", &OmegaK { error_db: -60.0 }),
     ];
     let exact = form(&Exact);
     let errors: Vec<f64> = formers

@@ -9,7 +9,9 @@ use subaperture::geometry::{Extent, SceneFrame};
 use subaperture::phase_history::{Band, Collection, PhaseHistory};
 use subaperture::simulate::body::{Pose, Trajectory};
 use subaperture::simulate::engine::Method;
-use subaperture::simulate::radar::{Antenna, Motion, Pattern, Radar, Receiver, Waveform};
+use subaperture::simulate::radar::{
+    Antenna, Motion, Pattern, PulseShape, Radar, Receiver, Waveform,
+};
 use subaperture::simulate::scene::Scene;
 use subaperture::simulate::{Experiment, Pair, Reference, Scatterer};
 
@@ -46,6 +48,32 @@ pub const PAIR: Pair = Pair {
     transmitter: 0,
     receiver: 0,
 };
+
+/// A sweep of `bandwidth_hz` in 1 us, sampled at 250 MHz for 2.5 us from 3.1 us on: 465 m to 840 m.
+pub fn pulsed(centre_hz: f64, bandwidth_hz: f64, rising: bool) -> Waveform {
+    Waveform::Pulsed {
+        centre_hz,
+        sample_rate_hz: 250e6,
+        num_samples: 625,
+        window_start_s: 3.1e-6,
+        shape: PulseShape::Lfm {
+            bandwidth_hz,
+            duration_s: 1e-6,
+            rising,
+        },
+    }
+}
+
+/// A sweep of 200 MHz about 10 GHz in 10 us, sampled at 50 MHz.
+pub fn fmcw(falling: bool) -> Waveform {
+    Waveform::Fmcw {
+        start_hz: if falling { 10.1e9 } else { 9.9e9 },
+        chirp_hz_s: if falling { -2e13 } else { 2e13 },
+        sample_rate_hz: 50e6,
+        num_samples: 501,
+        mixer_delay_s: 3.2e-6,
+    }
+}
 
 /// An antenna at `offset_m`, looking along y, alike everywhere.
 pub fn antenna(name: &str, offset_m: DVec3) -> Antenna {

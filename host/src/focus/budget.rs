@@ -22,8 +22,10 @@ impl Budget {
     /// `bytes_a_pixel`.
     ///
     /// # Errors
-    /// [`FormError::Memory`] if that is too much already.
+    /// [`FormError::Memory`] if that is too much already, [`FormError::Unsuited`] of a task without
+    /// pulses, samples or pixels.
     pub fn for_task(task: &Task, bytes_a_pixel: u64) -> Result<Self, FormError> {
+        task.check_not_empty()?;
         let mut budget = Self::new(task.memory_bytes);
         budget.take(
             "the recording",

@@ -60,6 +60,23 @@ pub struct Task<'a> {
     pub monitor: &'a dyn Monitor,
 }
 
+impl Task<'_> {
+    /// Refuses a task without pulses, samples or pixels, of which no former could say anything.
+    fn check_not_empty(&self) -> Result<(), FormError> {
+        let collection = self.history.collection();
+        let what = if collection.pulses.is_empty() {
+            "the collection holds no pulses"
+        } else if collection.num_samples == 0 {
+            "the collection's pulses hold no samples"
+        } else if self.grid.num_pixels() == 0 {
+            "the grid holds no pixels"
+        } else {
+            return Ok(());
+        };
+        Err(FormError::Unsuited(format!("{what}: there is no image")))
+    }
+}
+
 /// A formed image and what it was formed with.
 #[derive(Clone, Debug)]
 pub struct Formed {

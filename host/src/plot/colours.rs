@@ -11,6 +11,11 @@ pub enum Colours {
     Viridis,
 }
 
+/// What should not be.
+pub(super) const RED: [u8; 3] = [214, 40, 40];
+/// Nothing to show; none of viridis's colours.
+pub(super) const PALE: [u8; 3] = [222, 222, 222];
+
 /// Viridis at every eighth.
 const VIRIDIS: [[u8; 3]; 9] = [
     [68, 1, 84],

@@ -1,5 +1,6 @@
 //! Real values over two axes, on a linear scale.
 
+use super::colours::{PALE, RED};
 use super::layout::{Sheet, page};
 use super::raster::resample;
 use super::scale::Levels;
@@ -7,7 +8,7 @@ use super::{Colours, PlotError, edges};
 use crate::geometry::Axis;
 
 /// Values and how to show them. Large maps are reduced by averaging; values that are NaN or infinite do not
-/// count, and where there is nothing else the picture is red.
+/// count, and where there is nothing else the picture is pale, or red among greys.
 #[derive(Clone, Debug)]
 pub struct Heat<'a> {
     /// Values, row-major, row 0 shown lowest.
@@ -69,6 +70,10 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
         bar_label: &heat.unit,
         proportions: (length(&heat.columns), length(&heat.rows)),
         colours: heat.colours,
+        absent: match heat.colours {
+            Colours::Grey => RED,
+            Colours::Viridis => PALE,
+        },
         typical: levels,
         cells: Box::new(move |height, width| {
             let cells = resample(size, |i| f64::from(heat.values[i]), height, width);

@@ -24,7 +24,6 @@ const LABEL_GAP: f32 = 8.0;
 const TEXT_GAP: f32 = 12.0;
 const BORDER: f32 = 3.0;
 const LEAST_SIDE: usize = 160;
-const BAD: [u8; 3] = [214, 40, 40];
 
 /// Values and labels.
 type Ticks = Vec<(f64, String)>;
@@ -43,6 +42,8 @@ pub(super) struct Sheet<'a> {
     /// Width and height of what is shown, in any one unit.
     pub(super) proportions: (f64, f64),
     pub(super) colours: Colours,
+    /// The colour of what is NaN.
+    pub(super) absent: [u8; 3],
     /// Levels that the colour bar surely has room for.
     pub(super) typical: Levels,
     pub(super) cells: Cells<'a>,
@@ -171,9 +172,9 @@ fn draw(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize))
     for (row, cells) in cells.chunks_exact(width).enumerate() {
         for (column, &cell) in cells.iter().enumerate() {
             let level = (cell - levels.bottom) / (levels.top - levels.bottom);
-            // Zero power is minus infinity, and dark; only NaN is bad.
+            // Zero power is minus infinity, and dark; only NaN is absent.
             let colour = match level.is_nan() {
-                true => BAD,
+                true => sheet.absent,
                 false => sheet.colours.at(level),
             };
             canvas.fill(x + column, y + height - 1 - row, 1, 1, colour);

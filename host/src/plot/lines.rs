@@ -257,7 +257,22 @@ impl Page {
             SAMPLE + widest.ceil() as usize + 26,
             named.len() * LINE + 10,
         );
-        let (x, y) = (self.left + self.width - width - 10, TOP + 10);
+        // In that upper corner where it hides less.
+        let hidden = |x: usize| {
+            let (low, high) = ((x - self.left) as f64, (x - self.left + width) as f64);
+            let points = chart.curves.iter().flat_map(|curve| &curve.points);
+            points
+                .map(|&point| self.place(point))
+                .filter(|&(x, y)| low <= x && x <= high && y <= (height + 10) as f64)
+                .count()
+        };
+        let (left, right) = (self.left + 10, self.left + self.width - width - 10);
+        let x = if hidden(left) < hidden(right) {
+            left
+        } else {
+            right
+        };
+        let y = TOP + 10;
         canvas.fill(x, y, width, height, GRID);
         canvas.fill(x + 1, y + 1, width - 2, height - 2, [255; 3]);
         for (i, ((curve, colour), name)) in named.iter().zip(&names).enumerate() {

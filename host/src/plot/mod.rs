@@ -82,6 +82,7 @@ impl<'a> Panel<'a> {
                 false => (length(&grid.columns), length(&grid.rows)),
             },
             colours: self.colours,
+            absent: colours::RED,
             // Without the image's powers, which only matter to a scale from the data, whose labels,
             // whole decibels of three digits, fit the least room anyhow.
             typical: self.scale.levels(&[]),

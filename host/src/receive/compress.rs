@@ -99,7 +99,7 @@ impl<E: Echoes> Compressed<E> {
         let below = reach.min(num_samples / 2);
         let above = reach.min((num_samples - 1) / 2);
         let start_hz = centre_hz - below as f64 * step_hz;
-        if start_hz <= 0.0 {
+        if start_hz.is_nan() || start_hz <= 0.0 {
             return Err(fault(format!(
                 "its band reaches down to {start_hz} Hz; frequencies are positive"
             )));

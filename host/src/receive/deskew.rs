@@ -125,6 +125,11 @@ impl<E: Echoes> Deskewed<E> {
                 "nothing says how large its scene is: give the extent or the half delay".to_owned(),
             ));
         };
+        if !(half_delay_s >= 0.0 && half_delay_s.is_finite()) {
+            return Err(fault(format!(
+                "a scene of delays up to {half_delay_s} s from the reference: give a number, 0 or more"
+            )));
+        }
         if half_delay_s * chirp_hz_s.abs() > sample_rate_hz / 2.0 {
             return Err(fault(format!(
                 "delays up to {half_delay_s:.3e} s from the reference beat at up to {:.3e} Hz, more \
@@ -142,7 +147,7 @@ impl<E: Echoes> Deskewed<E> {
         let drift_s = 0.5 * (most_s - least_s);
         let edge_s = 4.0 / chirp_hz_s.abs().sqrt();
         let cut = ((3.0 * half_delay_s + edge_s + drift_s) * sample_rate_hz).ceil() as usize;
-        let kept = num_samples.saturating_sub(2 * cut);
+        let kept = num_samples.saturating_sub(cut.saturating_mul(2));
         if kept < 2 {
             return Err(fault(format!(
                 "a sweep of {num_samples} samples loses {cut} at either end to the scene's delays, and \

@@ -263,6 +263,7 @@ impl Echoes for Channel<'_> {
             pulses.len() * width,
             "samples must hold {pulses:?} whole"
         );
+        let first = pulses.start;
         samples
             .par_chunks_exact_mut(width)
             .zip(pulses)
@@ -275,7 +276,15 @@ impl Echoes for Channel<'_> {
                     }
                 },
             );
-        Ok(())
+        // A scatterer on an antenna with spreading, or amplitudes beyond float32.
+        match samples.iter().position(|z| !z.is_finite()) {
+            None => Ok(()),
+            Some(i) => Err(ReadError::NotFinite {
+                name: self.collection.name.clone(),
+                pulse: first + i / width,
+                sample: i % width,
+            }),
+        }
     }
 
     fn reference_path_m(&self, pulse: usize, after_s: f64) -> f64 {
@@ -301,7 +310,7 @@ impl Echoes for Channel<'_> {
             + size_of_val(self.true_antennas.as_slice())
             + size_of_val(self.saturated.as_slice())
             + size_of_val(scene.points.as_slice());
-        held as u64
+        held as u64 + self.engine.held_bytes()
     }
 }
 

@@ -40,6 +40,8 @@
 mod patch_history;
 mod track;
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
@@ -58,6 +60,8 @@ use track::Track;
 const FIRST_PATCHES: usize = 4;
 /// Pixels a side at which a patch is not cut further.
 const LEAF_PIXELS: usize = 16;
+/// Pixels a side at which a patch of few pulses is not: it takes half a megabyte.
+const LARGEST_LEAF_PIXELS: usize = 128;
 /// Copies of a stretch of pulses that a thread's patches within patches may take: each is at most 0.8
 /// of the one before.
 const SCRATCH_COPIES: u64 = 4;
@@ -180,34 +184,32 @@ impl Plan {
         rectangles: &[Rectangle],
         pixels: &mut [Complex32],
     ) -> Result<(), FormError> {
-        for (index, track) in tracks.iter().enumerate() {
+        let parts = (tracks.len() * rectangles.len()) as f64;
+        let done = AtomicUsize::new(0);
+        for track in tracks {
             let top = self.read(task, track)?;
             let patches = patch::split(pixels, task.grid.columns.count, rectangles);
             rectangles.par_iter().zip(patches).for_each_init(
                 Scratch::default,
                 |scratch, (&rectangle, mut patch)| {
-                    let Scratch { levels, leaf } = scratch;
-                    let mut target = Target {
-                        origin: rectangle,
-                        patch: &mut patch,
-                    };
-                    descend(
+                    let mut descent = Descent {
                         task,
                         refiner,
                         track,
-                        &top,
-                        rectangle,
-                        &mut target,
-                        levels,
-                        leaf,
-                    );
+                        target: Target {
+                            origin: rectangle,
+                            patch: &mut patch,
+                        },
+                        scratch,
+                    };
+                    descent.descend(&top, rectangle);
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    task.monitor.progress(done as f64 / parts);
                 },
             );
             if task.monitor.cancelled() {
                 return Err(FormError::Cancelled);
             }
-            task.monitor
-                .progress((index + 1) as f64 / tracks.len() as f64);
         }
         Ok(())
     }
@@ -239,35 +241,38 @@ pub(super) struct Target<'a, 'b> {
     patch: &'a mut [&'b mut [Complex32]],
 }
 
-/// Adds what `parent` says of `rectangle` to the image, from the patch's own, smaller history if there
-/// is one.
-#[allow(clippy::too_many_arguments)]
-fn descend<const W: usize>(
-    task: &Task,
-    refiner: &Refiner<W>,
-    track: &Track,
-    parent: &PatchHistory,
-    rectangle: Rectangle,
-    target: &mut Target,
-    levels: &mut Vec<PatchHistory>,
-    leaf: &mut patch_history::Leaf,
-) {
-    if task.monitor.cancelled() {
-        return;
-    }
-    let mut own = levels.pop().unwrap_or_default();
-    let smaller = refiner.refine(parent, track, rectangle, &mut own);
-    let history = if smaller { &own } else { parent };
-    let size = rectangle.size;
-    let is_small = size.rows.max(size.columns) <= LEAF_PIXELS;
-    if is_small || history.num_pulses() <= 4 * W {
-        refiner.image(history, rectangle, target, leaf);
-    } else {
-        for quarter in quarters(rectangle) {
-            descend(task, refiner, track, history, quarter, target, levels, leaf);
+/// The way from a first patch to its leaves.
+struct Descent<'a, 'b, 'c, const W: usize> {
+    task: &'a Task<'a>,
+    refiner: &'a Refiner<'a, W>,
+    track: &'a Track,
+    target: Target<'b, 'c>,
+    scratch: &'a mut Scratch,
+}
+
+impl<const W: usize> Descent<'_, '_, '_, W> {
+    /// Adds what `parent` says of `rectangle` to the image, from the patch's own, smaller history if
+    /// there is one.
+    fn descend(&mut self, parent: &PatchHistory, rectangle: Rectangle) {
+        if self.task.monitor.cancelled() {
+            return;
         }
+        let mut own = self.scratch.levels.pop().unwrap_or_default();
+        let smaller = self.refiner.refine(parent, self.track, rectangle, &mut own);
+        let history = if smaller { &own } else { parent };
+        let side = rectangle.size.rows.max(rectangle.size.columns);
+        let few_pulses = history.num_pulses() <= 4 * W;
+        if side <= LEAF_PIXELS || (few_pulses && side <= LARGEST_LEAF_PIXELS) {
+            let leaf = &mut self.scratch.leaf;
+            self.refiner
+                .image(history, rectangle, &mut self.target, leaf);
+        } else {
+            for quarter in quarters(rectangle) {
+                self.descend(history, quarter);
+            }
+        }
+        self.scratch.levels.push(own);
     }
-    levels.push(own);
 }
 
 /// Four parts of a rectangle, or two or one where a side is a single pixel.

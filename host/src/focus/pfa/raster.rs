@@ -26,6 +26,8 @@ use crate::signal::kaiser_bessel::KaiserBessel;
 
 /// Rows of the raster that one thread spreads onto at a time. Fixed, so that sums have one order.
 const ROWS_A_TASK: usize = 32;
+/// Cells in one direction that no memory would hold in two.
+const MOST_CELLS: f64 = 1e8;
 
 /// Spatial frequencies of a pulse's samples: `start + k step`, cycles a metre.
 #[derive(Clone, Copy, Debug)]
@@ -47,15 +49,23 @@ struct RasterAxis {
 }
 
 impl RasterAxis {
-    fn new(low: f64, high: f64, half_m: f64, taps: usize) -> Self {
+    fn new(low: f64, high: f64, half_m: f64, taps: usize) -> Result<Self, FormError> {
         let cells = 4.0 * half_m;
-        let count = ((high - low) * cells).ceil() as usize + taps + 1;
-        Self {
+        let span = ((high - low) * cells).ceil();
+        if span.is_nan() || span > MOST_CELLS {
+            return Err(FormError::Unsuited(format!(
+                "the grid, {:.3e} m wide with its distortion, takes {span:.1e} cells of the scene's \
+                 spectrum: use a smaller --grid or --algorithm rdbp",
+                2.0 * half_m
+            )));
+        }
+        let count = span as usize + taps + 1;
+        Ok(Self {
             middle: (low + high) / 2.0,
             cells,
             count,
             length: fast_length(2 * count),
-        }
+        })
     }
 
     fn cell(&self, cycles_m: f64) -> f64 {
@@ -88,11 +98,12 @@ pub(super) struct Raster<const W: usize> {
 
 impl<const W: usize> Raster<W> {
     pub(super) fn new(band: Band, extent: Extent, budget: &mut Budget) -> Result<Self, FormError> {
-        let rows = RasterAxis::new(band.low.x, band.high.x, extent.half_m.x, W);
-        let columns = RasterAxis::new(band.low.y, band.high.y, extent.half_m.y, W);
-        let kept = (rows.kept(W) * columns.kept(W)) as u128;
-        let half = (rows.count * columns.kept(W)) as u128;
-        let own = (rows.count * columns.count) as u128;
+        let rows = RasterAxis::new(band.low.x, band.high.x, extent.half_m.x, W)?;
+        let columns = RasterAxis::new(band.low.y, band.high.y, extent.half_m.y, W)?;
+        let area = |rows: usize, columns: usize| rows as u128 * columns as u128;
+        let kept = area(rows.kept(W), columns.kept(W));
+        let half = area(rows.count, columns.kept(W));
+        let own = area(rows.count, columns.count);
         budget.take(
             "the raster of the scene's spectrum",
             8 * (half + kept.max(own)),

@@ -103,13 +103,14 @@ impl<'a> Strip<'a> {
     /// Checks that `task` suits, and lays out axes for `method`.
     ///
     /// # Errors
-    /// [`FormError::Unsuited`] if the band changes, the track is not straight to `error_db`, or pixels
-    /// lie too near.
+    /// [`FormError::Unsuited`] if there is nothing to do, the band changes, the track is not straight to
+    /// `error_db`, or pixels lie too near.
     pub(super) fn new(
         task: &'a Task<'a>,
         method: &dyn RangeMethod,
         error_db: f64,
     ) -> Result<Self, FormError> {
+        task.check_not_empty()?;
         let collection = task.history.collection();
         let band = shared_band(collection)?;
         let track = StraightTrack::fit(collection)?;

@@ -114,7 +114,7 @@ pub fn read(path: &Path) -> Result<Image, NpyError> {
         HeaderError::Unsuited(what) => unsuited(what),
     })?;
     let (rows, columns) = image_shape(&header).map_err(unsuited)?;
-    let needed = u128::from(rows) * u128::from(columns) * 8;
+    let needed = (u128::from(rows) * u128::from(columns)).saturating_mul(8);
     let present = file_bytes.saturating_sub(header.bytes);
     if needed != u128::from(present) {
         return Err(unsuited(format!(

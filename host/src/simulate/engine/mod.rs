@@ -125,6 +125,12 @@ impl Engine {
         engine
     }
 
+    /// Bytes of the scene and its copies; tables are bounded by what they were given.
+    pub fn held_bytes(&self) -> u64 {
+        let scene = size_of_val(self.scene.points.as_slice());
+        (scene + size_of_val(self.points.as_slice())) as u64
+    }
+
     /// Whether tables for a track are in use.
     pub fn recycles(&self) -> bool {
         self.lattice.is_some()

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args as Group, Subcommand, ValueHint};
 use subaperture::geometry::ImageGrid;
 
-use super::{Input, error_bound, finite, length, not_negative, positive, ram_size};
+use super::Input;
+use super::values::{error_bound, finite, length, not_negative, positive, ram_size};
 
 /// `subap plan`.
 #[derive(Debug, Group)]

@@ -108,6 +108,7 @@ fn statistics(typed: &Quality, source: &Source) -> anyhow::Result<Statistics> {
 fn points(typed: &Quality, source: &Source, window: Option<Window>) -> anyhow::Result<Vec<Point>> {
     let settings = Settings {
         line_of_sight_rad: typed.line_of_sight.map(f64::to_radians),
+        carrier: source.carrier,
         ..Settings::default()
     };
     let near = typed.at.iter().map(|&(x, y)| Target::Near {
@@ -211,10 +212,14 @@ fn print(report: &Report, source: &Source) -> anyhow::Result<()> {
 fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
     let r = &point.response;
     text::say(format!(
-        "point at {}: {:.2} dB, phase {}",
+        "point at {}: {:.2} dB, phase {}{}",
         source.place(r.column_value, r.row_value),
         r.level_db,
-        text::degrees(r.phase_rad.to_degrees())
+        text::degrees(r.phase_rad.to_degrees()),
+        match r.turn_is_known {
+            true => "",
+            false => " if it turns by less than half a turn a pixel",
+        }
     ))?;
     let mut rows = Vec::new();
     for (cut, theory) in r.cuts.iter().zip(&point.theory) {

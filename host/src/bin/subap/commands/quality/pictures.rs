@@ -85,7 +85,7 @@ pub(super) fn write(
             "percent-difference.png".to_owned(),
             map(
                 &against.difference.map,
-                "percent difference of magnitudes",
+                "percent difference of magnitudes (pale: too dark)",
                 "%",
                 (0.0, top),
             )?,

@@ -4,11 +4,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use serde::Deserialize;
 use serde_json::Value;
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
 use subaperture::io::{npy, product};
-use subaperture::quality::response::Direction;
+use subaperture::quality::response::{Carrier, Direction, Geometry};
 use subaperture::signal::window::Window;
 
 use crate::config::Session;
@@ -22,6 +23,8 @@ pub(super) struct Source {
     pub(super) grid: ImageGrid,
     /// That of fast and slow time, if they are the same.
     pub(super) window: Option<Window>,
+    /// Where it was seen from.
+    pub(super) carrier: Option<Carrier>,
     /// Resolution cells along x and y of a Cartesian product, metres.
     cells_m: [Option<f64>; 2],
     /// Whether coordinates are pixels.
@@ -47,6 +50,7 @@ impl Source {
                 grid: ImageGrid::horizontal(axis(image.columns), axis(image.rows), 0.0),
                 image,
                 window: None,
+                carrier: None,
                 cells_m: [None; 2],
                 in_pixels: true,
             });
@@ -60,8 +64,10 @@ impl Source {
             let cells: &Value = &stored.metadata["collection"]["axis_resolution_m"];
             cells[i].as_f64().filter(|_| flat)
         };
+        let seen = Geometry::deserialize(&stored.metadata["collection"]);
         Ok(Self {
             name,
+            carrier: seen.ok().map(|seen| Carrier::of(&seen)),
             window: fast.filter(|fast| window("slow_window") == Some(*fast)),
             cells_m: [cell(0), cell(1)],
             image: stored.image,

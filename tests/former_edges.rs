@@ -1,0 +1,204 @@
+//! Formers at the edges of what they are given: nothing, one of everything, no motion, positions that are not
+//! numbers, grids beyond any memory. None panics; what is formed is the exact sum; what is refused says why.
+
+use glam::DVec3;
+use num_complex::Complex64;
+use subaperture::focus::bp::Backprojection;
+use subaperture::focus::exact::Exact;
+use subaperture::focus::ffbp::FastFactorised;
+use subaperture::focus::omega_k::OmegaK;
+use subaperture::focus::pfa::PolarFormat;
+use subaperture::focus::rda::RangeDopplerAlgorithm;
+use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::{FormError, Formed, ImageFormer, Silent, Task, Weights};
+use subaperture::geometry::{Axis, ImageGrid, SceneFrame};
+use subaperture::phase_history::{Collection, PhaseHistory, Pulse};
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Scatterer, Simulated};
+use subaperture_tests::error_db;
+
+const ERROR_DB: f64 = -50.0;
+
+fn formers() -> Vec<Box<dyn ImageFormer>> {
+    let error_db = ERROR_DB;
+    vec![
+        Box::new(Exact),
+        Box::new(Backprojection { error_db }),
+        Box::new(RangeDoppler {
+            mode: Mode::Precise,
+            error_db,
+            sub_cpi: None,
+            patch_m: None,
+        }),
+        Box::new(FastFactorised { error_db }),
+        Box::new(PolarFormat {
+            error_db,
+            centre_m: None,
+        }),
+        Box::new(RangeDopplerAlgorithm {
+            error_db,
+            secondary_compression: true,
+        }),
+        Box::new(OmegaK { error_db }),
+    ]
+}
+
+/// A radar at 1 GHz, 300 m from a scatterer at the origin's side.
+fn history(num_pulses: usize, num_samples: usize, place: impl Fn(f64) -> DVec3) -> Simulated {
+    let pulses = (0..num_pulses)
+        .map(|n| {
+            let at = place(n as f64 - (num_pulses as f64 - 1.0) / 2.0);
+            Pulse {
+                time_s: n as f64,
+                transmitter_m: at,
+                receiver_m: at,
+                reference_m: DVec3::ZERO,
+                reference_path_m: 600.0,
+                start_hz: 1e9,
+                step_hz: 1e6,
+            }
+        })
+        .collect();
+    let collection = Collection {
+        name: "edge".to_owned(),
+        num_samples,
+        pulses,
+        frame: SceneFrame::Local,
+        extent: None,
+        timed: true,
+    };
+    let scatterer = Scatterer {
+        position_m: DVec3::new(0.3, -0.2, 0.0),
+        amplitude: Complex64::ONE,
+    };
+    Simulated::new(collection, vec![scatterer], None)
+}
+
+/// Along x, a metre a pulse.
+fn line(n: f64) -> DVec3 {
+    DVec3::new(n, -300.0, 0.0)
+}
+
+fn form(
+    former: &dyn ImageFormer,
+    history: &Simulated,
+    grid: &ImageGrid,
+) -> Result<Formed, FormError> {
+    let weights = Weights::new(history.collection(), Window::None, Window::None);
+    former.form(&Task {
+        history,
+        grid,
+        weights: &weights,
+        memory_bytes: 64 << 20,
+        monitor: &Silent,
+    })
+}
+
+fn grid(text: &str) -> ImageGrid {
+    text.parse().unwrap()
+}
+
+#[test]
+fn nothing_is_refused() {
+    let some = grid("x=-2:2:0.5,y=-2:2:0.5");
+    let none = Axis {
+        start: 0.0,
+        step: 1.0,
+        count: 0,
+    };
+    let no_rows = ImageGrid { rows: none, ..some };
+    let no_columns = ImageGrid {
+        columns: none,
+        ..some
+    };
+    for former in formers() {
+        for (history, grid, what) in [
+            (history(0, 8, line), &some, "no pulses"),
+            (history(5, 0, line), &some, "no samples"),
+            (history(5, 8, line), &no_rows, "no pixels"),
+            (history(5, 8, line), &no_columns, "no pixels"),
+        ] {
+            let error = form(&*former, &history, grid).unwrap_err();
+            let text = error.to_string();
+            assert!(matches!(error, FormError::Unsuited(_)), "{text}");
+            assert!(text.contains(what), "{}: {text}", former.name());
+        }
+    }
+}
+
+/// One pulse, one sample, one pixel, or no motion: the exact sum, or a refusal that names another former.
+#[test]
+fn one_of_everything_is_formed_or_refused() {
+    let some = "x=-2:2:0.5,y=-2:2:0.5";
+    let still = |_| DVec3::new(0.0, -300.0, 0.0);
+    for (what, history, text) in [
+        ("one pulse", history(1, 32, line), some),
+        ("two pulses", history(2, 32, line), some),
+        ("one sample", history(40, 1, line), some),
+        ("one of both", history(1, 1, line), some),
+        ("no motion", history(40, 32, still), some),
+        ("one pixel", history(40, 32, line), "x=0:1:1,y=0:1:1"),
+        ("one row", history(40, 32, line), "x=-9:9:0.5,y=0:1:1"),
+        (
+            "polar",
+            history(40, 32, line),
+            "r=298:302:0.5,theta=89:91:0.1,cy=-300",
+        ),
+    ] {
+        let grid = grid(text);
+        let exact = form(&Exact, &history, &grid).unwrap().image;
+        for former in formers() {
+            match form(&*former, &history, &grid) {
+                Ok(formed) => {
+                    let error_db = error_db(&formed.image, &exact);
+                    println!("{what}: {} {error_db:.1} dB", former.name());
+                    assert!(error_db < ERROR_DB, "{what}: {}", former.name());
+                }
+                Err(error) => {
+                    println!("{what}: {}: {error}", former.name());
+                    assert!(
+                        matches!(former.name(), "rda" | "omega-k"),
+                        "{what}: {}: {error}",
+                        former.name()
+                    );
+                    assert!(error.to_string().contains("--algorithm bp"), "{error}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_no_number_or_too_much_does_not_panic() {
+    let lost = |n: f64| match n {
+        0.5 => DVec3::new(f64::NAN, 0.0, 0.0),
+        _ => line(n),
+    };
+    let some = grid("x=-2:2:0.5,y=-2:2:0.5");
+    let wide = grid("x=-9e8:9e8:1e8,y=-9e8:9e8:1e8");
+    let fine = grid("x=0:1:1e-6,y=0:1:1e-6");
+    for former in formers() {
+        // No image can be right; any answer but a panic will do, and numbers stay where they are.
+        let result = form(&*former, &history(40, 32, lost), &some);
+        println!("lost: {} {:?}", former.name(), result.err());
+        let result = form(&*former, &history(40, 32, line), &wide);
+        println!("wide: {} {:?}", former.name(), result.err());
+        let error = form(&*former, &history(40, 32, line), &fine).unwrap_err();
+        assert!(
+            matches!(error, FormError::Memory { .. } | FormError::Unsuited(_)),
+            "{}: {error}",
+            former.name()
+        );
+    }
+    // All but the exact sum and plain backprojection have to say that so wide a grid is beyond them, or form it.
+    let error = form(
+        &PolarFormat {
+            error_db: ERROR_DB,
+            centre_m: None,
+        },
+        &history(40, 32, line),
+        &wide,
+    )
+    .unwrap_err();
+    assert!(error.to_string().contains("smaller --grid"), "{error}");
+}
