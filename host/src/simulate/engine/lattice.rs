@@ -159,6 +159,12 @@ impl Lattice {
         Some(lattice)
     }
 
+    /// Bytes of the tables.
+    pub(super) fn held_bytes(&self) -> u64 {
+        let row = |row: &Row| size_of_val(&*row.points) + size_of_val(&*row.seen);
+        self.rows.iter().map(row).sum::<usize>() as u64
+    }
+
     /// How many pitches after the first pulse this one is; `None` if it is not one of the tables'.
     pub(super) fn shift(&self, view: &View) -> Option<i64> {
         let pose = view.body.pose(view.time_s);

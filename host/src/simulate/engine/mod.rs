@@ -84,10 +84,10 @@ pub struct View<'a> {
 
 /// A scene made ready for sums over it.
 ///
-/// Memory: the scene, 40 bytes a point, and for [`Method::Fast`] 32 bytes a point more.
+/// Memory: for [`Method::Fast`] 32 bytes a point beside the scene's 40.
 #[derive(Debug)]
-pub struct Engine {
-    scene: Scene,
+pub struct Engine<'a> {
+    scene: &'a Scene,
     method: Method,
     points: Vec<Chunk>,
     lattice: Option<Lattice>,
@@ -99,15 +99,15 @@ pub struct Scratch {
     work: fast::Work,
 }
 
-impl Engine {
+impl<'a> Engine<'a> {
     /// Prepares `scene`.
-    pub fn new(scene: &Scene, method: Method) -> Engine {
+    pub fn new(scene: &'a Scene, method: Method) -> Self {
         let points = match method {
             Method::Sum => Vec::new(),
             Method::Fast => fast::chunks(scene.points.iter().copied()),
         };
-        Engine {
-            scene: scene.clone(),
+        Self {
+            scene,
             method,
             points,
             lattice: None,
@@ -117,7 +117,7 @@ impl Engine {
     /// Prepares `scene` for the pulses `views` of one pair of antennas, in their order. On a straight, even track
     /// over a lattice of points, what the radar sees is kept in tables of at most `memory_bytes` and
     /// reused; else, and for other pulses, this is [`Self::new`].
-    pub fn for_track(scene: &Scene, method: Method, views: &[View], memory_bytes: u64) -> Engine {
+    pub fn for_track(scene: &'a Scene, method: Method, views: &[View], memory_bytes: u64) -> Self {
         let mut engine = Self::new(scene, method);
         if method == Method::Fast {
             engine.lattice = Lattice::new(scene, views, memory_bytes);
@@ -125,10 +125,10 @@ impl Engine {
         engine
     }
 
-    /// Bytes of the scene and its copies; tables are bounded by what they were given.
+    /// Bytes held beside the scene.
     pub fn held_bytes(&self) -> u64 {
-        let scene = size_of_val(self.scene.points.as_slice());
-        (scene + size_of_val(self.points.as_slice())) as u64
+        let tables = self.lattice.as_ref().map_or(0, Lattice::held_bytes);
+        size_of_val(self.points.as_slice()) as u64 + tables
     }
 
     /// Whether tables for a track are in use.
@@ -143,9 +143,9 @@ impl Engine {
     pub fn pulse(&self, view: &View, scratch: &mut Scratch, out: &mut [Complex64]) {
         assert_eq!(out.len(), view.sweep.count, "out must hold the sweep");
         match self.method {
-            Method::Sum => sum::pulse(&self.scene, view, out),
+            Method::Sum => sum::pulse(self.scene, view, out),
             Method::Fast => fast::pulse(
-                &self.scene,
+                self.scene,
                 &self.points,
                 self.lattice.as_ref(),
                 view,

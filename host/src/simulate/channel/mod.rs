@@ -21,19 +21,28 @@
 //! then, the transmitter a reference delay sooner, and the sample's time as the pulse's. Between the
 //! middle and other samples the measured track says the reference path.
 //!
-//! Cost beside the engine's: an FFT a pulse. Memory: 200 bytes a pulse, the scene, and a row a thread.
+//! Cost beside the engine's: an FFT a pulse. Memory: 200 bytes a pulse, the scene, the engine's tables (256 MiB at
+//! most), and a row a thread.
+
+mod check;
+mod pulsed;
+mod sight;
+mod sweep;
 
 use std::ops::Range;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
 
+use self::check::check;
+use self::pulsed::Pulsed;
+use self::sight::{look, moving};
+use self::sweep::sweep;
 use super::body::Trajectory;
-use super::engine::{Engine, Scratch, Sweep, View};
+use super::engine::Method;
+use super::engine::{Engine, Scratch, View};
 use super::experiment::{Experiment, Pair, Reference};
 use super::radar::{Antenna, Motion, Waveform};
 use super::receiver::clock::jitter_s;
@@ -44,11 +53,14 @@ use crate::phase_history::ReadError;
 use crate::receive::{EchoCollection, EchoPulse, Echoes};
 use crate::signal::phase::{narrow, phasor};
 
+/// Most that tables of what is alike from pulse to pulse may take.
+const TABLE_BYTES: u64 = 256 << 20;
+
 /// Raw samples of a pair, made when read.
 pub struct Channel<'a> {
     experiment: &'a Experiment,
     pair: Pair,
-    engine: Engine,
+    engine: Engine<'a>,
     /// What is truly transmitted and sampled.
     waveform: Waveform,
     /// The record: the nominal waveform and the measured track.
@@ -61,23 +73,6 @@ pub struct Channel<'a> {
     /// Saturated samples of each pulse as last read.
     saturated: Vec<AtomicU32>,
 }
-
-/// What a pulse's echo takes.
-struct Pulsed {
-    /// Its spectrum, frequencies rising from `-floor(N / 2)` steps, over `N`.
-    spectrum: Vec<Complex64>,
-    inverse: Arc<dyn Fft<f64>>,
-}
-
-/// Where antennas are when a wave is received, and the reference.
-struct Sight {
-    antennas_m: [DVec3; 2],
-    reference_m: DVec3,
-    reference_path_m: f64,
-}
-
-/// Rounds of the delay between transmission and reception; each shrinks its error by `v / c`.
-const DELAY_ROUNDS: usize = 4;
 
 impl<'a> Channel<'a> {
     pub(super) fn new(experiment: &'a Experiment, pair: Pair) -> Result<Self, RecordError> {
@@ -157,7 +152,7 @@ impl<'a> Channel<'a> {
         if reference_range_m < 1e-3 {
             return Err(fault("the radar is at its own reference point".to_owned()));
         }
-        Ok(Self {
+        let mut channel = Self {
             engine: Engine::new(&experiment.scene, experiment.method),
             pulsed: Pulsed::new(experiment, &true_antennas).map_err(fault)?,
             impairments: Impairments::new(experiment, reference_range_m).map_err(fault)?,
@@ -168,7 +163,22 @@ impl<'a> Channel<'a> {
             collection,
             true_antennas,
             reference_range_m,
-        })
+        };
+        channel.recycle();
+        Ok(channel)
+    }
+
+    /// Reuses what is alike from pulse to pulse, if the track and the scene allow.
+    fn recycle(&mut self) {
+        let experiment = self.experiment;
+        if experiment.method == Method::Sum || moving(experiment.radar.motion) {
+            return;
+        }
+        let views: Vec<View> = (0..self.collection.pulses.len())
+            .map(|n| self.view(n))
+            .collect();
+        let scene = &experiment.scene;
+        self.engine = Engine::for_track(scene, experiment.method, &views, TABLE_BYTES);
     }
 
     /// Samples of the pulses read so far of which I or Q saturated the converter.
@@ -195,6 +205,34 @@ impl<'a> Channel<'a> {
         radar.start_s + self.index(pulse) as f64 * radar.pri_s
     }
 
+    /// How late sampling of a pulse begins, seconds.
+    fn late_s(&self, n: usize) -> f64 {
+        let clock = self.experiment.radar.receiver.clock.unwrap_or_default();
+        jitter_s(&clock, self.experiment.seed, self.index(n))
+    }
+
+    fn delay_s(&self, n: usize) -> f64 {
+        self.collection.pulses[n].reference_path_m / SPEED_OF_LIGHT_M_S
+    }
+
+    /// Pulse `n` as the engine sees it.
+    fn view(&self, n: usize) -> View<'a> {
+        let radar = &self.experiment.radar;
+        let clock = radar.receiver.clock.unwrap_or_default();
+        let (sweep, reference_s) = sweep(&self.waveform, self.delay_s(n), self.late_s(n));
+        let (transmitter, receiver) = self.antennas();
+        View {
+            body: self.experiment.track.as_ref(),
+            transmitter,
+            receiver,
+            time_s: self.nominal_s(n) / (1.0 + clock.offset),
+            sweep,
+            reference_s,
+            motion: radar.motion,
+            spreading_from_m: radar.spreading.then_some(self.reference_range_m),
+        }
+    }
+
     /// Makes pulse `n` into `samples`; `work` is the transform's.
     fn pulse(
         &self,
@@ -203,28 +241,13 @@ impl<'a> Channel<'a> {
         work: &mut Vec<Complex64>,
         samples: &mut [Complex64],
     ) {
-        let radar = &self.experiment.radar;
-        let clock = radar.receiver.clock.unwrap_or_default();
-        let late_s = jitter_s(&clock, self.experiment.seed, self.index(n));
-        let time_s = self.nominal_s(n) / (1.0 + clock.offset);
-        let delay_s = self.collection.pulses[n].reference_path_m / SPEED_OF_LIGHT_M_S;
-        let (sweep, reference_s) = sweep(&self.waveform, delay_s, late_s);
-        let (transmitter, receiver) = self.antennas();
-        let view = View {
-            body: self.experiment.track.as_ref(),
-            transmitter,
-            receiver,
-            time_s,
-            sweep,
-            reference_s,
-            motion: radar.motion,
-            spreading_from_m: radar.spreading.then_some(self.reference_range_m),
-        };
+        let view = self.view(n);
+        let (sweep, reference_s, time_s) = (view.sweep, view.reference_s, view.time_s);
         self.engine.pulse(&view, scratch, samples);
         match (&self.waveform, &self.pulsed) {
             (Waveform::Ideal { .. } | Waveform::Stepped { .. }, _) => {
                 let jitter_s = match self.waveform {
-                    Waveform::Ideal { .. } => late_s,
+                    Waveform::Ideal { .. } => self.late_s(n),
                     _ => 0.0,
                 };
                 let centre_hz = self.waveform.centre_hz();
@@ -244,7 +267,7 @@ impl<'a> Channel<'a> {
             pulse: self.index(n),
             receiver: self.pair.receiver,
             time_s,
-            delay_s,
+            delay_s: self.delay_s(n),
         };
         let saturated = self.impairments.apply(&moment, samples);
         self.saturated[n].store(saturated, Ordering::Relaxed);
@@ -312,240 +335,4 @@ impl Echoes for Channel<'_> {
             + size_of_val(scene.points.as_slice());
         held as u64 + self.engine.held_bytes()
     }
-}
-
-impl Pulsed {
-    /// `None` for waveforms without a pulse. The text of an error says what does not fit.
-    fn new(experiment: &Experiment, antennas: &[[DVec3; 2]]) -> Result<Option<Self>, String> {
-        let Waveform::Pulsed {
-            sample_rate_hz,
-            num_samples,
-            window_start_s,
-            ref shape,
-            ..
-        } = experiment.radar.waveform
-        else {
-            return Ok(None);
-        };
-        if let Some((least_s, most_s)) = delays(experiment, antennas) {
-            let end_s = window_start_s + num_samples as f64 / sample_rate_hz;
-            if least_s < window_start_s || most_s + shape.duration_s() > end_s {
-                return Err(format!(
-                    "echoes of the scene come from {least_s:.9} to {:.9} s after a pulse begins, the \
-                     last of it included, and the window is open from {window_start_s:.9} to \
-                     {end_s:.9} s: open it sooner or keep it open longer (num_samples)",
-                    most_s + shape.duration_s()
-                ));
-            }
-        }
-        let mut spectrum = shape.spectrum(sample_rate_hz, num_samples);
-        spectrum.rotate_right(num_samples / 2);
-        for p in &mut spectrum {
-            *p /= num_samples as f64;
-        }
-        Ok(Some(Self {
-            spectrum,
-            inverse: FftPlanner::new().plan_fft_inverse(num_samples),
-        }))
-    }
-
-    /// From sums over the scene to an echo, the oscillator's phase at the window's start being
-    /// `turns`.
-    fn transmit(&self, turns: f64, work: &mut Vec<Complex64>, samples: &mut [Complex64]) {
-        let start = phasor(-turns);
-        for (z, p) in samples.iter_mut().zip(&self.spectrum) {
-            *z *= p * start;
-        }
-        samples.rotate_left(samples.len() / 2);
-        work.resize(self.inverse.get_inplace_scratch_len(), Complex64::ZERO);
-        self.inverse.process_with_scratch(samples, work);
-    }
-}
-
-/// The engine's sweep of a waveform sampled `late_s` late, and the delay that counts as zero; `delay_s` is
-/// the reference's.
-fn sweep(waveform: &Waveform, delay_s: f64, late_s: f64) -> (Sweep, f64) {
-    let count = waveform.num_samples();
-    let at_once = |start_hz, step_hz, start_s| Sweep {
-        start_hz,
-        step_hz,
-        count,
-        start_s,
-        step_s: 0.0,
-        residual_hz_s: 0.0,
-    };
-    match *waveform {
-        Waveform::Ideal { band } => (at_once(band.start_hz, band.step_hz, 0.0), delay_s),
-        Waveform::Stepped { band, step_s, .. } => {
-            let sweep = Sweep {
-                step_s,
-                ..at_once(band.start_hz, band.step_hz, 0.0)
-            };
-            (sweep, delay_s)
-        }
-        Waveform::Pulsed {
-            centre_hz,
-            sample_rate_hz,
-            window_start_s,
-            ..
-        } => {
-            let step_hz = sample_rate_hz / count as f64;
-            let start_hz = centre_hz - (count / 2) as f64 * step_hz;
-            let sweep = at_once(start_hz, step_hz, waveform.middle_s());
-            (sweep, window_start_s + late_s)
-        }
-        Waveform::Fmcw {
-            start_hz,
-            chirp_hz_s,
-            sample_rate_hz,
-            mixer_delay_s,
-            ..
-        } => {
-            let sweep = Sweep {
-                start_hz: start_hz + chirp_hz_s * (late_s - mixer_delay_s),
-                step_hz: chirp_hz_s / sample_rate_hz,
-                count,
-                start_s: late_s,
-                step_s: 1.0 / sample_rate_hz,
-                residual_hz_s: chirp_hz_s,
-            };
-            (sweep, mixer_delay_s)
-        }
-    }
-}
-
-fn moving(motion: Motion) -> bool {
-    motion == Motion::True
-}
-
-/// Antennas and reference of a wave received at `time_s`.
-fn look(
-    experiment: &Experiment,
-    body: &dyn Trajectory,
-    transmitter: &Antenna,
-    receiver: &Antenna,
-    time_s: f64,
-) -> Sight {
-    let pose = body.pose(time_s);
-    let receiver_m = pose.point_m(receiver.offset_m);
-    let moves = moving(experiment.radar.motion);
-    match experiment.reference {
-        Reference::Point(reference_m) => {
-            let mut transmitter_m = pose.point_m(transmitter.offset_m);
-            let path_m = |transmitter_m: DVec3| {
-                transmitter_m.distance(reference_m) + receiver_m.distance(reference_m)
-            };
-            for _ in 0..if moves { DELAY_ROUNDS } else { 0 } {
-                let sent_s = time_s - path_m(transmitter_m) / SPEED_OF_LIGHT_M_S;
-                transmitter_m = body.pose(sent_s).point_m(transmitter.offset_m);
-            }
-            Sight {
-                antennas_m: [transmitter_m, receiver_m],
-                reference_m,
-                reference_path_m: path_m(transmitter_m),
-            }
-        }
-        Reference::Range(range_m) => {
-            let sent_s = time_s
-                - if moves {
-                    2.0 * range_m / SPEED_OF_LIGHT_M_S
-                } else {
-                    0.0
-                };
-            let transmitter_m = body.pose(sent_s).point_m(transmitter.offset_m);
-            let ahead = pose.attitude * transmitter.boresight;
-            Sight {
-                antennas_m: [transmitter_m, receiver_m],
-                reference_m: 0.5 * (transmitter_m + receiver_m) + ahead * range_m,
-                reference_path_m: 2.0 * range_m,
-            }
-        }
-    }
-}
-
-/// Smallest and largest delay of the scene's still parts and its reference point, seconds.
-fn delays(experiment: &Experiment, antennas: &[[DVec3; 2]]) -> Option<(f64, f64)> {
-    let scene = &experiment.scene;
-    let points = scene.points.iter().map(|p| p.position_m);
-    let corners = scene.corners.iter().map(|c| c.position_m);
-    let all = points.chain(corners).map(|p| (p, p));
-    let (low, high) = all.reduce(|(low, high), (p, q)| (low.min(p), high.max(q)))?;
-    let of_pulse = |&[transmitter_m, receiver_m]: &[DVec3; 2]| {
-        let delay_s =
-            |p: DVec3| (p.distance(transmitter_m) + p.distance(receiver_m)) / SPEED_OF_LIGHT_M_S;
-        // Delays are convex: largest at a corner of the box. Least near the box's point nearest to the
-        // antennas, less than what these are apart.
-        let corner = |i: usize| {
-            let pick = |bit: usize, a: f64, b: f64| if i >> bit & 1 == 0 { a } else { b };
-            DVec3::new(
-                pick(0, low.x, high.x),
-                pick(1, low.y, high.y),
-                pick(2, low.z, high.z),
-            )
-        };
-        let most_s = (0..8).map(|i| delay_s(corner(i))).fold(0.0, f64::max);
-        let nearest = |antenna_m: DVec3| antenna_m.clamp(low, high).distance(antenna_m);
-        let least_s = (nearest(transmitter_m) + nearest(receiver_m)) / SPEED_OF_LIGHT_M_S;
-        (least_s, most_s)
-    };
-    let ranges = antennas.iter().map(of_pulse);
-    ranges.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-}
-
-/// What no sum can be made of. The text says what is wrong.
-fn check(experiment: &Experiment) -> Result<(), String> {
-    let radar = &experiment.radar;
-    let positive = |x: f64| x.is_finite() && x > 0.0;
-    if !positive(radar.pri_s) || !radar.start_s.is_finite() {
-        return Err(format!(
-            "a pulse repetition interval of {} s and a start at {} s: the first must be positive",
-            radar.pri_s, radar.start_s
-        ));
-    }
-    let sound = match radar.waveform {
-        Waveform::Ideal { band } => positive(band.start_hz) && positive(band.step_hz),
-        Waveform::Stepped {
-            band,
-            step_s,
-            dwell_s,
-        } => {
-            positive(band.start_hz)
-                && positive(band.step_hz)
-                && positive(dwell_s)
-                && step_s.is_finite()
-                && step_s >= 0.0
-        }
-        Waveform::Pulsed {
-            centre_hz,
-            sample_rate_hz,
-            window_start_s,
-            ref shape,
-            ..
-        } => {
-            positive(centre_hz)
-                && positive(sample_rate_hz)
-                && window_start_s.is_finite()
-                && positive(shape.duration_s())
-                && positive(shape.bandwidth_hz())
-        }
-        Waveform::Fmcw {
-            start_hz,
-            chirp_hz_s,
-            sample_rate_hz,
-            mixer_delay_s,
-            ..
-        } => {
-            positive(start_hz)
-                && positive(sample_rate_hz)
-                && mixer_delay_s.is_finite()
-                && positive(chirp_hz_s.abs())
-        }
-    };
-    if !sound || radar.waveform.num_samples() == 0 {
-        return Err(format!(
-            "{:?}: frequencies, rates and lengths must be positive, and there must be samples",
-            radar.waveform
-        ));
-    }
-    Ok(())
 }
