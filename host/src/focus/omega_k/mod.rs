@@ -49,7 +49,7 @@ use num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 use serde_json::json;
 
-use super::strip::{Axes, ImageAxis, RangeMethod, RangeStage, Strip, TAPS};
+use super::strip::{Axes, ImageAxis, RangeMethod, RangeStage, Stage, Strip, TAPS};
 use super::{FormError, Formed, ImageFormer, Task};
 use crate::signal::fast_length::fast_length;
 use crate::signal::kaiser_bessel::KaiserBessel;
@@ -68,8 +68,22 @@ impl ImageFormer for OmegaK {
     }
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
+        self.form_observed(task, &mut |_| ())
+    }
+}
+
+impl OmegaK {
+    /// [`ImageFormer::form`], showing `observe` every array on the way.
+    ///
+    /// # Errors
+    /// As [`ImageFormer::form`].
+    pub fn form_observed(
+        &self,
+        task: &Task,
+        observe: &mut dyn FnMut(&Stage),
+    ) -> Result<Formed, FormError> {
         let strip = Strip::new(task, &Stolt, self.error_db)?;
-        strip.form(&Stolt, json!({ "error_db": self.error_db }))
+        strip.form(&Stolt, json!({ "error_db": self.error_db }), observe)
     }
 }
 

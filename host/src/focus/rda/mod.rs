@@ -54,7 +54,7 @@ use rustfft::{Fft, FftPlanner};
 use serde_json::json;
 
 use super::rdbp::shared_band;
-use super::strip::{Axes, ImageAxis, RangeMethod, RangeStage, Strip, TAPS};
+use super::strip::{Axes, ImageAxis, RangeMethod, RangeStage, Stage, Strip, TAPS};
 use super::{FormError, Formed, ImageFormer, Task};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::Band;
@@ -78,6 +78,20 @@ impl ImageFormer for RangeDopplerAlgorithm {
     }
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
+        self.form_observed(task, &mut |_| ())
+    }
+}
+
+impl RangeDopplerAlgorithm {
+    /// [`ImageFormer::form`], showing `observe` every array on the way.
+    ///
+    /// # Errors
+    /// As [`ImageFormer::form`].
+    pub fn form_observed(
+        &self,
+        task: &Task,
+        observe: &mut dyn FnMut(&Stage),
+    ) -> Result<Formed, FormError> {
         let method = Expansion {
             centre: centre_wavenumber(&shared_band(task.history.collection())?),
             secondary_compression: self.secondary_compression,
@@ -89,7 +103,7 @@ impl ImageFormer for RangeDopplerAlgorithm {
             "secondary_range_compression": self.secondary_compression,
             "predicted_error_db": predicted_db,
         });
-        strip.form(&method, settings)
+        strip.form(&method, settings, observe)
     }
 }
 

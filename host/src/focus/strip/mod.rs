@@ -41,6 +41,7 @@
 mod axes;
 mod read_out;
 mod spectrum;
+mod stage;
 mod taper;
 
 use num_complex::{Complex32, Complex64};
@@ -56,6 +57,7 @@ use crate::signal::kaiser_bessel::KaiserBessel;
 use crate::signal::phase::narrow;
 
 pub(super) use axes::{Axes, ImageAxis, TAPS};
+pub use stage::{Stage, StageKind};
 
 /// The way from frequency to closest range, for one wavenumber along the track at a time.
 pub(super) trait RangeMethod: Sync {
@@ -135,11 +137,13 @@ impl<'a> Strip<'a> {
         &self.axes
     }
 
-    /// Forms the image; `settings` are the method's own, a JSON object.
+    /// Forms the image; `settings` are the method's own, a JSON object. `observe` sees every array on the
+    /// way.
     pub(super) fn form(
         &self,
         method: &dyn RangeMethod,
         settings: serde_json::Value,
+        observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
         let axes = &self.axes;
         let mut budget = Budget::for_task(self.task, 8)?;
@@ -166,10 +170,13 @@ impl<'a> Strip<'a> {
         budget.take("transforms", bytes(threads, longest), advice)?;
 
         let spectrum = spectrum::along_track(self)?;
+        observe(&Stage::new(axes, StageKind::Spectrum, &spectrum));
         let ranges = self.ranges(stage.as_ref(), &spectrum)?;
         drop(spectrum);
+        observe(&Stage::new(axes, StageKind::RangeDoppler, &ranges));
         let image = read_out::compress(self, &ranges)?;
         drop(ranges);
+        observe(&Stage::new(axes, StageKind::Image, &image));
         let pixels = read_out::pixels(self, &image)?;
 
         let mut all = json!({
