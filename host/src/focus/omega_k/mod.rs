@@ -49,8 +49,10 @@ use num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 use serde_json::json;
 
-use super::strip::{Axes, ImageAxis, RangeMethod, RangeStage, Stage, Strip, TAPS};
+use super::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
 use super::{FormError, Formed, ImageFormer, Task};
+use crate::geometry::ImageGrid;
+use crate::phase_history::Collection;
 use crate::signal::fast_length::fast_length;
 use crate::signal::kaiser_bessel::KaiserBessel;
 
@@ -73,6 +75,14 @@ impl ImageFormer for OmegaK {
 }
 
 impl OmegaK {
+    /// How large its arrays are for the pixels of `grid`.
+    ///
+    /// # Errors
+    /// [`FormError::Unsuited`] as [`ImageFormer::form`].
+    pub fn sizes(&self, collection: &Collection, grid: &ImageGrid) -> Result<Sizes, FormError> {
+        strip::sizes(collection, grid, &Stolt, self.error_db)
+    }
+
     /// [`ImageFormer::form`], showing `observe` every array on the way.
     ///
     /// # Errors

@@ -237,7 +237,7 @@ fn long_aperture(context: &Context) -> Result<Finding, ItemError> {
         pictures: vec![
             compressed(&history, shown_m)?,
             stages.map(false, "transformed", "After the azimuth FFT")?,
-            stages.map(true, "corrected", "After range cell migration correction")?,
+            stages.map(true, "corrected", "After migration correction")?,
             focused(&stages.image, &grid, "After azimuth compression")?,
         ],
     })
@@ -318,7 +318,7 @@ fn short_aperture(context: &Context) -> Result<Finding, ItemError> {
         why: None,
         pictures: vec![
             compressed(&history, (24.0, 40.0))?,
-            stages.map(false, "transformed", "After the azimuth FFT: no line, but points at their angles")?,
+            stages.map(false, "transformed", "After the azimuth FFT: points at their angles")?,
         ],
     })
 }

@@ -168,7 +168,9 @@ impl Map<'_> {
     /// Powers, 50 dB from the largest down.
     pub(super) fn levels(&self, powers: &[f32]) -> Result<Picture, PlotError> {
         let peak = powers.iter().copied().fold(0.0, f32::max);
-        let values: Vec<f32> = powers.iter().map(|p| 10.0 * (p / peak).log10()).collect();
+        // Where there is nothing at all, 100 dB down.
+        let level = |p: &f32| 10.0 * (p / peak).max(1e-10).log10();
+        let values: Vec<f32> = powers.iter().map(level).collect();
         self.values(&values, (-50.0, 0.0), "dB")
     }
 
@@ -179,10 +181,21 @@ impl Map<'_> {
         range: (f64, f64),
         unit: &str,
     ) -> Result<Picture, PlotError> {
+        // Pixels are square: those of the shorter axis are repeated until the picture is not too long.
+        let (rows, row_times) = repeated(&self.rows, self.columns.count);
+        let (columns, column_times) = repeated(&self.columns, self.rows.count);
+        let value = |i: usize| {
+            let (row, column) = (
+                i / columns.count / row_times,
+                i % columns.count / column_times,
+            );
+            values[row * self.columns.count + column]
+        };
+        let values: Vec<f32> = (0..rows.count * columns.count).map(value).collect();
         let png = heat(&Heat {
-            values,
-            rows: self.rows,
-            columns: self.columns,
+            values: &values,
+            rows,
+            columns,
             title: self.caption.to_owned(),
             across_label: self.labels[0].to_owned(),
             up_label: self.labels[1].to_owned(),
@@ -197,6 +210,18 @@ impl Map<'_> {
             png,
         })
     }
+}
+
+/// `axis` with every element as often as it takes to be two thirds of `other`.
+fn repeated(axis: &Axis, other: usize) -> (Axis, usize) {
+    let times = (2 * other).div_ceil(3 * axis.count).max(1);
+    let step = axis.step / times as f64;
+    let repeated = Axis {
+        start: axis.start - axis.step / 2.0 + step / 2.0,
+        step,
+        count: axis.count * times,
+    };
+    (repeated, times)
 }
 
 /// A focused image of unit scatterers.

@@ -1,5 +1,6 @@
 //! The items, a file a figure or group of figures that share their data.
 
+mod chim_ambiguity;
 mod chim_omega_k;
 mod chim_painting;
 mod chim_range_doppler;
@@ -17,6 +18,7 @@ pub fn items() -> Vec<Item> {
     [
         migration::ITEMS.as_slice(),
         point::ITEMS.as_slice(),
+        chim_ambiguity::ITEMS.as_slice(),
         chim_range_doppler::ITEMS.as_slice(),
         chim_omega_k::ITEMS.as_slice(),
         chim_painting::ITEMS.as_slice(),
