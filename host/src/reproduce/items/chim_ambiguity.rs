@@ -64,8 +64,8 @@ fn ambiguity(_: &Context) -> Result<Finding, ItemError> {
             Check::claim(
                 "largest difference from (2.10), of the peak",
                 "none",
-                format!("{largest:.4}"),
-                largest < 0.005,
+                format!("{largest:.1e}"),
+                largest < 1e-3,
             ),
             Check::number(
                 &format!(

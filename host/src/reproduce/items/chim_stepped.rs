@@ -249,11 +249,11 @@ fn profile(_: &Context) -> Result<Finding, ItemError> {
             .to_owned(),
         method: format!(
             "The stepped waveform: 50 carriers from 1.1 GHz, 4 MHz apart (200 / 49 MHz would make the largest \
-             range {:.2} m), 4 W, two beams of 60 degrees and 9 dBi, noise figure 1.604 dB: {snr:.0} dB for 1 \
-             m2 at 6.3 m. Walls by physical optics with a reflection of {REFLECTED}: 0.5 x 0.5 m at 1 m, 40 \
+             range {:.2} m), 4 W, two beams of 60 degrees and 9 dBi, noise figure 1.604 dB: {snr:.0} dB a \
+             carrier for 1 m2 at 6.3 m. Walls by physical optics with a reflection of {REFLECTED}: 0.5 x 0.5 m at 1 m, 40 \
              degrees aside, and 12 x 4 m; a trihedral corner of 0.6 m. Near wall and corner stand {near_db:+.1} \
-             and {corner_db:+.1} dB against the far wall. No other objects. What keeps the peaks from the laser's \
-             0.01 m are each other's side lobes: the corner alone reads {alone_m:.3} m, and under a Hamming window \
+             and {corner_db:+.1} dB against the far wall. No other objects. Side lobes of the others keep the \
+             corner's peak from the laser's 0.01 m: alone it reads {alone_m:.3} m; under a Hamming window \
              the three lie {} m off.",
             SPEED_OF_LIGHT_M_S / (2.0 * 200e6 / 49.0),
             hamming_m.join(", ")

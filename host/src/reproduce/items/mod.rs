@@ -4,6 +4,7 @@ mod chim_ambiguity;
 mod chim_omega_k;
 mod chim_painting;
 mod chim_range_doppler;
+mod chim_residual_phase;
 mod chim_resolution;
 mod chim_stepped;
 mod chim_strip;
@@ -19,6 +20,7 @@ pub fn items() -> Vec<Item> {
         migration::ITEMS.as_slice(),
         point::ITEMS.as_slice(),
         chim_ambiguity::ITEMS.as_slice(),
+        chim_residual_phase::ITEMS.as_slice(),
         chim_range_doppler::ITEMS.as_slice(),
         chim_omega_k::ITEMS.as_slice(),
         chim_painting::ITEMS.as_slice(),
