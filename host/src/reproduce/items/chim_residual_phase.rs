@@ -148,6 +148,8 @@ fn residual_phase(_: &Context) -> Result<Finding, ItemError> {
             curve("pi a tau^2", of(1.0), Stroke::Solid),
             curve("2 pi a tau^2, (2.22)", of(2.0), Stroke::Dashed),
         ],
+        // Room for the legend.
+        up: Some((-0.5, 11.0)),
         ..Chart::default()
     })?;
     Ok(Finding {
@@ -177,7 +179,7 @@ fn residual_phase(_: &Context) -> Result<Finding, ItemError> {
             Check::claim(
                 "what is left of it after removal, at most",
                 "removed",
-                format!("{removed_rad:.4} rad"),
+                format!("{removed_rad:.1e} rad"),
                 removed_rad < 0.01,
             ),
         ],
