@@ -58,8 +58,17 @@ fn a_recording_is_planned_like_the_pass_it_is_of() {
         assert!((of(&recorded) / of(&typed) - 1.0).abs() < 1e-3, "{name}");
     }
     assert_eq!(recorded["costs"], typed["costs"]);
-    let picture = std::fs::read(folder.path().join("pictures/response.png")).unwrap();
-    assert_eq!(&picture[1..4], b"PNG");
+    let picture = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    for name in ["pictures/response.png", "pictures/ambiguity.png"] {
+        assert_eq!(&picture(name)[1..4], b"PNG");
+    }
+    plan(&format!(
+        "plan radar --carrier 10e9 --plots code --pulse barker13:1e-6 {grid}"
+    ));
+    assert_ne!(
+        picture("pictures/ambiguity.png"),
+        picture("code/ambiguity.png")
+    );
 }
 
 #[test]
@@ -86,6 +95,16 @@ fn wrong_usage_is_explained() {
         ),
         ("plan radar --bandwidth 50e9", 1, vec!["below 0 Hz"]),
         ("plan radar --pulses 100000000", 1, vec!["pulses"]),
+        (
+            "plan radar --carrier 1e9 --pulse lfm:1e6:1e-6",
+            2,
+            vec!["--plots"],
+        ),
+        (
+            "plan radar --carrier 1e9 --plots p --pulse barker13",
+            2,
+            vec!["--pulse", "barker13:SECONDS"],
+        ),
         ("plan radar --grazing 90", 1, vec!["grazing"]),
         ("plan radar --scene 0.5", 1, vec!["--grid"]),
         ("plan radar none.cphd", 1, vec!["none.cphd"]),

@@ -193,6 +193,19 @@ fn a_plan_of_table_4_1() {
     assert!(plan.sub_cpis.predicted_db <= -60.0);
     assert_eq!(plan.work.pixels, 320 * 320);
     let names: Vec<&str> = plan.costs.iter().map(|cost| cost.algorithm).collect();
-    assert_eq!(names, ["bp", "rdbp", "rdbp, thesis"]);
+    let all = [
+        "bp",
+        "rdbp",
+        "rdbp, thesis",
+        "ffbp",
+        "pfa",
+        "rda",
+        "omega-k",
+    ];
+    assert_eq!(names, all);
+    // The frequency-domain formers' operations do not grow with pulses times pixels.
+    for cost in &plan.costs[4..] {
+        assert!(cost.operations < 0.2 * plan.costs[0].operations, "{cost:?}");
+    }
     assert!(plan.costs[1].operations < plan.costs[0].operations);
 }

@@ -6,8 +6,9 @@ use num_complex::Complex64;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
+use subaperture::focus::strip::{Stage, StageKind};
 use subaperture::focus::{FormError, Formed, ImageFormer, Monitor, Silent, Task, Weights};
-use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::geometry::{Axis, ImageGrid, SceneFrame};
 use subaperture::phase_history::{Collection, PhaseHistory, Pulse};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
@@ -451,5 +452,100 @@ fn threads_do_not_change_a_bit_and_work_can_be_stopped() {
         assert_eq!(on(1), on(3), "{}", former.name());
         let stopped = try_form(&history, &grid, Window::None, former, 1 << 30, &Stop);
         assert!(matches!(stopped, Err(FormError::Cancelled)));
+    }
+}
+
+/// A stage kept: kind, values, rows, columns.
+type Kept = (StageKind, Vec<num_complex::Complex32>, Axis, Axis);
+
+#[test]
+fn what_a_former_holds_on_its_way_is_what_it_says() {
+    // The rail: a scatterer 9 m off, 0.3 m ahead of the aperture's centre.
+    let at = DVec3::new(0.3, 0.0, 0.0);
+    let scatterer = Scatterer {
+        position_m: at,
+        amplitude: Complex64::ONE,
+    };
+    let history = Simulated::new(RAIL.collection(), vec![scatterer], None);
+    let grid: ImageGrid = "x=-1:1.01:0.1,y=-1:1.01:0.1".parse().unwrap();
+    let weights = Weights::new(history.collection(), Window::None, Window::None);
+    let task = Task {
+        history: &history,
+        grid: &grid,
+        weights: &weights,
+        memory_bytes: 1 << 28,
+        monitor: &Silent,
+    };
+    for rda in [true, false] {
+        let mut stages: Vec<Kept> = Vec::new();
+        let mut keep = |stage: &Stage| {
+            stages.push((stage.kind, stage.values.to_vec(), stage.rows, stage.columns));
+        };
+        let (observed, plain, sizes) = match rda {
+            true => (
+                RDA.form_observed(&task, &mut keep),
+                RDA.form(&task),
+                RDA.sizes(history.collection(), &grid).unwrap(),
+            ),
+            false => (
+                OMEGA_K.form_observed(&task, &mut keep),
+                OMEGA_K.form(&task),
+                OMEGA_K.sizes(history.collection(), &grid).unwrap(),
+            ),
+        };
+        assert_eq!(observed.unwrap().image.pixels, plain.unwrap().image.pixels);
+        let [spectrum, corrected, image] = &stages[..] else {
+            panic!("{} stages", stages.len())
+        };
+
+        let (kind, values, rows, columns) = spectrum;
+        assert_eq!(*kind, StageKind::Spectrum);
+        assert_eq!((rows.count, columns.count), (51, sizes.along_wavenumbers));
+        // The transform over slow time, a plain sum over the paths of 81 antennas.
+        for (k, q) in [(0, 0), (25, columns.count / 2), (50, columns.count - 1)] {
+            let sum: Complex64 = (0..81)
+                .map(|n| {
+                    let along_m = 0.02 * (f64::from(n) - 40.0);
+                    let range_m = 9f64.hypot(0.3 - along_m);
+                    let phase = rows.at(k) * range_m + columns.at(q) * 0.02 * f64::from(n);
+                    Complex64::cis(-phase) / (81.0 * 51.0)
+                })
+                .sum();
+            let got = values[k * columns.count + q];
+            let error = (Complex64::new(got.re.into(), got.im.into()) - sum).norm();
+            // Of 1 / 51 at most; float32 phases of some 500 rad are made in float64.
+            assert!(error < 1e-6 / 51.0, "{k} {q}: {error:e}");
+        }
+
+        let (kind, values, rows, columns) = corrected;
+        assert_eq!(*kind, StageKind::RangeDoppler);
+        assert_eq!(
+            (rows.count, columns.count),
+            (sizes.along_wavenumbers, sizes.ranges)
+        );
+        let peak = |line: &[num_complex::Complex32]| {
+            let largest = |a: &usize, b: &usize| line[*a].norm().total_cmp(&line[*b].norm());
+            (0..line.len()).max_by(largest).unwrap()
+        };
+        // Directions well inside the aperture's, from 0.3 - 0.8 to 0.3 + 0.8 m at 9 m: the line is straight.
+        let inside = (0..rows.count).filter(|&q| (rows.at(q) / 50.0 - 0.033).abs() < 0.05);
+        let mut seen = 0;
+        for q in inside {
+            let line = &values[q * columns.count..(q + 1) * columns.count];
+            let range_m = columns.at(peak(line));
+            assert!((range_m - 9.0).abs() <= columns.step, "{q}: {range_m}");
+            seen += 1;
+        }
+        assert!(seen >= 3, "{seen}");
+
+        let (kind, values, rows, columns) = image;
+        assert_eq!(*kind, StageKind::Image);
+        assert_eq!((rows.count, columns.count), (sizes.ranges, sizes.columns));
+        let place = peak(values);
+        let (range_m, along_m) = (
+            rows.at(place / columns.count),
+            columns.at(place % columns.count),
+        );
+        assert!((range_m - 9.0).abs() <= rows.step && (along_m - 0.3).abs() <= columns.step);
     }
 }

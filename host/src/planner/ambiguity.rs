@@ -27,6 +27,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
 
+use crate::geometry::Axis;
 use crate::signal::fast_length::fast_length;
 use crate::simulate::radar::PulseShape;
 
@@ -155,6 +156,64 @@ impl Ambiguity {
     }
 }
 
+/// Powers around the peak, for a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Around {
+    /// `|chi|^2`, dB, Doppler shift by Doppler shift.
+    pub levels_db: Vec<f32>,
+    /// Doppler shifts, hertz.
+    pub dopplers_hz: Axis,
+    /// Delays, seconds.
+    pub delays_s: Axis,
+}
+
+/// Resolution cells, `1 / B` of delay and `1 / T` of Doppler, shown on either side of the peak: all the delays of
+/// a Barker code of 13 chips.
+const CELLS: usize = 13;
+/// Values a resolution cell.
+const FINENESS: usize = 8;
+/// Largest product of bandwidth and length: more samples than that take minutes.
+pub const MOST_CELLS: f64 = 2e4;
+
+impl Around {
+    /// The peak of `shape`'s ambiguity function.
+    ///
+    /// # Errors
+    /// A sentence, if bandwidth times length is above [`MOST_CELLS`], or either not positive.
+    pub fn peak(shape: &PulseShape) -> Result<Self, String> {
+        let (bandwidth_hz, duration_s) = (shape.bandwidth_hz(), shape.duration_s());
+        let cells = bandwidth_hz * duration_s;
+        if !(bandwidth_hz > 0.0 && duration_s > 0.0 && cells <= MOST_CELLS) {
+            return Err(format!(
+                "a pulse of {bandwidth_hz} Hz and {duration_s} s: their product must be above 0 and at most \
+                 {MOST_CELLS}; give a shorter one"
+            ));
+        }
+        let rate_hz = FINENESS as f64 * bandwidth_hz;
+        let half = CELLS * FINENESS;
+        let axis = |step: f64, half: usize| Axis {
+            start: -(half as f64) * step,
+            step,
+            count: 2 * half + 1,
+        };
+        let dopplers_hz = axis(1.0 / (FINENESS as f64 * duration_s), half);
+        let pulse = Sampled::pulse(shape, rate_hz);
+        let delays = half.min(pulse.samples.len() - 1);
+        // A shift at a time: all delays of all shifts would take gigabytes.
+        let levels_db = (0..dopplers_hz.count).into_par_iter().flat_map_iter(|i| {
+            let ambiguity = Ambiguity::new(&pulse, &[dopplers_hz.at(i)]);
+            let shown = &ambiguity.cut(0)[ambiguity.reach - delays..=ambiguity.reach + delays];
+            let level_db = |m: &f64| (20.0 * m.max(1e-10).log10()) as f32;
+            shown.iter().map(level_db).collect::<Vec<_>>()
+        });
+        Ok(Self {
+            levels_db: levels_db.collect(),
+            dopplers_hz,
+            delays_s: axis(1.0 / rate_hz, delays),
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -257,5 +316,34 @@ mod tests {
         assert!(chi.cut(1)[chi.reach] < 1e-3);
         // sinc(T / PRI) = sinc(0.25) = 0.9003.
         assert!((chi.cut(2)[chi.reach] - 0.9003).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_surroundings_of_the_peak_are_the_closed_form() {
+        let shape = PulseShape::Lfm {
+            bandwidth_hz: 20e6,
+            duration_s: 5e-6,
+            rising: true,
+        };
+        let around = Around::peak(&shape).unwrap();
+        let (dopplers, delays) = (around.dopplers_hz, around.delays_s);
+        assert_eq!(around.levels_db.len(), dopplers.count * delays.count);
+        let rate = 20e6 / 5e-6;
+        for (i, &level_db) in around.levels_db.iter().enumerate() {
+            let (f, tau) = (dopplers.at(i / delays.count), delays.at(i % delays.count));
+            let left_s = 5e-6 - tau.abs();
+            let x = PI * left_s * (f + rate * tau);
+            let sinc = if x == 0.0 { 1.0 } else { x.sin() / x };
+            let expected = left_s / 5e-6 * sinc.abs();
+            let got = 10f64.powf(f64::from(level_db) / 20.0);
+            // A sum at 8 samples a cell for an integral: 5e-6 of a sweep twice as long.
+            assert!((got - expected).abs() < 1e-4, "{f} {tau}: {got} {expected}");
+        }
+        let long = PulseShape::Lfm {
+            bandwidth_hz: 1e9,
+            duration_s: 1e-3,
+            rising: true,
+        };
+        assert!(Around::peak(&long).unwrap_err().contains("shorter"));
     }
 }

@@ -20,13 +20,24 @@
 //!          a sub-CPI: Keystone 4 K M^2, K transforms of 16 M, 16 M transforms of 10 K
 //! precise  a pixel and sub-CPI: two paths 22, place 5, kernel 8 W + 4 W^2, phasor 21, sum 8       56 + 8 W + 4 W^2
 //!          a patch and sub-CPI: compensation 8 M K, 2 K transforms of M + D, D transforms of 2 K
+//! rda      [Sizes], with L padded pulses, Q wavenumbers along the track, R ranges: K transforms of L, R of 2 Q,
+//!          40 a pixel; Q transforms of 2 K, 44 a wavenumber and range
+//! omega-k  as rda, but Q transforms of 2 R, 44 a wavenumber and frequency
+//! pfa      [RasterSize]: 4 W^2 a sample, a transform over each axis of the raster; a pixel: 16 two-way paths 22, a
+//!          phasor 20, reading 4 W^2
+//! ffbp     at the least: 6 W a sample and level, and backprojection's 49 for 4 W pulses a pixel
 //! ```
+//!
+//! The last four are by their modules' own accounts, which are rougher than the first three's: a quarter either
+//! way. rda and omega-k need a straight track, and are left out without one.
 //!
 //! Neglected: reading files, tables made once. Counts are not times: a map's transforms run at several times the
 //! speed of scattered reads. Transform lengths are not rounded up to fast ones (a few per cent).
 
 use serde::Serialize;
 
+use crate::focus::pfa::{FIT_PULSES, RasterSize};
+use crate::focus::strip::Sizes;
 use crate::focus::{MARGIN_DB, rdbp};
 use crate::signal::range_profile::RangeProfiler;
 
@@ -178,6 +189,61 @@ impl Cost {
             ("pulses", 8.0 * held * k),
         ];
         Self::new("rdbp", work, &memory, operations)
+    }
+
+    /// The range-Doppler algorithm with arrays of `sizes`.
+    pub fn range_doppler_algorithm(work: &Work, sizes: &Sizes) -> Self {
+        let (k, q) = (work.frequencies as f64, sizes.along_wavenumbers as f64);
+        // Six real multiply-adds and a phasor.
+        let own = q * transform(2.0 * k) + 44.0 * q * sizes.ranges as f64;
+        Self::of_strip("rda", work, sizes, own)
+    }
+
+    /// Omega-K with arrays of `sizes`.
+    pub fn omega_k(work: &Work, sizes: &Sizes) -> Self {
+        let (k, q) = (work.frequencies as f64, sizes.along_wavenumbers as f64);
+        let own = q * transform(2.0 * sizes.ranges as f64) + 44.0 * k * q;
+        Self::of_strip("omega-k", work, sizes, own)
+    }
+
+    fn of_strip(algorithm: &'static str, work: &Work, sizes: &Sizes, own: f64) -> Self {
+        let (k, n) = (work.frequencies as f64, work.pulses as f64);
+        let (q, r) = (sizes.along_wavenumbers as f64, sizes.ranges as f64);
+        let operations = k * transform(sizes.padded_pulses as f64)
+            + r * transform(sizes.along_length as f64)
+            + 40.0 * work.pixels as f64
+            + own;
+        // Two arrays at a time, one made from the other.
+        let steps = [k * (n + q), q * (k + r), r * (q + sizes.columns as f64)];
+        let most = steps.into_iter().fold(0.0, f64::max);
+        let memory = [("two-dimensional spectrum", 8.0 * most)];
+        Self::new(algorithm, work, &memory, operations)
+    }
+
+    /// Polar format on a raster of `size`.
+    pub fn polar_format(work: &Work, size: &RasterSize) -> Self {
+        let samples = work.frequencies as f64 * work.pulses as f64;
+        let reading = 4.0 * (size.taps * size.taps) as f64;
+        let [rows, lengths] = [size.cells, size.lengths].map(|n| n.map(|n| n as f64));
+        let transforms =
+            rows[0] * transform(lengths[1]) + size.kept[1] as f64 * transform(lengths[0]);
+        let pixel = 22.0 * FIT_PULSES as f64 + 20.0 + reading;
+        let operations = reading * samples + transforms + pixel * work.pixels as f64;
+        let memory = [("raster", size.bytes() as f64)];
+        Self::new("pfa", work, &memory, operations)
+    }
+
+    /// Fast factorised backprojection with kernels of `taps` and so many `levels`, all pulses held at once.
+    pub fn fast_factorised(work: &Work, taps: usize, levels: usize) -> Self {
+        let samples = work.frequencies as f64 * work.pulses as f64;
+        let taps = taps as f64;
+        let last = (4.0 * taps).min(work.pulses as f64);
+        let operations = 6.0 * taps * levels as f64 * samples + 49.0 * last * work.pixels as f64;
+        let memory = [
+            ("pulses", 8.0 * samples),
+            ("patches' pulses", 32.0 * samples),
+        ];
+        Self::new("ffbp", work, &memory, operations)
     }
 }
 

@@ -12,14 +12,20 @@ use super::grating::{self, Lobe};
 use super::link::{Illumination, Sensitivity};
 use super::sampling::{self, Need};
 use crate::SPEED_OF_LIGHT_M_S;
+use crate::focus::ffbp::FastFactorised;
+use crate::focus::omega_k::OmegaK;
+use crate::focus::pfa::PolarFormat;
+use crate::focus::rda::RangeDopplerAlgorithm;
 use crate::focus::{FormError, rdbp};
-use crate::geometry::ImageGrid;
+use crate::geometry::{Axis, ImageGrid};
 use crate::phase_history::Collection;
 use crate::simulate::radar::LinkBudget;
 use crate::survey::Survey;
 
 /// Grating lobes listed at most.
 const MOST_LOBES: usize = 8;
+/// Pixels a side that are looked at to lay out arrays.
+const MOST_PROBED: usize = 65;
 
 /// What is asked beside the collection.
 #[derive(Clone, Debug)]
@@ -142,11 +148,12 @@ impl RadarPlan {
             .map_or(0.0, |whole_m| patch_m / whole_m);
         let patches = grid.rows.count.div_ceil(plan.patch.rows)
             * grid.columns.count.div_ceil(plan.patch.columns);
-        let costs = vec![
+        let mut costs = vec![
             Cost::backprojection(&work, request.error_db),
             Cost::precise(&work, &plan, doppler_span, patches),
             Cost::thesis(&work, request.thesis_sub_cpi.min(work.pulses)),
         ];
+        costs.extend(other_costs(collection, request, &work));
 
         let centre = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
         let clear = survey
@@ -217,6 +224,53 @@ impl Aperture {
             scene_is_sampled: sampled(scene),
             beam_is_sampled: beam.and_then(sampled),
         }
+    }
+}
+
+/// Costs of the formers beside backprojection, of those that suit.
+fn other_costs(collection: &Collection, request: &Request, work: &Work) -> Vec<Cost> {
+    let (grid, error_db) = (&thinned(request.grid), request.error_db);
+    let polar_format = PolarFormat {
+        error_db,
+        centre_m: None,
+    };
+    let range_doppler = RangeDopplerAlgorithm {
+        error_db,
+        secondary_compression: true,
+    };
+    // No straight track, pixels too near, a raster that no memory holds: no cost.
+    let rda = range_doppler.sizes(collection, grid).ok();
+    let omega_k = OmegaK { error_db }.sizes(collection, grid).ok();
+    let (taps, levels) = FastFactorised { error_db }.taps_and_levels(request.grid);
+    let raster = polar_format.raster_size(collection, grid).ok();
+    [
+        Some(Cost::fast_factorised(work, taps, levels)),
+        raster.map(|raster| Cost::polar_format(work, &raster)),
+        rda.map(|sizes| Cost::range_doppler_algorithm(work, &sizes)),
+        omega_k.map(|sizes| Cost::omega_k(work, &sizes)),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// The same area in fewer pixels, so that looking at them all takes no time.
+fn thinned(grid: &ImageGrid) -> ImageGrid {
+    let thin = |axis: Axis| {
+        let count = axis.count.min(MOST_PROBED);
+        Axis {
+            step: match count {
+                0 | 1 => axis.step,
+                _ => axis.step * (axis.count - 1) as f64 / (count - 1) as f64,
+            },
+            count,
+            ..axis
+        }
+    };
+    ImageGrid {
+        rows: thin(grid.rows),
+        columns: thin(grid.columns),
+        ..*grid
     }
 }
 

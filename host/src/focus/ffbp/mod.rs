@@ -50,6 +50,7 @@ use super::budget::Budget;
 use super::rdbp::patch::{self, PatchSize, Rectangle};
 use super::rdbp::{shared_band, sub_cpi};
 use super::{FormError, Formed, ImageFormer, MARGIN_DB, Task};
+use crate::geometry::ImageGrid;
 use crate::signal::range_profile::RangeProfiler;
 use crate::signal::windowed_sinc::{TAPS, WindowedSinc};
 
@@ -79,19 +80,13 @@ impl ImageFormer for FastFactorised {
     }
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
-        // A third of the error's power each to kernels, profiles and track.
-        let share = 10f64.powf((self.error_db - MARGIN_DB) / 20.0) / 3f64.sqrt();
-        let grid = task.grid;
-        let side = grid.rows.count.max(grid.columns.count);
-        let levels = (side as f64 / LEAF_PIXELS as f64).log2().max(0.0).ceil() + 1.0;
-        let error = |taps| WindowedSinc::new(taps, 0.25).error(0.25) * (2.0 * levels).sqrt();
-        let fits = TAPS.into_iter().find(|&taps| error(taps) <= share);
+        let (taps, levels) = self.taps_and_levels(task.grid);
         let plan = Plan {
-            share,
-            levels,
+            share: self.share(),
+            levels: levels as f64,
             error_db: self.error_db,
         };
-        match fits.unwrap_or(TAPS[TAPS.len() - 1]) {
+        match taps {
             6 => plan.form::<6>(task),
             8 => plan.form::<8>(task),
             10 => plan.form::<10>(task),
@@ -99,6 +94,23 @@ impl ImageFormer for FastFactorised {
             14 => plan.form::<14>(task),
             _ => plan.form::<16>(task),
         }
+    }
+}
+
+impl FastFactorised {
+    /// A third of the error's power each to kernels, profiles and track: the relative RMS error of one.
+    fn share(&self) -> f64 {
+        10f64.powf((self.error_db - MARGIN_DB) / 20.0) / 3f64.sqrt()
+    }
+
+    /// Taps of the kernels within the error bound, and levels of patches within patches.
+    pub fn taps_and_levels(&self, grid: &ImageGrid) -> (usize, usize) {
+        let side = grid.rows.count.max(grid.columns.count);
+        let levels = (side as f64 / LEAF_PIXELS as f64).log2().max(0.0).ceil() + 1.0;
+        let share = self.share();
+        let error = |taps| WindowedSinc::new(taps, 0.25).error(0.25) * (2.0 * levels).sqrt();
+        let fits = TAPS.into_iter().find(|&taps| error(taps) <= share);
+        (fits.unwrap_or(TAPS[TAPS.len() - 1]), levels as usize)
     }
 }
 

@@ -49,8 +49,10 @@ use num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 use serde_json::json;
 
-use super::strip::{Axes, ImageAxis, RangeMethod, RangeStage, Strip, TAPS};
+use super::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
 use super::{FormError, Formed, ImageFormer, Task};
+use crate::geometry::ImageGrid;
+use crate::phase_history::Collection;
 use crate::signal::fast_length::fast_length;
 use crate::signal::kaiser_bessel::KaiserBessel;
 
@@ -68,8 +70,30 @@ impl ImageFormer for OmegaK {
     }
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
+        self.form_observed(task, &mut |_| ())
+    }
+}
+
+impl OmegaK {
+    /// How large its arrays are for the pixels of `grid`.
+    ///
+    /// # Errors
+    /// [`FormError::Unsuited`] as [`ImageFormer::form`].
+    pub fn sizes(&self, collection: &Collection, grid: &ImageGrid) -> Result<Sizes, FormError> {
+        strip::sizes(collection, grid, &Stolt, self.error_db)
+    }
+
+    /// [`ImageFormer::form`], showing `observe` every array on the way.
+    ///
+    /// # Errors
+    /// As [`ImageFormer::form`].
+    pub fn form_observed(
+        &self,
+        task: &Task,
+        observe: &mut dyn FnMut(&Stage),
+    ) -> Result<Formed, FormError> {
         let strip = Strip::new(task, &Stolt, self.error_db)?;
-        strip.form(&Stolt, json!({ "error_db": self.error_db }))
+        strip.form(&Stolt, json!({ "error_db": self.error_db }), observe)
     }
 }
 

@@ -55,11 +55,14 @@ use super::budget::Budget;
 use super::pixels::add_to_each;
 use super::{FormError, Formed, ImageFormer, MARGIN_DB, Task};
 use crate::SPEED_OF_LIGHT_M_S;
+use crate::geometry::ImageGrid;
+use crate::phase_history::Collection;
 use crate::signal::kaiser_bessel::KaiserBessel;
 use crate::signal::phase::{narrow, phasor, phasor32};
 
 pub use plane::FIT_PULSES;
 use plane::Plane;
+pub use raster::RasterSize;
 use raster::{Raster, Track};
 
 /// Pulses spread at a time.
@@ -81,16 +84,42 @@ impl ImageFormer for PolarFormat {
     }
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
-        // Spreading and reading, in two directions each.
-        let target = 10f64.powf((self.error_db - MARGIN_DB) / 20.0);
-        match 2.0 * KaiserBessel::new(4).error(0.25) <= target {
-            true => self.form_with::<4>(task),
-            false => self.form_with::<6>(task),
+        match self.taps() {
+            4 => self.form_with::<4>(task),
+            _ => self.form_with::<6>(task),
         }
     }
 }
 
 impl PolarFormat {
+    /// How large its raster is for the pixels of `grid`.
+    ///
+    /// # Errors
+    /// [`FormError::Unsuited`] if no memory would hold it.
+    pub fn raster_size(
+        &self,
+        collection: &Collection,
+        grid: &ImageGrid,
+    ) -> Result<RasterSize, FormError> {
+        let plane = Plane::new(collection, grid, self.centre_m);
+        RasterSize::new(
+            plane.spectrum(collection),
+            plane.image_extent(grid),
+            self.taps(),
+        )
+    }
+
+    /// Taps of the kernels within the error bound, 4 or 6.
+    fn taps(&self) -> usize {
+        // Spreading and reading, in two directions each.
+        let target = 10f64.powf((self.error_db - MARGIN_DB) / 20.0);
+        if 2.0 * KaiserBessel::new(4).error(0.25) <= target {
+            4
+        } else {
+            6
+        }
+    }
+
     fn form_with<const W: usize>(&self, task: &Task) -> Result<Formed, FormError> {
         let collection = task.history.collection();
         let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());

@@ -88,6 +88,45 @@ impl RasterAxis {
     }
 }
 
+/// How large the raster is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RasterSize {
+    /// Taps of the kernels.
+    pub taps: usize,
+    /// Rows and columns of the spectrum.
+    pub cells: [usize; 2],
+    /// Lengths of the transforms over them.
+    pub lengths: [usize; 2],
+    /// Rows and columns that are kept of the image.
+    pub kept: [usize; 2],
+}
+
+impl RasterSize {
+    pub(super) fn new(band: Band, extent: Extent, taps: usize) -> Result<Self, FormError> {
+        let axes = raster_axes(band, extent, taps)?;
+        Ok(Self {
+            taps,
+            cells: axes.map(|axis| axis.count),
+            lengths: axes.map(|axis| axis.length),
+            kept: axes.map(|axis| axis.kept(taps)),
+        })
+    }
+
+    /// The most that is held at once: after the transform along one axis, or after both.
+    pub fn bytes(&self) -> u128 {
+        let [rows, columns] = self.cells.map(|n| n as u128);
+        let [kept_rows, kept_columns] = self.kept.map(|n| n as u128);
+        8 * (rows * kept_columns + (kept_rows * kept_columns).max(rows * columns))
+    }
+}
+
+fn raster_axes(band: Band, extent: Extent, taps: usize) -> Result<[RasterAxis; 2], FormError> {
+    Ok([
+        RasterAxis::new(band.low.x, band.high.x, extent.half_m.x, taps)?,
+        RasterAxis::new(band.low.y, band.high.y, extent.half_m.y, taps)?,
+    ])
+}
+
 /// The spectrum, on a raster.
 pub(super) struct Raster<const W: usize> {
     kernel: KaiserBessel,
@@ -98,15 +137,10 @@ pub(super) struct Raster<const W: usize> {
 
 impl<const W: usize> Raster<W> {
     pub(super) fn new(band: Band, extent: Extent, budget: &mut Budget) -> Result<Self, FormError> {
-        let rows = RasterAxis::new(band.low.x, band.high.x, extent.half_m.x, W)?;
-        let columns = RasterAxis::new(band.low.y, band.high.y, extent.half_m.y, W)?;
-        let area = |rows: usize, columns: usize| rows as u128 * columns as u128;
-        let kept = area(rows.kept(W), columns.kept(W));
-        let half = area(rows.count, columns.kept(W));
-        let own = area(rows.count, columns.count);
+        let [rows, columns] = raster_axes(band, extent, W)?;
         budget.take(
             "the raster of the scene's spectrum",
-            8 * (half + kept.max(own)),
+            RasterSize::new(band, extent, W)?.bytes(),
             "use a smaller --grid or --algorithm rdbp, or raise --memory",
         )?;
         Ok(Self {

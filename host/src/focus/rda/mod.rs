@@ -54,10 +54,11 @@ use rustfft::{Fft, FftPlanner};
 use serde_json::json;
 
 use super::rdbp::shared_band;
-use super::strip::{Axes, ImageAxis, RangeMethod, RangeStage, Strip, TAPS};
+use super::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
 use super::{FormError, Formed, ImageFormer, Task};
 use crate::SPEED_OF_LIGHT_M_S;
-use crate::phase_history::Band;
+use crate::geometry::ImageGrid;
+use crate::phase_history::{Band, Collection};
 use crate::signal::fast_length::fast_length;
 use crate::signal::kaiser_bessel::KaiserBessel;
 use crate::signal::phase::phasor32;
@@ -78,10 +79,37 @@ impl ImageFormer for RangeDopplerAlgorithm {
     }
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
-        let method = Expansion {
-            centre: centre_wavenumber(&shared_band(task.history.collection())?),
+        self.form_observed(task, &mut |_| ())
+    }
+}
+
+impl RangeDopplerAlgorithm {
+    /// How large its arrays are for the pixels of `grid`.
+    ///
+    /// # Errors
+    /// [`FormError::Unsuited`] as [`ImageFormer::form`].
+    pub fn sizes(&self, collection: &Collection, grid: &ImageGrid) -> Result<Sizes, FormError> {
+        let method = self.expansion(collection)?;
+        strip::sizes(collection, grid, &method, self.error_db)
+    }
+
+    fn expansion(&self, collection: &Collection) -> Result<Expansion, FormError> {
+        Ok(Expansion {
+            centre: centre_wavenumber(&shared_band(collection)?),
             secondary_compression: self.secondary_compression,
-        };
+        })
+    }
+
+    /// [`ImageFormer::form`], showing `observe` every array on the way.
+    ///
+    /// # Errors
+    /// As [`ImageFormer::form`].
+    pub fn form_observed(
+        &self,
+        task: &Task,
+        observe: &mut dyn FnMut(&Stage),
+    ) -> Result<Formed, FormError> {
+        let method = self.expansion(task.history.collection())?;
         let strip = Strip::new(task, &method, self.error_db)?;
         let predicted_db = method.predicted_error_db(strip.axes(), &task.weights.fast);
         let settings = json!({
@@ -89,7 +117,7 @@ impl ImageFormer for RangeDopplerAlgorithm {
             "secondary_range_compression": self.secondary_compression,
             "predicted_error_db": predicted_db,
         });
-        strip.form(&method, settings)
+        strip.form(&method, settings, observe)
     }
 }
 

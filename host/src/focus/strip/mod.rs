@@ -41,6 +41,7 @@
 mod axes;
 mod read_out;
 mod spectrum;
+mod stage;
 mod taper;
 
 use num_complex::{Complex32, Complex64};
@@ -51,11 +52,49 @@ use super::budget::Budget;
 use super::rdbp::shared_band;
 use super::straight_track::StraightTrack;
 use super::{FormError, Formed, Task};
+use crate::geometry::ImageGrid;
+use crate::phase_history::Collection;
 use crate::signal::fast_length::fast_length;
 use crate::signal::kaiser_bessel::KaiserBessel;
 use crate::signal::phase::narrow;
 
 pub(super) use axes::{Axes, ImageAxis, TAPS};
+pub use stage::{Stage, StageKind};
+
+/// How large the arrays of a frequency-domain former are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    /// Length of the transform over slow time, pulses.
+    pub padded_pulses: usize,
+    /// Wavenumbers along the track that are kept.
+    pub along_wavenumbers: usize,
+    /// Range bins.
+    pub ranges: usize,
+    /// Length of the transform back to the track.
+    pub along_length: usize,
+    /// Places along the track that are kept.
+    pub columns: usize,
+}
+
+/// What `method` works with for the pixels of `grid`.
+///
+/// # Errors
+/// [`FormError::Unsuited`] as the formers.
+pub(super) fn sizes(
+    collection: &Collection,
+    grid: &ImageGrid,
+    method: &dyn RangeMethod,
+    error_db: f64,
+) -> Result<Sizes, FormError> {
+    let Fitted { axes, .. } = Fitted::new(collection, grid, method, error_db)?;
+    Ok(Sizes {
+        padded_pulses: axes.period,
+        along_wavenumbers: axes.num_bins,
+        ranges: axes.range.count,
+        along_length: axes.along_length,
+        columns: axes.along.count,
+    })
+}
 
 /// The way from frequency to closest range, for one wavenumber along the track at a time.
 pub(super) trait RangeMethod: Sync {
@@ -89,6 +128,41 @@ pub(super) trait RangeStage: Sync {
     );
 }
 
+/// A collection and a grid fitted to a straight track.
+struct Fitted {
+    track: StraightTrack,
+    /// The point for which motion compensation is exact.
+    reference: glam::DVec3,
+    residual_m: f64,
+    axes: Axes,
+}
+
+impl Fitted {
+    fn new(
+        collection: &Collection,
+        grid: &ImageGrid,
+        method: &dyn RangeMethod,
+        error_db: f64,
+    ) -> Result<Self, FormError> {
+        let band = shared_band(collection)?;
+        let track = StraightTrack::fit(collection)?;
+        let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
+        let reference = grid.position_m(rows / 2, columns / 2);
+        let points: Vec<glam::DVec3> = [0, rows / 2, rows]
+            .iter()
+            .flat_map(|&row| [0, columns / 2, columns].map(|c| grid.position_m(row, c)))
+            .collect();
+        let residual_m = track.check(collection, &points, reference, band.centre_hz(), error_db)?;
+        let axes = Axes::new(&track, &band, grid, method)?;
+        Ok(Self {
+            track,
+            reference,
+            residual_m,
+            axes,
+        })
+    }
+}
+
 /// A task fitted to a straight track.
 pub(super) struct Strip<'a> {
     task: &'a Task<'a>,
@@ -111,23 +185,13 @@ impl<'a> Strip<'a> {
         error_db: f64,
     ) -> Result<Self, FormError> {
         task.check_not_empty()?;
-        let collection = task.history.collection();
-        let band = shared_band(collection)?;
-        let track = StraightTrack::fit(collection)?;
-        let (rows, columns) = (task.grid.rows.count - 1, task.grid.columns.count - 1);
-        let reference = task.grid.position_m(rows / 2, columns / 2);
-        let points: Vec<glam::DVec3> = [0, rows / 2, rows]
-            .iter()
-            .flat_map(|&row| [0, columns / 2, columns].map(|c| task.grid.position_m(row, c)))
-            .collect();
-        let residual_m = track.check(collection, &points, reference, band.centre_hz(), error_db)?;
-        let axes = Axes::new(&track, &band, task.grid, method)?;
+        let fitted = Fitted::new(task.history.collection(), task.grid, method, error_db)?;
         Ok(Self {
             task,
-            track,
-            reference,
-            residual_m,
-            axes,
+            track: fitted.track,
+            reference: fitted.reference,
+            residual_m: fitted.residual_m,
+            axes: fitted.axes,
         })
     }
 
@@ -136,11 +200,13 @@ impl<'a> Strip<'a> {
         &self.axes
     }
 
-    /// Forms the image; `settings` are the method's own, a JSON object.
+    /// Forms the image; `settings` are the method's own, a JSON object. `observe` sees every array on the
+    /// way.
     pub(super) fn form(
         &self,
         method: &dyn RangeMethod,
         settings: serde_json::Value,
+        observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
         let axes = &self.axes;
         let mut budget = Budget::for_task(self.task, 8)?;
@@ -167,10 +233,13 @@ impl<'a> Strip<'a> {
         budget.take("transforms", bytes(threads, longest), advice)?;
 
         let spectrum = spectrum::along_track(self)?;
+        observe(&Stage::new(axes, StageKind::Spectrum, &spectrum));
         let ranges = self.ranges(stage.as_ref(), &spectrum)?;
         drop(spectrum);
+        observe(&Stage::new(axes, StageKind::RangeDoppler, &ranges));
         let image = read_out::compress(self, &ranges)?;
         drop(ranges);
+        observe(&Stage::new(axes, StageKind::Image, &image));
         let pixels = read_out::pixels(self, &image)?;
 
         let mut all = json!({

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args as Group, Subcommand, ValueHint};
 use subaperture::geometry::ImageGrid;
+use subaperture::simulate::radar::PulseShape;
 
 use super::Input;
 use super::values::{error_bound, finite, length, not_negative, positive, ram_size};
@@ -113,9 +114,15 @@ pub(crate) struct PlanRadar {
     #[arg(long, value_name = "N", value_parser = positive, default_value_t = 40)]
     pub(crate) sub_cpi: usize,
 
-    /// Folder for response.png: what the thesis's mode will make of a scatterer in the scene's centre
+    /// Folder for response.png: what the thesis's mode will make of a scatterer in the scene's centre; and
+    /// ambiguity.png: the pulse's ambiguity function around its peak
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
     pub(crate) plots: Option<PathBuf>,
+
+    /// The pulse of ambiguity.png: lfm:HZ:SECONDS, a linear sweep, or barker13:SECONDS, chips of that length
+    /// [default: a sweep over the band in --pulse-length, or in 10 us]
+    #[arg(long, value_name = "PULSE", value_parser = pulse_shape, requires = "plots")]
+    pub(crate) pulse: Option<PulseShape>,
 
     /// Print JSON
     #[arg(long)]
@@ -185,4 +192,29 @@ fn below_half_a_turn(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|&v| v < 180.0)
         .ok_or_else(|| "give degrees above 0 and below 180".to_owned())
+}
+
+fn pulse_shape(text: &str) -> Result<PulseShape, String> {
+    let parts: Vec<&str> = text.split(':').collect();
+    match parts[..] {
+        ["lfm", bandwidth, duration] => Ok(PulseShape::Lfm {
+            bandwidth_hz: length(bandwidth)?,
+            duration_s: length(duration)?,
+            rising: true,
+        }),
+        ["barker13", chip] => Ok(PulseShape::PhaseCode {
+            phases_rad: "+++++--++-+-+"
+                .chars()
+                .map(|sign| {
+                    if sign == '+' {
+                        0.0
+                    } else {
+                        std::f64::consts::PI
+                    }
+                })
+                .collect(),
+            chip_s: length(chip)?,
+        }),
+        _ => Err("write lfm:HZ:SECONDS, as lfm:20e6:5e-6, or barker13:SECONDS".to_owned()),
+    }
 }

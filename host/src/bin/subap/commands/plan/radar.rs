@@ -11,10 +11,11 @@ use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
 use subaperture::io::atomic::write_atomically;
 use subaperture::phase_history::{Collection, PhaseHistory};
+use subaperture::planner::ambiguity::{Around, MOST_CELLS};
 use subaperture::planner::grating::PointResponse;
 use subaperture::planner::{Parameters, RadarPlan, Request};
-use subaperture::plot::{Panel, Scale, quicklook};
-use subaperture::simulate::radar::LinkBudget;
+use subaperture::plot::{Colours, Heat, Panel, Scale, heat, quicklook};
+use subaperture::simulate::radar::{LinkBudget, PulseShape};
 use subaperture::survey::Survey;
 
 use crate::args::PlanRadar;
@@ -23,6 +24,8 @@ use crate::text::{self, bytes, metres};
 
 /// Pixels along a side of the picture.
 const PICTURE: usize = 401;
+/// Length of a pulse where none is known, seconds.
+const DEFAULT_PULSE_S: f64 = 10e-6;
 
 /// Prints the plan.
 pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
@@ -54,7 +57,9 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     };
     let plan = RadarPlan::new(&collection, &request)?;
     if let Some(folder) = &typed.plots {
+        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         plot(&collection, &grid, &plan, folder)?;
+        plot_ambiguity(&pulse(typed, &plan), folder)?;
     }
     text::say(if typed.json {
         serde_json::to_string_pretty(&plan)?
@@ -127,10 +132,58 @@ fn plot(
         span_db: 60.0,
     };
     let picture = quicklook(&panel)?;
-    fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     write_atomically(&folder.join("response.png"), picture.len() as u64, |file| {
         file.write_all(&picture)
     })?;
+    Ok(())
+}
+
+/// The pulse typed, or a sweep over the band.
+fn pulse(typed: &PlanRadar, plan: &RadarPlan) -> PulseShape {
+    typed.pulse.clone().unwrap_or(PulseShape::Lfm {
+        bandwidth_hz: plan.survey.bandwidth_hz,
+        duration_s: typed
+            .pulse_length
+            .unwrap_or(DEFAULT_PULSE_S.min(MOST_CELLS / plan.survey.bandwidth_hz)),
+        rising: true,
+    })
+}
+
+/// Writes `ambiguity.png`.
+fn plot_ambiguity(shape: &PulseShape, folder: &Path) -> anyhow::Result<()> {
+    let around = Around::peak(shape)
+        .map_err(anyhow::Error::msg)
+        .context("no ambiguity.png; choose another --pulse or --pulse-length")?;
+    let microseconds = Axis {
+        start: around.delays_s.start * 1e6,
+        step: around.delays_s.step * 1e6,
+        ..around.delays_s
+    };
+    let kind = match shape {
+        PulseShape::Lfm { .. } => "linear sweep",
+        PulseShape::PhaseCode { .. } => "phase code",
+    };
+    let picture = heat(&Heat {
+        values: &around.levels_db,
+        rows: around.dopplers_hz,
+        columns: microseconds,
+        title: format!(
+            "ambiguity of a {kind}, {}, {:.4} us",
+            text::hertz(shape.bandwidth_hz()),
+            shape.duration_s() * 1e6
+        ),
+        across_label: "delay (us)".to_owned(),
+        up_label: "Doppler (Hz)".to_owned(),
+        unit: "dB".to_owned(),
+        range: (-50.0, 0.0),
+        colours: Colours::default(),
+        proportional: false,
+    })?;
+    write_atomically(
+        &folder.join("ambiguity.png"),
+        picture.len() as u64,
+        |file| file.write_all(&picture),
+    )?;
     Ok(())
 }
 
