@@ -133,7 +133,6 @@ fn one_of_everything_is_formed_or_refused() {
     let still = |_| DVec3::new(0.0, -300.0, 0.0);
     for (what, history, text) in [
         ("one pulse", history(1, 32, line), some),
-        ("two pulses", history(2, 32, line), some),
         ("one sample", history(40, 1, line), some),
         ("one of both", history(1, 1, line), some),
         ("no motion", history(40, 32, still), some),

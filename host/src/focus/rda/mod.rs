@@ -78,6 +78,7 @@ impl ImageFormer for RangeDopplerAlgorithm {
     }
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
+        task.check_not_empty()?;
         let method = Expansion {
             centre: centre_wavenumber(&shared_band(task.history.collection())?),
             secondary_compression: self.secondary_compression,
