@@ -4,13 +4,15 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use glam::DVec3;
 use num_complex::{Complex32, Complex64};
-use subaperture::phase_history::PhaseHistory;
+use subaperture::phase_history::{Band, PhaseHistory};
 use subaperture::receive::{Compressed, Echoes, Filter};
-use subaperture::simulate::Experiment;
+use subaperture::signal::window::Window;
 use subaperture::simulate::radar::{
     Clock, Converter, Interferer, LinkBudget, PhaseNoise, Receiver, ThermalNoise, Waveform,
 };
+use subaperture::simulate::{Experiment, Reference};
 use subaperture_tests::experiment::{
     FLIGHT, IDEAL, Line, PAIR, experiment, five_points, fmcw, point, pulsed, read_whole,
 };

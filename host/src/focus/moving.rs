@@ -51,16 +51,17 @@ impl<'a> Moving<'a> {
     /// collection: positions in an image are those at the epoch.
     ///
     /// # Errors
-    /// [`FormError::Unsuited`] if the recording tells no times or a number is not finite.
+    /// [`FormError::Unsuited`] if the recording tells no times, a number is not finite or light is slower.
     pub fn new(
         history: &'a dyn PhaseHistory,
         velocity_m_s: DVec3,
         epoch_s: f64,
     ) -> Result<Self, FormError> {
         require_times(history.collection())?;
-        if !(velocity_m_s.is_finite() && epoch_s.is_finite()) {
+        if !(velocity_m_s.length() < SPEED_OF_LIGHT_M_S && epoch_s.is_finite()) {
             return Err(FormError::Unsuited(format!(
-                "a velocity of {velocity_m_s} m/s at {epoch_s} s is no motion: give finite numbers"
+                "a velocity of {velocity_m_s} m/s at {epoch_s} s is no motion: give finite numbers, and less \
+                 than the speed of light"
             )));
         }
         let mut collection = history.collection().clone();

@@ -123,8 +123,9 @@ impl StraightTrack {
         if residual_m.is_nan() || residual_m > allowed_m {
             return Err(FormError::Unsuited(format!(
                 "the track is not straight and even: {residual_m:.2e} m RMS of range are left after \
-                 motion compensation to a line, and an error of {error_db} dB allows \
-                 {allowed_m:.2e} m: use --algorithm bp or rdbp, or allow a larger --error-db"
+                 motion compensation to a line, an error of {:.0} dB, and an error of {error_db} dB \
+                 allows {allowed_m:.2e} m: use --algorithm bp or rdbp, or allow a larger --error-db",
+                error_db + 20.0 * (residual_m / allowed_m).log10()
             )));
         }
         Ok(residual_m)

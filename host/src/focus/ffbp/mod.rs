@@ -124,10 +124,9 @@ struct Plan {
 
 impl Plan {
     fn form<const W: usize>(&self, task: &Task) -> Result<Formed, FormError> {
-        let collection = task.history.collection();
-        let band = shared_band(collection)?;
-        let num_samples = band.count;
         let mut budget = Budget::for_task(task, 8)?;
+        let collection = task.history.collection();
+        let num_samples = shared_band(collection)?.count;
         let size = PatchSize {
             rows: first_side(task.grid.rows.count),
             columns: first_side(task.grid.columns.count),

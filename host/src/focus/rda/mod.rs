@@ -109,6 +109,7 @@ impl RangeDopplerAlgorithm {
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
+        task.check_not_empty()?;
         let method = self.expansion(task.history.collection())?;
         let strip = Strip::new(task, &method, self.error_db)?;
         let predicted_db = method.predicted_error_db(strip.axes(), &task.weights.fast);

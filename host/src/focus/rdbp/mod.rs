@@ -76,6 +76,7 @@ impl ImageFormer for RangeDoppler {
     }
 
     fn form(&self, task: &Task) -> Result<Formed, FormError> {
+        task.check_not_empty()?;
         let thesis_sub_cpi = self.sub_cpi.unwrap_or(thesis::SUB_CPI);
         match self.mode {
             Mode::Thesis => thesis::form(task, thesis_sub_cpi, true),

@@ -177,14 +177,15 @@ impl<'a> Strip<'a> {
     /// Checks that `task` suits, and lays out axes for `method`.
     ///
     /// # Errors
-    /// [`FormError::Unsuited`] if there is nothing to do, the band changes, the track is not straight to
+    /// [`FormError::Memory`] if the image is too large, [`FormError::Unsuited`] if there is nothing to do, the band changes, the track is not straight to
     /// `error_db`, or pixels lie too near.
     pub(super) fn new(
         task: &'a Task<'a>,
         method: &dyn RangeMethod,
         error_db: f64,
     ) -> Result<Self, FormError> {
-        task.check_not_empty()?;
+        // Before every pixel is looked at: there may be far too many.
+        Budget::for_task(task, 8)?;
         let fitted = Fitted::new(task.history.collection(), task.grid, method, error_db)?;
         Ok(Self {
             task,

@@ -63,6 +63,7 @@ pub(crate) struct PlanModule {
 /// `subap plan radar`.
 #[derive(Debug, Group)]
 #[command(
+    override_usage = "subap plan radar [OPTIONS] <INPUT>...\n       subap plan radar [OPTIONS] <OPTIONS OF A PASS>",
     mut_arg("paths", |paths| paths.required(false).conflicts_with_all(PASS)),
     group(ArgGroup::new("what").required(true).multiple(true).args(["paths", "beamwidth"]).args(PASS)),
 )]

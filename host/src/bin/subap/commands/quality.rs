@@ -226,7 +226,7 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
         let (unit, factor) = source.unit(cut.along);
         let lengths = |v: Option<f64>| number(v.map(|v| v * factor), 4);
         rows.push(vec![
-            format!("{} ({unit})", cut.along.name()),
+            format!("{} ({unit})", source.along(cut.along)),
             lengths(cut.width_3db),
             number(cut.null_rule.pslr_db, 2),
             number(cut.null_rule.islr_db, 2),

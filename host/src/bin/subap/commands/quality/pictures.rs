@@ -39,7 +39,7 @@ pub(super) fn write(
         let number = i + 1;
         let place = source.place(point.response.column_value, point.response.row_value);
         for (k, cut) in point.response.cuts.iter().enumerate() {
-            let name = cut.along.name().replace(' ', "-");
+            let name = source.along(cut.along).replace(' ', "-");
             let chart = cut_chart(source, cut, point, k, window, &place);
             save(format!("point-{number}-{name}.png"), lines(&chart)?)?;
         }
@@ -136,8 +136,8 @@ fn cut_chart(
         }
     }
     Chart {
-        title: format!("cut along {} at {place}", cut.along.name()),
-        across_label: format!("{} from the peak ({unit})", cut.along.name()),
+        title: format!("cut along {} at {place}", source.along(cut.along)),
+        across_label: format!("{} from the peak ({unit})", source.along(cut.along)),
         up_label: "power over the peak's (dB)".to_owned(),
         curves,
         marks: cut.nulls.map_or(vec![], |n| n.map(|v| v * factor).to_vec()),

@@ -84,6 +84,17 @@ impl Source {
         }
     }
 
+    /// What a cut runs along, in the words of the grid.
+    pub(super) fn along(&self, along: Direction) -> &'static str {
+        match along {
+            Direction::X if self.in_pixels => "column",
+            Direction::Y if self.in_pixels => "row",
+            Direction::X if self.grid.polar => "angle",
+            Direction::Y if self.grid.polar => "range",
+            _ => along.name(),
+        }
+    }
+
     /// The unit in which lengths along a cut are shown, and by what they are multiplied.
     pub(super) fn unit(&self, along: Direction) -> (&'static str, f64) {
         match along {
