@@ -10,7 +10,7 @@ use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::pfa::PolarFormat;
-use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::phase_history::{PhaseHistory, Recorded};
@@ -51,7 +51,10 @@ fn main() {
     let formers: [(&str, &dyn ImageFormer); 8] = [
         ("bp, -60 dB", &Backprojection { error_db: -60.0 }),
         ("bp, -45 dB", &Backprojection { error_db: -45.0 }),
-        ("rdbp, thesis", &rdbp(Mode::Thesis, -60.0)),
+        (
+            "rdbp, thesis",
+            &rdbp(Mode::Thesis(Thesis::default()), -60.0),
+        ),
         ("rdbp, -60 dB", &rdbp(Mode::Precise, -60.0)),
         ("rdbp, -45 dB", &rdbp(Mode::Precise, -45.0)),
         ("ffbp, -60 dB", &FastFactorised { error_db: -60.0 }),

@@ -1,12 +1,43 @@
 //! The items, a file a figure or group of figures that share their data.
 
+mod cost;
+mod difference;
 mod forming;
+mod large_scene;
+mod long_sub_cpis;
 mod migration;
+mod moving;
 mod point;
 
 use super::Item;
 
 /// All items, in the order of the page.
 pub fn items() -> Vec<Item> {
-    [migration::ITEMS.as_slice(), point::ITEMS.as_slice()].concat()
+    [
+        migration::ITEMS.as_slice(),
+        &point::ITEMS,
+        &difference::ITEMS,
+        &long_sub_cpis::ITEMS,
+        &moving::ITEMS,
+        &cost::ITEMS,
+    ]
+    .concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn ids_are_unique_and_safe_in_file_names() {
+        let all = items();
+        let ids: BTreeSet<&str> = all.iter().map(|item| item.id).collect();
+        assert_eq!(ids.len(), all.len());
+        for id in ids {
+            let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+            assert!(id.chars().all(plain) && !id.starts_with('-'), "{id}");
+        }
+    }
 }

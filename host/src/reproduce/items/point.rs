@@ -99,8 +99,8 @@ fn table(_: &Context) -> Result<Finding, ItemError> {
 fn scene(context: &Context) -> Result<Finding, ItemError> {
     let simulated = Preset::Table41.simulate(&Variation::default());
     let grid = grid_about(DVec3::ZERO, 45.0, 45.0, 0.3);
-    let traditional = form(context, &simulated, &grid, &backprojection())?;
-    let two_dimensional = form(context, &simulated, &grid, &thesis(40))?;
+    let traditional = form(context, [0, 2], &simulated, &grid, &backprojection())?;
+    let two_dimensional = form(context, [1, 2], &simulated, &grid, &thesis(40))?;
     let comparison = Comparison::between(&two_dimensional, &traditional)
         .map_err(|error| ItemError::Measure(error.to_string()))?;
     let correlation = comparison.correlation.unwrap_or(f64::NAN);
@@ -139,8 +139,8 @@ fn scene(context: &Context) -> Result<Finding, ItemError> {
 fn point(context: &Context) -> Result<Finding, ItemError> {
     let simulated = lone_scatterer(DVec3::ZERO);
     let grid = grid_about(DVec3::ZERO, 6.0, 6.0, 0.1);
-    let traditional = form(context, &simulated, &grid, &backprojection())?;
-    let two_dimensional = form(context, &simulated, &grid, &thesis(40))?;
+    let traditional = form(context, [0, 2], &simulated, &grid, &backprojection())?;
+    let two_dimensional = form(context, [1, 2], &simulated, &grid, &thesis(40))?;
     let peaks = [&traditional, &two_dimensional].map(|image| peak_db(image));
     let widths = [&traditional, &two_dimensional].map(|image| widths_m(image, &grid));
     Ok(Finding {
@@ -171,9 +171,8 @@ fn point(context: &Context) -> Result<Finding, ItemError> {
 fn long_sub_cpis(context: &Context) -> Result<Finding, ItemError> {
     let simulated = lone_scatterer(DVec3::ZERO);
     let grid = grid_about(DVec3::ZERO, 20.0, 6.0, 0.1);
-    let images = [104, 130].map(|length| form(context, &simulated, &grid, &thesis(length)));
-    let [ten, eight] = images;
-    let (ten, eight) = (ten?, eight?);
+    let ten = form(context, [0, 2], &simulated, &grid, &thesis(104))?;
+    let eight = form(context, [1, 2], &simulated, &grid, &thesis(130))?;
     let lobe = |length: usize| {
         lobes(simulated.collection(), length, DVec3::ZERO, CUT_M, 1)
             .first()
@@ -237,14 +236,14 @@ fn cuts(context: &Context) -> Result<Finding, ItemError> {
     let (cross, range) = (along(true), along(false));
     let names = LENGTHS.map(|length| format!("{} sub-CPIs of {length}", 1040 / length));
     let mut images = Vec::new();
-    for length in LENGTHS {
+    for (length, index) in LENGTHS.into_iter().zip(0..) {
         let former = thesis(length);
         images.push([
-            form(context, &simulated, &cross, &former)?,
-            form(context, &simulated, &range, &former)?,
+            form(context, [2 * index, 9], &simulated, &cross, &former)?,
+            form(context, [2 * index + 1, 9], &simulated, &range, &former)?,
         ]);
     }
-    let traditional = form(context, &simulated, &range, &backprojection())?;
+    let traditional = form(context, [8, 9], &simulated, &range, &backprojection())?;
     let worst_range_db = images
         .iter()
         .map(|[_, image]| largest_difference_db(image, &traditional))
@@ -315,7 +314,7 @@ fn array(context: &Context) -> Result<Finding, ItemError> {
     const LENGTH: usize = 52;
     let simulated = lone_scatterer(DVec3::ZERO);
     let grid = grid_about(DVec3::ZERO, CUT_M, 0.0, CUT_STEP_M);
-    let image = form(context, &simulated, &grid, &thesis(LENGTH))?;
+    let image = form(context, [0, 1], &simulated, &grid, &thesis(LENGTH))?;
     let predicted = lobes(simulated.collection(), LENGTH, DVec3::ZERO, CUT_M - 1.0, 4);
     let checks = predicted
         .iter()
@@ -391,12 +390,12 @@ fn single_sub_cpi(context: &Context) -> Result<Finding, ItemError> {
     let simulated = lone_scatterer(DVec3::ZERO);
     let grid = grid_about(DVec3::ZERO, 20.0, 6.0, 0.1);
     let mut images = Vec::new();
-    for length in [104, 130] {
+    for (length, index) in [104, 130].into_iter().zip(0..) {
         let middle = 520 - length / 2;
         let part = middle_pulses(&simulated, middle..middle + length)?;
-        images.push(form(context, &part, &grid, &thesis(length))?);
+        images.push(form(context, [index, 3], &part, &grid, &thesis(length))?);
     }
-    let whole = form(context, &simulated, &grid, &backprojection())?;
+    let whole = form(context, [2, 3], &simulated, &grid, &backprojection())?;
     let [full, of_104, of_130] =
         [&whole, &images[0], &images[1]].map(|image| widths_m(image, &grid).0);
     let peaks = [peak_db(&images[0]), peak_db(&images[1])];
