@@ -17,7 +17,7 @@
 //! bp       a pixel and pulse: path 11, place 3, linear reading 6, phasor 21, sum 8               49
 //!          a pulse: a transform of the upsampled profile
 //! thesis   a pixel and sub-CPI: path and rate 34, place 5, bilinear 18, phasor 23, sum 8          88
-//!          a sub-CPI: Keystone 4 K M^2, K transforms of P M, P M transforms of 10 K, padded P = 16 times
+//!          a sub-CPI: Keystone 4 K M^2, K transforms of 16 M, 16 M transforms of 10 K
 //! precise  a pixel and sub-CPI: two paths 22, place 5, kernel 8 W + 4 W^2, phasor 21, sum 8       56 + 8 W + 4 W^2
 //!          a patch and sub-CPI: compensation 8 M K, 2 K transforms of M + D, D transforms of 2 K
 //! ```
@@ -32,6 +32,8 @@ use crate::signal::range_profile::RangeProfiler;
 
 /// Range upsampling of the thesis.
 const THESIS_RANGE_PADDING: usize = 10;
+/// Doppler upsampling of our thesis's mode.
+const THESIS_DOPPLER_PADDING: usize = 16;
 /// Pulses whose profiles `bp` holds at once.
 const PROFILES: usize = 64;
 /// Pulses that `rdbp` holds at once, or a sub-CPI's if more.
@@ -143,18 +145,16 @@ impl Cost {
     }
 
     /// The thesis's mode with sub-CPIs of `sub_cpi` pulses.
-    pub fn thesis(work: &Work, sub_cpi: usize, options: rdbp::Thesis) -> Self {
+    pub fn thesis(work: &Work, sub_cpi: usize) -> Self {
         let (k, m) = (work.frequencies as f64, sub_cpi as f64);
         let sub_cpis = work.pulses.div_ceil(sub_cpi.max(1)) as f64;
-        let doppler = options.doppler_padding as f64 * m;
-        // Weights for every frequency, if slow time is resampled.
-        let weights = f64::from(u8::from(options.keystone)) * k * m * m;
+        let doppler = THESIS_DOPPLER_PADDING as f64 * m;
         let range = THESIS_RANGE_PADDING as f64 * k;
-        let map = 4.0 * weights + k * transform(doppler) + doppler * transform(range);
+        let map = 4.0 * k * m * m + k * transform(doppler) + doppler * transform(range);
         let operations = sub_cpis * (map + 88.0 * work.pixels as f64);
         let memory = [
             ("map", 8.0 * doppler * (range + k)),
-            ("Keystone weights", 4.0 * weights),
+            ("Keystone weights", 4.0 * k * m * m),
             ("a sub-CPI", 8.0 * k * m),
         ];
         Self::new("rdbp, thesis", work, &memory, operations)
@@ -209,7 +209,7 @@ mod tests {
         let bp = Cost::backprojection(&work, -60.0);
         // So many pixels that profiles and maps count for nothing: 49 a pixel and pulse, 88 / M for the thesis's.
         assert!((bp.per_pixel_and_pulse / 49.0 - 1.0).abs() < 0.01, "{bp:?}");
-        let thesis = Cost::thesis(&work, 40, rdbp::Thesis::default());
+        let thesis = Cost::thesis(&work, 40);
         assert!(
             (thesis.per_pixel_and_pulse / (88.0 / 40.0) - 1.0).abs() < 0.2,
             "{thesis:?}"

@@ -145,11 +145,7 @@ impl RadarPlan {
         let costs = vec![
             Cost::backprojection(&work, request.error_db),
             Cost::precise(&work, &plan, doppler_span, patches),
-            Cost::thesis(
-                &work,
-                request.thesis_sub_cpi.min(work.pulses),
-                rdbp::Thesis::default(),
-            ),
+            Cost::thesis(&work, request.thesis_sub_cpi.min(work.pulses)),
         ];
 
         let centre = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);

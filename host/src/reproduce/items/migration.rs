@@ -285,7 +285,7 @@ fn unfocused(_: &Context) -> Result<Finding, ItemError> {
         pictures: vec![
             pass.profiles().picture(
                 "migration",
-                "Range profiles, pulse by pulse",
+                "Range profiles",
                 (0.0, pass.num_pulses() as f64),
                 (-SHOWN_M, SHOWN_M),
                 "pulse",
@@ -307,7 +307,9 @@ fn focused(_: &Context) -> Result<Finding, ItemError> {
                  Keystone without resampling."
                 .to_owned(),
         checks: vec![
-            Check::number("peak of the map", 0.0, map.peak_db(), 0.05, 2, "dB"),
+            // The nearest bin lies within a quarter of a Doppler cell and a sixteenth of a range cell of the
+            // target: sin(pi u) / (pi u) there loses up to 0.91 and 0.06 dB.
+            Check::number("peak of the map", 0.0, map.peak_db(), 0.97, 2, "dB"),
             // 0.886 of the resolution is an unweighted band's width, and a bin is an eighth of it.
             Check::number(
                 "extent in range within 3 dB",
