@@ -23,6 +23,8 @@ pub(super) struct Scene {
     pub(super) history: Box<dyn PhaseHistory>,
     /// Its pixels.
     pub(super) grid: ImageGrid,
+    /// Those about its brightest scatterer, as far as grating lobes are looked for.
+    pub(super) close: ImageGrid,
 }
 
 /// The simulated scene, and the recordings given.
@@ -34,6 +36,7 @@ pub(super) fn scenes(context: &Context) -> Result<Vec<Scene>, ItemError> {
         title: "simulated scene",
         history: Box::new(record(context, &experiment("large", text)?)?),
         grid: grid("x=-60:60.1:0.3,y=-45:45.1:0.3"),
+        close: grid("x=-34:26.1:0.15,y=-32:8.1:0.15"),
     }];
     if !context.gotcha.is_empty() {
         let options = Options {
@@ -45,6 +48,7 @@ pub(super) fn scenes(context: &Context) -> Result<Vec<Scene>, ItemError> {
             title: "GOTCHA",
             history: Box::new(open_all(context.gotcha, &options)?),
             grid: grid("x=-50:50.1:0.25,y=-50:50.1:0.25"),
+            close: grid("x=-50:50.1:0.25,y=-50:50.1:0.25"),
         });
     }
     Ok(scenes)

@@ -35,6 +35,8 @@ pub(super) const ITEMS: [Item; 3] = [
 const RANGE_PADDING: usize = 8;
 /// Ranges shown, metres on either side of the reference.
 const SHOWN_M: f64 = 6.0;
+/// One of so many pulses is shown.
+const SHOWN_PULSES: usize = 4;
 /// Dopplers shown, hertz on either side of the target's.
 const SHOWN_HZ: f64 = 40.0;
 
@@ -120,14 +122,22 @@ impl Pass {
         maps
     }
 
-    /// Range profiles, pulse by pulse.
+    /// Range profiles, pulse by pulse, as many as can be told apart in a picture.
     fn profiles(&self) -> Levels {
         let up = Axis {
             start: 0.0,
-            step: 1.0,
-            count: self.num_pulses(),
+            step: SHOWN_PULSES as f64,
+            count: self.num_pulses() / SHOWN_PULSES,
         };
-        Levels::of(&self.maps(&self.band, 1, 1), up, self.range_axis())
+        let bins = self.range_axis().count;
+        let all = self.maps(&self.band, 1, 1);
+        let shown: Vec<Complex32> = all
+            .chunks_exact(bins)
+            .step_by(SHOWN_PULSES)
+            .flatten()
+            .copied()
+            .collect();
+        Levels::of(&shown, up, self.range_axis())
     }
 
     /// The range-Doppler map of the whole CPI. Without Keystone slow time is the same for all
