@@ -5,6 +5,7 @@ mod difference;
 mod forming;
 mod large_scene;
 mod long_sub_cpis;
+mod measure;
 mod migration;
 mod moving;
 mod point;
