@@ -4,7 +4,7 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
-use subaperture::focus::rdbp::{Mode, Plan, RangeDoppler, Request};
+use subaperture::focus::rdbp::{Mode, Plan, RangeDoppler, Request, Thesis};
 use subaperture::focus::{FormError, Formed, ImageFormer, Monitor, Silent, Task, Weights};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::image::Image;
@@ -76,7 +76,7 @@ fn precise(error_db: f64, sub_cpi: Option<usize>) -> RangeDoppler {
 
 fn thesis(sub_cpi: usize) -> RangeDoppler {
     RangeDoppler {
-        mode: Mode::Thesis,
+        mode: Mode::Thesis(Thesis::default()),
         error_db: -60.0,
         sub_cpi: Some(sub_cpi),
         patch_m: None,

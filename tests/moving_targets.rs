@@ -10,7 +10,7 @@ use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::moving::{Moving, VelocityPlane, velocity_resolution_m_s};
 use subaperture::focus::pfa::PolarFormat;
-use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::image::Image;
@@ -135,7 +135,7 @@ fn a_target_smears_at_rest_and_focuses_in_motion() {
         ),
         // The thesis's own error at 40 pulses, -18.7 dB on stationary scenes, is the scene's grating
         // lobes; near a lone target little of it shows.
-        (&rdbp(Mode::Thesis, Some(20)), -25.0),
+        (&rdbp(Mode::Thesis(Thesis::default()), Some(20)), -25.0),
     ] {
         let error = error_db(&form(former, &moving, &grid), &oracle);
         let point = "x=0:1:1,y=0:1:1".parse().unwrap();
@@ -230,8 +230,12 @@ fn a_fast_target_needs_keystone() {
         println!("{}: peak {peak:.2} dB, error {error:.1} dB", former.name());
         (peak, error)
     };
-    let with = result(&rdbp(Mode::Thesis, Some(80)));
-    let without = result(&rdbp(Mode::ThesisWithoutKeystone, Some(80)));
+    let with = result(&rdbp(Mode::Thesis(Thesis::default()), Some(80)));
+    let without_keystone = Mode::Thesis(Thesis {
+        keystone: false,
+        ..Thesis::default()
+    });
+    let without = result(&rdbp(without_keystone, Some(80)));
     let precise = result(&rdbp(Mode::Precise, None));
     // The mean of the range response sin(pi u) / (pi u) over +-1.33 cells: 0.40, -7.9 dB.
     assert!(

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use num_complex::Complex64;
-use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::phase_history::{Collection, PhaseHistory};
@@ -45,7 +45,7 @@ fn measured(collection: &Collection, sub_cpi: usize, at: DVec3, lobes: &[Lobe]) 
         monitor: &Silent,
     };
     let thesis = RangeDoppler {
-        mode: Mode::Thesis,
+        mode: Mode::Thesis(Thesis::default()),
         error_db: -60.0,
         sub_cpi: Some(sub_cpi),
         patch_m: None,

@@ -12,7 +12,7 @@ use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
-use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::phase_history::{PhaseHistory, Recorded};
@@ -53,7 +53,10 @@ fn main() {
     let formers: [(&str, &dyn ImageFormer); 10] = [
         ("bp, -60 dB", &Backprojection { error_db: -60.0 }),
         ("bp, -45 dB", &Backprojection { error_db: -45.0 }),
-        ("rdbp, thesis", &rdbp(Mode::Thesis, -60.0)),
+        (
+            "rdbp, thesis",
+            &rdbp(Mode::Thesis(Thesis::default()), -60.0),
+        ),
         ("rdbp, -60 dB", &rdbp(Mode::Precise, -60.0)),
         ("rdbp, -45 dB", &rdbp(Mode::Precise, -45.0)),
         ("ffbp, -60 dB", &FastFactorised { error_db: -60.0 }),

@@ -28,6 +28,9 @@ use crate::focus::{FormError, Monitor};
 use crate::io::atomic::WriteError;
 use crate::phase_history::ReadError;
 use crate::plot::PlotError;
+use crate::quality::PairError;
+use crate::simulate::RecordError;
+use crate::simulate::scenario::ScenarioError;
 
 pub use items::items;
 
@@ -136,11 +139,21 @@ impl Finding {
 #[derive(Debug, thiserror::Error)]
 pub enum ItemError {
     /// An image could not be formed.
-    #[error(transparent)]
+    // Not transparent: who asks whether the user stopped the work looks for this cause.
+    #[error("{0}")]
     Form(#[from] FormError),
     /// Pulses could not be read.
     #[error(transparent)]
     Read(#[from] ReadError),
+    /// A scene could not be simulated.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// A simulated scene could not be recorded.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// Images could not be compared.
+    #[error(transparent)]
+    Pair(#[from] PairError),
     /// A picture could not be drawn.
     #[error(transparent)]
     Plot(#[from] PlotError),

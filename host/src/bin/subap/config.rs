@@ -186,8 +186,10 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
         Algorithm::Rdbp => Box::new(RangeDoppler {
             mode: match typed.mode.unwrap_or(args::Mode::Precise) {
                 args::Mode::Precise => rdbp::Mode::Precise,
-                args::Mode::Thesis if typed.no_keystone => rdbp::Mode::ThesisWithoutKeystone,
-                args::Mode::Thesis => rdbp::Mode::Thesis,
+                args::Mode::Thesis => rdbp::Mode::Thesis(rdbp::Thesis {
+                    keystone: !typed.no_keystone,
+                    ..rdbp::Thesis::default()
+                }),
             },
             error_db,
             sub_cpi: typed.sub_cpi,

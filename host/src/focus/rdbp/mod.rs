@@ -4,7 +4,8 @@
 //! Schone 2020, chapter 3, in two modes:
 //!
 //! - [`Mode::Thesis`], as written there: sinc-resampled Keystone, zero-padded Doppler and range
-//!   transforms, bilinear reading ([`thesis`]). Long sub-CPIs give grating lobes.
+//!   transforms, bilinear reading ([`thesis`]). Long sub-CPIs give grating lobes. [`Thesis`] has what the
+//!   thesis varies.
 //! - [`Mode::Precise`], the default ([`precise`]): the phase history of every patch of pixels is first
 //!   motion-compensated to the patch's centre with each pulse's own position, Keystone is an exact
 //!   scaled transform, and maps are read with a Kaiser-Bessel kernel on a grid twice as fine as
@@ -27,6 +28,7 @@ use crate::phase_history::{Band, Collection};
 pub use patch::PatchSize;
 pub use plan::{Plan, Request};
 pub use sub_cpi::SubCpi;
+pub use thesis::Thesis;
 
 /// Doppler bins for each cycle a pulse, for sub-CPIs of `num_pulses`: twice Nyquist's at the highest
 /// frequency, where Doppler is scaled most.
@@ -51,9 +53,7 @@ pub enum Mode {
     #[default]
     Precise,
     /// As the thesis has it.
-    Thesis,
-    /// The thesis's without Keystone: what a fast target then looks like (S 4.3, Figure 4.14).
-    ThesisWithoutKeystone,
+    Thesis(Thesis),
 }
 
 /// Sub-CPI range-Doppler backprojection.
@@ -79,8 +79,7 @@ impl ImageFormer for RangeDoppler {
         task.check_not_empty()?;
         let thesis_sub_cpi = self.sub_cpi.unwrap_or(thesis::SUB_CPI);
         match self.mode {
-            Mode::Thesis => thesis::form(task, thesis_sub_cpi, true),
-            Mode::ThesisWithoutKeystone => thesis::form(task, thesis_sub_cpi, false),
+            Mode::Thesis(options) => thesis::form(task, thesis_sub_cpi, options),
             Mode::Precise => {
                 let request = Request {
                     error_db: self.error_db,

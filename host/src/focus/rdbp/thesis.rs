@@ -1,7 +1,7 @@
 //! The thesis's mode: Schone 2020, chapter 3, with the upsampling of chapter 4.
 //!
 //! For each sub-CPI of `M` pulses: slow time resampled by sinc weights ([`SincKeystone`]), Doppler
-//! transform padded to `16 M`, range transform padded to `10 K`, then for every pixel its path `a` and
+//! transform padded to `P M` (`P` = 16 unless told otherwise), range transform padded to `10 K`, then for every pixel its path `a` and
 //! path rate `b` at the sub-CPI's centre from the fitted position and velocity (4.2, (5.1)), a bilinear
 //! reading of the map, and the conjugate of the phase in (3.15):
 //!
@@ -18,13 +18,19 @@
 //! after (3.13). It makes grating lobes when sub-CPIs are long; they are this mode's to show. Also the
 //! sub-CPI's edges ([`SincKeystone`]) and bilinear reading (-48 dB at an upsampling of 10).
 //!
+//! Reading Doppler linearly weights slow time by `sinc^2(x / P)`, `x = u / M` from -1/2 to 1/2, in the mean
+//! over places between bins. What that lacks of a constant, `(pi x / P)^2 / 3`, fills the array's nulls
+//! too: lobe `k` has at least `1 / (6 P^2 k^2)`, -40 dB for the first at `P = 4` and -64 dB at 16, however
+//! short the sub-CPI. On recordings compensated to the scene's centre this is all there is near the centre
+//! (Figure 4.11).
+//!
 //! Without Keystone, a point that comes nearer by `v` smears over `v M PRI` in range within a sub-CPI:
 //! nothing on a stationary scene, all of the focus of a fast target (S 4.3, Figure 4.14). Keystone in
 //! turn resamples what was sampled once a pulse, so it needs a path rate within `lambda / 2` a pulse.
 //!
 //! Accuracy on Table 4.1 against [`crate::focus::exact`]: see the tests and `subap demo`.
 //!
-//! Memory: the map, `16 M * 10 K` complex float32, and weights of `K M^2` float32.
+//! Memory: the map, `P M * 10 K` complex float32, and weights of `K M^2` float32.
 
 use num_complex::Complex32;
 use rayon::prelude::*;
@@ -42,16 +48,35 @@ use crate::signal::sinc_keystone::SincKeystone;
 
 /// Pulses a sub-CPI where nothing else is asked for (Figure 4.1).
 pub(super) const SUB_CPI: usize = 40;
-/// Upsampling of the Doppler axis (Figure 4.11: the last).
-const DOPPLER_PADDING: usize = 16;
 /// Upsampling of the range axis (5.2).
 const RANGE_PADDING: usize = 10;
+/// Finest upsampling of the Doppler axis: bilinear reading is then at float32's rounding.
+const MOST_DOPPLER_PADDING: usize = 1024;
 
-/// The image; without `keystone`, slow time goes to the Doppler transform as it is.
+/// What the thesis varies beside the sub-CPI's length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Thesis {
+    /// Whether slow time is resampled; if not, it goes to the Doppler transform as it is.
+    pub keystone: bool,
+    /// Doppler bins for every pulse of a sub-CPI, at least 1; made more where that transforms faster.
+    pub doppler_padding: usize,
+}
+
+impl Default for Thesis {
+    /// With Keystone, and the finer of the two paddings of Figure 4.11.
+    fn default() -> Self {
+        Self {
+            keystone: true,
+            doppler_padding: 16,
+        }
+    }
+}
+
+/// The image.
 pub(super) fn form(
     task: &Task,
     sub_cpi_length: usize,
-    keystone: bool,
+    options: Thesis,
 ) -> Result<Formed, FormError> {
     let collection = task.history.collection();
     let band = super::shared_band(collection)?;
@@ -60,9 +85,18 @@ pub(super) fn form(
             "a sub-CPI needs at least one pulse".to_owned(),
         ));
     }
+    let Thesis {
+        keystone,
+        doppler_padding,
+    } = options;
+    if !(1..=MOST_DOPPLER_PADDING).contains(&doppler_padding) {
+        return Err(FormError::Unsuited(format!(
+            "Doppler cannot be padded {doppler_padding} times: give 1 to {MOST_DOPPLER_PADDING}"
+        )));
+    }
     let (num_samples, num_pulses) = (band.count, collection.pulses.len());
     let longest = sub_cpi_length.min(num_pulses);
-    let doppler_length = fast_length(DOPPLER_PADDING * longest);
+    let doppler_length = fast_length(doppler_padding * longest);
     let range_length = fast_length(RANGE_PADDING * num_samples);
 
     let mut budget = Budget::for_task(task, 8)?;
@@ -164,6 +198,7 @@ pub(super) fn form(
     let settings = json!({
         "mode": "thesis",
         "keystone": keystone,
+        "doppler_padding": doppler_padding,
         "sub_cpi_pulses": longest,
         "sub_cpis": sub_cpis.len(),
         "doppler_length": doppler_length,

@@ -35,6 +35,8 @@ pub(super) const ITEMS: [Item; 3] = [
 const RANGE_PADDING: usize = 8;
 /// Ranges shown, metres on either side of the reference.
 const SHOWN_M: f64 = 6.0;
+/// One of so many pulses is shown.
+const SHOWN_PULSES: usize = 4;
 /// Dopplers shown, hertz on either side of the target's.
 const SHOWN_HZ: f64 = 40.0;
 
@@ -120,14 +122,22 @@ impl Pass {
         maps
     }
 
-    /// Range profiles, pulse by pulse.
+    /// Range profiles, pulse by pulse, as many as can be told apart in a picture.
     fn profiles(&self) -> Levels {
         let up = Axis {
             start: 0.0,
-            step: 1.0,
-            count: self.num_pulses(),
+            step: SHOWN_PULSES as f64,
+            count: self.num_pulses() / SHOWN_PULSES,
         };
-        Levels::of(&self.maps(&self.band, 1, 1), up, self.range_axis())
+        let bins = self.range_axis().count;
+        let all = self.maps(&self.band, 1, 1);
+        let shown: Vec<Complex32> = all
+            .chunks_exact(bins)
+            .step_by(SHOWN_PULSES)
+            .flatten()
+            .copied()
+            .collect();
+        Levels::of(&shown, up, self.range_axis())
     }
 
     /// The range-Doppler map of the whole CPI. Without Keystone slow time is the same for all
@@ -285,7 +295,7 @@ fn unfocused(_: &Context) -> Result<Finding, ItemError> {
         pictures: vec![
             pass.profiles().picture(
                 "migration",
-                "Range profiles, pulse by pulse",
+                "Range profiles",
                 (0.0, pass.num_pulses() as f64),
                 (-SHOWN_M, SHOWN_M),
                 "pulse",
@@ -307,7 +317,9 @@ fn focused(_: &Context) -> Result<Finding, ItemError> {
                  Keystone without resampling."
                 .to_owned(),
         checks: vec![
-            Check::number("peak of the map", 0.0, map.peak_db(), 0.05, 2, "dB"),
+            // The nearest bin lies within a quarter of a Doppler cell and a sixteenth of a range cell of the
+            // target: sin(pi u) / (pi u) there loses up to 0.91 and 0.06 dB.
+            Check::number("peak of the map", 0.0, map.peak_db(), 0.97, 2, "dB"),
             // 0.886 of the resolution is an unweighted band's width, and a bin is an eighth of it.
             Check::number(
                 "extent in range within 3 dB",

@@ -8,8 +8,14 @@ mod chim_residual_phase;
 mod chim_resolution;
 mod chim_stepped;
 mod chim_strip;
+mod cost;
+mod difference;
 mod forming;
+mod large_scene;
+mod long_sub_cpis;
+mod measure;
 mod migration;
+mod moving;
 mod point;
 
 use super::Item;
@@ -18,14 +24,36 @@ use super::Item;
 pub fn items() -> Vec<Item> {
     [
         migration::ITEMS.as_slice(),
-        point::ITEMS.as_slice(),
-        chim_ambiguity::ITEMS.as_slice(),
-        chim_residual_phase::ITEMS.as_slice(),
-        chim_range_doppler::ITEMS.as_slice(),
-        chim_omega_k::ITEMS.as_slice(),
-        chim_painting::ITEMS.as_slice(),
-        chim_resolution::ITEMS.as_slice(),
-        chim_stepped::ITEMS.as_slice(),
+        &point::ITEMS,
+        &difference::ITEMS,
+        &long_sub_cpis::ITEMS,
+        &moving::ITEMS,
+        &cost::ITEMS,
+        &chim_ambiguity::ITEMS,
+        &chim_residual_phase::ITEMS,
+        &chim_range_doppler::ITEMS,
+        &chim_omega_k::ITEMS,
+        &chim_painting::ITEMS,
+        &chim_resolution::ITEMS,
+        &chim_stepped::ITEMS,
     ]
     .concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn ids_are_unique_and_safe_in_file_names() {
+        let all = items();
+        let ids: BTreeSet<&str> = all.iter().map(|item| item.id).collect();
+        assert_eq!(ids.len(), all.len());
+        for id in ids {
+            let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+            assert!(id.chars().all(plain) && !id.starts_with('-'), "{id}");
+        }
+    }
 }

@@ -6,8 +6,11 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::forming::{backprojection, form, grid_about, lone_scatterer, side_by_side, thesis};
-use crate::geometry::{Axis, ImageGrid};
-use crate::image::{Comparison, Image, power};
+use super::measure::{
+    largest_difference_db, level_db, peak_db, points_db, strongest_near, widths_m,
+};
+use crate::geometry::Axis;
+use crate::image::{Comparison, Image};
 use crate::phase_history::{PhaseHistory, Recorded};
 use crate::planner::grating::{Lobe, lobes};
 use crate::plot::{Chart, Curve, Stroke, lines};
@@ -80,8 +83,9 @@ fn table(_: &Context) -> Result<Finding, ItemError> {
                  samples in spatial frequency."
                 .to_owned(),
         checks: vec![
-            // c / 2B, and lambda R / 2 L of 1040 pulses 0.125 m apart.
-            Check::number("range resolution, c / 2B", 0.749, range_m, 0.002, 3, "m"),
+            // c / 2B, and lambda R / 2 L of 1040 pulses 0.125 m apart. Over the aperture's +-0.74 degrees the
+            // lowest spatial frequency in range falls by a cosine, as if of 0.8 MHz more bandwidth: 0.4 %.
+            Check::number("range resolution, c / 2B", 0.749, range_m, 0.005, 3, "m"),
             Check::number(
                 "cross-range resolution, lambda R / 2L",
                 0.577,
@@ -99,8 +103,8 @@ fn table(_: &Context) -> Result<Finding, ItemError> {
 fn scene(context: &Context) -> Result<Finding, ItemError> {
     let simulated = Preset::Table41.simulate(&Variation::default());
     let grid = grid_about(DVec3::ZERO, 45.0, 45.0, 0.3);
-    let traditional = form(context, &simulated, &grid, &backprojection())?;
-    let two_dimensional = form(context, &simulated, &grid, &thesis(40))?;
+    let traditional = form(context, [0, 2], &simulated, &grid, &backprojection())?;
+    let two_dimensional = form(context, [1, 2], &simulated, &grid, &thesis(40))?;
     let comparison = Comparison::between(&two_dimensional, &traditional)
         .map_err(|error| ItemError::Measure(error.to_string()))?;
     let correlation = comparison.correlation.unwrap_or(f64::NAN);
@@ -139,9 +143,9 @@ fn scene(context: &Context) -> Result<Finding, ItemError> {
 fn point(context: &Context) -> Result<Finding, ItemError> {
     let simulated = lone_scatterer(DVec3::ZERO);
     let grid = grid_about(DVec3::ZERO, 6.0, 6.0, 0.1);
-    let traditional = form(context, &simulated, &grid, &backprojection())?;
-    let two_dimensional = form(context, &simulated, &grid, &thesis(40))?;
-    let peaks = [&traditional, &two_dimensional].map(|image| peak_db(image));
+    let traditional = form(context, [0, 2], &simulated, &grid, &backprojection())?;
+    let two_dimensional = form(context, [1, 2], &simulated, &grid, &thesis(40))?;
+    let peaks = [&traditional, &two_dimensional].map(peak_db);
     let widths = [&traditional, &two_dimensional].map(|image| widths_m(image, &grid));
     Ok(Finding {
         thesis: "The imaging functions of both are almost identical.".to_owned(),
@@ -170,10 +174,9 @@ fn point(context: &Context) -> Result<Finding, ItemError> {
 
 fn long_sub_cpis(context: &Context) -> Result<Finding, ItemError> {
     let simulated = lone_scatterer(DVec3::ZERO);
-    let grid = grid_about(DVec3::ZERO, 20.0, 6.0, 0.1);
-    let images = [104, 130].map(|length| form(context, &simulated, &grid, &thesis(length)));
-    let [ten, eight] = images;
-    let (ten, eight) = (ten?, eight?);
+    let grid = grid_about(DVec3::ZERO, 20.0, 10.0, 0.1);
+    let ten = form(context, [0, 2], &simulated, &grid, &thesis(104))?;
+    let eight = form(context, [1, 2], &simulated, &grid, &thesis(130))?;
     let lobe = |length: usize| {
         lobes(simulated.collection(), length, DVec3::ZERO, CUT_M, 1)
             .first()
@@ -237,43 +240,71 @@ fn cuts(context: &Context) -> Result<Finding, ItemError> {
     let (cross, range) = (along(true), along(false));
     let names = LENGTHS.map(|length| format!("{} sub-CPIs of {length}", 1040 / length));
     let mut images = Vec::new();
-    for length in LENGTHS {
+    for (length, index) in LENGTHS.into_iter().zip(0..) {
         let former = thesis(length);
         images.push([
-            form(context, &simulated, &cross, &former)?,
-            form(context, &simulated, &range, &former)?,
+            form(context, [2 * index, 10], &simulated, &cross, &former)?,
+            form(context, [2 * index + 1, 10], &simulated, &range, &former)?,
         ]);
     }
-    let traditional = form(context, &simulated, &range, &backprojection())?;
+    let traditional = [
+        form(context, [8, 10], &simulated, &cross, &backprojection())?,
+        form(context, [9, 10], &simulated, &range, &backprojection())?,
+    ];
     let worst_range_db = images
         .iter()
-        .map(|[_, image]| largest_difference_db(image, &traditional))
+        .map(|[_, image]| largest_difference_db(image, &traditional[1]))
         .fold(f64::NEG_INFINITY, f64::max);
+    let placed = |length: usize, most: usize| {
+        lobes(simulated.collection(), length, DVec3::ZERO, CUT_M, most)
+    };
+    // Of 8 sub-CPIs: what a lobe is below the main lobe, and above backprojection's side lobes there.
+    let of_eight = placed(LENGTHS[0], 4);
+    let [nearest, farthest] = [of_eight.first(), of_eight.last()].map(|lobe| {
+        let place_m = lobe.map_or(f64::NAN, |lobe| lobe.cross_range_m);
+        let level = level_db(&images[0][0], &cross, place_m);
+        (level, level - level_db(&traditional[0], &cross, place_m))
+    });
     // 20 sub-CPIs' first lobe lies where 10's second does.
-    let place = lobes(simulated.collection(), 52, DVec3::ZERO, CUT_M, 1)
-        .first()
-        .map_or(f64::NAN, |lobe| lobe.cross_range_m);
-    let [of_ten, of_twenty] = [1, 2].map(|i| level_db(&images[i][0], &cross, place));
+    let (of_ten, of_twenty) = (placed(LENGTHS[1], 2), placed(LENGTHS[2], 1));
+    let (Some(second), Some(first)) = (of_ten.get(1), of_twenty.first()) else {
+        return Err(ItemError::Measure(
+            "no grating lobe within the cut".to_owned(),
+        ));
+    };
+    let [level_ten, level_twenty] =
+        [1, 2].map(|i| level_db(&images[i][0], &cross, first.cross_range_m));
     let chart = |title: &str, which: usize, axis: &Axis| {
-        let curves = images.iter().zip(&names).map(|(image, name)| Curve {
+        let mut curves = vec![Curve {
+            name: "backprojection".to_owned(),
+            points: points_db(&traditional[which], axis),
+            stroke: Stroke::Dashed,
+        }];
+        curves.extend(images.iter().zip(&names).map(|(image, name)| Curve {
             name: name.clone(),
             points: points_db(&image[which], axis),
             stroke: Stroke::Solid,
-        });
+        }));
         lines(&Chart {
             title: title.to_owned(),
             across_label: format!("{title} (m)"),
             up_label: "level (dB)".to_owned(),
-            curves: curves.collect(),
+            curves,
             up: Some((-70.0, 0.0)),
             ..Chart::default()
         })
     };
     Ok(Finding {
-        thesis: "Range cuts are the same for all sub-CPI lengths and for backprojection. In cross-range, 20 \
-                 sub-CPIs have their first grating lobe at the place of the second of 10, 3 dB below it."
+        thesis: "Range cuts are the same for all sub-CPI lengths and for backprojection. In cross-range the first \
+                 grating lobe of 8 sub-CPIs is slightly less than 4 dB below the main lobe and 25 dB above \
+                 backprojection's side lobes, the leftmost more than 25 dB and about 17 dB. 20 sub-CPIs have their first \
+                 at the place of the second of 10, 3 dB below it."
             .to_owned(),
-        method: format!("One scatterer at the centre, cuts of {CUT_STEP_M} m through it."),
+        method: format!(
+            "One scatterer at the centre, cuts of {CUT_STEP_M} m through it. From geometry alone, without any \
+             interpolation, the two lobes at one place are {:.1} dB apart.",
+            second.level_db - first.level_db
+        ),
         checks: vec![
             Check::claim(
                 "largest difference of a range cut from backprojection's, of the peak",
@@ -281,21 +312,31 @@ fn cuts(context: &Context) -> Result<Finding, ItemError> {
                 format!("{worst_range_db:.1} dB"),
                 worst_range_db < -30.0,
             ),
+            Check::claim(
+                "first lobe of 8 sub-CPIs",
+                "slightly less than 4 dB below",
+                format!("{:.1} dB", nearest.0),
+                (-4.0..-3.0).contains(&nearest.0),
+            ),
+            // The thesis reads whole decibels off a figure.
+            Check::number("above backprojection's side lobes there", 25.0, nearest.1, 1.5, 1, "dB"),
+            Check::claim(
+                "outermost lobe of 8 sub-CPIs",
+                "more than 25 dB below",
+                format!("{:.1} dB", farthest.0),
+                farthest.0 < -25.0,
+            ),
+            Check::number("above backprojection's side lobes there", 17.0, farthest.1, 1.5, 1, "dB"),
             Check::number(
                 "lobe of 20 against that of 10 at the same place",
                 -3.0,
-                of_twenty - of_ten,
+                level_twenty - level_ten,
                 1.0,
                 1,
                 "dB",
             ),
         ],
-        why: Some(
-            "A lobe's level is D^2 / (pi k^2 lambda R) for order k and sub-CPI length D, so the first of D/2 \
-             is as strong as the second of D, to first order; the thesis reads 3 dB off its figure, where \
-             interpolation adds to the longer sub-CPI's lobes."
-                .to_owned(),
-        ),
+        why: None,
         pictures: vec![
             Picture {
                 name: "cross-range".to_owned(),
@@ -315,7 +356,7 @@ fn array(context: &Context) -> Result<Finding, ItemError> {
     const LENGTH: usize = 52;
     let simulated = lone_scatterer(DVec3::ZERO);
     let grid = grid_about(DVec3::ZERO, CUT_M, 0.0, CUT_STEP_M);
-    let image = form(context, &simulated, &grid, &thesis(LENGTH))?;
+    let image = form(context, [0, 1], &simulated, &grid, &thesis(LENGTH))?;
     let predicted = lobes(simulated.collection(), LENGTH, DVec3::ZERO, CUT_M - 1.0, 4);
     let checks = predicted
         .iter()
@@ -389,14 +430,14 @@ fn array(context: &Context) -> Result<Finding, ItemError> {
 
 fn single_sub_cpi(context: &Context) -> Result<Finding, ItemError> {
     let simulated = lone_scatterer(DVec3::ZERO);
-    let grid = grid_about(DVec3::ZERO, 20.0, 6.0, 0.1);
+    let grid = grid_about(DVec3::ZERO, 20.0, 10.0, 0.1);
     let mut images = Vec::new();
-    for length in [104, 130] {
+    for (length, index) in [104, 130].into_iter().zip(0..) {
         let middle = 520 - length / 2;
         let part = middle_pulses(&simulated, middle..middle + length)?;
-        images.push(form(context, &part, &grid, &thesis(length))?);
+        images.push(form(context, [index, 3], &part, &grid, &thesis(length))?);
     }
-    let whole = form(context, &simulated, &grid, &backprojection())?;
+    let whole = form(context, [2, 3], &simulated, &grid, &backprojection())?;
     let [full, of_104, of_130] =
         [&whole, &images[0], &images[1]].map(|image| widths_m(image, &grid).0);
     let peaks = [peak_db(&images[0]), peak_db(&images[1])];
@@ -454,93 +495,4 @@ fn same(what: &str, first: f64, second: f64) -> Check {
         format!("{second:.3} m against {first:.3} m"),
         (second / first - 1.0).abs() < 0.02,
     )
-}
-
-fn peak_db(image: &Image) -> f64 {
-    let peak = image.peak().map_or(0.0, |peak| power(peak.value));
-    10.0 * peak.log10()
-}
-
-/// 3 dB widths through the peak, across and up, straight between pixels.
-fn widths_m(image: &Image, grid: &ImageGrid) -> (f64, f64) {
-    let Some(peak) = image.peak() else {
-        return (f64::NAN, f64::NAN);
-    };
-    let row: Vec<f64> = (0..image.columns)
-        .map(|column| power(image.pixels[peak.row * image.columns + column]))
-        .collect();
-    let column: Vec<f64> = (0..image.rows)
-        .map(|row| power(image.pixels[row * image.columns + peak.column]))
-        .collect();
-    (
-        width(&row, peak.column) * grid.columns.step,
-        width(&column, peak.row) * grid.rows.step,
-    )
-}
-
-/// Elements between the half-power points about a peak.
-fn width(powers: &[f64], peak: usize) -> f64 {
-    let half = 0.5 * powers[peak];
-    let reach = |mut side: Box<dyn Iterator<Item = f64>>| {
-        let mut before = powers[peak];
-        let mut steps = 0.0;
-        side.find_map(|power| {
-            steps += 1.0;
-            let crossed = (power < half).then(|| steps - 1.0 + (before - half) / (before - power));
-            before = power;
-            crossed
-        })
-        .unwrap_or(f64::NAN)
-    };
-    let (left, right) = (powers[..peak].to_vec(), powers[peak + 1..].to_vec());
-    reach(Box::new(left.into_iter().rev())) + reach(Box::new(right.into_iter()))
-}
-
-/// Level relative to the peak at a distance in x, the larger of both sides, in the peak's row; dB.
-fn level_db(image: &Image, grid: &ImageGrid, distance_m: f64) -> f64 {
-    strongest_near(image, grid, distance_m).1
-}
-
-/// Place and level of the strongest pixel within half a metre of a distance on either side, in the
-/// peak's row.
-fn strongest_near(image: &Image, grid: &ImageGrid, distance_m: f64) -> (f64, f64) {
-    let Some(peak) = image.peak() else {
-        return (f64::NAN, f64::NAN);
-    };
-    let centre = grid.columns.at(peak.column);
-    let line = &image.pixels[peak.row * image.columns..(peak.row + 1) * image.columns];
-    line.iter()
-        .enumerate()
-        .map(|(column, &z)| ((grid.columns.at(column) - centre).abs(), power(z)))
-        .filter(|(place, _)| (place - distance_m).abs() <= 0.5)
-        .max_by(|a, b| a.1.total_cmp(&b.1))
-        .map_or((f64::NAN, f64::NAN), |(place, level)| {
-            (place, 10.0 * (level / power(peak.value)).log10())
-        })
-}
-
-/// Largest difference of two images' magnitudes, each relative to its own peak, dB.
-fn largest_difference_db(a: &Image, b: &Image) -> f64 {
-    let peak = |image: &Image| image.peak().map_or(f64::NAN, |p| power(p.value).sqrt());
-    let (a_peak, b_peak) = (peak(a), peak(b));
-    let largest = a
-        .pixels
-        .iter()
-        .zip(&b.pixels)
-        .map(|(&u, &v)| (power(u).sqrt() / a_peak - power(v).sqrt() / b_peak).abs())
-        .fold(0.0, f64::max);
-    20.0 * largest.log10()
-}
-
-/// Level against place of an image of one row or column.
-fn points_db(image: &Image, axis: &Axis) -> Vec<(f64, f64)> {
-    let peak = image.peak().map_or(f64::NAN, |peak| power(peak.value));
-    let levels = image
-        .pixels
-        .iter()
-        .map(|&z| 10.0 * (power(z) / peak).log10());
-    levels
-        .enumerate()
-        .map(|(i, level)| (axis.at(i), level))
-        .collect()
 }

@@ -76,6 +76,9 @@ fn main() -> ExitCode {
     if matches!(command, "firmware" | "test") {
         prerequisites::ensure_if_possible(&prerequisites::OTHER_MACHINES);
     }
+    if command == "test" {
+        prerequisites::ensure_if_possible(&prerequisites::BROWSER);
+    }
     match command {
         "module" => return module::build(),
         "module-report" => return module::report(false),

@@ -18,6 +18,7 @@ pub(crate) enum Need {
     QemuUser,
     QemuRiscv,
     Python,
+    Chromium,
     CargoDeny,
 }
 
@@ -29,6 +30,9 @@ pub(crate) const OTHER_MACHINES: [Need; 5] = [
     Need::QemuUser,
     Need::QemuRiscv,
 ];
+
+/// Without this the gallery's page is not opened in a browser.
+pub(crate) const BROWSER: [Need; 1] = [Need::Chromium];
 
 /// How a missing need is met.
 enum Source {
@@ -48,6 +52,7 @@ impl Need {
             Self::QemuUser => works("qemu-aarch64", &["--version"]),
             Self::QemuRiscv => works("qemu-system-riscv32", &["--version"]),
             Self::Python => python::interpreter().is_some(),
+            Self::Chromium => works("chromium", &["--version"]),
             Self::CargoDeny => works("cargo", &["deny", "--version"]),
         }
     }
@@ -58,6 +63,7 @@ impl Need {
             Self::QemuUser => Source::Debian(&["qemu-user"]),
             Self::QemuRiscv => Source::Debian(&["qemu-system-misc"]),
             Self::Python => Source::Debian(&["python3", "python3-venv"]),
+            Self::Chromium => Source::Debian(&["chromium"]),
             Self::Rustfmt => Source::Rustup(["component", "add", "rustfmt"]),
             Self::Clippy => Source::Rustup(["component", "add", "clippy"]),
             Self::FirmwareTarget => Source::Rustup(["target", "add", FIRMWARE_TARGET]),

@@ -10,7 +10,7 @@ use anyhow::bail;
 use serde_json::json;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
-use subaperture::focus::rdbp::{Mode, RangeDoppler};
+use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
 use subaperture::focus::{ImageFormer, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Comparison, Image};
@@ -93,7 +93,7 @@ fn ways() -> Vec<Way> {
         way(
             "thesis-40",
             "rdbp thesis, 26 x 40",
-            range_doppler(Mode::Thesis, 40),
+            range_doppler(Mode::Thesis(Thesis::default()), 40),
             None,
         ),
         way(
@@ -105,7 +105,7 @@ fn ways() -> Vec<Way> {
         way(
             "thesis-130",
             "rdbp thesis, 8 x 130",
-            range_doppler(Mode::Thesis, 130),
+            range_doppler(Mode::Thesis(Thesis::default()), 130),
             None,
         ),
         way(

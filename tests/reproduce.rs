@@ -1,0 +1,166 @@
+//! `subap reproduce`: what it leaves, what it makes again, and whether a browser can show the page.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::SystemTime;
+
+use serde_json::Value;
+use subaperture_tests::subap::run;
+
+/// The quickest items: one without a picture, two with.
+const QUICK: [&str; 3] = ["s-table-2-1", "s-2-2", "s-2-3"];
+
+fn reproduce(folder: &Path) -> String {
+    let only: String = QUICK.map(|id| format!(" --only {id}")).concat();
+    run(folder, &format!("reproduce -o gallery{only}"))
+        .succeeded()
+        .to_owned()
+}
+
+/// Every file of the gallery but the page, which is written anew each time, and when it was written.
+fn written(folder: &Path) -> BTreeMap<PathBuf, SystemTime> {
+    let entries = fs::read_dir(folder.join("gallery")).unwrap();
+    entries
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| !path.ends_with("index.html"))
+        .map(|path| (path.clone(), path.metadata().unwrap().modified().unwrap()))
+        .collect()
+}
+
+fn pictures(folder: &Path) -> Vec<PathBuf> {
+    let is_png = |path: &PathBuf| path.extension().is_some_and(|e| e == "png");
+    written(folder).into_keys().filter(is_png).collect()
+}
+
+fn width(png: &Path) -> u32 {
+    let file = std::io::BufReader::new(fs::File::open(png).unwrap());
+    png::Decoder::new(file).read_info().unwrap().info().width
+}
+
+#[test]
+fn items_are_made_once_and_agree() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let said = reproduce(folder);
+    assert!(said.contains("3 of 3 agree"), "{said}");
+
+    for id in QUICK {
+        let text = fs::read(folder.join(format!("gallery/{id}.json"))).unwrap();
+        let json: Value = serde_json::from_slice(&text).unwrap();
+        assert_eq!(json["agrees"], true, "{id}");
+        let checks = json["finding"]["checks"].as_array().unwrap();
+        assert!(!checks.is_empty() && checks.iter().all(|c| c["agrees"] == true));
+    }
+    let pictures = pictures(folder);
+    assert_eq!(pictures.len(), 3, "{pictures:?}");
+    assert!(pictures.iter().all(|png| width(png) > 300));
+    let page = fs::read_to_string(folder.join("gallery/index.html")).unwrap();
+    assert_eq!(page.matches("<img ").count(), 3);
+    assert!(!page.contains("http") && !page.contains("<script"));
+
+    // A second run finds everything.
+    let first = written(folder);
+    reproduce(folder);
+    assert_eq!(written(folder), first);
+
+    // A damaged picture is made again, as it was; other items stay.
+    let damaged = &pictures[0];
+    let whole = fs::read(damaged).unwrap();
+    let mut bytes = whole.clone();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(damaged, &bytes).unwrap();
+    reproduce(folder);
+    assert_eq!(fs::read(damaged).unwrap(), whole);
+    let second = written(folder);
+    let id = |path: &Path| path.file_name().unwrap().to_str().unwrap()[..5].to_owned();
+    for (path, time) in &first {
+        assert_eq!(second[path] == *time, id(path) != id(damaged), "{path:?}");
+    }
+
+    // And so is a text that is cut short.
+    let json = folder.join("gallery/s-table-2-1.json");
+    let text = fs::read(&json).unwrap();
+    fs::write(&json, &text[..text.len() / 2]).unwrap();
+    reproduce(folder);
+    assert_eq!(fs::read(&json).unwrap(), text);
+}
+
+#[test]
+fn items_are_listed_and_unknown_ones_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |line: &str| run(folder.path(), line);
+    let list = run("reproduce --list").succeeded().to_owned();
+    for id in ["s-table-2-1", "s-4-5", "s-4-14", "s-table-5-1", "s-5-2"] {
+        assert!(
+            list.lines().any(|line| line.starts_with(id)),
+            "{id}: {list}"
+        );
+    }
+    assert_eq!(
+        run("reproduce --list --only s-4-5")
+            .succeeded()
+            .lines()
+            .count(),
+        1
+    );
+    run("reproduce --only s-9-9").failed(2, &["--only s-9-9", "s-table-2-1", "s-4-5"]);
+    run("reproduce --only s-2-3 --gotcha nowhere.mat").failed(1, &["nowhere.mat"]);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// A browser on this machine.
+fn browser() -> Option<&'static str> {
+    let works = |name: &&str| {
+        let mut command = Command::new(name);
+        command.arg("--version").stdin(Stdio::null());
+        command.output().is_ok_and(|output| output.status.success())
+    };
+    ["chromium", "chromium-browser", "google-chrome"]
+        .into_iter()
+        .find(works)
+}
+
+#[test]
+fn a_browser_shows_every_picture_without_a_network() {
+    let Some(browser) = browser() else {
+        println!("skipped: chromium not found");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    reproduce(folder);
+    // A copy that tells how wide the browser finds the pictures: 0 for those that it cannot decode.
+    let page = fs::read_to_string(folder.join("gallery/index.html")).unwrap();
+    let ask = "<script>addEventListener('load', () => { document.title = 'widths ' + \
+               Array.from(document.images, (image) => image.naturalWidth).join(' ') })</script></body>";
+    let asking = folder.join("asking.html");
+    fs::write(&asking, page.replace("</body>", ask)).unwrap();
+
+    let output = Command::new(browser)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"])
+        .args([
+            "--host-resolver-rules=MAP * ~NOTFOUND",
+            "--virtual-time-budget=5000",
+        ])
+        .arg(format!(
+            "--user-data-dir={}",
+            folder.join("browser").display()
+        ))
+        .arg(format!("file://{}", asking.display()))
+        .stdin(Stdio::null())
+        .output()
+        .expect("the browser starts");
+    let dom = String::from_utf8_lossy(&output.stdout);
+    let told = dom
+        .split_once("<title>widths ")
+        .and_then(|(_, rest)| rest.split_once("</title>"))
+        .unwrap_or_else(|| panic!("no title in what {browser} shows: {output:?}"));
+    let mut shown: Vec<u32> = told.0.split(' ').map(|w| w.parse().unwrap()).collect();
+    let mut expected: Vec<u32> = pictures(folder).iter().map(|png| width(png)).collect();
+    shown.sort_unstable();
+    expected.sort_unstable();
+    assert_eq!(shown, expected);
+}
