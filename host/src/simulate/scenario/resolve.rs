@@ -34,8 +34,8 @@ pub(super) fn resolve(
             children.iter().find(|child| child.name() == name),
         ) {
             (Some(key), _) => key.when,
-            (None, Some(child)) => child.when,
-            (None, None) => {
+            (None, Some(child)) if !is_slip(section, name, node) => child.when,
+            (None, _) => {
                 faults.push(Found::new(key_at, unknown(section, name, node)));
                 continue;
             }
@@ -93,7 +93,10 @@ pub(super) fn resolve(
         }
     }
     for child in children {
-        let given = table.get(child.name()).map(|(key_at, node)| (key_at, node));
+        let given = table
+            .get(child.name())
+            .filter(|(_, node)| !is_slip(section, child.name(), node))
+            .map(|(key_at, node)| (key_at, node));
         if given.is_none() && suits(child.when) != Some(true) {
             continue;
         }
@@ -171,9 +174,18 @@ fn sections(
     }
 }
 
+/// Whether a name of a section within is a key of this one misspelt: `pulse = 32`, where both `pulses` and
+/// `[radar.pulse]` are known.
+fn is_slip(section: &Section, name: &str, node: &Node) -> bool {
+    let keys = section.keys.iter().map(|key| key.name);
+    !matches!(node.raw, Raw::Table(_) | Raw::Array(_)) && nearest(name, keys).is_some()
+}
+
 fn unknown(section: &'static Section, name: &str, node: &Node) -> String {
     let own = section.keys.iter().map(|key| key.name);
-    let inner = keys::within(section.path).map(Section::name);
+    let inner = keys::within(section.path)
+        .map(|within| within.name())
+        .filter(|inner| *inner != name);
     if let Some(meant) = nearest(name, own.clone().chain(inner)) {
         return format!("unknown key '{name}': did you mean '{meant}'?");
     }
