@@ -23,7 +23,7 @@ pub enum Measure {
     Sharpness,
     /// Contrast of amplitude: between both.
     Contrast,
-    /// Power of the brightest pixel, dB.
+    /// Power of the brightest pixel.
     Peak,
 }
 
@@ -32,7 +32,7 @@ pub enum Measure {
 pub enum Sight {
     /// The image on a grid, by a measure.
     Grid(ImageGrid, Measure),
-    /// Points of known positions, calibration reflectors: the sum of the image's power there, dB. As sharp in
+    /// Points of known positions, calibration reflectors: the sum of the image's power there. As sharp in
     /// range and cross-range as the image itself, where focus alone hardly tells a shift.
     Points(Vec<DVec3>),
 }
@@ -52,7 +52,7 @@ impl Monitor for Quiet<'_> {
 }
 
 /// The merit of a history's image, formed by backprojection with the windows `fast` and `slow`; negative infinity of
-/// a dark one. No figure depends on the image's scale but those in dB.
+/// a dark one. Powers depend on the image's scale, the other figures do not.
 ///
 /// # Errors
 /// [`FormError`].
@@ -76,7 +76,6 @@ pub fn merit(
         let former = Backprojection { error_db: ERROR_DB };
         former.form(&task).map(|formed| formed.image)
     };
-    let db = |power: f64| 10.0 * power.log10();
     match sight {
         Sight::Grid(grid, measure) => {
             let image = form(grid)?;
@@ -85,7 +84,7 @@ pub fn merit(
                 Measure::Entropy => figures.entropy.map(|entropy| -entropy),
                 Measure::Sharpness => figures.sharpness,
                 Measure::Contrast => figures.amplitude_contrast,
-                Measure::Peak => figures.peak_level_db,
+                Measure::Peak => image.peak().map(|peak| power(peak.value)),
             };
             Ok(figure.unwrap_or(f64::NEG_INFINITY))
         }
@@ -100,7 +99,7 @@ pub fn merit(
                 let grid = ImageGrid::horizontal(at(point.x), at(point.y), point.z);
                 sum += power(form(&grid)?.pixels[0]);
             }
-            Ok(db(sum))
+            Ok(if sum > 0.0 { sum } else { f64::NEG_INFINITY })
         }
     }
 }

@@ -148,6 +148,12 @@ fn measure_name(typed: &Tune) -> String {
     }
 }
 
+/// To a ten-thousandth of the step: far below what is told apart, and short to read.
+fn rounded(vary: &Vary, value: f64) -> f64 {
+    let digits = (4.0 - vary.axis.step.log10()).ceil().clamp(0.0, 15.0) as usize;
+    format!("{value:.digits$}").parse().unwrap_or(value)
+}
+
 fn report(typed: &Tune, found: &Tuned, start: Instant) -> anyhow::Result<()> {
     let rows: Vec<Vec<String>> = typed
         .vary
@@ -177,7 +183,7 @@ fn report(typed: &Tune, found: &Tuned, start: Instant) -> anyhow::Result<()> {
         .collect();
     text::say(text::table(&["key", "best", "width", ""], &rows))?;
     text::say(format!(
-        "{} {:.5} after {} images in {}",
+        "{} {:.6} after {} images in {}",
         measure_name(typed),
         match (&typed.grid, typed.measure) {
             (Some(_), subaperture::tune::Measure::Entropy) => -found.merit,
@@ -190,7 +196,7 @@ fn report(typed: &Tune, found: &Tuned, start: Instant) -> anyhow::Result<()> {
         .vary
         .iter()
         .zip(&found.best)
-        .map(|(vary, &best)| format!("{} = \"{}\"", vary.key, vary.text(best)))
+        .map(|(vary, &best)| format!("{} = \"{}\"", vary.key, vary.text(rounded(vary, best))))
         .collect();
     text::say(settings.join("\n"))?;
     Ok(())

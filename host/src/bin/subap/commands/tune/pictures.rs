@@ -14,7 +14,7 @@ use subaperture::phase_history::{PhaseHistory, ReadError, Recorded};
 use subaperture::plot::{self, Chart, Colours, Curve, Heat, Panel};
 use subaperture::tune::Tuned;
 
-use super::measure_name;
+use super::{measure_name, rounded};
 use crate::args::Tune;
 use crate::config::{DEFAULT_ERROR_DB, Session};
 use crate::interrupt;
@@ -43,7 +43,7 @@ pub(super) fn write(
         };
         let finite = scan.points.iter().filter(|point| point.1.is_finite());
         let chart = Chart {
-            title: format!("{}: best at {}", vary.key, vary.text(best)),
+            title: format!("{}: best at {}", vary.key, vary.text(rounded(vary, best))),
             across_label: label,
             up_label: format!("{}, larger is better", measure_name(typed)),
             curves: vec![Curve {
