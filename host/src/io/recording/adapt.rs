@@ -30,15 +30,15 @@ pub(super) fn adapt(
     let (recording, values) = (source.recording, top.section("radar"));
     // The samples once as they are, once in the adapter, once as phase history.
     let needed = 24 * (pulses.chosen.len() as u64).saturating_mul(samples.num_samples as u64);
-    if needed > source.memory_bytes {
+    let left = source.left_bytes();
+    if needed > left {
         return Err(recording.fault(
             "file",
             format!(
-                "{} pulses of {} samples need {needed} bytes of memory and {} are left: raise --memory or \
+                "{} pulses of {} samples need {needed} bytes of memory and {left} are left: raise --memory or \
                  choose fewer pulses",
                 pulses.chosen.len(),
-                samples.num_samples,
-                source.memory_bytes
+                samples.num_samples
             ),
         ));
     }

@@ -28,6 +28,11 @@ impl Arrays {
         files
     }
 
+    /// Bytes of all that is held.
+    fn held_bytes(&self) -> u64 {
+        sum(&self.held.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
     /// The array of this name, read by `read` with the bytes that are left of `memory_bytes` unless it is
     /// held already.
     pub(super) fn hold(
@@ -40,11 +45,15 @@ impl Arrays {
         if let Some(array) = held.get(&name) {
             return Ok(array.clone());
         }
-        let bytes: u64 = held.values().map(|array| bytes(array)).sum();
-        let array = Arc::new(read(&name, memory_bytes.saturating_sub(bytes))?);
+        let left = memory_bytes.saturating_sub(sum(&held));
+        let array = Arc::new(read(&name, left)?);
         held.insert(name, array.clone());
         Ok(array)
     }
+}
+
+fn sum(held: &BTreeMap<Name, Arc<Array>>) -> u64 {
+    held.values().map(|array| bytes(array)).sum()
 }
 
 /// Bytes of an array: all kinds of values take 8.
@@ -63,6 +72,11 @@ pub(super) struct Source<'a> {
 }
 
 impl Source<'_> {
+    /// Bytes that the arrays leave.
+    pub(super) fn left_bytes(&self) -> u64 {
+        self.memory_bytes.saturating_sub(self.arrays.held_bytes())
+    }
+
     /// The file of the samples.
     pub(super) fn file(&self) -> PathBuf {
         self.folder.join(self.recording.text("file"))
