@@ -15,9 +15,13 @@
 //! best. A width comparable to the interval is no finding. The error is a fraction of the width that depends on
 //! noise and on the scene: not known here.
 //!
-//! Sharpness has many maxima: a grid step above the width can miss the highest. The step of a track's error
-//! along the line of sight has to be below a quarter of the wavelength at the edges of the aperture,
-//! relative to its middle; the widths printed tell whether it was fine enough.
+//! Sharpness has many maxima: a grid whose step is above the width can miss the highest one. The widths tell
+//! afterwards whether the step was fine enough.
+//!
+//! Focus does not tell everything. A shift that stays focused (of ranges seen from a short aperture, of clocks while the
+//! platform goes evenly) needs a point of known place: [`Sight::Points`]. Measured on a public recording of a radar pushed
+//! along a rail (`tests/recordings.rs`): sharpness finds the clocks' offset to 0.06 s and leaves the range bias open, the power at
+//! one surveyed reflector finds both, and the reflector then lies within 3 cm of its survey.
 //!
 //! Every evaluation is made once. The result depends on nothing but the merit: it is deterministic if that is.
 
