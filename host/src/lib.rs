@@ -18,6 +18,7 @@
 //! - Names carry units: `_m`, `_s`, `_hz`, `_rad`, `_db`.
 
 pub mod crosscheck;
+pub mod description;
 pub mod focus;
 pub mod geometry;
 pub mod image;
@@ -34,6 +35,7 @@ pub mod reproduce;
 pub mod signal;
 pub mod simulate;
 pub mod survey;
+pub mod tune;
 
 /// Speed of light in vacuum, metres a second (exact by definition).
 pub const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;

@@ -9,4 +9,5 @@ pub mod novatel;
 pub mod npy;
 pub mod open;
 pub mod product;
+pub mod recording;
 pub mod track_csv;

@@ -1,14 +1,16 @@
-//! Recordings opened by what they hold, not by how they are called.
+//! Recordings opened by what they hold, not by how they are called; only a description of a raw recording, which is
+//! text, is known by its `.toml`.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::{cphd, gotcha, matlab};
+use super::{cphd, gotcha, matlab, recording};
 use crate::phase_history::{Aperture, PhaseHistory, ReadError};
 
 const CPHD_MAGIC: &[u8] = b"CPHD/1.";
-const SUPPORTED: &str = "CPHD 1.x and GOTCHA (MATLAB 5) files are read";
+const SUPPORTED: &str =
+    "CPHD 1.x and GOTCHA (MATLAB 5) files are read, and descriptions of raw recordings (.toml)";
 
 /// How recordings are opened.
 #[derive(Clone, Copy, Debug)]
@@ -54,6 +56,18 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
             options.channel,
             options.memory_bytes,
         )?));
+    }
+    if path
+        .extension()
+        .is_some_and(|extension| extension == "toml")
+    {
+        if let Some(channel) = options.channel {
+            return Err(ReadError::Mismatch(format!(
+                "{}: a described recording has no channels; leave out channel '{channel}'",
+                path.display()
+            )));
+        }
+        return Ok(Box::new(recording::open(path, options.memory_bytes)?));
     }
     Err(ReadError::Malformed {
         path: path.to_owned(),
@@ -128,8 +142,14 @@ fn describe(start: &[u8]) -> &'static str {
             "a NITF file (SICD or SIDD): an image already, not phase history",
         ),
         (b"\x89HDF", "an HDF5 file: convert it to CPHD 1.1"),
-        (b"\x93NUMPY", "a NumPy array, without the pulses' geometry"),
-        (b"PK\x03\x04", "a zip archive (npz?): unpack or convert it"),
+        (
+            b"\x93NUMPY",
+            "a NumPy array, without the pulses' geometry: describe it in TOML (subap recording)",
+        ),
+        (
+            b"PK\x03\x04",
+            "a zip archive; if of NumPy arrays, describe it in TOML (subap recording)",
+        ),
         (b"\x1f\x8b", "a gzip file: unpack it"),
     ];
     if start.is_empty() {

@@ -189,6 +189,9 @@ pub enum ReadError {
         /// Bytes left for it.
         allowed_bytes: u64,
     },
+    /// A recording's description does not make sense, or not with its files.
+    #[error(transparent)]
+    Description(#[from] crate::description::DescriptionError),
     /// Inputs that cannot form one aperture.
     #[error("{0}")]
     Mismatch(String),

@@ -8,8 +8,9 @@
 //! | [`Waveform::Pulsed`] | [`Compressed`] | matched or inverse filter, cut to the band |
 //! | [`Waveform::Fmcw`] | [`Deskewed`] | residual video phase and range skew removed |
 //! | [`Waveform::Stepped`], [`Waveform::Ideal`] | [`Referenced`] | nothing more |
+//! | range profiles, real or complex | [`Profiles`] | spectrum over range, cut to the band |
 //!
-//! All three refer phases to each pulse's reference path, in float64.
+//! All refer phases to each pulse's reference path, in float64.
 //!
 //! # Phase of echoes
 //! A scatterer of delay `tau` at frequency `f` gives `exp(-j 2 pi f tau)`, absolute: the oscillator
@@ -26,8 +27,11 @@
 //! coupling of range and Doppler. With 1 m/s of difference, 77 GHz and 30 MHz/us that is 1.3 mm.
 //! [`Compressed`] takes a pulse as short: it neglects the Doppler phase over the pulse's length.
 
+mod background;
 mod compress;
 mod deskew;
+mod held;
+mod profiles;
 mod refer;
 
 use std::ops::Range;
@@ -40,8 +44,11 @@ use crate::geometry::{Extent, SceneFrame};
 use crate::phase_history::{Collection, InputFile, Pulse, ReadError};
 use crate::simulate::radar::Waveform;
 
+pub use background::remove_background;
 pub use compress::{Compressed, Filter};
 pub use deskew::{Deskewed, Skew};
+pub use held::Held;
+pub use profiles::{ProfileAxis, ProfileError, Profiles};
 pub use refer::Referenced;
 
 /// Geometry of one echo, as recorded. Positions in metres in the scene frame.

@@ -1,6 +1,7 @@
 //! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
 
 mod plan;
+mod tune;
 mod values;
 
 use std::path::PathBuf;
@@ -13,6 +14,7 @@ use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
 pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
+pub(crate) use tune::{Recording, Tune, Vary};
 use values::{
     axis, error_bound, finite, length, not_negative, odd, point, positive, rectangle, setting,
     sign, size, threads, vector,
@@ -79,6 +81,10 @@ pub(crate) enum Command {
     Crosscheck(Crosscheck),
     /// Say what recordings hold
     Info(Info),
+    /// How a raw recording of your own is described: keys and examples
+    Recording(Recording),
+    /// Find what nobody measured of a raw recording's geometry by the sharpness of its image
+    Tune(Tune),
     /// Say how far apart two complex images are
     Compare(Compare),
     /// Measure an image: responses of points, level, contrast, differences from another
@@ -96,7 +102,8 @@ pub(crate) enum Command {
 /// Recordings.
 #[derive(Debug, Group)]
 pub(crate) struct Input {
-    /// CPHD 1.x or GOTCHA .mat files; several make one aperture, in the order given
+    /// CPHD 1.x or GOTCHA .mat files, or descriptions of raw recordings (.toml, see subap recording);
+    /// several make one aperture, in the order given
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) paths: Vec<PathBuf>,
 

@@ -30,11 +30,11 @@ fn painting(context: &Context) -> Result<Finding, ItemError> {
     let last = history.collection().pulses.len() - 1;
     let grid = grid_about(DVec3::ZERO, 3.0, 3.0, PIXEL_M);
     let mut images = Vec::new();
-    for count in [1, 2, 8, last + 1] {
+    for (index, count) in [1, 2, 8, last + 1].into_iter().enumerate() {
         // Evenly over the aperture, its ends included.
         let pulses: Vec<usize> = (0..count).map(|i| i * last / (count - 1).max(1)).collect();
         let part = pulses_of(&history, &pulses)?;
-        images.push(form(context, &part, &grid, &backprojection())?);
+        images.push(form(context, [index, 4], &part, &grid, &backprojection())?);
     }
 
     let radar = history.collection().pulses[0].transmitter_m;

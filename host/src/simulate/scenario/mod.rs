@@ -45,51 +45,28 @@
 //! ```
 
 mod check;
-mod error;
 pub mod examples;
-mod keys;
-mod nearest;
-mod platform;
-mod radar;
+pub(crate) mod keys;
+pub(crate) mod platform;
+pub(crate) mod radar;
 mod receiver;
-mod recorded;
-mod resolve;
-mod scene;
-mod schema;
-mod tree;
-mod units;
-mod values;
+pub(crate) mod recorded;
+pub(crate) mod scene;
 
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::engine::Method;
 use super::experiment::Experiment;
-use error::{At, Found, explain};
-use tree::{Step, lay_over, parse_path, parse_setting};
+use crate::description::{Description, error, values};
+use error::Found;
 
-pub use error::{Fault, ScenarioError};
+pub use crate::description::{DescriptionError as ScenarioError, Fault};
 pub use keys::reference;
-
-/// Longest text that is read, bytes: far longer than anyone writes.
-const LONGEST_BYTES: u64 = 16 << 20;
 
 /// A text that says what to simulate, and settings that override it.
 #[derive(Clone, Debug)]
-pub struct Scenario {
-    file: String,
-    text: String,
-    folder: PathBuf,
-    settings: Vec<Setting>,
-}
-
-#[derive(Clone, Debug)]
-struct Setting {
-    path: Vec<Step>,
-    value: String,
-    /// `KEY=VALUE`, for errors.
-    words: String,
-}
+pub struct Scenario(Description);
 
 impl Scenario {
     /// A scenario of a text. `file` names it in errors; paths in it start at `folder`.
@@ -98,12 +75,7 @@ impl Scenario {
         text: impl Into<String>,
         folder: impl Into<PathBuf>,
     ) -> Self {
-        Self {
-            file: file.into(),
-            text: text.into(),
-            folder: folder.into(),
-            settings: Vec::new(),
-        }
+        Self(Description::new(file, text, folder))
     }
 
     /// Reads a scenario's text.
@@ -111,12 +83,7 @@ impl Scenario {
     /// # Errors
     /// If the file cannot be read, is no UTF-8, or has more than 16 MiB.
     pub fn read(path: &Path) -> io::Result<Self> {
-        if std::fs::metadata(path)?.len() > LONGEST_BYTES {
-            return Err(io::Error::other("more than 16 MiB: is this a scenario?"));
-        }
-        let text = std::fs::read_to_string(path)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
-        Ok(Self::new(path.display().to_string(), text, folder))
+        Description::read(path).map(Self)
     }
 
     /// Overrides the key at a dotted path, such as `radar.pri` or `scene.point[0].position`. The value is
@@ -125,25 +92,7 @@ impl Scenario {
     /// # Errors
     /// For a key that there is not; values are checked by [`Self::experiment`].
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), ScenarioError> {
-        let words = format!("{key}={value}");
-        let path = parse_path(key).and_then(|path| {
-            known(&path)?;
-            Ok(path)
-        });
-        match path {
-            Ok(path) => {
-                self.settings.push(Setting {
-                    path,
-                    value: value.to_owned(),
-                    words,
-                });
-                Ok(())
-            }
-            Err(message) => {
-                let found = Found::new(&At::Setting(0), message);
-                Err(explain(&self.file, &self.text, &[words], vec![found]))
-            }
-        }
+        self.0.set(&keys::SCHEMA, key, value)
     }
 
     /// What the scenario describes.
@@ -151,30 +100,19 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError`] with everything that is wrong, as far as one error does not hide another.
     pub fn experiment(&self) -> Result<Experiment, ScenarioError> {
-        let words: Vec<String> = self.settings.iter().map(|s| s.words.clone()).collect();
-        self.build()
-            .map_err(|faults| explain(&self.file, &self.text, &words, faults))
+        self.build().map_err(|faults| self.0.explain(faults))
     }
 
     fn build(&self) -> Result<Experiment, Vec<Found>> {
-        let mut tree = tree::parse(&self.text).map_err(|found| vec![found])?;
-        for (index, setting) in self.settings.iter().enumerate() {
-            let value = parse_setting(&setting.value, index);
-            lay_over(&mut tree, &setting.path, value).map_err(|found| vec![found])?;
-        }
-        let mut faults = Vec::new();
-        let top = resolve::resolve(&keys::TOP, &tree, &At::Text(0..0), &mut faults);
-        if !faults.is_empty() {
-            return Err(faults);
-        }
-
+        let top = self.0.resolve(&keys::SCHEMA)?;
+        let folder = self.0.folder();
         let seed = top.count("seed");
         let one = |found| vec![found];
         let place = scene::place(top.section("scene")).map_err(one)?;
         let mut radar = radar::build(top.section("radar"))?;
-        let ways = platform::build(&top, &radar, &place.frame, seed, &self.folder).map_err(one)?;
+        let ways = platform::build(&top, &radar, &place.frame, seed, folder).map_err(one)?;
         check::place_window(&mut radar, &*ways.track, place.reference);
-        let scene = scene::build(top.section("scene"), &radar, seed, &self.folder).map_err(one)?;
+        let scene = scene::build(top.section("scene"), &radar, seed, folder).map_err(one)?;
         let experiment = Experiment {
             name: top.text("name").to_owned(),
             frame: place.frame,
@@ -196,35 +134,6 @@ impl Scenario {
         }
         debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
         Ok(experiment)
-    }
-}
-
-/// Refuses a setting's path that leads to no key.
-fn known(path: &[Step]) -> Result<(), String> {
-    let names: Vec<&str> = path.iter().map(|(name, _)| name.as_str()).collect();
-    let (key, sections) = names.split_last().ok_or("a key is wanted")?;
-    let wanted = sections.join(".");
-    let section = keys::SECTIONS.iter().find(|s| s.path == wanted);
-    if section.is_some_and(|section| section.key(key).is_some()) {
-        return Ok(());
-    }
-    let whole = names.join(".");
-    let all: Vec<String> = keys::SECTIONS
-        .iter()
-        .flat_map(|section| section.keys.iter().map(|key| join(section.path, key.name)))
-        .collect();
-    let meant = nearest::nearest(&whole, all.iter().map(String::as_str))
-        .map(|path| format!("; did you mean '{path}'?"))
-        .unwrap_or_default();
-    Err(format!(
-        "there is no key '{whole}'{meant} (the reference of keys lists all)"
-    ))
-}
-
-fn join(section: &str, key: &str) -> String {
-    match section {
-        "" => key.to_owned(),
-        _ => format!("{section}.{key}"),
     }
 }
 

@@ -61,7 +61,7 @@ pub(super) fn build(
 }
 
 /// The track that a section's `kind` and its keys describe.
-pub(super) fn track(values: &Values, middle_s: f64) -> Result<Arc<dyn Trajectory>, Found> {
+pub(crate) fn track(values: &Values, middle_s: f64) -> Result<Arc<dyn Trajectory>, Found> {
     let failed = |key: &str, error: TrackError| values.fault(key, error.to_string());
     Ok(match values.text("kind") {
         "fixed" => Arc::new(Linear {

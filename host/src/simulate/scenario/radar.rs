@@ -45,7 +45,8 @@ pub(super) fn build(values: &Values) -> Result<Radar, Vec<Found>> {
     }
 }
 
-fn pri_s(values: &Values) -> Result<f64, Found> {
+/// Time from pulse to pulse, by `pri` or `prf`.
+pub(crate) fn pri_s(values: &Values) -> Result<f64, Found> {
     match (values.optional_number("pri"), values.optional_number("prf")) {
         (Some(pri_s), None) => Ok(pri_s),
         (None, Some(prf_hz)) => Ok(1.0 / prf_hz),
@@ -156,7 +157,7 @@ const BARKER: [(&str, &str); 7] = [
     ("barker-13", "+++++--++-+-+"),
 ];
 
-fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Found> {
+pub(crate) fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Found> {
     if values.text("kind") == "lfm" {
         let bandwidth_hz = values.number("bandwidth");
         let duration_s = values.number("duration");
@@ -219,7 +220,11 @@ fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, Found> {
 }
 
 /// The antennas of a kind, or one at the body's origin.
-fn antennas(values: &Values, section: &str, letter: &str) -> Result<Vec<Antenna>, Found> {
+pub(crate) fn antennas(
+    values: &Values,
+    section: &str,
+    letter: &str,
+) -> Result<Vec<Antenna>, Found> {
     let given = values.sections(section);
     if given.is_empty() {
         return Ok(vec![Antenna {

@@ -13,7 +13,7 @@ use super::error::Found;
 use super::values::Values;
 
 /// The track in the platform's `file`.
-pub(super) fn build(
+pub(crate) fn build(
     values: &Values,
     frame: &SceneFrame,
     folder: &Path,

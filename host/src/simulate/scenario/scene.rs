@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use glam::DVec3;
 use num_complex::Complex64;
 
 use crate::geometry::{Extent, Geodetic, SceneFrame};
@@ -25,39 +26,49 @@ pub(super) struct Place {
 
 /// Where the scene is, and what phases are referred to.
 pub(super) fn place(values: &Values) -> Result<Place, Found> {
-    let origin = values.section("origin");
+    Ok(Place {
+        frame: frame(values.section("origin")),
+        extent: scene_extent(values)?,
+        reference: reference(values)?.unwrap_or(Reference::Point(DVec3::ZERO)),
+    })
+}
+
+/// The frame whose origin `[scene.origin]` gives.
+pub(crate) fn frame(origin: &Values) -> SceneFrame {
     let origin = Geodetic {
         latitude_deg: origin.number("latitude").to_degrees(),
         longitude_deg: origin.number("longitude").to_degrees(),
         height_m: origin.number("height"),
     };
     let [east, north, _] = origin.east_north_up();
-    let extent = match (values.optional_interval("x"), values.optional_interval("y")) {
-        (Some(x_m), Some(y_m)) => Some(Extent { x_m, y_m }),
-        (None, None) => None,
-        (Some(_), None) => return Err(values.fault("x", "there is x but no y: give both")),
-        (None, Some(_)) => return Err(values.fault("y", "there is y but no x: give both")),
-    };
+    SceneFrame::Earth {
+        origin_ecf_m: origin.to_ecf_m(),
+        x_axis_ecf: east,
+        y_axis_ecf: north,
+    }
+}
+
+/// The extent in x and y, if it is given.
+pub(crate) fn scene_extent(values: &Values) -> Result<Option<Extent>, Found> {
+    match (values.optional_interval("x"), values.optional_interval("y")) {
+        (Some(x_m), Some(y_m)) => Ok(Some(Extent { x_m, y_m })),
+        (None, None) => Ok(None),
+        (Some(_), None) => Err(values.fault("x", "there is x but no y: give both")),
+        (None, Some(_)) => Err(values.fault("y", "there is y but no x: give both")),
+    }
+}
+
+/// What phases are referred to, if it is given.
+pub(crate) fn reference(values: &Values) -> Result<Option<Reference>, Found> {
     let point = values.optional_vector("reference");
-    let reference = match (point, values.optional_number("reference_range")) {
-        (Some(_), Some(_)) => {
-            return Err(values.fault(
-                "reference_range",
-                "give either reference or reference_range, not both",
-            ));
-        }
-        (None, Some(range_m)) => Reference::Range(range_m),
-        (point, None) => Reference::Point(point.unwrap_or_default()),
-    };
-    Ok(Place {
-        frame: SceneFrame::Earth {
-            origin_ecf_m: origin.to_ecf_m(),
-            x_axis_ecf: east,
-            y_axis_ecf: north,
-        },
-        extent,
-        reference,
-    })
+    match (point, values.optional_number("reference_range")) {
+        (Some(_), Some(_)) => Err(values.fault(
+            "reference_range",
+            "give either reference or reference_range, not both",
+        )),
+        (None, Some(range_m)) => Ok(Some(Reference::Range(range_m))),
+        (point, None) => Ok(point.map(Reference::Point)),
+    }
 }
 
 /// What the scene holds.

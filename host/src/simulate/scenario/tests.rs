@@ -5,9 +5,9 @@ use std::fmt::Write;
 
 use num_complex::Complex32;
 
-use super::keys::{SECTIONS, reference, within};
-use super::schema::{Kind, Need, Presence, Section};
+use super::keys::{SCHEMA, reference};
 use super::*;
+use crate::description::schema::{Kind, Need, Presence, Section};
 use crate::phase_history::{PhaseHistory, check_finite};
 
 /// The words that a section's selector can have; one empty word if it has none.
@@ -54,7 +54,7 @@ fn write_section(text: &mut String, section: &Section, variant: &str, all: bool,
 /// A scenario that has `section` with `variant`, and of others what is required.
 fn scenario_with(section: &Section, variant: &str, all: bool, second: bool) -> String {
     let mut text = String::new();
-    for other in SECTIONS {
+    for other in SCHEMA.sections {
         if std::ptr::eq(*other, section) {
             write_section(&mut text, section, variant, all, second);
         } else if other.path == "radar" {
@@ -101,7 +101,7 @@ fn files() -> tempfile::TempDir {
 fn every_key_makes_a_scenario_and_is_read() {
     let folder = files();
     let mut seen = BTreeSet::new();
-    for section in SECTIONS {
+    for section in SCHEMA.sections {
         for variant in variants(section) {
             for (all, second) in [(false, false), (true, false), (true, true)] {
                 let mut text = scenario_with(section, variant, all, second);
@@ -134,7 +134,7 @@ fn every_key_makes_a_scenario_and_is_read() {
             }
         }
     }
-    for section in SECTIONS {
+    for section in SCHEMA.sections {
         for key in section.keys {
             assert!(
                 seen.contains(&(section.path, key.name)),
@@ -150,7 +150,7 @@ fn every_key_makes_a_scenario_and_is_read() {
 fn the_table_is_sound() {
     let reference = reference();
     let mut paths = BTreeSet::new();
-    for section in SECTIONS {
+    for section in SCHEMA.sections {
         assert!(paths.insert(section.path), "{} twice", section.path);
         let parent = section.parent();
         assert!(
@@ -158,7 +158,7 @@ fn the_table_is_sound() {
             "{}",
             section.path
         );
-        let mut names: BTreeSet<&str> = within(section.path).map(Section::name).collect();
+        let mut names: BTreeSet<&str> = SCHEMA.within(section.path).map(Section::name).collect();
         for key in section.keys {
             assert!(
                 names.insert(key.name),

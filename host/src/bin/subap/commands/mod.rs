@@ -9,8 +9,10 @@ mod info;
 mod link;
 mod plan;
 mod quality;
+mod recording;
 mod reproduce;
 mod simulate;
+mod tune;
 mod velocity;
 
 use crate::args::Command;
@@ -25,6 +27,8 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Velocity(typed) => velocity::run(session, &typed),
         Command::Link(typed) => link::run(session, &typed),
         Command::Info(typed) => info::run(session, &typed),
+        Command::Recording(typed) => recording::run(&typed),
+        Command::Tune(typed) => tune::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),
         Command::Quality(typed) => quality::run(session, &typed),

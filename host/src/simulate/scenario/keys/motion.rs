@@ -1,29 +1,29 @@
 //! Keys of everything that moves: `[platform]`, its perturbations and navigation, `[[scene.mover]]`.
 
-use crate::simulate::scenario::schema::{Bounds, Key, Kind, Need, Presence, Section};
-use crate::simulate::scenario::units::Dimension;
+use crate::description::schema::{Bounds, Key, Kind, Need, Presence, Section};
+use crate::description::units::Dimension;
 
 const POSITION_DOC: &str = "Where it is at the moment that 'at' says.";
 const AT_DOC: &str = "When it is there: at time 0, or in the middle of the collection.";
-const POSITION: Key = Key::new(
+pub(crate) const POSITION: Key = Key::new(
     "position",
     Kind::Vector(Dimension::Length),
     Need::Required("\"0, -5, 3 km\""),
     POSITION_DOC,
 );
-const VELOCITY: Key = Key::new(
+pub(crate) const VELOCITY: Key = Key::new(
     "velocity",
     Kind::Vector(Dimension::Speed),
     Need::Required("\"100, 0, 0 m/s\""),
     "Its velocity there; of a profile, before its pieces.",
 );
-const AT: Key = Key::new(
+pub(crate) const AT: Key = Key::new(
     "at",
     Kind::Choice(&["start", "middle"]),
     Need::Default("\"middle\""),
     AT_DOC,
 );
-const CENTRE: Key = Key::new(
+pub(crate) const CENTRE: Key = Key::new(
     "centre",
     Kind::Vector(Dimension::Length),
     Need::Required("\"0, 0, 3 km\""),
@@ -32,21 +32,21 @@ const CENTRE: Key = Key::new(
 .when(&["circular"]);
 const RADIUS_DOC: &str = "Radius of the circle, length of the arm.";
 const SPEED_DOC: &str = "Speed along the way.";
-const BEARING: Key = Key::new(
+pub(crate) const BEARING: Key = Key::new(
     "bearing",
     Kind::Quantity(Dimension::Angle, Bounds::Any),
     Need::Default("\"-90 deg\""),
     "Where on the circle it is at the moment that 'at' says: angle from x towards y.",
 )
 .when(&["circular"]);
-const TURN: Key = Key::new(
+pub(crate) const TURN: Key = Key::new(
     "turn",
     Kind::Choice(&["left", "right"]),
     Need::Default("\"left\""),
     "Which way it turns: left is counterclockwise seen from above.",
 )
 .when(&["circular"]);
-const POINTS: Key = Key::new(
+pub(crate) const POINTS: Key = Key::new(
     "points",
     Kind::Rows(
         &[
@@ -60,14 +60,14 @@ const POINTS: Key = Key::new(
     Need::Required("[\"0 s, -3, -5000, 3000 m\", \"60 ms, 3, -5000, 3000 m\"]"),
     "Times and the points that are passed then: straight pieces, or of a spline a smooth curve.",
 );
-const START: Key = Key::new(
+pub(crate) const START: Key = Key::new(
     "start",
     Kind::Quantity(Dimension::Time, Bounds::Any),
     Need::Default("\"0 s\""),
     "When it starts.",
 );
 
-pub(super) static PLATFORM: Section = Section {
+pub(crate) static PLATFORM: Section = Section {
     path: "platform",
     presence: Presence::Always,
     when: &[],
@@ -181,7 +181,7 @@ pub(super) static PLATFORM: Section = Section {
     ],
 };
 
-pub(super) static PERTURBATION: Section = Section {
+pub(crate) static PERTURBATION: Section = Section {
     path: "platform.perturbation",
     presence: Presence::Many,
     when: &[],
@@ -264,7 +264,7 @@ pub(super) static PERTURBATION: Section = Section {
 const NO_LENGTH: Need = Need::Default("\"0, 0, 0 m\"");
 const NO_ANGLE: Need = Need::Default("\"0, 0, 0 deg\"");
 
-pub(super) static NAVIGATION: Section = Section {
+pub(crate) static NAVIGATION: Section = Section {
     path: "navigation",
     presence: Presence::Optional,
     when: &[],
@@ -317,7 +317,7 @@ pub(super) static NAVIGATION: Section = Section {
     ],
 };
 
-pub(super) static MOVER: Section = Section {
+pub(crate) static MOVER: Section = Section {
     path: "scene.mover",
     presence: Presence::Many,
     when: &[],

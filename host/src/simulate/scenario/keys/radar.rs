@@ -2,10 +2,10 @@
 
 use std::f64::consts::PI;
 
-use crate::simulate::scenario::schema::{Bounds, Key, Kind, Need, Presence, Section};
-use crate::simulate::scenario::units::Dimension;
+use crate::description::schema::{Bounds, Key, Kind, Need, Presence, Section};
+use crate::description::units::Dimension;
 
-pub(super) static RADAR: Section = Section {
+pub(crate) static RADAR: Section = Section {
     path: "radar",
     presence: Presence::Always,
     when: &[],
@@ -122,7 +122,7 @@ pub(super) static RADAR: Section = Section {
     ],
 };
 
-pub(super) static PULSE: Section = Section {
+pub(crate) static PULSE: Section = Section {
     path: "radar.pulse",
     presence: Presence::Always,
     when: &["pulsed"],
@@ -236,7 +236,7 @@ const ELEVATION: Key = Key::new(
 )
 .when(&["gaussian", "aperture"]);
 
-pub(super) static TRANSMITTER: Section = Section {
+pub(crate) static TRANSMITTER: Section = Section {
     path: "radar.transmitter",
     presence: Presence::Many,
     when: &[],
@@ -246,7 +246,7 @@ pub(super) static TRANSMITTER: Section = Section {
     keys: &[NAME, OFFSET, BORESIGHT, UP, PATTERN, AZIMUTH, ELEVATION],
 };
 
-pub(super) static RECEIVER: Section = Section {
+pub(crate) static RECEIVER: Section = Section {
     path: "radar.receiver",
     presence: Presence::Many,
     when: &[],
@@ -258,7 +258,7 @@ pub(super) static RECEIVER: Section = Section {
 
 const DECIBELS: Bounds = Bounds::Within(-300.0, 300.0, "-300 to 300 dB");
 
-pub(super) static NOISE: Section = Section {
+pub(crate) static NOISE: Section = Section {
     path: "radar.noise",
     presence: Presence::Optional,
     when: &[],
@@ -323,7 +323,7 @@ pub(super) static NOISE: Section = Section {
     ],
 };
 
-pub(super) static PHASE_NOISE: Section = Section {
+pub(crate) static PHASE_NOISE: Section = Section {
     path: "radar.phase_noise",
     presence: Presence::Optional,
     when: &[],
@@ -338,7 +338,7 @@ pub(super) static PHASE_NOISE: Section = Section {
     )],
 };
 
-pub(super) static CLOCK: Section = Section {
+pub(crate) static CLOCK: Section = Section {
     path: "radar.clock",
     presence: Presence::Optional,
     when: &[],
@@ -360,7 +360,7 @@ pub(super) static CLOCK: Section = Section {
     ],
 };
 
-pub(super) static INTERFERENCE: Section = Section {
+pub(crate) static INTERFERENCE: Section = Section {
     path: "radar.interference",
     presence: Presence::Many,
     when: &[],
@@ -394,7 +394,7 @@ pub(super) static INTERFERENCE: Section = Section {
     ],
 };
 
-pub(super) static CONVERTER: Section = Section {
+pub(crate) static CONVERTER: Section = Section {
     path: "radar.converter",
     presence: Presence::Optional,
     when: &[],

@@ -2,10 +2,10 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use crate::simulate::scenario::schema::{Bounds, Key, Kind, Need, Presence, Section};
-use crate::simulate::scenario::units::Dimension;
+use crate::description::schema::{Bounds, Key, Kind, Need, Presence, Section};
+use crate::description::units::Dimension;
 
-pub(super) static SCENE: Section = Section {
+pub(crate) static SCENE: Section = Section {
     path: "scene",
     presence: Presence::Always,
     when: &[],
@@ -41,7 +41,7 @@ pub(super) static SCENE: Section = Section {
     ],
 };
 
-pub(super) static ORIGIN: Section = Section {
+pub(crate) static ORIGIN: Section = Section {
     path: "scene.origin",
     presence: Presence::Always,
     when: &[],
@@ -94,7 +94,7 @@ const PHASE: Key = Key::new(
     "Phase of its reflection.",
 );
 
-pub(super) static POINT: Section = Section {
+pub(crate) static POINT: Section = Section {
     path: "scene.point",
     presence: Presence::Many,
     when: &[],
@@ -103,7 +103,7 @@ pub(super) static POINT: Section = Section {
     keys: &[POSITION, CROSS_SECTION, PHASE],
 };
 
-pub(super) static CORNER: Section = Section {
+pub(crate) static CORNER: Section = Section {
     path: "scene.corner",
     presence: Presence::Many,
     when: &[],
@@ -152,7 +152,7 @@ const SPACING: Key = Key::new(
 );
 const LEVEL: Bounds = Bounds::Within(-300.0, 300.0, "-300 to 300 dB");
 
-pub(super) static CLUTTER: Section = Section {
+pub(crate) static CLUTTER: Section = Section {
     path: "scene.clutter",
     presence: Presence::Many,
     when: &[],
@@ -203,7 +203,7 @@ pub(super) static CLUTTER: Section = Section {
     ],
 };
 
-pub(super) static PICTURE: Section = Section {
+pub(crate) static PICTURE: Section = Section {
     path: "scene.picture",
     presence: Presence::Many,
     when: &[],
@@ -235,7 +235,7 @@ pub(super) static PICTURE: Section = Section {
     ],
 };
 
-pub(super) static BUILDING: Section = Section {
+pub(crate) static BUILDING: Section = Section {
     path: "scene.building",
     presence: Presence::Many,
     when: &[],

@@ -1,4 +1,4 @@
-//! The scenario's text as a tree of values that know where they came from, with settings laid over it.
+//! A description's text as a tree of values that know where they came from, with settings laid over it.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use super::error::{At, Found};
 
 /// A value.
 #[derive(Clone, Debug)]
-pub(super) enum Raw {
+pub(crate) enum Raw {
     Text(String),
     /// Too large for 64 bits if `None`.
     Integer(Option<i64>),
@@ -21,17 +21,17 @@ pub(super) enum Raw {
 
 /// A value and where it is.
 #[derive(Clone, Debug)]
-pub(super) struct Node {
-    pub(super) raw: Raw,
-    pub(super) at: At,
+pub(crate) struct Node {
+    pub(crate) raw: Raw,
+    pub(crate) at: At,
 }
 
 /// Entries of a table with the places of their keys.
-pub(super) type Table = BTreeMap<String, (At, Node)>;
+pub(crate) type Table = BTreeMap<String, (At, Node)>;
 
 impl Raw {
     /// With its article, for errors.
-    pub(super) fn name(&self) -> &'static str {
+    pub(crate) fn name(&self) -> &'static str {
         match self {
             Self::Text(_) => "a text",
             Self::Integer(_) => "a whole number",
@@ -45,7 +45,7 @@ impl Raw {
 }
 
 /// Parses TOML; the first error of its syntax, if there is one.
-pub(super) fn parse(text: &str) -> Result<Table, Found> {
+pub(crate) fn parse(text: &str) -> Result<Table, Found> {
     let place = |span: Option<std::ops::Range<usize>>| At::Text(span.unwrap_or(0..0));
     let parsed = DeTable::parse(text).map_err(|error| {
         Found::new(
@@ -57,7 +57,7 @@ pub(super) fn parse(text: &str) -> Result<Table, Found> {
 }
 
 /// The value of a setting: TOML where it is some, else a text without its quotes.
-pub(super) fn parse_setting(text: &str, index: usize) -> Node {
+pub(crate) fn parse_setting(text: &str, index: usize) -> Node {
     let at = At::Setting(index);
     match DeValue::parse(text) {
         Ok(value) => Node {
@@ -107,10 +107,10 @@ fn raw(source: &DeValue, setting: Option<&At>) -> Raw {
 }
 
 /// One step of a setting's key: a name and, of an array of tables, an index.
-pub(super) type Step = (String, Option<usize>);
+pub(crate) type Step = (String, Option<usize>);
 
 /// `scene.point[1].position`.
-pub(super) fn parse_path(path: &str) -> Result<Vec<Step>, String> {
+pub(crate) fn parse_path(path: &str) -> Result<Vec<Step>, String> {
     path.split('.')
         .map(|word| {
             let (name, index) = match word.split_once('[') {
@@ -138,7 +138,7 @@ pub(super) fn parse_path(path: &str) -> Result<Vec<Step>, String> {
 }
 
 /// Puts a setting's value at its key, making sections on the way where there are none.
-pub(super) fn lay_over(root: &mut Table, path: &[Step], value: Node) -> Result<(), Found> {
+pub(crate) fn lay_over(root: &mut Table, path: &[Step], value: Node) -> Result<(), Found> {
     let at = value.at.clone();
     let fail = |message: String| Err(Found::new(&at, message));
     let Some(((name, None), sections)) = path.split_last() else {

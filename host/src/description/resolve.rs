@@ -4,16 +4,16 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 
 use super::error::{At, Found};
-use super::keys;
 use super::nearest::nearest;
-use super::schema::{Key, Kind, Need, Presence, Section};
+use super::schema::{Key, Kind, Need, Presence, Schema, Section};
 use super::tree::{Node, Raw, Table, parse_setting};
 use super::units::{Dimension, example_row, parse_row};
 use super::values::{Given, Value, Values};
 
 /// The values of the section at `path` and of all within. What is wrong is added to `faults`; the values
 /// are complete only if nothing was.
-pub(super) fn resolve(
+pub(crate) fn resolve(
+    schema: &Schema,
     section: &'static Section,
     table: &Table,
     at: &At,
@@ -26,7 +26,7 @@ pub(super) fn resolve(
         None => None,
         Some(value) => Some(when.contains(&value.as_str())),
     };
-    let children: Vec<&'static Section> = keys::within(section.path).collect();
+    let children: Vec<&'static Section> = schema.within(section.path).collect();
 
     for (name, (key_at, node)) in table {
         let when = match (
@@ -36,7 +36,7 @@ pub(super) fn resolve(
             (Some(key), _) => key.when,
             (None, Some(child)) if !is_slip(section, name, node) => child.when,
             (None, _) => {
-                faults.push(Found::new(key_at, unknown(section, name, node)));
+                faults.push(Found::new(key_at, unknown(schema, section, name, node)));
                 continue;
             }
         };
@@ -100,7 +100,7 @@ pub(super) fn resolve(
         if given.is_none() && suits(child.when) != Some(true) {
             continue;
         }
-        let found = sections(child, given, at, faults);
+        let found = sections(schema, child, given, at, faults);
         values.within.insert(child.name(), found);
     }
     values
@@ -122,13 +122,14 @@ fn selected(section: &Section, table: &Table) -> Option<String> {
 
 /// All sections of one name.
 fn sections(
+    schema: &Schema,
     section: &'static Section,
     given: Option<(&At, &Node)>,
     parent_at: &At,
     faults: &mut Vec<Found>,
 ) -> Vec<Values> {
     let one = |node: &Node, faults: &mut Vec<Found>| match &node.raw {
-        Raw::Table(table) => Some(resolve(section, table, &node.at, faults)),
+        Raw::Table(table) => Some(resolve(schema, section, table, &node.at, faults)),
         other => {
             faults.push(Found::new(
                 &node.at,
@@ -143,7 +144,9 @@ fn sections(
         }
     };
     match (section.presence, given) {
-        (Presence::Always, None) => vec![resolve(section, &Table::new(), parent_at, faults)],
+        (Presence::Always, None) => {
+            vec![resolve(schema, section, &Table::new(), parent_at, faults)]
+        }
         (_, None) => Vec::new(),
         (
             Presence::Many,
@@ -181,16 +184,18 @@ fn is_slip(section: &Section, name: &str, node: &Node) -> bool {
     !matches!(node.raw, Raw::Table(_) | Raw::Array(_)) && nearest(name, keys).is_some()
 }
 
-fn unknown(section: &'static Section, name: &str, node: &Node) -> String {
+fn unknown(schema: &Schema, section: &'static Section, name: &str, node: &Node) -> String {
     let own = section.keys.iter().map(|key| key.name);
-    let inner = keys::within(section.path)
+    let inner = schema
+        .within(section.path)
         .map(|within| within.name())
         .filter(|inner| *inner != name);
     if let Some(meant) = nearest(name, own.clone().chain(inner)) {
         return format!("unknown key '{name}': did you mean '{meant}'?");
     }
     // A key may have slipped into the wrong section.
-    let elsewhere = keys::SECTIONS
+    let elsewhere = schema
+        .sections
         .iter()
         .find(|other| other.key(name).is_some() && !matches!(node.raw, Raw::Table(_)));
     if let Some(other) = elsewhere {
@@ -201,7 +206,7 @@ fn unknown(section: &'static Section, name: &str, node: &Node) -> String {
         );
     }
     let known: Vec<&str> = own
-        .chain(keys::within(section.path).map(Section::name))
+        .chain(schema.within(section.path).map(Section::name))
         .collect();
     format!(
         "unknown key '{name}': {} has {}",

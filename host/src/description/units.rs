@@ -9,11 +9,12 @@ use super::nearest::nearest;
 
 /// What a unit measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Dimension {
+pub(crate) enum Dimension {
     Length,
     Time,
     Frequency,
     Speed,
+    SweepRate,
     Acceleration,
     Angle,
     AngularRate,
@@ -102,6 +103,19 @@ static DIMENSIONS: &[Row] = &[
             ("mm/s", Linear(1e-3)),
             ("km/h", Linear(1.0 / 3.6)),
             ("kn", Linear(1852.0 / 3600.0)),
+        ],
+    ),
+    (
+        Dimension::SweepRate,
+        "a sweep rate",
+        "40 MHz/us",
+        1e21,
+        &[
+            ("Hz/s", Linear(1.0)),
+            ("MHz/us", Linear(1e12)),
+            ("MHz/ms", Linear(1e9)),
+            ("GHz/ms", Linear(1e12)),
+            ("GHz/s", Linear(1e9)),
         ],
     ),
     (
@@ -203,35 +217,35 @@ impl Dimension {
     }
 
     /// With its article: `a length`.
-    pub(super) fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         self.row().1
     }
 
     /// A quantity of it, as it is written.
-    pub(super) fn example(self) -> &'static str {
+    pub(crate) fn example(self) -> &'static str {
         self.row().2
     }
 
     /// Its units: `m, km, cm`.
-    pub(super) fn units(self) -> String {
+    pub(crate) fn units(self) -> String {
         let units = self.row().4.iter().map(|&(unit, _)| unit);
         let named: Vec<&str> = units.filter(|unit| !unit.is_empty()).collect();
         named.join(", ")
     }
 
     /// The quantity `text`, in SI units.
-    pub(super) fn parse(self, text: &str) -> Result<f64, String> {
+    pub(crate) fn parse(self, text: &str) -> Result<f64, String> {
         Ok(self.parse_list(text, 1)?[0])
     }
 
     /// `count` quantities of one dimension, in SI units.
-    pub(super) fn parse_list(self, text: &str, count: usize) -> Result<Vec<f64>, String> {
+    pub(crate) fn parse_list(self, text: &str, count: usize) -> Result<Vec<f64>, String> {
         parse_row(text, &vec![self; count])
     }
 }
 
 /// Quantities parted by commas, of the dimensions given, in SI units.
-pub(super) fn parse_row(text: &str, dimensions: &[Dimension]) -> Result<Vec<f64>, String> {
+pub(crate) fn parse_row(text: &str, dimensions: &[Dimension]) -> Result<Vec<f64>, String> {
     let parts: Vec<&str> = text.split(',').collect();
     if parts.len() != dimensions.len() {
         return Err(format!(
@@ -259,7 +273,7 @@ pub(super) fn parse_row(text: &str, dimensions: &[Dimension]) -> Result<Vec<f64>
 }
 
 /// How a row of these dimensions is written.
-pub(super) fn example_row(dimensions: &[Dimension]) -> String {
+pub(crate) fn example_row(dimensions: &[Dimension]) -> String {
     let examples: Vec<&str> = dimensions.iter().map(|d| d.example()).collect();
     format!("\"{}\"", examples.join(", "))
 }

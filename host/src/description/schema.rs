@@ -1,24 +1,33 @@
-//! What a scenario can say: how keys and sections are described.
+//! What a description can say: how keys and sections are described.
 
 use super::units::{Dimension, example_row};
 
+/// All that a description can say, for one purpose.
+#[derive(Debug)]
+pub(crate) struct Schema {
+    /// Every section, those within others after them; the top is the first.
+    pub(crate) sections: &'static [&'static Section],
+    /// What the reference of keys begins with.
+    pub(crate) introduction: &'static str,
+}
+
 /// A table of the text, or an array of tables.
 #[derive(Debug)]
-pub(super) struct Section {
+pub(crate) struct Section {
     /// Dotted path; empty for the top.
-    pub(super) path: &'static str,
-    pub(super) presence: Presence,
+    pub(crate) path: &'static str,
+    pub(crate) presence: Presence,
     /// Values of the parent's selector with which it makes sense; with all if empty.
-    pub(super) when: &'static [&'static str],
+    pub(crate) when: &'static [&'static str],
     /// The key whose value decides which others make sense; empty if there is none.
-    pub(super) selector: &'static str,
-    pub(super) doc: &'static str,
-    pub(super) keys: &'static [Key],
+    pub(crate) selector: &'static str,
+    pub(crate) doc: &'static str,
+    pub(crate) keys: &'static [Key],
 }
 
 /// How often a section comes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Presence {
+pub(crate) enum Presence {
     /// Once, or left out where none of its keys is required: it is then made of defaults.
     Always,
     /// Once or not at all.
@@ -29,21 +38,21 @@ pub(super) enum Presence {
 
 /// A key of a section.
 #[derive(Debug)]
-pub(super) struct Key {
-    pub(super) name: &'static str,
-    pub(super) kind: Kind,
-    pub(super) need: Need,
+pub(crate) struct Key {
+    pub(crate) name: &'static str,
+    pub(crate) kind: Kind,
+    pub(crate) need: Need,
     /// Values of the section's selector with which it makes sense; with all if empty.
-    pub(super) when: &'static [&'static str],
-    pub(super) doc: &'static str,
+    pub(crate) when: &'static [&'static str],
+    pub(crate) doc: &'static str,
 }
 
 /// What a value is.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     /// Any text.
     Text,
-    /// A path, relative to the scenario's folder.
+    /// A path, relative to the description's folder.
     Path,
     /// One of these words.
     Choice(&'static [&'static str]),
@@ -63,7 +72,7 @@ pub(super) enum Kind {
 
 /// What a quantity may be, in SI units.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Bounds {
+pub(crate) enum Bounds {
     Any,
     Positive,
     NotNegative,
@@ -73,7 +82,7 @@ pub(super) enum Bounds {
 
 /// Whether a key has to be given. The text is TOML: an example, the default, an example.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Need {
+pub(crate) enum Need {
     Required(&'static str),
     Default(&'static str),
     Optional(&'static str),
@@ -85,7 +94,7 @@ const SMALLEST: f64 = 1e-18;
 
 impl Bounds {
     /// What a value has to be instead, if it is out of bounds.
-    pub(super) fn refuse(self, value: f64) -> Option<String> {
+    pub(crate) fn refuse(self, value: f64) -> Option<String> {
         match self {
             Self::Any => None,
             Self::Positive => (value < SMALLEST).then(|| "above 0".to_owned()),
@@ -108,10 +117,10 @@ impl Bounds {
 
 impl Kind {
     /// In words, for the reference.
-    pub(super) fn words(self) -> String {
+    pub(crate) fn words(self) -> String {
         match self {
             Self::Text => "text".to_owned(),
-            Self::Path => "path, from the scenario's folder".to_owned(),
+            Self::Path => "path, from the folder of this file".to_owned(),
             Self::Choice(words) => words
                 .iter()
                 .map(|word| format!("\"{word}\""))
@@ -156,14 +165,22 @@ fn bare(dimension: Dimension) -> &'static str {
     name.split_once(' ').map_or(name, |(_, bare)| bare)
 }
 
+impl Schema {
+    /// The sections directly within the one at `path`.
+    pub(crate) fn within(&self, path: &str) -> impl Iterator<Item = &'static Section> {
+        let sections = self.sections.iter().copied();
+        sections.filter(move |section| section.parent() == Some(path))
+    }
+}
+
 impl Section {
     /// The last word of the path.
-    pub(super) fn name(&self) -> &'static str {
+    pub(crate) fn name(&self) -> &'static str {
         self.path.rsplit('.').next().unwrap_or_default()
     }
 
     /// The path of the section that this one is in; `None` of the top.
-    pub(super) fn parent(&self) -> Option<&'static str> {
+    pub(crate) fn parent(&self) -> Option<&'static str> {
         match self.path.rsplit_once('.') {
             Some((parent, _)) => Some(parent),
             None => (!self.path.is_empty()).then_some(""),
@@ -171,22 +188,22 @@ impl Section {
     }
 
     /// As the text writes it: `[radar.pulse]`, `[[scene.point]]`.
-    pub(super) fn header(&self) -> String {
+    pub(crate) fn header(&self) -> String {
         match (self.path, self.presence) {
-            ("", _) => "the scenario".to_owned(),
+            ("", _) => "the top of the text".to_owned(),
             (path, Presence::Many) => format!("[[{path}]]"),
             (path, _) => format!("[{path}]"),
         }
     }
 
     /// The key of this name.
-    pub(super) fn key(&self, name: &str) -> Option<&'static Key> {
+    pub(crate) fn key(&self, name: &str) -> Option<&'static Key> {
         self.keys.iter().find(|key| key.name == name)
     }
 }
 
 impl Key {
-    pub(super) const fn new(name: &'static str, kind: Kind, need: Need, doc: &'static str) -> Self {
+    pub(crate) const fn new(name: &'static str, kind: Kind, need: Need, doc: &'static str) -> Self {
         Self {
             name,
             kind,
@@ -197,13 +214,13 @@ impl Key {
     }
 
     /// Makes sense with these values of the selector only.
-    pub(super) const fn when(mut self, values: &'static [&'static str]) -> Self {
+    pub(crate) const fn when(mut self, values: &'static [&'static str]) -> Self {
         self.when = values;
         self
     }
 
     /// The TOML text of an example or the default.
-    pub(super) fn example(&self) -> &'static str {
+    pub(crate) fn example(&self) -> &'static str {
         match self.need {
             Need::Required(text) | Need::Default(text) | Need::Optional(text) => text,
         }

@@ -1,11 +1,11 @@
-//! What is wrong in a scenario, where, and what to do.
+//! What is wrong in a description, where, and what to do.
 
 use std::fmt;
 use std::ops::Range;
 
-/// Where something in a scenario came from.
+/// Where something in a description came from.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum At {
+pub(crate) enum At {
     /// Bytes of the text.
     Text(Range<usize>),
     /// The setting of this index, which overrides the text.
@@ -14,13 +14,13 @@ pub(super) enum At {
 
 /// Something wrong, not yet put into words with its line.
 #[derive(Clone, Debug)]
-pub(super) struct Found {
-    pub(super) at: At,
-    pub(super) message: String,
+pub(crate) struct Found {
+    pub(crate) at: At,
+    pub(crate) message: String,
 }
 
 impl Found {
-    pub(super) fn new(at: &At, message: impl Into<String>) -> Self {
+    pub(crate) fn new(at: &At, message: impl Into<String>) -> Self {
         Self {
             at: at.clone(),
             message: message.into(),
@@ -43,14 +43,14 @@ pub struct Fault {
     pub message: String,
 }
 
-/// A scenario that says nothing that can be simulated, with everything that was found.
+/// A description that does not make sense, with everything that was found.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub struct ScenarioError {
+pub struct DescriptionError {
     /// At least one, in the order of the text.
     pub faults: Vec<Fault>,
 }
 
-impl fmt::Display for ScenarioError {
+impl fmt::Display for DescriptionError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (i, fault) in self.faults.iter().enumerate() {
             if i > 0 {
@@ -73,18 +73,18 @@ const SHOWN_BEFORE: usize = 60;
 const SHOWN_AFTER: usize = 100;
 
 /// Puts what was found into words. `settings` are the texts `KEY=VALUE`.
-pub(super) fn explain(
+pub(crate) fn explain(
     file: &str,
     text: &str,
     settings: &[String],
     mut found: Vec<Found>,
-) -> ScenarioError {
+) -> DescriptionError {
     found.sort_by_key(|found| match &found.at {
         At::Text(range) => (0, range.start),
         At::Setting(index) => (1, *index),
     });
     let faults = found.into_iter().take(MOST_FAULTS);
-    ScenarioError {
+    DescriptionError {
         faults: faults
             .map(|found| match found.at {
                 At::Setting(index) => Fault {

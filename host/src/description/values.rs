@@ -10,7 +10,7 @@ use super::schema::Section;
 
 /// A value in SI units.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Value {
+pub(crate) enum Value {
     Text(String),
     Flag(bool),
     Count(u64),
@@ -22,21 +22,21 @@ pub(super) enum Value {
 
 /// A value, where it is, and whether a builder has asked for it.
 #[derive(Clone, Debug)]
-pub(super) struct Given {
-    pub(super) value: Value,
-    pub(super) at: At,
-    pub(super) taken: Cell<bool>,
+pub(crate) struct Given {
+    pub(crate) value: Value,
+    pub(crate) at: At,
+    pub(crate) taken: Cell<bool>,
 }
 
-/// A section of the scenario with defaults filled in. All keys that are required are there.
+/// A section of a description with defaults filled in. All keys that are required are there.
 #[derive(Clone, Debug)]
-pub(super) struct Values {
-    pub(super) section: &'static Section,
+pub(crate) struct Values {
+    pub(crate) section: &'static Section,
     /// Its header.
-    pub(super) at: At,
-    pub(super) keys: BTreeMap<&'static str, Given>,
+    pub(crate) at: At,
+    pub(crate) keys: BTreeMap<&'static str, Given>,
     /// Sections within, by name.
-    pub(super) within: BTreeMap<&'static str, Vec<Values>>,
+    pub(crate) within: BTreeMap<&'static str, Vec<Values>>,
 }
 
 /// # Panics
@@ -63,78 +63,78 @@ impl Values {
     }
 
     /// Where the key's value is, or else the section.
-    pub(super) fn at(&self, key: &str) -> &At {
+    pub(crate) fn at(&self, key: &str) -> &At {
         self.keys.get(key).map_or(&self.at, |given| &given.at)
     }
 
     /// Something wrong with a key's value.
-    pub(super) fn fault(&self, key: &str, message: impl Into<String>) -> Found {
+    pub(crate) fn fault(&self, key: &str, message: impl Into<String>) -> Found {
         Found::new(self.at(key), message)
     }
 
-    pub(super) fn optional_number(&self, key: &str) -> Option<f64> {
+    pub(crate) fn optional_number(&self, key: &str) -> Option<f64> {
         match &self.given(key)?.value {
             Value::Number(number) => Some(*number),
             other => unreachable!("'{key}' is {other:?}"),
         }
     }
 
-    pub(super) fn number(&self, key: &str) -> f64 {
+    pub(crate) fn number(&self, key: &str) -> f64 {
         match self.value(key) {
             Value::Number(number) => *number,
             other => unreachable!("'{key}' is {other:?}"),
         }
     }
 
-    pub(super) fn optional_text(&self, key: &str) -> Option<&str> {
+    pub(crate) fn optional_text(&self, key: &str) -> Option<&str> {
         match &self.given(key)?.value {
             Value::Text(text) => Some(text),
             other => unreachable!("'{key}' is {other:?}"),
         }
     }
 
-    pub(super) fn text(&self, key: &str) -> &str {
+    pub(crate) fn text(&self, key: &str) -> &str {
         match self.value(key) {
             Value::Text(text) => text,
             other => unreachable!("'{key}' is {other:?}"),
         }
     }
 
-    pub(super) fn flag(&self, key: &str) -> bool {
+    pub(crate) fn flag(&self, key: &str) -> bool {
         matches!(self.value(key), Value::Flag(true))
     }
 
-    pub(super) fn count(&self, key: &str) -> u64 {
+    pub(crate) fn count(&self, key: &str) -> u64 {
         match self.value(key) {
             Value::Count(count) => *count,
             other => unreachable!("'{key}' is {other:?}"),
         }
     }
 
-    pub(super) fn optional_count(&self, key: &str) -> Option<u64> {
+    pub(crate) fn optional_count(&self, key: &str) -> Option<u64> {
         self.given(key).map(|_| self.count(key))
     }
 
-    pub(super) fn interval(&self, key: &str) -> (f64, f64) {
+    pub(crate) fn interval(&self, key: &str) -> (f64, f64) {
         match self.value(key) {
             Value::Numbers(numbers) => (numbers[0], numbers[1]),
             other => unreachable!("'{key}' is {other:?}"),
         }
     }
 
-    pub(super) fn vector(&self, key: &str) -> DVec3 {
+    pub(crate) fn vector(&self, key: &str) -> DVec3 {
         match self.value(key) {
             Value::Numbers(numbers) => DVec3::from_slice(numbers),
             other => unreachable!("'{key}' is {other:?}"),
         }
     }
 
-    pub(super) fn optional_vector(&self, key: &str) -> Option<DVec3> {
+    pub(crate) fn optional_vector(&self, key: &str) -> Option<DVec3> {
         self.given(key).map(|_| self.vector(key))
     }
 
     /// The direction of a vector, which must have one.
-    pub(super) fn direction(&self, key: &str) -> Result<DVec3, Found> {
+    pub(crate) fn direction(&self, key: &str) -> Result<DVec3, Found> {
         self.vector(key).try_normalize().ok_or_else(|| {
             self.fault(
                 key,
@@ -143,39 +143,39 @@ impl Values {
         })
     }
 
-    pub(super) fn optional_interval(&self, key: &str) -> Option<(f64, f64)> {
+    pub(crate) fn optional_interval(&self, key: &str) -> Option<(f64, f64)> {
         self.given(key).map(|_| self.interval(key))
     }
 
-    pub(super) fn rows(&self, key: &str) -> &[Vec<f64>] {
+    pub(crate) fn rows(&self, key: &str) -> &[Vec<f64>] {
         match self.value(key) {
             Value::Rows(rows) => rows,
             other => unreachable!("'{key}' is {other:?}"),
         }
     }
 
-    pub(super) fn optional_rows(&self, key: &str) -> Option<&[Vec<f64>]> {
+    pub(crate) fn optional_rows(&self, key: &str) -> Option<&[Vec<f64>]> {
         self.given(key).map(|_| self.rows(key))
     }
 
     /// The sections of this name within; none if there are none.
-    pub(super) fn sections(&self, name: &str) -> &[Self] {
+    pub(crate) fn sections(&self, name: &str) -> &[Self] {
         self.within.get(name).map_or(&[], Vec::as_slice)
     }
 
     /// The one section of this name within.
-    pub(super) fn optional_section(&self, name: &str) -> Option<&Self> {
+    pub(crate) fn optional_section(&self, name: &str) -> Option<&Self> {
         self.sections(name).first()
     }
 
     /// The one section of this name within, which is always there.
-    pub(super) fn section(&self, name: &str) -> &Self {
+    pub(crate) fn section(&self, name: &str) -> &Self {
         let section = self.optional_section(name);
         section.unwrap_or_else(|| panic!("section '{name}' may be absent"))
     }
 
     /// Keys that no builder has asked for, with their sections' paths: a fault of the program.
-    pub(super) fn not_taken(&self) -> Vec<String> {
+    pub(crate) fn not_taken(&self) -> Vec<String> {
         let own = self.keys.iter().filter(|(_, given)| !given.taken.get());
         let own = own.map(|(key, _)| format!("{} {key}", self.section.header()));
         let within = self.within.values().flatten().flat_map(Self::not_taken);

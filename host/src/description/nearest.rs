@@ -2,7 +2,7 @@
 
 /// The candidate nearest to `word` by edit distance, if a third of the word's letters or fewer differ
 /// (at least one may); the first of equals.
-pub(super) fn nearest<'a>(
+pub(crate) fn nearest<'a>(
     word: &str,
     candidates: impl IntoIterator<Item = &'a str>,
 ) -> Option<&'a str> {

@@ -1,0 +1,18 @@
+//! `subap recording`: how raw recordings are described.
+
+use anyhow::Context;
+use subaperture::io::recording;
+
+use crate::args::Recording;
+use crate::text;
+
+/// Prints what was asked for.
+pub(crate) fn run(typed: &Recording) -> anyhow::Result<()> {
+    if typed.keys {
+        text::say(recording::reference())?;
+    }
+    if let Some(name) = &typed.example {
+        text::say(recording::examples::text(name).context("--example: no such name")?)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,160 @@
+//! The files that a description names, each read once however often the description is varied.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::description::error::Found;
+use crate::description::values::Values;
+use crate::io::npy::Array;
+use crate::phase_history::{InputFile, ReadError};
+
+type Name = (PathBuf, Option<String>);
+
+/// Arrays by file and name, and files that were read otherwise.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Arrays {
+    held: Arc<Mutex<BTreeMap<Name, Arc<Array>>>>,
+}
+
+impl Arrays {
+    /// The files read so far.
+    pub(super) fn files(&self) -> Vec<PathBuf> {
+        let held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut files: Vec<PathBuf> = held.keys().map(|(path, _)| path.clone()).collect();
+        files.dedup();
+        files
+    }
+
+    /// Bytes of all that is held.
+    fn held_bytes(&self) -> u64 {
+        sum(&self.held.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// The array of this name, read by `read` with the bytes that are left of `memory_bytes` unless it is
+    /// held already.
+    pub(super) fn hold(
+        &self,
+        name: Name,
+        memory_bytes: u64,
+        read: impl FnOnce(&Name, u64) -> Result<Array, String>,
+    ) -> Result<Arc<Array>, String> {
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(array) = held.get(&name) {
+            return Ok(array.clone());
+        }
+        let left = memory_bytes.saturating_sub(sum(&held));
+        let array = Arc::new(read(&name, left)?);
+        held.insert(name, array.clone());
+        Ok(array)
+    }
+}
+
+fn sum(held: &BTreeMap<Name, Arc<Array>>) -> u64 {
+    held.values().map(|array| bytes(array)).sum()
+}
+
+/// Bytes of an array: all kinds of values take 8.
+fn bytes(array: &Array) -> u64 {
+    8 * array.shape.iter().map(|&size| size as u64).product::<u64>()
+}
+
+/// Where a description's arrays come from.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    pub(super) arrays: &'a Arrays,
+    pub(super) folder: &'a Path,
+    /// `[recording]`.
+    pub(super) recording: &'a Values,
+    pub(super) memory_bytes: u64,
+}
+
+impl Source<'_> {
+    /// Bytes that the arrays leave.
+    pub(super) fn left_bytes(&self) -> u64 {
+        self.memory_bytes.saturating_sub(self.arrays.held_bytes())
+    }
+
+    /// The file of the samples.
+    pub(super) fn file(&self) -> PathBuf {
+        self.folder.join(self.recording.text("file"))
+    }
+
+    /// The array that a key of `values` names: a path that ends in `.npy`, or an array of the archive that
+    /// holds the samples.
+    pub(super) fn array(&self, values: &Values, key: &str) -> Result<Arc<Array>, Found> {
+        let text = values.text(key);
+        let name = if Path::new(text).extension().is_some_and(|e| e == "npy") {
+            (self.folder.join(text), None)
+        } else if self.recording.text("format") == "npz" {
+            (self.file(), Some(text.to_owned()))
+        } else {
+            return Err(values.fault(
+                key,
+                "there is no archive to hold an array of this name: give the path of a .npy file, or use \
+                 format = \"npz\"",
+            ));
+        };
+        self.hold(name).map_err(|what| values.fault(key, what))
+    }
+
+    /// A `.npy` file or an array of an archive.
+    pub(super) fn hold(&self, name: Name) -> Result<Arc<Array>, String> {
+        self.arrays
+            .hold(name, self.memory_bytes, |(path, name), left| {
+                Array::read(path, name.as_deref(), left).map_err(|error| error.to_string())
+            })
+    }
+
+    /// A vector of finite real numbers that a key names.
+    pub(super) fn vector(&self, values: &Values, key: &str) -> Result<Vec<f64>, Found> {
+        let array = self.array(values, key)?;
+        let real = array
+            .real()
+            .filter(|real| array.shape.len() == 1 && !real.is_empty());
+        let Some(real) = real else {
+            return Err(values.fault(
+                key,
+                format!(
+                    "has shape {:?} and is {}; a row of real numbers is wanted",
+                    array.shape,
+                    match array.real() {
+                        Some(_) => "real",
+                        None => "complex",
+                    }
+                ),
+            ));
+        };
+        match real.iter().position(|x| !x.is_finite()) {
+            None => Ok(real.to_vec()),
+            Some(i) => Err(values.fault(key, format!("value {i} is {}", real[i]))),
+        }
+    }
+}
+
+/// A file's size and checksum.
+pub(super) fn input(path: PathBuf) -> Result<InputFile, ReadError> {
+    let sum = || {
+        let mut file = BufReader::with_capacity(1 << 16, File::open(&path)?);
+        let (mut hasher, mut total, mut piece) = (crc32fast::Hasher::new(), 0, vec![0; 1 << 16]);
+        loop {
+            match file.read(&mut piece)? {
+                0 => return Ok((total, hasher.finalize())),
+                count => {
+                    hasher.update(&piece[..count]);
+                    total += count as u64;
+                }
+            }
+        }
+    };
+    match sum() {
+        Ok((bytes, crc)) => Ok(InputFile {
+            path,
+            bytes,
+            crc32: format!("{crc:08x}"),
+        }),
+        Err(source) => Err(ReadError::Io { path, source }),
+    }
+}

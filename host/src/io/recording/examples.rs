@@ -1,0 +1,19 @@
+//! Descriptions of public recordings to start from: what `subap recording --example NAME` prints.
+
+/// Name and text of every example.
+const EXAMPLES: [(&str, &str); 3] = [
+    ("arcsar-8", include_str!("examples/arcsar-8.toml")),
+    ("arcsar-10", include_str!("examples/arcsar-10.toml")),
+    ("pulson-rail", include_str!("examples/pulson-rail.toml")),
+];
+
+/// The names of the examples.
+pub fn names() -> [&'static str; 3] {
+    EXAMPLES.map(|(name, _)| name)
+}
+
+/// The example of this name.
+pub fn text(name: &str) -> Option<&'static str> {
+    let found = EXAMPLES.iter().find(|(known, _)| *known == name);
+    found.map(|&(_, text)| text)
+}

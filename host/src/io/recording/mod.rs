@@ -1,0 +1,164 @@
+//! Raw recordings described in TOML: what a radar's samples are, when and where they were taken.
+//!
+//! A description is a text like a scenario: quantities carry units, everything is checked against one table of
+//! keys, which [`reference()`] prints, and errors point at their line. It names the file of the samples, says
+//! what they are (`[radar] kind`) and how the antennas moved (`[platform]`). What it describes becomes
+//! phase history through [`crate::receive`], as simulated echoes do.
+//!
+//! ```text
+//! text ─> values ─> arrays (files, each read once) ─> pulses (times, track, those wanted)
+//!                         └─> samples (sign, background) ──┴─> receive ─> phase history, held in memory
+//! ```
+//!
+//! | `[radar] kind` | samples | adapter |
+//! |---|---|---|
+//! | `fmcw` | beats of linear sweeps | [`Deskewed`](crate::receive::Deskewed) |
+//! | `pulsed` | echoes of a known pulse | [`Compressed`](crate::receive::Compressed) |
+//! | `stepped` | a complex number a carrier | [`Referenced`](crate::receive::Referenced) |
+//! | `profiles` | range profiles, real waveforms or complex | [`Profiles`](crate::receive::Profiles) |
+//!
+//! What nobody measured (the length of an arm, a delay in cables, the offset of two clocks) is a key like any
+//! other: [`RecordingFile::set`] overrides it, and [`crate::tune`] finds it by the sharpness of the image.
+//!
+//! - `range_bias` is what ranges are recorded too long by: the reference path of the samples is lengthened by
+//!   twice that before phases are referred to it, at every frequency.
+//! - `radar.first_pulse` is the time of the first pulse on the platform's clock.
+//!
+//! Neglected: the radar's motion while a pulse lasts. Memory: the arrays, the samples and the phase history
+//! at once, all within the bytes allowed.
+
+mod adapt;
+mod arrays;
+pub mod examples;
+mod keys;
+mod pulses;
+mod samples;
+mod track;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::description::error::Found;
+use crate::description::{Description, DescriptionError};
+use crate::phase_history::{InputFile, PhaseHistory, ReadError, Recorded};
+use arrays::Arrays;
+
+/// What is wrong, not yet in words.
+type Faults = Vec<Found>;
+
+/// A description and the settings that override it. Files that it names are read once.
+#[derive(Debug)]
+pub struct RecordingFile {
+    description: Description,
+    /// The description itself, if it is a file.
+    path: Option<PathBuf>,
+    arrays: Arrays,
+}
+
+impl RecordingFile {
+    /// A description of a text. `file` names it in errors; paths in it start at `folder`.
+    pub fn new(
+        file: impl Into<String>,
+        text: impl Into<String>,
+        folder: impl Into<PathBuf>,
+    ) -> Self {
+        Self {
+            description: Description::new(file, text, folder),
+            path: None,
+            arrays: Arrays::default(),
+        }
+    }
+
+    /// Reads a description.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is no UTF-8, or has more than 16 MiB.
+    pub fn read(path: &Path) -> io::Result<Self> {
+        Ok(Self {
+            description: Description::read(path)?,
+            path: Some(path.to_owned()),
+            arrays: Arrays::default(),
+        })
+    }
+
+    /// Overrides the key at a dotted path, such as `platform.radius`. The value is as in the text; a text may
+    /// leave out its quotes. Later settings override earlier ones.
+    ///
+    /// # Errors
+    /// For a key that there is not; values are checked by [`Self::history`].
+    pub fn set(&mut self, key: &str, value: &str) -> Result<(), DescriptionError> {
+        self.description.set(&keys::SCHEMA, key, value)
+    }
+
+    /// The same with a few more settings, sharing the files read.
+    ///
+    /// # Errors
+    /// As [`Self::set`].
+    pub fn with<'a>(
+        &self,
+        settings: impl IntoIterator<Item = (&'a str, &'a str)>,
+    ) -> Result<Self, DescriptionError> {
+        let mut varied = Self {
+            description: self.description.clone(),
+            path: self.path.clone(),
+            arrays: self.arrays.clone(),
+        };
+        for (key, value) in settings {
+            varied.set(key, value)?;
+        }
+        Ok(varied)
+    }
+
+    /// The phase history that the description makes of its samples. Holds no more than `memory_bytes`.
+    ///
+    /// # Errors
+    /// [`ReadError::Description`] with everything that is wrong with the text and the files, as far as one error
+    /// does not hide another.
+    pub fn history(&self, memory_bytes: u64) -> Result<Recorded, ReadError> {
+        let built = self.build(memory_bytes);
+        built.map_err(|faults| ReadError::Description(self.description.explain(faults)))
+    }
+
+    fn build(&self, memory_bytes: u64) -> Result<Recorded, Faults> {
+        let top = self.description.resolve(&keys::SCHEMA)?;
+        let one = |found| vec![found];
+        let source = arrays::Source {
+            arrays: &self.arrays,
+            folder: self.description.folder(),
+            recording: top.section("recording"),
+            memory_bytes,
+        };
+        let samples = samples::read(&top, &source).map_err(one)?;
+        let pulses = pulses::select(&top, &source, samples.num_pulses).map_err(one)?;
+        let history = adapt::adapt(&top, &source, samples, &pulses).map_err(one)?;
+        debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
+        Ok(history)
+    }
+
+    /// The files read so far, the description first, with their checksums.
+    ///
+    /// # Errors
+    /// [`ReadError::Io`].
+    pub fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        let files = self.path.iter().cloned().chain(self.arrays.files());
+        files.map(arrays::input).collect()
+    }
+}
+
+/// Opens the recording that the description at `path` makes, holding at most `memory_bytes`.
+///
+/// # Errors
+/// [`ReadError`].
+pub fn open(path: &Path, memory_bytes: u64) -> Result<impl PhaseHistory + use<>, ReadError> {
+    let file = RecordingFile::read(path).map_err(|source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    let history = file.history(memory_bytes)?;
+    Ok(history.with_inputs(file.inputs()?))
+}
+
+/// Every key of a description with its unit, default and meaning, as text.
+pub fn reference() -> String {
+    keys::SCHEMA.reference()
+}

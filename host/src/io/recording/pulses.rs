@@ -1,0 +1,184 @@
+//! Which pulses are used, when they were taken, and where the antennas were.
+
+use super::arrays::Source;
+use super::track::{self, Track};
+use crate::description::error::Found;
+use crate::description::values::Values;
+use crate::geometry::SceneFrame;
+use crate::simulate::radar::Antenna;
+use crate::simulate::scenario::{radar, scene};
+
+use glam::DVec3;
+
+/// Pulses that are used.
+pub(super) struct Pulses {
+    pub(super) frame: SceneFrame,
+    /// Whether times are known.
+    pub(super) timed: bool,
+    pub(super) chosen: Vec<Chosen>,
+}
+
+/// One of them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Chosen {
+    /// Index in the recording.
+    pub(super) index: usize,
+    pub(super) time_s: f64,
+    /// Transmitter and receiver.
+    pub(super) antennas_m: [DVec3; 2],
+    /// Whether the platform moves.
+    pub(super) moving: bool,
+}
+
+/// Half of the time over which a speed is taken, seconds: long against the noise of a track, short against a push.
+const HALF_SPAN_S: f64 = 0.05;
+
+/// Seconds in a unit of arrays of times.
+pub(super) fn unit_s(unit: &str) -> f64 {
+    match unit {
+        "ms" => 1e-3,
+        "us" => 1e-6,
+        "ns" => 1e-9,
+        _ => 1.0,
+    }
+}
+
+/// The pulses that `[recording]` chooses of all `count`.
+pub(super) fn select(top: &Values, source: &Source, count: usize) -> Result<Pulses, Found> {
+    let recording = source.recording;
+    let frame = match top.section("scene").optional_section("origin") {
+        Some(origin) => scene::frame(origin),
+        None => SceneFrame::Local,
+    };
+    let (times_s, timed) = times(top.section("radar"), source, count)?;
+    let ends = times_s
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &t| {
+            (low.min(t), high.max(t))
+        });
+    let platform = top.section("platform");
+    let track = track::build(platform, source, &frame, ends)?;
+    let antennas = [
+        antenna(top.section("radar"), "transmitter", "T")?,
+        antenna(top.section("radar"), "receiver", "R")?,
+    ];
+    let first = recording.count("first") as usize;
+    let most = recording
+        .optional_count("count")
+        .map_or(usize::MAX, |n| n as usize);
+    let every = recording.count("every") as usize;
+    if first >= count {
+        return Err(recording.fault("first", format!("there are {count} pulses, the first is 0")));
+    }
+    let least_m_s = recording.number("moving_above");
+    let only_moving = recording.text("pulses") == "moving";
+    let mut chosen = Vec::new();
+    for index in (first..count).take(most).step_by(every) {
+        let time_s = times_s[index];
+        let tracked = track
+            .span_s
+            .is_none_or(|(from, to)| (from..=to).contains(&time_s));
+        let moving = tracked && speed_m_s(&track, time_s) > least_m_s;
+        if only_moving && !moving {
+            continue;
+        }
+        if !tracked {
+            return Err(outside(platform, &track, index, time_s));
+        }
+        let pose = track.body.pose(time_s);
+        chosen.push(Chosen {
+            index,
+            time_s,
+            antennas_m: antennas.each_ref().map(|a| pose.point_m(a.offset_m)),
+            moving,
+        });
+    }
+    if chosen.is_empty() {
+        return Err(recording.fault(
+            "pulses",
+            format!(
+                "no pulse from {:.3} to {:.3} s on the platform's clock is one that moves: check \
+                 radar.first_pulse, or lower moving_above",
+                ends.0, ends.1
+            ),
+        ));
+    }
+    Ok(Pulses {
+        frame,
+        timed,
+        chosen,
+    })
+}
+
+fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Found {
+    let (from, to) = track.span_s.unwrap_or_default();
+    Found::new(
+        &platform.at,
+        format!(
+            "pulse {index} is at {time_s:.3} s and the track is known from {from:.3} to {to:.3} s: check \
+             radar.first_pulse, or choose other pulses"
+        ),
+    )
+}
+
+/// Times of all pulses on the platform's clock, and whether anything says them.
+fn times(radar: &Values, source: &Source, count: usize) -> Result<(Vec<f64>, bool), Found> {
+    let recording = source.recording;
+    let first_s = radar.optional_number("first_pulse");
+    let unit_s = unit_s(recording.text("times_unit"));
+    if recording.optional_text("times").is_none() {
+        let known = ["pri", "prf"]
+            .iter()
+            .any(|key| radar.optional_number(key).is_some());
+        let pri_s = if known { radar::pri_s(radar)? } else { 1.0 };
+        let start_s = first_s.unwrap_or(0.0);
+        return Ok((
+            (0..count).map(|n| start_s + n as f64 * pri_s).collect(),
+            known,
+        ));
+    }
+    if let Some(key) = ["pri", "prf"]
+        .iter()
+        .find(|key| radar.optional_number(key).is_some())
+    {
+        let what = "[recording] times says when pulses were taken: give either, not both";
+        return Err(radar.fault(key, what));
+    }
+    let times = source.vector(recording, "times")?;
+    if times.len() != count {
+        return Err(recording.fault(
+            "times",
+            format!("holds {} times for {count} pulses", times.len()),
+        ));
+    }
+    // Differences first: milliseconds since 1970 leave float64 no digits to lose.
+    let start_s = first_s.unwrap_or(times[0] * unit_s);
+    let since = |t: &f64| start_s + (t - times[0]) * unit_s;
+    Ok((times.iter().map(since).collect(), true))
+}
+
+fn speed_m_s(track: &Track, time_s: f64) -> f64 {
+    let (from, to) = track.span_s.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+    let (before, after) = (
+        (time_s - HALF_SPAN_S).max(from),
+        (time_s + HALF_SPAN_S).min(to),
+    );
+    let way_m = track
+        .body
+        .pose(after)
+        .position_m
+        .distance(track.body.pose(before).position_m);
+    way_m / (after - before)
+}
+
+/// The one antenna of a kind.
+fn antenna(values: &Values, section: &str, letter: &str) -> Result<Antenna, Found> {
+    if let Some(second) = values.sections(section).get(1) {
+        return Err(Found::new(
+            &second.at,
+            format!("a recording is of one {section}: describe each pair in a file of its own"),
+        ));
+    }
+    let mut antennas = radar::antennas(values, section, letter)?;
+    Ok(antennas.remove(0))
+}
