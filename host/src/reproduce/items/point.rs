@@ -141,7 +141,7 @@ fn point(context: &Context) -> Result<Finding, ItemError> {
     let grid = grid_about(DVec3::ZERO, 6.0, 6.0, 0.1);
     let traditional = form(context, &simulated, &grid, &backprojection())?;
     let two_dimensional = form(context, &simulated, &grid, &thesis(40))?;
-    let peaks = [&traditional, &two_dimensional].map(|image| peak_db(image));
+    let peaks = [&traditional, &two_dimensional].map(peak_db);
     let widths = [&traditional, &two_dimensional].map(|image| widths_m(image, &grid));
     Ok(Finding {
         thesis: "The imaging functions of both are almost identical.".to_owned(),
