@@ -104,7 +104,7 @@ pub fn lines(chart: &Chart) -> Result<Vec<u8>, PlotError> {
     if !(sound(across) && sound(up)) {
         return Err(unsuited("an axis needs a lowest and a higher value"));
     }
-    Ok(Page::new(chart, across, up).drawn(chart).into_png()?)
+    Page::new(chart, across, up).drawn(chart).into_png()
 }
 
 /// Smallest and largest.

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use clap::{Args as Group, CommandFactory, Parser, Subcommand, ValueEnum, ValueHint};
 use glam::DVec3;
-use subaperture::geometry::{Axis, ImageGrid};
+use subaperture::geometry::{Axis, Extent, ImageGrid};
 use subaperture::link::Place;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
@@ -428,7 +428,7 @@ pub(crate) struct Quality {
     /// Rectangle for the statistics, in the units of --at; of an empty one the mean level is the noise
     /// [default: the whole image]
     #[arg(long, value_name = "X0:X1,Y0:Y1", allow_hyphen_values = true, value_parser = rectangle)]
-    pub(crate) extent: Option<((f64, f64), (f64, f64))>,
+    pub(crate) extent: Option<Extent>,
 
     /// Window that theory is computed for [default: the product's, if it has one for both directions]
     #[arg(long, value_name = "W")]

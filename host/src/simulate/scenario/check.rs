@@ -71,7 +71,7 @@ fn looks(radar: &Radar, track: &dyn Trajectory) -> Vec<Look> {
     let last = radar.num_pulses - 1;
     let count = last.min(LOOKS);
     (0..=count)
-        .map(|i| look(radar, track, if count == 0 { 0 } else { i * last / count }))
+        .map(|i| look(radar, track, (i * last).checked_div(count).unwrap_or(0)))
         .collect()
 }
 
@@ -126,7 +126,10 @@ pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
         ));
     }
     let looks = looks(radar, &*experiment.track);
-    let far = |look: &&Look| look.antennas_m().any(|a| !(a.length() <= FARTHEST_M));
+    let far = |look: &&Look| {
+        look.antennas_m()
+            .any(|a| a.length().is_nan() || a.length() > FARTHEST_M)
+    };
     if let Some(look) = looks.iter().find(far) {
         faults.push(Found::new(
             &platform.at,

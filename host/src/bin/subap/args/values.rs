@@ -1,7 +1,7 @@
 //! Values as they are typed: each function turns a word into one, or says what to give.
 
 use glam::DVec3;
-use subaperture::geometry::Axis;
+use subaperture::geometry::{Axis, Extent};
 
 pub(super) fn positive(text: &str) -> Result<usize, String> {
     match text.parse() {
@@ -72,10 +72,13 @@ pub(super) fn point(text: &str) -> Result<(f64, f64), String> {
     pair(text, ',').ok_or_else(|| "give two numbers, for example 10.5,-3".to_owned())
 }
 
-pub(super) fn rectangle(text: &str) -> Result<((f64, f64), (f64, f64)), String> {
+pub(super) fn rectangle(text: &str) -> Result<Extent, String> {
     let parsed = text.split_once(',').and_then(|(x, y)| {
         let ascending = |text| pair(text, ':').filter(|(low, high)| low < high);
-        Some((ascending(x)?, ascending(y)?))
+        Some(Extent {
+            x_m: ascending(x)?,
+            y_m: ascending(y)?,
+        })
     });
     parsed.ok_or_else(|| "give two ascending ranges, for example -5:5,20:30".to_owned())
 }

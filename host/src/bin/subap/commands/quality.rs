@@ -97,9 +97,12 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
 fn statistics(typed: &Quality, source: &Source) -> anyhow::Result<Statistics> {
     let region = match typed.extent {
         None => Region::whole(&source.image),
-        Some((x, y)) => {
-            let x_m = (source.across(x.0), source.across(x.1));
-            Region::within(&Extent { x_m, y_m: y }, &source.grid).context("--extent")?
+        Some(Extent {
+            x_m: (low, high),
+            y_m,
+        }) => {
+            let x_m = (source.across(low), source.across(high));
+            Region::within(&Extent { x_m, y_m }, &source.grid).context("--extent")?
         }
     };
     Ok(Statistics::of(&source.image, &region))
