@@ -5,8 +5,8 @@
 //!
 //! 1. over a grid: every combination of the parameters' values, or one parameter after another
 //!    ([`Order::InTurn`]), the others kept at the best so far, from the middles of the intervals on, until nothing
-//!    changes. In turn costs the sum of the counts in place of their product, and finds the same where the
-//!    merit's ridges are not oblique to the axes;
+//!    changes. In turn costs the sum of the counts in place of their product. It finds the same where the peak
+//!    shows with the other parameters at the middles of their intervals, and its ridges are not oblique to the axes;
 //! 2. around the best: all neighbours at half the step, moving while one is better, then half of that, and so on;
 //! 3. to the vertex of a parabola through the best and its two last neighbours on each axis.
 //!
@@ -366,9 +366,9 @@ mod tests {
         Axis { start, step, count }
     }
 
-    /// A peak of width 0.1 and 0.5 at (0.333, -1.27) over ripples of a third of its height.
+    /// A peak of width 0.1 and 2 at (0.333, -1.27) over ripples of a third of its height.
     fn peak(values: &[f64]) -> Result<f64, Infallible> {
-        let (x, y) = ((values[0] - 0.333) / 0.1, (values[1] + 1.27) / 0.5);
+        let (x, y) = ((values[0] - 0.333) / 0.1, (values[1] + 1.27) / 2.0);
         let ripple = 0.3 * (9.0 * values[0]).sin() * (7.0 * values[1]).sin();
         Ok((-x * x - y * y).exp() + ripple * (1.0 - (-x * x - y * y).exp()))
     }
