@@ -9,7 +9,7 @@ use serde_json::json;
 use subaperture::focus::FormError;
 use subaperture::io::recording::RecordingFile;
 use subaperture::phase_history::Recorded;
-use subaperture::tune::{Order, Search, Sight, TuneError, Tuned, merit, search};
+use subaperture::tune::{Measure, Order, Search, Sight, TuneError, Tuned, merit, search};
 
 use crate::args::{Tune, Vary};
 use crate::config::{Session, record_of_run};
@@ -148,6 +148,16 @@ fn measure_name(typed: &Tune) -> String {
     }
 }
 
+/// Whether the measure is less the sharper the image, so that its merit is its negative.
+fn less_is_better(typed: &Tune) -> bool {
+    typed.grid.is_some() && typed.measure == Measure::Entropy
+}
+
+/// The measure of which this is the merit.
+fn figure(typed: &Tune, merit: f64) -> f64 {
+    if less_is_better(typed) { -merit } else { merit }
+}
+
 /// To a ten-thousandth of the step: far below what is told apart, and short to read.
 fn rounded(vary: &Vary, value: f64) -> f64 {
     let digits = (4.0 - vary.axis.step.log10()).ceil().clamp(0.0, 15.0) as usize;
@@ -185,10 +195,7 @@ fn report(typed: &Tune, found: &Tuned, start: Instant) -> anyhow::Result<()> {
     text::say(format!(
         "{} {:.6} after {} images in {}",
         measure_name(typed),
-        match (&typed.grid, typed.measure) {
-            (Some(_), subaperture::tune::Measure::Entropy) => -found.merit,
-            _ => found.merit,
-        },
+        figure(typed, found.merit),
         found.evaluations,
         text::duration(start.elapsed())
     ))?;

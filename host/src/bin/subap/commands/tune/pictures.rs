@@ -14,7 +14,7 @@ use subaperture::phase_history::{PhaseHistory, ReadError, Recorded};
 use subaperture::plot::{self, Chart, Colours, Curve, Heat, Panel};
 use subaperture::tune::Tuned;
 
-use super::{measure_name, rounded};
+use super::{figure, less_is_better, measure_name, rounded};
 use crate::args::Tune;
 use crate::config::{DEFAULT_ERROR_DB, Session};
 use crate::interrupt;
@@ -45,10 +45,13 @@ pub(super) fn write(
         let chart = Chart {
             title: format!("{}: best at {}", vary.key, vary.text(rounded(vary, best))),
             across_label: label,
-            up_label: format!("{}, larger is better", measure_name(typed)),
+            up_label: match less_is_better(typed) {
+                true => format!("{}, less is better", measure_name(typed)),
+                false => format!("{}, more is better", measure_name(typed)),
+            },
             curves: vec![Curve {
                 name: String::new(),
-                points: finite.copied().collect(),
+                points: finite.map(|&(x, y)| (x, figure(typed, y))).collect(),
                 stroke: plot::Stroke::Solid,
             }],
             marks: vec![best],
