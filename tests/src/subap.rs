@@ -20,10 +20,13 @@ pub fn program() -> &'static Path {
         let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
         cargo
             .args([
+                // The packages that are tested together: another selection has other features of
+                // dependencies, and all would be built once more.
                 "build",
                 "--quiet",
-                "--package",
-                "subaperture",
+                "--workspace",
+                "--exclude",
+                "subaperture-firmware",
                 "--bin",
                 "subap",
             ])
