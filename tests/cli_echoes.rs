@@ -46,7 +46,6 @@ cross_section = "-6 dBsm"
 kind = "pulsed"
 pulses = 96
 pri = "5 ms"
-first_pulse = "-0.24 s"
 centre = "10 GHz"
 samples = 256
 sample_rate = "180 MHz"
@@ -120,7 +119,10 @@ fn coded_pulses_come_back() {
     let sweep = "kind = \"lfm\"\nbandwidth = \"150 MHz\"\nduration = \"0.5 us\"\nsweep = \"down\"";
     assert!(STRIPMAP.contains(sweep));
     let code = "kind = \"code\"\ncode = \"barker-13\"\nchip = \"10 ns\"";
-    round_trip(&STRIPMAP.replace(sweep, code), "--set radar.motion=true");
+    round_trip(
+        &STRIPMAP.replace(sweep, code),
+        "--set radar.motion=\"true\"",
+    );
 }
 
 #[test]
@@ -185,8 +187,10 @@ fn what_cannot_be_written_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::write(at.join("scene.toml"), STRIPMAP).unwrap();
-    // A scatterer on the antenna in the middle of the track: an infinite sample.
-    let at_antenna = STRIPMAP.replace("-7, 3, 0 m", "0, 850, 300 m");
+    // A scatterer on an antenna that stands, with spreading: an infinite sample.
+    let (scene, _) = example("stripmap").split_once("[platform]").unwrap();
+    let at_antenna = scene.replace("0, 10, 0 m", "0, 5, 0 km")
+        + "[platform]\nkind = \"fixed\"\nposition = \"0, 5, 0 km\"\n";
     fs::write(at.join("broken.toml"), at_antenna).unwrap();
     fs::write(at.join("file"), "no folder").unwrap();
     fs::create_dir_all(at.join("taken/echoes.npy")).unwrap();
