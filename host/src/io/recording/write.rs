@@ -222,10 +222,8 @@ impl<'a> Plan<'a> {
         {
             let Some(name) = name else { continue };
             self.array(staged, name, &[count, 3], |positions| {
-                let fixes = all().chain(again());
-                fixes
-                    .map(|(_, at)| positions.put(&at[antenna].to_array()))
-                    .collect()
+                let mut fixes = all().chain(again());
+                fixes.try_for_each(|(_, at)| positions.put(&at[antenna].to_array()))
             })?;
         }
         Ok(())
