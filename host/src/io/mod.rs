@@ -10,4 +10,5 @@ pub mod npy;
 pub mod open;
 pub mod product;
 pub mod recording;
+mod staging;
 pub mod track_csv;

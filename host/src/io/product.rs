@@ -21,14 +21,14 @@
 
 mod read;
 
-use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::io::Write;
+use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::atomic::{WriteError, plain, sync_folder};
+use super::atomic::WriteError;
 use super::npy;
+use super::staging::Staged;
 use crate::image::Image;
 
 pub use read::{ReadError, StoredProduct, read};
@@ -56,30 +56,8 @@ impl Product<'_> {
     /// # Errors
     /// [`WriteError`].
     pub fn prepare(folder: &Path, num_pixels: u64) -> Result<(), WriteError> {
-        let needed_bytes = npy::file_bytes(num_pixels);
-        let failed = |source| WriteError::Io {
-            path: folder.to_owned(),
-            needed_bytes,
-            source,
-        };
-        let base = staging_place(folder)?;
-        drop(stage(&base).map_err(failed)?);
-        for name in [IMAGE, METADATA, QUICKLOOK] {
-            let path = folder.join(name);
-            if path.is_dir() {
-                let what = "a folder of that name is in the way";
-                return Err(WriteError::Blocked { path, what });
-            }
-        }
-        // Where the system cannot tell, writing will.
-        match fs4::available_space(&base) {
-            Ok(free_bytes) if free_bytes < needed_bytes => Err(WriteError::NoSpace {
-                path: folder.to_owned(),
-                needed_bytes,
-                free_bytes,
-            }),
-            _ => Ok(()),
-        }
+        let staged = Staged::begin(folder, npy::file_bytes(num_pixels))?;
+        staged.check([IMAGE, METADATA, QUICKLOOK])
     }
 
     /// Writes the three files into `folder`, which is made if need be, with its parents.
@@ -93,23 +71,9 @@ impl Product<'_> {
     pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
         let needed_bytes =
             npy::file_bytes(self.image.pixels.len() as u64) + self.quicklook.len() as u64;
-        let failed = |name: &str| {
-            let path = folder.join(name);
-            move |source| WriteError::Io {
-                path,
-                needed_bytes,
-                source,
-            }
-        };
-        let staging = stage(&staging_place(folder)?).map_err(failed(""))?;
-        let image = write_file(&staging.path().join(IMAGE), |out| {
-            npy::write_to(out, self.image)
-        })
-        .map_err(failed(IMAGE))?;
-        let quicklook = write_file(&staging.path().join(QUICKLOOK), |out| {
-            out.write_all(self.quicklook)
-        })
-        .map_err(failed(QUICKLOOK))?;
+        let staged = Staged::begin(folder, needed_bytes)?;
+        let image = staged.write(IMAGE, |out| npy::write_to(out, self.image))?;
+        let quicklook = staged.write(QUICKLOOK, |out| out.write_all(self.quicklook))?;
         let mut metadata = self.metadata.clone();
         metadata
             .as_object_mut()
@@ -118,126 +82,10 @@ impl Product<'_> {
                 "files".to_owned(),
                 json!({ IMAGE: image, QUICKLOOK: quicklook }),
             );
-        write_file(&staging.path().join(METADATA), |out| {
+        staged.write(METADATA, |out| {
             serde_json::to_writer_pretty(&mut *out, &metadata)?;
             out.write_all(b"\n")
-        })
-        .map_err(failed(METADATA))?;
-        sync_folder(staging.path()).map_err(failed(""))?;
-        if folder.is_dir() {
-            replace(staging.path(), folder).map_err(failed(""))
-        } else {
-            place(staging.path(), folder).map_err(failed(""))?;
-            // The staging folder is the product now: nothing is left to remove.
-            let _ = staging.keep();
-            Ok(())
-        }
-    }
-}
-
-/// Where to stage: in the folder itself, or in its nearest existing parent.
-fn staging_place(folder: &Path) -> Result<PathBuf, WriteError> {
-    let absolute = std::path::absolute(folder).map_err(|source| WriteError::Io {
-        path: folder.to_owned(),
-        needed_bytes: 0,
-        source,
-    })?;
-    for place in absolute.ancestors() {
-        match fs::metadata(place) {
-            Ok(metadata) if metadata.is_dir() => return Ok(place.to_owned()),
-            Ok(_) => {
-                return Err(WriteError::Blocked {
-                    path: folder.to_owned(),
-                    what: "it, or a part of its path, is a file and not a folder",
-                });
-            }
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            // A file where a folder should be: its own turn comes.
-            Err(error) if error.kind() == io::ErrorKind::NotADirectory => {}
-            Err(source) => {
-                return Err(WriteError::Io {
-                    path: folder.to_owned(),
-                    needed_bytes: 0,
-                    source,
-                });
-            }
-        }
-    }
-    Ok(PathBuf::from("."))
-}
-
-/// A staging folder in `place`, with the permissions of any other folder; removed when dropped.
-fn stage(place: &Path) -> io::Result<tempfile::TempDir> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".subap-");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
-    builder.tempdir_in(place).map_err(plain)
-}
-
-/// Writes a file to the disk, not only to the system's memory; its size and CRC-32.
-fn write_file(
-    path: &Path,
-    write: impl FnOnce(&mut BufWriter<Checked>) -> io::Result<()>,
-) -> io::Result<Value> {
-    let mut out = BufWriter::new(Checked {
-        file: File::create_new(path)?,
-        bytes: 0,
-        crc: crc32fast::Hasher::new(),
-    });
-    write(&mut out)?;
-    let checked = out.into_inner().map_err(io::IntoInnerError::into_error)?;
-    checked.file.sync_all()?;
-    let crc32 = format!("{:08x}", checked.crc.finalize());
-    Ok(json!({ "bytes": checked.bytes, "crc32": crc32 }))
-}
-
-/// A file and the CRC-32 of what went into it.
-struct Checked {
-    file: File,
-    bytes: u64,
-    crc: crc32fast::Hasher,
-}
-
-impl Write for Checked {
-    fn write(&mut self, data: &[u8]) -> io::Result<usize> {
-        let count = self.file.write(data)?;
-        self.crc.update(&data[..count]);
-        self.bytes += count as u64;
-        Ok(count)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
-    }
-}
-
-/// Moves the staged files over those of an existing folder, `image.json` first off and last on.
-fn replace(staging: &Path, folder: &Path) -> io::Result<()> {
-    match fs::remove_file(folder.join(METADATA)) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-        _ => sync_folder(folder)?,
-    }
-    for name in [IMAGE, QUICKLOOK] {
-        fs::rename(staging.join(name), folder.join(name))?;
-    }
-    sync_folder(folder)?;
-    fs::rename(staging.join(METADATA), folder.join(METADATA))?;
-    sync_folder(folder)
-}
-
-/// Renames the staging folder to one that does not exist yet, making its parents.
-fn place(staging: &Path, folder: &Path) -> io::Result<()> {
-    let folder = std::path::absolute(folder)?;
-    let parent = folder.parent().unwrap_or(Path::new("/"));
-    let made: Vec<&Path> = parent.ancestors().take_while(|p| !p.exists()).collect();
-    fs::create_dir_all(parent)
-        .and_then(|()| fs::rename(staging, &folder))
-        .inspect_err(|_| {
-            // Innermost first. One that someone else has begun to use is not empty, and stays.
-            for folder in &made {
-                let _ = fs::remove_dir(folder);
-            }
         })?;
-    sync_folder(parent)
+        staged.commit(&[IMAGE, QUICKLOOK], &[METADATA])
+    }
 }

@@ -101,6 +101,14 @@ pub trait Echoes: Sync + Send {
         self.collection().pulses[pulse].reference_path_m
     }
 
+    /// Where, by the measured track, the transmitter was when the wave left it and the receiver when the sample
+    /// was taken `after_s` after the pulse's start, metres. The default is a radar that stands still while
+    /// a pulse lasts.
+    fn antennas_m(&self, pulse: usize, _after_s: f64) -> [DVec3; 2] {
+        let pulse = &self.collection().pulses[pulse];
+        [pulse.transmitter_m, pulse.receiver_m]
+    }
+
     /// Where transmitter and receiver truly were, as
     /// [`PhaseHistory::true_antennas`](crate::phase_history::PhaseHistory::true_antennas).
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {

@@ -75,7 +75,7 @@ pub(crate) enum Command {
     Velocity(Velocity),
     /// Have a module compute the maps of recordings, and keep them in a file
     Link(Link),
-    /// Write the phase history of a simulated scene as CPHD 1.1
+    /// Write the phase history of a simulated scene as CPHD 1.1, or its raw echoes
     Simulate(Simulate),
     /// Send every sub-CPI through the host's code and the embedded core; fail above -100 dB
     Crosscheck(Crosscheck),
@@ -335,8 +335,14 @@ pub(crate) struct Simulate {
 
     /// CPHD file to write; a scenario's pairs of antennas are its channels
     #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath,
-        required_unless_present_any = ["keys", "example"])]
+        required_unless_present_any = ["keys", "example", "echoes"])]
     pub(crate) out: Option<PathBuf>,
+
+    /// Folder for a scenario's raw echoes, as received: echoes.npy and the like, and recording.toml, which
+    /// subap focus reads (of several pairs of antennas recording-T1R2.toml and so on)
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath,
+        conflicts_with_all = ["preset", "keys", "example"])]
+    pub(crate) echoes: Option<PathBuf>,
 
     /// Domain of the signal array
     #[arg(long, value_enum, default_value_t)]

@@ -4,7 +4,7 @@ use std::io::ErrorKind;
 use std::process::ExitCode;
 
 use subaperture::focus::FormError;
-use subaperture::io::cphd;
+use subaperture::io::{cphd, recording};
 use subaperture::link::LinkError;
 
 /// What was typed does not make sense together. Exit status 2, as clap's own.
@@ -71,6 +71,7 @@ fn is_interruption(cause: &(dyn std::error::Error + 'static)) -> bool {
         || matches!(cause.downcast_ref(), Some(FormError::Cancelled))
         || matches!(cause.downcast_ref(), Some(LinkError::Cancelled))
         || matches!(cause.downcast_ref(), Some(cphd::WriteError::Cancelled))
+        || matches!(cause.downcast_ref(), Some(recording::WriteError::Cancelled))
 }
 
 /// Only of standard output: see [`crate::text::say`].

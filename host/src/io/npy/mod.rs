@@ -1,8 +1,9 @@
-//! NumPy arrays: images read and written, recordings' arrays read.
+//! NumPy arrays: images and recordings' arrays, read and written.
 //!
 //! Format 1.0 (NumPy enhancement proposal 1). An image is of type `<c8`, C order, two dimensions: rows
 //! (y or range ascending) x columns (x or angle ascending). `numpy.load` gives the image as it is
-//! here. [`Array`] is any array of numbers, alone or in an archive (`.npz`).
+//! here. [`Array`] is any array of numbers, alone or in an archive (`.npz`); [`ArrayWriter`] writes one
+//! a few values at a time.
 //!
 //! (Why not a crate: `npyz` 0.9.1 panics on a shape whose product overflows, before a caller can see
 //! the shape, and brings 36 crates with a parser of all Python literals. One kind of header is a
@@ -10,9 +11,10 @@
 
 mod array;
 mod header;
+mod write;
 
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Write};
+use std::io::{self, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
 use num_complex::Complex32;
@@ -22,6 +24,7 @@ use super::atomic::{WriteError, write_atomically};
 use crate::image::Image;
 
 pub use array::{Array, Values};
+pub use write::{ArrayWriter, Number};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -66,21 +69,9 @@ pub fn write_to(stream: impl Write, image: &Image) -> io::Result<()> {
             ),
         ));
     }
-    let mut header =
-        format!("{{'descr': '<c8', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
-    // NumPy wants the data to begin at a multiple of 64, behind a newline.
-    let length = (10 + header.len() + 1).next_multiple_of(64) - 10;
-    header = format!("{header:<width$}\n", width = length - 1);
-    let mut stream = BufWriter::new(stream);
-    stream.write_all(MAGIC)?;
-    stream.write_all(&[1, 0])?;
-    stream.write_all(&(length as u16).to_le_bytes())?;
-    stream.write_all(header.as_bytes())?;
-    for z in &image.pixels {
-        stream.write_all(&z.re.to_le_bytes())?;
-        stream.write_all(&z.im.to_le_bytes())?;
-    }
-    stream.flush()
+    let mut writer = ArrayWriter::new(stream, &[rows, columns])?;
+    writer.put(&image.pixels)?;
+    writer.finish()
 }
 
 /// Writes `image` to a file, complete or not at all.

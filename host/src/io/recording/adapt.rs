@@ -3,6 +3,7 @@
 use num_complex::Complex32;
 
 use super::arrays::Source;
+use super::moving::InMotion;
 use super::pulses::{Chosen, Pulses};
 use super::samples::Samples;
 use crate::SPEED_OF_LIGHT_M_S;
@@ -85,7 +86,14 @@ pub(super) fn adapt(
                 }
                 _ => None,
             };
-            let held = Held::new(header.echoes(waveform, middle_m), raw).map_err(received)?;
+            let moves = values.optional_text("motion") == Some("true");
+            let echoes = header.echoes(waveform, middle_m);
+            let held = InMotion {
+                held: Held::new(echoes, raw).map_err(received)?,
+                moves: if moves { header.point() } else { None },
+                pulses,
+                bias_path_m,
+            };
             match kind {
                 "fmcw" => whole(
                     &Deskewed::new(held, half_delay_s, Skew::Removed).map_err(received)?,
@@ -128,6 +136,14 @@ impl Header<'_> {
             receiver_m,
             reference_m,
             reference_path_m: path_m,
+        }
+    }
+
+    /// The point that phases are referred to, if it is one.
+    fn point(&self) -> Option<DVec3> {
+        match self.given {
+            Some(Reference::Point(point)) => Some(point),
+            _ => None,
         }
     }
 
@@ -244,13 +260,25 @@ fn waveform(values: &Values, kind: &str, count: usize) -> Result<Waveform, Found
                 shape: radar::shape(values.section("pulse"), sample_rate_hz)?,
             }
         }
-        _ => Waveform::Ideal {
-            band: Band {
+        _ => {
+            let band = Band {
                 start_hz: values.number("start"),
                 step_hz: values.number("step"),
                 count,
-            },
-        },
+            };
+            match (values.optional_number("step_time"), values.text("motion")) {
+                (Some(step_s), _) => Waveform::Stepped {
+                    band,
+                    step_s,
+                    dwell_s: step_s,
+                },
+                (None, "true") => {
+                    let what = "with motion = \"true\", give 'step_time' too: when a frequency's sample was taken";
+                    return Err(values.fault("motion", what));
+                }
+                (None, _) => Waveform::Ideal { band },
+            }
+        }
     })
 }
 

@@ -272,6 +272,21 @@ static RADAR: Section = Section {
         )
         .when(&["stepped"]),
         Key::new(
+            "step_time",
+            Kind::Quantity(Dimension::Time, Bounds::Positive),
+            Need::Optional("\"2 us\""),
+            "Time from frequency to frequency. Needed if the radar moves meanwhile.",
+        )
+        .when(&["stepped"]),
+        Key::new(
+            "motion",
+            Kind::Choice(&["stop-and-go", "true"]),
+            Need::Default("\"stop-and-go\""),
+            "Whether the radar moves while a sweep lasts. Then a pulse's time is that of its middle sample, \
+             number samples / 2 from 0, and the track has to be known that closely.",
+        )
+        .when(&["fmcw", "stepped"]),
+        Key::new(
             "sample_rate",
             Kind::Quantity(Dimension::Frequency, Bounds::Positive),
             Need::Required("\"2.5 MHz\""),
@@ -459,6 +474,14 @@ static PLATFORM: Section = Section {
             Kind::Text,
             Need::Required("\"platform_pos_m\""),
             "ARRAY of the positions: x, y and z in a row for each time.",
+        )
+        .when(&["arrays"]),
+        Key::new(
+            "receiver_positions",
+            Kind::Text,
+            Need::Optional("\"receiver_pos_m\""),
+            "ARRAY of the receiver's own positions at the same times, where it moves on its own; positions are \
+             then the transmitter's.",
         )
         .when(&["arrays"]),
         Key::new(

@@ -23,17 +23,21 @@
 //! - `range_bias` is what ranges are recorded too long by: the reference path of the samples is lengthened by
 //!   twice that before phases are referred to it, at every frequency.
 //! - `radar.first_pulse` is the time of the first pulse on the platform's clock.
+//! - `radar.motion` says whether the radar moves while a sweep lasts; while a pulse lasts it is neglected.
 //!
-//! Neglected: the radar's motion while a pulse lasts. Memory: the arrays, the samples and the phase history
+//! [`write()`] writes echoes, simulated ones too, as such a recording. Memory: the arrays, the samples and the phase history
 //! at once, all within the bytes allowed.
 
 mod adapt;
 mod arrays;
 pub mod examples;
 mod keys;
+mod moving;
 mod pulses;
 mod samples;
+mod text;
 mod track;
+mod write;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -42,6 +46,8 @@ use crate::description::error::Found;
 use crate::description::{Description, DescriptionError};
 use crate::phase_history::{InputFile, PhaseHistory, ReadError, Recorded};
 use arrays::Arrays;
+
+pub use write::{Raw, WriteError, write};
 
 /// What is wrong, not yet in words.
 type Faults = Vec<Found>;

@@ -16,6 +16,25 @@ pub(super) struct Pulses {
     /// Whether times are known.
     pub(super) timed: bool,
     pub(super) chosen: Vec<Chosen>,
+    pub(super) antennas: Antennas,
+}
+
+/// Transmitter and receiver on their way.
+pub(super) struct Antennas {
+    track: Track,
+    /// On the body, body axes.
+    offsets_m: [DVec3; 2],
+}
+
+impl Antennas {
+    /// Where they are.
+    pub(super) fn at_m(&self, time_s: f64) -> [DVec3; 2] {
+        let pose = self.track.body.pose(time_s);
+        let receiver = self.track.receiver.as_ref();
+        let receiver = receiver.map_or(pose, |body| body.pose(time_s));
+        let [transmitter_m, receiver_m] = self.offsets_m;
+        [pose.point_m(transmitter_m), receiver.point_m(receiver_m)]
+    }
 }
 
 /// One of them.
@@ -57,11 +76,14 @@ pub(super) fn select(top: &Values, source: &Source, count: usize) -> Result<Puls
             (low.min(t), high.max(t))
         });
     let platform = top.section("platform");
-    let track = track::build(platform, source, &frame, ends)?;
-    let antennas = [
-        antenna(top.section("radar"), "transmitter", "T")?,
-        antenna(top.section("radar"), "receiver", "R")?,
-    ];
+    let antennas = Antennas {
+        offsets_m: [
+            antenna(top.section("radar"), "transmitter", "T")?.offset_m,
+            antenna(top.section("radar"), "receiver", "R")?.offset_m,
+        ],
+        track: track::build(platform, source, &frame, ends)?,
+    };
+    let track = &antennas.track;
     let first = recording.count("first") as usize;
     let most = recording
         .optional_count("count")
@@ -78,18 +100,17 @@ pub(super) fn select(top: &Values, source: &Source, count: usize) -> Result<Puls
         let tracked = track
             .span_s
             .is_none_or(|(from, to)| (from..=to).contains(&time_s));
-        let moving = tracked && speed_m_s(&track, time_s) > least_m_s;
+        let moving = tracked && speed_m_s(track, time_s) > least_m_s;
         if only_moving && !moving {
             continue;
         }
         if !tracked {
-            return Err(outside(platform, &track, index, time_s));
+            return Err(outside(platform, track, index, time_s));
         }
-        let pose = track.body.pose(time_s);
         chosen.push(Chosen {
             index,
             time_s,
-            antennas_m: antennas.each_ref().map(|a| pose.point_m(a.offset_m)),
+            antennas_m: antennas.at_m(time_s),
             moving,
         });
     }
@@ -107,6 +128,7 @@ pub(super) fn select(top: &Values, source: &Source, count: usize) -> Result<Puls
         frame,
         timed,
         chosen,
+        antennas,
     })
 }
 
@@ -151,10 +173,13 @@ fn times(radar: &Values, source: &Source, count: usize) -> Result<(Vec<f64>, boo
             format!("holds {} times for {count} pulses", times.len()),
         ));
     }
-    // Differences first: milliseconds since 1970 leave float64 no digits to lose.
-    let start_s = first_s.unwrap_or(times[0] * unit_s);
-    let since = |t: &f64| start_s + (t - times[0]) * unit_s;
-    Ok((times.iter().map(since).collect(), true))
+    let on_platforms_clock = |&t: &f64| match first_s {
+        // Differences first: milliseconds since 1970 leave float64 no digits to lose.
+        Some(start_s) => start_s + (t - times[0]) * unit_s,
+        // To the last digit, so that a track recorded at these times is known at all of them.
+        None => t * unit_s,
+    };
+    Ok((times.iter().map(on_platforms_clock).collect(), true))
 }
 
 fn speed_m_s(track: &Track, time_s: f64) -> f64 {

@@ -17,6 +17,8 @@ use crate::simulate::track::{self, Fix, Rail, Recorded};
 /// A track, and the times that it is known for; all if `None`.
 pub(super) struct Track {
     pub(super) body: Arc<dyn Trajectory>,
+    /// What carries the receiver, if that is another body.
+    pub(super) receiver: Option<Arc<dyn Trajectory>>,
     pub(super) span_s: Option<(f64, f64)>,
 }
 
@@ -28,7 +30,7 @@ pub(super) fn build(
     times_s: (f64, f64),
 ) -> Result<Track, Found> {
     let fixes = match values.text("kind") {
-        "arrays" => arrays(values, source)?,
+        "arrays" => arrays(values, source, "positions")?,
         "csv" => track_csv::read(&source.folder.join(values.text("file")))
             .map_err(|error| values.fault("file", error.to_string()))?,
         kind => {
@@ -38,7 +40,11 @@ pub(super) fn build(
                 "rail" => Arc::new(rail(values, times_s)?),
                 _ => platform::track(values, 0.5 * (times_s.0 + times_s.1))?,
             };
-            return Ok(Track { body, span_s: None });
+            return Ok(Track {
+                body,
+                receiver: None,
+                span_s: None,
+            });
         }
     };
     let key = if values.text("kind") == "csv" {
@@ -47,8 +53,19 @@ pub(super) fn build(
         "times"
     };
     let track = Recorded::new(&fixes).map_err(|error| values.fault(key, error.to_string()))?;
+    let receiver: Option<Arc<dyn Trajectory>> = match values.optional_text("receiver_positions") {
+        Some(_) => {
+            let fixes = arrays(values, source, "receiver_positions")?;
+            let track = Recorded::new(&fixes);
+            Some(Arc::new(track.map_err(|error| {
+                values.fault("receiver_positions", error.to_string())
+            })?))
+        }
+        None => None,
+    };
     Ok(Track {
         body: Arc::new(track),
+        receiver,
         span_s: fixes
             .first()
             .zip(fixes.last())
@@ -99,11 +116,11 @@ fn evenly(values: &Values, key: &str, way: f64, duration_s: f64) -> Result<f64, 
     ))
 }
 
-/// Times and positions from arrays.
-fn arrays(values: &Values, source: &Source) -> Result<Vec<Fix>, Found> {
+/// Times, and positions from the array that a key names.
+fn arrays(values: &Values, source: &Source, key: &str) -> Result<Vec<Fix>, Found> {
     let unit_s = unit_s(values.text("times_unit"));
     let times = source.vector(values, "times")?;
-    let positions = source.array(values, "positions")?;
+    let positions = source.array(values, key)?;
     let unit_m = match values.text("positions_unit") {
         "mm" => 1e-3,
         "cm" => 1e-2,
@@ -113,7 +130,7 @@ fn arrays(values: &Values, source: &Source) -> Result<Vec<Fix>, Found> {
         (Some(rows), &[count, 3]) if count == times.len() => rows,
         _ => {
             return Err(values.fault(
-                "positions",
+                key,
                 format!(
                     "has shape {:?}; real numbers of shape [{}, 3] are wanted, a row for each of 'times'",
                     positions.shape,

@@ -38,7 +38,7 @@ use rayon::prelude::*;
 
 use self::check::check;
 use self::pulsed::Pulsed;
-use self::sight::{look, moving};
+use self::sight::{Sight, look, moving};
 use self::sweep::sweep;
 use super::body::Trajectory;
 use super::engine::Method;
@@ -215,6 +215,15 @@ impl<'a> Channel<'a> {
         self.collection.pulses[n].reference_path_m / SPEED_OF_LIGHT_M_S
     }
 
+    /// Antennas and reference `after_s` after the start of pulse `n`, by the measured track.
+    fn measured(&self, n: usize, after_s: f64) -> Sight {
+        let experiment = self.experiment;
+        let measured = experiment.measured.as_ref().unwrap_or(&experiment.track);
+        let (transmitter, receiver) = self.antennas();
+        let time_s = self.nominal_s(n) + after_s;
+        look(experiment, measured.as_ref(), transmitter, receiver, time_s)
+    }
+
     /// Pulse `n` as the engine sees it.
     fn view(&self, n: usize) -> View<'a> {
         let radar = &self.experiment.radar;
@@ -313,13 +322,18 @@ impl Echoes for Channel<'_> {
     fn reference_path_m(&self, pulse: usize, after_s: f64) -> f64 {
         let experiment = self.experiment;
         match (experiment.radar.motion, experiment.reference) {
-            (Motion::True, Reference::Point(_)) => {
-                let measured = experiment.measured.as_ref().unwrap_or(&experiment.track);
-                let (transmitter, receiver) = self.antennas();
-                let time_s = self.nominal_s(pulse) + after_s;
-                look(experiment, measured.as_ref(), transmitter, receiver, time_s).reference_path_m
-            }
+            (Motion::True, Reference::Point(_)) => self.measured(pulse, after_s).reference_path_m,
             _ => self.collection.pulses[pulse].reference_path_m,
+        }
+    }
+
+    fn antennas_m(&self, pulse: usize, after_s: f64) -> [DVec3; 2] {
+        match self.experiment.radar.motion {
+            Motion::True => self.measured(pulse, after_s).antennas_m,
+            Motion::StopAndGo => {
+                let pulse = &self.collection.pulses[pulse];
+                [pulse.transmitter_m, pulse.receiver_m]
+            }
         }
     }
 

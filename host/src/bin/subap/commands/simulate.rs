@@ -1,9 +1,10 @@
-//! `subap simulate`: a simulated collection as CPHD 1.1.
+//! `subap simulate`: a simulated collection as CPHD 1.1, or as raw echoes.
 
 use std::path::Path;
 
 use anyhow::Context;
 use subaperture::io::cphd::{self, Channel, Domain, Sgn, WriteOptions};
+use subaperture::io::recording::{self, Raw};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::simulate::scenario::{self, Scenario};
 use subaperture::simulate::{Experiment, Noise, Recording, Variation};
@@ -20,19 +21,22 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
     if let Some(name) = &typed.example {
         text::say(scenario::examples::text(name).context("--example: no such name")?)?;
     }
-    let Some(out) = &typed.out else {
-        return Ok(());
-    };
     if let Some(path) = &typed.scenario {
         let experiment = experiment(path, typed)?;
         let recordings = record(session, &experiment)?;
-        let channels: Vec<Channel> = recordings
-            .iter()
-            .map(|(id, recording)| Channel::new(id.clone(), recording))
-            .collect();
-        return write(session, typed, out, &channels);
+        if let Some(folder) = &typed.echoes {
+            write_echoes(session, folder, &recordings)?;
+        }
+        if let Some(out) = &typed.out {
+            let channels: Vec<Channel> = recordings
+                .iter()
+                .map(|(id, recording)| Channel::new(id.clone(), recording))
+                .collect();
+            write(session, typed, out, &channels)?;
+        }
+        return Ok(());
     }
-    if let Some(preset) = typed.preset {
+    if let (Some(preset), Some(out)) = (typed.preset, &typed.out) {
         let simulated = preset.simulate(&variation(typed));
         return write(session, typed, out, &[Channel::new("1", &simulated)]);
     }
@@ -88,6 +92,40 @@ fn variation(typed: &Simulate) -> Variation {
         perturbation_m: typed.perturb,
         seed,
     }
+}
+
+fn write_echoes(
+    session: &Session,
+    folder: &Path,
+    recordings: &[(String, Recording)],
+) -> anyhow::Result<()> {
+    let raw: Vec<Raw> = recordings
+        .iter()
+        .map(|(id, recording)| Raw {
+            id: id.clone(),
+            echoes: recording.echoes(),
+        })
+        .collect();
+    let progress = session.progress("simulating");
+    recording::write(folder, &raw, &progress)?;
+    progress.finish();
+    if session.quiet() {
+        return Ok(());
+    }
+    for raw in &raw {
+        let collection = raw.echoes.collection();
+        let name = match recordings.len() {
+            1 => String::new(),
+            _ => format!(" {}", raw.id),
+        };
+        text::say(format!(
+            "{}{name}: {} echoes of {} samples",
+            folder.display(),
+            collection.pulses.len(),
+            collection.waveform.num_samples()
+        ))?;
+    }
+    Ok(())
 }
 
 fn write(

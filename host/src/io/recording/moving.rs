@@ -1,0 +1,48 @@
+//! Echoes of a radar that moves while its sweeps last.
+//!
+//! Sample `k` of a pulse at `t_n` is taken at `t = t_n + t_k - t_middle`, the middle sample standing for the pulse.
+//! Its reference path is `|T(t) - p| + |R(t) - p|`, `T` and `R` by the track. Sampled at the pulses only, the track is a
+//! cubic spline between them: off by `5/384 h^4` of its fourth derivative, `h` from fix to fix.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use super::pulses::Pulses;
+use crate::phase_history::ReadError;
+use crate::receive::{EchoCollection, Echoes, Held};
+
+/// Echoes held in memory, and the way of their antennas.
+pub(super) struct InMotion<'a> {
+    pub(super) held: Held,
+    /// The reference point, if the radar moves while a sweep lasts and phases are referred to a point.
+    pub(super) moves: Option<DVec3>,
+    pub(super) pulses: &'a Pulses,
+    pub(super) bias_path_m: f64,
+}
+
+impl Echoes for InMotion<'_> {
+    fn collection(&self) -> &EchoCollection {
+        self.held.collection()
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        self.held.read(pulses, samples)
+    }
+
+    fn reference_path_m(&self, pulse: usize, after_s: f64) -> f64 {
+        let Some(point_m) = self.moves else {
+            return self.held.reference_path_m(pulse, after_s);
+        };
+        let middle_s = self.collection().waveform.middle_s();
+        let time_s = self.pulses.chosen[pulse].time_s + (after_s - middle_s);
+        let antennas_m = self.pulses.antennas.at_m(time_s);
+        let path_m: f64 = antennas_m.iter().map(|a| a.distance(point_m)).sum();
+        path_m + self.bias_path_m
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.held.held_bytes()
+    }
+}

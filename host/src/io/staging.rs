@@ -1,0 +1,249 @@
+//! A folder of files that belong together, made beside its place first: complete or absent.
+//!
+//! All files are written, and forced to disk, in a hidden staging folder on the same file system. Then
+//! - if the folder does not exist, the staging folder is renamed to it: one step;
+//! - if it exists, whatever else lies in it stays. Some of the files are marks of a whole set: old ones are removed
+//!   first, the others are renamed into place, and the new marks last. Whoever finds a mark finds the others.
+//!
+//! An error on the way removes the staging folder; only a killed process or a power cut leaves one (`.subap-*`),
+//! never a set in part.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::atomic::{WriteError, plain, sync_folder};
+
+/// Files on their way into a folder. Gone when dropped, unless committed.
+pub(super) struct Staged {
+    staging: tempfile::TempDir,
+    base: PathBuf,
+    folder: PathBuf,
+    needed_bytes: u64,
+}
+
+impl Staged {
+    /// Begins files that are to lie in `folder`, which is made if need be, with its parents. `needed_bytes` is
+    /// the size of them all.
+    ///
+    /// # Errors
+    /// [`WriteError`] if `folder`, or its nearest existing parent, cannot be written to.
+    pub(super) fn begin(folder: &Path, needed_bytes: u64) -> Result<Self, WriteError> {
+        let base = staging_place(folder)?;
+        let staging = stage(&base).map_err(|source| WriteError::Io {
+            path: folder.to_owned(),
+            needed_bytes,
+            source,
+        })?;
+        Ok(Self {
+            staging,
+            base,
+            folder: folder.to_owned(),
+            needed_bytes,
+        })
+    }
+
+    /// Checks that nothing is in the way of files of these names, and that the disk has room for them (as an
+    /// ordinary user sees it).
+    pub(super) fn check<'a>(
+        &self,
+        names: impl IntoIterator<Item = &'a str>,
+    ) -> Result<(), WriteError> {
+        for name in names {
+            let path = self.folder.join(name);
+            if path.is_dir() {
+                let what = "a folder of that name is in the way";
+                return Err(WriteError::Blocked { path, what });
+            }
+        }
+        // Where the system cannot tell, writing will.
+        match fs4::available_space(&self.base) {
+            Ok(free_bytes) if free_bytes < self.needed_bytes => Err(WriteError::NoSpace {
+                path: self.folder.clone(),
+                needed_bytes: self.needed_bytes,
+                free_bytes,
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// A file to be filled.
+    pub(super) fn create(&self, name: &str) -> Result<StagedFile, WriteError> {
+        let file = File::create_new(self.staging.path().join(name));
+        Ok(StagedFile {
+            out: BufWriter::new(Checked {
+                file: file.map_err(|source| self.failed(name, source))?,
+                bytes: 0,
+                crc: crc32fast::Hasher::new(),
+            }),
+        })
+    }
+
+    /// Forces a file to the disk, not only to the system's memory; its size and CRC-32.
+    pub(super) fn finish(&self, name: &str, file: StagedFile) -> Result<Value, WriteError> {
+        file.sync().map_err(|source| self.failed(name, source))
+    }
+
+    /// Writes a whole file; its size and CRC-32.
+    pub(super) fn write(
+        &self,
+        name: &str,
+        write: impl FnOnce(&mut StagedFile) -> io::Result<()>,
+    ) -> Result<Value, WriteError> {
+        let mut file = self.create(name)?;
+        write(&mut file).map_err(|source| self.failed(name, source))?;
+        self.finish(name, file)
+    }
+
+    /// The error of writing a file of this name.
+    pub(super) fn failed(&self, name: &str, source: io::Error) -> WriteError {
+        WriteError::Io {
+            path: self.folder.join(name),
+            needed_bytes: self.needed_bytes,
+            source,
+        }
+    }
+
+    /// Moves the files, `names` and `marks`, into place.
+    ///
+    /// # Errors
+    /// [`WriteError`]; then the folder is as it was, or, if replacing older files failed half way, without marks.
+    pub(super) fn commit(self, names: &[&str], marks: &[&str]) -> Result<(), WriteError> {
+        let staging = self.staging.path();
+        let moved = sync_folder(staging).and_then(|()| {
+            if self.folder.is_dir() {
+                replace(staging, &self.folder, names, marks)
+            } else {
+                place(staging, &self.folder)
+            }
+        });
+        moved.map_err(|source| self.failed("", source))?;
+        // If the staging folder has become the folder, there is nothing left to remove.
+        if !self.staging.path().exists() {
+            let _ = self.staging.keep();
+        }
+        Ok(())
+    }
+}
+
+/// A file in a staging folder.
+pub(super) struct StagedFile {
+    out: BufWriter<Checked>,
+}
+
+impl StagedFile {
+    fn sync(self) -> io::Result<Value> {
+        let checked = self.out.into_inner();
+        let checked = checked.map_err(io::IntoInnerError::into_error)?;
+        checked.file.sync_all()?;
+        let crc32 = format!("{:08x}", checked.crc.finalize());
+        Ok(json!({ "bytes": checked.bytes, "crc32": crc32 }))
+    }
+}
+
+impl Write for StagedFile {
+    fn write(&mut self, data: &[u8]) -> io::Result<usize> {
+        self.out.write(data)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// Where to stage: in the folder itself, or in its nearest existing parent.
+fn staging_place(folder: &Path) -> Result<PathBuf, WriteError> {
+    let absolute = std::path::absolute(folder).map_err(|source| WriteError::Io {
+        path: folder.to_owned(),
+        needed_bytes: 0,
+        source,
+    })?;
+    for place in absolute.ancestors() {
+        match fs::metadata(place) {
+            Ok(metadata) if metadata.is_dir() => return Ok(place.to_owned()),
+            Ok(_) => {
+                return Err(WriteError::Blocked {
+                    path: folder.to_owned(),
+                    what: "it, or a part of its path, is a file and not a folder",
+                });
+            }
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            // A file where a folder should be: its own turn comes.
+            Err(error) if error.kind() == io::ErrorKind::NotADirectory => {}
+            Err(source) => {
+                return Err(WriteError::Io {
+                    path: folder.to_owned(),
+                    needed_bytes: 0,
+                    source,
+                });
+            }
+        }
+    }
+    Ok(PathBuf::from("."))
+}
+
+/// A staging folder in `place`, with the permissions of any other folder; removed when dropped.
+fn stage(place: &Path) -> io::Result<tempfile::TempDir> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".subap-");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
+    builder.tempdir_in(place).map_err(plain)
+}
+
+/// A file and the CRC-32 of what went into it.
+struct Checked {
+    file: File,
+    bytes: u64,
+    crc: crc32fast::Hasher,
+}
+
+impl Write for Checked {
+    fn write(&mut self, data: &[u8]) -> io::Result<usize> {
+        let count = self.file.write(data)?;
+        self.crc.update(&data[..count]);
+        self.bytes += count as u64;
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+/// Moves the staged files over those of an existing folder, marks first off and last on.
+fn replace(staging: &Path, folder: &Path, names: &[&str], marks: &[&str]) -> io::Result<()> {
+    for mark in marks {
+        match fs::remove_file(folder.join(mark)) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+    }
+    sync_folder(folder)?;
+    for name in names {
+        fs::rename(staging.join(name), folder.join(name))?;
+    }
+    sync_folder(folder)?;
+    for mark in marks {
+        fs::rename(staging.join(mark), folder.join(mark))?;
+    }
+    sync_folder(folder)
+}
+
+/// Renames the staging folder to one that does not exist yet, making its parents.
+fn place(staging: &Path, folder: &Path) -> io::Result<()> {
+    let folder = std::path::absolute(folder)?;
+    let parent = folder.parent().unwrap_or(Path::new("/"));
+    let made: Vec<&Path> = parent.ancestors().take_while(|p| !p.exists()).collect();
+    fs::create_dir_all(parent)
+        .and_then(|()| fs::rename(staging, &folder))
+        .inspect_err(|_| {
+            // Innermost first. One that someone else has begun to use is not empty, and stays.
+            for folder in &made {
+                let _ = fs::remove_dir(folder);
+            }
+        })?;
+    sync_folder(parent)
+}
