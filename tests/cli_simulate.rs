@@ -76,7 +76,7 @@ fn every_kind_of_error_points_at_its_place() {
         "seed = 7",
         "seed = 7\ncentre = \"1 GHz\"",
         (3, 1),
-        "there is one in [radar]",
+        "[radar]",
     );
     refuse("pulses = 32\n", "", (11, 1), "[radar] needs 'pulses'");
     refuse("\"1 ms\"", "\"1 mss\"", (14, 7), "did you mean 'ms'?");

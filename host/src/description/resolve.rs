@@ -194,15 +194,19 @@ fn unknown(schema: &Schema, section: &'static Section, name: &str, node: &Node) 
         return format!("unknown key '{name}': did you mean '{meant}'?");
     }
     // A key may have slipped into the wrong section.
-    let elsewhere = schema
+    let has = |other: &&Section| other.key(name).is_some() && !matches!(node.raw, Raw::Table(_));
+    let elsewhere: Vec<String> = schema
         .sections
         .iter()
-        .find(|other| other.key(name).is_some() && !matches!(node.raw, Raw::Table(_)));
-    if let Some(other) = elsewhere {
+        .copied()
+        .filter(has)
+        .map(Section::header)
+        .collect();
+    if !elsewhere.is_empty() {
         return format!(
-            "unknown key '{name}' in {}; there is one in {}",
+            "unknown key '{name}' in {}; {} knows it",
             section.header(),
-            other.header()
+            elsewhere.join(" or ")
         );
     }
     let known: Vec<&str> = own

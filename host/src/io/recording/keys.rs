@@ -3,7 +3,8 @@
 use crate::description::schema::{Bounds, Key, Kind, Need, Presence, Schema, Section};
 use crate::description::units::Dimension;
 use crate::simulate::scenario::keys::motion::{
-    AT, BEARING, CENTRE, POINTS, POSITION, TURN, VELOCITY,
+    AT, BEARING, CENTRE, POINTS, POSITION, TRACK_FILE, TRACK_RECORD, TRACK_SKIP_DAMAGED, TURN,
+    VELOCITY,
 };
 use crate::simulate::scenario::keys::radar::{PULSE, RECEIVER, TRANSMITTER};
 use crate::simulate::scenario::keys::scene;
@@ -433,28 +434,9 @@ static PLATFORM: Section = Section {
         BEARING,
         TURN,
         POINTS.when(&["waypoints", "spline"]),
-        Key::new(
-            "file",
-            Kind::Path,
-            Need::Required("\"track.csv\""),
-            "The recorded track: a CSV with columns time_s, x_m, y_m, z_m and, if known, roll_deg, \
-             pitch_deg, yaw_deg; or a NovAtel log, whose first record is at time 0.",
-        )
-        .when(&["csv", "novatel"]),
-        Key::new(
-            "record",
-            Kind::Choice(&["inspvax", "inspva", "bestpos"]),
-            Need::Default("\"inspvax\""),
-            "Which records of the log are the track; bestpos has no attitude.",
-        )
-        .when(&["novatel"]),
-        Key::new(
-            "skip_damaged",
-            Kind::Flag,
-            Need::Default("false"),
-            "Whether lines of the log that are damaged are passed over.",
-        )
-        .when(&["novatel"]),
+        TRACK_FILE.when(&["csv", "novatel"]),
+        TRACK_RECORD.when(&["novatel"]),
+        TRACK_SKIP_DAMAGED.when(&["novatel"]),
         Key::new(
             "times",
             Kind::Text,

@@ -67,6 +67,28 @@ pub(crate) const START: Key = Key::new(
     "When it starts.",
 );
 
+pub(crate) const TRACK_FILE: Key = Key::new(
+    "file",
+    Kind::Path,
+    Need::Required("\"track.csv\""),
+    "The recorded track: a CSV with columns time_s, x_m, y_m, z_m and, if known, roll_deg, \
+     pitch_deg, yaw_deg; or a NovAtel log, whose first record is at time 0.",
+);
+
+pub(crate) const TRACK_RECORD: Key = Key::new(
+    "record",
+    Kind::Choice(&["inspvax", "inspva", "bestpos"]),
+    Need::Default("\"inspvax\""),
+    "Which records of the log are the track; bestpos has no attitude.",
+);
+
+pub(crate) const TRACK_SKIP_DAMAGED: Key = Key::new(
+    "skip_damaged",
+    Kind::Flag,
+    Need::Default("false"),
+    "Whether lines of the log that are damaged are passed over.",
+);
+
 pub(crate) static PLATFORM: Section = Section {
     path: "platform",
     presence: Presence::Always,
@@ -156,28 +178,9 @@ pub(crate) static PLATFORM: Section = Section {
         .when(&["arc"]),
         START.when(&["rail", "arc"]),
         POINTS.when(&["waypoints", "spline"]),
-        Key::new(
-            "file",
-            Kind::Path,
-            Need::Required("\"track.csv\""),
-            "The recorded track: a CSV with columns time_s, x_m, y_m, z_m and, if known, roll_deg, \
-             pitch_deg, yaw_deg; or a NovAtel log, whose first record is at time 0.",
-        )
-        .when(&["csv", "novatel"]),
-        Key::new(
-            "record",
-            Kind::Choice(&["inspvax", "inspva", "bestpos"]),
-            Need::Default("\"inspvax\""),
-            "Which records of the log are the track; bestpos has no attitude.",
-        )
-        .when(&["novatel"]),
-        Key::new(
-            "skip_damaged",
-            Kind::Flag,
-            Need::Default("false"),
-            "Whether lines of the log that are damaged are passed over.",
-        )
-        .when(&["novatel"]),
+        TRACK_FILE.when(&["csv", "novatel"]),
+        TRACK_RECORD.when(&["novatel"]),
+        TRACK_SKIP_DAMAGED.when(&["novatel"]),
     ],
 };
 
