@@ -319,9 +319,15 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "NAME", conflicts_with = "scenario")]
     pub(crate) preset: Option<Preset>,
 
-    /// Override a key of the scenario, as radar.pri="0.5 ms" or scene.point[0].position="0, 1, 0 m";
-    /// any number of times
-    #[arg(long, value_name = "KEY=VALUE", conflicts_with = "preset", value_parser = setting)]
+    // Not a doc comment, in which brackets are a link.
+    #[arg(
+        long,
+        value_name = "KEY=VALUE",
+        conflicts_with = "preset",
+        value_parser = setting,
+        help = "Override a key of the scenario, as radar.pri=\"0.5 ms\" or \
+                scene.point[0].position=\"0, 1, 0 m\"; any number of times"
+    )]
     pub(crate) set: Vec<(String, String)>,
 
     /// Print every key of a scenario with its unit, default and meaning

@@ -4,7 +4,7 @@
 //! the clock ([`clock`]) are errors of frequencies and times, so they act on the echo's making.
 //!
 //! Powers relate to a raw sample of the echo of 1 m² at the reference point, whose magnitude is 1.
-//! Everything random comes from a stream of its own for each kind, channel and pulse ([`stream`]).
+//! Everything random comes from a stream of its own for each kind, channel and pulse (`stream`).
 
 pub mod clock;
 pub mod converter;
