@@ -89,7 +89,7 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Measure an image: responses of points, level, contrast, differences from another
     Quality(Quality),
-    /// Say what a module needs to make the maps of a scene
+    /// Plan a pass of a radar, or a module that makes its maps
     Plan(Plan),
     /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures
     Demo(Demo),
