@@ -6,12 +6,13 @@ use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::rdbp::{Mode, Plan, RangeDoppler, Request, Thesis};
 use subaperture::focus::{FormError, Formed, ImageFormer, Monitor, Silent, Task, Weights};
-use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse};
+use subaperture::phase_history::PhaseHistory;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Noise, Preset, Scatterer, Simulated, Variation};
 use subaperture_tests::error_db;
+use subaperture_tests::track_scene::{noise, scene};
 
 /// A scene, a grid and windows: what formers are compared on.
 struct Bench {
@@ -97,53 +98,6 @@ fn table_4_1() -> Bench {
     // A coarse grid with a step that falls on all fractions of bins and patches.
     let history = Preset::Table41.simulate(&Variation::default());
     Bench::new(history, "x=-40:40:1.37,y=-40:40:1.31", Window::None)
-}
-
-/// Straight or bent tracks, one or two antennas: a collection of 10 scatterers around the origin.
-fn scene(
-    num_pulses: usize,
-    (start_hz, step_hz, num_samples): (f64, f64, usize),
-    antennas: impl Fn(f64) -> (DVec3, DVec3),
-    extent_m: f64,
-) -> Simulated {
-    let pulses = (0..num_pulses)
-        .map(|n| {
-            let (transmitter_m, receiver_m) = antennas(n as f64 - num_pulses as f64 / 2.0);
-            Pulse {
-                time_s: n as f64,
-                transmitter_m,
-                receiver_m,
-                reference_m: DVec3::ZERO,
-                reference_path_m: transmitter_m.length() + receiver_m.length(),
-                start_hz,
-                step_hz,
-            }
-        })
-        .collect();
-    let collection = Collection {
-        name: "scene".to_owned(),
-        num_samples,
-        pulses,
-        frame: SceneFrame::Local,
-        extent: None,
-        timed: true,
-    };
-    let scatterers = (0..10)
-        .map(|i| {
-            // Golden-ratio placement: spread evenly without a lattice.
-            let turn = f64::from(i) * 0.618_034;
-            let radius = extent_m * (f64::from(i) / 10.0).sqrt();
-            Scatterer {
-                position_m: DVec3::new(
-                    radius * (turn * std::f64::consts::TAU).cos(),
-                    radius * (turn * std::f64::consts::TAU).sin(),
-                    0.0,
-                ),
-                amplitude: Complex64::cis(f64::from(i)),
-            }
-        })
-        .collect();
-    Simulated::new(collection, scatterers, None)
 }
 
 #[test]
@@ -277,11 +231,6 @@ fn gaps_and_odd_lengths_drop_no_pulse() {
         let got = error_db(&bench.form(&precise(-60.0, Some(sub_cpi))), &exact);
         assert!(got < -60.0, "{sub_cpi}: {got}");
     }
-}
-
-/// A deterministic number in [-1, 1) for pulse `n`.
-fn noise(n: f64) -> f64 {
-    ((n * 12.9898).sin() * 43_758.547).fract()
 }
 
 #[test]

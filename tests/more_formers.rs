@@ -9,12 +9,13 @@ use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::{FormError, Formed, ImageFormer, Monitor, Silent, Task, Weights};
-use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse};
+use subaperture::phase_history::PhaseHistory;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
 use subaperture_tests::error_db;
+use subaperture_tests::track_scene::{noise, scene};
 
 fn try_form(
     former: &dyn ImageFormer,
@@ -60,48 +61,6 @@ fn table_4_1(places: &[DVec3]) -> Simulated {
         })
         .collect();
     Simulated::new(simulated.collection().clone(), scatterers, None)
-}
-
-/// Ten scatterers within `extent_m`, two antennas on any tracks.
-fn scene(
-    num_pulses: usize,
-    (start_hz, step_hz, num_samples): (f64, f64, usize),
-    antennas: impl Fn(f64) -> (DVec3, DVec3),
-    extent_m: f64,
-) -> Simulated {
-    let pulses = (0..num_pulses)
-        .map(|n| {
-            let (transmitter_m, receiver_m) = antennas(n as f64 - num_pulses as f64 / 2.0);
-            Pulse {
-                time_s: n as f64,
-                transmitter_m,
-                receiver_m,
-                reference_m: DVec3::ZERO,
-                reference_path_m: transmitter_m.length() + receiver_m.length(),
-                start_hz,
-                step_hz,
-            }
-        })
-        .collect();
-    let collection = Collection {
-        name: "scene".to_owned(),
-        num_samples,
-        pulses,
-        frame: SceneFrame::Local,
-        extent: None,
-        timed: true,
-    };
-    let scatterers = (0..10)
-        .map(|i| {
-            let angle = f64::from(i) * 0.618_034 * TAU;
-            let radius = extent_m * (f64::from(i) / 10.0).sqrt();
-            Scatterer {
-                position_m: DVec3::new(radius * angle.cos(), radius * angle.sin(), 0.0),
-                amplitude: Complex64::cis(f64::from(i)),
-            }
-        })
-        .collect();
-    Simulated::new(collection, scatterers, None)
 }
 
 fn circle(radius_m: f64, height_m: f64, step_rad: f64) -> impl Fn(f64) -> (DVec3, DVec3) {
@@ -312,11 +271,6 @@ fn point_responses_are_the_exact_ones() {
             assert!((got.islr_db - exact.islr_db).abs() <= 0.2);
         }
     }
-}
-
-/// A deterministic number in [-1, 1) for pulse `n`.
-fn noise(n: f64) -> f64 {
-    ((n * 12.9898).sin() * 43_758.547).fract()
 }
 
 #[test]

@@ -13,6 +13,7 @@ pub mod module_report;
 pub mod stream_scene;
 pub mod subap;
 pub mod tiny_disk;
+pub mod track_scene;
 
 use subaperture::image::Image;
 

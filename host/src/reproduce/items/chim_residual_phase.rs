@@ -1,24 +1,21 @@
 //! The residual video phase of a de-chirped sweep: Chim 2018, (2.22) and (3.1).
 
 use std::f64::consts::{PI, TAU};
-use std::sync::Arc;
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 
+use super::chim_radar::standing;
 use super::chim_strip::band;
 use crate::SPEED_OF_LIGHT_M_S;
-use crate::geometry::SceneFrame;
 use crate::phase_history::PhaseHistory;
 use crate::plot::{Chart, Curve, Stroke, lines};
 use crate::receive::{Deskewed, Skew};
 use crate::reproduce::{Check, Context, Finding, Item, ItemError, Picture};
 use crate::signal::phase::widen;
-use crate::simulate::engine::Method;
-use crate::simulate::radar::{Antenna, Motion, Pattern, Radar, Receiver, Waveform};
+use crate::simulate::radar::{Pattern, Waveform};
 use crate::simulate::scene::Scene;
-use crate::simulate::track::Linear;
-use crate::simulate::{Experiment, Pair, Reference, Scatterer};
+use crate::simulate::{Experiment, Pair, Scatterer};
 
 pub(super) const ITEMS: [Item; 1] = [Item {
     id: "c-2-22",
@@ -38,52 +35,22 @@ const MOST_DELAY_S: f64 = 0.7e-6;
 /// A sweep over one scatterer at `range_m`, mixed with what is being transmitted.
 fn experiment(range_m: f64) -> Experiment {
     let radar_m = DVec3::new(0.0, -50.0, 0.0);
-    let antenna = Antenna {
-        name: "antenna".to_owned(),
-        offset_m: DVec3::ZERO,
-        boresight: DVec3::Y,
-        up: DVec3::Z,
-        pattern: Pattern::Isotropic,
-    };
     let scatterer = Scatterer {
         position_m: radar_m + DVec3::Y * range_m,
         amplitude: Complex64::ONE,
     };
-    Experiment {
-        name: "sweep".to_owned(),
-        frame: SceneFrame::Local,
-        extent: None,
-        radar: Radar {
-            waveform: Waveform::Fmcw {
-                start_hz: 1.7e9,
-                chirp_hz_s: CHIRP_HZ_S,
-                sample_rate_hz: 5e6,
-                num_samples: 500,
-                mixer_delay_s: 0.0,
-            },
-            num_pulses: 1,
-            pri_s: 1e-3,
-            start_s: 0.0,
-            transmitters: vec![antenna.clone()],
-            receivers: vec![antenna],
-            motion: Motion::StopAndGo,
-            spreading: false,
-            receiver: Receiver::default(),
-        },
-        track: Arc::new(Linear {
-            position_m: radar_m,
-            velocity_m_s: DVec3::ZERO,
-            at_s: 0.0,
-        }),
-        measured: None,
-        scene: Scene {
-            points: vec![scatterer],
-            ..Scene::default()
-        },
-        reference: Reference::Range(0.0),
-        seed: 1,
-        method: Method::Sum,
-    }
+    let scene = Scene {
+        points: vec![scatterer],
+        ..Scene::default()
+    };
+    let waveform = Waveform::Fmcw {
+        start_hz: 1.7e9,
+        chirp_hz_s: CHIRP_HZ_S,
+        sample_rate_hz: 5e6,
+        num_samples: 500,
+        mixer_delay_s: 0.0,
+    };
+    standing("sweep", waveform, Pattern::Isotropic, radar_m, scene)
 }
 
 /// Phase of the scatterer beside `exp(-j 2 pi f tau)`, mean over the band, radians.

@@ -6,19 +6,19 @@ use std::sync::Arc;
 use glam::DVec3;
 use num_complex::Complex64;
 
+use super::chim_radar::standing;
 use super::chim_strip::{focused, with_task};
 use super::forming::{ERROR_DB, grid_about};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::ImageFormer;
 use crate::focus::rda::RangeDopplerAlgorithm;
-use crate::geometry::SceneFrame;
 use crate::phase_history::Band;
 use crate::planner::sampling::{cross_range_resolution_m, range_resolution_m};
 use crate::quality::response::{Settings, Target, measure};
 use crate::reproduce::{Check, Context, Finding, Item, ItemError};
 use crate::signal::window::Window;
 use crate::simulate::engine::Method;
-use crate::simulate::radar::{Antenna, Motion, Pattern, Radar, Receiver, Waveform};
+use crate::simulate::radar::{Pattern, Waveform};
 use crate::simulate::scene::Scene;
 use crate::simulate::track::Linear;
 use crate::simulate::{Experiment, Pair, Reference, Scatterer};
@@ -40,53 +40,32 @@ const NUM_PULSES: usize = 401;
 const UNWEIGHTED: f64 = 0.886;
 
 fn pass(pattern: Pattern) -> Experiment {
-    let antenna = Antenna {
-        name: "antenna".to_owned(),
-        offset_m: DVec3::ZERO,
-        // The truck drives along x and looks to its left, along y.
-        boresight: DVec3::Y,
-        up: DVec3::Z,
-        pattern,
-    };
     let scatterer = Scatterer {
         position_m: DVec3::ZERO,
         amplitude: Complex64::ONE,
     };
-    Experiment {
-        name: "truck".to_owned(),
-        frame: SceneFrame::Local,
-        extent: None,
-        radar: Radar {
-            waveform: Waveform::Ideal {
-                band: Band {
-                    start_hz: 1.7e9,
-                    step_hz: 300e6 / 64.0,
-                    count: 64,
-                },
-            },
-            num_pulses: NUM_PULSES,
-            pri_s: SPACING_M,
-            start_s: 0.0,
-            transmitters: vec![antenna.clone()],
-            receivers: vec![antenna],
-            motion: Motion::StopAndGo,
-            spreading: false,
-            receiver: Receiver::default(),
-        },
-        track: Arc::new(Linear {
-            position_m: DVec3::new(0.0, -RANGE_M, 0.0),
-            velocity_m_s: DVec3::X,
-            at_s: SPACING_M * (NUM_PULSES - 1) as f64 / 2.0,
-        }),
-        measured: None,
-        scene: Scene {
-            points: vec![scatterer],
-            ..Scene::default()
-        },
-        reference: Reference::Point(DVec3::ZERO),
-        seed: 1,
-        method: Method::default(),
-    }
+    let scene = Scene {
+        points: vec![scatterer],
+        ..Scene::default()
+    };
+    let band = Band {
+        start_hz: 1.7e9,
+        step_hz: 300e6 / 64.0,
+        count: 64,
+    };
+    let radar_m = DVec3::new(0.0, -RANGE_M, 0.0);
+    let mut truck = standing("truck", Waveform::Ideal { band }, pattern, radar_m, scene);
+    // It drives along x and looks to its left.
+    truck.radar.num_pulses = NUM_PULSES;
+    truck.radar.pri_s = SPACING_M;
+    truck.track = Arc::new(Linear {
+        position_m: radar_m,
+        velocity_m_s: DVec3::X,
+        at_s: SPACING_M * (NUM_PULSES - 1) as f64 / 2.0,
+    });
+    truck.reference = Reference::Point(DVec3::ZERO);
+    truck.method = Method::default();
+    truck
 }
 
 fn resolutions(context: &Context) -> Result<Finding, ItemError> {

@@ -1,25 +1,22 @@
 //! The radar that steps its carrier: Chim 2018, 5.6 and Fig. 5.13.
 
 use std::f64::consts::PI;
-use std::sync::Arc;
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 
+use super::chim_radar::standing;
 use super::chim_strip::{band, profiles, ridge};
 use crate::SPEED_OF_LIGHT_M_S;
-use crate::geometry::{Axis, SceneFrame};
+use crate::geometry::Axis;
 use crate::phase_history::{Band, PhaseHistory};
 use crate::plot::{Chart, Curve, Stroke, lines};
 use crate::reproduce::{Check, Context, Finding, Item, ItemError, Picture};
 use crate::signal::window::Window;
 use crate::simulate::engine::Method;
-use crate::simulate::radar::{
-    Antenna, LinkBudget, Motion, Pattern, Radar, Receiver, ThermalNoise, Waveform,
-};
+use crate::simulate::radar::{LinkBudget, Pattern, ThermalNoise, Waveform};
 use crate::simulate::receiver::thermal::snr_db;
 use crate::simulate::scene::{Corner, Scene};
-use crate::simulate::track::Linear;
 use crate::simulate::{Experiment, Pair, Reference, Scatterer};
 
 pub(super) const ITEMS: [Item; 1] = [Item {
@@ -76,69 +73,42 @@ fn experiment(walls: bool) -> Experiment {
         azimuth_rad: PI / 3.0,
         elevation_rad: PI / 3.0,
     };
-    let antenna = Antenna {
-        name: "antenna".to_owned(),
-        offset_m: DVec3::ZERO,
-        boresight: DVec3::Y,
-        up: DVec3::Z,
-        pattern: beam,
-    };
     // A small part of the near wall, 40 degrees aside of where the radar looks.
     let aside = 40f64.to_radians();
     let near_m = radar_m + DVec3::new(-aside.sin(), aside.cos(), 0.0) * RANGES_M[0];
     let far_m = radar_m + DVec3::Y * RANGES_M[2];
-    Experiment {
-        name: "stepped".to_owned(),
-        frame: SceneFrame::Local,
-        extent: None,
-        radar: Radar {
-            waveform: Waveform::Stepped {
-                band: Band {
-                    start_hz: 1.1e9,
-                    step_hz: 4e6,
-                    count: 50,
-                },
-                step_s: 1e-3,
-                dwell_s: DWELL_S,
-            },
-            num_pulses: 1,
-            pri_s: 60e-3,
-            start_s: 0.0,
-            transmitters: vec![antenna.clone()],
-            receivers: vec![antenna],
-            motion: Motion::StopAndGo,
-            spreading: true,
-            receiver: Receiver {
-                noise: Some(ThermalNoise::Equation(LINK)),
-                ..Receiver::default()
-            },
+    let scene = Scene {
+        points: match walls {
+            true => [
+                wall(near_m, radar_m, [0.2, 0.2]),
+                wall(far_m, radar_m, [6.0, 2.0]),
+            ]
+            .concat(),
+            false => Vec::new(),
         },
-        track: Arc::new(Linear {
-            position_m: radar_m,
-            velocity_m_s: DVec3::ZERO,
-            at_s: 0.0,
-        }),
-        measured: None,
-        scene: Scene {
-            points: match walls {
-                true => [
-                    wall(near_m, radar_m, [0.2, 0.2]),
-                    wall(far_m, radar_m, [6.0, 2.0]),
-                ]
-                .concat(),
-                false => Vec::new(),
-            },
-            corners: vec![Corner {
-                position_m: DVec3::ZERO,
-                boresight: DVec3::NEG_Y,
-                edge_m: 0.6,
-            }],
-            ..Scene::default()
+        corners: vec![Corner {
+            position_m: DVec3::ZERO,
+            boresight: DVec3::NEG_Y,
+            edge_m: 0.6,
+        }],
+        ..Scene::default()
+    };
+    let waveform = Waveform::Stepped {
+        band: Band {
+            start_hz: 1.1e9,
+            step_hz: 4e6,
+            count: 50,
         },
-        reference: Reference::Point(DVec3::ZERO),
-        seed: 1,
-        method: Method::default(),
-    }
+        step_s: 1e-3,
+        dwell_s: DWELL_S,
+    };
+    let mut experiment = standing("stepped", waveform, beam, radar_m, scene);
+    experiment.radar.pri_s = 60e-3;
+    experiment.radar.spreading = true;
+    experiment.radar.receiver.noise = Some(ThermalNoise::Equation(LINK));
+    experiment.reference = Reference::Point(DVec3::ZERO);
+    experiment.method = Method::default();
+    experiment
 }
 
 /// A profile of powers against range.

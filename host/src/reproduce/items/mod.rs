@@ -3,6 +3,7 @@
 mod chim_ambiguity;
 mod chim_omega_k;
 mod chim_painting;
+mod chim_radar;
 mod chim_range_doppler;
 mod chim_residual_phase;
 mod chim_resolution;
