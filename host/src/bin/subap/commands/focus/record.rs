@@ -10,6 +10,7 @@ use super::Peak;
 use super::check::Check;
 use crate::args::Focus;
 use crate::config::{Session, record_of_run};
+use crate::messages;
 
 /// Version of the record's layout; it grows when a reader would have to change.
 const SCHEMA_VERSION: u32 = 1;
@@ -53,6 +54,7 @@ impl Record<'_> {
             "inputs": self.inputs,
             "brightest": self.peak,
             "check": self.check,
+            "warnings": messages::warnings(),
         })
     }
 }
