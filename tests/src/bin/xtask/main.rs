@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod checks;
+mod executables;
 mod fuzz;
 mod log;
 mod module;
