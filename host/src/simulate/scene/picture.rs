@@ -380,7 +380,10 @@ mod tests {
         let crc = crc32fast::hash(&claims[12..29]).to_be_bytes();
         claims[29..33].copy_from_slice(&crc);
         let error = read("a.png", &claims).unwrap_err().to_string();
-        assert!(error.contains("cannot hold the 16384 x 16384 pixels"), "{error}");
+        assert!(
+            error.contains("cannot hold the 16384 x 16384 pixels"),
+            "{error}"
+        );
         assert!(Picture::read(Path::new("nowhere.png")).is_err());
         assert!(Picture::new(2, 3, vec![0.0; 5]).is_err());
         let negative = Picture::new(1, 2, vec![0.0, -1.0]).unwrap_err().to_string();
