@@ -1,5 +1,6 @@
 //! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
 
+mod look;
 mod plan;
 mod tune;
 mod values;
@@ -13,6 +14,7 @@ use subaperture::link::Place;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
+pub(crate) use look::{Look, Picture};
 pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use tune::{Recording, Tune, Vary};
 use values::{
@@ -89,6 +91,8 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Measure an image: responses of points, level, contrast, differences from another
     Quality(Quality),
+    /// Draw an image's picture again, with other levels or colours
+    Picture(Picture),
     /// Plan a pass of a radar, or a module that makes its maps
     Plan(Plan),
     /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures
@@ -185,6 +189,9 @@ pub(crate) struct Focus {
     /// Form N pixels, chosen by a fixed seed, by the exact sum too and report the image's error
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) check: Option<usize>,
+
+    #[command(flatten)]
+    pub(crate) look: Look,
 }
 
 /// Image formers by name.

@@ -13,7 +13,7 @@ use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, power};
 use subaperture::io::product::Product;
 use subaperture::phase_history::PhaseHistory;
-use subaperture::plot::{self, Panel};
+use subaperture::plot::{self, Orientation, Panel};
 use subaperture::survey::Survey;
 
 use crate::args::Focus;
@@ -105,6 +105,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         inputs: &inputs,
         check: check.as_ref(),
         peak,
+        orientation: Orientation::of(history.collection(), &grid),
         taken: start.elapsed(),
     };
     let title = format!("{}, {}", survey.name, former.name());
@@ -134,8 +135,13 @@ fn deliver(
     title: String,
 ) -> anyhow::Result<()> {
     interrupt::check()?;
-    let quicklook = plot::quicklook(&Panel::new(image, record.grid, title))?;
-    let metadata = record.to_json();
+    let quicklook = plot::quicklook(&Panel {
+        scale: typed.look.scale(),
+        colours: typed.look.colours(),
+        orientation: record.orientation,
+        ..Panel::new(image, record.grid, title.as_str())
+    })?;
+    let metadata = record.to_json(&title);
     Product {
         image,
         metadata: &metadata,
