@@ -167,12 +167,10 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
             "--no-keystone is for --mode thesis only: leave it out".to_owned(),
         ));
     }
-    if is_thesis {
-        if typed.patch.is_some() {
-            return Err(Usage(
-                "--patch says nothing to --mode thesis: leave it out".to_owned(),
-            ));
-        }
+    if is_thesis && typed.patch.is_some() {
+        return Err(Usage(
+            "--patch says nothing to --mode thesis: leave it out".to_owned(),
+        ));
     }
     let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
     Ok(match algorithm {
