@@ -65,13 +65,13 @@ pub(super) fn cphd(bytes: &mut Vec<u8>) {
 }
 
 /// The first element reaches to the file's end, a packed one too.
-pub(super) fn matlab(bytes: &mut Vec<u8>) {
+pub(super) fn matlab(bytes: &mut [u8]) {
     let length = bytes.len().saturating_sub(136) as u32;
     put(bytes, 132, &length.to_le_bytes());
 }
 
 /// CRCs of members that are stored, in their own header and in the directory.
-pub(super) fn zip(bytes: &mut Vec<u8>) {
+pub(super) fn zip(bytes: &mut [u8]) {
     let mut at = 0;
     while let Some(found) = find(bytes.get(at..).unwrap_or_default(), b"PK\x03\x04") {
         let local = at + found;
@@ -103,7 +103,7 @@ pub(super) fn zip(bytes: &mut Vec<u8>) {
 }
 
 /// CRCs of chunks.
-pub(super) fn png(bytes: &mut Vec<u8>) {
+pub(super) fn png(bytes: &mut [u8]) {
     let mut at = 8;
     while let Some(size) = bytes.get(at..).and_then(<[u8]>::first_chunk) {
         let end = at + 8 + u32::from_be_bytes(*size) as usize;
@@ -117,7 +117,7 @@ pub(super) fn png(bytes: &mut Vec<u8>) {
 }
 
 /// CRCs of the preamble and of sections; one that reaches beyond the end is shortened to it.
-pub(super) fn maps(bytes: &mut Vec<u8>) {
+pub(super) fn maps(bytes: &mut [u8]) {
     if bytes.len() < 16 {
         return;
     }

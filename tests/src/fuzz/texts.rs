@@ -98,7 +98,7 @@ pub(super) fn scenario_seeds() -> Vec<Vec<u8>> {
     let small = "[radar]\nkind = \"ideal\"\npulses = 8\npri = \"1 ms\"\ncentre = \"10 GHz\"\nbandwidth = \"200 MHz\"\n\
                  samples = 16\n\n[platform]\nkind = \"linear\"\nposition = \"0, -5, 3 km\"\nvelocity = \"100, 0, 0 m/s\"\n\n\
                  [[scene.point]]\nposition = \"10, 5, 0 m\"\n";
-    let examples = scenario::examples::names().map(|name| scenario::examples::text(name));
+    let examples = scenario::examples::names().map(scenario::examples::text);
     let examples = examples
         .iter()
         .flatten()
