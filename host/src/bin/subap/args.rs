@@ -357,13 +357,13 @@ pub(crate) struct Simulate {
     pub(crate) example: Option<String>,
 
     /// CPHD file to write; a scenario's pairs of antennas are its channels
-    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath,
+    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output(),
         required_unless_present_any = ["keys", "example", "echoes"])]
     pub(crate) out: Option<PathBuf>,
 
     /// Folder for a scenario's raw echoes, as received: echoes.npy and the like, and recording.toml, which
     /// subap focus reads (of several pairs of antennas recording-T1R2.toml and so on)
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath,
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output(),
         conflicts_with_all = ["preset", "keys", "example"])]
     pub(crate) echoes: Option<PathBuf>,
 
