@@ -16,6 +16,7 @@ use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::open::{Options, open_all};
 use subaperture::phase_history::{Aperture, ReadError};
+use subaperture::survey::Survey;
 
 use crate::args::{self, Algorithm, Global};
 use crate::failure::Usage;
@@ -91,6 +92,17 @@ impl Session {
     /// Whether `-q` was given.
     pub(crate) fn quiet(&self) -> bool {
         self.quiet
+    }
+
+    /// The grid that suits a collection; says what it leaves out, and what repeats in it.
+    pub(crate) fn default_grid(&self, survey: &Survey) -> anyhow::Result<ImageGrid> {
+        let suited = survey.default_grid()?;
+        if !self.quiet {
+            for said in survey.ambiguity().iter().chain(&suited.cropped) {
+                eprintln!("subap: {said}");
+            }
+        }
+        Ok(suited.grid)
     }
 
     /// Refuses a grid of which `count` images alone exceed the budget.

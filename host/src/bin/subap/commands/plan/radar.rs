@@ -37,7 +37,7 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     let survey = Survey::of(&collection).context("the input holds no pulses")?;
     let grid = match typed.grid {
         Some(grid) => grid,
-        None => survey.default_grid()?,
+        None => session.default_grid(&survey)?,
     };
     let link = |power_w| LinkBudget {
         power_w,
