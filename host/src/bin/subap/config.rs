@@ -15,14 +15,13 @@ use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::open::{Options, open_all};
-use subaperture::phase_history::{Aperture, ReadError};
+use subaperture::phase_history::{Aperture, PhaseHistory, ReadError};
 use subaperture::survey::Survey;
 
 use crate::args::{self, Algorithm, Global};
 use crate::failure::Usage;
-use crate::interrupt;
 use crate::progress::Progress;
-use crate::text;
+use crate::{interrupt, messages, text};
 
 /// The error bound where none is given, dB.
 pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
@@ -43,6 +42,7 @@ pub(crate) struct Session {
 impl Session {
     /// Sets up threads and Ctrl-C.
     pub(crate) fn new(global: &Global) -> anyhow::Result<Self> {
+        messages::set_up(global.quiet, global.verbose);
         let mut pool = rayon::ThreadPoolBuilder::new();
         if let Some(threads) = global.threads {
             pool = pool.num_threads(threads);
@@ -65,9 +65,7 @@ impl Session {
 
     /// Says something on standard error from `-v` given `level` times on.
     pub(crate) fn note(&self, level: u8, line: impl FnOnce() -> String) {
-        if self.verbosity >= level {
-            eprintln!("{}", line());
-        }
+        messages::detail(level, line);
     }
 
     /// Opens the recordings given, as one aperture within the budget.
@@ -76,7 +74,11 @@ impl Session {
             channel: input.channel.as_deref(),
             memory_bytes: self.memory_bytes,
         };
-        open_all(&input.paths, &options)
+        let history = open_all(&input.paths, &options)?;
+        for warning in history.warnings() {
+            messages::warning(warning);
+        }
+        Ok(history)
     }
 
     /// A progress bar.
@@ -97,10 +99,11 @@ impl Session {
     /// The grid that suits a collection; says what it leaves out, and what repeats in it.
     pub(crate) fn default_grid(&self, survey: &Survey) -> anyhow::Result<ImageGrid> {
         let suited = survey.default_grid()?;
-        if !self.quiet {
-            for said in survey.ambiguity().iter().chain(&suited.cropped) {
-                eprintln!("subap: {said}");
-            }
+        if let Some(ambiguity) = survey.ambiguity() {
+            messages::warning(ambiguity);
+        }
+        if let Some(cropped) = suited.cropped {
+            messages::note(&cropped);
         }
         Ok(suited.grid)
     }
@@ -179,17 +182,10 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
             "--no-keystone is for --mode thesis only: leave it out".to_owned(),
         ));
     }
-    if is_thesis {
-        for (option, given) in [
-            ("--error-db", typed.error_db.is_some()),
-            ("--patch", typed.patch.is_some()),
-        ] {
-            if given {
-                return Err(Usage(format!(
-                    "{option} says nothing to --mode thesis: leave it out"
-                )));
-            }
-        }
+    if is_thesis && typed.patch.is_some() {
+        return Err(Usage(
+            "--patch says nothing to --mode thesis: leave it out".to_owned(),
+        ));
     }
     let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
     Ok(match algorithm {
@@ -200,6 +196,7 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
                 args::Mode::Precise => rdbp::Mode::Precise,
                 args::Mode::Thesis => rdbp::Mode::Thesis(rdbp::Thesis {
                     keystone: !typed.no_keystone,
+                    error_db: typed.error_db,
                     ..rdbp::Thesis::default()
                 }),
             },

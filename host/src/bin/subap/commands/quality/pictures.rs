@@ -4,7 +4,6 @@ use std::fs;
 use std::io::Write;
 use std::path::Path;
 
-use subaperture::geometry::Axis;
 use subaperture::io::atomic::write_atomically;
 use subaperture::plot::{
     Chart, Colours, Curve, Heat, Panel, Scale, Stroke, heat, lines, quicklook,
@@ -49,19 +48,14 @@ pub(super) fn write(folder: &Path, report: &Report, source: &Source) -> anyhow::
     }
     if let Some(against) = &report.against {
         let map = |map: &PixelMap, title: &str, unit: &str, range| {
-            let (across_label, up_label, factor) = source.labels();
-            let columns = source.grid.columns;
+            let [(across_label, columns), (up_label, rows)] = source.shown_axes();
             heat(&Heat {
                 values: &map.values,
-                rows: source.grid.rows,
-                columns: Axis {
-                    start: columns.start * factor,
-                    step: columns.step * factor,
-                    ..columns
-                },
+                rows,
+                columns,
                 title: title.to_owned(),
-                across_label: across_label.to_owned(),
-                up_label: up_label.to_owned(),
+                across_label,
+                up_label,
                 unit: unit.to_owned(),
                 range,
                 colours: Colours::Viridis,

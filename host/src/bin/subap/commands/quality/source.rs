@@ -93,6 +93,8 @@ impl Source {
             Direction::Y if self.in_pixels => "row",
             Direction::X if self.grid.polar => "angle",
             Direction::Y if self.grid.polar => "range",
+            Direction::X => self.grid.scene_axes()[0].name,
+            Direction::Y => self.grid.scene_axes()[1].name,
             _ => along.name(),
         }
     }
@@ -160,13 +162,36 @@ impl Source {
         scene
     }
 
-    /// Labels of the axes across and up, and what values across are multiplied by to be shown.
-    pub(super) fn labels(&self) -> (&'static str, &'static str, f64) {
-        match (self.in_pixels, self.grid.polar) {
-            (true, _) => ("column", "row", 1.0),
-            (_, true) => ("angle (deg)", "range (m)", 1f64.to_degrees()),
-            _ => ("x (m)", "y (m)", 1.0),
+    /// The axes across and up as they are shown, each with its label: those of the scene where the grid's run along them.
+    pub(super) fn shown_axes(&self) -> [(String, Axis); 2] {
+        let grid = &self.grid;
+        if self.in_pixels {
+            return [
+                ("column".to_owned(), grid.columns),
+                ("row".to_owned(), grid.rows),
+            ];
         }
+        if grid.polar {
+            let degrees = Axis {
+                start: grid.columns.start.to_degrees(),
+                step: grid.columns.step.to_degrees(),
+                ..grid.columns
+            };
+            return [
+                ("angle (deg)".to_owned(), degrees),
+                ("range (m)".to_owned(), grid.rows),
+            ];
+        }
+        let [across, up] = grid.scene_axes();
+        [(across, grid.columns), (up, grid.rows)].map(|(scene, axis)| {
+            // Values ascend: against the scene's axis they are shown negative.
+            let sign = if scene.sign < 0.0 { "-" } else { "" };
+            let shown = Axis {
+                start: scene.sign * scene.value_m(axis.start),
+                ..axis
+            };
+            (format!("{sign}{} (m)", scene.name), shown)
+        })
     }
 }
 
