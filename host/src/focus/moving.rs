@@ -193,8 +193,8 @@ mod tests {
     }
 
     /// The plain sum over pulses and frequencies, with true paths, stepped from zero velocity to half its power. Radially
-    /// every pulse tells as much as its time; across, half of them tell nothing, and the box around them would say 1.0
-    /// m/s where 1.46 is true.
+    /// every pulse tells as much as its time; across, more of them tell little than much, and the box around them would
+    /// say 0.98 m/s where 1.04 is true.
     #[test]
     fn velocity_resolution_of_table_4_1() {
         let history = Preset::Table41.simulate(&Variation::default());

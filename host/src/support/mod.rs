@@ -50,8 +50,8 @@ pub use lit::measured_gains;
 pub use projection::Projection;
 pub use record::RecordedLooks;
 
-/// Pulses that a collection is represented by at most: a prime, so that no cycle of channels keeps step with it.
-pub const MOST_LOOKS: usize = 2039;
+/// Pulses that a collection is represented by at most.
+pub const MOST_LOOKS: usize = 8191;
 /// Cells of the band that it is represented by at most.
 pub const MOST_CELLS: usize = 256;
 
@@ -91,7 +91,7 @@ pub struct Looks {
 impl Looks {
     /// The pulses of `collection`, [`MOST_LOOKS`] of them at most, under windows over fast and slow time.
     pub fn new(collection: &Collection, fast: Window, slow: Window) -> Self {
-        let indices = representatives(collection.pulses.len(), MOST_LOOKS, Share::Middle);
+        let indices = representatives(collection.pulses.len(), MOST_LOOKS, Share::Golden);
         Self::of(collection, fast, slow, indices)
     }
 
@@ -157,8 +157,8 @@ fn representatives(count: usize, most: usize, share: Share) -> impl Iterator<Ite
     let shares = count.min(most);
     (0..shares).map(move |i| {
         let part = match share {
-            Share::Middle => 0.5,
-            Share::Golden => (i as f64 * 0.618_033_988_749_895).fract(),
+            Share::Golden if shares < count => (i as f64 * 0.618_033_988_749_895).fract(),
+            _ => 0.5,
         };
         (((i as f64 + part) * count as f64 / shares as f64) as usize).min(count - 1)
     })

@@ -13,8 +13,8 @@
 //!
 //! by two rules of what the main lobe is: between the first minima, or within a given number of
 //! 3 dB widths ([`Settings::main_lobe_widths`]). The first suits clean responses, the second noisy ones,
-//! whose first minimum can be anywhere. The ISLR of two dimensions is that of the whole chip against the
-//! rectangle between the first minima.
+//! whose first minimum can be anywhere. The ISLR of two dimensions is that of the rectangle of both cuts' spans against
+//! the rectangle between the first minima.
 //!
 //! All of that is in units of the response and not of pixels: a chip reaches [`REACH_WIDTHS`] widths where there is room, of every
 //! second or third pixel and so on where pixels are many a width (an image holds no more than its band), and
@@ -512,7 +512,7 @@ fn cut_length(pixels: [f64; 2], peak: [f64; 2], half: [usize; 2]) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Energy outside the rectangle between the first minima over that inside.
+/// Energy outside the rectangle between the first minima over that inside, within the spans of the cuts.
 fn integrated_2d_db(
     fine: &[Complex64],
     chip: &Chip,
@@ -522,16 +522,27 @@ fn integrated_2d_db(
     steps: [f64; 2],
 ) -> Option<f64> {
     let (across, down) = (cuts[0].nulls?, cuts[1].nulls?);
+    let spans = [cuts[1].span, cuts[0].span];
     let width = chip.columns * UPSAMPLING;
+    // Whether a sample lies between the minima; `None` outside the span.
     let inside = |i: usize, axis: usize, nulls: [f64; 2]| {
         let pixels = i as f64 / UPSAMPLING as f64 - half[axis] as f64 - peak[axis];
-        (nulls[0]..=nulls[1]).contains(&(pixels * steps[axis]))
+        let at = pixels * steps[axis];
+        let [low, high] = spans[axis];
+        (low..=high)
+            .contains(&at)
+            .then(|| (nulls[0]..=nulls[1]).contains(&at))
     };
-    let columns: Vec<bool> = (0..width).map(|j| inside(j, 1, across)).collect();
+    let columns: Vec<Option<bool>> = (0..width).map(|j| inside(j, 1, across)).collect();
     let (mut within, mut beyond) = (0.0, 0.0);
     for (i, row) in fine.chunks_exact(width).enumerate() {
-        let row_inside = inside(i, 0, down);
-        for (z, &column_inside) in row.iter().zip(&columns) {
+        let Some(row_inside) = inside(i, 0, down) else {
+            continue;
+        };
+        for (z, column_inside) in row.iter().zip(&columns) {
+            let Some(column_inside) = *column_inside else {
+                continue;
+            };
             match row_inside && column_inside {
                 true => within += z.norm_sqr(),
                 false => beyond += z.norm_sqr(),

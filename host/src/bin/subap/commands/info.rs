@@ -219,7 +219,7 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
     line(
         "resolution",
         format!(
-            "{} in slant range; in the plane {} in range, {} in cross-range (Rayleigh's, no window)",
+            "{} in slant range; in the plane {} in range, {} in cross-range (Rayleigh's; no window, no beam)",
             metres(Some(survey.slant_range_resolution_m)),
             metres(survey.range_resolution_m),
             metres(survey.cross_range_resolution_m),

@@ -12,7 +12,7 @@ use subaperture::image::Comparison;
 use subaperture::quality::coherence::coherence;
 use subaperture::quality::difference::{PercentDifference, PercentSummary, percent_difference};
 use subaperture::quality::registration::{Offset, offset};
-use subaperture::quality::response::{Response, Settings, Target, measure};
+use subaperture::quality::response::{Cut, Response, Settings, Target, measure};
 use subaperture::quality::statistics::{Region, Statistics};
 use subaperture::quality::{PairError, PixelMap};
 
@@ -283,6 +283,22 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
         "ISLR dB (1.5 widths)",
     ];
     text::say(text::table(&header, &rows))?;
+    // Theory without the recording knows no beam, which dims part of the pulses.
+    let wider = |(cut, theory): (&Cut, &Option<Theory>)| {
+        let width = theory.as_ref()?.width()?;
+        Some(cut.width_3db? > 1.05 * width)
+    };
+    let any_wider = r
+        .cuts
+        .iter()
+        .zip(&point.theory)
+        .filter_map(wider)
+        .any(|wider| wider);
+    if any_wider && point.theory_as_lit.is_empty() {
+        text::say(
+            "wider than theory, which takes all pulses as equally strong: --from RECORDING tells whether a beam made it so",
+        )?;
+    }
     text::say(format!(
         "ISLR of both dimensions {} dB",
         number(r.islr_2d_db, 2)

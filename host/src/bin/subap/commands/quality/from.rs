@@ -29,7 +29,7 @@ const STEP_CELLS: f64 = 0.4;
 const HALF: usize = 48;
 /// Multiplications up to which the exact sum is taken, and backprojection with this bound beyond.
 const EXACT_WORK: f64 = 4e9;
-const ERROR_DB: f64 = -90.0;
+const ERROR_DB: f64 = -80.0;
 
 /// A recording to form chips of, as the image was formed.
 pub(super) struct From<'a> {
@@ -169,7 +169,7 @@ impl<'a> From<'a> {
             monitor: &progress,
         };
         let image = former
-            .form(&task)
+            .form_best(&task)
             .context("--from: no chip was formed")?
             .image;
         progress.finish();
