@@ -337,15 +337,8 @@ fn channels_in_turn_are_all_seen() {
         (width_m / formula_m - 1.0).abs() < 0.02,
         "{width_m} {formula_m}"
     );
-    let few = RecordedLooks::of(&collection, place_m, [DVec3::X, DVec3::Z]).unwrap();
-    let few = few.looks(Window::None, Window::None).unwrap();
-    let few_m = few
-        .at(place_m)
-        .along(DVec3::Z)
-        .unwrap()
-        .width_3db_m()
-        .unwrap();
-    assert!((few_m / width_m - 1.0).abs() < 0.02, "{few_m} {width_m}");
+    // No thousand of these stand for all of them: sooner none than wrong ones.
+    assert!(RecordedLooks::of(&collection, place_m, [DVec3::X, DVec3::Z]).is_none());
 }
 
 /// The beam measured from a recording's own samples predicts the width that the beam leaves.

@@ -7,15 +7,8 @@ use super::{Look, Looks, MOST_CELLS, Share, representatives};
 use crate::phase_history::Collection;
 use crate::signal::window::Window;
 
-/// Numbers of looks that are tried, and how each is chosen: primes, so that no cycle of channels keeps step with them.
-const TRIED: [(usize, Share); 6] = [
-    (61, Share::Middle),
-    (127, Share::Middle),
-    (257, Share::Middle),
-    (509, Share::Middle),
-    (509, Share::Golden),
-    (1021, Share::Golden),
-];
+/// Numbers of looks that are tried: primes, so that no cycle of channels keeps step with them.
+const COUNTS: [usize; 5] = [61, 127, 257, 509, 1021];
 /// By how much the response may differ from that of all looks, relative to its peak, out to [`REACH_CELLS`].
 const TOLERANCE: f64 = 5e-3;
 /// Cells out to which it is compared: what a measurement reaches.
@@ -37,36 +30,35 @@ pub struct RecordedLooks {
 
 impl RecordedLooks {
     /// As few pulses of `collection` as give the same response at `place_m`, along and across the
-    /// line of sight in the plane of `axes`; `None` if 1021 are too few.
+    /// line of sight in the plane of `axes`; `None` if 1021 are too few, as they
+    /// can be where many channels take turns.
     pub fn of(collection: &Collection, place_m: DVec3, axes: [DVec3; 2]) -> Option<Self> {
         let all = Looks::new(collection, Window::None, Window::None);
         let directions = all.at(place_m).range_and_cross(axes);
+        let whole = directions.map(|direction| all.at(place_m).along(direction));
         let alike = |few: &Looks| {
-            directions.iter().all(|&direction| {
-                let whole = all.at(place_m);
-                match (whole.along(direction), few.at(place_m).along(direction)) {
-                    (Some(whole), Some(few)) => {
-                        let Some(cell_m) = whole.resolution_m() else {
-                            return false;
-                        };
-                        (1..=(REACH_CELLS * 4.0) as usize).all(|i| {
-                            let s_m = i as f64 / 4.0 * cell_m;
-                            let off = whole.power(s_m).sqrt() - few.power(s_m).sqrt();
-                            off.abs() < TOLERANCE
-                        })
-                    }
-                    (None, None) => true,
-                    _ => false,
-                }
+            directions.iter().zip(&whole).all(|(&direction, whole)| {
+                let few = few.at(place_m).along(direction);
+                let (Some(whole), Some(few)) = (whole, &few) else {
+                    return whole.is_none() && few.is_none();
+                };
+                let Some(cell_m) = whole.resolution_m() else {
+                    return false;
+                };
+                (1..=(REACH_CELLS * 4.0) as usize).all(|i| {
+                    let s_m = i as f64 / 4.0 * cell_m;
+                    let off = whole.power(s_m).sqrt() - few.power(s_m).sqrt();
+                    off.abs() < TOLERANCE
+                })
             })
         };
         let count = collection.pulses.len();
-        let chosen = |&(most, share): &(usize, Share)| representatives(count, most, share);
-        let tried = TRIED.iter().find(|tried| {
-            let few = Looks::of(collection, Window::None, Window::None, chosen(tried));
+        let chosen = |most: usize| representatives(count, most, Share::Middle);
+        let most = COUNTS.into_iter().find(|&most| {
+            let few = Looks::of(collection, Window::None, Window::None, chosen(most));
             few.looks.len() == all.looks.len() || alike(&few)
         })?;
-        let pulses: Vec<_> = chosen(tried).map(|n| collection.pulses[n]).collect();
+        let pulses: Vec<_> = chosen(most).map(|n| collection.pulses[n]).collect();
         let band = |pulse| Look::of(pulse, collection.num_samples, 1.0).band_hz;
         let apart = pulses.iter().any(|p| p.transmitter_m != p.receiver_m);
         let mut bands_hz: Vec<[f64; 2]> = pulses.iter().map(band).collect();

@@ -184,7 +184,7 @@ pub enum ResponseError {
     /// Pixels too far apart for what the pulses sample there.
     #[error(
         "the pixels are too coarse to measure the point at {along} {at:.4}: they are {step:.4} apart along {along}, and {needed:.4} or \
-         less is needed where spatial frequencies span {extent:.2} cycles for each unit; form the image on a finer grid"
+         less is needed where spatial frequencies span {extent:.2} cycles for each of them; form the image on a finer grid"
     )]
     TooCoarse {
         /// The axis: x or y, angle or range.
