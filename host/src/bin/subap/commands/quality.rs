@@ -94,7 +94,17 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
         print(&report, &source)?;
     }
     match &typed.plots {
-        Some(folder) => pictures::write(folder, &report, &source),
+        Some(folder) => {
+            let mut claims = session.claims(
+                &typed.writing,
+                &[Some(&typed.image), typed.against.as_ref()]
+                    .into_iter()
+                    .flatten()
+                    .chain(&typed.from)
+                    .collect::<Vec<_>>(),
+            );
+            pictures::write(&mut claims, folder, &report, &source)
+        }
         None => Ok(()),
     }
 }
