@@ -234,7 +234,7 @@ pub(super) fn examine(history: &dyn PhaseHistory, bytes: &[u8]) -> String {
         return "large".to_owned();
     }
     let wide = match survey.default_grid() {
-        Ok(grid) => grid,
+        Ok(found) => found.grid,
         Err(error) => return error.to_string(),
     };
     assert!(wide.fault().is_none(), "{:?} of {wide:?}", wide.fault());
