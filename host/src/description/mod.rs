@@ -17,7 +17,7 @@ mod reference;
 mod resolve;
 pub(crate) mod schema;
 mod tree;
-pub(crate) mod units;
+pub mod units;
 pub(crate) mod values;
 
 use std::io;

@@ -39,6 +39,7 @@ fn end_what_does_not_end() {
         thread::sleep(PATIENCE / 10);
     }
     messages::error("interrupted; what was written is whole, and the rest is not there");
+    messages::end(INTERRUPTED);
     exit(INTERRUPTED.into());
 }
 

@@ -76,7 +76,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     progress.finish();
     warn_of_missed_bound(typed, &formed.settings);
     for (key, value) in &formed.settings {
-        session.note(2, || format!("{key} = {value}"));
+        messages::setting(key, value);
     }
 
     let check = match checking {
@@ -94,7 +94,9 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         check.judge(bound_db);
     }
     interrupt::check()?;
+    let checksums = session.progress("checksums");
     let inputs = history.inputs()?;
+    checksums.finish();
     let peak = brightest(&formed.image, &grid);
     let record = record::Record {
         session,
@@ -110,7 +112,9 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     let title = format!("{}, {}", survey.name, former.name());
     deliver(session, typed, &formed.image, &record, title)?;
-    if let Some(check) = check {
+    if let Some(check) = check
+        && !session.json()
+    {
         text::say(check.to_string())?;
     }
     Ok(())
@@ -125,6 +129,7 @@ fn deliver(
     title: String,
 ) -> anyhow::Result<()> {
     interrupt::check()?;
+    let writing = session.progress("writing");
     let quicklook = plot::quicklook(&Panel {
         scale: typed.look.scale(),
         colours: typed.look.colours(),
@@ -138,7 +143,13 @@ fn deliver(
         quicklook: &quicklook,
     }
     .write(&typed.out)?;
-    if session.quiet() {
+    writing.finish();
+    if session.json() {
+        let mut metadata = metadata;
+        metadata["folder"] = typed.out.display().to_string().into();
+        return text::say_json("image", metadata);
+    }
+    if !session.tells() {
         return Ok(());
     }
     text::say(format!(

@@ -12,6 +12,7 @@ use subaperture::io::{npy, product};
 use subaperture::quality::response::{Carrier, Direction, Geometry};
 use subaperture::signal::window::Window;
 
+use crate::commands::stored;
 use crate::config::Session;
 use crate::text;
 
@@ -35,7 +36,7 @@ impl Source {
     /// Reads a product's folder or an array.
     pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
         let name = path.display().to_string();
-        if !path.is_dir() {
+        let Some(folder) = stored::product_folder(path) else {
             let image = npy::read(path)?;
             if image.pixels.is_empty() {
                 bail!("{name}: an image without pixels");
@@ -54,8 +55,8 @@ impl Source {
                 cells_m: [None; 2],
                 in_pixels: true,
             });
-        }
-        let stored = product::read(path)?;
+        };
+        let stored = product::read(folder)?;
         let settings = &stored.metadata["settings"];
         let window = |key: &str| settings[key].as_str().and_then(|text| text.parse().ok());
         let fast: Option<Window> = window("window");
@@ -140,10 +141,8 @@ impl Source {
 pub(super) fn check_memory(session: &Session, paths: &[Option<&PathBuf>]) -> anyhow::Result<()> {
     // A file that cannot be asked for its size cannot be read either, and reading says why.
     let size = |path: &&PathBuf| {
-        let file = match path.is_dir() {
-            true => path.join("image.npy"),
-            false => path.to_path_buf(),
-        };
+        let folder = stored::product_folder(path);
+        let file = folder.map_or_else(|| path.to_path_buf(), |folder| folder.join("image.npy"));
         fs::metadata(file).map_or(0, |about| u128::from(about.len()))
     };
     let bytes = 6 * paths.iter().flatten().map(size).sum::<u128>();
