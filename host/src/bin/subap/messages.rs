@@ -164,7 +164,7 @@ pub(crate) fn end(exit_status: u8) {
     let elapsed = told.begun.map_or(Duration::ZERO, |begun| begun.elapsed());
     let text = format!(
         "exit status {exit_status} after {}",
-        text::duration(elapsed)
+        text::seconds(elapsed.as_secs_f64())
     );
     let more = json!({ "exit_status": exit_status, "elapsed_s": elapsed.as_secs_f64() });
     told.log("end", &text, more);
@@ -182,7 +182,7 @@ pub(crate) fn progress(text: &str, work: &str, fraction: Option<f64>, elapsed: D
 
 /// How long a stretch of work took, for the log.
 pub(crate) fn timing(work: &str, elapsed: Duration) {
-    let text = format!("{work} took {}", text::duration(elapsed));
+    let text = format!("{work} took {}", text::seconds(elapsed.as_secs_f64()));
     let more = json!({ "work": work, "elapsed_s": elapsed.as_secs_f64() });
     told().log("timing", &text, more);
 }

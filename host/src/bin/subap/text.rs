@@ -56,8 +56,16 @@ pub(crate) fn say_json(name: &str, value: impl Serialize) -> anyhow::Result<()> 
         add("schema_version", 1.into());
         object.insert("warnings".to_owned(), messages::warnings().into());
     }
-    say(serde_json::to_string_pretty(&value)?)?;
+    let schema = value["schema"].as_str().unwrap_or(name);
+    messages::result(&format!("{schema}, as JSON on standard output"));
+    print(format!("{}\n", serde_json::to_string_pretty(&value)?).as_bytes())?;
     Ok(())
+}
+
+/// A level in decibels, without a minus before zero.
+pub(crate) fn decibels(level_db: f64) -> String {
+    // Adding zero turns -0 into 0.
+    format!("{:.2} dB", (level_db * 100.0).round() / 100.0 + 0.0)
 }
 
 /// `text` without control characters but ends of lines and tabs;
@@ -146,6 +154,12 @@ mod tests {
     fn names_write_no_commands_to_a_terminal() {
         assert_eq!(printable("two\nlines of \u{b5}m"), "two\nlines of \u{b5}m");
         assert_eq!(printable("a\u{1b}[2Jb\r\u{9b}"), "a\\u{1b}[2Jb\\r\\u{9b}");
+    }
+
+    #[test]
+    fn levels_have_no_minus_before_zero() {
+        assert_eq!(decibels(-0.004), "0.00 dB");
+        assert_eq!(decibels(-3.456), "-3.46 dB");
     }
 
     #[test]

@@ -174,7 +174,10 @@ fn deliver(
         Some(peak) => {
             let [x, y, z] = peak.position_m;
             let level_db = peak.level_db;
-            format!("brightest point at x {x:.3} m, y {y:.3} m, z {z:.3} m: {level_db:.2} dB")
+            format!(
+                "brightest point at x {x:.3} m, y {y:.3} m, z {z:.3} m: {}",
+                text::decibels(level_db)
+            )
         }
         None => "no brightest point: the image is zero".to_owned(),
     })?;

@@ -1,6 +1,7 @@
 //! Images as they are stored: a product, by its folder or its `image.json`, or an array alone.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
@@ -37,6 +38,13 @@ pub(super) fn product_folder(path: &Path) -> Option<&Path> {
 pub(super) fn read(path: &Path) -> anyhow::Result<Stored> {
     let path = path.to_owned();
     if let Some(folder) = product_folder(&path) {
+        if is_velocity_plane(folder) {
+            return Ok(Stored {
+                image: npy::read(&folder.join("image.npy"))?,
+                product: None,
+                path,
+            });
+        }
         let stored = product::read(folder)?;
         return Ok(Stored {
             image: stored.image,
@@ -44,6 +52,7 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Stored> {
             path,
         });
     }
+    check_is_array(&path)?;
     let image = npy::read(&path)?;
     if image.pixels.is_empty() {
         bail!("{}: an image without pixels", path.display());
@@ -53,6 +62,28 @@ pub(super) fn read(path: &Path) -> anyhow::Result<Stored> {
         product: None,
         path,
     })
+}
+
+/// Whether a folder is of `subap velocity`, whose axes are no places.
+fn is_velocity_plane(folder: &Path) -> bool {
+    // What cannot be read is told by who reads it next.
+    let record = fs::read(folder.join("image.json")).unwrap_or_default();
+    let record: Value = serde_json::from_slice(&record).unwrap_or_default();
+    record["schema"] == "subaperture-velocity-plane"
+}
+
+/// Refuses a file that is no array, such as a recording, with a word about what is wanted.
+pub(super) fn check_is_array(path: &Path) -> anyhow::Result<()> {
+    let mut start = [0; 6];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    // What cannot be opened is told by who reads it next; what is shorter is no array.
+    if path.is_file() && !(read.is_ok() && &start == b"\x93NUMPY") {
+        bail!(
+            "{}: no image: give the folder of a product (with image.json and image.npy) or a complex64 array (.npy)",
+            path.display()
+        );
+    }
+    Ok(())
 }
 
 impl Stored {

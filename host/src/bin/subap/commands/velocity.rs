@@ -112,8 +112,11 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     ))?;
     text::say(match brightest {
         Some((v, level_db)) => format!(
-            "brightest at v_x {:.3} m/s, v_y {:.3} m/s, v_z {:.3} m/s: {level_db:.2} dB",
-            v.x, v.y, v.z
+            "brightest at v_x {:.3} m/s, v_y {:.3} m/s, v_z {:.3} m/s: {}",
+            v.x,
+            v.y,
+            v.z,
+            text::decibels(level_db)
         ),
         None => "no brightest velocity: the plane is zero".to_owned(),
     })?;

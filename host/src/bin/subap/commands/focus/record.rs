@@ -85,6 +85,10 @@ pub(super) fn settings(
             "velocity_m_s": typed.velocity.map(|v| v.to_array()),
             "channel": typed.input.channel,
             "check": typed.check,
+            "no_keystone": typed.no_keystone,
+            "no_src": typed.no_src,
+            "top_db": typed.look.top,
+            "span_db": typed.look.span,
         },
         "resolved": resolved,
     })

@@ -123,7 +123,10 @@ fn product(path: &Path) -> anyhow::Result<Description> {
         record["brightest"]["level_db"].as_f64(),
         numbers(&record["brightest"]["position_m"]),
     ) {
-        let place = format!("x {x:.3} m, y {y:.3} m, z {z:.3} m: {level_db:.2} dB");
+        let place = format!(
+            "x {x:.3} m, y {y:.3} m, z {z:.3} m: {}",
+            text::decibels(level_db)
+        );
         text += &line("brightest", &place);
     }
     for input in record["inputs"].as_array().into_iter().flatten() {
@@ -224,7 +227,12 @@ fn array(path: &Path) -> anyhow::Result<Description> {
     let size = format!("{} rows x {} columns, complex64", image.rows, image.columns);
     text += &line("size", &size);
     if let (Some(peak), Some(level_db)) = (peak, level_db) {
-        let place = format!("row {}, column {}: {level_db:.2} dB", peak.row, peak.column);
+        let place = format!(
+            "row {}, column {}: {}",
+            peak.row,
+            peak.column,
+            text::decibels(level_db)
+        );
         text += &line("brightest", &place);
     }
     Ok(Description {

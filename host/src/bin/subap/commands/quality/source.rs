@@ -37,6 +37,7 @@ impl Source {
     pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
         let name = path.display().to_string();
         let Some(folder) = stored::product_folder(path) else {
+            stored::check_is_array(path)?;
             let image = npy::read(path)?;
             if image.pixels.is_empty() {
                 bail!("{name}: an image without pixels");
