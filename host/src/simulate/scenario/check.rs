@@ -5,7 +5,7 @@
 use glam::DVec3;
 
 use crate::SPEED_OF_LIGHT_M_S;
-use crate::quantity::metres;
+use crate::quantity::{hertz, metres};
 use crate::simulate::body::Trajectory;
 use crate::simulate::experiment::{Experiment, Reference};
 use crate::simulate::radar::{Radar, Waveform};
@@ -203,9 +203,9 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Fo
                     return Some(values.fault(
                         "sample_rate",
                         format!(
-                            "in pulse {pulse} the reference's beat is {:.6} MHz, beyond half the sample \
-                             rate: raise it, sweep slower or set mixer_delay to about {}",
-                            beat_hz / 1e6,
+                            "in pulse {pulse} the reference's beat is {}, beyond half the sample rate: \
+                             raise it, sweep slower or set mixer_delay to about {}",
+                            hertz(beat_hz),
                             time(least_s)
                         ),
                     ));

@@ -9,7 +9,7 @@ use std::time::Instant;
 use anyhow::Context;
 use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
-use subaperture::focus::{Misses, Task, Weights};
+use subaperture::focus::{FormError, Misses, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, power};
 use subaperture::io::product::Product;
@@ -76,7 +76,14 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         true => Misses::Allowed,
         false => Misses::Refused,
     };
-    let formed = former.form_asked(&task, misses)?;
+    let formed = former
+        .form_asked(&task, misses)
+        .map_err(|error| match error {
+            FormError::BoundMissed { .. } => anyhow::anyhow!(
+                "{error}: raise --error-db, or take the best there is with --allow-error"
+            ),
+            error => error.into(),
+        })?;
     progress.finish();
     pass_on_warnings(&formed.settings);
     if formed.bound_missed {
