@@ -6,7 +6,7 @@ use clap::{Args as Group, ValueEnum, ValueHint};
 use subaperture::description::units::Dimension;
 use subaperture::plot::{Colours, Scale};
 
-use super::values::{above_zero, any};
+use super::values::{above_zero, any, output};
 
 /// Levels and colours of a picture.
 #[derive(Clone, Copy, Debug, Group)]
@@ -62,9 +62,12 @@ pub(crate) struct Picture {
     pub(crate) image: PathBuf,
 
     /// PNG file to write
-    #[arg(long, short, value_name = "PNG", value_hint = ValueHint::FilePath)]
+    #[arg(long, short, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
 
     #[command(flatten)]
     pub(crate) look: Look,
+
+    #[command(flatten)]
+    pub(crate) writing: super::Writing,
 }

@@ -114,13 +114,16 @@ pub(crate) struct PlanRadar {
 
     /// Folder for response.png: what the thesis's mode will make of a scatterer in the scene's centre; and
     /// ambiguity.png: the pulse's ambiguity function around its peak
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = super::output())]
     pub(crate) plots: Option<PathBuf>,
 
     /// The pulse of ambiguity.png: lfm:HZ:SECONDS, a linear sweep, or barker13:SECONDS, chips of that length
     /// [default: a sweep over the band in --pulse-length, or in 10 us]
     #[arg(long, value_name = "PULSE", value_parser = pulse_shape, requires = "plots")]
     pub(crate) pulse: Option<PulseShape>,
+
+    #[command(flatten)]
+    pub(crate) writing: super::Writing,
 }
 
 /// The options of [`Pass`], and those that lengthen it.

@@ -1,5 +1,8 @@
 //! Values as they are typed: each function turns a word into one, or says what to give.
 
+use std::path::PathBuf;
+
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use glam::DVec3;
 use subaperture::description::units::Dimension;
 use subaperture::geometry::{Axis, Extent};
@@ -27,14 +30,21 @@ pub(super) fn finite(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "give a number".to_owned())
 }
 
+/// The path of an output; `-` is none, for nothing is written to standard output but text.
+pub(super) fn output() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| match path.as_os_str() == "-" {
+        true => Err("nothing is written to standard output: give a name (./- for a file called -)"),
+        false => Ok(path),
+    })
+}
+
 /// A quantity with its unit, as `9.6GHz`, or a plain number of SI units, of angles degrees.
 fn quantity(text: &str, dimension: Dimension) -> Result<f64, String> {
     if let Ok(value) = finite(text.trim()) {
         return Ok(value);
     }
-    // What begins with no number is told as clap tells it, with what would do.
-    let begins = text.trim_start_matches(['+', '-', ' ']);
-    if !begins.starts_with(|c: char| c.is_ascii_digit() || c == '.') {
+    // What begins with no number is told what would do.
+    if !begins_with_a_number(text) {
         return Err(String::new());
     }
     let value = dimension.parse(text)?;
@@ -42,6 +52,11 @@ fn quantity(text: &str, dimension: Dimension) -> Result<f64, String> {
         Dimension::Angle => value.to_degrees(),
         _ => value,
     })
+}
+
+fn begins_with_a_number(text: &str) -> bool {
+    let digits = text.trim_start_matches(['+', '-', ' ']);
+    digits.starts_with(|c: char| c.is_ascii_digit() || c == '.')
 }
 
 /// Checks quantities of one dimension, and says what to give in place of others.
@@ -93,15 +108,23 @@ pub(super) fn above_zero(dimension: Dimension) -> impl Fn(&str) -> Result<f64, S
 fn several(text: &str, separator: char, dimension: Dimension) -> Result<Vec<f64>, String> {
     let parts: Vec<&str> = text.split(separator).collect();
     let numbers: Result<Vec<f64>, String> = parts.iter().map(|part| finite(part.trim())).collect();
-    numbers.or_else(|_| dimension.parse_list(&parts.join(","), parts.len()))
+    if parts.iter().all(|part| begins_with_a_number(part)) {
+        return numbers.or_else(|_| dimension.parse_list(&parts.join(","), parts.len()));
+    }
+    numbers
 }
 
 /// `3,-4` or `3,-4,0.5`, metres or metres a second; with units `3,-4,0.5km`.
 pub(super) fn vector(dimension: Dimension) -> impl Fn(&str) -> Result<DVec3, String> + Clone {
-    move |text| match several(text, ',', dimension)?[..] {
-        [x, y] => Ok(DVec3::new(x, y, 0.0)),
-        [x, y, z] => Ok(DVec3::new(x, y, z)),
-        _ => Err("give two or three numbers, for example 3.5,-2".to_owned()),
+    move |text| {
+        let wanted = "give two or three numbers, for example 3.5,-2";
+        let numbers = several(text, ',', dimension);
+        match numbers.as_deref() {
+            Ok(&[x, y]) => Ok(DVec3::new(x, y, 0.0)),
+            Ok(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+            Err(why) if begins_with_a_number(text) => Err(format!("{why}; {wanted}")),
+            _ => Err(wanted.to_owned()),
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use std::io::Write;
 use glam::DVec3;
 use serde_json::{Value, json};
 use subaperture::io::atomic::write_atomically;
+use subaperture::io::ours::Kind;
 use subaperture::io::product;
 use subaperture::plot::{self, Orientation, Panel};
 
@@ -15,8 +16,10 @@ use crate::text;
 
 /// Reads a product and writes its picture.
 pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
-    let drawing = session.progress("drawing");
     let folder = stored::product_folder(&typed.image).unwrap_or(&typed.image);
+    let mut claims = session.claims(&typed.writing, &[folder]);
+    claims.file(&typed.out, Kind::Picture)?;
+    let drawing = session.progress("drawing");
     let stored = product::read(folder)?;
     let about = &stored.metadata["picture"];
     let name = typed.image.display().to_string();

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 use serde_json::{Value, json};
-use subaperture::reproduce::{Context, Item, Step, items, run as run_items};
+use subaperture::reproduce::{Context, Item, Step, items, names, run as run_items};
 
 use crate::args::Reproduce;
 use crate::config::{Session, record_of_run};
@@ -30,8 +30,8 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
         return Ok(());
     }
     let gotcha = gotcha_files(&typed.gotcha)?;
-    fs::create_dir_all(&typed.out)
-        .with_context(|| format!("cannot make the folder {}", typed.out.display()))?;
+    let mut claims = session.claims(&typed.writing, &gotcha);
+    claims.folder(&typed.out, names(&typed.out, &chosen))?;
     let start = Instant::now();
     let progress = session.progress("reproducing");
     let context = Context {

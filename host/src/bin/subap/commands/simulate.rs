@@ -6,6 +6,7 @@ use std::time::Instant;
 use anyhow::Context;
 use serde_json::{Value, json};
 use subaperture::io::cphd::{self, Channel, Domain, Sgn, WriteOptions};
+use subaperture::io::ours::Kind;
 use subaperture::io::recording::{self, Raw};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::simulate::scenario::{self, Scenario};
@@ -25,12 +26,18 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         text::say(scenario::examples::text(name).context("--example: no such name")?)?;
     }
     if let Some(path) = &typed.scenario {
+        let mut claims = session.claims(&typed.writing, &[path]);
+        if let Some(out) = &typed.out {
+            claims.file(out, Kind::Collection)?;
+        }
         let preparing = session.progress("preparing");
         let experiment = experiment(path, typed)?;
         let recordings = record(session, &experiment)?;
         preparing.finish();
         let mut written = Vec::new();
         if let Some(folder) = &typed.echoes {
+            let ids: Vec<&str> = recordings.iter().map(|(id, _)| id.as_str()).collect();
+            claims.folder(folder, recording::names(&ids))?;
             written.extend(write_echoes(session, folder, &recordings)?);
         }
         if let Some(out) = &typed.out {
@@ -43,6 +50,8 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         return report(session, start, written);
     }
     if let (Some(preset), Some(out)) = (typed.preset, &typed.out) {
+        let mut claims = session.claims::<&Path>(&typed.writing, &[]);
+        claims.file(out, Kind::Collection)?;
         let simulated = preset.simulate(&variation(typed));
         let written = write(session, typed, out, &[Channel::new("1", &simulated)])?;
         return report(session, start, written);
