@@ -222,7 +222,7 @@ fn messages_say_what_where_and_what_to_do() {
         (
             "simulate scene.cphd -o f",
             1,
-            &["cannot read scene.cphd: it is no text", "TOML"],
+            &["cannot read scene.cphd: it is no UTF-8 text", "TOML"],
         ),
         (
             "simulate empty -o f",
@@ -232,7 +232,7 @@ fn messages_say_what_where_and_what_to_do() {
         (
             "tune scene.cphd --vary radar.pri=1:2:1s --at 1,2",
             1,
-            &["cannot read scene.cphd: it is no text"],
+            &["cannot read scene.cphd: it is no UTF-8 text"],
         ),
         (
             "simulate spotlight.toml -o f --set radar.pulses=10000000",

@@ -78,7 +78,7 @@ impl Description {
         let text = std::fs::read_to_string(path).map_err(|error| match error.kind() {
             io::ErrorKind::InvalidData => io::Error::new(
                 error.kind(),
-                "it is no text, and a scenario or a recording's description in TOML is wanted",
+                "it is no UTF-8 text, and a scenario or a recording's description in TOML is wanted",
             ),
             io::ErrorKind::IsADirectory => io::Error::new(
                 error.kind(),
