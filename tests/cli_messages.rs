@@ -217,7 +217,11 @@ fn messages_say_what_where_and_what_to_do() {
             1,
             &["different size", "one grid"],
         ),
-        ("picture scene.cphd -o p.png", 1, &["scene.cphd"]),
+        (
+            "picture scene.cphd -o p.png",
+            1,
+            &["scene.cphd: no image: give the folder of a product"],
+        ),
         // What is no scenario.
         (
             "simulate scene.cphd -o f",

@@ -2,6 +2,7 @@
 
 use std::io::Write;
 
+use anyhow::bail;
 use glam::DVec3;
 use serde_json::{Value, json};
 use subaperture::io::atomic::write_atomically;
@@ -16,7 +17,12 @@ use crate::text;
 
 /// Reads a product and writes its picture.
 pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
-    let folder = stored::product_folder(&typed.image).unwrap_or(&typed.image);
+    let Some(folder) = stored::product_folder(&typed.image) else {
+        bail!(
+            "{}: no image: give the folder of a product (with image.json and image.npy)",
+            typed.image.display()
+        );
+    };
     let mut claims = session.claims(&typed.writing, &[folder]);
     claims.file(&typed.out, Kind::Picture)?;
     let drawing = session.progress("drawing");
