@@ -90,6 +90,12 @@ pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
     }
     let metadata: Value =
         serde_json::from_slice(&text).map_err(|error| wrong(format!("not JSON: {error}")))?;
+    if metadata["grid"].is_null() {
+        let kind = metadata["schema"].as_str().unwrap_or("unknown kind");
+        return Err(wrong(format!(
+            "it holds no grid, for it is of {kind}; an image of subap focus is wanted"
+        )));
+    }
     let grid = grid(&metadata["grid"]).map_err(wrong)?;
     if let Some(fault) = grid.fault() {
         return Err(wrong(fault.to_string()));
