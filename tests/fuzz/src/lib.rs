@@ -14,9 +14,11 @@ macro_rules! program {
             ($crate::subaperture_tests::fuzz::target($name).read)(bytes);
         });
 
-        fuzz_mutator!(|bytes: &mut [u8], size: usize, max_size: usize, seed: u32| {
-            $crate::mutated($name, bytes, size, max_size, seed)
-        });
+        fuzz_mutator!(
+            |bytes: &mut [u8], size: usize, max_size: usize, seed: u32| {
+                $crate::mutated($name, bytes, size, max_size, seed)
+            }
+        );
     };
 }
 
