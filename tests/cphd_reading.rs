@@ -474,17 +474,23 @@ fn parts_of_an_aperture_share_the_memory() {
     let path = folder.path().join("hand.cphd");
     let hand = ByHand::new("CF8", vec![0; 96]);
     std::fs::write(&path, hand.bytes()).unwrap();
+    // Of another band: no pulse is in both.
+    let mut other = hand.clone();
+    other.axis = [9.1e9, 1e6, 9.1e9, 9.103e9];
+    let next = folder.path().join("next.cphd");
+    std::fs::write(&next, other.bytes()).unwrap();
     let all = |memory_bytes| {
         let options = Options {
             memory_bytes,
             ..Options::default()
         };
-        open_all(&[&path, &path], &options).map(|aperture| aperture.held_bytes())
+        open_all(&[&path, &next], &options).map(|aperture| aperture.held_bytes())
     };
     // While the second is opened, the first is held.
     let held = 3 * (104 + 17);
     let needed = 32 * hand.xml().len() as u64 + held;
-    assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * 104);
+    // Their times are the same, so pulses take turns: a run of 24 bytes each.
+    assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * (104 + 24));
     assert!(matches!(all(needed - 1), Err(ReadError::Memory { .. })));
 }
 

@@ -288,7 +288,10 @@ fn maps_of_another_run_are_refused() {
     refused(&other, "129 range bins");
     let mut other = maps[1].clone();
     other.header.nodes[1].receiver_m[2] = f64::INFINITY;
-    refused(&other, "not a finite number");
+    refused(&other, "its receiver at (");
+    let mut other = maps[1].clone();
+    other.header.patch.centre_m[0] = 1e300;
+    refused(&other, "its patch at (1e300");
     // What was refused has left no trace.
     writer.append(&maps[1].view()).unwrap();
     writer.finish(&closing()).unwrap();

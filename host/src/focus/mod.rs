@@ -8,8 +8,11 @@
 //!        / (sum_n w_slow[n]  sum_k w_fast[k])
 //! ```
 //!
-//! so that a unit scatterer on a pixel reads 1 whatever the window, and the formers differ only in
-//! speed and error. [`exact`] is the sum itself and the oracle of all others.
+//! so that a unit scatterer on a pixel, seen alike by all pulses, reads 1 whatever the window, and the formers
+//! differ only in speed and error. One that an antenna's beam, spreading or a shadow lets pulse `n` see with amplitude
+//! `g_n` reads `sum_n w_slow[n] g_n / sum_n w_slow[n]`: insert its samples, whose phases the sum takes away. So in
+//! strip maps a point reads less the less of the track lights it; a recording does not tell `g_n`, so the
+//! sum cannot divide by it. [`exact`] is the sum itself and the oracle of all others.
 
 pub mod bp;
 pub mod budget;

@@ -9,6 +9,8 @@
 //! (Schone 2020 (2.11), moved to the pulse's reference point).
 
 mod aperture;
+mod order;
+pub(crate) mod physical;
 mod recorded;
 mod track_error;
 
@@ -22,6 +24,7 @@ use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
 
 pub use aperture::Aperture;
+pub(crate) use order::ranks_by_angle;
 pub use recorded::Recorded;
 pub use track_error::TrackError;
 
@@ -75,7 +78,8 @@ pub struct Collection {
     pub frame: SceneFrame,
     /// The part of the scene the collection is meant for, if it says so.
     pub extent: Option<Extent>,
-    /// Whether the recording tells times; if not, pulses are numbered as if a second apart.
+    /// Whether the recording tells times; if not, pulses are numbered as if a second apart. Pulses of several
+    /// recordings are in the order of time, or of angle where it tells none ([`Aperture`]).
     pub timed: bool,
 }
 
@@ -213,6 +217,11 @@ pub trait PhaseHistory: Sync + Send {
     /// Where transmitter and receiver truly were in every pulse, metres in the scene frame, if that is
     /// known: simulations know it, and [`Pulse`] holds what was measured.
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        None
+    }
+
+    /// When time zero was, nanoseconds since the beginning of 1970 (UTC), if the recording says.
+    fn start_ns(&self) -> Option<i64> {
         None
     }
 

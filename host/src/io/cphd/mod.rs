@@ -99,6 +99,7 @@ mod reference_geometry;
 mod request;
 mod signal;
 mod source;
+mod start;
 mod toa;
 mod write;
 mod xml;

@@ -15,6 +15,7 @@ use super::metadata::{ChannelInfo, CphdInfo};
 use super::preamble::{Preamble, in_xml};
 use super::pvp::{Layout, Vector};
 use super::source::{CHUNK_BYTES, Source};
+use super::start;
 use super::toa::{Bins, Transform};
 use crate::phase_history::{Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite};
 
@@ -269,6 +270,10 @@ impl PhaseHistory for Cphd {
         self.true_antennas.as_deref()
     }
 
+    fn start_ns(&self) -> Option<i64> {
+        start::nanoseconds(self.info.collection_start.as_deref()?)
+    }
+
     fn held_bytes(&self) -> u64 {
         self.held_bytes
     }
@@ -408,16 +413,10 @@ impl Vectors {
             start_hz,
             step_hz,
         };
-        let last_hz = start_hz + self.stored_samples as f64 * step_hz;
-        if !(pulse.reference_path_m.is_finite()
-            && pulse.transmitter_m.is_finite()
-            && pulse.receiver_m.is_finite()
-            && pulse.reference_m.is_finite()
-            && last_hz.is_finite())
-        {
+        let count = self.bins.map_or(self.stored_samples, |bins| bins.count);
+        if let Some(what) = pulse.fault(count) {
             return Err(format!(
-                "vector {index}: TxPos, RcvPos, SRPPos, SC0 or SCSS is beyond all measure; repair \
-                 or drop it"
+                "vector {index}: {what} (TxTime, TxPos, RcvPos, SRPPos, SC0 or SCSS); repair or drop it"
             ));
         }
         self.pulses.push(pulse);

@@ -197,6 +197,11 @@ fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<Recorded, String
     for pulse in &mut collection.pulses {
         pulse.reference_path_m -= header.bias_path_m;
     }
+    let num_samples = collection.num_samples;
+    let fault = |(n, pulse): (usize, &Pulse)| pulse.fault(num_samples).map(|what| (n, what));
+    if let Some((n, what)) = collection.pulses.iter().enumerate().find_map(fault) {
+        return Err(format!("pulse {n}: {what}"));
+    }
     Recorded::new(collection, samples).map_err(|error| error.to_string())
 }
 
