@@ -1,5 +1,6 @@
 //! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
 
+mod look;
 mod plan;
 mod tune;
 mod values;
@@ -13,6 +14,7 @@ use subaperture::link::Place;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
+pub(crate) use look::{Look, Picture};
 pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use tune::{Recording, Tune, Vary};
 use values::{
@@ -89,6 +91,8 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Measure an image: responses of points, level, contrast, differences from another
     Quality(Quality),
+    /// Draw an image's picture again, with other levels or colours
+    Picture(Picture),
     /// Plan a pass of a radar, or a module that makes its maps
     Plan(Plan),
     /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures
@@ -146,11 +150,15 @@ pub(crate) struct Focus {
     #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector)]
     pub(crate) velocity: Option<DVec3>,
 
-    /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120, for a grid that
-    /// covers the scene's bright scatterers; the formers choose their sizes from it, rda and omega-k how
-    /// crooked a track may be [default: -60]
+    /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120: formers choose their
+    /// sizes from it, and refuse what they predict to miss it [default: -60; none for --mode thesis]
     #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
+
+    /// Write the image even if its predicted error is above the bound; the record says so, and the exit
+    /// status is 3
+    #[arg(long)]
+    pub(crate) allow_error: bool,
 
     /// Pulses a sub-CPI of rdbp [default: the most that the error bound allows]
     #[arg(long, value_name = "N", value_parser = positive)]
@@ -181,6 +189,9 @@ pub(crate) struct Focus {
     /// Form N pixels, chosen by a fixed seed, by the exact sum too and report the image's error
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) check: Option<usize>,
+
+    #[command(flatten)]
+    pub(crate) look: Look,
 }
 
 /// Image formers by name.

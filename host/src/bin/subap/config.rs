@@ -168,15 +168,10 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
         ));
     }
     if is_thesis {
-        for (option, given) in [
-            ("--error-db", typed.error_db.is_some()),
-            ("--patch", typed.patch.is_some()),
-        ] {
-            if given {
-                return Err(Usage(format!(
-                    "{option} says nothing to --mode thesis: leave it out"
-                )));
-            }
+        if typed.patch.is_some() {
+            return Err(Usage(
+                "--patch says nothing to --mode thesis: leave it out".to_owned(),
+            ));
         }
     }
     let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
@@ -188,6 +183,7 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
                 args::Mode::Precise => rdbp::Mode::Precise,
                 args::Mode::Thesis => rdbp::Mode::Thesis(rdbp::Thesis {
                     keystone: !typed.no_keystone,
+                    error_db: typed.error_db,
                     ..rdbp::Thesis::default()
                 }),
             },

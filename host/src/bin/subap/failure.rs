@@ -12,6 +12,11 @@ use subaperture::link::LinkError;
 #[error("{0}")]
 pub(crate) struct Usage(pub(crate) String);
 
+/// Everything was done and written, and misses the error bound as `--allow-error` allows. Exit status 3.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub(crate) struct BoundMissed(pub(crate) String);
+
 /// Work stopped by the user.
 #[derive(Debug, thiserror::Error)]
 #[error("interrupted")]
@@ -49,7 +54,11 @@ pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
         return ExitCode::from(130);
     }
     eprintln!("subap: {}", one_line(error));
-    ExitCode::from(if error.is::<Usage>() { 2 } else { 1 })
+    ExitCode::from(match () {
+        () if error.is::<Usage>() => 2,
+        () if error.is::<BoundMissed>() => 3,
+        () => 1,
+    })
 }
 
 /// The error and its causes; a cause that its parent already tells is not repeated.

@@ -188,7 +188,8 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
     report.predicted_db = 20.0 * model_error.hypot(kernels.error).hypot(arithmetic).log10();
     let mut settings = json!(report);
     settings["error_db"] = json!(task.error_db);
-    Ok((Formed::on(task.grid, pixels, settings), report))
+    let formed = Formed::on(task.grid, pixels, report.kernel_db, settings);
+    Ok((formed, report))
 }
 
 /// The error that the run's plan predicted, if it is recorded.

@@ -39,6 +39,7 @@
 //! then `8 Q (K + R)` bytes, then `8 R (Q + X)` with `X` columns, whichever is the most, and the image.
 
 mod axes;
+mod prediction;
 mod read_out;
 mod spectrum;
 mod stage;
@@ -49,6 +50,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::budget::Budget;
+use super::probes::probes;
 use super::rdbp::shared_band;
 use super::straight_track::StraightTrack;
 use super::{FormError, Formed, Task};
@@ -59,6 +61,7 @@ use crate::signal::kaiser_bessel::KaiserBessel;
 use crate::signal::phase::narrow;
 
 pub(super) use axes::{Axes, ImageAxis, TAPS};
+pub(super) use prediction::Prediction;
 pub use stage::{Stage, StageKind};
 
 /// How large the arrays of a frequency-domain former are.
@@ -86,7 +89,13 @@ pub(super) fn sizes(
     method: &dyn RangeMethod,
     error_db: f64,
 ) -> Result<Sizes, FormError> {
-    let Fitted { axes, .. } = Fitted::new(collection, grid, method, error_db)?;
+    let Fitted {
+        track,
+        reference,
+        axes,
+    } = Fitted::new(collection, grid, method)?;
+    let centre_hz = shared_band(collection)?.centre_hz();
+    track.check(collection, &probes(grid), reference, centre_hz, error_db)?;
     Ok(Sizes {
         padded_pulses: axes.period,
         along_wavenumbers: axes.num_bins,
@@ -101,6 +110,10 @@ pub(super) trait RangeMethod: Sync {
     /// The wavenumber over range that a sample at `kappa`, `kx` (rad/m) is given; not finite where the
     /// method has none.
     fn range_wavenumber(&self, kappa: f64, kx: f64) -> f64;
+
+    /// Phase that a sample at `kappa`, `kx` ends up with at a range, all turns on the way together, with
+    /// `reference_m` the middle of the swath; `range_m kr` if the method is exact. Radians.
+    fn phase_rad(&self, kappa: f64, kx: f64, range_m: f64, reference_m: f64) -> f64;
 
     /// Prepares for these axes.
     fn stage(&self, axes: &Axes) -> Box<dyn RangeStage>;
@@ -133,7 +146,6 @@ struct Fitted {
     track: StraightTrack,
     /// The point for which motion compensation is exact.
     reference: glam::DVec3,
-    residual_m: f64,
     axes: Axes,
 }
 
@@ -142,22 +154,15 @@ impl Fitted {
         collection: &Collection,
         grid: &ImageGrid,
         method: &dyn RangeMethod,
-        error_db: f64,
     ) -> Result<Self, FormError> {
         let band = shared_band(collection)?;
         let track = StraightTrack::fit(collection)?;
         let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
         let reference = grid.position_m(rows / 2, columns / 2);
-        let points: Vec<glam::DVec3> = [0, rows / 2, rows]
-            .iter()
-            .flat_map(|&row| [0, columns / 2, columns].map(|c| grid.position_m(row, c)))
-            .collect();
-        let residual_m = track.check(collection, &points, reference, band.centre_hz(), error_db)?;
         let axes = Axes::new(&track, &band, grid, method)?;
         Ok(Self {
             track,
             reference,
-            residual_m,
             axes,
         })
     }
@@ -169,43 +174,50 @@ pub(super) struct Strip<'a> {
     track: StraightTrack,
     /// The point for which motion compensation is exact.
     reference: glam::DVec3,
-    residual_m: f64,
     axes: Axes,
+    prediction: Prediction,
 }
 
 impl<'a> Strip<'a> {
     /// Checks that `task` suits, and lays out axes for `method`.
     ///
     /// # Errors
-    /// [`FormError::Memory`] if the image is too large, [`FormError::Unsuited`] if there is nothing to do, the band changes, the track is not straight to
-    /// `error_db`, or pixels lie too near.
-    pub(super) fn new(
-        task: &'a Task<'a>,
-        method: &dyn RangeMethod,
-        error_db: f64,
-    ) -> Result<Self, FormError> {
+    /// [`FormError::Memory`] if the image is too large, [`FormError::Unsuited`] if the pulses stand still, the band changes,
+    /// or pixels lie too near.
+    pub(super) fn new(task: &'a Task<'a>, method: &dyn RangeMethod) -> Result<Self, FormError> {
         // Before every pixel is looked at: there may be far too many.
         Budget::for_task(task, 8)?;
-        let fitted = Fitted::new(task.history.collection(), task.grid, method, error_db)?;
+        let collection = task.history.collection();
+        let fitted = Fitted::new(collection, task.grid, method)?;
+        let prediction = prediction::predict(
+            collection,
+            task.weights,
+            task.grid,
+            &fitted.track,
+            fitted.reference,
+            &fitted.axes,
+            method,
+        );
         Ok(Self {
             task,
             track: fitted.track,
             reference: fitted.reference,
-            residual_m: fitted.residual_m,
             axes: fitted.axes,
+            prediction,
         })
     }
 
-    /// The axes laid out.
-    pub(super) fn axes(&self) -> &Axes {
-        &self.axes
+    /// The error to expect.
+    pub(super) fn prediction(&self) -> &Prediction {
+        &self.prediction
     }
 
-    /// Forms the image; `settings` are the method's own, a JSON object. `observe` sees every array on the
-    /// way.
+    /// Forms the image, planned to err by `planned_db`; `settings` are the method's own, a JSON object.
+    /// `observe` sees every array on the way.
     pub(super) fn form(
         &self,
         method: &dyn RangeMethod,
+        planned_db: f64,
         settings: serde_json::Value,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
@@ -244,7 +256,8 @@ impl<'a> Strip<'a> {
         let pixels = read_out::pixels(self, &image)?;
 
         let mut all = json!({
-            "track_residual_m": self.residual_m,
+            "track_error_db": 20.0 * self.prediction.track.max(1e-15).log10(),
+            "line_error_db": 20.0 * self.prediction.line.max(1e-15).log10(),
             "padded_pulses": axes.period,
             "along_track_wavenumbers": axes.num_bins,
             "range_bins": axes.range.count,
@@ -257,7 +270,7 @@ impl<'a> Strip<'a> {
         if let (Some(all), serde_json::Value::Object(own)) = (all.as_object_mut(), settings) {
             all.extend(own);
         }
-        Ok(Formed::new(self.task, pixels, all))
+        Ok(Formed::new(self.task, pixels, planned_db, all))
     }
 
     /// The spectrum `[K][Q]` weighted, and taken from frequency to range: `[Q][R]`.

@@ -7,18 +7,18 @@ pub(crate) mod record;
 use std::time::Instant;
 
 use anyhow::Context;
-use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
-use subaperture::focus::{Task, Weights};
+use subaperture::focus::{Misses, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, power};
 use subaperture::io::product::Product;
 use subaperture::phase_history::PhaseHistory;
-use subaperture::plot::{self, Panel};
+use subaperture::plot::{self, Orientation, Panel};
 use subaperture::survey::Survey;
 
 use crate::args::Focus;
 use crate::config::{Session, former};
+use crate::failure::BoundMissed;
 use crate::{interrupt, text};
 
 /// Forms the image and writes its folder, complete or not at all.
@@ -72,9 +72,12 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     let checking = typed.check.map(|count| check::Plan::new(&task, count));
     let checking = checking.transpose()?;
-    let formed = former.form(&task)?;
+    let misses = match typed.allow_error {
+        true => Misses::Allowed,
+        false => Misses::Refused,
+    };
+    let formed = former.form_asked(&task, misses)?;
     progress.finish();
-    warn_of_missed_bound(session, typed, &formed.settings);
     for (key, value) in &formed.settings {
         session.note(2, || format!("{key} = {value}"));
     }
@@ -102,6 +105,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         inputs: &inputs,
         check: check.as_ref(),
         peak,
+        orientation: Orientation::of(history.collection(), &grid),
         taken: start.elapsed(),
     };
     let title = format!("{}, {}", survey.name, former.name());
@@ -110,6 +114,14 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         && !session.quiet()
     {
         text::say(check.to_string())?;
+    }
+    if formed.bound_missed {
+        let predicted_db = formed.predicted_error_db;
+        return Err(BoundMissed(format!(
+            "the image is written, but its predicted error is {predicted_db:.1} dB, above the {} dB asked",
+            former.bound_db().unwrap_or_default()
+        ))
+        .into());
     }
     Ok(())
 }
@@ -123,8 +135,13 @@ fn deliver(
     title: String,
 ) -> anyhow::Result<()> {
     interrupt::check()?;
-    let quicklook = plot::quicklook(&Panel::new(image, record.grid, title))?;
-    let metadata = record.to_json();
+    let quicklook = plot::quicklook(&Panel {
+        scale: typed.look.scale(),
+        colours: typed.look.colours(),
+        orientation: record.orientation,
+        ..Panel::new(image, record.grid, title.as_str())
+    })?;
+    let metadata = record.to_json(&title);
     Product {
         image,
         metadata: &metadata,
@@ -152,31 +169,6 @@ fn deliver(
     Ok(())
 }
 
-/// The planner takes the best there is where nothing meets the bound; the user should know.
-fn warn_of_missed_bound(session: &Session, typed: &Focus, settings: &Map<String, Value>) {
-    let number = |key: &str| settings.get(key).and_then(Value::as_f64);
-    if let (Some(predicted_db), Some(error_db)) = (number("predicted_error_db"), number("error_db"))
-        && predicted_db > error_db
-        && !session.quiet()
-    {
-        eprintln!(
-            "subap: the predicted error is {predicted_db:.1} dB, above the --error-db {error_db} \
-             asked: {}",
-            advice(typed.sub_cpi.is_some(), typed.patch.is_some())
-        );
-    }
-}
-
-/// What brings rdbp's error down: sizes of its own choice, else another former.
-fn advice(sub_cpi_given: bool, patch_given: bool) -> &'static str {
-    match (sub_cpi_given, patch_given) {
-        (true, true) => "leave out --sub-cpi and --patch, or use --algorithm bp",
-        (true, false) => "leave out --sub-cpi, or use --algorithm bp",
-        (false, true) => "leave out --patch, or use --algorithm bp",
-        (false, false) => "use --algorithm bp",
-    }
-}
-
 /// The brightest pixel of an image.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 struct Peak {
@@ -198,19 +190,4 @@ fn brightest(image: &Image, grid: &ImageGrid) -> Option<Peak> {
         row: peak.row,
         column: peak.column,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::advice;
-
-    #[test]
-    fn advice_names_only_what_was_typed() {
-        for (sub_cpi, patch) in [(false, false), (true, false), (false, true), (true, true)] {
-            let text = advice(sub_cpi, patch);
-            assert_eq!(text.contains("--sub-cpi"), sub_cpi);
-            assert_eq!(text.contains("--patch"), patch);
-            assert!(text.contains("--algorithm bp"));
-        }
-    }
 }

@@ -8,6 +8,7 @@ use subaperture::focus::maps::{MapsTask, Report, default_grid, form};
 use subaperture::io::maps::MapFile;
 use subaperture::io::product::Product;
 use subaperture::maps::Maps;
+use subaperture::plot::Orientation;
 
 use super::record::Record;
 use super::{brightest, deliver};
@@ -82,6 +83,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         inputs: &[maps.input()?],
         check: None,
         peak: brightest(&formed.image, &grid),
+        orientation: Orientation::default(),
         taken: start.elapsed(),
     };
     let title = format!("{}, from maps", run.name);
