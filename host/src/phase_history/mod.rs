@@ -39,8 +39,9 @@ pub struct Pulse {
     pub receiver_m: DVec3,
     /// Point to which the phase is compensated (CPHD's SRP).
     pub reference_m: DVec3,
-    /// Two-way path length to which the phase is compensated. Usually
-    /// [`Pulse::path_m`] of `reference_m`; kept apart because recordings round it differently.
+    /// Two-way path length to which the phase is compensated. Usually [`Pulse::path_m`] of `reference_m`, computed of
+    /// the same stored positions, so that their rounding cancels in [`Self::relative_path_m`]; a path stored beside
+    /// them was rounded on its own, from pulse to pulse, which is noise of phase.
     pub reference_path_m: f64,
     /// Frequency of sample 0.
     pub start_hz: f64,

@@ -17,6 +17,9 @@
 //! nearest. Where its place in any of that patch's maps lies so near the gate's edge that the kernel would reach
 //! beyond, it is left out: it reads 0, and [`Report::pixels_outside`] counts it.
 //!
+//! **Rounding of geometry.** Nodes and centres of patches are float64, and only differences of paths between them count:
+//! 1e-9 m at 10^7 m.
+//!
 //! **Scale.** Samples that were multiplied to fill 16 bits are divided again
 //! ([`Run::amplitude_scale`](crate::maps::Run::amplitude_scale)).
 //!
@@ -48,7 +51,7 @@ use self::kernels::Kernels;
 use super::budget::Budget;
 use super::rdbp::SubCpi;
 use super::rdbp::sub_cpi::Datum;
-use super::{FormError, Formed, Monitor};
+use super::{FormError, Formed, Monitor, accuracy};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::ImageGrid;
 use crate::maps::{Arithmetic, Maps, OwnedMap};
@@ -186,9 +189,9 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
         Arithmetic::Float => FLOAT,
     };
     report.predicted_db = 20.0 * model_error.hypot(kernels.error).hypot(arithmetic).log10();
-    let mut settings = json!(report);
-    settings["error_db"] = json!(task.error_db);
-    let formed = Formed::on(task.grid, pixels, report.kernel_db, settings);
+    let mut formed = Formed::on(task.grid, pixels, report.predicted_db, json!(report));
+    formed.expect(Some(task.error_db), report.predicted_db);
+    accuracy::check_finite(&formed, task.grid)?;
     Ok((formed, report))
 }
 

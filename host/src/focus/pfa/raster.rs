@@ -305,7 +305,7 @@ impl<const W: usize> Readable<W> {
         let (rows, columns) = (&self.rows, &self.columns);
         // In cycles a cell, at most a quarter inside the extent.
         let y = DVec2::new(place_m.x / rows.cells, place_m.y / columns.cells);
-        if !(y.abs().max_element() <= 0.25) {
+        if !y.abs().cmple(DVec2::splat(0.25)).all() {
             return Complex32::ZERO;
         }
         let (kept_rows, kept_columns) = (rows.kept(W), columns.kept(W));

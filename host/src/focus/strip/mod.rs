@@ -34,6 +34,10 @@
 //! r)` with a Kaiser-Bessel kernel of 6 taps whose roll-off is divided out of the spectrum: -107 dB in
 //! each axis. Any grid will do: a pixel is its `(x, r)`, in the ground or slant plane alike.
 //!
+//! **Prediction** (`prediction`), before anything heavy: the formula that the stages come to is evaluated for pulses,
+//! frequencies and pixels all over the grid and compared with the exact one, once for what the recorded track leaves and
+//! once for the line, its ends, repetitions and the method's expansion.
+//!
 //! Cost, with `N` pulses, `K` frequencies, `L` padded pulses, `Q` wavenumbers `kx`, `R` ranges: `K`
 //! transforms of `L`, `R` of `2 Q`, about 40 operations a pixel, and the method's. Memory: `8 K (N + Q)`,
 //! then `8 Q (K + R)` bytes, then `8 R (Q + X)` with `X` columns, whichever is the most, and the image.

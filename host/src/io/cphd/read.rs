@@ -43,7 +43,9 @@ const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 /// - `SGN = +1` samples are conjugated.
 /// - Added parameters `TxPosTrue` and `RcvPosTrue`, as [`write`](super::write()) makes them, are the
 ///   true positions of the antennas.
-/// - `reference_path_m` is the path by way of `SRPPos`; see the [module](super) for the atmosphere.
+/// - `reference_path_m` is the path by way of `SRPPos`, of the positions as stored: what they were rounded to (1e-9 m
+///   as float64 in ECF, more if they were float32 once) cancels in differences of paths. See the [module](super)
+///   for the atmosphere.
 pub struct Cphd {
     source: Source,
     info: CphdInfo,

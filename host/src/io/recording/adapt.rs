@@ -121,7 +121,8 @@ struct Header<'a> {
 
 impl Header<'_> {
     /// Geometry of a pulse, with what ranges are recorded too long by in the reference path. Without a reference
-    /// given it is the middle of what the samples hold.
+    /// given it is the middle of what the samples hold. No range is stored: all are float64 of the description's
+    /// numbers and the antennas' positions, so nothing was rounded from pulse to pulse.
     fn echo(&self, pulse: &Chosen, middle_m: f64) -> EchoPulse {
         let [transmitter_m, receiver_m] = pulse.antennas_m;
         let path_to = |point: DVec3| transmitter_m.distance(point) + receiver_m.distance(point);
