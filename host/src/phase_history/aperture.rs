@@ -341,6 +341,11 @@ impl PhaseHistory for Aperture {
         starts.collect::<Option<Vec<_>>>()?.into_iter().min()
     }
 
+    fn warnings(&self) -> Vec<String> {
+        let parts = self.parts.iter();
+        parts.flat_map(|part| part.warnings()).collect()
+    }
+
     fn held_bytes(&self) -> u64 {
         let own = self.joined.as_ref().map_or(0, Joined::bytes);
         own as u64 + self.parts.iter().map(|part| part.held_bytes()).sum::<u64>()

@@ -7,6 +7,7 @@ pub(crate) mod record;
 use std::time::Instant;
 
 use anyhow::Context;
+use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
 use subaperture::focus::{Misses, Task, Weights};
 use subaperture::geometry::ImageGrid;
@@ -18,8 +19,7 @@ use subaperture::survey::Survey;
 
 use crate::args::Focus;
 use crate::config::{Session, former};
-use crate::failure::BoundMissed;
-use crate::{interrupt, text};
+use crate::{interrupt, messages, text};
 
 /// Forms the image and writes its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
@@ -78,6 +78,14 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     let formed = former.form_asked(&task, misses)?;
     progress.finish();
+    pass_on_warnings(&formed.settings);
+    if formed.bound_missed {
+        messages::bound_missed(format!(
+            "the predicted error is {:.1} dB, above the {} dB asked",
+            formed.predicted_error_db,
+            former.bound_db().unwrap_or_default()
+        ));
+    }
     for (key, value) in &formed.settings {
         session.note(2, || format!("{key} = {value}"));
     }
@@ -93,6 +101,9 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
             Some(plan.against_exact(&task, &formed.image)?)
         }
     };
+    if let (Some(check), Some(bound_db)) = (&check, former.bound_db()) {
+        check.judge(bound_db);
+    }
     interrupt::check()?;
     let inputs = history.inputs()?;
     let peak = brightest(&formed.image, &grid);
@@ -110,18 +121,8 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     let title = format!("{}, {}", survey.name, former.name());
     deliver(session, typed, &formed.image, &record, title)?;
-    if let Some(check) = check
-        && !session.quiet()
-    {
+    if let Some(check) = check {
         text::say(check.to_string())?;
-    }
-    if formed.bound_missed {
-        let predicted_db = formed.predicted_error_db;
-        return Err(BoundMissed(format!(
-            "the image is written, but its predicted error is {predicted_db:.1} dB, above the {} dB asked",
-            former.bound_db().unwrap_or_default()
-        ))
-        .into());
     }
     Ok(())
 }
@@ -167,6 +168,14 @@ fn deliver(
         None => "no brightest point: the image is zero".to_owned(),
     })?;
     Ok(())
+}
+
+/// What the former has to say of the image.
+fn pass_on_warnings(settings: &Map<String, Value>) {
+    let told = settings.get("warnings").and_then(Value::as_array);
+    for warning in told.into_iter().flatten().filter_map(Value::as_str) {
+        messages::warning(warning);
+    }
 }
 
 /// The brightest pixel of an image.

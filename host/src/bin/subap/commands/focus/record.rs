@@ -11,6 +11,7 @@ use super::Peak;
 use super::check::Check;
 use crate::args::Focus;
 use crate::config::{Session, record_of_run};
+use crate::messages;
 
 /// Version of the record's layout; it grows when a reader would have to change.
 const SCHEMA_VERSION: u32 = 1;
@@ -63,6 +64,7 @@ impl Record<'_> {
                 "north": self.orientation.north.map(|v| v.to_array()),
             },
             "check": self.check,
+            "warnings": messages::warnings(),
         })
     }
 }
