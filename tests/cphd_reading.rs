@@ -293,7 +293,16 @@ fn what_is_wrong_is_named() {
     spoiled(6, f64::INFINITY, "vector 1: TxPos is inf");
     spoiled(9, f64::NAN, "vector 1: RcvPos is NaN");
     spoiled(12, f64::NAN, "vector 1: SRPPos is NaN");
-    spoiled(4, 1e308, "vector 1: TxPos");
+    spoiled(4, 1e308, "vector 1: its transmitter at (");
+    spoiled(7, 2e10, "vector 1: its receiver at (");
+    spoiled(2, 1e300, "vector 1: its time 1e300 s");
+    // Each finite, and no radar's.
+    spoiled(
+        0,
+        5e245,
+        "vector 1: a frequency of 5e245 Hz is none of a radar",
+    );
+    spoiled(1, 5e245, "vector 1: its frequencies are 5e245 Hz apart");
     spoiled(1, 0.0, "vector 1: SCSS is 0.0; only ascending");
     spoiled(1, -1e6, "vector 1: SCSS is -1000000.0; only ascending");
     spoiled(0, 0.0, "vector 1: SC0 is 0.0 Hz");

@@ -304,6 +304,14 @@ fn maps_of_another_run_are_refused() {
         .unwrap()
         .to_string();
     assert!(error.contains("power of two"), "{error}");
+    // Every byte under a true checksum, and numbers that are finite and no radar's.
+    let mut impossible = run(Arithmetic::Float);
+    impossible.setup.start_hz = 5e245;
+    let path = folder.path().join("b.maps");
+    let writer = MapWriter::create(&path, &impossible).unwrap();
+    writer.finish(&closing()).unwrap();
+    let error = MapFile::open(&path).err().unwrap().to_string();
+    assert!(error.contains("5e245 Hz is none of a radar"), "{error}");
     let mut impossible = run(Arithmetic::Float);
     impossible.fast_weights.pop();
     let error = MapWriter::create(&path, &impossible)

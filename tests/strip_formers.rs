@@ -414,7 +414,13 @@ fn small_deviations_are_compensated_and_large_ones_refused() {
                 "{text}"
             );
             // Formed all the same, it is as bad as was said.
-            let [got] = errors_db("bent", &history, "x=-30:30:2.3,y=-30:30:2.7", Window::None, [former]);
+            let [got] = errors_db(
+                "bent",
+                &history,
+                "x=-30:30:2.3,y=-30:30:2.7",
+                Window::None,
+                [former],
+            );
             assert!(got > -40.0, "{got}");
         }
     }
@@ -510,7 +516,7 @@ fn what_a_former_holds_on_its_way_is_what_it_says() {
             ),
             false => (
                 OMEGA_K.form_observed(&task, &mut keep),
-                OMEGA_K.form(&task),
+                OMEGA_K.form_best(&task),
                 OMEGA_K.sizes(history.collection(), &grid).unwrap(),
             ),
         };

@@ -18,8 +18,12 @@ pub(super) fn probes(grid: &ImageGrid) -> Vec<DVec3> {
     };
     let columns = places(grid.columns.count);
     let rows = places(grid.rows.count).into_iter();
-    rows.flat_map(|row| columns.iter().map(move |&column| grid.position_m(row, column)))
-        .collect()
+    rows.flat_map(|row| {
+        columns
+            .iter()
+            .map(move |&column| grid.position_m(row, column))
+    })
+    .collect()
 }
 
 /// `|exp(j phase) - 1|^2`.

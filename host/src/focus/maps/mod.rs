@@ -202,21 +202,16 @@ fn planned_error(maps: &dyn Maps) -> f64 {
     planned_db.map_or(0.0, |planned_db| 10f64.powf(planned_db / 20.0))
 }
 
-/// RMS of the phase that the line of paths leaves in the worst of a patch's maps and pixels, radians.
+/// RMS over a patch's pixels of the phase that the line of paths leaves in the worst of its maps, radians.
 fn probe(task: &MapsTask, kernels: &Kernels, patch: &PatchMaps, members: &[usize]) -> f64 {
-    let centre = DVec3::from(patch.patch.centre_m);
     let columns = task.grid.columns.count;
     let point = |pixel: usize| task.grid.position_m(pixel / columns, pixel % columns);
     let last = members.len().saturating_sub(1);
     let spread = (0..PROBED_PIXELS).map(|i| i * last / (PROBED_PIXELS - 1));
-    let mut probes: Vec<DVec3> = match members {
+    let probes: Vec<DVec3> = match members {
         [] => Vec::new(),
         _ => spread.map(|i| point(members[i])).collect(),
     };
-    let distance = |pixel: &usize| point(*pixel).distance_squared(centre);
-    let farthest = members.iter().copied();
-    let farthest = farthest.max_by(|a, b| distance(a).total_cmp(&distance(b)));
-    probes.extend(farthest.map(point));
     let headers = task.maps.headers();
     let setup = &task.maps.run().setup;
     let step = patch.maps.len().div_ceil(PROBED_MAPS).max(1);

@@ -61,8 +61,8 @@ fn acceleration(a: &Motion, b: &Motion) -> [DVec3; 2] {
     [0, 1].map(|i| (b.speed_m[i] - a.speed_m[i]) / apart)
 }
 
-/// RMS of the phase that the line leaves at the worst of `points`, radians, for the map `header`, with the
-/// maps before and after it of the same patch.
+/// RMS of the phase that the line leaves at `points`, radians, for the map `header`, with the maps before and after it
+/// of the same patch.
 pub(super) fn error(
     setup: &Setup,
     header: &MapHeader,
@@ -106,6 +106,7 @@ pub(super) fn error(
         });
         left.sum::<f64>() / PLACES as f64
     };
-    let worst = points.iter().map(mean_square).fold(0.0, f64::max);
-    TAU * setup.centre_hz() / SPEED_OF_LIGHT_M_S * worst.sqrt()
+    let sum: f64 = points.iter().map(mean_square).sum();
+    let mean = sum / points.len().max(1) as f64;
+    TAU * setup.centre_hz() / SPEED_OF_LIGHT_M_S * mean.sqrt()
 }

@@ -131,11 +131,8 @@ impl PolarFormat {
         let extent = plane.image_extent(task.grid);
         let mut raster = Raster::<W>::new(plane.spectrum(collection), extent, &mut budget)?;
         let residual = plane.residual(collection, task.weights, task.grid);
-        let planned_db = rounding::total_db(&[
-            residual,
-            raster.error(),
-            rounding::path_phase_rad(task),
-        ]);
+        let planned_db =
+            rounding::total_db(&[residual, raster.error(), rounding::path_phase_rad(task)]);
         asked.check(planned_db, || {
             if residual > raster.error() {
                 "paths over so large a grid are not linear in the place: use a smaller --grid, or --algorithm \

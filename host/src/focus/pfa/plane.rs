@@ -195,10 +195,14 @@ impl<'a> Plane<'a> {
             .collect();
         let worst = points.par_iter().map(|&point| {
             let place = self.place(point);
-            slow.worst(known.iter().map(|(pulse, gradient, centre_path_m, rms_hz)| {
-                let left_m = pulse.path_m(point) - centre_path_m - gradient.dot(place);
-                turned(TAU * rms_hz * left_m / SPEED_OF_LIGHT_M_S)
-            }))
+            slow.worst(
+                known
+                    .iter()
+                    .map(|(pulse, gradient, centre_path_m, rms_hz)| {
+                        let left_m = pulse.path_m(point) - centre_path_m - gradient.dot(place);
+                        turned(TAU * rms_hz * left_m / SPEED_OF_LIGHT_M_S)
+                    }),
+            )
         });
         worst.reduce(|| 0.0, f64::max).sqrt()
     }

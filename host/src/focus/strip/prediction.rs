@@ -22,7 +22,7 @@
 //!
 //! Beside them stand the kernels, -107 dB in each of three axes, and float32: [`FLOOR`].
 
-use std::f64::consts::{FRAC_PI_4, TAU};
+use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
 use glam::DVec3;
 use num_complex::Complex64;
@@ -40,10 +40,10 @@ use crate::phase_history::Collection;
 const FREQUENCIES: usize = 9;
 /// Ranges from the nearest to the farthest.
 const RANGES: usize = 5;
-/// Places along the track.
-const OFFSETS: usize = 41;
-/// Pulses over which a pixel's error on the line is averaged.
-const PULSES: usize = 65;
+/// Places along the track, denser towards both ends, where the band of directions rings.
+const OFFSETS: usize = 65;
+/// Most pulses over which a pixel's error on the line is averaged.
+const PULSES: usize = 16_384;
 /// Three kernels (-107 dB each) with their tables (-114 dB), and float32.
 const FLOOR: f64 = 1.0e-5;
 
@@ -108,10 +108,28 @@ pub(super) fn predict(
     }
 }
 
+/// Places along the track, `middle - half cos(pi i / (OFFSETS - 1))`.
+#[derive(Clone, Copy)]
+struct Offsets {
+    middle_m: f64,
+    half_m: f64,
+}
+
+impl Offsets {
+    fn at(&self, i: usize) -> f64 {
+        self.middle_m - self.half_m * (PI * i as f64 / (OFFSETS - 1) as f64).cos()
+    }
+
+    /// The index of a place, between whole ones.
+    fn index(&self, place_m: f64) -> f64 {
+        let cosine = ((self.middle_m - place_m) / self.half_m).clamp(-1.0, 1.0);
+        cosine.acos() / PI * (OFFSETS - 1) as f64
+    }
+}
+
 /// Mean square errors on the line, over places along the track and ranges.
 struct Line {
-    first_m: f64,
-    step_m: f64,
+    offsets: Offsets,
     ranges_m: Vec<f64>,
     /// For each range, for each place.
     errors: Vec<Vec<f64>>,
@@ -125,7 +143,10 @@ impl Line {
         method: &dyn RangeMethod,
     ) -> Self {
         let [first_m, last_m] = axes.reach_m;
-        let step_m = (last_m - first_m) / (OFFSETS - 1) as f64;
+        let offsets = Offsets {
+            middle_m: (first_m + last_m) / 2.0,
+            half_m: (last_m - first_m) / 2.0,
+        };
         let [near_m, far_m] = axes.range_m;
         let mut ranges_m: Vec<f64> = (0..RANGES)
             .map(|i| near_m + (far_m - near_m) * i as f64 / (RANGES - 1) as f64)
@@ -156,7 +177,7 @@ impl Line {
         let all: Vec<Vec<f64>> = jobs
             .par_iter()
             .map(|&(range_m, kappa, share)| {
-                let of_one = along(axes, track, method, range_m, kappa, [first_m, step_m]);
+                let of_one = along(axes, track, method, range_m, kappa, offsets);
                 of_one.into_iter().map(|error| error * share).collect()
             })
             .collect();
@@ -165,8 +186,7 @@ impl Line {
             (0..OFFSETS).map(at).collect()
         });
         Self {
-            first_m,
-            step_m,
+            offsets,
             errors: errors.collect(),
             ranges_m,
         }
@@ -178,18 +198,18 @@ impl Line {
         let after = self.ranges_m.partition_point(|&r| r < range_m);
         let about = after.saturating_sub(1)..=after.min(self.ranges_m.len() - 1);
         let (mut sums, mut shares) = ([0.0; 2], [0.0; 2]);
-        let last = track.num_pulses - 1;
-        let mut pulses: Vec<usize> = (0..PULSES).map(|i| i * last / (PULSES - 1)).collect();
-        pulses.dedup();
-        for n in pulses {
-            let place = (along_m - track.along_m(n) - self.first_m) / self.step_m;
-            let i = (place.max(0.0) as usize).min(OFFSETS - 2);
-            let worst = |i: usize| {
+        let every = track.num_pulses.div_ceil(PULSES);
+        let worst: Vec<f64> = (0..OFFSETS)
+            .map(|i| {
                 let of_ranges = self.errors[about.clone()].iter().map(|errors| errors[i]);
                 of_ranges.fold(0.0, f64::max)
-            };
-            let t = (place - i as f64).clamp(0.0, 1.0);
-            let error = worst(i) * (1.0 - t) + worst(i + 1) * t;
+            })
+            .collect();
+        for n in (0..track.num_pulses).step_by(every) {
+            let index = self.offsets.index(along_m - track.along_m(n));
+            let i = (index as usize).min(OFFSETS - 2);
+            let t = index - i as f64;
+            let error = worst[i] * (1.0 - t) + worst[i + 1] * t;
             for j in 0..2 {
                 sums[j] += slow.0[n][j] * error;
                 shares[j] += slow.0[n][j];
@@ -199,22 +219,21 @@ impl Line {
     }
 }
 
-/// `|h~ / h - 1|^2` at one range and frequency, over places `first + i step` along the track.
+/// `|h~ / h - 1|^2` at one range and frequency, over places along the track.
 fn along(
     axes: &Axes,
     track: &StraightTrack,
     method: &dyn RangeMethod,
     range_m: f64,
     kappa: f64,
-    [first_m, step_m]: [f64; 2],
+    offsets: Offsets,
 ) -> Vec<f64> {
-    let place_m = |i: usize| first_m + i as f64 * step_m;
     let kx_step = axes.along_wavenumber_step;
     let steps: Vec<Complex64> = (0..OFFSETS)
-        .map(|i| Complex64::cis(kx_step * place_m(i)))
+        .map(|i| Complex64::cis(kx_step * offsets.at(i)))
         .collect();
     let mut turns: Vec<Complex64> = (0..OFFSETS)
-        .map(|i| Complex64::cis(axes.along_wavenumber(0) * place_m(i)))
+        .map(|i| Complex64::cis(axes.along_wavenumber(0) * offsets.at(i)))
         .collect();
     let mut sums = vec![Complex64::ZERO; OFFSETS];
     let reference_m = axes.reference_range_m();
@@ -238,12 +257,12 @@ fn along(
     let constant = Complex64::cis(FRAC_PI_4) * TAU.sqrt() * range_m.sqrt()
         / (axes.period as f64 * track.spacing_m);
     let carrier = axes.range.carrier;
-    let bracket = stationary_phase_error(range_m * carrier)
-        / stationary_phase_error(reference_m * carrier);
+    let bracket =
+        stationary_phase_error(range_m * carrier) / stationary_phase_error(reference_m * carrier);
     sums.into_iter()
         .enumerate()
         .map(|(i, sum)| {
-            let path_m = range_m.hypot(place_m(i));
+            let path_m = range_m.hypot(offsets.at(i));
             let exact = Complex64::cis(kappa * path_m);
             (sum * constant * bracket * exact.conj() - 1.0).norm_sqr()
         })
