@@ -52,6 +52,9 @@ struct Run {
     first: usize,
 }
 
+/// One of the recordings.
+type Part = Box<dyn PhaseHistory>;
+
 /// A pulse: its part and its index there.
 type Place = [u32; 2];
 
@@ -91,7 +94,7 @@ impl Aperture {
         if !is_to_be_joined(parts) {
             return 0;
         }
-        let each = |part: &Box<dyn PhaseHistory>| {
+        let each = |part: &Part| {
             let truth = part.true_antennas().map_or(0, |_| size_of::<[DVec3; 2]>());
             pulses(part).len() as u64 * (size_of::<Pulse>() + SCRATCH_BYTES + truth) as u64
         };
@@ -99,12 +102,12 @@ impl Aperture {
     }
 }
 
-fn pulses(part: &Box<dyn PhaseHistory>) -> &[Pulse] {
+fn pulses(part: &Part) -> &[Pulse] {
     &part.collection().pulses
 }
 
 /// Whether the whole is anything but its one part.
-fn is_to_be_joined(parts: &[Box<dyn PhaseHistory>]) -> bool {
+fn is_to_be_joined(parts: &[Part]) -> bool {
     match parts {
         [part] => {
             let in_order = pulses(part).is_sorted_by(|a, b| a.time_s <= b.time_s);
@@ -115,7 +118,7 @@ fn is_to_be_joined(parts: &[Box<dyn PhaseHistory>]) -> bool {
 }
 
 /// Refuses parts that are not of one mode and scene.
-fn check_alike(parts: &[Box<dyn PhaseHistory>]) -> Result<(), ReadError> {
+fn check_alike(parts: &[Part]) -> Result<(), ReadError> {
     let Some((first, rest)) = parts.split_first() else {
         return Err(ReadError::Mismatch("no input given".to_owned()));
     };
@@ -156,7 +159,7 @@ fn by_positions(a: &[Pulse], b: &[Pulse]) -> Ordering {
 }
 
 /// What to add to the times of each part, seconds, for all to be on one clock.
-fn clock(parts: &[Box<dyn PhaseHistory>]) -> Option<Vec<f64>> {
+fn clock(parts: &[Part]) -> Option<Vec<f64>> {
     if !parts.iter().all(|part| part.collection().timed) {
         return None;
     }
@@ -171,7 +174,7 @@ fn clock(parts: &[Box<dyn PhaseHistory>]) -> Option<Vec<f64>> {
 }
 
 /// Refuses pulses that are in more than one part.
-fn check_no_twins(parts: &[Box<dyn PhaseHistory>], clock: Option<&[f64]>) -> Result<(), ReadError> {
+fn check_no_twins(parts: &[Part], clock: Option<&[f64]>) -> Result<(), ReadError> {
     let key = |[part, index]: Place| {
         let pulse = &pulses(&parts[part as usize])[index as usize];
         let time_s = clock.map_or(0.0, |offsets| pulse.time_s + offsets[part as usize]);
@@ -210,12 +213,12 @@ fn check_no_twins(parts: &[Box<dyn PhaseHistory>], clock: Option<&[f64]>) -> Res
 }
 
 /// All pulses, part by part.
-fn in_turn(parts: &[Box<dyn PhaseHistory>]) -> impl Iterator<Item = Place> {
+fn in_turn(parts: &[Part]) -> impl Iterator<Item = Place> {
     let each = |(i, part)| (0..pulses(part).len() as u32).map(move |n| [i as u32, n]);
     parts.iter().enumerate().flat_map(each)
 }
 
-fn by_time(parts: &[Box<dyn PhaseHistory>], offsets: &[f64]) -> Vec<Place> {
+fn by_time(parts: &[Part], offsets: &[f64]) -> Vec<Place> {
     let time_s = |[part, index]: Place| {
         pulses(&parts[part as usize])[index as usize].time_s + offsets[part as usize]
     };
@@ -225,7 +228,7 @@ fn by_time(parts: &[Box<dyn PhaseHistory>], offsets: &[f64]) -> Vec<Place> {
     order
 }
 
-fn by_angle(parts: &[Box<dyn PhaseHistory>]) -> Vec<Place> {
+fn by_angle(parts: &[Part]) -> Vec<Place> {
     let runs: Vec<&[Pulse]> = parts.iter().map(pulses).collect();
     let mut order: Vec<Place> = in_turn(parts).collect();
     if let Some(angles) = travelled_angles(&runs) {
@@ -243,7 +246,7 @@ fn by_angle(parts: &[Box<dyn PhaseHistory>]) -> Vec<Place> {
 }
 
 impl Joined {
-    fn new(parts: &[Box<dyn PhaseHistory>], order: &[Place], clock: Option<&[f64]>) -> Self {
+    fn new(parts: &[Part], order: &[Place], clock: Option<&[f64]>) -> Self {
         let mut runs: Vec<Run> = Vec::new();
         let mut joined = Vec::with_capacity(order.len());
         let knows = parts.iter().all(|part| part.true_antennas().is_some());
