@@ -152,7 +152,7 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
         kernel_db: 20.0 * kernels.error.log10(),
         predicted_db: 0.0,
     };
-    let mut model_error = planned_error(task.maps);
+    let mut model_error = 0.0f64;
     let scale = task.maps.run().amplitude_scale();
     let (mut start, mut done) = (0, 0);
     for (patch, end) in patches.iter().zip(ends) {
@@ -188,7 +188,9 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
         Arithmetic::Fixed => FIXED,
         Arithmetic::Float => FLOAT,
     };
-    report.predicted_db = 20.0 * model_error.hypot(kernels.error).hypot(arithmetic).log10();
+    // The plan's prediction holds kernels too.
+    let own_error = model_error.hypot(kernels.error).max(planned_error(task.maps));
+    report.predicted_db = 20.0 * own_error.hypot(arithmetic).log10();
     let mut formed = Formed::on(task.grid, pixels, report.predicted_db, json!(report));
     formed.expect(Some(task.error_db), report.predicted_db);
     accuracy::check_finite(&formed, task.grid)?;
