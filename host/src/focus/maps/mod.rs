@@ -189,7 +189,9 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
         Arithmetic::Float => FLOAT,
     };
     // The plan's prediction holds kernels too.
-    let own_error = model_error.hypot(kernels.error).max(planned_error(task.maps));
+    let own_error = model_error
+        .hypot(kernels.error)
+        .max(planned_error(task.maps));
     report.predicted_db = 20.0 * own_error.hypot(arithmetic).log10();
     let mut formed = Formed::on(task.grid, pixels, report.predicted_db, json!(report));
     formed.expect(Some(task.error_db), report.predicted_db);
