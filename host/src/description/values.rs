@@ -72,6 +72,11 @@ impl Values {
         Found::new(self.at(key), message)
     }
 
+    /// Whether the text, or a setting, says the key, which is not left to its default.
+    pub(crate) fn says(&self, key: &str) -> bool {
+        self.keys.get(key).is_some_and(|given| given.at != self.at)
+    }
+
     pub(crate) fn optional_number(&self, key: &str) -> Option<f64> {
         match &self.given(key)?.value {
             Value::Number(number) => Some(*number),

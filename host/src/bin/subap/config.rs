@@ -74,6 +74,7 @@ impl Session {
         let options = Options {
             channel: input.channel.as_deref(),
             memory_bytes: self.memory_bytes,
+            settings: &input.set,
         };
         open_all(&input.paths, &options)
     }

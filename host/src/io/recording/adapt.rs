@@ -252,12 +252,31 @@ fn waveform(values: &Values, kind: &str, count: usize) -> Result<Waveform, Found
         },
         "pulsed" => {
             let sample_rate_hz = values.number("sample_rate");
+            let pulse = values.section("pulse");
+            let shape = radar::shape(pulse, sample_rate_hz)?;
+            // No echo of a longer one is recorded whole, and making it would take as long as it lasts.
+            let recorded_s = count as f64 / sample_rate_hz;
+            if shape.duration_s() > recorded_s * (1.0 + 1e-9) {
+                let key = match pulse.text("kind") {
+                    "lfm" => "duration",
+                    _ => "chip",
+                };
+                return Err(pulse.fault(
+                    key,
+                    format!(
+                        "the pulse lasts {:.6} us and the {count} samples recorded of each last {:.6} us: shorten \
+                         it, or check [radar] sample_rate",
+                        shape.duration_s() * 1e6,
+                        recorded_s * 1e6
+                    ),
+                ));
+            }
             Waveform::Pulsed {
                 centre_hz: values.number("centre"),
                 sample_rate_hz,
                 num_samples: count,
                 window_start_s: values.number("window_start"),
-                shape: radar::shape(values.section("pulse"), sample_rate_hz)?,
+                shape,
             }
         }
         _ => {
@@ -347,7 +366,11 @@ fn profiles(
 fn even_ranges(values: &Values, source: &Source, count: usize) -> Result<(f64, f64), Found> {
     let ranges = source.vector(values, "ranges")?;
     if ranges.len() != count || count < 2 {
-        let what = format!("holds {} ranges for {count} bins", ranges.len());
+        let what = format!(
+            "holds {} ranges for {count} bins: check the array, and [recording] layout, which says what rows and \
+             columns of the samples are",
+            ranges.len()
+        );
         return Err(values.fault("ranges", what));
     }
     let step = (ranges[count - 1] - ranges[0]) / (count - 1) as f64;

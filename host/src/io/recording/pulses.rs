@@ -62,8 +62,13 @@ pub(super) fn unit_s(unit: &str) -> f64 {
     }
 }
 
-/// The pulses that `[recording]` chooses of all `count`.
-pub(super) fn select(top: &Values, source: &Source, count: usize) -> Result<Pulses, Found> {
+/// The pulses that `[recording]` chooses of all `count`, or those `given`.
+pub(super) fn select(
+    top: &Values,
+    source: &Source,
+    count: usize,
+    given: Option<&[usize]>,
+) -> Result<Pulses, Found> {
     let recording = source.recording;
     let frame = match top.section("scene").optional_section("origin") {
         Some(origin) => scene::frame(origin),
@@ -90,21 +95,42 @@ pub(super) fn select(top: &Values, source: &Source, count: usize) -> Result<Puls
         .map_or(usize::MAX, |n| n as usize);
     let every = recording.count("every") as usize;
     if first >= count {
-        return Err(recording.fault("first", format!("there are {count} pulses, the first is 0")));
+        return Err(recording.fault(
+            "first",
+            format!(
+                "'first' is {first} and the pulses are numbered from 0 to {}: lower it",
+                count - 1
+            ),
+        ));
+    }
+    if let Some(asked) = recording.optional_count("count")
+        && asked > (count - first) as u64
+    {
+        return Err(recording.fault(
+            "count",
+            format!(
+                "'count' is {asked} and from pulse {first} on there are {}: lower it, or leave it out to take all",
+                count - first
+            ),
+        ));
     }
     let least_m_s = recording.number("moving_above");
     let only_moving = recording.text("pulses") == "moving";
     let mut chosen = Vec::new();
-    for index in (first..count).take(most).step_by(every) {
+    let asked: Vec<usize> = match given {
+        Some(given) => given.to_vec(),
+        None => (first..count).take(most).step_by(every).collect(),
+    };
+    for index in asked {
         let time_s = times_s[index];
         let tracked = track
             .span_s
             .is_none_or(|(from, to)| (from..=to).contains(&time_s));
         let moving = tracked && speed_m_s(track, time_s) > least_m_s;
-        if only_moving && !moving {
+        if given.is_none() && only_moving && !moving {
             continue;
         }
-        if !tracked {
+        if given.is_none() && !tracked {
             return Err(outside(platform, track, index, time_s));
         }
         chosen.push(Chosen {
@@ -170,7 +196,11 @@ fn times(radar: &Values, source: &Source, count: usize) -> Result<(Vec<f64>, boo
     if times.len() != count {
         return Err(recording.fault(
             "times",
-            format!("holds {} times for {count} pulses", times.len()),
+            format!(
+                "holds {} times for {count} pulses: check the array, and 'layout', which says what rows and columns \
+                 of the samples are",
+                times.len()
+            ),
         ));
     }
     let on_platforms_clock = |&t: &f64| match first_s {

@@ -132,12 +132,14 @@ fn dca1000(source: &Source, conjugate: bool) -> Result<Samples, Found> {
     let array = array.map_err(fault)?;
     let (held, pulse_stride) = (array.shape[0], samples * receivers);
     if !held.is_multiple_of(pulse_stride) {
+        let (whole, over) = (held / pulse_stride, held % pulse_stride);
         return Err(recording.fault(
             "samples",
             format!(
-                "the file holds {held} samples, which is {:.3} sweeps of {samples} from each of {receivers} \
-                 receivers: check samples and receivers",
-                held as f64 / pulse_stride as f64
+                "{} holds {held} samples, which is {whole} sweeps of {samples} from each of {receivers} receivers and \
+                 {over} samples over: check samples and receivers{}",
+                source.file().display(),
+                others(held, samples, receivers)
             ),
         ));
     }
@@ -151,6 +153,31 @@ fn dca1000(source: &Source, conjugate: bool) -> Result<Samples, Found> {
         real: false,
         array,
     })
+}
+
+/// Numbers of receivers and of samples that would come out even, in words.
+fn others(held: usize, samples: usize, receivers: usize) -> String {
+    let even = |samples: &usize, receivers: &usize| held.is_multiple_of(samples * receivers);
+    let counts: Vec<String> = (1..=8usize)
+        .filter(|count| *count != receivers && even(&samples, count))
+        .map(|count| count.to_string())
+        .collect();
+    let near: Vec<String> = (samples / 2..=samples * 2)
+        .filter(|count| *count >= 2 && *count != samples && even(count, &receivers))
+        .map(|count| count.to_string())
+        .take(8)
+        .collect();
+    let mut words = String::new();
+    if !counts.is_empty() {
+        words += &format!("; receivers = {} would come out even", counts.join(" or "));
+    }
+    if !near.is_empty() {
+        words += &format!("; so would samples = {}", near.join(" or "));
+    }
+    if words.is_empty() {
+        words += ", and whether the file is whole";
+    }
+    words
 }
 
 /// All samples of a file of two I, two Q.

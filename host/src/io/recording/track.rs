@@ -35,7 +35,10 @@ pub(super) fn build(
             .map_err(|error| values.fault("file", error.to_string()))?,
         kind => {
             let body: Arc<dyn Trajectory> = match kind {
-                "novatel" => recorded::build(values, frame, source.folder)?,
+                "novatel" => {
+                    let known = *frame != SceneFrame::Local;
+                    recorded::build(values, known.then_some(frame), source.folder)?
+                }
                 "arc" => Arc::new(arc(values, times_s)?),
                 "rail" => Arc::new(rail(values, times_s)?),
                 _ => platform::track(values, 0.5 * (times_s.0 + times_s.1))?,

@@ -23,7 +23,8 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
     }
     if let Some(path) = &typed.scenario {
         let experiment = experiment(path, typed)?;
-        let recordings = record(session, &experiment)?;
+        let recordings = record(session, &experiment)
+            .with_context(|| format!("cannot simulate {}", path.display()))?;
         if let Some(folder) = &typed.echoes {
             write_echoes(session, folder, &recordings)?;
         }
