@@ -15,13 +15,12 @@ use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::open::{Options, open_all};
-use subaperture::phase_history::{Aperture, ReadError};
+use subaperture::phase_history::{Aperture, PhaseHistory, ReadError};
 
 use crate::args::{self, Algorithm, Global};
 use crate::failure::Usage;
-use crate::interrupt;
 use crate::progress::Progress;
-use crate::text;
+use crate::{interrupt, messages, text};
 
 /// The error bound where none is given, dB.
 pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
@@ -42,6 +41,7 @@ pub(crate) struct Session {
 impl Session {
     /// Sets up threads and Ctrl-C.
     pub(crate) fn new(global: &Global) -> anyhow::Result<Self> {
+        messages::set_up(global.quiet, global.verbose);
         let mut pool = rayon::ThreadPoolBuilder::new();
         if let Some(threads) = global.threads {
             pool = pool.num_threads(threads);
@@ -64,9 +64,7 @@ impl Session {
 
     /// Says something on standard error from `-v` given `level` times on.
     pub(crate) fn note(&self, level: u8, line: impl FnOnce() -> String) {
-        if self.verbosity >= level {
-            eprintln!("{}", line());
-        }
+        messages::detail(level, line);
     }
 
     /// Opens the recordings given, as one aperture within the budget.
@@ -76,7 +74,11 @@ impl Session {
             memory_bytes: self.memory_bytes,
             settings: &input.set,
         };
-        open_all(&input.paths, &options)
+        let history = open_all(&input.paths, &options)?;
+        for warning in history.warnings() {
+            messages::warning(warning);
+        }
+        Ok(history)
     }
 
     /// A progress bar.
@@ -207,6 +209,12 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
             centre_m: None,
         }),
     })
+}
+
+/// The error bound that the image asked for has to keep, dB: none of the exact sum and the thesis's mode.
+pub(crate) fn error_bound_db(typed: &args::Focus) -> Option<f64> {
+    let unbounded = typed.algorithm == Algorithm::Exact || typed.mode == Some(args::Mode::Thesis);
+    (!unbounded).then(|| typed.error_db.unwrap_or(DEFAULT_ERROR_DB))
 }
 
 /// The part of an image's record that every command writes alike.

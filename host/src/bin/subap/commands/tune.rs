@@ -122,21 +122,18 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         .map(|(vary, &best)| (vary.key.as_str(), vary.text(rounded(vary, best))))
         .collect();
     let file = written::write(typed, &recording, &values)?;
-    if !session.quiet() {
-        report(typed, &found, start)?;
-        text::say(match file {
-            Some(file) => format!("written to {}", file.display()),
-            None => format!(
-                "to use it: add --write, or {}",
-                values
-                    .iter()
-                    .map(|(key, value)| format!("--set {key}=\"{value}\""))
-                    .collect::<Vec<_>>()
-                    .join(" ")
-            ),
-        })?;
-    }
-    Ok(())
+    report(typed, &found, start)?;
+    text::say(match file {
+        Some(file) => format!("written to {}", file.display()),
+        None => format!(
+            "to use it: add --write, or {}",
+            values
+                .iter()
+                .map(|(key, value)| format!("--set {key}=\"{value}\""))
+                .collect::<Vec<_>>()
+                .join(" ")
+        ),
+    })
 }
 
 /// A recording whose keys take values.
