@@ -121,8 +121,21 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         .zip(&found.best)
         .map(|(vary, &best)| (vary.key.as_str(), vary.text(rounded(vary, best))))
         .collect();
-    let file = written::write(typed, &recording, &values)?;
     report(typed, &found, start)?;
+    let open: Vec<&str> = keys
+        .iter()
+        .zip(&found.scans)
+        .filter(|(_, scan)| !matches!(scan.verdict, Verdict::Determined | Verdict::Unknown))
+        .map(|(vary, _)| vary.key.as_str())
+        .collect();
+    if !open.is_empty() && (typed.write || typed.write_to.is_some()) {
+        anyhow::bail!(
+            "{}: not determined, so nothing was written: widen or narrow the interval, take another --grid or \
+             --measure, or points of known place (--at); to take it nonetheless, write the line yourself",
+            open.join(", ")
+        );
+    }
+    let file = written::write(typed, &recording, &values)?;
     text::say(match file {
         Some(file) => format!("written to {}", file.display()),
         None => format!(
@@ -133,7 +146,8 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
                 .collect::<Vec<_>>()
                 .join(" ")
         ),
-    })
+    })?;
+    Ok(())
 }
 
 /// A recording whose keys take values.
