@@ -187,6 +187,8 @@ fn a_pulse_is_not_longer_than_its_record() {
              [platform]\nkind = \"rail\"\nfrom = \"-1, 0, 0 m\"\nto = \"1, 0, 0 m\"\n"
         )
     };
+    // The program is built on first use.
+    run(at, "--version").succeeded();
     let start = Instant::now();
     for (pulse, place) in [
         (
@@ -293,8 +295,15 @@ fn a_track_on_the_earth_needs_a_scene_on_the_earth() {
 fn echoes_outside_the_window_name_keys_that_there_are() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let example = subaperture::simulate::scenario::examples::text("stripmap").unwrap();
-    let far = example.to_owned() + "\n[[scene.point]]\nposition = \"0, 9, 0 km\"\n";
+    let pulsed = "kind = \"pulsed\"\npulses = 16\npri = \"5 ms\"\ncentre = \"10 GHz\"\nsamples = 256\nsample_rate = \"180 MHz\"\n\
+                  [radar.pulse]\nkind = \"lfm\"\nbandwidth = \"150 MHz\"\nduration = \"0.5 us\"\n\n";
+    let (start, end) = (
+        SCENE.find("kind = \"fmcw\"").unwrap(),
+        SCENE.find("[platform]").unwrap(),
+    );
+    let far = SCENE[..start].to_owned()
+        + pulsed
+        + &SCENE[end..].replace("reference = \"0, 4, 0 m\"", "reference = \"0, 400, 0 m\"");
     fs::write(at.join("far.toml"), far).unwrap();
     let ran = command(at, "simulate far.toml -o a.cphd".split(' '))
         .output()
