@@ -78,7 +78,8 @@ pub fn merit(
             monitor: &quiet,
         };
         let former = Backprojection { error_db: ERROR_DB };
-        former.form(&task).map(|formed| formed.image)
+        // A search looks at dark places too.
+        former.form_best(&task).map(|formed| formed.image)
     };
     let mut pixels = Vec::new();
     match sight {
