@@ -154,7 +154,7 @@ fn brightest(problem: &Problem, grid: &ImageGrid, take: &Take) -> Result<DVec3, 
         },
     };
     let former = Backprojection { error_db: ERROR_DB };
-    let peak = former.form(&task)?.image.peak();
+    let peak = former.form_best(&task)?.image.peak();
     Ok(peak.map_or(
         grid.position_m(grid.rows.count / 2, grid.columns.count / 2),
         |peak| grid.position_m(peak.row, peak.column),

@@ -174,7 +174,7 @@ pub fn merits(
                 monitor: &quiet,
             };
             let former = Backprojection { error_db: ERROR_DB };
-            pixels.extend(former.form(&task)?.image.pixels);
+            pixels.extend(former.form_best(&task)?.image.pixels);
         }
         // Each image is normalised by its own weights; the sum of all is by theirs.
         for (sum, pixel) in whole.iter_mut().zip(&mut pixels) {
