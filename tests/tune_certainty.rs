@@ -45,26 +45,31 @@ const PRI_S: f64 = 0.05;
 struct Walk {
     speed_m_s: f64,
     unevenness: f64,
-    rate: f64,
-    phase: f64,
+    /// Of both sways: one alone is a walk that repeats, and tells its clock up to whole periods.
+    rates: [f64; 2],
+    phases: [f64; 2],
     offset_s: f64,
 }
 
 impl Walk {
     fn random(random: &mut Random, unevenness: f64) -> Self {
+        let rate = TAU / random.between(2.5, 4.5);
         Self {
             speed_m_s: random.between(0.4, 0.6),
             unevenness,
-            rate: TAU / random.between(2.5, 4.5),
-            phase: random.between(0.0, TAU),
+            rates: [rate, rate / random.between(1.3, 1.7)],
+            phases: [random.between(0.0, TAU), random.between(0.0, TAU)],
             offset_s: random.between(3.5, 8.5),
         }
     }
 
     /// Along x; its speed goes up and down by the unevenness.
     fn place_m(&self, t: f64) -> DVec3 {
-        let sway = self.unevenness / self.rate * (self.rate * t + self.phase).sin();
-        DVec3::new(self.speed_m_s * (t + sway), 0.0, 0.0)
+        let sways = self.rates.iter().zip(self.phases);
+        let sway: f64 = sways
+            .map(|(rate, phase)| (rate * t + phase).sin() / rate)
+            .sum();
+        DVec3::new(self.speed_m_s * (t + self.unevenness * sway), 0.0, 0.0)
     }
 }
 

@@ -12,6 +12,7 @@ use super::schema::Section;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Value {
     Text(String),
+    Texts(Vec<String>),
     Flag(bool),
     Count(u64),
     Number(f64),
@@ -101,6 +102,14 @@ impl Values {
     pub(crate) fn text(&self, key: &str) -> &str {
         match self.value(key) {
             Value::Text(text) => text,
+            other => unreachable!("'{key}' is {other:?}"),
+        }
+    }
+
+    /// All texts of an array, or the one.
+    pub(crate) fn texts(&self, key: &str) -> &[String] {
+        match self.value(key) {
+            Value::Texts(texts) => texts,
             other => unreachable!("'{key}' is {other:?}"),
         }
     }

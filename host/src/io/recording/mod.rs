@@ -25,12 +25,17 @@
 //! - `radar.first_pulse` is the time of the first pulse on the platform's clock.
 //! - `radar.motion` says whether the radar moves while a sweep lasts; while a pulse lasts it is neglected.
 //!
+//! - A radar of several transmitters, which take turns, and receivers is one description: every pair that is used is a
+//!   pulse of its own, all those of a pulse together, in the order of time. What an antenna adds in phase and level is a
+//!   key of its section.
+//!
 //! [`write()`] writes echoes, simulated ones too, as such a recording. Memory: the arrays, the samples and the phase history
 //! at once, all within the bytes allowed.
 
 mod adapt;
 mod arrays;
 pub mod examples;
+mod files;
 mod keys;
 mod moving;
 mod pulses;
@@ -57,7 +62,8 @@ type Faults = Vec<Found>;
 pub struct Take {
     /// The phase history.
     pub history: Recorded,
-    /// Which pulses of the recording its pulses are, from 0.
+    /// Which pulses of the recording its pulses are, from 0: the pulse's number times the number of channels used, and
+    /// the channel's.
     pub pulses: Vec<usize>,
     /// What paths were recorded too long by: the recorded path of a point is that of the history's geometry and
     /// this, metres.
@@ -185,12 +191,22 @@ impl RecordingFile {
             memory_bytes,
         };
         let samples = samples::read(&top, &source).map_err(one)?;
-        let pulses = pulses::select(&top, &source, samples.num_pulses, given).map_err(one)?;
+        let pulses = pulses::select(
+            &top,
+            &source,
+            samples.num_sweeps / samples::sweeps_a_pulse(source.recording),
+            given,
+        )
+        .map_err(one)?;
         let history = adapt::adapt(&top, &source, samples, &pulses).map_err(one)?;
         debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
         Ok(Take {
             history,
-            pulses: pulses.chosen.iter().map(|pulse| pulse.index).collect(),
+            pulses: pulses
+                .chosen
+                .iter()
+                .map(|pulse| pulse.index * pulses.antennas.channels.len() + pulse.channel)
+                .collect(),
             bias_path_m: 2.0 * top.section("recording").number("range_bias"),
         })
     }
