@@ -265,8 +265,7 @@ fn a_track_on_the_earth_needs_a_scene_on_the_earth() {
     let platform = "[platform]\nkind = \"novatel\"\nfile = \"log.asc\"\nrecord = \"inspva\"\n";
     let scenario = SCENE.split("[platform]").next().unwrap().to_owned()
         + platform
-        + "[scene]\nreference = \"0, 40, 0 m\"\n";
-    let scenario = scenario.replace("1 MHz", "10 MHz");
+        + "[scene]\nreference = \"4, 0, 0 m\"\n";
     fs::write(at.join("log.toml"), &scenario).unwrap();
     let parts = [
         "[scene.origin]",

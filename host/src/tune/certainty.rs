@@ -13,8 +13,9 @@
 //! of all points tried and climbs from there, in all parameters at once: one that depends on another, or a second
 //! maximum that a part of the data prefers, shows in the spread.
 //!
-//! Another maximum at `v` is as good as the best if the difference of their merits, `D`, is within the same multiple of
-//! its own standard error, from `D_g` in the same way.
+//! Another maximum of the scan is a rival if, of all data or without any one part, it rises to [`RIVAL`] of the best's
+//! height above the scan's median. (The jackknife of that difference tells less: what a part does to the window weighs
+//! more in it than noise.)
 //!
 //! Not known from this: what all parts have in common, such as a wrong carrier or a bent rail.
 
@@ -25,6 +26,9 @@ const STUDENT: [f64; 15] = [
     12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160,
     2.145, 2.131,
 ];
+
+/// Height of a rival, above the median and in parts of the best's.
+const RIVAL: f64 = 0.7;
 
 /// Half of the interval of 95 % confidence of what the repetitions found.
 fn half_interval(found: &[f64]) -> Option<f64> {
@@ -90,6 +94,14 @@ pub(super) fn judge(
     let error = error.max(least);
     scan.error = Some(error);
     let length = axis.at(axis.count - 1) - axis.start;
+    let medians: Vec<f64> = (0..best_views.len())
+        .map(|view| {
+            let merits = views.iter().map(|views| views[view]);
+            let mut merits: Vec<f64> = merits.filter(|merit| merit.is_finite()).collect();
+            merits.sort_by(f64::total_cmp);
+            merits.get(merits.len() / 2).copied().unwrap_or(f64::NAN)
+        })
+        .collect();
     scan.rivals = scan
         .points
         .iter()
@@ -100,13 +112,12 @@ pub(super) fn judge(
             (point.0 - best).abs() > error && lower(before) && lower(scan.points.get(j + 1))
         })
         .filter(|&(j, point)| {
-            let behind: Vec<f64> = best_views[1..]
-                .iter()
-                .zip(&views[j][1..])
-                .map(|(a, b)| a - b)
-                .collect();
-            let doubt = half_interval(&behind).unwrap_or(0.0);
-            point.1.is_finite() && best_views[0] - point.1 < doubt
+            point.1.is_finite()
+                && best_views
+                    .iter()
+                    .zip(&views[j])
+                    .zip(&medians)
+                    .any(|((best, rival), median)| rival - median > RIVAL * (best - median))
         })
         .map(|(_, point)| point.0)
         .collect();

@@ -316,12 +316,15 @@ fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<
             ),
         ));
     }
+    // Of all, whichever are used: what a description says is never left unread.
+    let added: Vec<(f64, f64)> = sections
+        .iter()
+        .map(|values| (values.number("phase"), values.number("level")))
+        .collect();
     let one = |number: usize| {
         // A lone section is that of the one which is used.
         let section = number.min(antennas.len() - 1);
-        let (phase_rad, level_db) = sections.get(section).map_or((0.0, 0.0), |values| {
-            (values.number("phase"), values.number("level"))
-        });
+        let (phase_rad, level_db) = added.get(section).copied().unwrap_or_default();
         Used {
             number,
             offset_m: antennas[section].offset_m,
