@@ -19,3 +19,4 @@ pub mod recording;
 mod staging;
 pub mod track_axes;
 pub mod track_csv;
+pub mod unfinished;

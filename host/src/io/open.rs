@@ -42,6 +42,12 @@ impl Default for Options<'_> {
 /// broken one; [`ReadError::Mismatch`] for a channel or settings of a format that has none;
 /// [`ReadError::Io`].
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, ReadError> {
+    if path.is_dir() {
+        return Err(ReadError::Malformed {
+            path: path.to_owned(),
+            what: "a directory, and not a recording: name the files in it".to_owned(),
+        });
+    }
     let start = read_start(path).map_err(|source| ReadError::Io {
         path: path.to_owned(),
         source,

@@ -90,28 +90,28 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         TuneError::Nothing => anyhow::Error::new(error),
     })?;
     interrupt::check()?;
+    let record = json!({
+        "schema": "subaperture-tune",
+        "schema_version": 1,
+        "run": record_of_run(session, start.elapsed()),
+        "measure": measure_name(typed),
+        "merit": found.merit,
+        "evaluations": found.evaluations,
+        "keys": keys.iter().zip(&found.best).zip(&found.scans).map(|((vary, best), scan)| json!({
+            "key": vary.key,
+            "unit": vary.unit,
+            "best": best,
+            "width": scan.width,
+            "at_end": scan.at_end,
+            "error_95": scan.error,
+            "verdict": scan.verdict,
+            "rivals": scan.rivals,
+            "scan": scan.points,
+        })).collect::<Vec<_>>(),
+        "without_parts": found.without_parts,
+        "inputs": recording.inputs()?,
+    });
     if let Some(folder) = &typed.out {
-        let record = json!({
-            "schema": "subaperture-tune",
-            "schema_version": 1,
-            "run": record_of_run(session, start.elapsed()),
-            "measure": measure_name(typed),
-            "merit": found.merit,
-            "evaluations": found.evaluations,
-            "keys": keys.iter().zip(&found.best).zip(&found.scans).map(|((vary, best), scan)| json!({
-                "key": vary.key,
-                "unit": vary.unit,
-                "best": best,
-                "width": scan.width,
-                "at_end": scan.at_end,
-                "error_95": scan.error,
-                "verdict": scan.verdict,
-                "rivals": scan.rivals,
-                "scan": scan.points,
-            })).collect::<Vec<_>>(),
-            "without_parts": found.without_parts,
-            "inputs": recording.inputs()?,
-        });
         let tuned = varied.history(&found.best)?;
         pictures::write(
             session,
@@ -127,7 +127,9 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         .zip(&found.best)
         .map(|(vary, &best)| (vary.key.as_str(), vary.text(rounded(vary, best))))
         .collect();
-    report(typed, &found, start)?;
+    if !session.json() {
+        report(typed, &found, start)?;
+    }
     let open: Vec<&str> = keys
         .iter()
         .zip(&found.scans)
@@ -142,6 +144,9 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         );
     }
     let file = written::write(typed, &recording, &values)?;
+    if session.json() {
+        return text::say_json("tune", record);
+    }
     text::say(match file {
         Some(file) => format!("written to {}", file.display()),
         None => format!(
