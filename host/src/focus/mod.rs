@@ -25,6 +25,7 @@ pub mod rda;
 pub mod rdbp;
 pub mod straight_track;
 pub mod strip;
+pub mod sweep;
 pub mod weights;
 
 use num_complex::Complex32;

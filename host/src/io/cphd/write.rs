@@ -31,7 +31,10 @@ use crate::phase_history::check_finite;
 /// What CPHD asks for and a [`PhaseHistory`](crate::phase_history::PhaseHistory) does not have:
 /// - `TxTime` is the pulse's time and `RcvTime` that plus the delay of the SRP's echo; `TxPos` and
 ///   `RcvPos` are the pulse's positions, taken to be valid at those times.
-/// - Velocities are central differences of positions over those times, one-sided at the ends.
+/// - Velocities are those within the sweep, where samples are taken one after another ([`Sweep`](crate::phase_history::Sweep)),
+///   else central differences of positions over those times, one-sided at the ends.
+/// - `aFRR1` and `aFRR2` give the rate of such a sweep, as they do for a pulse of linear frequency modulation. Phases
+///   have to follow the reference point then.
 /// - `SRPPos` is the reference point. Where `reference_path_m` differs from its path by more than
 ///   20 nm, the SRP is moved along the bisector until it does not, since the SRP's path is the
 ///   only one that CPHD knows; `SRPFixed` is then false.
