@@ -70,6 +70,18 @@ impl Sweep {
         reference_m_s: None,
     };
 
+    /// Whether it is of numbers.
+    pub fn is_finite(&self) -> bool {
+        let vectors = [
+            self.transmitter_m_s,
+            self.transmitter_m_s2,
+            self.receiver_m_s,
+            self.receiver_m_s2,
+            self.reference_m_s.unwrap_or_default(),
+        ];
+        self.sample_s.is_finite() && vectors.iter().all(|v| v.is_finite())
+    }
+
     /// Whether paths are the same for all samples of the pulse.
     pub fn is_at_once(&self) -> bool {
         let still = [

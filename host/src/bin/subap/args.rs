@@ -1,5 +1,6 @@
 //! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
 
+mod look;
 mod plan;
 mod tune;
 mod values;
@@ -13,6 +14,7 @@ use subaperture::link::Place;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
+pub(crate) use look::{Look, Picture};
 pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use tune::{Recording, Tune, Vary};
 use values::{
@@ -30,7 +32,13 @@ use values::{
         subap demo                       simulate, focus, compare; writes subap-demo/\n  \
         subap info FILE                  what a recording holds\n  \
         subap focus FILE... --out DIR    an image of it\n\n\
-        Exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted."
+        Exit status:\n  \
+        0    done\n  \
+        1    failed; nothing is left in part\n  \
+        2    wrong usage\n  \
+        3    done, but a bound is missed: the prediction where that was allowed, focus --check, compare\n       \
+        --error-db, crosscheck, demo\n  \
+        130  interrupted (by Ctrl-C, or the signals TERM or HUP)"
 )]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -55,7 +63,7 @@ pub(crate) struct Global {
     #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Global options")]
     pub(crate) verbose: u8,
 
-    /// Say nothing but results and errors
+    /// Show no progress and no notes: only results, warnings and errors
     #[arg(
         short,
         long,
@@ -77,7 +85,7 @@ pub(crate) enum Command {
     Link(Link),
     /// Write the phase history of a simulated scene as CPHD 1.1, or its raw echoes
     Simulate(Simulate),
-    /// Send every sub-CPI through the host's code and the embedded core; fail above -100 dB
+    /// Send every sub-CPI through the host's code and the embedded core, which are to agree to -100 dB
     Crosscheck(Crosscheck),
     /// Say what recordings hold
     Info(Info),
@@ -89,6 +97,8 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Measure an image: responses of points, level, contrast, differences from another
     Quality(Quality),
+    /// Draw an image's picture again, with other levels or colours
+    Picture(Picture),
     /// Plan a pass of a radar, or a module that makes its maps
     Plan(Plan),
     /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures
@@ -146,11 +156,15 @@ pub(crate) struct Focus {
     #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector)]
     pub(crate) velocity: Option<DVec3>,
 
-    /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120, for a grid that
-    /// covers the scene's bright scatterers; the formers choose their sizes from it, rda and omega-k how
-    /// crooked a track may be [default: -60]
+    /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120: formers choose their
+    /// sizes from it, and refuse what they predict to miss it [default: -60; none for --mode thesis]
     #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
+
+    /// Write the image even if its predicted error is above the bound; the record says so, and the exit
+    /// status is 3
+    #[arg(long)]
+    pub(crate) allow_error: bool,
 
     /// Pulses a sub-CPI of rdbp [default: the most that the error bound allows]
     #[arg(long, value_name = "N", value_parser = positive)]
@@ -181,6 +195,9 @@ pub(crate) struct Focus {
     /// Form N pixels, chosen by a fixed seed, by the exact sum too and report the image's error
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) check: Option<usize>,
+
+    #[command(flatten)]
+    pub(crate) look: Look,
 }
 
 /// Image formers by name.
@@ -415,6 +432,10 @@ pub(crate) struct Compare {
     /// Image to judge it by
     #[arg(value_name = "B.npy", value_hint = ValueHint::FilePath)]
     pub(crate) reference: PathBuf,
+
+    /// Bound on the relative RMS error, dB: exit status 3 if it is missed
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = finite)]
+    pub(crate) error_db: Option<f64>,
 
     /// Print JSON
     #[arg(long)]

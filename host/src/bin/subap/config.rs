@@ -15,13 +15,12 @@ use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::open::{Options, open_all};
-use subaperture::phase_history::{Aperture, ReadError};
+use subaperture::phase_history::{Aperture, PhaseHistory, ReadError};
 
 use crate::args::{self, Algorithm, Global};
 use crate::failure::Usage;
-use crate::interrupt;
 use crate::progress::Progress;
-use crate::text;
+use crate::{interrupt, messages, text};
 
 /// The error bound where none is given, dB.
 pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
@@ -42,6 +41,7 @@ pub(crate) struct Session {
 impl Session {
     /// Sets up threads and Ctrl-C.
     pub(crate) fn new(global: &Global) -> anyhow::Result<Self> {
+        messages::set_up(global.quiet, global.verbose);
         let mut pool = rayon::ThreadPoolBuilder::new();
         if let Some(threads) = global.threads {
             pool = pool.num_threads(threads);
@@ -64,9 +64,7 @@ impl Session {
 
     /// Says something on standard error from `-v` given `level` times on.
     pub(crate) fn note(&self, level: u8, line: impl FnOnce() -> String) {
-        if self.verbosity >= level {
-            eprintln!("{}", line());
-        }
+        messages::detail(level, line);
     }
 
     /// Opens the recordings given, as one aperture within the budget.
@@ -75,7 +73,11 @@ impl Session {
             channel: input.channel.as_deref(),
             memory_bytes: self.memory_bytes,
         };
-        open_all(&input.paths, &options)
+        let history = open_all(&input.paths, &options)?;
+        for warning in history.warnings() {
+            messages::warning(warning);
+        }
+        Ok(history)
     }
 
     /// A progress bar.
@@ -167,17 +169,10 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
             "--no-keystone is for --mode thesis only: leave it out".to_owned(),
         ));
     }
-    if is_thesis {
-        for (option, given) in [
-            ("--error-db", typed.error_db.is_some()),
-            ("--patch", typed.patch.is_some()),
-        ] {
-            if given {
-                return Err(Usage(format!(
-                    "{option} says nothing to --mode thesis: leave it out"
-                )));
-            }
-        }
+    if is_thesis && typed.patch.is_some() {
+        return Err(Usage(
+            "--patch says nothing to --mode thesis: leave it out".to_owned(),
+        ));
     }
     let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
     Ok(match algorithm {
@@ -188,6 +183,7 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
                 args::Mode::Precise => rdbp::Mode::Precise,
                 args::Mode::Thesis => rdbp::Mode::Thesis(rdbp::Thesis {
                     keystone: !typed.no_keystone,
+                    error_db: typed.error_db,
                     ..rdbp::Thesis::default()
                 }),
             },
