@@ -59,7 +59,7 @@ fn rail(step_s: f64, points: Vec<Scatterer>) -> Experiment {
     rail
 }
 
-/// An FMCW radar on a vehicle: 2 ms sweeps of 150 MHz at 24 GHz, 20 m/s past a scene 15 to 45 m away.
+/// An FMCW radar on a vehicle: 2 ms sweeps of 150 MHz at 24 GHz, 8 m/s past a scene 15 to 45 m away.
 fn vehicle(falling: bool, num_samples: usize, points: Vec<Scatterer>) -> Experiment {
     let chirp_hz_s = 150e6 / 2e-3;
     let mut vehicle = experiment(
@@ -76,8 +76,8 @@ fn vehicle(falling: bool, num_samples: usize, points: Vec<Scatterer>) -> Experim
     vehicle.radar.pri_s = 2.5e-3;
     vehicle.radar.num_pulses = 40;
     vehicle.track = Arc::new(Line {
-        start_m: DVec3::new(-1.0, 0.0, 2.0),
-        velocity_m_s: DVec3::new(20.0, 0.0, 0.0),
+        start_m: DVec3::new(-0.4, 0.0, 2.0),
+        velocity_m_s: DVec3::new(8.0, 0.0, 0.0),
         sway_m: 0.0,
     });
     vehicle.reference = Reference::Point(DVec3::new(0.0, 30.0, 0.0));
@@ -121,8 +121,12 @@ fn turns(experiment: &Experiment, n: usize, k: usize, (f, count): (f64, usize), 
     let Reference::Point(reference_m) = experiment.reference else {
         unreachable!("a point")
     };
-    let time_s = moment_s(experiment, n, k, count);
     let track = experiment.track.as_ref();
+    let mut time_s = moment_s(experiment, n, k, count);
+    if matches!(experiment.radar.waveform, Waveform::Fmcw { .. }) {
+        // A sweep sends each frequency at a moment of its own: echoes from further away have it as much later.
+        time_s += (path_m(track, at, time_s) - path_m(track, reference_m, time_s)) / C;
+    }
     let turns = f * ((path_m(track, at, time_s) - path_m(track, reference_m, time_s)) / C);
     turns - turns.round()
 }
@@ -207,10 +211,9 @@ fn random_points(seed: u64, count: usize, extent: Extent) -> Vec<Scatterer> {
         .collect()
 }
 
-/// Stepped: what is left is 2 v / c of the difference of paths, 1 m/s and 10 m: 7e-8 m, 4e-7 turns, -112 dB; float32
-/// at -140 dB. Swept: 20 m/s and 40 m leave 3e-6 m at the transmitter, times the cosine of the angle, up to 3e-4 turns,
-/// a phase for each scatterer; that and all that deskewing leaves have to stay below -70 dB. Before sweeps were faded it
-/// was -47 dB and worse.
+/// Stepped: float32's rounding, -140 dB, and 1e-9 turns of float64 in the delays. Swept: the filter of the residual
+/// video phase takes an echo's Doppler shift, up to 24 GHz x 2 x 5 m/s / c = 0.8 kHz, for a part of its beat: a phase of
+/// `pi (0.8 kHz)^2 / rate`, 3e-5 rad; fading leaves -90 dB. Before sweeps were faded it was -47 dB and worse.
 #[test]
 fn samples_are_what_they_ought_to_be_at_their_own_moments() {
     let near = vec![
@@ -243,7 +246,7 @@ fn samples_are_what_they_ought_to_be_at_their_own_moments() {
         );
         println!("swept {falling} {num_samples}: {low:.1} {middle:.1} {high:.1} dB, {width} kept");
         for error_db in [low, middle, high] {
-            assert!(error_db < -70.0, "{error_db}");
+            assert!(error_db < -80.0, "{error_db}");
         }
     }
 }
@@ -275,7 +278,8 @@ fn swept_echoes_are_the_plain_sum_to_the_edges_of_the_band() {
 }
 
 /// The image by the library's exact sum, and by the fast formers, against the plain sum over the scene. What the
-/// plain sum knows and the formers do not is the difference of moments of transmission (above).
+/// plain sum knows and the formers do not is that further echoes are later: 8 m/s x 2 x 0.6 x 0.1 us are 1e-6 m, 5e-4 rad
+/// at 24 GHz and -66 dB for the worst scatterer; -115 dB at walking pace and 1.2 GHz.
 #[test]
 fn images_of_moving_sweeps_are_the_plain_sum() {
     let extent = rail(1e-3, vec![]).extent.unwrap();
@@ -289,7 +293,10 @@ fn images_of_moving_sweeps_are_the_plain_sum() {
         "x=-8:8.1:0.4,y=2:18.1:0.4,z=0",
         "x=-12:12.1:0.75,y=15:45.1:0.75,z=0",
     ];
-    for (experiment, grid, exact_db) in [(cart, grids[0], -100.0), (car, grids[1], -65.0)] {
+    for (experiment, grid, exact_db, bound_db) in [
+        (cart, grids[0], -100.0, -60.0),
+        (car, grids[1], -60.0, -50.0),
+    ] {
         let grid: ImageGrid = grid.parse().unwrap();
         let recording = experiment.record(PAIR).unwrap();
         let columns = grid.columns.count;
@@ -307,7 +314,7 @@ fn images_of_moving_sweeps_are_the_plain_sum() {
             error_db
         };
         assert!(error_db(&Exact) < exact_db);
-        for bound_db in [-40.0, -60.0] {
+        for bound_db in [-40.0, bound_db] {
             assert!(error_db(&Backprojection { error_db: bound_db }) < bound_db);
             assert!(error_db(&rdbp(bound_db)) < bound_db);
         }
@@ -371,10 +378,10 @@ fn points_are_where_they_are() {
     let car = vehicle(false, 400, vec![point(-9.0, 17.0, 1.0)]);
     let recording = car.record(PAIR).unwrap();
     let at = DVec3::new(-9.0, 17.0, 0.0);
-    // Cells of 1 m in range and 0.07 m across.
+    // Cells of 1 m in range and 0.15 m across.
     let off_m = peak_m(&rdbp(-60.0), &recording, at, 0.01) - at;
     println!("vehicle: off by {off_m}");
-    assert!(off_m.length() < 0.007, "{off_m}");
+    assert!(off_m.length() < 0.015, "{off_m}");
 }
 
 /// A vibration is not even over a cycle: its acceleration counts, and survives a file as differences of velocities.

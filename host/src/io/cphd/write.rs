@@ -53,7 +53,7 @@ use crate::phase_history::check_finite;
 /// - If all channels know the true positions of their antennas, these are added parameters
 ///   (`AddedPVP`) of their own, `TxPosTrue` and `RcvPosTrue`, in ECF.
 ///
-/// Memory: 248 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
+/// Memory: 256 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
 ///
 /// # Errors
 /// [`WriteError`]; among the unsuited are a local scene frame, times that do not rise, and pulses
