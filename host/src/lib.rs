@@ -30,6 +30,7 @@ pub mod phase_history;
 pub mod planner;
 pub mod plot;
 pub mod quality;
+pub mod quantity;
 pub mod receive;
 pub mod reproduce;
 pub mod signal;

@@ -17,7 +17,7 @@ mod reference;
 mod resolve;
 pub(crate) mod schema;
 mod tree;
-pub(crate) mod units;
+pub mod units;
 pub(crate) mod values;
 
 use std::io;
@@ -75,7 +75,17 @@ impl Description {
                 "more than 16 MiB: is this a scenario or a recording's description?",
             ));
         }
-        let text = std::fs::read_to_string(path)?;
+        let text = std::fs::read_to_string(path).map_err(|error| match error.kind() {
+            io::ErrorKind::InvalidData => io::Error::new(
+                error.kind(),
+                "it is no UTF-8 text, and a scenario or a recording's description in TOML is wanted",
+            ),
+            io::ErrorKind::IsADirectory => io::Error::new(
+                error.kind(),
+                "it is a folder, and a scenario or a recording's description in TOML is wanted",
+            ),
+            _ => error,
+        })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         Ok(Self::new(path.display().to_string(), text, folder))
     }

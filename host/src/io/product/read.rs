@@ -79,6 +79,12 @@ pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
     };
     let metadata: Value =
         serde_json::from_slice(&text).map_err(|error| wrong(format!("not JSON: {error}")))?;
+    if metadata["grid"].is_null() {
+        let kind = metadata["schema"].as_str().unwrap_or("unknown kind");
+        return Err(wrong(format!(
+            "it holds no grid, for it is of {kind}; an image of subap focus is wanted"
+        )));
+    }
     let grid = grid(&metadata["grid"]).map_err(wrong)?;
     // Opened once, so that what is checked is what is read, whatever is renamed into its place.
     let image = folder.join(IMAGE);
