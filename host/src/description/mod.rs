@@ -30,8 +30,8 @@ use values::Values;
 
 pub use error::{DescriptionError, Fault};
 
-/// Longest text that is read, bytes: far longer than anyone writes.
-const LONGEST_BYTES: u64 = 16 << 20;
+/// Longest text that is read, bytes: far longer than anyone writes, for its tree takes a hundred times as many.
+const LONGEST_BYTES: u64 = 4 << 20;
 
 /// A text and the settings that override it.
 #[derive(Clone, Debug)]
@@ -68,11 +68,11 @@ impl Description {
     /// Reads a text.
     ///
     /// # Errors
-    /// If the file cannot be read, is no UTF-8, or has more than 16 MiB.
+    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
     pub(crate) fn read(path: &Path) -> io::Result<Self> {
         if std::fs::metadata(path)?.len() > LONGEST_BYTES {
             return Err(io::Error::other(
-                "more than 16 MiB: is this a scenario or a recording's description?",
+                "more than 4 MiB: is this a scenario or a recording's description?",
             ));
         }
         let text = std::fs::read_to_string(path).map_err(|error| match error.kind() {

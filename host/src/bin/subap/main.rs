@@ -1,4 +1,5 @@
 //! The command `subap`: from phase history to a focused image.
+#![forbid(unsafe_code)]
 
 mod args;
 mod commands;
