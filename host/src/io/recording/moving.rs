@@ -1,8 +1,8 @@
 //! Echoes of a radar that moves while its sweeps last.
 //!
 //! Sample `k` of a pulse at `t_n` is taken at `t = t_n + t_k - t_middle`, the middle sample standing for the pulse.
-//! Its reference path is `|T(t) - p| + |R(t) - p|`, `T` and `R` by the track, if phases are referred to a point. Sampled at the pulses only, the track is a
-//! cubic spline between them: off by `5/384 h^4` of its fourth derivative, `h` from fix to fix.
+//! Its reference path is `|T(t) - p| + |R(t) - p|`, `T` and `R` by the track, if phases are referred to a point.
+//! Sampled at the pulses only, the track is a cubic spline between them: off by `5/384 h^4` of its fourth derivative, `h` from fix to fix.
 
 use std::ops::Range;
 
@@ -51,8 +51,9 @@ impl Echoes for InMotion<'_> {
             return self.held.antennas_m(pulse, after_s);
         }
         let middle_s = self.collection().waveform.middle_s();
-        let time_s = self.pulses.chosen[pulse].time_s + (after_s - middle_s);
-        self.pulses.antennas.at_m(time_s)
+        let chosen = &self.pulses.chosen[pulse];
+        let time_s = chosen.time_s + (after_s - middle_s);
+        self.pulses.antennas.at_m(chosen.channel, time_s)
     }
 
     fn held_bytes(&self) -> u64 {
