@@ -6,7 +6,7 @@ use subaperture::focus::bp::Backprojection;
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::phase_history::{
-    Aperture, Collection, InputFile, PhaseHistory, Pulse, ReadError, Recorded,
+    Aperture, Collection, InputFile, PhaseHistory, Pulse, ReadError, Recorded, Sweep,
 };
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Scatterer, Simulated};
@@ -52,6 +52,7 @@ fn recorded(name: &str, antennas: &[DVec3], timed: bool) -> (Collection, Vec<Com
         reference_path_m: 2.0 * antenna.length(),
         start_hz: 9.3e9,
         step_hz: 5e6,
+        sweep: Sweep::AT_ONCE,
     });
     let collection = Collection {
         name: name.to_owned(),

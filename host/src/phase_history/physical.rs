@@ -76,6 +76,7 @@ impl Pulse {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::phase_history::Sweep;
 
     #[test]
     fn what_cannot_be_is_told() {
@@ -87,6 +88,7 @@ mod tests {
             reference_path_m: 0.0,
             start_hz: 9e9,
             step_hz: 1e6,
+            sweep: Sweep::AT_ONCE,
         };
         assert_eq!(good.fault(1000), None);
         let faults: [(fn(&mut Pulse), &str); 10] = [
