@@ -11,6 +11,7 @@
 
 pub mod ambiguity;
 pub mod cost;
+pub mod forecast;
 pub mod grating;
 pub mod link;
 pub mod parameters;
