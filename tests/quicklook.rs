@@ -3,7 +3,7 @@
 use num_complex::Complex32;
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
-use subaperture::plot::{Colours, Panel, Scale, panels, quicklook};
+use subaperture::plot::{Colours, Orientation, Panel, Scale, ShownAxis, panels, quicklook};
 
 struct Picture {
     width: usize,
@@ -201,7 +201,7 @@ fn odd_images_are_drawn() {
     faint.pixels[8] = Complex32::new(f32::MIN_POSITIVE / 4.0, 0.0);
     let mut panel = Panel::new(&faint, &polar, "long ".repeat(10_000));
     for scale in [
-        Scale::FromData,
+        Scale::default(),
         Scale::Fixed {
             top_db: f64::NAN,
             span_db: 60.0,
@@ -218,6 +218,124 @@ fn odd_images_are_drawn() {
         panel.scale = scale;
         quicklook(&panel).unwrap();
     }
+}
+
+/// Seen from above, angles grow counter-clockwise: with range upwards they grow to the left.
+#[test]
+fn a_polar_picture_is_no_mirror_image() {
+    let grid: ImageGrid = "r=10:20:1,theta=0:20:1".parse().unwrap();
+    let image = dot(10, 20, -30.0, 7, 3);
+    let picture = Picture::decode(&quicklook(&fixed(&image, &grid)).unwrap());
+    let plot = picture.plot();
+    let [left, top, right, _] = plot;
+    let side = (right - left) / 20;
+    let found = picture.find(plot, [255; 3]).unwrap();
+    assert_eq!(
+        (found[0], found[1]),
+        (left + (20 - 1 - 3) * side, top + 2 * side),
+        "column 3 from the right, row 7 of 10 from below"
+    );
+}
+
+/// The values along the axes are the scene's coordinates, and where there are none the label says so.
+#[test]
+fn turned_grids_are_labelled_by_the_scene() {
+    for (text, labels, first_edges) in [
+        ("x=-4:4:1,y=2:8:1", ["x (m)", "y (m)"], [-4.5, 1.5]),
+        (
+            "x=-4:4:1,y=2:8:1,cx=10,cy=-5",
+            ["x (m)", "y (m)"],
+            [5.5, -3.5],
+        ),
+        (
+            "x=-4:4:1,y=2:8:1,cx=1,cy=2,z=3,yaw=90,roll=90",
+            ["y (m)", "z (m)"],
+            [-2.5, 4.5],
+        ),
+        ("x=-4:4:1,y=2:8:1,yaw=180", ["x (m)", "y (m)"], [4.5, -1.5]),
+        (
+            "x=-4:4:1,y=2:8:1,yaw=30,cx=10,cy=-5",
+            [
+                "u (m), along (0.87, 0.50, 0.00) from (10, -5, 0) m",
+                "v (m), along (-0.50, 0.87, 0.00) from (10, -5, 0) m",
+            ],
+            [-4.5, 1.5],
+        ),
+        (
+            "r=5:9:1,theta=-10:10:1,cx=3,yaw=90",
+            [
+                "angle (deg) from (0.00, 1.00, 0.00)",
+                "range (m) from (3, 0, 0) m",
+            ],
+            [-10.5, 4.5],
+        ),
+    ] {
+        let grid: ImageGrid = text.parse().unwrap();
+        let [across, up] = ShownAxis::of_grid(&grid);
+        assert_eq!([across.label.as_str(), up.label.as_str()], labels, "{text}");
+        let edges = [across.edges(&grid.columns).0, up.edges(&grid.rows).0];
+        for (edge, expected) in edges.iter().zip(first_edges) {
+            assert!((edge - expected).abs() < 1e-9, "{text}: {edges:?}");
+        }
+        // Whatever way they run, they are drawn.
+        let image = dot(grid.rows.count, grid.columns.count, -30.0, 0, 0);
+        quicklook(&Panel::new(&image, &grid, text)).unwrap();
+    }
+}
+
+#[test]
+fn what_lies_above_the_scale_is_marked() {
+    const AMBER: [u8; 3] = [255, 150, 30];
+    let grid: ImageGrid = "x=0:20:1,y=0:20:1".parse().unwrap();
+    let image = dot(20, 20, -30.0, 7, 3);
+    let cap = |scale| {
+        let picture = Picture::decode(
+            &quicklook(&Panel {
+                scale,
+                ..Panel::new(&image, &grid, "dot")
+            })
+            .unwrap(),
+        );
+        let plot = picture.plot();
+        let all = [0, 0, picture.width, picture.height];
+        (
+            picture.find(plot, AMBER).is_some(),
+            picture.find(all, AMBER).map(|b| b[2] > plot[2]),
+        )
+    };
+    // 0 dB on a scale that ends at -10: the dot, and a cap on the bar to the right of the plot.
+    let clipped = Scale::Fixed {
+        top_db: -10.0,
+        span_db: 40.0,
+    };
+    assert_eq!(cap(clipped), (true, Some(true)));
+    // Of itself a picture shows its peak, however far it stands out.
+    assert_eq!(cap(Scale::default()), (false, None));
+}
+
+#[test]
+fn directions_are_drawn_beside_the_picture() {
+    let grid: ImageGrid = "x=0:20:1,y=0:20:1".parse().unwrap();
+    let image = dot(20, 20, -30.0, 7, 3);
+    let ink = |orientation| {
+        let picture = Picture::decode(
+            &quicklook(&Panel {
+                orientation,
+                ..Panel::new(&image, &grid, "dot")
+            })
+            .unwrap(),
+        );
+        let [left, _, _, bottom] = picture.plot();
+        let below = [2, bottom + 30, left, bottom + 59];
+        words(&picture, below).len()
+    };
+    let look = Some(glam::DVec3::new(0.6, 0.8, 0.0));
+    let north = Some(glam::DVec3::Y);
+    let none = Orientation::default();
+    assert_eq!(ink(none), 0);
+    let one = ink(Orientation { look, ..none });
+    assert!(one >= 1);
+    assert!(ink(Orientation { look, north }) > one);
 }
 
 #[test]
@@ -320,7 +438,7 @@ fn labels_are_whole_and_apart() {
     // Sans sets 1303 and 651 / 2048 em wide: 90.7 pixels, less the white beside the outer digits.
     let (picture, below) = labels_below(
         "x=4e6:4000000.3:0.01,y=6378137:6378137.3:0.01",
-        Scale::FromData,
+        Scale::default(),
     );
     assert_eq!(below.len(), 7, "{below:?}");
     for (begin, end) in &below[..6] {
@@ -340,14 +458,14 @@ fn labels_are_whole_and_apart() {
         ("x=0:501:1,y=0:1:1", 11),
         ("x=4e6:4000501:1,y=0:1:1", 11),
     ] {
-        let (_, below) = labels_below(grid, Scale::FromData);
+        let (_, below) = labels_below(grid, Scale::default());
         assert_eq!(below.len(), count + 1, "{grid}: {below:?}");
         let gap = below[count].0 - below[count - 1].1;
         assert!(gap >= 12, "{grid}: {below:?}");
     }
 
     // -40 to 40 by 20, on 990 pixels by 10: as many as ever.
-    let (picture, below) = labels_below("x=-45:45:1,y=-45:45:1", Scale::FromData);
+    let (picture, below) = labels_below("x=-45:45:1,y=-45:45:1", Scale::default());
     assert_eq!(below.len(), 9 + 1, "{below:?}");
     assert_eq!(picture.plot()[0], 96, "the margin");
 

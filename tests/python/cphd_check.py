@@ -5,12 +5,14 @@ to the writer, SGN -1 in the FX domain, as little-endian complex64 [vectors, fre
 
 1. Every check of sarkit's cphdcheck runs on the file, the thorough ones too; any failure,
    warnings included, fails. UNDEFINED, mostly empty, names (between commas) elements of the reference
-   geometry that the standard's equations leave undefined; sarkit must find these and no others wrong.
+   geometry that the standard's equations leave undefined; sarkit must find these and no others wrong. A
+   GroundRange that sarkit finds wrong is judged here: see ground_ranges.
 2. sarkit reads the channel. FX samples must be the dump to the bit (conjugated for SGN +1). TOA samples
    are transformed here, in double precision and by the standard's definition, and must be
    the dump to float32 rounding.
 """
 
+import copy
 import sys
 
 try:
@@ -19,6 +21,45 @@ try:
     import sarkit.verification
 except ImportError as error:
     sys.exit(f"{error}; install it with: python3 -m pip install 'sarkit[verification]'")
+
+
+def ground_ranges(root):
+    """Every GroundRange of a reference geometry: stated, true, and by how much sarkit may miss it.
+
+    The standard's R arccos(u . v) is ill-conditioned for two nearly equal directions. With the unit roundoff
+    e = 2**-53, each component of a unit vector is wrong by at most 4 e of itself (three squares, two sums, a
+    root and a quotient), their product of directions by 3 e more: 11 e in all, 12 e with the arc cosine's
+    own rounding. d arccos(x) = dx / sin(angle), so the range is wrong by up to R 12 e / sin(range / R), and how much
+    of that a machine shows depends on how its numpy sums. The true value is taken from the arc
+    tangent of |(p - s) x s| over p . s, which is good to a few e / (1e-6 range / R) or better: p - s has
+    no rounding to speak of.
+    """
+    geometry = root.find("{*}ReferenceGeometry")
+    xyz = lambda at: np.array([float(at.findtext("{*}" + axis)) for axis in "XYZ"])
+    srp = xyz(geometry.find("{*}SRP/{*}ECF"))
+    radius = np.linalg.norm(srp)
+    for stated in geometry.findall(".//{*}GroundRange"):
+        platform = stated.getparent()
+        place = platform.find("{*}ARPPos")
+        position = xyz(platform.find("{*}Pos") if place is None else place)
+        across = np.linalg.norm(np.cross(position - srp, srp))
+        angle = np.arctan2(across, np.dot(position, srp))
+        yield float(stated.text), radius * angle, radius * 12 * 2.0**-53 / np.sin(angle)
+
+
+def ground_ranges_are_right(checker):
+    stated = list(ground_ranges(checker.cphdroot))
+    own = copy.deepcopy(checker.cphdroot)
+    channel = own.findtext("{*}Channel/{*}RefChId")
+    own.replace(
+        own.find("{*}ReferenceGeometry"),
+        sarkit.cphd.compute_reference_geometry(own.getroottree(), checker.pvps[channel]),
+    )
+    good = len(stated) > 0
+    for (value, true, may_miss), (sarkit_s, _, _) in zip(stated, ground_ranges(own), strict=True):
+        good &= abs(value - true) <= 1e-9 * true and abs(sarkit_s - true) <= may_miss
+        print(f"    GroundRange {value:.9f} m, true {true:.9f}, sarkit's {sarkit_s:.9f}, which may miss {may_miss:.1e}")
+    return good
 
 
 def check(path, undefined):
@@ -31,6 +72,8 @@ def check(path, undefined):
     for name, result in failures.items():
         for detail in result["details"]:
             subject = detail["details"].split()[0]
+            if name == "check_refgeom" and subject == "GroundRange" and ground_ranges_are_right(checker):
+                continue
             wrong.add(subject if name == "check_refgeom" else name)
             if subject not in undefined:
                 print("   ", detail["severity"], name, detail["details"], detail["message"])

@@ -78,6 +78,12 @@ impl Ran {
         &self.stdout
     }
 
+    /// Whether it printed no error and no warning. Progress, which comes of slow machines, is no trouble.
+    pub fn is_untroubled(&self) -> bool {
+        let begins = |line: &str| line.starts_with("error:") || line.starts_with("warning:");
+        !self.stderr.lines().any(begins)
+    }
+
     /// Asserts exit status `code` and a message for people that says each of `parts`: no panic, no
     /// backtrace, no `Debug` print.
     #[track_caller]

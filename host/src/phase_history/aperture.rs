@@ -115,6 +115,11 @@ impl PhaseHistory for Aperture {
         }
     }
 
+    fn warnings(&self) -> Vec<String> {
+        let parts = self.parts.iter();
+        parts.flat_map(|part| part.warnings()).collect()
+    }
+
     fn held_bytes(&self) -> u64 {
         let own = self.joined.as_ref();
         let own = own.map_or(0, |joined| size_of_val(joined.pulses.as_slice()))

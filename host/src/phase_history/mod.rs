@@ -230,6 +230,11 @@ pub trait PhaseHistory: Sync + Send {
         None
     }
 
+    /// What its user has to know before trusting an image of it, a sentence each.
+    fn warnings(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Bytes held in memory for as long as this lives: at least the geometry of all pulses.
     fn held_bytes(&self) -> u64 {
         size_of_val(self.collection().pulses.as_slice()) as u64

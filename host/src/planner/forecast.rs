@@ -212,7 +212,8 @@ impl PhaseHistory for Part<'_> {
 /// The middle of a grid, `side` of each of its sides.
 fn middle_of(grid: &ImageGrid, side: f64) -> ImageGrid {
     let middle = |axis: Axis| {
-        let count = ((axis.count as f64 * side).ceil() as usize).clamp(axis.count.min(2), axis.count);
+        let count =
+            ((axis.count as f64 * side).ceil() as usize).clamp(axis.count.min(2), axis.count);
         let first = (axis.count - count) / 2;
         Axis {
             start: axis.at(first),
@@ -236,13 +237,19 @@ struct Until<'a> {
 
 impl Until<'_> {
     fn done(&self) -> f64 {
-        *self.fraction.lock().unwrap_or_else(|held| held.into_inner())
+        *self
+            .fraction
+            .lock()
+            .unwrap_or_else(|held| held.into_inner())
     }
 }
 
 impl Monitor for Until<'_> {
     fn progress(&self, fraction: f64) {
-        let mut most = self.fraction.lock().unwrap_or_else(|held| held.into_inner());
+        let mut most = self
+            .fraction
+            .lock()
+            .unwrap_or_else(|held| held.into_inner());
         *most = most.max(fraction);
     }
 

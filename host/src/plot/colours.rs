@@ -16,6 +16,10 @@ pub(super) const RED: [u8; 3] = [214, 40, 40];
 /// Nothing to show; none of viridis's colours.
 pub(super) const PALE: [u8; 3] = [222, 222, 222];
 
+/// Brighter than the brightest shown: none of a map's own colours.
+const AMBER: [u8; 3] = [255, 150, 30];
+const WHITE: [u8; 3] = [255; 3];
+
 /// Viridis at every eighth.
 const VIRIDIS: [[u8; 3]; 9] = [
     [68, 1, 84],
@@ -30,6 +34,14 @@ const VIRIDIS: [[u8; 3]; 9] = [
 ];
 
 impl Colours {
+    /// The colour of levels above the scale.
+    pub(super) fn above(self) -> [u8; 3] {
+        match self {
+            Self::Grey => AMBER,
+            Self::Viridis => WHITE,
+        }
+    }
+
     /// The colour at `level`, 0 to 1; clamped outside.
     pub(super) fn at(self, level: f64) -> [u8; 3] {
         let stops: &[[u8; 3]] = match self {

@@ -63,11 +63,13 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
     let sheet = Sheet {
         title: &heat.title,
         count: size,
-        across: edges(&heat.columns, 1.0),
-        up: edges(&heat.rows, 1.0),
+        across: edges(&heat.columns),
+        up: edges(&heat.rows),
         across_label: &heat.across_label,
         up_label: &heat.up_label,
         bar_label: &heat.unit,
+        note: "",
+        arrows: Vec::new(),
         proportions: (length(&heat.columns), length(&heat.rows)),
         colours: heat.colours,
         absent: match heat.colours {
@@ -80,5 +82,5 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
             (cells, levels)
         }),
     };
-    page(&[sheet], 1).into_png()
+    page(&[sheet], 1, super::LONGEST).into_png()
 }

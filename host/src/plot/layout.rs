@@ -2,6 +2,7 @@
 
 use super::canvas::{Anchor, Canvas, INK, Typeface};
 use super::colours::Colours;
+use super::orientation::Arrow;
 use super::scale::Levels;
 use super::ticks::{ticks, ticks_apart};
 
@@ -22,6 +23,16 @@ const BAR_LABELS: usize = 64;
 /// White between neighbouring labels; between one and another text; along the page's border.
 const LABEL_GAP: f32 = 8.0;
 const TEXT_GAP: f32 = 12.0;
+/// The note and the arrows' names are small print.
+const NOTE_PX: f32 = 12.0;
+/// Half an arrow's length, and from one arrow to the next; the arrows lie below the tick labels, left of the
+/// plot.
+const ARROW: f64 = 11.0;
+const ARROW_STEP: f64 = 46.0;
+/// Height of the cap on the colour bar that stands for levels above its top.
+const CAP: usize = 10;
+/// Levels this far above the top, as a part of the span, are rounding and not above it.
+const ROUNDING: f64 = 1e-3;
 const BORDER: f32 = 3.0;
 const LEAST_SIDE: usize = 160;
 
@@ -33,12 +44,16 @@ pub(super) struct Sheet<'a> {
     pub(super) title: &'a str,
     /// Rows and columns of pixels.
     pub(super) count: (usize, usize),
-    /// Values at the outer edges of the first and last column and row, in the unit shown.
+    /// Values at the left and right edge and at the lower and upper one, in the unit shown; either may run
+    /// backwards.
     pub(super) across: (f64, f64),
     pub(super) up: (f64, f64),
     pub(super) across_label: &'a str,
     pub(super) up_label: &'a str,
     pub(super) bar_label: &'a str,
+    /// Small print below the colour bar; left out where there is no room.
+    pub(super) note: &'a str,
+    pub(super) arrows: Vec<Arrow>,
     /// Width and height of what is shown, in any one unit.
     pub(super) proportions: (f64, f64),
     pub(super) colours: Colours,
@@ -71,7 +86,8 @@ impl Plan {
         let font = Typeface::sans(LABEL_PX, false);
         let (width, height) = plot_size(sheet, limit);
         let (low, high) = sheet.across;
-        let across = ticks_apart(low, high, (width / 60).max(2), width as f64, |label| {
+        let (least, most) = (low.min(high), low.max(high));
+        let across = ticks_apart(least, most, (width / 60).max(2), width as f64, |label| {
             f64::from(font.width(label) + LABEL_GAP)
         });
         // How far the outer labels reach past the plot.
@@ -83,7 +99,7 @@ impl Plan {
             after = after.max(at + half - width as f32);
         }
         let (low, high) = sheet.up;
-        let up = ticks(low, high, (height / 60).max(2));
+        let up = ticks(low.min(high), low.max(high), (height / 60).max(2));
         let room = TO_LABEL as f32 + widest(&font, &up) + TEXT_GAP + LABEL_PX;
         let bar = widest(&font, &bar_ticks(sheet.typical, height));
         Self {
@@ -112,13 +128,8 @@ fn bar_ticks(levels: Levels, height: usize) -> Ticks {
     ticks(levels.bottom, levels.top, (height / 70).max(2))
 }
 
-/// The page with all sheets drawn.
-pub(super) fn page(sheets: &[Sheet], columns: usize) -> Canvas {
-    let limit = match columns {
-        1 => 1600,
-        2 => 800,
-        _ => 560,
-    };
+/// The page with all sheets drawn, the longer side of each at most `limit` pixels.
+pub(super) fn page(sheets: &[Sheet], columns: usize, limit: usize) -> Canvas {
     let plans: Vec<Plan> = sheets.iter().map(|s| Plan::new(s, limit)).collect();
     let rows = sheets.len().div_ceil(columns);
     let mut lefts = vec![0; columns];
@@ -169,12 +180,17 @@ fn plot_size(sheet: &Sheet, limit: usize) -> (usize, usize) {
 fn draw(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize)) {
     let (width, height) = (plan.width, plan.height);
     let (cells, levels) = (sheet.cells)(height, width);
+    let mut capped = false;
     for (row, cells) in cells.chunks_exact(width).enumerate() {
         for (column, &cell) in cells.iter().enumerate() {
             let level = (cell - levels.bottom) / (levels.top - levels.bottom);
             // Zero power is minus infinity, and dark; only NaN is absent.
             let colour = match level.is_nan() {
                 true => sheet.absent,
+                false if level > 1.0 + ROUNDING => {
+                    capped = true;
+                    sheet.colours.above()
+                }
                 false => sheet.colours.at(level),
             };
             canvas.fill(x + column, y + height - 1 - row, 1, 1, colour);
@@ -183,7 +199,7 @@ fn draw(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize))
     canvas.frame(x, y, width, height);
 
     let title = Typeface::sans(TITLE_PX, true);
-    let room = (width + plan.gap + BAR) as f32;
+    let room = (width + plan.gap) as f32 - TEXT_GAP;
     canvas.text(
         x as f32,
         y as f32 - 16.0,
@@ -192,7 +208,55 @@ fn draw(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize))
         &title.fitted(sheet.title, room),
     );
     axes(canvas, sheet, plan, (x, y));
-    colour_bar(canvas, sheet, levels, (x + width + plan.gap, y), height);
+    let bar_x = x + width + plan.gap;
+    colour_bar(canvas, sheet, levels, (bar_x, y), height);
+    if capped {
+        // A triangle upon the bar.
+        for row in 0..CAP {
+            let inset = BAR * (CAP - row) / (2 * CAP + 2);
+            let colour = sheet.colours.above();
+            canvas.fill(bar_x + inset, y - 2 - CAP + row, BAR - 2 * inset, 1, colour);
+        }
+    }
+    note(canvas, sheet, plan, (x, y));
+    for (i, arrow) in sheet.arrows.iter().enumerate() {
+        let at = (
+            x as f64 - LEFT as f64 + f64::from(BORDER) + ARROW + 2.0 + i as f64 * ARROW_STEP,
+            (y + height) as f64 + 44.0,
+        );
+        draw_arrow(canvas, arrow, at);
+    }
+}
+
+/// The small print, to the right of the label across if it fits there.
+fn note(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize)) {
+    let small = Typeface::sans(NOTE_PX, false);
+    let label = Typeface::sans(LABEL_PX, false).width(sheet.across_label);
+    let taken = x as f32 + (plan.width as f32 + label) / 2.0 + TEXT_GAP;
+    let end = (x + plan.right_of_axis()) as f32 - BORDER;
+    if end - small.width(sheet.note) >= taken {
+        let base = (y + plan.height) as f32 + 47.0;
+        canvas.text(end, base, Anchor::Right, &small, sheet.note);
+    }
+}
+
+/// An arrow about a point, its name to the right.
+fn draw_arrow(canvas: &mut Canvas, arrow: &Arrow, (x, y): (f64, f64)) {
+    let (dx, dy) = (ARROW * arrow.right, -ARROW * arrow.up);
+    let head = (x + dx, y + dy);
+    canvas.line((x - dx, y - dy), head);
+    let length = arrow.right.hypot(arrow.up);
+    let (ux, uy) = (arrow.right / length, -arrow.up / length);
+    for side in [-1.0, 1.0] {
+        let barb = (
+            head.0 - 6.0 * ux - side * 3.5 * uy,
+            head.1 - 6.0 * uy + side * 3.5 * ux,
+        );
+        canvas.line(barb, head);
+    }
+    let small = Typeface::sans(NOTE_PX, false);
+    let base = (x + ARROW + 3.0) as f32;
+    canvas.text(base, y as f32 + 4.0, Anchor::Left, &small, arrow.name);
 }
 
 fn axes(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize)) {

@@ -1,8 +1,11 @@
 //! Pictures where people would rather look than read.
 //!
-//! A picture of a complex image: its magnitude in decibels, `20 log10 |I|`, over axes in metres (range
-//! in metres and angle in degrees of a polar grid), y upwards, with a colour bar. Cartesian grids keep
-//! their proportions. Large images are reduced by averaging power, so that a lone bright pixel is dimmed
+//! A picture of a complex image: its magnitude in decibels, `20 log10 |I|`, with a colour bar. Axes show the
+//! scene's coordinates in metres, rows upwards; those of a turned plane say which way they run
+//! ([`crate::geometry::SceneAxis`]). A polar grid shows range upwards and its angle, which grows
+//! counter-clockwise, to the left, so that the picture is no mirror image of the scene. Cartesian grids keep
+//! their proportions. Levels above the scale's top are drawn in a colour of their own, which caps the
+//! bar. Large images are reduced by averaging power, so that a lone bright pixel is dimmed
 //! but never dropped; small ones are enlarged without interpolation. Pixels that are NaN or infinite
 //! are red.
 //!
@@ -15,6 +18,7 @@ mod colours;
 mod heat;
 mod layout;
 mod lines;
+mod orientation;
 mod raster;
 mod scale;
 mod ticks;
@@ -26,6 +30,7 @@ use layout::Sheet;
 pub use colours::Colours;
 pub use heat::{Heat, heat};
 pub use lines::{Chart, Curve, Stroke, lines};
+pub use orientation::Orientation;
 pub use scale::Scale;
 
 /// An image and how to show it.
@@ -41,8 +46,77 @@ pub struct Panel<'a> {
     pub scale: Scale,
     /// The colours between.
     pub colours: Colours,
-    /// What the axes across and up show, with their units.
-    pub labels: [&'static str; 2],
+    /// What the axes across and up show.
+    pub axes: [ShownAxis; 2],
+    /// What 0 dB is; empty where the title says it.
+    pub reference: &'static str,
+    /// Directions to mark beside the picture.
+    pub orientation: Orientation,
+}
+
+/// What is written along an axis: `offset + scale * coordinate` of the grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShownAxis {
+    /// Its name and unit.
+    pub label: String,
+    /// Value shown at coordinate 0.
+    pub offset: f64,
+    /// What a coordinate is multiplied by: -1 where the axis runs backwards, degrees a radian.
+    pub scale: f64,
+}
+
+impl ShownAxis {
+    /// An axis that shows the grid's own coordinate.
+    pub fn plain(label: impl Into<String>) -> Self {
+        Self {
+            label: label.into(),
+            offset: 0.0,
+            scale: 1.0,
+        }
+    }
+
+    /// The axes across and up of an image's grid.
+    pub fn of_grid(grid: &ImageGrid) -> [Self; 2] {
+        let axes = grid.scene_axes();
+        if grid.polar {
+            let [zero, quarter] = &axes;
+            let turned =
+                match (zero.name, quarter.name) == ("x", "y") && zero.sign + quarter.sign == 2.0 {
+                    true => String::new(),
+                    false => {
+                        let [x, y, z] = grid
+                            .x_axis
+                            .to_array()
+                            .map(|v| (v * 100.0).round() / 100.0 + 0.0);
+                        format!(" from ({x:.2}, {y:.2}, {z:.2})")
+                    }
+                };
+            let range = Self::plain(format!("range (m){}", grid.pole_note()));
+            let angle = Self {
+                scale: 1f64.to_degrees(),
+                ..Self::plain(format!("angle (deg){turned}"))
+            };
+            return [angle, range];
+        }
+        axes.map(|axis| {
+            let note = match axis.note.as_str() {
+                "" => String::new(),
+                note => format!(", {note}"),
+            };
+            Self {
+                label: format!("{} (m){note}", axis.name),
+                offset: axis.offset_m,
+                scale: axis.sign,
+            }
+        })
+    }
+
+    /// Values at the outer edges of the first and the last pixel.
+    pub fn edges(&self, axis: &Axis) -> (f64, f64) {
+        let (first, last) = edges(axis);
+        let shown = |coordinate| self.offset + self.scale * coordinate;
+        (shown(first), shown(last))
+    }
 }
 
 impl<'a> Panel<'a> {
@@ -52,31 +126,32 @@ impl<'a> Panel<'a> {
             image,
             grid,
             title: title.into(),
-            scale: Scale::FromData,
+            scale: Scale::default(),
             colours: Colours::Grey,
-            labels: match grid.polar {
-                true => ["angle (deg)", "range (m)"],
-                false => ["x (m)", "y (m)"],
-            },
+            axes: ShownAxis::of_grid(grid),
+            reference: "0 dB: a unit scatterer",
+            orientation: Orientation::default(),
         }
     }
 
     fn sheet(&self) -> Sheet<'_> {
         let (image, grid) = (self.image, self.grid);
-        let [across_label, up_label] = self.labels;
-        let unit = match grid.polar {
-            true => 1f64.to_degrees(),
-            false => 1.0,
-        };
+        let [across, up] = &self.axes;
         let length = |axis: &Axis| axis.count as f64 * axis.step.abs();
+        let (first, last) = across.edges(&grid.columns);
         Sheet {
             title: &self.title,
             count: (grid.rows.count, grid.columns.count),
-            across: edges(&grid.columns, unit),
-            up: edges(&grid.rows, 1.0),
-            across_label,
-            up_label,
+            across: match grid.polar {
+                true => (last, first),
+                false => (first, last),
+            },
+            up: up.edges(&grid.rows),
+            across_label: &across.label,
+            up_label: &up.label,
             bar_label: "dB",
+            note: self.reference,
+            arrows: self.orientation.arrows(grid),
             proportions: match grid.polar {
                 true => (grid.columns.count as f64, grid.rows.count as f64),
                 false => (length(&grid.columns), length(&grid.rows)),
@@ -93,17 +168,20 @@ impl<'a> Panel<'a> {
                 for cell in &mut cells {
                     *cell = 10.0 * cell.log10();
                 }
+                if grid.polar {
+                    cells.chunks_exact_mut(width).for_each(<[f64]>::reverse);
+                }
                 (cells, levels)
             }),
         }
     }
 }
 
-/// Values at an axis' two ends: the outer edges of its first and last pixel.
-fn edges(axis: &Axis, unit: f64) -> (f64, f64) {
+/// Coordinates at an axis' two ends: the outer edges of its first and last pixel.
+fn edges(axis: &Axis) -> (f64, f64) {
     let half = axis.step / 2.0;
     let last = axis.at(axis.count - 1);
-    ((axis.start - half) * unit, (last + half) * unit)
+    (axis.start - half, last + half)
 }
 
 /// Why no picture was drawn.
@@ -127,8 +205,29 @@ pub enum PlotError {
 /// # Errors
 /// [`PlotError`].
 pub fn quicklook(panel: &Panel) -> Result<Vec<u8>, PlotError> {
-    panels(std::slice::from_ref(panel), 1)
+    quicklook_within(panel, u64::MAX)
 }
+
+/// [`quicklook`], so much smaller that drawing it takes about `memory_bytes`, or 4 MiB if that is more.
+///
+/// # Errors
+/// [`PlotError`].
+pub fn quicklook_within(panel: &Panel, memory_bytes: u64) -> Result<Vec<u8>, PlotError> {
+    let side = ((memory_bytes / BYTES_A_CELL) as f64).sqrt() as usize;
+    page(
+        std::slice::from_ref(panel),
+        1,
+        side.clamp(LEAST_SHOWN, LONGEST),
+    )
+}
+
+/// What a pixel of a picture takes while it is drawn: its power, that once more to find the scale, its colour, and that
+/// on the way into a PNG file.
+const BYTES_A_CELL: u64 = 24;
+
+/// Pixels a side of a lone picture, at most, and at least where memory is short.
+const LONGEST: usize = 1600;
+const LEAST_SHOWN: usize = 400;
 
 /// Several pictures on one page, `columns` side by side, row by row, as the bytes of a PNG file. The
 /// more columns, the smaller each: up to 800 pixels a side for two, 560 for three or more.
@@ -136,6 +235,15 @@ pub fn quicklook(panel: &Panel) -> Result<Vec<u8>, PlotError> {
 /// # Errors
 /// [`PlotError`].
 pub fn panels(panels: &[Panel], columns: usize) -> Result<Vec<u8>, PlotError> {
+    let limit = match columns.min(panels.len()) {
+        0 | 1 => LONGEST,
+        2 => 800,
+        _ => 560,
+    };
+    page(panels, columns, limit)
+}
+
+fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotError> {
     for panel in panels {
         let (rows, columns) = (panel.grid.rows.count, panel.grid.columns.count);
         let image = panel.image;
@@ -158,5 +266,5 @@ pub fn panels(panels: &[Panel], columns: usize) -> Result<Vec<u8>, PlotError> {
         });
     }
     let sheets: Vec<Sheet> = panels.iter().map(Panel::sheet).collect();
-    layout::page(&sheets, columns.clamp(1, panels.len())).into_png()
+    layout::page(&sheets, columns.clamp(1, panels.len()), limit).into_png()
 }

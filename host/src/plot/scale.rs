@@ -1,13 +1,17 @@
 //! Which levels are black and white.
 
 /// The range of levels that a picture shows.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scale {
-    /// From the image. The top is its peak, or 6 dB above the brightest thousandth of the pixels if the
-    /// peak stands out further than that; the bottom lies 6 dB below the median, which shows clutter or
-    /// noise as dark grey; the span is kept within 40 and 70 dB. Whole decibels.
-    #[default]
-    FromData,
+    /// From the image, as far as it is not given. The top is its peak, so that nothing is above it; the
+    /// bottom lies 6 dB below the median, which shows clutter or noise as dark grey; the span is kept
+    /// within 40 and 60 dB. Whole decibels.
+    FromData {
+        /// Level of the brightest colour, dB.
+        top_db: Option<f64>,
+        /// How far below it the darkest lies, dB; positive.
+        span_db: Option<f64>,
+    },
     /// Given, so that pictures can be compared.
     Fixed {
         /// Level of the brightest colour, dB.
@@ -15,6 +19,15 @@ pub enum Scale {
         /// How far below it the darkest lies, dB; positive.
         span_db: f64,
     },
+}
+
+impl Default for Scale {
+    fn default() -> Self {
+        Self::FromData {
+            top_db: None,
+            span_db: None,
+        }
+    }
 }
 
 /// Bottom and top, in the unit shown.
@@ -27,11 +40,19 @@ pub(super) struct Levels {
 impl Scale {
     /// The levels for an image whose shown pixels have these powers.
     pub(super) fn levels(self, powers: &[f64]) -> Levels {
-        let (top_db, span_db) = match self {
-            Self::Fixed { top_db, span_db } if top_db.is_finite() && span_db > 0.0 => {
-                (top_db, span_db.min(1e3))
-            }
-            _ => from_data(powers),
+        let sound_top = |top_db: &f64| top_db.is_finite();
+        let sound_span = |span_db: &f64| *span_db > 0.0;
+        let (given_top, given_span) = match self {
+            Self::FromData { top_db, span_db } => (top_db, span_db),
+            Self::Fixed { top_db, span_db } => (Some(top_db), Some(span_db)),
+        };
+        let top_db = given_top.filter(sound_top);
+        let span_db = given_span
+            .filter(sound_span)
+            .map(|span_db| span_db.min(1e3));
+        let (top_db, span_db) = match (top_db, span_db) {
+            (Some(top_db), Some(span_db)) => (top_db, span_db),
+            _ => from_data(powers, top_db, span_db),
         };
         Levels {
             bottom: top_db - span_db,
@@ -40,20 +61,21 @@ impl Scale {
     }
 }
 
-fn from_data(powers: &[f64]) -> (f64, f64) {
+/// Top and span, of which one may be given.
+fn from_data(powers: &[f64], top_db: Option<f64>, span_db: Option<f64>) -> (f64, f64) {
     let mut seen: Vec<f64> = powers
         .iter()
         .copied()
         .filter(|p| p.is_finite() && *p > 0.0)
         .collect();
     if seen.is_empty() {
-        return (0.0, 60.0);
+        return (top_db.unwrap_or(0.0), span_db.unwrap_or(60.0));
     }
     seen.sort_unstable_by(f64::total_cmp);
     let last = seen.len() - 1;
     let db = |rank: usize| 10.0 * seen[rank].log10();
-    let bright_db = db(last - seen.len() / 1000);
-    let top_db = db(last).min(bright_db + 6.0).ceil();
+    let top_db = top_db.unwrap_or_else(|| db(last).ceil());
     let bottom_db = (db(last / 2) - 6.0).floor();
-    (top_db, (top_db - bottom_db).clamp(40.0, 70.0))
+    let span_db = span_db.unwrap_or_else(|| (top_db - bottom_db).clamp(40.0, 60.0));
+    (top_db, span_db)
 }

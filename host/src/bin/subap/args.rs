@@ -1,5 +1,6 @@
 //! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
 
+mod look;
 mod plan;
 mod tune;
 mod values;
@@ -13,6 +14,7 @@ use subaperture::link::Place;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
+pub(crate) use look::{Look, Picture};
 pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use tune::{Recording, Tune, Vary};
 use values::{
@@ -30,7 +32,13 @@ use values::{
         subap demo                       simulate, focus, compare; writes subap-demo/\n  \
         subap info FILE                  what a recording holds\n  \
         subap focus FILE... --out DIR    an image of it\n\n\
-        Exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted."
+        Exit status:\n  \
+        0    done\n  \
+        1    failed; nothing is left in part\n  \
+        2    wrong usage\n  \
+        3    done, but a bound is missed: the prediction where that was allowed, focus --check, compare\n       \
+        --error-db, crosscheck, demo\n  \
+        130  interrupted (by Ctrl-C, or the signals TERM or HUP)"
 )]
 pub(crate) struct Args {
     #[command(flatten)]
@@ -55,7 +63,7 @@ pub(crate) struct Global {
     #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Global options")]
     pub(crate) verbose: u8,
 
-    /// Say nothing but results and errors
+    /// Show no progress and no notes: only results, warnings and errors
     #[arg(
         short,
         long,
@@ -77,7 +85,7 @@ pub(crate) enum Command {
     Link(Link),
     /// Write the phase history of a simulated scene as CPHD 1.1, or its raw echoes
     Simulate(Simulate),
-    /// Send every sub-CPI through the host's code and the embedded core; fail above -100 dB
+    /// Send every sub-CPI through the host's code and the embedded core, which are to agree to -100 dB
     Crosscheck(Crosscheck),
     /// Say what recordings hold
     Info(Info),
@@ -89,6 +97,8 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Measure an image: responses of points, level, contrast, differences from another
     Quality(Quality),
+    /// Draw an image's picture again, with other levels or colours
+    Picture(Picture),
     /// Plan a pass of a radar, or a module that makes its maps
     Plan(Plan),
     /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures
@@ -189,6 +199,9 @@ pub(crate) struct Focus {
     /// Form N pixels, chosen by a fixed seed, by the exact sum too and report the image's error
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) check: Option<usize>,
+
+    #[command(flatten)]
+    pub(crate) look: Look,
 
     #[command(flatten)]
     pub(crate) writing: Writing,
@@ -357,13 +370,13 @@ pub(crate) struct Simulate {
     pub(crate) example: Option<String>,
 
     /// CPHD file to write; a scenario's pairs of antennas are its channels
-    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath,
+    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output(),
         required_unless_present_any = ["keys", "example", "echoes"])]
     pub(crate) out: Option<PathBuf>,
 
     /// Folder for a scenario's raw echoes, as received: echoes.npy and the like, and recording.toml, which
     /// subap focus reads (of several pairs of antennas recording-T1R2.toml and so on)
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath,
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output(),
         conflicts_with_all = ["preset", "keys", "example"])]
     pub(crate) echoes: Option<PathBuf>,
 
@@ -435,6 +448,10 @@ pub(crate) struct Compare {
     /// Image to judge it by
     #[arg(value_name = "B.npy", value_hint = ValueHint::FilePath)]
     pub(crate) reference: PathBuf,
+
+    /// Bound on the relative RMS error, dB: exit status 3 if it is missed
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = finite)]
+    pub(crate) error_db: Option<f64>,
 
     /// Print JSON
     #[arg(long)]

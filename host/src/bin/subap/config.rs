@@ -17,13 +17,13 @@ use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::claim::Claims;
 use subaperture::io::open::{Options, open_all};
-use subaperture::phase_history::{Aperture, ReadError};
+use subaperture::phase_history::{Aperture, PhaseHistory, ReadError};
 
 use crate::args::{self, Algorithm, Global};
 use crate::failure::Usage;
-use crate::interrupt;
+use crate::memory::Memory;
 use crate::progress::Progress;
-use crate::text;
+use crate::{interrupt, messages, text};
 
 /// The error bound where none is given, dB.
 pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
@@ -35,8 +35,10 @@ pub(crate) const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
 pub(crate) struct Session {
     /// Threads at work.
     pub(crate) threads: usize,
-    /// The budget, bytes.
+    /// Bytes that images, samples and scratch may take together.
     pub(crate) memory_bytes: u64,
+    /// How all of the memory is shared out.
+    pub(crate) memory: Memory,
     verbosity: u8,
     quiet: bool,
 }
@@ -44,6 +46,7 @@ pub(crate) struct Session {
 impl Session {
     /// Sets up threads and Ctrl-C.
     pub(crate) fn new(global: &Global) -> anyhow::Result<Self> {
+        messages::set_up(global.quiet, global.verbose);
         let mut pool = rayon::ThreadPoolBuilder::new();
         if let Some(threads) = global.threads {
             pool = pool.num_threads(threads);
@@ -51,24 +54,36 @@ impl Session {
         pool.build_global()
             .context("--threads: cannot start so many threads")?;
         interrupt::listen();
+        let threads = rayon::current_num_threads();
+        let memory = Memory::new(global.memory, threads)?;
+        if let Some(asked) = memory.asked_bytes {
+            messages::warning(format!(
+                "--memory {} is more than this machine has: {} it is",
+                text::bytes(asked.into()),
+                text::bytes(memory.total_bytes.into())
+            ));
+        }
         let session = Self {
-            threads: rayon::current_num_threads(),
-            memory_bytes: global.memory.unwrap_or_else(half_of_physical_memory),
+            threads,
+            memory_bytes: memory.work_bytes,
+            memory,
             verbosity: global.verbose,
             quiet: global.quiet,
         };
         session.note(1, || {
-            let memory = text::bytes(session.memory_bytes.into());
-            format!("{} threads, at most {memory} of memory", session.threads)
+            format!(
+                "{} threads, at most {} of memory, {} of it for the work",
+                session.threads,
+                text::bytes(session.memory.total_bytes.into()),
+                text::bytes(session.memory_bytes.into())
+            )
         });
         Ok(session)
     }
 
     /// Says something on standard error from `-v` given `level` times on.
     pub(crate) fn note(&self, level: u8, line: impl FnOnce() -> String) {
-        if self.verbosity >= level {
-            eprintln!("{}", line());
-        }
+        messages::detail(level, line);
     }
 
     /// Opens the recordings given, as one aperture within the budget.
@@ -77,7 +92,11 @@ impl Session {
             channel: input.channel.as_deref(),
             memory_bytes: self.memory_bytes,
         };
-        open_all(&input.paths, &options)
+        let history = open_all(&input.paths, &options)?;
+        for warning in history.warnings() {
+            messages::warning(warning);
+        }
+        Ok(history)
     }
 
     /// What a command that reads `inputs` claims to write. Held until its end.
@@ -109,36 +128,16 @@ impl Session {
                 _ => format!("{count} images"),
             };
             anyhow::bail!(
-                "--grid has {} x {} pixels, {images} of {}; --memory allows {}: use a smaller or \
-                 coarser --grid, or raise --memory",
+                "--grid has {} x {} pixels, {images} of {}; of {} of memory (--memory) {} are for the work: use a \
+                 smaller or coarser --grid, or raise --memory",
                 grid.columns.count,
                 grid.rows.count,
                 text::bytes(bytes),
+                text::bytes(self.memory.total_bytes.into()),
                 text::bytes(self.memory_bytes.into())
             );
         }
         Ok(())
-    }
-}
-
-/// Half of the machine's memory or of the container's, whichever is less; 2 GiB where neither tells.
-fn half_of_physical_memory() -> u64 {
-    let physical = std::fs::read_to_string("/proc/meminfo")
-        .ok()
-        .and_then(|text| {
-            let line = text
-                .lines()
-                .find_map(|line| line.strip_prefix("MemTotal:"))?;
-            let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-            Some(kibibytes * 1024)
-        });
-    let container = std::fs::read_to_string("/sys/fs/cgroup/memory.max")
-        .ok()
-        .and_then(|text| text.trim().parse().ok());
-    match (physical, container) {
-        (Some(a), Some(b)) => u64::min(a, b) / 2,
-        (Some(a), None) | (None, Some(a)) => a / 2,
-        (None, None) => 2 << 30,
     }
 }
 
@@ -215,6 +214,12 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
     })
 }
 
+/// The error bound that the image asked for has to keep, dB: none of the exact sum and the thesis's mode.
+pub(crate) fn error_bound_db(typed: &args::Focus) -> Option<f64> {
+    let unbounded = typed.algorithm == Algorithm::Exact || typed.mode == Some(args::Mode::Thesis);
+    (!unbounded).then(|| typed.error_db.unwrap_or(DEFAULT_ERROR_DB))
+}
+
 /// The part of an image's record that every command writes alike.
 pub(crate) fn record_of_run(session: &Session, taken: Duration) -> Value {
     json!({
@@ -222,6 +227,6 @@ pub(crate) fn record_of_run(session: &Session, taken: Duration) -> Value {
         "version": env!("CARGO_PKG_VERSION"),
         "run_time_s": taken.as_secs_f64(),
         "threads": session.threads,
-        "memory_bytes": session.memory_bytes,
+        "memory_bytes": session.memory.total_bytes,
     })
 }

@@ -1,11 +1,19 @@
-//! How a command fails: what is printed, and the exit status.
+//! How a command ends: what is printed, and the exit status.
 
-use std::io::ErrorKind;
 use std::process::ExitCode;
 
 use subaperture::focus::FormError;
 use subaperture::io::{cphd, recording};
 use subaperture::link::LinkError;
+
+use crate::messages;
+use crate::text::SayError;
+
+/// Exit statuses, as README and `--help` have them.
+pub(crate) const FAILED: u8 = 1;
+pub(crate) const WRONG_USAGE: u8 = 2;
+pub(crate) const BOUND_MISSED: u8 = 3;
+pub(crate) const INTERRUPTED: u8 = 130;
 
 /// What was typed does not make sense together. Exit status 2, as clap's own.
 #[derive(Debug, thiserror::Error)]
@@ -30,26 +38,30 @@ pub(crate) struct InterruptedWithMaps {
     pub(crate) path: String,
 }
 
-/// Prints `error` on standard error, causes after it, and says how to exit.
-pub(crate) fn report(error: &anyhow::Error) -> ExitCode {
-    if error.chain().any(is_broken_pipe) {
-        // The reader of our output has seen enough.
+/// Prints why a command failed, if it did, causes after it, and says how to exit.
+pub(crate) fn exit_status(done: anyhow::Result<()>) -> ExitCode {
+    let error = match done {
+        Ok(()) if messages::bound_is_missed() => return ExitCode::from(BOUND_MISSED),
+        Ok(()) => return ExitCode::SUCCESS,
+        Err(error) => error,
+    };
+    if let Some(SayError::ReaderGone) = error.downcast_ref() {
         return ExitCode::SUCCESS;
     }
-    if let Some(interruption) = error.downcast_ref::<InterruptedAmidFiles>() {
-        eprintln!("subap: {interruption}");
-        return ExitCode::from(130);
-    }
-    if let Some(interruption) = error.downcast_ref::<InterruptedWithMaps>() {
-        eprintln!("subap: {interruption}");
-        return ExitCode::from(130);
+    if error.is::<InterruptedAmidFiles>() || error.is::<InterruptedWithMaps>() {
+        messages::error(&error.to_string());
+        return ExitCode::from(INTERRUPTED);
     }
     if error.chain().any(is_interruption) {
-        eprintln!("subap: interrupted; nothing was left in part");
-        return ExitCode::from(130);
+        messages::error("interrupted; nothing was left in part");
+        return ExitCode::from(INTERRUPTED);
     }
-    eprintln!("subap: {}", one_line(error));
-    ExitCode::from(if error.is::<Usage>() { 2 } else { 1 })
+    messages::error(&one_line(&error));
+    ExitCode::from(if error.is::<Usage>() {
+        WRONG_USAGE
+    } else {
+        FAILED
+    })
 }
 
 /// The error and its causes; a cause that its parent already tells is not repeated.
@@ -72,13 +84,6 @@ fn is_interruption(cause: &(dyn std::error::Error + 'static)) -> bool {
         || matches!(cause.downcast_ref(), Some(LinkError::Cancelled))
         || matches!(cause.downcast_ref(), Some(cphd::WriteError::Cancelled))
         || matches!(cause.downcast_ref(), Some(recording::WriteError::Cancelled))
-}
-
-/// Only of standard output: see [`crate::text::say`].
-fn is_broken_pipe(cause: &(dyn std::error::Error + 'static)) -> bool {
-    cause
-        .downcast_ref::<std::io::Error>()
-        .is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
 }
 
 #[cfg(test)]

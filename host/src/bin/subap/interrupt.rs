@@ -1,30 +1,71 @@
-//! Ctrl-C: the first press ends work cleanly, the second at once.
+//! Ctrl-C, and the signals TERM and HUP: the first ends work cleanly, the second at once.
+//!
+//! Long work asks [`pressed`] and comes to its own end. What does not ask, such as a read from a pipe that
+//! nobody writes to, is ended after [`PATIENCE`]: files appear under their names only when they are whole, so
+//! that nothing is left in part then either. Who keeps what has come so far says so with [`Keeping`].
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::process::exit;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread;
+use std::time::Duration;
 
-use crate::failure::Interrupted;
+use crate::failure::{INTERRUPTED, Interrupted};
+use crate::messages;
+
+/// How long work may take to end by itself.
+const PATIENCE: Duration = Duration::from_millis(700);
 
 static PRESSED: AtomicBool = AtomicBool::new(false);
+static KEEPERS: AtomicUsize = AtomicUsize::new(0);
 
-/// Listens for Ctrl-C (and the signals TERM and HUP, which end work alike).
+/// Listens for the signals.
 pub(crate) fn listen() {
     let listening = ctrlc::set_handler(|| {
         if PRESSED.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
+            exit(INTERRUPTED.into());
         }
+        thread::spawn(end_what_does_not_end);
     });
     if let Err(error) = listening {
         // Work goes on; the system's own way of ending it stays.
-        eprintln!("subap: Ctrl-C will end work at once: {error}");
+        messages::warning(format!("Ctrl-C will end work at once: {error}"));
     }
 }
 
-/// Whether Ctrl-C was pressed.
+/// Waits for the work to end, and ends it.
+fn end_what_does_not_end() {
+    thread::sleep(PATIENCE);
+    while KEEPERS.load(Ordering::SeqCst) > 0 {
+        thread::sleep(PATIENCE / 10);
+    }
+    messages::error("interrupted; what was written is whole, and the rest is not there");
+    exit(INTERRUPTED.into());
+}
+
+/// Whether a signal came.
 pub(crate) fn pressed() -> bool {
     PRESSED.load(Ordering::SeqCst)
 }
 
-/// Fails if Ctrl-C was pressed.
+/// Fails if a signal came.
 pub(crate) fn check() -> Result<(), Interrupted> {
     if pressed() { Err(Interrupted) } else { Ok(()) }
+}
+
+/// While one lives, the first signal does not end the process: what has come is being kept. Its holder asks
+/// [`pressed`] often.
+pub(crate) struct Keeping(());
+
+impl Keeping {
+    /// From now on.
+    pub(crate) fn begin() -> Self {
+        KEEPERS.fetch_add(1, Ordering::SeqCst);
+        Self(())
+    }
+}
+
+impl Drop for Keeping {
+    fn drop(&mut self) {
+        KEEPERS.fetch_sub(1, Ordering::SeqCst);
+    }
 }

@@ -5,6 +5,8 @@ mod commands;
 mod config;
 mod failure;
 mod interrupt;
+mod memory;
+mod messages;
 mod progress;
 mod text;
 
@@ -18,7 +20,7 @@ fn main() -> ExitCode {
         Err(message) => {
             // Help and version are on standard output and no failure. A reader that has gone is
             // none either.
-            let code = u8::try_from(message.exit_code()).unwrap_or(2);
+            let code = u8::try_from(message.exit_code()).unwrap_or(failure::WRONG_USAGE);
             let _ = message.print();
             return ExitCode::from(code);
         }
@@ -27,10 +29,9 @@ fn main() -> ExitCode {
         let _ = text::say(args::help());
         return ExitCode::SUCCESS;
     };
-    let done =
-        config::Session::new(&typed.global).and_then(|session| commands::run(&session, command));
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => failure::report(&error),
-    }
+    let done = config::Session::new(&typed.global).and_then(|session| {
+        let done = commands::run(&session, command);
+        done.map_err(|error| session.memory.explain(error))
+    });
+    failure::exit_status(done)
 }

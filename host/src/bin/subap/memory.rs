@@ -89,7 +89,9 @@ impl Memory {
             return error;
         }
         let [total, work] = [self.total_bytes, self.work_bytes].map(|n| text::bytes(n.into()));
-        anyhow::anyhow!("{error:#} (of {total} of memory, {work} are for the work, the rest is the program's own)")
+        anyhow::anyhow!(
+            "{error:#} (of {total} of memory, {work} are for the work, the rest is the program's own)"
+        )
     }
 }
 

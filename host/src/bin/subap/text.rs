@@ -3,14 +3,42 @@
 use std::io::{self, Write};
 use std::time::Duration;
 
-/// Prints a line on standard output.
+/// Why a result could not be printed.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum SayError {
+    /// Whoever read standard output has seen enough, which is no failure.
+    #[error("nobody reads standard output any more")]
+    ReaderGone,
+    /// The operating system refused.
+    #[error("cannot write to standard output: {0}")]
+    Io(io::Error),
+}
+
+impl From<io::Error> for SayError {
+    fn from(error: io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::BrokenPipe => Self::ReaderGone,
+            _ => Self::Io(error),
+        }
+    }
+}
+
+/// Prints a result, a line or several, on standard output.
 ///
 /// # Errors
-/// Where the reader has gone, which ends the command quietly (see [`crate::failure::report`]).
-pub(crate) fn say(line: impl AsRef<str>) -> io::Result<()> {
+/// [`SayError`].
+pub(crate) fn say(line: impl AsRef<str>) -> Result<(), SayError> {
+    print(format!("{}\n", line.as_ref().trim_end_matches('\n')).as_bytes())
+}
+
+/// Puts bytes on standard output as they are.
+///
+/// # Errors
+/// [`SayError`].
+pub(crate) fn print(bytes: &[u8]) -> Result<(), SayError> {
     let mut out = io::stdout().lock();
-    writeln!(out, "{}", line.as_ref().trim_end_matches('\n'))?;
-    out.flush()
+    out.write_all(bytes)?;
+    Ok(out.flush()?)
 }
 
 /// Bytes in the unit that suits.

@@ -123,7 +123,9 @@ impl Scenario {
         let one = |found| vec![found];
         let place = scene::place(top.section("scene")).map_err(one)?;
         let mut radar = radar::build(top.section("radar"))?;
-        let pulses_bytes = BYTES_A_PULSE.saturating_mul(radar.num_pulses as u64);
+        let pulses_bytes = BYTES_A_PULSE
+            .saturating_mul(radar.num_pulses as u64)
+            .saturating_mul(radar.receivers.len() as u64);
         if pulses_bytes > memory_bytes {
             let what = format!(
                 "{} pulses take {pulses_bytes} bytes, and --memory leaves {memory_bytes}: simulate fewer \

@@ -119,12 +119,8 @@ pub(super) fn build(
             white_sigma0_db: values.number("sigma0"),
             speckle: values.flag("speckle"),
         };
-        let points = made(values, "file", picture)?.points_within(
-            &placement,
-            seed,
-            index,
-            left(&scene),
-        );
+        let points =
+            made(values, "file", picture)?.points_within(&placement, seed, index, left(&scene));
         scene.points.extend(made(values, "spacing", points)?);
     }
     for (values, index) in values.sections("building").iter().zip(0..) {

@@ -17,8 +17,8 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 use num_complex::Complex64;
 
-pub(crate) use clutter::MOST_POINTS;
 pub use building::Building;
+pub(crate) use clutter::MOST_POINTS;
 pub use clutter::{Area, Clutter, Density};
 pub use picture::{Picture, Placement};
 

@@ -1,6 +1,7 @@
 //! `cargo xtask`: every test there is, and the parts of it one by one.
 
 mod checks;
+mod executables;
 mod log;
 mod module;
 mod prerequisites;

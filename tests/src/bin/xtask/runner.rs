@@ -4,6 +4,7 @@ use std::io::{BufRead, BufReader};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::executables::{self, Run};
 use crate::log::{TestLog, note};
 
 struct Step {
@@ -73,15 +74,65 @@ impl Runner {
                 false
             }
         };
-        if !passed && log.failed == 0 {
-            log.failed = 1;
-        }
+        self.add(&log, passed);
+        self.record(name, passed, start);
+    }
+
+    /// Builds test executables by `command` and runs them, several at once, each started as `prepare` says;
+    /// counts and gathers as [`Self::tests`] does.
+    pub(crate) fn executables(
+        &mut self,
+        name: &'static str,
+        command: &mut Command,
+        prepare: impl Fn(&mut Command) + Sync,
+    ) {
+        let start = announce(name, command);
+        let found = match executables::build(command) {
+            Ok(found) => found,
+            Err(what) => {
+                eprintln!("{what}");
+                self.failed += 1;
+                return self.record(name, false, start);
+            }
+        };
+        let mut all_passed = true;
+        let built = start.elapsed().as_secs_f64();
+        println!("{} executables, built in {built:.1} s", found.len());
+        executables::run_all(
+            found,
+            prepare,
+            |Run {
+                 name,
+                 output,
+                 succeeded,
+             }| {
+                let mut log = TestLog::default();
+                println!(
+                    "\n     Ran {name}, {:.1} s from the start",
+                    start.elapsed().as_secs_f64()
+                );
+                for line in output.lines() {
+                    if log.add_line(line) {
+                        println!("{line}");
+                    }
+                }
+                all_passed &= succeeded;
+                self.add(&log, succeeded);
+            },
+        );
+        self.record(name, all_passed, start);
+    }
+
+    /// Adds what a run of tests printed; one that failed without naming a failed test counts as one failure.
+    fn add(&mut self, log: &TestLog, passed: bool) {
         self.passed += log.passed;
-        self.failed += log.failed;
+        self.failed += match (passed, log.failed) {
+            (false, 0) => 1,
+            (_, failed) => failed,
+        };
         for line in &log.skipped {
             note(&mut self.skipped, line);
         }
-        self.record(name, passed, start);
     }
 
     /// Notes a step that could not run here, and why.

@@ -1,4 +1,4 @@
-//! The tests proper, all through `cargo test`.
+//! The tests proper, built by `cargo test`.
 
 use std::path::Path;
 
@@ -10,14 +10,20 @@ const SHOW_OUTPUT: &str = "--show-output";
 
 /// Every test of core, host and tests, doc tests included. `python` is an interpreter with sarkit.
 pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
-    let mut command = cargo(&["test", "--workspace", "--exclude", "subaperture-firmware"]);
-    command.args(["--no-fail-fast", "--locked", "--", SHOW_OUTPUT]);
-    match python {
-        Some(python) => command.env("SUBAPERTURE_PYTHON", python),
-        // One that was set and does not do.
-        None => command.env_remove("SUBAPERTURE_PYTHON"),
-    };
-    runner.tests("tests", &mut command);
+    const PACKAGES: [&str; 4] = ["test", "--workspace", "--exclude", "subaperture-firmware"];
+    let mut build = cargo(&PACKAGES);
+    build.args(["--no-run", "--locked"]);
+    build.arg("--message-format=json-render-diagnostics");
+    runner.executables("tests", &mut build, |command| {
+        match python {
+            Some(python) => command.env("SUBAPERTURE_PYTHON", python),
+            // One that was set and does not do.
+            None => command.env_remove("SUBAPERTURE_PYTHON"),
+        };
+    });
+    let mut examples = cargo(&PACKAGES);
+    examples.args(["--doc", "--no-fail-fast", "--locked", "--", SHOW_OUTPUT]);
+    runner.tests("documentation's examples", &mut examples);
 }
 
 /// Only what runs under QEMU.

@@ -8,7 +8,7 @@ use subaperture::io::npy;
 
 use crate::args::Compare;
 use crate::config::Session;
-use crate::text;
+use crate::{messages, text};
 
 /// Prints the differences of the two images.
 pub(crate) fn run(session: &Session, typed: &Compare) -> anyhow::Result<()> {
@@ -33,6 +33,13 @@ pub(crate) fn run(session: &Session, typed: &Compare) -> anyhow::Result<()> {
         text::say(serde_json::to_string_pretty(&comparison)?)?;
     } else {
         text::say(comparison.to_string())?;
+    }
+    if let (Some(bound_db), Some(error_db)) = (typed.error_db, comparison.error_db)
+        && error_db > bound_db
+    {
+        messages::bound_missed(format!(
+            "the relative RMS error is {error_db:.1} dB, above the --error-db {bound_db} asked"
+        ));
     }
     Ok(())
 }

@@ -24,7 +24,7 @@ use subaperture::survey::Survey;
 use crate::args::Demo;
 use crate::config::{Session, record_of_run};
 use crate::failure::InterruptedAmidFiles;
-use crate::{interrupt, text};
+use crate::{interrupt, messages, text};
 
 /// The scene's 80 x 80 m and 5 m about it, at about half the resolution (0.58 x 0.75 m).
 const GRID: &str = "x=-45:45:0.3,y=-45:45:0.3,z=0";
@@ -36,9 +36,9 @@ const IMAGES: u64 = 12;
 /// Error bound of the formers that plan, dB.
 const ERROR_DB: f64 = -60.0;
 
-/// Levels of all images alike, dB: a unit scatterer at the top.
+/// Levels of all images alike, dB: unit scatterers, and what a neighbour's side lobes add to them.
 const IMAGE_SCALE: Scale = Scale::Fixed {
-    top_db: 0.0,
+    top_db: 3.0,
     span_db: 60.0,
 };
 /// Levels of all differences alike, dB.
@@ -191,16 +191,19 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         grating_lobe_m: survey.grating_lobe_m(130),
     };
     write(session, typed, &grid, &exact.image, &report, start)?;
+    text::say(report.to_text())?;
     if !session.quiet() {
-        text::say(report.to_text())?;
         text::say(format!(
             "{}: images, differences, overview.png, errors.md, errors.json in {}",
             typed.out.display(),
             text::duration(start.elapsed())
         ))?;
     }
-    if let Some(outcome) = outcomes.iter().find(|outcome| outcome.misses_bound()) {
-        bail!("{} misses its bound; see the table", outcome.way.title);
+    for outcome in outcomes.iter().filter(|outcome| outcome.misses_bound()) {
+        messages::bound_missed(format!(
+            "{} misses its bound; see the table",
+            outcome.way.title
+        ));
     }
     Ok(())
 }

@@ -14,12 +14,12 @@ use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, power};
 use subaperture::io::product::{self, Product};
 use subaperture::phase_history::PhaseHistory;
-use subaperture::plot::{self, Panel};
+use subaperture::plot::{self, Orientation, Panel};
 use subaperture::survey::Survey;
 
 use crate::args::Focus;
-use crate::config::{Session, former};
-use crate::{interrupt, text};
+use crate::config::{Session, error_bound_db, former};
+use crate::{interrupt, messages, text};
 
 /// Forms the image and writes its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
@@ -76,7 +76,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let checking = checking.transpose()?;
     let formed = former.form(&task)?;
     progress.finish();
-    warn_of_missed_bound(session, typed, &formed.settings);
+    warn_of_missed_bound(typed, &formed.settings);
     for (key, value) in &formed.settings {
         session.note(2, || format!("{key} = {value}"));
     }
@@ -92,6 +92,9 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
             Some(plan.against_exact(&task, &formed.image)?)
         }
     };
+    if let (Some(check), Some(bound_db)) = (&check, error_bound_db(typed)) {
+        check.judge(bound_db);
+    }
     interrupt::check()?;
     let inputs = history.inputs()?;
     let peak = brightest(&formed.image, &grid);
@@ -104,13 +107,12 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         inputs: &inputs,
         check: check.as_ref(),
         peak,
+        orientation: Orientation::of(history.collection(), &grid),
         taken: start.elapsed(),
     };
     let title = format!("{}, {}", survey.name, former.name());
     deliver(session, typed, &formed.image, &record, title)?;
-    if let Some(check) = check
-        && !session.quiet()
-    {
+    if let Some(check) = check {
         text::say(check.to_string())?;
     }
     Ok(())
@@ -125,8 +127,16 @@ fn deliver(
     title: String,
 ) -> anyhow::Result<()> {
     interrupt::check()?;
-    let quicklook = plot::quicklook(&Panel::new(image, record.grid, title))?;
-    let metadata = record.to_json();
+    let quicklook = plot::quicklook_within(
+        &Panel {
+            scale: typed.look.scale(),
+            colours: typed.look.colours(),
+            orientation: record.orientation,
+            ..Panel::new(image, record.grid, title.as_str())
+        },
+        session.memory.picture_bytes,
+    )?;
+    let metadata = record.to_json(&title);
     Product {
         image,
         metadata: &metadata,
@@ -155,17 +165,20 @@ fn deliver(
 }
 
 /// The planner takes the best there is where nothing meets the bound; the user should know.
-fn warn_of_missed_bound(session: &Session, typed: &Focus, settings: &Map<String, Value>) {
+fn warn_of_missed_bound(typed: &Focus, settings: &Map<String, Value>) {
+    let told = settings.get("warnings").and_then(Value::as_array);
+    for warning in told.into_iter().flatten().filter_map(Value::as_str) {
+        messages::warning(warning);
+    }
+
     let number = |key: &str| settings.get(key).and_then(Value::as_f64);
     if let (Some(predicted_db), Some(error_db)) = (number("predicted_error_db"), number("error_db"))
         && predicted_db > error_db
-        && !session.quiet()
     {
-        eprintln!(
-            "subap: the predicted error is {predicted_db:.1} dB, above the --error-db {error_db} \
-             asked: {}",
+        messages::bound_missed(format!(
+            "the predicted error is {predicted_db:.1} dB, above the --error-db {error_db} asked: {}",
             advice(typed.sub_cpi.is_some(), typed.patch.is_some())
-        );
+        ));
     }
 }
 

@@ -27,7 +27,7 @@ use crate::commands::plan::gaps;
 use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, record_of_run};
 use crate::failure::{InterruptedWithMaps, Usage};
 use crate::progress::Progress;
-use crate::{interrupt, text};
+use crate::{interrupt, messages, text};
 
 /// Has the module compute the maps. Those that came are kept, however it ends.
 pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
@@ -129,6 +129,8 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
         frame: collection.frame,
         provenance: provenance(session, typed, &identity, &grid, &plan, &work, &history)?,
     };
+    // From here on an interruption keeps the maps that came.
+    let _keeping = interrupt::Keeping::begin();
     let mut writer = MapWriter::create(&typed.out, &run)?;
     let picture = typed.picture.as_deref().map(|path| {
         let image = link::RunningImage::new(
@@ -163,11 +165,11 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     report(session, typed, &outcome, compared, maps, start.elapsed())?;
     if let Some(drawn) = drawn {
         let left_out = drawn?;
-        if left_out > 0 && !session.quiet() {
-            eprintln!(
-                "subap: {left_out} maps came too fast for --picture and are not in it; they are in {}",
+        if left_out > 0 {
+            messages::warning(format!(
+                "{left_out} maps came too fast for --picture and are not in it; they are in {}",
                 typed.out.display()
-            );
+            ));
         }
     }
     Ok(())
@@ -186,11 +188,13 @@ fn report(
     if !session.quiet() && maps > 0 {
         text::say(format!("{path}: {maps} maps in {}", text::duration(taken)))?;
         text::say(outcome.counts.to_string())?;
-        if let Some((same, different)) = compared {
-            text::say(format!(
-                "verified  {same} maps the same as the core's here, bit by bit, {different} not"
-            ))?;
-        }
+    }
+    if let Some((same, different)) = compared
+        && maps > 0
+    {
+        text::say(format!(
+            "verified  {same} maps the same as the core's here, bit by bit, {different} not"
+        ))?;
     }
     if let Some((_, different)) = compared
         && different > 0
@@ -369,7 +373,7 @@ impl Watch for Watching {
 
     fn log(&mut self, text: &str) {
         if self.verbose {
-            self.bar.print(text);
+            messages::note(text);
         }
     }
 

@@ -7,6 +7,7 @@ mod demo;
 mod focus;
 mod info;
 mod link;
+mod picture;
 mod plan;
 mod quality;
 mod recording;
@@ -29,6 +30,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Info(typed) => info::run(session, &typed),
         Command::Recording(typed) => recording::run(&typed),
         Command::Tune(typed) => tune::run(session, &typed),
+        Command::Picture(typed) => picture::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),
         Command::Quality(typed) => quality::run(session, &typed),

@@ -8,7 +8,7 @@ use subaperture::reproduce::{Context, Item, Step, items, names, run as run_items
 use crate::args::Reproduce;
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::text;
+use crate::{messages, text};
 
 /// Makes the items and the page.
 pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
@@ -45,21 +45,17 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
             } else {
                 "differs"
             };
-            if !session.quiet() {
-                progress.print(&format!("{:<14}{verdict}  {}", item.id, item.title));
-            }
+            messages::note(&format!("{:<14}{verdict}  {}", item.id, item.title));
         }
     });
     progress.finish();
     outcome?;
-    if !session.quiet() {
-        text::say(format!(
-            "{}: {agreeing} of {} agree with the theses, in {}",
-            typed.out.join("index.html").display(),
-            chosen.len(),
-            text::duration(start.elapsed())
-        ))?;
-    }
+    text::say(format!(
+        "{}: {agreeing} of {} agree with the theses, in {}",
+        typed.out.join("index.html").display(),
+        chosen.len(),
+        text::duration(start.elapsed())
+    ))?;
     Ok(())
 }
 

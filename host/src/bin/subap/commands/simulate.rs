@@ -27,7 +27,7 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         if let Some(out) = &typed.out {
             claims.file(out, Kind::Collection)?;
         }
-        let experiment = experiment(path, typed)?;
+        let experiment = experiment(session, path, typed)?;
         let recordings = record(session, &experiment)?;
         if let Some(folder) = &typed.echoes {
             let ids: Vec<&str> = recordings.iter().map(|(id, _)| id.as_str()).collect();
@@ -54,8 +54,13 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// What a sample of a pulse takes on its way into a file, and in a thread that makes it: sums in float64, a transform of
+/// twice the length and its tables.
+const ROW_BYTES: u64 = 24;
+const THREAD_ROW_BYTES: u64 = 160;
+
 /// What the scenario says, with the settings laid over.
-fn experiment(path: &Path, typed: &Simulate) -> anyhow::Result<Experiment> {
+fn experiment(session: &Session, path: &Path, typed: &Simulate) -> anyhow::Result<Experiment> {
     let mut scenario =
         Scenario::read(path).with_context(|| format!("cannot read {}", path.display()))?;
     for (key, value) in &typed.set {
@@ -64,7 +69,7 @@ fn experiment(path: &Path, typed: &Simulate) -> anyhow::Result<Experiment> {
     if let Some(seed) = typed.seed {
         scenario.set("seed", &seed.to_string())?;
     }
-    Ok(scenario.experiment()?)
+    Ok(scenario.experiment_within(session.memory_bytes)?)
 }
 
 /// Every pair of antennas with its channel's identifier: `1` if there is one, else as `T1R2`.
@@ -80,7 +85,9 @@ fn record<'a>(
             1 => "1".to_owned(),
             _ => format!("T{}R{}", pair.transmitter + 1, pair.receiver + 1),
         };
-        let recording = experiment.record(*pair)?;
+        // Tables that spare work, in what the others leave.
+        let left = session.memory_bytes.saturating_sub(held) / 2;
+        let recording = experiment.record_within(*pair, left)?;
         held = held.saturating_add(recording.held_bytes());
         if held > session.memory_bytes {
             anyhow::bail!(
@@ -92,6 +99,18 @@ fn record<'a>(
             );
         }
         recordings.push((id, recording));
+    }
+    let width = experiment.radar.waveform.num_samples() as u64;
+    let row_bytes = ROW_BYTES + session.threads as u64 * THREAD_ROW_BYTES;
+    let needed = width.saturating_mul(row_bytes).saturating_add(held);
+    if needed > session.memory_bytes {
+        anyhow::bail!(
+            "pulses of {width} samples take {} while they are made by {} threads; --memory leaves {}: simulate \
+             fewer samples, give fewer --threads, or raise --memory",
+            text::bytes(needed.into()),
+            session.threads,
+            text::bytes(session.memory_bytes.into())
+        );
     }
     Ok(recordings)
 }

@@ -110,10 +110,7 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
             [&recording.history(session.memory_bytes), &Ok(tuned)],
         )?;
     }
-    if !session.quiet() {
-        report(typed, &found, start)?;
-    }
-    Ok(())
+    report(typed, &found, start)
 }
 
 /// A recording whose keys take values.

@@ -11,7 +11,7 @@ use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::power;
 use subaperture::io::product::{self, Product};
 use subaperture::phase_history::PhaseHistory;
-use subaperture::plot::{self, Panel};
+use subaperture::plot::{self, Panel, ShownAxis};
 use subaperture::survey::Survey;
 
 use crate::args::Velocity;
@@ -91,10 +91,13 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     interrupt::check()?;
     let DVec3 { x, y, z } = typed.at;
     let title = format!("{}, from x {x} m, y {y} m, z {z} m", survey.name);
-    let quicklook = plot::quicklook(&Panel {
-        labels: ["v_x (m/s)", "v_y (m/s)"],
-        ..Panel::new(&formed.image, &grid, title)
-    })?;
+    let quicklook = plot::quicklook_within(
+        &Panel {
+            axes: ["v_x (m/s)", "v_y (m/s)"].map(ShownAxis::plain),
+            ..Panel::new(&formed.image, &grid, title)
+        },
+        session.memory.picture_bytes,
+    )?;
     Product {
         image: &formed.image,
         metadata: &metadata,

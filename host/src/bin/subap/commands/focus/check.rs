@@ -15,6 +15,8 @@ use subaperture::focus::exact::Exact;
 use subaperture::focus::{FormError, Task};
 use subaperture::image::{Image, power};
 
+use crate::messages;
+
 /// Seed of the pixels' choice: the same pixels every time.
 const SEED: u64 = 1;
 
@@ -99,6 +101,20 @@ impl Plan {
             relative_to_image_db: relative_db(image_power * share),
             seed: SEED,
         })
+    }
+}
+
+impl Check {
+    /// Warns if the error is above `bound_db`, by the fairer measure.
+    pub(super) fn judge(&self, bound_db: f64) {
+        if let Some(error_db) = self.relative_to_image_db
+            && error_db > bound_db
+        {
+            messages::bound_missed(format!(
+                "the error measured on {} pixels is {error_db:.1} dB, above the --error-db {bound_db} asked",
+                self.num_pixels
+            ));
+        }
     }
 }
 

@@ -8,11 +8,13 @@ use subaperture::focus::maps::{MapsTask, Report, default_grid, form};
 use subaperture::io::maps::MapFile;
 use subaperture::io::product::{self, Product};
 use subaperture::maps::Maps;
+use subaperture::plot::Orientation;
 
 use super::record::Record;
 use super::{brightest, deliver};
 use crate::args::Focus;
 use crate::config::{DEFAULT_ERROR_DB, Session};
+use crate::messages;
 
 /// Forms the image and writes its folder, complete or not at all.
 pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Result<()> {
@@ -25,12 +27,12 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     Product::prepare(&typed.out, typed.grid.map_or(0, |grid| grid.num_pixels()))?;
 
     let maps = MapFile::open(path)?;
-    if !maps.is_complete() && !session.quiet() {
-        eprintln!(
-            "subap: {} breaks off: the image is of its {} whole maps",
+    if !maps.is_complete() {
+        messages::warning(format!(
+            "{} breaks off: the image is of its {} whole maps",
             path.display(),
             maps.headers().len()
-        );
+        ));
     }
     let grid = match typed.grid {
         Some(grid) => grid,
@@ -54,9 +56,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     };
     let (formed, report) = form(&task)?;
     progress.finish();
-    if !session.quiet() {
-        warn(&report, error_db, grid.num_pixels());
-    }
+    warn(&report, error_db, grid.num_pixels());
     for (key, value) in &formed.settings {
         session.note(2, || format!("{key} = {value}"));
     }
@@ -84,6 +84,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         inputs: &[maps.input()?],
         check: None,
         peak: brightest(&formed.image, &grid),
+        orientation: Orientation::default(),
         taken: start.elapsed(),
     };
     let title = format!("{}, from maps", run.name);
@@ -94,22 +95,22 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
 fn warn(report: &Report, error_db: f64, num_pixels: u64) {
     if report.maps_missing > 0 {
         let expected = report.sub_cpis.saturating_mul(report.patches as u64);
-        eprintln!(
-            "subap: {} of {expected} maps are missing: their patches are of a shorter aperture",
+        messages::warning(format!(
+            "{} of {expected} maps are missing: their patches are of a shorter aperture",
             report.maps_missing
-        );
+        ));
     }
     if report.pixels_outside > 0 {
-        eprintln!(
-            "subap: {} of {num_pixels} pixels lie outside every patch and are zero: give a smaller --grid, or allow a larger error with --error-db",
+        messages::warning(format!(
+            "{} of {num_pixels} pixels lie outside every patch and are zero: give a smaller --grid, or allow a larger error with --error-db",
             report.pixels_outside
-        );
+        ));
     }
     if report.kernel_db > error_db {
-        eprintln!(
-            "subap: reading the maps adds {:.1} dB, above the --error-db {error_db} asked: their bins are \
+        messages::bound_missed(format!(
+            "reading the maps adds {:.1} dB, above the --error-db {error_db} asked: their bins are \
              too coarse for it",
             report.kernel_db
-        );
+        ));
     }
 }

@@ -5,11 +5,13 @@ use std::time::Duration;
 use serde_json::{Map, Value, json};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::phase_history::InputFile;
+use subaperture::plot::Orientation;
 
 use super::Peak;
 use super::check::Check;
 use crate::args::Focus;
 use crate::config::{Session, record_of_run};
+use crate::messages;
 
 /// Version of the record's layout; it grows when a reader would have to change.
 const SCHEMA_VERSION: u32 = 1;
@@ -27,12 +29,14 @@ pub(super) struct Record<'a> {
     pub(super) check: Option<&'a Check>,
     /// `None` of an image of zeros.
     pub(super) peak: Option<Peak>,
+    /// What the picture shows beside it.
+    pub(super) orientation: Orientation,
     pub(super) taken: Duration,
 }
 
 impl Record<'_> {
-    /// The record as JSON.
-    pub(super) fn to_json(&self) -> Value {
+    /// The record as JSON; `title` is the picture's.
+    pub(super) fn to_json(&self, title: &str) -> Value {
         let words: Vec<String> = std::env::args_os()
             .map(|word| word.to_string_lossy().into_owned())
             .collect();
@@ -52,7 +56,14 @@ impl Record<'_> {
             "collection": self.collection,
             "inputs": self.inputs,
             "brightest": self.peak,
+            "picture": {
+                "file": "image.png",
+                "title": title,
+                "look": self.orientation.look.map(|v| v.to_array()),
+                "north": self.orientation.north.map(|v| v.to_array()),
+            },
             "check": self.check,
+            "warnings": messages::warnings(),
         })
     }
 }
