@@ -183,7 +183,7 @@ fn every_command_replaces_only_what_subap_wrote() {
             &["q/point-1-x.png", "q/coherence.png"],
         ),
         (
-            "plan radar --plots p",
+            "plan radar scene.cphd --plots p",
             &["p/response.png", "p/ambiguity.png"],
         ),
         (

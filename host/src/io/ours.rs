@@ -5,7 +5,7 @@
 //! | CPHD | the XML's `ProductInfo` has a parameter `Program` that is [`PROGRAM`] |
 //! | maps | the format is this program's own |
 //! | picture (PNG) | its text chunk `Software` is [`PROGRAM`] |
-//! | JSON | its `schema` begins with `subaperture-` |
+//! | JSON | its `schema` begins with `subaperture-`; if it is cut short, its first key is that |
 //! | text (HTML, Markdown) | its first line holds `written by subap` |
 //! | description (TOML) | so does its first line, with the CRC-32 of all that follows: one that was edited is its editor's |
 //! | array (NumPy) | a record beside it, JSON or TOML of this program, states its size and CRC-32 |
@@ -13,7 +13,7 @@
 //! An empty file holds nothing, and is anybody's.
 
 use std::fs::{self, File};
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufReader, Read, Seek};
 use std::path::Path;
 
 use serde_json::Value;
@@ -78,7 +78,7 @@ pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static s
         Kind::Collection => starts_with(&mut file, b"CPHD/1.")? && has_mark(&mut file)?,
         Kind::Maps => starts_with(&mut file, b"SUBAPMAP")?,
         Kind::Picture => is_our_picture(&mut file)?,
-        Kind::Record => record(&mut file)?.is_some(),
+        Kind::Record => record(&mut file)?.is_some() || begins_as_record(&mut file)?,
         Kind::Text => {
             let mut start = Vec::new();
             file.take(400).read_to_end(&mut start)?;
@@ -140,6 +140,15 @@ fn record(file: &mut File) -> io::Result<Option<Value>> {
         let schema = value["schema"].as_str();
         schema.is_some_and(|schema| schema.starts_with(SCHEMA))
     }))
+}
+
+/// Whether the first key is a schema of ours: of a record that was cut short.
+fn begins_as_record(file: &mut File) -> io::Result<bool> {
+    file.rewind()?;
+    let mut start = Vec::new();
+    file.take(100).read_to_end(&mut start)?;
+    let start: String = String::from_utf8_lossy(&start).split_whitespace().collect();
+    Ok(start.starts_with(&format!("{{\"schema\":\"{SCHEMA}")))
 }
 
 /// A description with its first line.
