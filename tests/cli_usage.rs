@@ -80,10 +80,6 @@ fn wrong_usage_exits_with_2_and_names_the_option() {
             vec!["--error-db", "exact"],
         ),
         (
-            "focus a.mat --out d --mode thesis --error-db -90",
-            vec!["--error-db", "--mode thesis"],
-        ),
-        (
             "focus a.mat --out d --mode thesis --patch 3",
             vec!["--patch", "--mode thesis"],
         ),

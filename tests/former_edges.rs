@@ -85,7 +85,7 @@ fn form(
     grid: &ImageGrid,
 ) -> Result<Formed, FormError> {
     let weights = Weights::new(history.collection(), Window::None, Window::None);
-    former.form(&Task {
+    former.form_best(&Task {
         history,
         grid,
         weights: &weights,
@@ -151,9 +151,7 @@ fn one_of_everything_is_formed_or_refused() {
                 Ok(formed) => {
                     let error_db = error_db(&formed.image, &exact);
                     // The range-Doppler algorithm keeps no bound, but says what it expects.
-                    let predicted_db = formed.settings.get("predicted_error_db");
-                    let predicted_db = predicted_db.and_then(serde_json::Value::as_f64);
-                    let bound_db = predicted_db.unwrap_or(ERROR_DB).max(ERROR_DB);
+                    let bound_db = formed.predicted_error_db.max(ERROR_DB);
                     println!("{what}: {} {error_db:.1} dB", former.name());
                     assert!(error_db < bound_db, "{what}: {}", former.name());
                 }

@@ -44,7 +44,7 @@ impl Bench {
             memory_bytes,
             monitor,
         };
-        former.form(&task)
+        former.form_best(&task)
     }
 
     fn form(&self, former: &dyn ImageFormer) -> Image {
@@ -55,8 +55,14 @@ impl Bench {
     fn assert_bounds(&self, what: &str, bounds_db: &[f64]) {
         let exact = self.form(&Exact);
         for &bound_db in bounds_db {
-            let bp = error_db(&self.form(&Backprojection { error_db: bound_db }), &exact);
-            let rdbp = error_db(&self.form(&precise(bound_db, None)), &exact);
+            let kept = |former: &dyn ImageFormer| {
+                let formed = self.try_form(former, 1 << 30, &Silent).unwrap();
+                let predicted_db = formed.predicted_error_db;
+                assert!(!formed.bound_missed, "{what}: {bound_db}: {predicted_db}");
+                error_db(&formed.image, &exact)
+            };
+            let bp = kept(&Backprojection { error_db: bound_db });
+            let rdbp = kept(&precise(bound_db, None));
             println!("{what}, bound {bound_db} dB: bp {bp:.1} dB, rdbp {rdbp:.1} dB");
             assert!(
                 bp <= bound_db && rdbp <= bound_db,

@@ -35,6 +35,21 @@ fn try_form(
     })
 }
 
+/// An image whatever its error.
+fn form_best(former: &dyn ImageFormer, history: &Simulated, grid: &str) -> Formed {
+    let weights = Weights::new(history.collection(), Window::None, Window::default());
+    let grid: ImageGrid = grid.parse().unwrap();
+    former
+        .form_best(&Task {
+            history,
+            grid: &grid,
+            weights: &weights,
+            memory_bytes: 1 << 30,
+            monitor: &Silent,
+        })
+        .unwrap()
+}
+
 fn form(former: &dyn ImageFormer, history: &Simulated, grid: &str) -> Formed {
     try_form(former, history, grid, 1 << 30, &Silent).unwrap()
 }
@@ -138,9 +153,9 @@ fn polar_format_keeps_its_prediction() {
             false,
         ),
     ] {
-        let formed = form(&pfa(asked_db), &history, grid);
+        let formed = form_best(&pfa(asked_db), &history, grid);
         let got = error_db(&formed.image, &form(&Exact, &history, grid).image);
-        let predicted = formed.settings["predicted_error_db"].as_f64().unwrap();
+        let predicted = formed.predicted_error_db;
         let taps = &formed.settings["kernel_taps"];
         println!(
             "{what}: {got:.1} dB, predicted {predicted:.1} dB, asked {asked_db} dB, {taps} taps"
@@ -152,6 +167,21 @@ fn polar_format_keeps_its_prediction() {
                 got <= asked_db && predicted <= asked_db,
                 "{what}: {got} {predicted}"
             );
+        }
+        // What is predicted to miss the bound is refused with both figures.
+        assert_eq!(formed.bound_missed, predicted > asked_db);
+        let strict = try_form(&pfa(asked_db), &history, grid, 1 << 30, &Silent);
+        match strict {
+            Ok(strict) => assert!(!formed.bound_missed && strict.image == formed.image),
+            Err(FormError::BoundMissed {
+                predicted_db,
+                bound_db,
+                ..
+            }) => assert!(
+                formed.bound_missed && predicted_db <= predicted && bound_db == asked_db,
+                "{what}: {predicted_db} {predicted}"
+            ),
+            Err(error) => panic!("{what}: {error}"),
         }
     }
 }
@@ -191,7 +221,7 @@ fn polar_format_fails_far_from_its_centre_as_predicted() {
             monitor: &Silent,
         };
         let exact = Exact.form(&task).unwrap().image;
-        let formed = former.form(&task).unwrap();
+        let formed = former.form_best(&task).unwrap();
         let got = error_db(&formed.image, &exact);
         let phase = TAU / wavelength_m * (y * y - x * x).abs() * half_angle.powi(2) / range_m;
         let expected = 20.0 * (phase * 2.0 / (3.0 * 5f64.sqrt())).log10();

@@ -124,7 +124,7 @@ fn try_form(
     monitor: &dyn Monitor,
 ) -> Result<Formed, FormError> {
     let weights = Weights::new(history.collection(), window, window);
-    former.form(&Task {
+    former.form_best(&Task {
         history,
         grid,
         weights: &weights,
@@ -484,7 +484,7 @@ fn what_a_former_holds_on_its_way_is_what_it_says() {
         let (observed, plain, sizes) = match rda {
             true => (
                 RDA.form_observed(&task, &mut keep),
-                RDA.form(&task),
+                RDA.form_best(&task),
                 RDA.sizes(history.collection(), &grid).unwrap(),
             ),
             false => (

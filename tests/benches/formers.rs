@@ -42,7 +42,7 @@ fn main() {
         memory_bytes: 4 << 30,
         monitor: &Silent,
     };
-    let form = |former: &dyn ImageFormer| former.form(&task).expect("4 GiB are enough").image;
+    let form = |former: &dyn ImageFormer| former.form_best(&task).expect("4 GiB are enough").image;
 
     let rdbp = |mode, error_db| RangeDoppler {
         mode,

@@ -24,7 +24,7 @@ use serde_json::json;
 
 use super::budget::Budget;
 use super::pixels::add_to_each;
-use super::{FormError, Formed, ImageFormer, MARGIN_DB, Task};
+use super::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::Pulse;
 use crate::signal::phase::phasor32;
@@ -50,8 +50,12 @@ impl ImageFormer for Backprojection {
         "bp"
     }
 
-    fn form(&self, task: &Task) -> Result<Formed, FormError> {
-        backproject(task, self.error_db, Pulse::relative_path_m)
+    fn bound_db(&self) -> Option<f64> {
+        Some(self.error_db)
+    }
+
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
+        backproject(task, self.error_db, asked, Pulse::relative_path_m)
     }
 }
 
@@ -60,6 +64,7 @@ impl ImageFormer for Backprojection {
 pub(super) fn backproject(
     task: &Task,
     error_db: f64,
+    asked: &Asked,
     path_m: impl Fn(&Pulse, DVec3) -> f64 + Sync,
 ) -> Result<Formed, FormError> {
     let collection = task.history.collection();
@@ -79,6 +84,17 @@ pub(super) fn backproject(
         num_pulses.min(64),
         "raise --memory",
     )?;
+    let planned_db = rounding::total_db(&[
+        profiler.error(),
+        profiler.rounding(),
+        // Sums over a block, and over blocks.
+        rounding::sum(block),
+        rounding::sum(num_pulses.div_ceil(block)),
+        rounding::path_phase_rad(task),
+    ]);
+    asked.check(planned_db, || {
+        "float32 sums and profiles leave no less: use --algorithm exact".to_owned()
+    })?;
     let mut samples = vec![Complex32::ZERO; block * num_samples];
     let mut profiles = vec![Complex32::ZERO; block * (length + 1)];
     let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
@@ -117,11 +133,10 @@ pub(super) fn backproject(
     }
 
     let settings = json!({
-        "error_db": error_db,
         "profile_length": length,
         "oversampling": length as f64 / num_samples as f64,
     });
-    Ok(Formed::new(task, pixels, settings))
+    Ok(Formed::new(task, pixels, planned_db, settings))
 }
 
 /// What a block of pulses adds to one pixel.

@@ -9,8 +9,10 @@
 //! ```
 //!
 //! so that a unit scatterer on a pixel reads 1 whatever the window, and the formers differ only in
-//! speed and error. [`exact`] is the sum itself and the oracle of all others.
+//! speed and error. [`exact`] is the sum itself and the oracle of all others; [`accuracy`] says what error
+//! means, and sees that it is predicted and that a bound asked for is kept.
 
+pub mod accuracy;
 pub mod bp;
 pub mod budget;
 pub mod exact;
@@ -23,6 +25,7 @@ pub mod pfa;
 mod pixels;
 pub mod rda;
 pub mod rdbp;
+mod rounding;
 pub mod straight_track;
 pub mod strip;
 pub mod weights;
@@ -31,18 +34,18 @@ use num_complex::Complex32;
 
 use crate::geometry::ImageGrid;
 use crate::image::Image;
-use crate::phase_history::{PhaseHistory, ReadError};
+use crate::phase_history::{PhaseHistory, Pulse, ReadError};
 
+pub use accuracy::{Asked, Misses};
 pub use monitor::{Monitor, Silent};
 pub use weights::Weights;
 
 /// What a former plans below the error bound it is given, dB.
 ///
-/// The bound is on the error relative to the RMS of an image of the scene's bright scatterers; on a grid
-/// that leaves them out, what is there is smaller and the error hardly so. Measured on a sample of pixels that error
-/// scatters, for a few bright reflectors can hold most of the image's power: by 3 dB either way on
-/// random thousands of pixels of the GOTCHA scene. This margin keeps nearly all such samples within
-/// the bound.
+/// What a grid holds decides how a plan's error shows in its image ([`accuracy`]): up to 3 dB more where the
+/// image is as weak as noise. Measured on a sample of pixels it scatters besides, for a few bright reflectors can
+/// hold most of the image's power: by 3 dB either way on random thousands of pixels of the GOTCHA scene. This
+/// margin keeps nearly all of it within the bound.
 pub const MARGIN_DB: f64 = 4.0;
 
 /// One image to form.
@@ -61,7 +64,25 @@ pub struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Refuses a task without pulses, samples or pixels, of which no former could say anything.
+    /// Refuses a task without pulses, samples or pixels, of which no former could say anything, and geometry that is
+    /// not of numbers.
+    fn check(&self) -> Result<(), FormError> {
+        let collection = self.history.collection();
+        self.check_not_empty()?;
+        let is_number = |p: &Pulse| {
+            let places = p.transmitter_m.is_finite() && p.receiver_m.is_finite();
+            let numbers = [p.reference_path_m, p.start_hz, p.step_hz];
+            places && numbers.iter().all(|x| x.is_finite())
+        };
+        match collection.pulses.iter().position(|p| !is_number(p)) {
+            None => Ok(()),
+            Some(n) => Err(FormError::Unsuited(format!(
+                "pulse {n} (from 0) has an antenna, a reference path or a frequency that is not a finite number: \
+                 repair or drop it"
+            ))),
+        }
+    }
+
     fn check_not_empty(&self) -> Result<(), FormError> {
         let collection = self.history.collection();
         let what = if collection.pulses.is_empty() {
@@ -82,18 +103,34 @@ impl Task<'_> {
 pub struct Formed {
     /// The image, rows and columns as the grid's.
     pub image: Image,
-    /// Every setting that was chosen, given or planned, for the record.
+    /// Predicted relative RMS error, dB, as [`accuracy`] defines it.
+    pub predicted_error_db: f64,
+    /// Whether that is above the bound asked.
+    pub bound_missed: bool,
+    /// Every setting that was chosen, given or planned, for the record; the prediction and its bound
+    /// among them.
     pub settings: serde_json::Map<String, serde_json::Value>,
 }
 
 impl Formed {
-    /// An image on the task's grid from its pixels, row-major; `settings` is a JSON object.
-    fn new(task: &Task, pixels: Vec<Complex32>, settings: serde_json::Value) -> Self {
-        Self::on(task.grid, pixels, settings)
+    /// An image on the task's grid from its pixels, row-major, planned to err by `planned_db`; `settings` is a
+    /// JSON object.
+    fn new(
+        task: &Task,
+        pixels: Vec<Complex32>,
+        planned_db: f64,
+        settings: serde_json::Value,
+    ) -> Self {
+        Self::on(task.grid, pixels, planned_db, settings)
     }
 
     /// [`Self::new`] without a task.
-    fn on(grid: &ImageGrid, pixels: Vec<Complex32>, settings: serde_json::Value) -> Self {
+    fn on(
+        grid: &ImageGrid,
+        pixels: Vec<Complex32>,
+        planned_db: f64,
+        settings: serde_json::Value,
+    ) -> Self {
         let serde_json::Value::Object(settings) = settings else {
             unreachable!("settings are an object")
         };
@@ -102,7 +139,28 @@ impl Formed {
             columns: grid.columns.count,
             pixels,
         };
-        Self { image, settings }
+        let mut formed = Self {
+            image,
+            predicted_error_db: planned_db,
+            bound_missed: false,
+            settings,
+        };
+        formed.expect(None, planned_db);
+        formed
+    }
+
+    /// Notes the error to expect, and the bound it is to keep.
+    fn expect(&mut self, bound_db: Option<f64>, predicted_db: f64) {
+        self.predicted_error_db = predicted_db;
+        self.bound_missed = accuracy::misses(predicted_db, bound_db);
+        let mut note = |key: &str, value: serde_json::Value| {
+            self.settings.insert(key.to_owned(), value);
+        };
+        note("predicted_error_db", predicted_db.into());
+        if let Some(bound_db) = bound_db {
+            note("error_db", bound_db.into());
+            note("bound_missed", self.bound_missed.into());
+        }
     }
 }
 
@@ -127,6 +185,32 @@ pub enum FormError {
     /// The collection or the settings do not suit this former.
     #[error("{0}")]
     Unsuited(String),
+    /// The image would err, or errs, by more than was asked.
+    #[error(
+        "the predicted error is {predicted_db:.1} dB, above the {bound_db} dB asked: {limit}; or allow a larger \
+         error"
+    )]
+    BoundMissed {
+        /// Predicted relative RMS error, dB.
+        predicted_db: f64,
+        /// Bound asked, dB.
+        bound_db: f64,
+        /// What limits it, and what to do.
+        limit: String,
+    },
+    /// A pixel of the image is NaN or infinite.
+    #[error(
+        "pixel ({row}, {column}) of the image, at {position_m:?} m, is not a finite number: a position, a frequency \
+         or a sample of the recording is beyond what can be computed with; repair it"
+    )]
+    NotFinite {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// Its place in the scene frame.
+        position_m: [f64; 3],
+    },
     /// The monitor asked to stop.
     #[error("interrupted")]
     Cancelled,
@@ -137,6 +221,42 @@ pub trait ImageFormer: Sync {
     /// The name used on the command line and in metadata.
     fn name(&self) -> &'static str;
 
-    /// Forms the image of `task`.
-    fn form(&self, task: &Task) -> Result<Formed, FormError>;
+    /// The bound that its images are to keep ([`accuracy`]), dB; `None` if it has none.
+    fn bound_db(&self) -> Option<f64>;
+
+    /// Forms the image of `task` with its planned error, once `asked` has agreed to that: what [`Self::form`]
+    /// and [`Self::form_best`] call, which look after the rest of the contract.
+    ///
+    /// # Errors
+    /// [`FormError`].
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError>;
+
+    /// Forms the image of `task` within the bound.
+    ///
+    /// # Errors
+    /// [`FormError`].
+    fn form(&self, task: &Task) -> Result<Formed, FormError> {
+        self.form_asked(task, Misses::Refused)
+    }
+
+    /// Forms the image of `task` as well as can be: a bound that is missed is noted in
+    /// [`Formed::bound_missed`].
+    ///
+    /// # Errors
+    /// [`FormError`], [`FormError::BoundMissed`] never.
+    fn form_best(&self, task: &Task) -> Result<Formed, FormError> {
+        self.form_asked(task, Misses::Allowed)
+    }
+
+    /// [`Self::form`] or [`Self::form_best`].
+    ///
+    /// # Errors
+    /// [`FormError`].
+    fn form_asked(&self, task: &Task, misses: Misses) -> Result<Formed, FormError> {
+        let asked = Asked {
+            bound_db: self.bound_db(),
+            misses,
+        };
+        accuracy::keep(task, asked, |task| self.form_planned(task, &asked))
+    }
 }

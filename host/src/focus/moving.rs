@@ -36,7 +36,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::bp::backproject;
-use super::{FormError, Formed, ImageFormer, Task};
+use super::{Asked, FormError, Formed, ImageFormer, Task};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, Pulse, ReadError};
 
@@ -113,9 +113,13 @@ impl ImageFormer for VelocityPlane {
         "velocity"
     }
 
-    fn form(&self, task: &Task) -> Result<Formed, FormError> {
+    fn bound_db(&self) -> Option<f64> {
+        Some(self.error_db)
+    }
+
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
         require_times(task.history.collection())?;
-        backproject(task, self.error_db, |pulse: &Pulse, velocity_m_s| {
+        backproject(task, self.error_db, asked, |pulse: &Pulse, velocity_m_s| {
             let moved_m = velocity_m_s * (pulse.time_s - self.epoch_s);
             pulse.relative_path_m(self.position_m + moved_m)
         })

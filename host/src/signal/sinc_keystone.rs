@@ -57,7 +57,7 @@ impl SincKeystone {
 }
 
 /// `sin(pi x) / (pi x)`.
-fn sinc(x: f64) -> f64 {
+pub(crate) fn sinc(x: f64) -> f64 {
     let angle = std::f64::consts::PI * x;
     if angle == 0.0 {
         1.0

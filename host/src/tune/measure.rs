@@ -74,7 +74,8 @@ pub fn merit(
             monitor: &quiet,
         };
         let former = Backprojection { error_db: ERROR_DB };
-        former.form(&task).map(|formed| formed.image)
+        // A search looks at dark places too.
+        former.form_best(&task).map(|formed| formed.image)
     };
     match sight {
         Sight::Grid(grid, measure) => {

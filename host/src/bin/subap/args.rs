@@ -164,11 +164,15 @@ pub(crate) struct Focus {
     #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector)]
     pub(crate) velocity: Option<DVec3>,
 
-    /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120, for a grid that
-    /// covers the scene's bright scatterers; the formers choose their sizes from it, rda and omega-k how
-    /// crooked a track may be [default: -60]
+    /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120: formers choose their
+    /// sizes from it, and refuse what they predict to miss it [default: -60; none for --mode thesis]
     #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
     pub(crate) error_db: Option<f64>,
+
+    /// Write the image even if its predicted error is above the bound; the record says so, and the exit
+    /// status is 3
+    #[arg(long)]
+    pub(crate) allow_error: bool,
 
     /// Pulses a sub-CPI of rdbp [default: the most that the error bound allows]
     #[arg(long, value_name = "N", value_parser = positive)]

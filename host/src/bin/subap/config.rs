@@ -173,17 +173,10 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
             "--no-keystone is for --mode thesis only: leave it out".to_owned(),
         ));
     }
-    if is_thesis {
-        for (option, given) in [
-            ("--error-db", typed.error_db.is_some()),
-            ("--patch", typed.patch.is_some()),
-        ] {
-            if given {
-                return Err(Usage(format!(
-                    "{option} says nothing to --mode thesis: leave it out"
-                )));
-            }
-        }
+    if is_thesis && typed.patch.is_some() {
+        return Err(Usage(
+            "--patch says nothing to --mode thesis: leave it out".to_owned(),
+        ));
     }
     let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
     Ok(match algorithm {
@@ -194,6 +187,7 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
                 args::Mode::Precise => rdbp::Mode::Precise,
                 args::Mode::Thesis => rdbp::Mode::Thesis(rdbp::Thesis {
                     keystone: !typed.no_keystone,
+                    error_db: typed.error_db,
                     ..rdbp::Thesis::default()
                 }),
             },
@@ -212,12 +206,6 @@ pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage>
             centre_m: None,
         }),
     })
-}
-
-/// The error bound that the image asked for has to keep, dB: none of the exact sum and the thesis's mode.
-pub(crate) fn error_bound_db(typed: &args::Focus) -> Option<f64> {
-    let unbounded = typed.algorithm == Algorithm::Exact || typed.mode == Some(args::Mode::Thesis);
-    (!unbounded).then(|| typed.error_db.unwrap_or(DEFAULT_ERROR_DB))
 }
 
 /// The part of an image's record that every command writes alike.

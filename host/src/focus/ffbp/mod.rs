@@ -49,7 +49,7 @@ use serde_json::json;
 use super::budget::Budget;
 use super::rdbp::patch::{self, PatchSize, Rectangle};
 use super::rdbp::{shared_band, sub_cpi};
-use super::{FormError, Formed, ImageFormer, MARGIN_DB, Task};
+use super::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
 use crate::geometry::ImageGrid;
 use crate::signal::range_profile::RangeProfiler;
 use crate::signal::windowed_sinc::{TAPS, WindowedSinc};
@@ -79,20 +79,23 @@ impl ImageFormer for FastFactorised {
         "ffbp"
     }
 
-    fn form(&self, task: &Task) -> Result<Formed, FormError> {
+    fn bound_db(&self) -> Option<f64> {
+        Some(self.error_db)
+    }
+
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
         let (taps, levels) = self.taps_and_levels(task.grid);
         let plan = Plan {
             share: self.share(),
             levels: levels as f64,
-            error_db: self.error_db,
         };
         match taps {
-            6 => plan.form::<6>(task),
-            8 => plan.form::<8>(task),
-            10 => plan.form::<10>(task),
-            12 => plan.form::<12>(task),
-            14 => plan.form::<14>(task),
-            _ => plan.form::<16>(task),
+            6 => plan.form::<6>(task, asked),
+            8 => plan.form::<8>(task, asked),
+            10 => plan.form::<10>(task, asked),
+            12 => plan.form::<12>(task, asked),
+            14 => plan.form::<14>(task, asked),
+            _ => plan.form::<16>(task, asked),
         }
     }
 }
@@ -119,11 +122,10 @@ struct Plan {
     /// Relative RMS error of each of three causes.
     share: f64,
     levels: f64,
-    error_db: f64,
 }
 
 impl Plan {
-    fn form<const W: usize>(&self, task: &Task) -> Result<Formed, FormError> {
+    fn form<const W: usize>(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
         let mut budget = Budget::for_task(task, 8)?;
         let collection = task.history.collection();
         let num_samples = shared_band(collection)?.count;
@@ -162,6 +164,12 @@ impl Plan {
         ) {
             track::fit_all(task, pulses, &probes, self.share, &mut tracks);
         }
+        let kernel_error = WindowedSinc::new(W, 0.25).error(0.25) * (2.0 * self.levels).sqrt();
+        let track_error = tracks.iter().map(Track::error).fold(0.0, f64::max);
+        let planned_db = rounding::total_db(&[kernel_error, track_error, self.share]);
+        asked.check(planned_db, || {
+            "the track's shape or the kernels: use --algorithm bp".to_owned()
+        })?;
         let refiner = Refiner::<W>::new(task.grid, self.share);
         let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
         let mut add_all = || self.add_all(task, &tracks, &refiner, &rectangles, &mut pixels);
@@ -174,17 +182,12 @@ impl Plan {
         } else {
             add_all()?;
         }
-        let kernel_error = WindowedSinc::new(W, 0.25).error(0.25) * (2.0 * self.levels).sqrt();
-        let track_error = tracks.iter().map(Track::error).fold(0.0, f64::max);
-        let squares = kernel_error.powi(2) + track_error.powi(2) + self.share.powi(2);
         let settings = json!({
-            "error_db": self.error_db,
-            "predicted_error_db": 10.0 * squares.log10(),
             "stretches": tracks.len(),
             "levels": self.levels,
             "kernel_taps": W,
         });
-        Ok(Formed::new(task, pixels, settings))
+        Ok(Formed::new(task, pixels, planned_db, settings))
     }
 
     fn add_all<const W: usize>(

@@ -160,7 +160,8 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
     }
     let mut settings = json!(report);
     settings["error_db"] = json!(task.error_db);
-    Ok((Formed::on(task.grid, pixels, settings), report))
+    let formed = Formed::on(task.grid, pixels, report.kernel_db, settings);
+    Ok((formed, report))
 }
 
 /// A pixel in the making.

@@ -50,7 +50,7 @@ use rustfft::{Fft, FftPlanner};
 use serde_json::json;
 
 use super::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
-use super::{FormError, Formed, ImageFormer, Task};
+use super::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy};
 use crate::geometry::ImageGrid;
 use crate::phase_history::Collection;
 use crate::signal::fast_length::fast_length;
@@ -69,8 +69,12 @@ impl ImageFormer for OmegaK {
         "omega-k"
     }
 
-    fn form(&self, task: &Task) -> Result<Formed, FormError> {
-        self.form_observed(task, &mut |_| ())
+    fn bound_db(&self) -> Option<f64> {
+        Some(self.error_db)
+    }
+
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
+        self.form_steps(task, asked, &mut |_| ())
     }
 }
 
@@ -83,17 +87,34 @@ impl OmegaK {
         strip::sizes(collection, grid, &Stolt, self.error_db)
     }
 
-    /// [`ImageFormer::form`], showing `observe` every array on the way.
+    /// [`ImageFormer::form_best`], showing `observe` every array on the way.
     ///
     /// # Errors
-    /// As [`ImageFormer::form`].
+    /// As [`ImageFormer::form_best`].
     pub fn form_observed(
         &self,
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
+        let asked = Asked {
+            bound_db: self.bound_db(),
+            misses: Misses::Allowed,
+        };
+        accuracy::keep(task, asked, |task| self.form_steps(task, &asked, observe))
+    }
+
+    fn form_steps(
+        &self,
+        task: &Task,
+        asked: &Asked,
+        observe: &mut dyn FnMut(&Stage),
+    ) -> Result<Formed, FormError> {
         let strip = Strip::new(task, &Stolt, self.error_db)?;
-        strip.form(&Stolt, json!({ "error_db": self.error_db }), observe)
+        let planned_db = strip.residual_db();
+        asked.check(planned_db, || {
+            "the track is not straight and even: use --algorithm bp or rdbp".to_owned()
+        })?;
+        strip.form(&Stolt, planned_db, json!({}), observe)
     }
 }
 

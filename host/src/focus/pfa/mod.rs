@@ -30,9 +30,8 @@
 //! less its mean, so an RMS phase of `(2 pi / lambda) |y^2 - x^2| theta_m^2 / R * 2 / (3 sqrt 5)`, which
 //! is the relative RMS error. A quadratic phase of `pi / 2` at the aperture's ends, the usual limit, is
 //! reached at a radius of `2 rho sqrt(R / lambda)` with `rho` the resolution across range (Carrara, Goodman and
-//! Majewski 1995, chapter 3); -60 dB at 1/22 of it. [`PolarFormat`] forms the image in
-//! any case and says in `predicted_error_db` what the worst of its pixels has to expect, evaluated with
-//! the true paths.
+//! Majewski 1995, chapter 3); -60 dB at 1/22 of it. [`PolarFormat`] predicts
+//! what the worst of its pixels has to expect, evaluated with the true paths.
 //!
 //! Neglected: that residual; the kernels' images (below the bound asked).
 //!
@@ -53,7 +52,7 @@ use serde_json::json;
 
 use super::budget::Budget;
 use super::pixels::add_to_each;
-use super::{FormError, Formed, ImageFormer, MARGIN_DB, Task};
+use super::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::ImageGrid;
 use crate::phase_history::Collection;
@@ -72,7 +71,7 @@ const BLOCK_PULSES: usize = 256;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PolarFormat {
     /// Bound on the relative RMS error of the image, dB (negative). The kernels keep it; whether the
-    /// wave front's curvature does depends on the grid: compare `predicted_error_db` of the settings.
+    /// wave front's curvature does depends on the grid.
     pub error_db: f64,
     /// Where the paths are linearised; the middle of the grid if not given.
     pub centre_m: Option<DVec3>,
@@ -83,10 +82,14 @@ impl ImageFormer for PolarFormat {
         "pfa"
     }
 
-    fn form(&self, task: &Task) -> Result<Formed, FormError> {
+    fn bound_db(&self) -> Option<f64> {
+        Some(self.error_db)
+    }
+
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
         match self.taps() {
-            4 => self.form_with::<4>(task),
-            _ => self.form_with::<6>(task),
+            4 => self.form_with::<4>(task, asked),
+            _ => self.form_with::<6>(task, asked),
         }
     }
 }
@@ -120,13 +123,17 @@ impl PolarFormat {
         }
     }
 
-    fn form_with<const W: usize>(&self, task: &Task) -> Result<Formed, FormError> {
+    fn form_with<const W: usize>(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
         let collection = task.history.collection();
         let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
         let mut budget = Budget::for_task(task, 8)?;
         let plane = Plane::new(collection, task.grid, self.centre_m);
         let extent = plane.image_extent(task.grid);
         let mut raster = Raster::<W>::new(plane.spectrum(collection), extent, &mut budget)?;
+        let planned_db = plane.predicted_db(collection, task.grid, raster.error());
+        asked.check(planned_db, || {
+            "the wave front is curved over so large a grid: use a smaller --grid, or --algorithm rdbp".to_owned()
+        })?;
         let block = budget.take_block(
             "a pulse",
             8 * num_samples as u64,
@@ -172,7 +179,6 @@ impl PolarFormat {
         }
         drop(samples);
 
-        let predicted_db = plane.predicted_db(collection, task.grid, raster.error());
         let raster_size = raster.size();
         let spectrum = raster.transform();
         task.monitor.progress(0.8);
@@ -187,12 +193,10 @@ impl PolarFormat {
         task.monitor.progress(1.0);
 
         let settings = json!({
-            "error_db": self.error_db,
-            "predicted_error_db": predicted_db,
             "centre_m": plane.centre_m.to_array(),
             "raster": raster_size,
             "kernel_taps": W,
         });
-        Ok(Formed::new(task, pixels, settings))
+        Ok(Formed::new(task, pixels, planned_db, settings))
     }
 }

@@ -55,7 +55,7 @@ use serde_json::json;
 
 use super::rdbp::shared_band;
 use super::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
-use super::{FormError, Formed, ImageFormer, Task};
+use super::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::ImageGrid;
 use crate::phase_history::{Band, Collection};
@@ -78,8 +78,12 @@ impl ImageFormer for RangeDopplerAlgorithm {
         "rda"
     }
 
-    fn form(&self, task: &Task) -> Result<Formed, FormError> {
-        self.form_observed(task, &mut |_| ())
+    fn bound_db(&self) -> Option<f64> {
+        Some(self.error_db)
+    }
+
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
+        self.form_steps(task, asked, &mut |_| ())
     }
 }
 
@@ -100,25 +104,40 @@ impl RangeDopplerAlgorithm {
         })
     }
 
-    /// [`ImageFormer::form`], showing `observe` every array on the way.
+    /// [`ImageFormer::form_best`], showing `observe` every array on the way.
     ///
     /// # Errors
-    /// As [`ImageFormer::form`].
+    /// As [`ImageFormer::form_best`].
     pub fn form_observed(
         &self,
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        task.check_not_empty()?;
+        let asked = Asked {
+            bound_db: self.bound_db(),
+            misses: Misses::Allowed,
+        };
+        accuracy::keep(task, asked, |task| self.form_steps(task, &asked, observe))
+    }
+
+    fn form_steps(
+        &self,
+        task: &Task,
+        asked: &Asked,
+        observe: &mut dyn FnMut(&Stage),
+    ) -> Result<Formed, FormError> {
         let method = self.expansion(task.history.collection())?;
         let strip = Strip::new(task, &method, self.error_db)?;
-        let predicted_db = method.predicted_error_db(strip.axes(), &task.weights.fast);
+        let planned_db = method.predicted_error_db(strip.axes(), &task.weights.fast);
+        asked.check(planned_db, || {
+            "range cell migration is corrected to the first order in frequency only: use a smaller --grid, or \
+             --algorithm omega-k"
+                .to_owned()
+        })?;
         let settings = json!({
-            "error_db": self.error_db,
             "secondary_range_compression": self.secondary_compression,
-            "predicted_error_db": predicted_db,
         });
-        strip.form(&method, settings, observe)
+        strip.form(&method, planned_db, settings, observe)
     }
 }
 

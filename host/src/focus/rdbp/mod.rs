@@ -21,7 +21,7 @@ pub mod thesis;
 use serde_json::json;
 
 use super::budget::Budget;
-use super::{FormError, Formed, ImageFormer, Task};
+use super::{Asked, FormError, Formed, ImageFormer, Task};
 
 use crate::phase_history::{Band, Collection};
 
@@ -47,7 +47,7 @@ pub(crate) fn shared_band(collection: &Collection) -> Result<Band, FormError> {
 }
 
 /// How maps are made and read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Mode {
     /// Patch compensation, scaled transform, Kaiser-Bessel kernel.
     #[default]
@@ -61,8 +61,9 @@ pub enum Mode {
 pub struct RangeDoppler {
     /// How maps are made and read.
     pub mode: Mode,
-    /// Bound on the relative RMS error of the image, dB (negative). The thesis's mode has no bound to
-    /// keep: it takes 40 pulses a sub-CPI, as its chapter 4, unless told otherwise.
+    /// Bound on the relative RMS error of the image, dB (negative). The thesis's mode does not plan by it: it
+    /// takes 40 pulses a sub-CPI, as its chapter 4, unless told otherwise, and has a bound of its own to be held to
+    /// ([`Thesis::error_db`]).
     pub error_db: f64,
     /// Pulses a sub-CPI; planned if not given.
     pub sub_cpi: Option<usize>,
@@ -75,11 +76,17 @@ impl ImageFormer for RangeDoppler {
         "rdbp"
     }
 
-    fn form(&self, task: &Task) -> Result<Formed, FormError> {
-        task.check_not_empty()?;
+    fn bound_db(&self) -> Option<f64> {
+        match self.mode {
+            Mode::Precise => Some(self.error_db),
+            Mode::Thesis(thesis) => thesis.error_db,
+        }
+    }
+
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
         let thesis_sub_cpi = self.sub_cpi.unwrap_or(thesis::SUB_CPI);
         match self.mode {
-            Mode::Thesis(options) => thesis::form(task, thesis_sub_cpi, options),
+            Mode::Thesis(options) => thesis::form(task, thesis_sub_cpi, options, asked),
             Mode::Precise => {
                 let request = Request {
                     error_db: self.error_db,
@@ -89,19 +96,34 @@ impl ImageFormer for RangeDoppler {
                     memory_bytes: Budget::for_task(task, 8)?.left_bytes() / 2,
                 };
                 let plan = Plan::new(task.history.collection(), task.grid, &request)?;
+                asked.check(plan.predicted_db, || {
+                    let sizes =
+                        "sub-CPIs and patches of these sizes, or float32 sums, leave no less";
+                    format!("{sizes}: {}", self.advice())
+                })?;
                 let pixels = precise::form(task, &plan)?;
                 let settings = json!({
                     "mode": "precise",
-                    "error_db": self.error_db,
-                    "predicted_error_db": plan.predicted_db,
                     "sub_cpi_pulses": plan.sub_cpi_length,
                     "sub_cpis": plan.sub_cpis.len(),
                     "patch_rows": plan.patch.rows,
                     "patch_columns": plan.patch.columns,
                     "kernel_taps": plan.taps,
                 });
-                Ok(Formed::new(task, pixels, settings))
+                Ok(Formed::new(task, pixels, plan.predicted_db, settings))
             }
+        }
+    }
+}
+
+impl RangeDoppler {
+    /// What brings the error down: sizes of the plan's choice, else another former.
+    fn advice(&self) -> &'static str {
+        match (self.sub_cpi.is_some(), self.patch_m.is_some()) {
+            (true, true) => "leave out --sub-cpi and --patch, or use --algorithm bp",
+            (true, false) => "leave out --sub-cpi, or use --algorithm bp",
+            (false, true) => "leave out --patch, or use --algorithm bp",
+            (false, false) => "use --algorithm bp",
         }
     }
 }

@@ -28,11 +28,17 @@
 //! nothing on a stationary scene, all of the focus of a fast target (S 4.3, Figure 4.14). Keystone in
 //! turn resamples what was sampled once a pulse, so it needs a path rate within `lambda / 2` a pulse.
 //!
-//! Accuracy on Table 4.1 against [`crate::focus::exact`]: see the tests and `subap demo`.
+//! Accuracy on Table 4.1 against [`crate::focus::exact`]: see the tests and `subap demo`. Predicted: what resampling and
+//! the straight path leave of a term's phase and amplitude, evaluated at some pixels, frequencies and sub-CPIs
+//! ([`Reading`]), and linear reading of the map in both directions, `(2 pi x)^2 / sqrt(120)` of a component at
+//! `x` cycles a bin. It is the worst pixel's and sub-CPI's.
 //!
 //! Memory: the map, `P M * 10 K` complex float32, and weights of `K M^2` float32.
 
-use num_complex::Complex32;
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::FftPlanner;
 use serde_json::json;
@@ -41,10 +47,12 @@ use super::sub_cpi::{self, CentreState};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::budget::Budget;
 use crate::focus::pixels::add_to_each;
-use crate::focus::{FormError, Formed, Task};
+use crate::focus::{Asked, FormError, Formed, Task, rounding};
+use crate::phase_history::Band;
 use crate::signal::fast_length::fast_length;
+use crate::signal::phase::phasor;
 use crate::signal::phase::phasor32;
-use crate::signal::sinc_keystone::SincKeystone;
+use crate::signal::sinc_keystone::{SincKeystone, sinc};
 
 /// Pulses a sub-CPI where nothing else is asked for (Figure 4.1).
 pub(super) const SUB_CPI: usize = 40;
@@ -54,12 +62,15 @@ const RANGE_PADDING: usize = 10;
 const MOST_DOPPLER_PADDING: usize = 1024;
 
 /// What the thesis varies beside the sub-CPI's length.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Thesis {
     /// Whether slow time is resampled; if not, it goes to the Doppler transform as it is.
     pub keystone: bool,
     /// Doppler bins for every pulse of a sub-CPI, at least 1; made more where that transforms faster.
     pub doppler_padding: usize,
+    /// Bound on the relative RMS error of the image, dB (negative), to hold the method to. It plans nothing
+    /// by it, so there is none unless one is asked for.
+    pub error_db: Option<f64>,
 }
 
 impl Default for Thesis {
@@ -68,6 +79,7 @@ impl Default for Thesis {
         Self {
             keystone: true,
             doppler_padding: 16,
+            error_db: None,
         }
     }
 }
@@ -77,6 +89,7 @@ pub(super) fn form(
     task: &Task,
     sub_cpi_length: usize,
     options: Thesis,
+    asked: &Asked,
 ) -> Result<Formed, FormError> {
     let collection = task.history.collection();
     let band = super::shared_band(collection)?;
@@ -88,6 +101,7 @@ pub(super) fn form(
     let Thesis {
         keystone,
         doppler_padding,
+        error_db: _,
     } = options;
     if !(1..=MOST_DOPPLER_PADDING).contains(&doppler_padding) {
         return Err(FormError::Unsuited(format!(
@@ -109,6 +123,23 @@ pub(super) fn form(
     }
     budget.take("a sub-CPI", (longest * num_samples) as u128 * 8, advice)?;
 
+    let sub_cpis = sub_cpi::cut(num_pulses, &sub_cpi::breaks(collection), sub_cpi_length);
+    let linear = |cycles_a_bin: f64| (TAU * cycles_a_bin).powi(2) / 120f64.sqrt();
+    let planned_db = rounding::total_db(&[
+        Reading {
+            task,
+            band: &band,
+            keystone,
+        }
+        .worst(&sub_cpis),
+        // The band's edge; slow time is evenly filled, and the mean of x^4 over it a fifth.
+        linear(num_samples as f64 / 2.0 / range_length as f64),
+        linear(longest as f64 / 2.0 / doppler_length as f64) / 5f64.sqrt(),
+    ]);
+    asked.check(planned_db, || {
+        "the thesis's method on sub-CPIs of this length: use a smaller --sub-cpi, or --mode precise".to_owned()
+    })?;
+
     let scales = band.scales();
     let fast: Vec<f32> = task.weights.fast.iter().map(|&w| w as f32).collect();
     let norm = task.weights.normalisation();
@@ -122,7 +153,6 @@ pub(super) fn form(
     let mut doppler = vec![Complex32::ZERO; num_samples * doppler_length];
     let mut map = vec![Complex32::ZERO; doppler_length * range_length];
     let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
-    let sub_cpis = sub_cpi::cut(num_pulses, &sub_cpi::breaks(collection), sub_cpi_length);
     let mut resampler: Option<(usize, SincKeystone)> = None;
 
     for (index, pulses) in sub_cpis.iter().enumerate() {
@@ -204,7 +234,7 @@ pub(super) fn form(
         "doppler_length": doppler_length,
         "range_length": range_length,
     });
-    Ok(Formed::new(task, pixels, settings))
+    Ok(Formed::new(task, pixels, planned_db, settings))
 }
 
 /// Reads `map` (rows of `lengths[1]`, both axes periodic) at a place in bins.
@@ -222,4 +252,90 @@ fn bilinear(map: &[Complex32], lengths: [usize; 2], place: [f64; 2]) -> Complex3
     };
     let (low, high) = (line(d0), line(d1));
     low + (high - low) * d
+}
+
+/// Sub-CPIs that are looked at, at most.
+const PROBED_SUB_CPIS: usize = 8;
+
+/// What a pixel makes of the samples.
+struct Reading<'a> {
+    task: &'a Task<'a>,
+    band: &'a Band,
+    keystone: bool,
+}
+
+impl Reading<'_> {
+    /// Relative RMS error of the terms of the worst of some pixels in some of `sub_cpis`, were maps read
+    /// without error.
+    fn worst(&self, sub_cpis: &[Range<usize>]) -> f64 {
+        let step = sub_cpis.len().div_ceil(PROBED_SUB_CPIS).max(1);
+        let some: Vec<&Range<usize>> = sub_cpis
+            .iter()
+            .step_by(step)
+            .chain(sub_cpis.last())
+            .collect();
+        let last = self.band.count - 1;
+        let mut frequencies = vec![0, last / 4, last / 2, last - last / 4, last];
+        frequencies.dedup();
+        some.par_iter()
+            .map(|pulses| self.error(pulses, &frequencies))
+            .reduce(|| 0.0, f64::max)
+    }
+
+    /// Of one sub-CPI: `sum_i W[i][m] exp(j 2 pi nu u_i)`, which is what sample `m` is multiplied by, against
+    /// what it ought to be.
+    fn error(&self, pulses: &Range<usize>, frequencies: &[usize]) -> f64 {
+        let collection = self.task.history.collection();
+        let m = pulses.len();
+        let centre = (m as f64 - 1.0) / 2.0;
+        let state = CentreState::new(collection, pulses.clone());
+        let cycles_m = self.band.centre_hz() / SPEED_OF_LIGHT_M_S;
+        let grid = self.task.grid;
+        let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
+        let mut points: Vec<_> = [0, rows / 2, rows]
+            .into_iter()
+            .flat_map(|row| [0, columns / 2, columns].map(|column| (row, column)))
+            .collect();
+        points.dedup();
+        let mut sums = vec![0.0; points.len()];
+        let mut row = vec![0.0; m];
+        for &k in frequencies {
+            let frequency_hz = self.band.frequency_hz(k);
+            let scale = frequency_hz / self.band.centre_hz();
+            let states: Vec<_> = points
+                .iter()
+                .map(|&(row, column)| {
+                    let point = grid.position_m(row, column);
+                    (point, state.path_and_rate(point))
+                })
+                .collect();
+            let mut taken = vec![Complex64::ZERO; m * points.len()];
+            for i in 0..m {
+                for (place, weight) in row.iter_mut().enumerate() {
+                    *weight = if self.keystone {
+                        sinc((i as f64 - centre) / scale + centre - place as f64)
+                    } else {
+                        f64::from(u8::from(i == place))
+                    };
+                }
+                for (taken, (_, (_, rate_m))) in taken.chunks_exact_mut(m).zip(&states) {
+                    let turn = phasor(rate_m * cycles_m * (i as f64 - centre));
+                    for (taken, weight) in taken.iter_mut().zip(&row) {
+                        *taken += turn * weight;
+                    }
+                }
+            }
+            for ((sum, taken), (point, (path_m, _))) in
+                sums.iter_mut().zip(taken.chunks_exact(m)).zip(&states)
+            {
+                for (n, taken) in pulses.clone().zip(taken) {
+                    let left_m = path_m - collection.pulses[n].relative_path_m(*point);
+                    let turn = phasor(left_m * frequency_hz / SPEED_OF_LIGHT_M_S);
+                    *sum += (taken * turn - 1.0).norm_sqr();
+                }
+            }
+        }
+        let count = (m * frequencies.len()) as f64;
+        (sums.into_iter().fold(0.0, f64::max) / count).sqrt()
+    }
 }

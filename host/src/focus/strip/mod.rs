@@ -201,11 +201,19 @@ impl<'a> Strip<'a> {
         &self.axes
     }
 
-    /// Forms the image; `settings` are the method's own, a JSON object. `observe` sees every array on the
-    /// way.
+    /// RMS phase that motion compensation leaves, dB.
+    pub(super) fn residual_db(&self) -> f64 {
+        let wavenumbers = &self.axes.wavenumbers;
+        let centre = wavenumbers[wavenumbers.len() / 2];
+        20.0 * (centre * self.residual_m).max(1e-5).log10()
+    }
+
+    /// Forms the image, planned to err by `planned_db`; `settings` are the method's own, a JSON object.
+    /// `observe` sees every array on the way.
     pub(super) fn form(
         &self,
         method: &dyn RangeMethod,
+        planned_db: f64,
         settings: serde_json::Value,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
@@ -257,7 +265,7 @@ impl<'a> Strip<'a> {
         if let (Some(all), serde_json::Value::Object(own)) = (all.as_object_mut(), settings) {
             all.extend(own);
         }
-        Ok(Formed::new(self.task, pixels, all))
+        Ok(Formed::new(self.task, pixels, planned_db, all))
     }
 
     /// The spectrum `[K][Q]` weighted, and taken from frequency to range: `[Q][R]`.

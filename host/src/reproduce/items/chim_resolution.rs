@@ -88,7 +88,7 @@ fn resolutions(context: &Context) -> Result<Finding, ItemError> {
     };
     let grid = grid_about(DVec3::ZERO, 3.0, 6.0, 0.05);
     let formed = with_task(context, &recording, &grid, Window::None, |task| {
-        former.form(task)
+        former.form_best(task)
     })?;
     let response = measure(
         &formed.image,

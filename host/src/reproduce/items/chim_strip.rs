@@ -77,7 +77,7 @@ pub(super) fn error_db(
     former: &dyn ImageFormer,
 ) -> Result<f64, ItemError> {
     with_task(context, history, grid, Window::None, |task| {
-        let image = former.form(task)?.image;
+        let image = former.form_best(task)?.image;
         let exact = Exact.form(task)?.image;
         let comparison = Comparison::between(&image, &exact)
             .map_err(|error| ItemError::Measure(error.to_string()))?;

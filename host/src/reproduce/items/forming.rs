@@ -187,7 +187,8 @@ pub(super) fn form_weighted(
             place,
         },
     };
-    Ok(former.form(&task)?.image)
+    // The theses' methods are shown with the errors they have.
+    Ok(former.form_best(&task)?.image)
 }
 
 /// Images side by side, a unit scatterer at the top.

@@ -144,7 +144,8 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     let form = |way: &Way| {
         let progress = session.progress(way.title);
         let begun = Instant::now();
-        let formed = way.former.form(&Task {
+        // The demonstration measures every image's error and shows it.
+        let formed = way.former.form_best(&Task {
             history: &simulated,
             grid: &grid,
             weights: &weights,

@@ -9,7 +9,7 @@ use std::time::Instant;
 use anyhow::Context;
 use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
-use subaperture::focus::{Task, Weights};
+use subaperture::focus::{Misses, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, power};
 use subaperture::io::product::{self, Product};
@@ -18,7 +18,7 @@ use subaperture::plot::{self, Orientation, Panel};
 use subaperture::survey::Survey;
 
 use crate::args::Focus;
-use crate::config::{Session, error_bound_db, former};
+use crate::config::{Session, former};
 use crate::{interrupt, messages, text};
 
 /// Forms the image and writes its folder, complete or not at all.
@@ -74,9 +74,20 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     let checking = typed.check.map(|count| check::Plan::new(&task, count));
     let checking = checking.transpose()?;
-    let formed = former.form(&task)?;
+    let misses = match typed.allow_error {
+        true => Misses::Allowed,
+        false => Misses::Refused,
+    };
+    let formed = former.form_asked(&task, misses)?;
     progress.finish();
-    warn_of_missed_bound(typed, &formed.settings);
+    pass_on_warnings(&formed.settings);
+    if formed.bound_missed {
+        messages::bound_missed(format!(
+            "the predicted error is {:.1} dB, above the {} dB asked",
+            formed.predicted_error_db,
+            former.bound_db().unwrap_or_default()
+        ));
+    }
     for (key, value) in &formed.settings {
         session.note(2, || format!("{key} = {value}"));
     }
@@ -92,7 +103,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
             Some(plan.against_exact(&task, &formed.image)?)
         }
     };
-    if let (Some(check), Some(bound_db)) = (&check, error_bound_db(typed)) {
+    if let (Some(check), Some(bound_db)) = (&check, former.bound_db()) {
         check.judge(bound_db);
     }
     interrupt::check()?;
@@ -164,31 +175,11 @@ fn deliver(
     Ok(())
 }
 
-/// The planner takes the best there is where nothing meets the bound; the user should know.
-fn warn_of_missed_bound(typed: &Focus, settings: &Map<String, Value>) {
+/// What the former has to say of the image.
+fn pass_on_warnings(settings: &Map<String, Value>) {
     let told = settings.get("warnings").and_then(Value::as_array);
     for warning in told.into_iter().flatten().filter_map(Value::as_str) {
         messages::warning(warning);
-    }
-
-    let number = |key: &str| settings.get(key).and_then(Value::as_f64);
-    if let (Some(predicted_db), Some(error_db)) = (number("predicted_error_db"), number("error_db"))
-        && predicted_db > error_db
-    {
-        messages::bound_missed(format!(
-            "the predicted error is {predicted_db:.1} dB, above the --error-db {error_db} asked: {}",
-            advice(typed.sub_cpi.is_some(), typed.patch.is_some())
-        ));
-    }
-}
-
-/// What brings rdbp's error down: sizes of its own choice, else another former.
-fn advice(sub_cpi_given: bool, patch_given: bool) -> &'static str {
-    match (sub_cpi_given, patch_given) {
-        (true, true) => "leave out --sub-cpi and --patch, or use --algorithm bp",
-        (true, false) => "leave out --sub-cpi, or use --algorithm bp",
-        (false, true) => "leave out --patch, or use --algorithm bp",
-        (false, false) => "use --algorithm bp",
     }
 }
 
@@ -213,19 +204,4 @@ fn brightest(image: &Image, grid: &ImageGrid) -> Option<Peak> {
         row: peak.row,
         column: peak.column,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::advice;
-
-    #[test]
-    fn advice_names_only_what_was_typed() {
-        for (sub_cpi, patch) in [(false, false), (true, false), (false, true), (true, true)] {
-            let text = advice(sub_cpi, patch);
-            assert_eq!(text.contains("--sub-cpi"), sub_cpi);
-            assert_eq!(text.contains("--patch"), patch);
-            assert!(text.contains("--algorithm bp"));
-        }
-    }
 }

@@ -82,6 +82,7 @@ pub(super) fn settings(
             "grid": typed.grid.is_some(),
             "mode": typed.mode.map(|mode| format!("{mode:?}").to_lowercase()),
             "error_db": typed.error_db,
+            "allow_error": typed.allow_error,
             "sub_cpi": typed.sub_cpi,
             "patch_m": typed.patch,
             "velocity_m_s": typed.velocity.map(|v| v.to_array()),

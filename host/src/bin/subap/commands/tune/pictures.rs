@@ -112,5 +112,5 @@ fn image(
     let former = Backprojection {
         error_db: DEFAULT_ERROR_DB,
     };
-    Ok(former.form(&task)?.image)
+    Ok(former.form_best(&task)?.image)
 }
