@@ -19,7 +19,7 @@ use num_complex::Complex32;
 
 use super::cost::{Cost, Work};
 use super::radar::{self, RadarPlan};
-use crate::focus::{FormError, ImageFormer, Monitor, Task, Weights};
+use crate::focus::{FormError, ImageFormer, Misses, Monitor, Task, Weights};
 use crate::geometry::{Axis, ImageGrid};
 use crate::phase_history::{Collection, PhaseHistory, ReadError};
 
@@ -35,12 +35,15 @@ const FIRST_OPERATIONS: f64 = 1e7;
 /// Most samples of a part: reading more takes time itself.
 const MOST_SAMPLES: usize = 1 << 22;
 
+/// Samples read at a time.
+const BLOCK_SAMPLES: usize = 1 << 17;
+
 /// Fewest pulses of a part, if there are so many.
 const FEWEST_PULSES: usize = 64;
 
 /// What is to be formed, as far as its operations depend on it.
 #[derive(Clone, Copy, Debug)]
-pub struct Asked {
+pub struct Settings {
     /// Bound on the error, dB.
     pub error_db: f64,
     /// Pulses a sub-CPI, if given.
@@ -58,14 +61,14 @@ pub struct Forecast {
     pub measured_s: f64,
 }
 
-/// Real operations of a former called `name`, by its account.
+/// What a former called `name` takes, by its account.
 ///
 /// `None` of a former without one, or where the collection does not suit it.
-pub fn operations(
+pub fn cost(
     name: &str,
     collection: &Collection,
     grid: &ImageGrid,
-    asked: &Asked,
+    settings: &Settings,
     memory_bytes: u64,
 ) -> Option<Cost> {
     let work = Work {
@@ -75,15 +78,15 @@ pub fn operations(
     };
     match name {
         "exact" => Some(Cost::exact(&work)),
-        "bp" | "velocity-plane" => Some(Cost::backprojection(&work, asked.error_db)),
-        "rdbp" if asked.is_thesis => {
-            let sub_cpi = asked.sub_cpi.unwrap_or(crate::crosscheck::SUB_CPI);
+        "bp" | "velocity" => Some(Cost::backprojection(&work, settings.error_db)),
+        "rdbp" if settings.is_thesis => {
+            let sub_cpi = settings.sub_cpi.unwrap_or(crate::crosscheck::SUB_CPI);
             Some(Cost::thesis(&work, sub_cpi.min(work.pulses)))
         }
         _ => {
             let request = radar::Request {
                 grid,
-                error_db: asked.error_db,
+                error_db: settings.error_db,
                 memory_bytes: memory_bytes / 2,
                 thesis_sub_cpi: crate::crosscheck::SUB_CPI,
                 beamwidth_rad: None,
@@ -103,11 +106,11 @@ pub fn operations(
 pub fn forecast(
     former: &dyn ImageFormer,
     task: &Task,
-    asked: &Asked,
+    settings: &Settings,
 ) -> Result<Option<Forecast>, FormError> {
     let collection = task.history.collection();
     let count = |collection: &Collection, grid: &ImageGrid| {
-        let cost = operations(former.name(), collection, grid, asked, task.memory_bytes);
+        let cost = cost(former.name(), collection, grid, settings, task.memory_bytes);
         cost.map(|cost| cost.operations).filter(|n| *n > 0.0)
     };
     let Some(whole) = count(collection, task.grid) else {
@@ -133,13 +136,15 @@ pub fn forecast(
             fraction: Mutex::new(0.0),
         };
         let start = Instant::now();
-        let formed = former.form(&Task {
+        let part_task = Task {
             history: &part,
             grid: &grid,
             weights: &weights,
             monitor: &until,
             ..*task
-        });
+        };
+        // How well is no matter here.
+        let formed = former.form_asked(&part_task, Misses::Allowed);
         let measured_s = start.elapsed().as_secs_f64();
         let done = match formed {
             Ok(_) => 1.0,
@@ -165,6 +170,37 @@ pub fn forecast(
             pulses = all.min((pulses as f64 * more) as usize + 1);
         }
     }
+}
+
+/// How long it takes to read all of so many pulses of `width` samples, by reading some of them here and there.
+///
+/// # Errors
+/// Those of `read`.
+pub fn reading<E>(
+    num_pulses: usize,
+    width: usize,
+    read: impl Fn(Range<usize>, &mut [Complex32]) -> Result<(), E>,
+) -> Result<Forecast, E> {
+    let block = (BLOCK_SAMPLES / width.max(1)).clamp(1, num_pulses.max(1));
+    let mut samples = vec![Complex32::ZERO; block * width];
+    let (begun, mut done) = (Instant::now(), 0);
+    let blocks = num_pulses.div_ceil(block);
+    // A prime stride, so that neighbours are not read one after the other.
+    for index in (0..blocks).map(|i| i * 7919 % blocks) {
+        let first = index * block;
+        let pulses = first..num_pulses.min(first + block);
+        done += pulses.len();
+        let samples = &mut samples[..pulses.len() * width];
+        read(pulses, samples)?;
+        if begun.elapsed().as_secs_f64() > LONG_ENOUGH_S {
+            break;
+        }
+    }
+    let measured_s = begun.elapsed().as_secs_f64();
+    Ok(Forecast {
+        seconds: measured_s * num_pulses as f64 / done.max(1) as f64,
+        measured_s,
+    })
 }
 
 /// Pulses in the middle of a history.

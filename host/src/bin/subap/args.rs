@@ -115,6 +115,10 @@ pub(crate) struct Writing {
     /// Replace files that subap did not write; never an input of the same run [default: only its own]
     #[arg(long)]
     pub(crate) force: bool,
+
+    /// Say what it will take (time, memory, disk), from a short measured part of the work, and do nothing
+    #[arg(long)]
+    pub(crate) dry_run: bool,
 }
 
 /// Recordings.

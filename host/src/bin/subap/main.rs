@@ -1,5 +1,6 @@
 //! The command `subap`: from phase history to a focused image.
 
+mod ahead;
 mod args;
 mod commands;
 mod config;

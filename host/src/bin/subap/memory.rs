@@ -79,6 +79,11 @@ impl Memory {
         })
     }
 
+    /// What the program itself takes, and drawing.
+    pub(crate) fn own_bytes(&self) -> u64 {
+        self.total_bytes - self.work_bytes
+    }
+
     /// `error` with where the memory that it misses has gone.
     pub(crate) fn explain(&self, error: anyhow::Error) -> anyhow::Error {
         let of_memory = error.chain().any(|cause| {

@@ -14,11 +14,13 @@ use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, power};
 use subaperture::io::product::{self, Product};
 use subaperture::phase_history::PhaseHistory;
+use subaperture::planner::forecast;
 use subaperture::plot::{self, Orientation, Panel};
 use subaperture::survey::Survey;
 
-use crate::args::Focus;
-use crate::config::{Session, former};
+use crate::ahead::Ahead;
+use crate::args::{Focus, Mode};
+use crate::config::{DEFAULT_ERROR_DB, Session, former};
 use crate::{interrupt, messages, text};
 
 /// Forms the image and writes its folder, complete or not at all.
@@ -72,6 +74,22 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         memory_bytes: session.memory_bytes,
         monitor: &progress,
     };
+    let settings = forecast::Settings {
+        error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
+        sub_cpi: typed.sub_cpi,
+        is_thesis: typed.mode == Some(Mode::Thesis),
+    };
+    let ahead = Ahead::of_image(
+        session,
+        &typed.writing,
+        &*former,
+        &task,
+        &settings,
+        &typed.out,
+    )?;
+    if ahead.announce(session, &typed.writing)? {
+        return Ok(());
+    }
     let checking = typed.check.map(|count| check::Plan::new(&task, count));
     let checking = checking.transpose()?;
     let misses = match typed.allow_error {

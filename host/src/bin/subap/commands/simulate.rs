@@ -7,9 +7,12 @@ use subaperture::io::cphd::{self, Channel, Domain, Sgn, WriteOptions};
 use subaperture::io::ours::Kind;
 use subaperture::io::recording::{self, Raw};
 use subaperture::phase_history::PhaseHistory;
+use subaperture::planner::forecast::{self, Forecast};
+use subaperture::receive::Echoes;
 use subaperture::simulate::scenario::{self, Scenario};
 use subaperture::simulate::{Experiment, Noise, Recording, Variation};
 
+use crate::ahead::{Ahead, reading};
 use crate::args::{SignalDomain, Simulate};
 use crate::config::Session;
 use crate::text;
@@ -33,14 +36,17 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
             let ids: Vec<&str> = recordings.iter().map(|(id, _)| id.as_str()).collect();
             claims.folder(folder, recording::names(&ids))?;
         }
+        let channels: Vec<Channel> = recordings
+            .iter()
+            .map(|(id, recording)| Channel::new(id.clone(), recording))
+            .collect();
+        if ahead(session, typed, &channels, &recordings)?.announce(session, &typed.writing)? {
+            return Ok(());
+        }
         if let Some(folder) = &typed.echoes {
             write_echoes(session, folder, &recordings)?;
         }
         if let Some(out) = &typed.out {
-            let channels: Vec<Channel> = recordings
-                .iter()
-                .map(|(id, recording)| Channel::new(id.clone(), recording))
-                .collect();
             write(session, typed, out, &channels)?;
         }
         return Ok(());
@@ -49,10 +55,17 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         let mut claims = session.claims::<&Path>(&typed.writing, &[]);
         claims.file(out, Kind::Collection)?;
         let simulated = preset.simulate(&variation(typed));
-        return write(session, typed, out, &[Channel::new("1", &simulated)]);
+        let channels = [Channel::new("1", &simulated)];
+        if ahead(session, typed, &channels, &[])?.announce(session, &typed.writing)? {
+            return Ok(());
+        }
+        return write(session, typed, out, &channels);
     }
     Ok(())
 }
+
+/// Samples from which on work may be long.
+const MANY_SAMPLES: u64 = 1 << 21;
 
 /// What a sample of a pulse takes on its way into a file, and in a thread that makes it: sums in float64, a transform of
 /// twice the length and its tables.
@@ -158,20 +171,73 @@ fn write_echoes(
     Ok(())
 }
 
-fn write(
+/// What the files will take. Every channel takes as long as the first a pulse.
+fn ahead(
     session: &Session,
     typed: &Simulate,
-    out: &Path,
     channels: &[Channel],
-) -> anyhow::Result<()> {
-    let options = WriteOptions {
+    recordings: &[(String, Recording)],
+) -> anyhow::Result<Ahead> {
+    let first = channels[0].history.collection();
+    let pulses = |channel: &Channel| channel.history.collection().pulses.len() as u64;
+    let all: u64 = channels.iter().map(pulses).sum();
+    let measure = typed.writing.dry_run || all * first.num_samples as u64 > MANY_SAMPLES;
+    let mut disk = Vec::new();
+    let mut parts: Vec<Forecast> = Vec::new();
+    if let Some(out) = &typed.out {
+        disk.push((out.clone(), cphd::file_bytes(channels, &options(typed))?));
+        if measure {
+            parts.push(reading(channels[0].history)?);
+        }
+    }
+    if let (Some(folder), Some((_, recording))) = (&typed.echoes, recordings.first()) {
+        let echoes = recording.echoes();
+        let width = echoes.collection().waveform.num_samples();
+        disk.push((folder.clone(), 8 * all * width as u64));
+        if measure {
+            let count = echoes.collection().pulses.len();
+            parts.push(forecast::reading(count, width, |pulses, samples| {
+                echoes.read(pulses, samples)
+            })?);
+        }
+    }
+    let times = all as f64 / first.pulses.len() as f64;
+    let time = measure.then(|| Forecast {
+        seconds: parts.iter().map(|part| part.seconds * times).sum(),
+        measured_s: parts.iter().map(|part| part.measured_s).sum(),
+    });
+    let held = channels.iter().map(|channel| channel.history.held_bytes());
+    let what = format!(
+        "{} pulses of {} frequencies, {} in all",
+        first.pulses.len(),
+        first.num_samples,
+        match channels.len() {
+            1 => "one channel".to_owned(),
+            count => format!("{count} channels"),
+        }
+    );
+    Ok(Ahead::of_files(session, what, held.sum(), time, disk))
+}
+
+/// How the file is written.
+fn options(typed: &Simulate) -> WriteOptions {
+    WriteOptions {
         domain: match typed.domain {
             SignalDomain::Fx => Domain::Fx,
             SignalDomain::Toa => Domain::Toa,
         },
         sgn: if typed.sgn < 0 { Sgn::Minus } else { Sgn::Plus },
         ..WriteOptions::default()
-    };
+    }
+}
+
+fn write(
+    session: &Session,
+    typed: &Simulate,
+    out: &Path,
+    channels: &[Channel],
+) -> anyhow::Result<()> {
+    let options = options(typed);
     let progress = session.progress("simulating");
     cphd::write(out, channels, &options, &progress)?;
     progress.finish();

@@ -11,9 +11,11 @@ use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::power;
 use subaperture::io::product::{self, Product};
 use subaperture::phase_history::PhaseHistory;
+use subaperture::planner::forecast::Settings;
 use subaperture::plot::{self, Panel, ShownAxis};
 use subaperture::survey::Survey;
 
+use crate::ahead::Ahead;
 use crate::args::Velocity;
 use crate::config::{DEFAULT_ERROR_DB, Session, record_of_run};
 use crate::{interrupt, text};
@@ -37,13 +39,30 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     };
     let weights = Weights::new(collection, typed.window, typed.slow_window);
     let progress = session.progress("focusing");
-    let formed = former.form(&Task {
+    let task = Task {
         history: &history,
         grid: &grid,
         weights: &weights,
         memory_bytes: session.memory_bytes,
         monitor: &progress,
-    })?;
+    };
+    let settings = Settings {
+        error_db: former.error_db,
+        sub_cpi: None,
+        is_thesis: false,
+    };
+    let ahead = Ahead::of_image(
+        session,
+        &typed.writing,
+        &former,
+        &task,
+        &settings,
+        &typed.out,
+    )?;
+    if ahead.announce(session, &typed.writing)? {
+        return Ok(());
+    }
+    let formed = former.form(&task)?;
     progress.finish();
 
     let peak = formed.image.peak().filter(|peak| power(peak.value) > 0.0);
