@@ -54,8 +54,8 @@ pub(crate) struct Global {
     #[arg(long, global = true, value_name = "N", value_parser = threads, help_heading = "Global options")]
     pub(crate) threads: Option<usize>,
 
-    /// Memory that image, samples and scratch may take: bytes, or with K, M, G or T (powers of
-    /// 1024) [default: half of what the machine has]
+    /// Memory that the process may take, of which 16M and 1M a thread are the program's own: bytes, or with K,
+    /// M, G or T (powers of 1024); 24M and 1M a thread at the least [default: half of what the machine has]
     #[arg(long, global = true, value_name = "SIZE", value_parser = size, help_heading = "Global options")]
     pub(crate) memory: Option<u64>,
 

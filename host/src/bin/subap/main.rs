@@ -32,6 +32,11 @@ fn main() -> ExitCode {
     };
     let done = config::Session::new(&typed.global).and_then(|session| {
         let done = commands::run(&session, command);
+        if let Some(bytes) = memory::peak_bytes() {
+            session.note(1, || {
+                format!("{} of memory at the most", text::bytes(bytes.into()))
+            });
+        }
         done.map_err(|error| session.memory.explain(error))
     });
     failure::exit_status(done)

@@ -128,6 +128,11 @@ fn address_space() -> Option<u64> {
     Some(limit.saturating_sub(taken) / 2)
 }
 
+/// The most that the process held at any time.
+pub(crate) fn peak_bytes() -> Option<u64> {
+    kibibytes("/proc/self/status", "VmHWM:")
+}
+
 fn kibibytes(path: &str, label: &str) -> Option<u64> {
     let text = fs::read_to_string(path).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix(label))?;
