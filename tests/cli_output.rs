@@ -71,9 +71,9 @@ fn images_beyond_memory_are_not_compared() {
 #[test]
 fn a_demonstration_beyond_memory_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    // One image of 250 x 250 pixels takes 500 kB, all of them 6 MB; 4 MiB are for the work.
-    let line = "demo --out demo --threads 2 --memory 26M --grid x=-25:25:0.2,y=-25:25:0.2";
-    run(folder.path(), line).failed(1, &["12 images", "250 x 250", "--memory"]);
+    // One image of 200 x 200 pixels takes 320 kB, all of them 6.4 MB; 4 MiB are for the work.
+    let line = "demo --out demo --threads 2 --memory 26M --grid x=-20:20:0.2,y=-20:20:0.2";
+    run(folder.path(), line).failed(1, &["20 images", "200 x 200", "--memory"]);
     assert!(listing(folder.path()).is_empty());
 }
 
