@@ -9,6 +9,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use subaperture::io::claim::abandon;
+
 use crate::failure::{INTERRUPTED, Interrupted};
 use crate::messages;
 
@@ -22,6 +24,7 @@ static KEEPERS: AtomicUsize = AtomicUsize::new(0);
 pub(crate) fn listen() {
     let listening = ctrlc::set_handler(|| {
         if PRESSED.swap(true, Ordering::SeqCst) {
+            abandon();
             exit(INTERRUPTED.into());
         }
         thread::spawn(end_what_does_not_end);
@@ -38,6 +41,7 @@ fn end_what_does_not_end() {
     while KEEPERS.load(Ordering::SeqCst) > 0 {
         thread::sleep(PATIENCE / 10);
     }
+    abandon();
     messages::error("interrupted; what was written is whole, and the rest is not there");
     exit(INTERRUPTED.into());
 }
