@@ -37,7 +37,7 @@ fn work_beyond_memory_is_refused_cleanly() {
     let before = listing(folder.path());
     // 26 MiB leave 4 for the work: the image of 1.2 MB fits; what the exact sum needs beside it does not.
     let line = "focus scene.cphd --out out --threads 2 --memory 26M -a exact --grid x=-40:40:0.2,y=-40:40:0.2";
-    run(folder.path(), line).failed(1, &["bytes", "--memory"]);
+    run(folder.path(), line).failed(1, &["allowed", "--memory"]);
     assert_eq!(listing(folder.path()), before);
 }
 

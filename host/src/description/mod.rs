@@ -17,7 +17,7 @@ mod reference;
 mod resolve;
 pub(crate) mod schema;
 mod tree;
-pub(crate) mod units;
+pub mod units;
 pub(crate) mod values;
 
 use std::io;
@@ -30,8 +30,8 @@ use values::Values;
 
 pub use error::{DescriptionError, Fault};
 
-/// Longest text that is read, bytes: far longer than anyone writes.
-const LONGEST_BYTES: u64 = 16 << 20;
+/// Longest text that is read, bytes: far longer than anyone writes, for its tree takes a hundred times as many.
+const LONGEST_BYTES: u64 = 4 << 20;
 
 /// A text and the settings that override it.
 #[derive(Clone, Debug)]
@@ -68,14 +68,24 @@ impl Description {
     /// Reads a text.
     ///
     /// # Errors
-    /// If the file cannot be read, is no UTF-8, or has more than 16 MiB.
+    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
     pub(crate) fn read(path: &Path) -> io::Result<Self> {
         if std::fs::metadata(path)?.len() > LONGEST_BYTES {
             return Err(io::Error::other(
-                "more than 16 MiB: is this a scenario or a recording's description?",
+                "more than 4 MiB: is this a scenario or a recording's description?",
             ));
         }
-        let text = std::fs::read_to_string(path)?;
+        let text = std::fs::read_to_string(path).map_err(|error| match error.kind() {
+            io::ErrorKind::InvalidData => io::Error::new(
+                error.kind(),
+                "it is no UTF-8 text, and a scenario or a recording's description in TOML is wanted",
+            ),
+            io::ErrorKind::IsADirectory => io::Error::new(
+                error.kind(),
+                "it is a folder, and a scenario or a recording's description in TOML is wanted",
+            ),
+            _ => error,
+        })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         Ok(Self::new(path.display().to_string(), text, folder))
     }

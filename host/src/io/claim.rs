@@ -137,12 +137,6 @@ impl Drop for Claims {
     }
 }
 
-/// Removes what this process has half-written, and its locks. For a process that ends at once; whatever it still does, it
-/// must end before it could write.
-pub fn abandon() {
-    super::lock::abandon();
-}
-
 fn failed(path: &Path, source: io::Error) -> WriteError {
     WriteError::Io {
         path: path.to_owned(),

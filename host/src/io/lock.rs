@@ -17,6 +17,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Duration;
 
+use super::unfinished::{self, Thing};
+
 /// What a name of ours begins with.
 const PREFIX: &str = ".subap-";
 const LOCK_SUFFIX: &str = ".lock";
@@ -41,8 +43,6 @@ pub(super) struct Lock {
     path: PathBuf,
     key: String,
     file: Option<File>,
-    /// Where hidden files of its output may lie.
-    folders: Mutex<Vec<PathBuf>>,
 }
 
 /// Why there is no lock.
@@ -77,8 +77,8 @@ impl Lock {
                             path: path.clone(),
                             key,
                             file,
-                            folders: Mutex::default(),
                         });
+                        unfinished::begin(Thing::File(path.clone()));
                         held.insert(path, Arc::downgrade(&lock));
                         drop(held);
                         lock.sweep(folder);
@@ -101,33 +101,12 @@ impl Lock {
         format!("{PREFIX}{}-{process}-{number}{suffix}", self.key)
     }
 
-    /// Removes from `folder`, where hidden files are to lie, what dead runs left of this output.
+    /// Removes from `folder` what dead runs left of this output.
     pub(super) fn sweep(&self, folder: &Path) {
-        let mut folders = self.folders.lock().unwrap_or_else(PoisonError::into_inner);
-        folders.push(folder.to_owned());
         if self.file.is_some() {
             // This process may write another output of the same name in another folder, not here.
             remove_leftovers(folder, &self.key);
         }
-    }
-}
-
-/// Removes the hidden files and the locks of this process, which is about to end: nothing may be written any more. Maps
-/// that came so far stay.
-pub(super) fn abandon() {
-    // Whoever has it is at work on a lock: it is left to the next run.
-    let Ok(held) = HELD.try_lock() else { return };
-    for (path, lock) in held.iter() {
-        if let Some(lock) = lock.upgrade() {
-            let folders = lock.folders.lock().unwrap_or_else(PoisonError::into_inner);
-            folders
-                .iter()
-                .for_each(|folder| remove_leftovers(folder, &lock.key));
-            drop(folders);
-            // Not dropped: the process goes on for a moment, without its locks' names.
-            std::mem::forget(lock);
-        }
-        let _ = fs::remove_file(path);
     }
 }
 
@@ -137,6 +116,7 @@ impl Drop for Lock {
         let mut held = HELD.lock().unwrap_or_else(PoisonError::into_inner);
         held.remove(&self.path);
         let _ = fs::remove_file(&self.path);
+        unfinished::end(&self.path);
         self.file = None;
     }
 }

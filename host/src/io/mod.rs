@@ -17,3 +17,4 @@ pub mod product;
 pub mod recording;
 mod staging;
 pub mod track_csv;
+pub mod unfinished;

@@ -37,6 +37,12 @@ impl Default for Options<'_> {
 /// [`ReadError::Malformed`] for a file of no known format, saying what it looks like, and for a
 /// broken one; [`ReadError::Mismatch`] for a channel of a format that has none; [`ReadError::Io`].
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, ReadError> {
+    if path.is_dir() {
+        return Err(ReadError::Malformed {
+            path: path.to_owned(),
+            what: "a directory, and not a recording: name the files in it".to_owned(),
+        });
+    }
     let start = read_start(path).map_err(|source| ReadError::Io {
         path: path.to_owned(),
         source,

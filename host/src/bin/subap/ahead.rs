@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use serde_json::{Value, json};
 use subaperture::focus::{FormError, ImageFormer, Task};
 use subaperture::io::atomic::free_bytes;
 use subaperture::io::npy;
@@ -90,7 +91,11 @@ impl Ahead {
     /// Says it: whether that is all that was asked for.
     pub(crate) fn announce(&self, session: &Session, writing: &Writing) -> anyhow::Result<bool> {
         if writing.dry_run {
-            text::say(self.describe(session))?;
+            if session.json() {
+                text::say_json("forecast", self.to_json(session))?;
+            } else {
+                text::say(self.describe(session))?;
+            }
             return Ok(true);
         }
         let seconds = self.time.map_or(0.0, |time| time.seconds);
@@ -106,6 +111,22 @@ impl Ahead {
             ));
         }
         Ok(false)
+    }
+
+    fn to_json(&self, session: &Session) -> Value {
+        json!({
+            "work": self.what,
+            "time_s": self.time.map(|time| time.seconds),
+            "measured_s": self.time.map(|time| time.measured_s),
+            "threads": session.threads,
+            "memory_bytes": self.memory_bytes,
+            "memory_allowed_bytes": session.memory.total_bytes,
+            "disk": self.disk.iter().map(|(path, bytes)| json!({
+                "path": path.display().to_string(),
+                "bytes": bytes,
+                "free_bytes": free_bytes(path),
+            })).collect::<Vec<_>>(),
+        })
     }
 
     fn describe(&self, session: &Session) -> String {

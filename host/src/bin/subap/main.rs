@@ -1,4 +1,5 @@
 //! The command `subap`: from phase history to a focused image.
+#![forbid(unsafe_code)]
 
 mod ahead;
 mod args;
@@ -6,6 +7,7 @@ mod commands;
 mod config;
 mod failure;
 mod interrupt;
+mod log;
 mod memory;
 mod messages;
 mod progress;
@@ -39,5 +41,7 @@ fn main() -> ExitCode {
         }
         done.map_err(|error| session.memory.explain(error))
     });
-    failure::exit_status(done)
+    let status = failure::exit_status(done);
+    messages::end(status);
+    ExitCode::from(status)
 }

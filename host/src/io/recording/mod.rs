@@ -78,7 +78,7 @@ impl RecordingFile {
     /// Reads a description.
     ///
     /// # Errors
-    /// If the file cannot be read, is no UTF-8, or has more than 16 MiB.
+    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
     pub fn read(path: &Path) -> io::Result<Self> {
         Ok(Self {
             description: Description::read(path)?,

@@ -40,7 +40,7 @@ impl Pulsed {
                 return Err(format!(
                     "echoes of the scene come from {least_s:.9} to {:.9} s after a pulse begins, the \
                      last of it included, and the window is open from {window_start_s:.9} to \
-                     {end_s:.9} s: open it sooner or keep it open longer (num_samples)",
+                     {end_s:.9} s: open it sooner (window_start) or keep it open longer (samples)",
                     most_s + shape.duration_s()
                 ));
             }

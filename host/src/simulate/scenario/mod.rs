@@ -85,7 +85,7 @@ impl Scenario {
     /// Reads a scenario's text.
     ///
     /// # Errors
-    /// If the file cannot be read, is no UTF-8, or has more than 16 MiB.
+    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
     pub fn read(path: &Path) -> io::Result<Self> {
         Description::read(path).map(Self)
     }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args as Group, ValueHint};
 use glam::DVec3;
+use subaperture::description::units::Dimension;
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::io::recording;
 use subaperture::signal::window::Window;
@@ -57,7 +58,7 @@ pub(crate) struct Tune {
     pub(crate) grid: Option<ImageGrid>,
 
     /// In place of a grid: a reflector's surveyed position, metres, whose power counts; may be repeated
-    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = super::vector,
+    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = super::vector(Dimension::Length),
         conflicts_with_all = ["grid", "measure"])]
     pub(crate) at: Vec<DVec3>,
 

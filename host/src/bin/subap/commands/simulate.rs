@@ -1,8 +1,10 @@
 //! `subap simulate`: a simulated collection as CPHD 1.1, or as raw echoes.
 
 use std::path::Path;
+use std::time::Instant;
 
 use anyhow::Context;
+use serde_json::{Value, json};
 use subaperture::io::cphd::{self, Channel, Domain, Sgn, WriteOptions};
 use subaperture::io::ours::Kind;
 use subaperture::io::recording::{self, Raw};
@@ -14,11 +16,12 @@ use subaperture::simulate::{Experiment, Noise, Recording, Variation};
 
 use crate::ahead::{Ahead, reading};
 use crate::args::{SignalDomain, Simulate};
-use crate::config::Session;
+use crate::config::{Session, record_of_run};
 use crate::text;
 
 /// Writes the file, complete or not at all, or prints what there is to know of scenarios.
 pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
+    let start = Instant::now();
     if typed.keys {
         text::say(scenario::reference())?;
     }
@@ -30,8 +33,11 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         if let Some(out) = &typed.out {
             claims.file(out, Kind::Collection)?;
         }
+        let preparing = session.progress("preparing");
         let experiment = experiment(session, path, typed)?;
         let recordings = record(session, &experiment)?;
+        preparing.finish();
+        let mut written = Vec::new();
         if let Some(folder) = &typed.echoes {
             let ids: Vec<&str> = recordings.iter().map(|(id, _)| id.as_str()).collect();
             claims.folder(folder, recording::names(&ids))?;
@@ -44,12 +50,12 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
             return Ok(());
         }
         if let Some(folder) = &typed.echoes {
-            write_echoes(session, folder, &recordings)?;
+            written.extend(write_echoes(session, folder, &recordings)?);
         }
         if let Some(out) = &typed.out {
-            write(session, typed, out, &channels)?;
+            written.extend(write(session, typed, out, &channels)?);
         }
-        return Ok(());
+        return report(session, start, written);
     }
     if let (Some(preset), Some(out)) = (typed.preset, &typed.out) {
         let mut claims = session.claims::<&Path>(&typed.writing, &[]);
@@ -59,7 +65,8 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         if ahead(session, typed, &channels, &[])?.announce(session, &typed.writing)? {
             return Ok(());
         }
-        return write(session, typed, out, &channels);
+        let written = write(session, typed, out, &channels)?;
+        return report(session, start, written);
     }
     Ok(())
 }
@@ -71,6 +78,15 @@ const MANY_SAMPLES: u64 = 1 << 21;
 /// twice the length and its tables.
 const ROW_BYTES: u64 = 24;
 const THREAD_ROW_BYTES: u64 = 160;
+
+/// Prints what was written where JSON is wanted; else each said so as it was.
+fn report(session: &Session, start: Instant, written: Vec<Value>) -> anyhow::Result<()> {
+    if !session.json() {
+        return Ok(());
+    }
+    let run = record_of_run(session, start.elapsed());
+    text::say_json("simulate", json!({ "run": run, "written": written }))
+}
 
 /// What the scenario says, with the settings laid over.
 fn experiment(session: &Session, path: &Path, typed: &Simulate) -> anyhow::Result<Experiment> {
@@ -141,7 +157,7 @@ fn write_echoes(
     session: &Session,
     folder: &Path,
     recordings: &[(String, Recording)],
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<Value>> {
     let raw: Vec<Raw> = recordings
         .iter()
         .map(|(id, recording)| Raw {
@@ -152,23 +168,30 @@ fn write_echoes(
     let progress = session.progress("simulating");
     recording::write(folder, &raw, &progress)?;
     progress.finish();
-    if session.quiet() {
-        return Ok(());
-    }
+    let mut written = Vec::new();
     for raw in &raw {
         let collection = raw.echoes.collection();
         let name = match recordings.len() {
             1 => String::new(),
             _ => format!(" {}", raw.id),
         };
-        text::say(format!(
-            "{}{name}: {} echoes of {} samples",
-            folder.display(),
-            collection.pulses.len(),
-            collection.waveform.num_samples()
-        ))?;
+        if session.tells() {
+            text::say(format!(
+                "{}{name}: {} echoes of {} samples",
+                folder.display(),
+                collection.pulses.len(),
+                collection.waveform.num_samples()
+            ))?;
+        }
+        written.push(json!({
+            "path": folder.display().to_string(),
+            "holds": "echoes",
+            "channel": raw.id,
+            "pulses": collection.pulses.len(),
+            "samples": collection.waveform.num_samples(),
+        }));
     }
-    Ok(())
+    Ok(written)
 }
 
 /// What the files will take. Every channel takes as long as the first a pulse.
@@ -236,26 +259,33 @@ fn write(
     typed: &Simulate,
     out: &Path,
     channels: &[Channel],
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<Value>> {
     let options = options(typed);
     let progress = session.progress("simulating");
     cphd::write(out, channels, &options, &progress)?;
     progress.finish();
-    if session.quiet() {
-        return Ok(());
-    }
+    let mut written = Vec::new();
     for channel in channels {
         let collection = channel.history.collection();
         let name = match channels.len() {
             1 => String::new(),
             _ => format!(" {}", channel.id),
         };
-        text::say(format!(
-            "{}{name}: {} pulses of {} frequencies",
-            out.display(),
-            collection.pulses.len(),
-            collection.num_samples
-        ))?;
+        if session.tells() {
+            text::say(format!(
+                "{}{name}: {} pulses of {} frequencies",
+                out.display(),
+                collection.pulses.len(),
+                collection.num_samples
+            ))?;
+        }
+        written.push(json!({
+            "path": out.display().to_string(),
+            "holds": "phase history",
+            "channel": channel.id,
+            "pulses": collection.pulses.len(),
+            "samples": collection.num_samples,
+        }));
     }
-    Ok(())
+    Ok(written)
 }

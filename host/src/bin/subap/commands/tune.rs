@@ -82,24 +82,24 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         TuneError::Nothing => anyhow::Error::new(error),
     })?;
     interrupt::check()?;
+    let record = json!({
+        "schema": "subaperture-tune",
+        "schema_version": 1,
+        "run": record_of_run(session, start.elapsed()),
+        "measure": measure_name(typed),
+        "merit": found.merit,
+        "evaluations": found.evaluations,
+        "keys": keys.iter().zip(&found.best).zip(&found.scans).map(|((vary, best), scan)| json!({
+            "key": vary.key,
+            "unit": vary.unit,
+            "best": best,
+            "width": scan.width,
+            "at_end": scan.at_end,
+            "scan": scan.points,
+        })).collect::<Vec<_>>(),
+        "inputs": recording.inputs()?,
+    });
     if let Some(folder) = &typed.out {
-        let record = json!({
-            "schema": "subaperture-tune",
-            "schema_version": 1,
-            "run": record_of_run(session, start.elapsed()),
-            "measure": measure_name(typed),
-            "merit": found.merit,
-            "evaluations": found.evaluations,
-            "keys": keys.iter().zip(&found.best).zip(&found.scans).map(|((vary, best), scan)| json!({
-                "key": vary.key,
-                "unit": vary.unit,
-                "best": best,
-                "width": scan.width,
-                "at_end": scan.at_end,
-                "scan": scan.points,
-            })).collect::<Vec<_>>(),
-            "inputs": recording.inputs()?,
-        });
         let tuned = varied.history(&found.best)?;
         pictures::write(
             session,
@@ -109,6 +109,9 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
             &found,
             [&recording.history(session.memory_bytes), &Ok(tuned)],
         )?;
+    }
+    if session.json() {
+        return text::say_json("tune", record);
     }
     report(typed, &found, start)
 }
