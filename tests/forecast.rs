@@ -61,14 +61,14 @@ fn within_a_factor_of_two(former: &dyn ImageFormer, grid: &str) {
 fn estimates_are_within_a_factor_of_two() {
     let error_db = -60.0;
     within_a_factor_of_two(&Exact, "x=-10:10:0.3,y=-10:10:0.3");
-    within_a_factor_of_two(&Backprojection { error_db }, "x=-40:40:0.15,y=-40:40:0.15");
+    within_a_factor_of_two(&Backprojection { error_db }, "x=-40:40:0.4,y=-40:40:0.4");
     let rdbp = RangeDoppler {
         mode: subaperture::focus::rdbp::Mode::Precise,
         error_db,
         sub_cpi: None,
         patch_m: None,
     };
-    within_a_factor_of_two(&rdbp, "x=-40:40:0.05,y=-40:40:0.05");
+    within_a_factor_of_two(&rdbp, "x=-40:40:0.1,y=-40:40:0.1");
     within_a_factor_of_two(&OmegaK { error_db }, "x=-40:40:0.1,y=-40:40:0.1");
     within_a_factor_of_two(&FastFactorised { error_db }, "x=-40:40:0.1,y=-40:40:0.1");
     let pfa = PolarFormat {

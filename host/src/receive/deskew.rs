@@ -131,7 +131,8 @@ impl<E: Echoes> Deskewed<E> {
                 "a scene of delays up to {half_delay_s} s from the reference: give a number, 0 or more"
             )));
         }
-        if half_delay_s * chirp_hz_s.abs() > sample_rate_hz / 2.0 {
+        // All that the samples tell apart is allowed, whatever the rounding.
+        if half_delay_s * chirp_hz_s.abs() > sample_rate_hz / 2.0 * (1.0 + 1e-9) {
             return Err(fault(format!(
                 "delays up to {} from the reference beat at up to {}, more than half the sampling rate of {}: \
                  sample faster, sweep slower or see less",

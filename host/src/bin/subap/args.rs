@@ -154,6 +154,10 @@ pub(crate) struct Input {
     /// Channel of a CPHD by its identifier [default: its reference channel]
     #[arg(long, value_name = "ID")]
     pub(crate) channel: Option<String>,
+
+    /// Override a key of a description, as radar.first_pulse=9.2s; any number of times
+    #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
+    pub(crate) set: Vec<(String, String)>,
 }
 
 /// `subap focus`.
@@ -165,7 +169,7 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
+        "paths", "channel", "set", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
         "window", "slow_window", "check"
     ])]
     pub(crate) from_maps: Option<PathBuf>,

@@ -104,6 +104,7 @@ impl Session {
         let options = Options {
             channel: input.channel.as_deref(),
             memory_bytes: self.memory_bytes,
+            settings: &input.set,
         };
         let reading = self.progress("reading");
         let history = open_all(&input.paths, &options)?;

@@ -35,7 +35,8 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         }
         let preparing = session.progress("preparing");
         let experiment = experiment(session, path, typed)?;
-        let recordings = record(session, &experiment)?;
+        let recordings = record(session, &experiment)
+            .with_context(|| format!("cannot simulate {}", path.display()))?;
         preparing.finish();
         let mut written = Vec::new();
         if let Some(folder) = &typed.echoes {

@@ -88,6 +88,7 @@ pub(super) fn settings(
             "patch_m": typed.patch,
             "velocity_m_s": typed.velocity.map(|v| v.to_array()),
             "channel": typed.input.channel,
+            "set": typed.input.set.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>(),
             "check": typed.check,
             "no_keystone": typed.no_keystone,
             "no_src": typed.no_src,
