@@ -258,6 +258,28 @@ fn value(key: &Key, node: &Node) -> Result<Value, Found> {
             Raw::Text(text) => Ok(Value::Text(text.clone())),
             _ => Err(wrong("a text in quotes")),
         },
+        Kind::Paths => {
+            let one = |node: &Node| match &node.raw {
+                Raw::Text(text) if !text.trim().is_empty() => Ok(text.clone()),
+                _ => Err(Found::new(
+                    &node.at,
+                    format!(
+                        "'{}' wants texts that are not empty: write for example {}",
+                        key.name,
+                        key.example()
+                    ),
+                )),
+            };
+            match &node.raw {
+                Raw::Array(items) if !items.is_empty() => items
+                    .iter()
+                    .map(one)
+                    .collect::<Result<_, _>>()
+                    .map(Value::Texts),
+                Raw::Text(_) => one(node).map(|text| Value::Texts(vec![text])),
+                _ => Err(wrong("a text in quotes, or an array of them,")),
+            }
+        }
         Kind::Choice(words) => match &node.raw {
             Raw::Text(text) if words.contains(&text.as_str()) => Ok(Value::Text(text.clone())),
             Raw::Text(text) => {

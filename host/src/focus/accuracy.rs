@@ -10,6 +10,9 @@
 //! pulse and frequency). Before anything heavy it bounds the RMS of `d` for its track, band and
 //! grid: the *planned* error. If that misses the bound asked, it refuses ([`Asked::check`]).
 //!
+//! Where antennas move from sample to sample of a pulse and the former takes all samples at one place, what that leaves
+//! ([`super::sweep::residual`]) is added for it.
+//!
 //! **What becomes of the image.** Where terms add in phase, an image's error is at most the RMS of `d` of
 //! the value itself (Cauchy and Schwarz). Where they do not, powers add: the error's is the RMS of `d`, squared,
 //! of the sum of the terms' powers,
@@ -38,7 +41,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::{FormError, Formed, Task};
+use super::{FormError, Formed, Task, rounding, sweep};
+use crate::geometry::ImageGrid;
 use crate::image::power;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
 
@@ -102,16 +106,29 @@ pub(super) fn misses(predicted_db: f64, bound_db: Option<f64>) -> bool {
 pub(super) fn keep(
     task: &Task,
     asked: Asked,
+    follows_sweeps: bool,
     form: impl FnOnce(&Task) -> Result<Formed, FormError>,
 ) -> Result<Formed, FormError> {
     task.check()?;
+    let swept = match follows_sweeps {
+        true => 0.0,
+        false => sweep::residual(task.history.collection(), task.grid),
+    };
+    asked.check(20.0 * swept.log10(), || {
+        "the antennas move from sample to sample of a pulse, and this former takes all samples of one at one place: \
+         use --algorithm rdbp or bp"
+            .to_owned()
+    })?;
     let metered = Metered::new(task);
     let mut formed = form(&Task {
         history: &metered,
         ..*task
     })?;
-    check_finite(&formed, task)?;
-    let planned_db = formed.predicted_error_db;
+    check_finite(&formed, task.grid)?;
+    let planned_db = match swept > 0.0 {
+        true => rounding::total_db(&[10f64.powf(formed.predicted_error_db / 20.0), swept]),
+        false => formed.predicted_error_db,
+    };
     let terms = metered.power();
     let pixels = formed.image.pixels.len() as f64;
     let mean = formed.image.pixels.iter().map(|&z| power(z)).sum::<f64>() / pixels;
@@ -139,7 +156,8 @@ pub(super) fn keep(
     Ok(formed)
 }
 
-fn check_finite(formed: &Formed, task: &Task) -> Result<(), FormError> {
+/// Refuses an image with a pixel that is NaN or infinite.
+pub(super) fn check_finite(formed: &Formed, grid: &ImageGrid) -> Result<(), FormError> {
     let finite = |z: &Complex32| z.re.is_finite() && z.im.is_finite();
     match formed.image.pixels.iter().position(|z| !finite(z)) {
         None => Ok(()),
@@ -148,7 +166,7 @@ fn check_finite(formed: &Formed, task: &Task) -> Result<(), FormError> {
             Err(FormError::NotFinite {
                 row,
                 column,
-                position_m: task.grid.position_m(row, column).to_array(),
+                position_m: grid.position_m(row, column).to_array(),
             })
         }
     }

@@ -8,7 +8,8 @@
 //! the track as recorded, so jitter and curvature count as they are, at the nine nodes of Gauss's rule
 //! on patches in the grid's middle and corners. Sizes are chosen on a few sub-CPIs from start to end;
 //! then every sub-CPI is measured, and one that a rough stretch of the track spoils is halved until it
-//! is not. The worst patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
+//! is not. Where samples are taken one after another, the error is taken at three of them a pulse, at their own
+//! moments. The worst patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
 //!
 //! The bound is relative to the RMS of an image of the scene's bright scatterers. Their errors reach as
 //! far as their side lobes do, so on a grid that leaves them out the same errors are larger relative to
@@ -53,6 +54,8 @@ pub struct Plan {
     pub patch: PatchSize,
     /// Taps of the kernel in each direction.
     pub taps: usize,
+    /// From sample to sample, in pulses, where samples are taken one after another in motion.
+    pub pulses_a_sample: Option<f64>,
     /// Predicted relative RMS error of the image, dB.
     pub predicted_db: f64,
 }
@@ -98,6 +101,9 @@ impl Plan {
             grid,
             band: &band,
             breaks: &breaks,
+            pulses_a_sample: collection
+                .sweeps()
+                .then(|| sub_cpi::pulses_a_sample(collection)),
         };
         let target = 10f64.powf((request.error_db - MARGIN_DB) / 20.0);
         // In range and in Doppler alike: both grids are twice as fine as the whole band needs.
@@ -158,6 +164,7 @@ impl Plan {
             sub_cpis,
             patch: best.patch,
             taps: best.taps,
+            pulses_a_sample: probe.pulses_a_sample,
             predicted_db: 20.0 * model_error.hypot(kernel_error).log10(),
         })
     }
@@ -237,6 +244,8 @@ pub(crate) struct Probe<'a> {
     pub(crate) band: &'a Band,
     /// First pulses after a gap, across which no sub-CPI reaches.
     pub(crate) breaks: &'a [usize],
+    /// From sample to sample, in pulses, if samples are taken at their own moments; else all of a pulse at one.
+    pub(crate) pulses_a_sample: Option<f64>,
 }
 
 pub(crate) struct Probed {
@@ -332,6 +341,14 @@ impl Probe<'_> {
         let centre = rectangle.centre_m(self.grid);
         let datum = sub_cpi.datum(centre);
         let middle = (sub_cpi.num_pulses() as f64 - 1.0) / 2.0;
+        let count = self.band.count as f64;
+        // Samples after the middle one, and their weights.
+        let moments = match self.pulses_a_sample {
+            Some(_) => GAUSS.map(|(part, weight)| ((part - 0.5) * count, weight)),
+            None => [(0.0, 1.0), (0.0, 0.0), (0.0, 0.0)],
+        };
+        let moments = &moments[..if self.pulses_a_sample.is_some() { 3 } else { 1 }];
+        let pulses_a_sample = self.pulses_a_sample.unwrap_or(0.0);
         let (mut mean_square, mut rate) = (0.0, 0.0f64);
         for (row, row_weight) in GAUSS {
             for (column, column_weight) in GAUSS {
@@ -343,8 +360,13 @@ impl Probe<'_> {
                     .iter()
                     .enumerate()
                     .map(|(m, pulse)| {
-                        let path_m = pulse.path_m(point) - pulse.path_m(centre);
-                        (path_m - a - b * (m as f64 - middle)).powi(2)
+                        let of_moment = |&(after, weight): &(f64, f64)| {
+                            let path_m = pulse.path_after_m(point, after)
+                                - pulse.path_after_m(centre, after);
+                            let u = m as f64 - middle + pulses_a_sample * after;
+                            weight * (path_m - a - b * u).powi(2)
+                        };
+                        moments.iter().map(of_moment).sum::<f64>()
                     })
                     .sum();
                 mean_square += row_weight * column_weight * square / sub_cpi.num_pulses() as f64;
@@ -355,7 +377,8 @@ impl Probe<'_> {
 
     /// Doppler bins of a patch's map, about.
     fn doppler_bins(&self, length: usize, taps: usize, doppler_span: f64) -> f64 {
-        let bins_per_cycle = super::bins_per_cycle(self.band, length);
+        let sweep_pulses = self.pulses_a_sample.unwrap_or(0.0).abs() * self.band.count as f64;
+        let bins_per_cycle = super::bins_per_cycle(self.band, length as f64 + sweep_pulses);
         (doppler_span * bins_per_cycle).ceil() + taps as f64 + 2.0
     }
 
