@@ -410,7 +410,7 @@ mod tests {
         }
         // Geometry of both the parts and the aperture, the samples of the parts,
         // and where each of three runs lies.
-        let own = 2 * 8 * 104 + 3 * 24;
+        let own = 2 * 8 * 240 + 3 * 24;
         assert_eq!(aperture.held_bytes(), own + 8 * 8 * width as u64);
     }
 
@@ -423,7 +423,7 @@ mod tests {
         let mut got = vec![Complex32::ZERO; 3 * width];
         aperture.read(0..3, &mut got).unwrap();
         assert_eq!(got, samples);
-        assert_eq!(aperture.held_bytes(), 3 * 104 + 3 * 8 * width as u64);
+        assert_eq!(aperture.held_bytes(), 3 * 240 + 3 * 8 * width as u64);
     }
 
     #[test]
