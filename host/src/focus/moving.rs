@@ -36,7 +36,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::bp::backproject;
-use super::{Asked, FormError, Formed, ImageFormer, Task};
+use super::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, Pulse, ReadError};
 
@@ -115,6 +115,14 @@ impl ImageFormer for VelocityPlane {
 
     fn bound_db(&self) -> Option<f64> {
         Some(self.error_db)
+    }
+
+    fn form_asked(&self, task: &Task, misses: Misses) -> Result<Formed, FormError> {
+        let asked = Asked {
+            bound_db: self.bound_db(),
+            misses,
+        };
+        accuracy::keep_planned(task, asked, |task| self.form_planned(task, &asked))
     }
 
     fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {

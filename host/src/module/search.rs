@@ -8,7 +8,7 @@ use super::reach::Reach;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::maps::kernels::Kernels;
 use crate::focus::rdbp::patch::{Rectangle, rectangles};
-use crate::focus::rdbp::plan::{Probe, lengths, patch_sizes};
+use crate::focus::rdbp::plan::{Measure, Probe, lengths, patch_sizes};
 use crate::focus::rdbp::{PatchSize, SubCpi, sub_cpi};
 use crate::geometry::ImageGrid;
 use crate::maps::Arithmetic;
@@ -81,6 +81,7 @@ impl Search<'_> {
             grid: self.grid,
             band: self.band,
             breaks: &[],
+            measure: Measure::Mean,
         };
         let num_pulses = self.collection.pulses.len();
         let patches = patch_sizes(self.grid);
@@ -220,6 +221,7 @@ impl Search<'_> {
             grid: self.grid,
             band: self.band,
             breaks: &[],
+            measure: Measure::Mean,
         };
         let model_error = sub_cpis
             .iter()
