@@ -222,6 +222,7 @@ fn an_unfinished_file_is_hidden_and_readable() {
     let entries: Vec<_> = std::fs::read_dir(folder.path())
         .unwrap()
         .map(|e| e.unwrap().path())
+        .filter(|path| path.extension().is_none_or(|end| end != "lock"))
         .collect();
     assert_eq!(entries.len(), 1);
     let hidden = entries[0].file_name().unwrap().to_str().unwrap();

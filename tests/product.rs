@@ -355,11 +355,20 @@ fn a_failed_write_leaves_the_old_file() {
         write_atomically(Path::new("/dev/null"), 0, |_| Ok(())).is_err(),
         "nor a device"
     );
-    let absent = base.path().join("absent/a.bin");
-    let text = write_atomically(&absent, 0, |_| Ok(()))
-        .unwrap_err()
-        .to_string();
-    assert!(text.contains("absent/a.bin"), "{text}");
+    // Folders are made, and go again if nothing comes of it.
+    let absent = base.path().join("absent/deep/a.bin");
+    let failed = write_atomically(&absent, 0, |_| -> std::io::Result<()> {
+        Err(std::io::Error::other("no"))
+    });
+    assert!(
+        failed
+            .unwrap_err()
+            .to_string()
+            .contains("absent/deep/a.bin")
+    );
+    assert_eq!(names(base.path()), ["a.bin"]);
+    write_atomically(&absent, 0, |file| file.write_all(b"new")).unwrap();
+    assert_eq!(names(&base.path().join("absent/deep")), ["a.bin"]);
 }
 
 #[cfg(unix)]

@@ -148,6 +148,37 @@ impl Description {
     }
 }
 
+/// Files that the description at `path` names: every text in it that is the path of one, whatever its key. Errors are for
+/// who reads it.
+pub(crate) fn named_files(path: &Path) -> Vec<PathBuf> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let whole = std::fs::metadata(path).is_ok_and(|about| about.len() <= LONGEST_BYTES);
+    let text = if whole {
+        std::fs::read_to_string(path).unwrap_or_default()
+    } else {
+        String::new()
+    };
+    let mut values: Vec<toml::Value> = match text.parse::<toml::Table>() {
+        Ok(table) => table.into_iter().map(|(_, value)| value).collect(),
+        Err(_) => Vec::new(),
+    };
+    let mut files = Vec::new();
+    while let Some(value) = values.pop() {
+        match value {
+            toml::Value::String(text) => {
+                let file = folder.join(text);
+                if file.is_file() {
+                    files.push(file);
+                }
+            }
+            toml::Value::Array(list) => values.extend(list),
+            toml::Value::Table(table) => values.extend(table.into_iter().map(|(_, value)| value)),
+            _ => {}
+        }
+    }
+    files
+}
+
 /// Refuses a setting's path that leads to no key.
 fn known(schema: &Schema, path: &[Step]) -> Result<(), String> {
     let names: Vec<&str> = path.iter().map(|(name, _)| name.as_str()).collect();

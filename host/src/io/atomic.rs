@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::place::Place;
+
 /// Why nothing was written.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
@@ -39,6 +41,52 @@ pub enum WriteError {
         /// What is in the way.
         what: &'static str,
     },
+    /// Another run is writing it.
+    #[error(
+        "cannot write {}: another run ({holder}) is writing it; wait for it to end, or write elsewhere",
+        path.display()
+    )]
+    Locked {
+        /// What was to be written.
+        path: PathBuf,
+        /// Who holds the lock.
+        holder: String,
+    },
+    /// It is read by the same run.
+    #[error("cannot write {}: {}; name another file", path.display(), same(path, input))]
+    IsInput {
+        /// What was to be written.
+        path: PathBuf,
+        /// The input, by its own name.
+        input: PathBuf,
+    },
+    /// It is named twice.
+    #[error("cannot write {}: it is named twice, for two outputs", path.display())]
+    Twice {
+        /// What was to be written.
+        path: PathBuf,
+    },
+    /// Something stands there that this program did not write.
+    #[error(
+        "cannot write {}: it is there already, and {what}; name another, or replace it with --force",
+        path.display()
+    )]
+    NotOurs {
+        /// What was to be written.
+        path: PathBuf,
+        /// How that shows.
+        what: &'static str,
+    },
+}
+
+fn same(path: &Path, input: &Path) -> String {
+    match path == input {
+        true => "it is an input of this run".to_owned(),
+        false => format!(
+            "it is the same file as {}, an input of this run",
+            input.display()
+        ),
+    }
 }
 
 fn advice(source: &io::Error, needed_bytes: u64) -> String {
@@ -62,7 +110,7 @@ fn advice(source: &io::Error, needed_bytes: u64) -> String {
 
 /// Writes one file, complete or not at all: `write` fills a file beside it, which is forced to disk
 /// and then renamed to `path`. `needed_bytes` is for the message of a full disk; 0 if not known.
-/// A symbolic link is followed.
+/// A symbolic link is followed; missing folders are made.
 ///
 /// # Errors
 /// [`WriteError`]; then `path` is as it was and nothing is left beside it.
@@ -71,68 +119,96 @@ pub fn write_atomically<T>(
     needed_bytes: u64,
     write: impl FnOnce(&mut File) -> io::Result<T>,
 ) -> Result<T, WriteError> {
-    let failed = |source| WriteError::Io {
-        path: path.to_owned(),
-        needed_bytes,
-        source,
-    };
-    let mut beside = Beside::create(path).map_err(failed)?;
-    let value = write(beside.file()).map_err(failed)?;
-    beside.commit().map_err(failed)?;
+    let mut beside = Beside::create(path, needed_bytes, ".part")?;
+    let value = write(beside.file()).map_err(|source| beside.failed(source))?;
+    beside.commit()?;
     Ok(value)
 }
 
-/// A hidden file in the folder of its target. Gone when dropped, unless committed.
+/// A hidden file in the folder of its target, which is locked meanwhile. Gone when dropped, unless committed.
+#[derive(Debug)]
 pub(super) struct Beside {
-    file: tempfile::NamedTempFile,
-    target: PathBuf,
+    file: File,
+    // Before the place: when dropped, the file goes before the lock and the folder.
+    hidden: Hidden,
+    place: Place,
+    /// As the user calls it.
+    path: PathBuf,
+    needed_bytes: u64,
 }
 
 impl Beside {
-    /// Begins a file that is to become `path`. A symbolic link is followed.
+    /// Begins a file that is to become `path`. A symbolic link is followed, missing folders are made. The hidden
+    /// file's name ends in `suffix`.
     ///
     /// # Errors
-    /// If the folder cannot be written to, or `path` exists and is not a file.
-    pub(super) fn create(path: &Path) -> io::Result<Self> {
-        let target = match fs::metadata(path) {
-            Ok(metadata) if metadata.is_file() => fs::canonicalize(path)?,
-            Ok(_) => return Err(io::Error::other("it exists and is not a file")),
-            Err(_) => path.to_owned(),
-        };
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".subap-").suffix(".part");
-        // Files are private by that crate's default; these should be like any other, less the umask.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.tempfile_in(folder_of(&target)).map_err(plain)?;
-        Ok(Self { file, target })
+    /// If the folder cannot be written to, has less than `needed_bytes` free, `path` exists and is not a file, or
+    /// another process is writing it.
+    pub(super) fn create(path: &Path, needed_bytes: u64, suffix: &str) -> Result<Self, WriteError> {
+        let place = Place::of_file(path)?;
+        check_room(path, place.folder(), needed_bytes)?;
+        let hidden = place.folder().join(place.lock.hidden_name(suffix));
+        let file = File::create_new(&hidden).map_err(|source| WriteError::Io {
+            path: path.to_owned(),
+            needed_bytes,
+            source,
+        })?;
+        Ok(Self {
+            file,
+            hidden: Hidden(hidden),
+            place,
+            path: path.to_owned(),
+            needed_bytes,
+        })
     }
 
     /// The file to be filled.
     pub(super) fn file(&mut self) -> &mut File {
-        self.file.as_file_mut()
+        &mut self.file
+    }
+
+    /// The error of writing it.
+    pub(super) fn failed(&self, source: io::Error) -> WriteError {
+        WriteError::Io {
+            path: self.path.clone(),
+            needed_bytes: self.needed_bytes,
+            source,
+        }
     }
 
     /// Forces the file to disk and renames it into place.
     ///
     /// # Errors
     /// Then the target is as it was.
-    pub(super) fn commit(self) -> io::Result<()> {
-        self.file.as_file().sync_all()?;
-        self.file.persist(&self.target)?;
-        sync_folder(folder_of(&self.target))
+    pub(super) fn commit(self) -> Result<(), WriteError> {
+        let moved = self.file.sync_all().and_then(|()| {
+            fs::rename(&self.hidden.0, &self.place.path)?;
+            sync_folder(self.place.folder())
+        });
+        moved.map_err(|source| self.failed(source))
     }
 }
 
-/// The error without the name of the hidden file, which says nothing to the user.
-pub(super) fn plain(error: io::Error) -> io::Error {
-    io::Error::from(error.kind())
+/// A hidden file, removed when dropped, if it is still there.
+#[derive(Debug)]
+struct Hidden(PathBuf);
+
+impl Drop for Hidden {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.0);
+    }
 }
 
-fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
+/// Refuses what is larger than the room in `folder`, as an ordinary user sees it. Where the system cannot tell, writing
+/// will.
+pub(super) fn check_room(path: &Path, folder: &Path, needed_bytes: u64) -> Result<(), WriteError> {
+    match fs4::available_space(folder) {
+        Ok(free_bytes) if free_bytes < needed_bytes => Err(WriteError::NoSpace {
+            path: path.to_owned(),
+            needed_bytes,
+            free_bytes,
+        }),
+        _ => Ok(()),
     }
 }
 

@@ -31,6 +31,7 @@ use std::path::Path;
 use glam::DVec3;
 use num_complex::Complex32;
 
+use super::input::Stamp;
 use super::matlab::{Array, Content, MatError, find_variable};
 use crate::geometry::SceneFrame;
 use crate::phase_history::{Collection, InputFile, Pulse, ReadError, Recorded, check_finite};
@@ -58,6 +59,7 @@ pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Recorded, ReadE
     };
     let mut file = File::open(path).map_err(io)?;
     let metadata = file.metadata().map_err(io)?;
+    let stamp = Stamp::of(&file).map_err(io)?;
     if !metadata.is_file() {
         return Err(malformed(path, "not a regular file"));
     }
@@ -79,6 +81,7 @@ pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Recorded, ReadE
         .take(metadata.len())
         .read_to_end(&mut bytes)
         .map_err(io)?;
+    stamp.check(&file, path)?;
     let input = InputFile {
         path: path.to_owned(),
         bytes: bytes.len() as u64,

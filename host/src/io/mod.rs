@@ -1,13 +1,18 @@
 //! Files: recordings in, images out.
 
 pub mod atomic;
+pub mod claim;
 pub mod cphd;
 pub mod gotcha;
+mod input;
+mod lock;
 pub mod maps;
 mod matlab;
 pub mod novatel;
 pub mod npy;
 pub mod open;
+pub mod ours;
+mod place;
 pub mod product;
 pub mod recording;
 mod staging;

@@ -15,7 +15,7 @@
 //!   the same product's even if they were replaced while being read.
 //!
 //! An error on the way removes the staging folder; only a killed process or a power cut leaves one
-//! (`.subap-*`), never a product in part.
+//! (`.subap-*`), never a product in part, and the next run that writes there removes it.
 //!
 //! [`read`] reads one back.
 
@@ -36,6 +36,9 @@ pub use read::{ReadError, StoredProduct, read};
 const IMAGE: &str = "image.npy";
 const METADATA: &str = "image.json";
 const QUICKLOOK: &str = "image.png";
+
+/// Names of the files of a product.
+pub const NAMES: [&str; 3] = [IMAGE, METADATA, QUICKLOOK];
 
 /// What a folder is to hold.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@
 //!   first, the others are renamed into place, and the new marks last. Whoever finds a mark finds the others.
 //!
 //! An error on the way removes the staging folder; only a killed process or a power cut leaves one (`.subap-*`),
-//! never a set in part.
+//! never a set in part, and the next run that writes there removes it. Meanwhile the folder is locked.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -14,12 +14,15 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::atomic::{WriteError, plain, sync_folder};
+use super::atomic::{WriteError, check_room, sync_folder};
+use super::place::Place;
 
 /// Files on their way into a folder. Gone when dropped, unless committed.
 pub(super) struct Staged {
-    staging: tempfile::TempDir,
-    base: PathBuf,
+    // Before the place: when dropped, it goes before the lock and the folders above.
+    staging: Staging,
+    place: Place,
+    /// As the user calls it.
     folder: PathBuf,
     needed_bytes: u64,
 }
@@ -29,17 +32,25 @@ impl Staged {
     /// the size of them all.
     ///
     /// # Errors
-    /// [`WriteError`] if `folder`, or its nearest existing parent, cannot be written to.
+    /// [`WriteError`] if `folder`, or its nearest existing parent, cannot be written to, or another process is
+    /// writing it.
     pub(super) fn begin(folder: &Path, needed_bytes: u64) -> Result<Self, WriteError> {
-        let base = staging_place(folder)?;
-        let staging = stage(&base).map_err(|source| WriteError::Io {
+        let place = Place::of_folder(folder)?;
+        // In the folder itself, which may be another disk than its parent.
+        let base = match place.path.is_dir() {
+            true => &place.path,
+            false => place.folder(),
+        };
+        place.lock.sweep(base);
+        let staging = base.join(place.lock.hidden_name(""));
+        fs::create_dir(&staging).map_err(|source| WriteError::Io {
             path: folder.to_owned(),
             needed_bytes,
             source,
         })?;
         Ok(Self {
-            staging,
-            base,
+            staging: Staging(staging),
+            place,
             folder: folder.to_owned(),
             needed_bytes,
         })
@@ -52,26 +63,18 @@ impl Staged {
         names: impl IntoIterator<Item = &'a str>,
     ) -> Result<(), WriteError> {
         for name in names {
-            let path = self.folder.join(name);
-            if path.is_dir() {
+            if self.place.path.join(name).is_dir() {
                 let what = "a folder of that name is in the way";
+                let path = self.folder.join(name);
                 return Err(WriteError::Blocked { path, what });
             }
         }
-        // Where the system cannot tell, writing will.
-        match fs4::available_space(&self.base) {
-            Ok(free_bytes) if free_bytes < self.needed_bytes => Err(WriteError::NoSpace {
-                path: self.folder.clone(),
-                needed_bytes: self.needed_bytes,
-                free_bytes,
-            }),
-            _ => Ok(()),
-        }
+        check_room(&self.folder, &self.staging.0, self.needed_bytes)
     }
 
     /// A file to be filled.
     pub(super) fn create(&self, name: &str) -> Result<StagedFile, WriteError> {
-        let file = File::create_new(self.staging.path().join(name));
+        let file = File::create_new(self.staging.0.join(name));
         Ok(StagedFile {
             out: BufWriter::new(Checked {
                 file: file.map_err(|source| self.failed(name, source))?,
@@ -111,20 +114,24 @@ impl Staged {
     /// # Errors
     /// [`WriteError`]; then the folder is as it was, or, if replacing older files failed half way, without marks.
     pub(super) fn commit(self, names: &[&str], marks: &[&str]) -> Result<(), WriteError> {
-        let staging = self.staging.path();
+        let (staging, folder) = (&self.staging.0, &self.place.path);
         let moved = sync_folder(staging).and_then(|()| {
-            if self.folder.is_dir() {
-                replace(staging, &self.folder, names, marks)
-            } else {
-                place(staging, &self.folder)
+            if folder.is_dir() {
+                return replace(staging, folder, names, marks);
             }
+            fs::rename(staging, folder)?;
+            sync_folder(self.place.folder())
         });
-        moved.map_err(|source| self.failed("", source))?;
-        // If the staging folder has become the folder, there is nothing left to remove.
-        if !self.staging.path().exists() {
-            let _ = self.staging.keep();
-        }
-        Ok(())
+        moved.map_err(|source| self.failed("", source))
+    }
+}
+
+/// A staging folder, removed when dropped, if it is still there.
+struct Staging(PathBuf);
+
+impl Drop for Staging {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
     }
 }
 
@@ -151,46 +158,6 @@ impl Write for StagedFile {
     fn flush(&mut self) -> io::Result<()> {
         self.out.flush()
     }
-}
-
-/// Where to stage: in the folder itself, or in its nearest existing parent.
-fn staging_place(folder: &Path) -> Result<PathBuf, WriteError> {
-    let absolute = std::path::absolute(folder).map_err(|source| WriteError::Io {
-        path: folder.to_owned(),
-        needed_bytes: 0,
-        source,
-    })?;
-    for place in absolute.ancestors() {
-        match fs::metadata(place) {
-            Ok(metadata) if metadata.is_dir() => return Ok(place.to_owned()),
-            Ok(_) => {
-                return Err(WriteError::Blocked {
-                    path: folder.to_owned(),
-                    what: "it, or a part of its path, is a file and not a folder",
-                });
-            }
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            // A file where a folder should be: its own turn comes.
-            Err(error) if error.kind() == io::ErrorKind::NotADirectory => {}
-            Err(source) => {
-                return Err(WriteError::Io {
-                    path: folder.to_owned(),
-                    needed_bytes: 0,
-                    source,
-                });
-            }
-        }
-    }
-    Ok(PathBuf::from("."))
-}
-
-/// A staging folder in `place`, with the permissions of any other folder; removed when dropped.
-fn stage(place: &Path) -> io::Result<tempfile::TempDir> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".subap-");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
-    builder.tempdir_in(place).map_err(plain)
 }
 
 /// A file and the CRC-32 of what went into it.
@@ -230,20 +197,4 @@ fn replace(staging: &Path, folder: &Path, names: &[&str], marks: &[&str]) -> io:
         fs::rename(staging.join(mark), folder.join(mark))?;
     }
     sync_folder(folder)
-}
-
-/// Renames the staging folder to one that does not exist yet, making its parents.
-fn place(staging: &Path, folder: &Path) -> io::Result<()> {
-    let folder = std::path::absolute(folder)?;
-    let parent = folder.parent().unwrap_or(Path::new("/"));
-    let made: Vec<&Path> = parent.ancestors().take_while(|p| !p.exists()).collect();
-    fs::create_dir_all(parent)
-        .and_then(|()| fs::rename(staging, &folder))
-        .inspect_err(|_| {
-            // Innermost first. One that someone else has begun to use is not empty, and stays.
-            for folder in &made {
-                let _ = fs::remove_dir(folder);
-            }
-        })?;
-    sync_folder(parent)
 }

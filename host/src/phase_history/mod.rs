@@ -13,7 +13,7 @@ mod recorded;
 mod track_error;
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -140,12 +140,18 @@ impl Collection {
 /// A file that went into a collection, for the record in an image's metadata.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct InputFile {
-    /// Path as given by the user.
+    /// Path as given by the user; in JSON with what is no UTF-8 replaced.
+    #[serde(serialize_with = "lossily")]
     pub path: PathBuf,
     /// Size in bytes.
     pub bytes: u64,
     /// CRC-32 (IEEE) of the whole file, in hexadecimal.
     pub crc32: String,
+}
+
+/// A path as text. A name that is no UTF-8 must not cost the image that it was recorded for.
+fn lossily<S: serde::Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&path.to_string_lossy())
 }
 
 /// Why pulses could not be read.
@@ -188,6 +194,14 @@ pub enum ReadError {
         needed_bytes: u64,
         /// Bytes left for it.
         allowed_bytes: u64,
+    },
+    /// A file was written to while it was read.
+    #[error("{} was changed while it was read ({how}): start again when it is whole", path.display())]
+    Changed {
+        /// File concerned.
+        path: PathBuf,
+        /// How that shows.
+        how: String,
     },
     /// A recording's description does not make sense, or not with its files.
     #[error(transparent)]

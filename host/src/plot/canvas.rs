@@ -3,6 +3,7 @@
 use ab_glyph::{Font, FontRef, GlyphId, PxScale, ScaleFont, point};
 
 use super::PlotError;
+use crate::io::ours::PROGRAM;
 
 /// A colour: red, green, blue.
 pub(super) type Rgb = [u8; 3];
@@ -117,6 +118,8 @@ impl Canvas {
         let mut encoder = png::Encoder::new(&mut out, self.width as u32, self.height as u32);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
+        // By which a later run knows that it may replace the file.
+        encoder.add_text_chunk("Software".to_owned(), PROGRAM.to_owned())?;
         let mut writer = encoder.write_header()?;
         writer.write_image_data(&self.pixels)?;
         writer.finish()?;

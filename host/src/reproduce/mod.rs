@@ -187,7 +187,12 @@ pub enum Step<'a> {
     Done(&'a Item, &'a Finding),
 }
 
-/// Makes `items` and leaves them in `folder`, which must exist. `tell` hears of every item.
+/// Names of the files in `folder` that [`run`] may write or replace.
+pub fn names(folder: &Path, items: &[Item]) -> Vec<String> {
+    store::names(folder, items)
+}
+
+/// Makes `items` and leaves them in `folder`, which is made if need be. `tell` hears of every item.
 ///
 /// # Errors
 /// [`RunError`]; items that were finished before stay, and the page shows them.

@@ -9,6 +9,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use super::{Finding, Item};
 use crate::io::atomic::{WriteError, write_atomically};
+use crate::io::ours::TEXT_MARK;
 
 const STYLE: &str = "\
 :root { color-scheme: light dark; --ink: #1b1b1b; --soft: #5c5c5c; --paper: #fff; --line: #d8d8d8; --good: #1a6b32; --bad: #a33b00 }
@@ -45,7 +46,7 @@ fn verdict(agrees: bool) -> &'static str {
 pub(super) fn page(done: &[(&Item, Finding)]) -> String {
     let agreeing = done.iter().filter(|(_, finding)| finding.agrees()).count();
     let mut html = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+        "<!doctype html> <!-- {TEXT_MARK} -->\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>Subaperture: two theses, made again</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
          <h1>Two theses, made again</h1>\n\

@@ -9,9 +9,13 @@ use serde::{Deserialize, Serialize};
 use super::{Context, Finding, Item};
 use crate::io::atomic::{WriteError, write_atomically};
 
+const SCHEMA: &str = "subaperture-finding";
+
 /// What the file of a finding holds.
 #[derive(Serialize, Deserialize)]
 struct Kept {
+    /// By which a later run knows that it may replace the file.
+    schema: String,
     /// What it was made from.
     key: String,
     source: String,
@@ -34,6 +38,30 @@ pub(super) fn key(item: &Item, context: &Context) -> String {
 
 fn crc32(bytes: &[u8]) -> String {
     format!("{:08x}", crc32fast::hash(bytes))
+}
+
+/// Files of this folder that items of ours would replace, and the page.
+pub(super) fn names(folder: &Path, items: &[Item]) -> Vec<String> {
+    let mut names: Vec<String> = items
+        .iter()
+        .map(|item| format!("{}.json", item.id))
+        .collect();
+    names.push("index.html".to_owned());
+    // Pictures have names of their own, which only the finding knows.
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let Some(name) = name.to_str() else { continue };
+        let is_picture = |item: &Item| {
+            let rest = name
+                .strip_prefix(item.id)
+                .and_then(|rest| rest.strip_prefix('-'));
+            rest.is_some_and(|rest| rest.ends_with(".png"))
+        };
+        if items.iter().any(is_picture) {
+            names.push(name.to_owned());
+        }
+    }
+    names
 }
 
 fn picture_file(item: &Item, name: &str) -> String {
@@ -75,6 +103,7 @@ pub(super) fn save(
         })?;
     }
     let kept = Kept {
+        schema: SCHEMA.to_owned(),
         key: key.to_owned(),
         source: item.source.to_owned(),
         title: item.title.to_owned(),

@@ -18,8 +18,8 @@ pub(crate) use look::{Look, Picture};
 pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use tune::{Recording, Tune, Vary};
 use values::{
-    axis, error_bound, finite, length, not_negative, odd, point, positive, rectangle, setting,
-    sign, size, threads, vector,
+    axis, error_bound, finite, length, not_negative, odd, output, point, positive, rectangle,
+    setting, sign, size, threads, vector,
 };
 
 /// The whole command line.
@@ -109,6 +109,14 @@ pub(crate) enum Command {
     Completions(Completions),
 }
 
+/// How files are written.
+#[derive(Clone, Copy, Debug, Group)]
+pub(crate) struct Writing {
+    /// Replace files that subap did not write; never an input of the same run [default: only its own]
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
 /// Recordings.
 #[derive(Debug, Group)]
 pub(crate) struct Input {
@@ -137,7 +145,7 @@ pub(crate) struct Focus {
     pub(crate) from_maps: Option<PathBuf>,
 
     /// Folder for image.npy, image.json and image.png
-    #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) out: PathBuf,
 
     /// Image former
@@ -198,6 +206,9 @@ pub(crate) struct Focus {
 
     #[command(flatten)]
     pub(crate) look: Look,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
 }
 
 /// Image formers by name.
@@ -252,7 +263,7 @@ pub(crate) struct Velocity {
     pub(crate) vz: f64,
 
     /// Folder for image.npy, image.json and image.png
-    #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) out: PathBuf,
 
     /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120 [default: -60]
@@ -266,6 +277,9 @@ pub(crate) struct Velocity {
     /// Window over slow time, across all pulses: as --window
     #[arg(long, value_name = "W", default_value_t = Window::default())]
     pub(crate) slow_window: Window,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
 }
 
 /// `subap link`.
@@ -279,7 +293,7 @@ pub(crate) struct Link {
     pub(crate) input: Input,
 
     /// File for the maps; subap focus --from-maps forms the image
-    #[arg(long, short, value_name = "MAPS", value_hint = ValueHint::FilePath)]
+    #[arg(long, short, value_name = "MAPS", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
 
     /// Pixels that the maps are for, as for focus [default: the scene's extent at half the resolution]
@@ -317,8 +331,11 @@ pub(crate) struct Link {
     pub(crate) verify: bool,
 
     /// Show the image so far in this file, about once a second
-    #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath)]
+    #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) picture: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
 }
 
 /// `subap simulate`.
@@ -357,13 +374,13 @@ pub(crate) struct Simulate {
     pub(crate) example: Option<String>,
 
     /// CPHD file to write; a scenario's pairs of antennas are its channels
-    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath,
+    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output(),
         required_unless_present_any = ["keys", "example", "echoes"])]
     pub(crate) out: Option<PathBuf>,
 
     /// Folder for a scenario's raw echoes, as received: echoes.npy and the like, and recording.toml, which
     /// subap focus reads (of several pairs of antennas recording-T1R2.toml and so on)
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath,
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output(),
         conflicts_with_all = ["preset", "keys", "example"])]
     pub(crate) echoes: Option<PathBuf>,
 
@@ -388,6 +405,9 @@ pub(crate) struct Simulate {
     /// Seed of everything random [default: the scenario's, or 0]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
     pub(crate) seed: Option<u64>,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
 }
 
 /// Domains of a CPHD's signal arrays.
@@ -484,28 +504,34 @@ pub(crate) struct Quality {
     pub(crate) json: bool,
 
     /// Folder for pictures: cuts, chips, percent difference, coherence
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) plots: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
 }
 
 /// `subap demo`.
 #[derive(Debug, Group)]
 pub(crate) struct Demo {
     /// Folder to write
-    #[arg(long, short, value_name = "DIR", default_value = "subap-demo", value_hint = ValueHint::DirPath)]
+    #[arg(long, short, value_name = "DIR", default_value = "subap-demo", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) out: PathBuf,
 
     /// Pixels; errors are held to their bounds on the default only, which covers all scatterers
     /// [default: the scene's 80 x 80 m and some margin]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
 }
 
 /// `subap reproduce`.
 #[derive(Debug, Group)]
 pub(crate) struct Reproduce {
     /// Folder to write; items that are there already are not made again
-    #[arg(long, short, value_name = "DIR", default_value = "subap-gallery", value_hint = ValueHint::DirPath)]
+    #[arg(long, short, value_name = "DIR", default_value = "subap-gallery", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) out: PathBuf,
 
     /// Only these items, by their names (see --list)
@@ -519,6 +545,9 @@ pub(crate) struct Reproduce {
     /// List the items and do nothing else
     #[arg(long)]
     pub(crate) list: bool,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
 }
 
 /// `subap completions`.

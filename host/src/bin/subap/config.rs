@@ -1,5 +1,6 @@
 //! What the command line resolves to: threads, memory, formers.
 
+use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -14,6 +15,7 @@ use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
+use subaperture::io::claim::Claims;
 use subaperture::io::open::{Options, open_all};
 use subaperture::phase_history::{Aperture, PhaseHistory, ReadError};
 
@@ -78,6 +80,11 @@ impl Session {
             messages::warning(warning);
         }
         Ok(history)
+    }
+
+    /// What a command that reads `inputs` claims to write. Held until its end.
+    pub(crate) fn claims<P: AsRef<Path>>(&self, writing: &args::Writing, inputs: &[P]) -> Claims {
+        Claims::new(inputs, writing.force)
     }
 
     /// A progress bar.

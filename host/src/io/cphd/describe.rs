@@ -10,6 +10,7 @@ use super::xml::Writer;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::Geodetic;
 use crate::geometry::{Extent, SceneFrame};
+use crate::io::ours::PROGRAM;
 
 const NAMESPACE: &str = "xmlns=\"http://api.nsgreg.nga.mil/schema/cphd/1.1.0\"";
 
@@ -43,6 +44,10 @@ pub(super) fn document(entries: &[Entry], options: &WriteOptions) -> String {
         let vector = &prepared.records[prepared.reference];
         let srp_iac = frame.from_ecf_m(vector.srp_pos);
         reference_geometry::describe(w, vector, prepared.bistatic, srp_iac, prepared.dwell());
+        // By which a later run knows that it may replace the file.
+        w.element("ProductInfo", "", |w| {
+            w.text_with("Parameter", "name=\"Program\"", PROGRAM);
+        });
     });
     w.finish()
 }

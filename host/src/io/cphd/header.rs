@@ -154,6 +154,8 @@ pub(super) struct Layout {
     pub(super) xml_offset: u64,
     pub(super) pvp_offset: u64,
     pub(super) signal_offset: u64,
+    /// Size of the whole file.
+    pub(super) file_bytes: u64,
 }
 
 /// Places the blocks one after another, each on a multiple of 64 bytes. `None` if the file would have
@@ -192,6 +194,7 @@ pub(super) fn lay_out(sizes: &Sizes, classification: &str, release_info: &str) -
                 xml_offset,
                 pvp_offset,
                 signal_offset,
+                file_bytes: signal_offset + sizes.signal,
             });
         }
         xml_offset = needed;

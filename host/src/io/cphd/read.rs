@@ -283,6 +283,8 @@ impl PhaseHistory for Cphd {
             hasher.update(&bytes[..count]);
             at += count as u64;
         }
+        // What was read of it in the meantime is what this checksum is of, or it is an error.
+        self.source.check_unchanged()?;
         Ok(vec![InputFile {
             path: self.source.path().to_owned(),
             bytes: self.source.len(),

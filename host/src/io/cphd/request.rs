@@ -1,9 +1,7 @@
 //! What is asked of the writer, and why it may refuse.
 
-use std::io;
-use std::path::PathBuf;
-
 use super::conventions::{Domain, Polarization, Sgn};
+use crate::io::atomic;
 use crate::phase_history::{PhaseHistory, ReadError};
 
 /// A channel to be written.
@@ -70,14 +68,9 @@ impl Default for WriteOptions {
 /// Why no file was written. None is left behind.
 #[derive(Debug, thiserror::Error)]
 pub enum WriteError {
-    /// The operating system refused.
-    #[error("cannot write {path}: {source}")]
-    Io {
-        /// File or folder concerned.
-        path: PathBuf,
-        /// Cause.
-        source: io::Error,
-    },
+    /// The file could not be written.
+    #[error(transparent)]
+    Write(#[from] atomic::WriteError),
     /// The pulses could not be read.
     #[error(transparent)]
     Read(#[from] ReadError),

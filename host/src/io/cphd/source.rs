@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::io::input::Stamp;
 use crate::phase_history::ReadError;
 
 /// Bytes read from the file at a time; also the size of the buffers for it.
@@ -14,6 +15,7 @@ pub(super) struct Source {
     file: File,
     path: PathBuf,
     len: u64,
+    stamp: Stamp,
 }
 
 impl Source {
@@ -33,6 +35,7 @@ impl Source {
             return Err(io(io::Error::from(io::ErrorKind::IsADirectory)));
         }
         Ok(Self {
+            stamp: Stamp::of(&file).map_err(io)?,
             file,
             path: path.to_owned(),
             len: metadata.len(),
@@ -46,6 +49,11 @@ impl Source {
     /// Length in bytes when the file was opened.
     pub(super) fn len(&self) -> u64 {
         self.len
+    }
+
+    /// Fails if the file has been written to since it was opened.
+    pub(super) fn check_unchanged(&self) -> Result<(), ReadError> {
+        self.stamp.check(&self.file, &self.path)
     }
 
     /// A [`ReadError::Malformed`] about this file.

@@ -19,7 +19,7 @@ use super::signal;
 use super::source::CHUNK_BYTES;
 use super::toa::Transform;
 use crate::focus::Monitor;
-use crate::io::atomic::Beside;
+use crate::io::atomic::{self, Beside};
 use crate::phase_history::check_finite;
 
 /// Writes `channels` to `path`, complete or not at all: beside it first, then renamed over it.
@@ -74,11 +74,14 @@ pub fn write(
     let layout = header::lay_out(&sizes, &options.classification, &options.release_info)
         .ok_or_else(too_large)?;
 
-    let failed = |source| WriteError::Io {
-        path: path.to_owned(),
-        source,
+    let failed = |source| {
+        WriteError::Write(atomic::WriteError::Io {
+            path: path.to_owned(),
+            needed_bytes: layout.file_bytes,
+            source,
+        })
     };
-    let mut beside = Beside::create(path).map_err(failed)?;
+    let mut beside = Beside::create(path, layout.file_bytes, ".part")?;
     let mut out = Output {
         file: beside.file(),
         written: 0,
@@ -103,7 +106,7 @@ pub fn write(
             Ok(())
         })?;
     }
-    beside.commit().map_err(failed)
+    Ok(beside.commit()?)
 }
 
 fn too_large() -> WriteError {

@@ -13,6 +13,7 @@ use super::{
     END, HEAD, HEADER_BYTES, MAGIC, MAP, MOST_MAPS, MOST_TEXT_BYTES, PREAMBLE_BYTES, SECTION_BYTES,
     TAIL, TRAILER_BYTES, VERSION, fault, preamble, samples_bytes, section_crc,
 };
+use crate::io::input::Stamp;
 use crate::maps::{Closing, Maps, OwnedMap, Run};
 use crate::phase_history::{InputFile, ReadError};
 
@@ -93,6 +94,7 @@ impl MapFile {
         let crc = self
             .source
             .crc(0, self.source.length, crc32fast::Hasher::new())?;
+        self.source.check_unchanged()?;
         Ok(InputFile {
             path: self.source.path.clone(),
             bytes: self.source.length,
@@ -238,6 +240,7 @@ struct Source {
     path: PathBuf,
     file: Mutex<File>,
     length: u64,
+    stamp: Stamp,
 }
 
 impl Source {
@@ -247,13 +250,14 @@ impl Source {
             if about.is_dir() {
                 return Err(io::Error::other("it is a folder, and a file is needed"));
             }
-            Ok((file, about.len()))
+            Ok((Stamp::of(&file)?, file, about.len()))
         });
         match opened {
-            Ok((file, length)) => Ok(Self {
+            Ok((stamp, file, length)) => Ok(Self {
                 path: path.to_owned(),
                 file: Mutex::new(file),
                 length,
+                stamp,
             }),
             Err(source) => Err(ReadError::Io {
                 path: path.to_owned(),
@@ -267,6 +271,12 @@ impl Source {
             path: self.path.clone(),
             what: what.into(),
         }
+    }
+
+    /// Fails if the file has been written to since it was opened.
+    fn check_unchanged(&self) -> Result<(), ReadError> {
+        let file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
+        self.stamp.check(&file, &self.path)
     }
 
     fn read(&self, place: u64, bytes: &mut [u8]) -> Result<(), ReadError> {

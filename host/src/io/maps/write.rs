@@ -12,6 +12,7 @@ use super::{
     fields, preamble, section_crc,
 };
 use crate::io::atomic::{Beside, WriteError};
+use crate::io::lock::KEPT_SUFFIX;
 use crate::maps::{Closing, Run};
 
 /// A file of maps in the making. Dropped before [`Self::finish`], it leaves nothing.
@@ -49,7 +50,7 @@ impl MapWriter {
         let mut writer = Self {
             path: path.to_owned(),
             run: run.clone(),
-            beside: Beside::create(path).map_err(failed)?,
+            beside: Beside::create(path, 0, KEPT_SUFFIX)?,
             end: PREAMBLE_BYTES,
             places: Vec::new(),
             seen: HashSet::new(),
@@ -116,10 +117,13 @@ impl MapWriter {
             .and_then(|()| self.beside.file().write_all(&trailer));
         let path = self.path;
         let Err(source) = ended else {
-            return self.beside.commit().map_err(|source| failed(&path, source));
+            return self.beside.commit();
         };
         // Maps that took hours to come are worth more than their index.
-        let kept = cut(self.beside.file(), tail).and_then(|()| self.beside.commit());
+        let cut = cut(self.beside.file(), tail);
+        let kept = cut
+            .map_err(drop)
+            .and_then(|()| self.beside.commit().map_err(drop));
         Err(failed(
             &path,
             match kept {
@@ -127,7 +131,7 @@ impl MapWriter {
                     source.kind(),
                     format!("{source}, so it lacks its end; every map in it can be read"),
                 ),
-                Err(_) => source,
+                Err(()) => source,
             },
         ))
     }

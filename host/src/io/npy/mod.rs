@@ -21,6 +21,7 @@ use num_complex::Complex32;
 
 use self::header::{Header, HeaderError};
 use super::atomic::{WriteError, write_atomically};
+use super::input::Stamp;
 use crate::image::Image;
 
 pub use array::{Array, Values};
@@ -89,6 +90,15 @@ pub fn write(path: &Path, image: &Image) -> Result<(), WriteError> {
 /// # Errors
 /// [`NpyError`].
 pub fn read(path: &Path) -> Result<Image, NpyError> {
+    let opened = File::open(path).map_err(|source| NpyError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    read_open(opened, path)
+}
+
+/// [`read`] of a file that is open, from its start.
+pub(super) fn read_open(file: File, path: &Path) -> Result<Image, NpyError> {
     let io = |source: io::Error| NpyError::Io {
         path: path.to_owned(),
         source,
@@ -97,8 +107,8 @@ pub fn read(path: &Path) -> Result<Image, NpyError> {
         path: path.to_owned(),
         what,
     };
-    let file = File::open(path).map_err(io)?;
     let file_bytes = file.metadata().map_err(io)?.len();
+    let stamp = Stamp::of(&file).map_err(io)?;
     let mut reader = BufReader::new(file);
     let header = Header::read(&mut reader).map_err(|error| match error {
         HeaderError::Io(source) => io(source),
@@ -126,6 +136,11 @@ pub fn read(path: &Path) -> Result<Image, NpyError> {
             f32::from_le_bytes([a, b, c, d]),
             f32::from_le_bytes([e, f, g, h]),
         ));
+    }
+    if let Some(how) = stamp.difference(reader.get_ref()).map_err(io)? {
+        return Err(unsuited(format!(
+            "was changed while it was read ({how}): start again when it is whole"
+        )));
     }
     Ok(Image {
         rows: rows as usize,

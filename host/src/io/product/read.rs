@@ -1,7 +1,7 @@
 //! A product read back: image, grid and metadata, checked to belong together.
 
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
@@ -10,6 +10,7 @@ use serde_json::Value;
 use super::{IMAGE, METADATA};
 use crate::geometry::{Axis, ImageGrid};
 use crate::image::Image;
+use crate::io::input::Stamp;
 use crate::io::npy::{self, NpyError};
 
 /// What a folder holds.
@@ -79,8 +80,14 @@ pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
     let metadata: Value =
         serde_json::from_slice(&text).map_err(|error| wrong(format!("not JSON: {error}")))?;
     let grid = grid(&metadata["grid"]).map_err(wrong)?;
-    check(&folder.join(IMAGE), &metadata["files"][IMAGE])?;
-    let image = npy::read(&folder.join(IMAGE))?;
+    // Opened once, so that what is checked is what is read, whatever is renamed into its place.
+    let image = folder.join(IMAGE);
+    let mut file = File::open(&image).map_err(|source| ReadError::Io {
+        path: image.clone(),
+        source,
+    })?;
+    check(&mut file, &image, &metadata["files"][IMAGE])?;
+    let image = npy::read_open(file, &image)?;
     if (image.rows, image.columns) != (grid.rows.count, grid.columns.count) {
         return Err(wrong(format!(
             "its grid has {} rows x {} columns, {IMAGE} {} x {}",
@@ -94,13 +101,13 @@ pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
     })
 }
 
-/// Whether a file has the size and CRC-32 that the metadata say.
-fn check(path: &Path, about: &Value) -> Result<(), ReadError> {
+/// Whether a file has the size and CRC-32 that the metadata say. Leaves it at its start.
+fn check(file: &mut File, path: &Path, about: &Value) -> Result<(), ReadError> {
     let failed = |source| ReadError::Io {
         path: path.to_owned(),
         source,
     };
-    let mut file = File::open(path).map_err(failed)?;
+    let stamp = Stamp::of(file).map_err(failed)?;
     let (mut crc, mut bytes, mut block) = (crc32fast::Hasher::new(), 0u64, vec![0; 1 << 16]);
     loop {
         match file.read(&mut block).map_err(failed)? {
@@ -110,6 +117,13 @@ fn check(path: &Path, about: &Value) -> Result<(), ReadError> {
                 bytes += count as u64;
             }
         }
+    }
+    file.rewind().map_err(failed)?;
+    if let Some(how) = stamp.difference(file).map_err(failed)? {
+        return Err(ReadError::Changed {
+            path: path.to_owned(),
+            what: format!("it was changed while it was read ({how})"),
+        });
     }
     let crc32 = format!("{:08x}", crc.finalize());
     let changed = |what: String| {

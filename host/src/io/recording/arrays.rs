@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::description::error::Found;
 use crate::description::values::Values;
+use crate::io::input::Stamp;
 use crate::io::npy::Array;
 use crate::phase_history::{InputFile, ReadError};
 
@@ -17,6 +18,8 @@ type Name = (PathBuf, Option<String>);
 #[derive(Clone, Debug, Default)]
 pub(super) struct Arrays {
     held: Arc<Mutex<BTreeMap<Name, Arc<Array>>>>,
+    /// What the files were when they were first read.
+    stamps: Arc<Mutex<BTreeMap<PathBuf, Stamp>>>,
 }
 
 impl Arrays {
@@ -26,6 +29,16 @@ impl Arrays {
         let mut files: Vec<PathBuf> = held.keys().map(|(path, _)| path.clone()).collect();
         files.dedup();
         files
+    }
+
+    /// Sizes and checksums of the files read so far.
+    ///
+    /// # Errors
+    /// [`ReadError::Io`]; [`ReadError::Changed`] of a file that is no longer what was read.
+    pub(super) fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        let stamps = self.stamps.lock().unwrap_or_else(PoisonError::into_inner);
+        let files = self.files().into_iter();
+        files.map(|path| input(&path, stamps.get(&path))).collect()
     }
 
     /// Bytes of all that is held.
@@ -46,6 +59,10 @@ impl Arrays {
             return Ok(array.clone());
         }
         let left = memory_bytes.saturating_sub(sum(&held));
+        if let Ok(stamp) = File::open(&name.0).and_then(|file| Stamp::of(&file)) {
+            let mut stamps = self.stamps.lock().unwrap_or_else(PoisonError::into_inner);
+            stamps.entry(name.0.clone()).or_insert(stamp);
+        }
         let array = Arc::new(read(&name, left)?);
         held.insert(name, array.clone());
         Ok(array)
@@ -134,10 +151,15 @@ impl Source<'_> {
     }
 }
 
-/// A file's size and checksum.
-pub(super) fn input(path: PathBuf) -> Result<InputFile, ReadError> {
+/// A file's size and checksum; `stamp` is what it must still be.
+pub(super) fn input(path: &Path, stamp: Option<&Stamp>) -> Result<InputFile, ReadError> {
+    let failed = |source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let file = File::open(path).map_err(failed)?;
     let sum = || {
-        let mut file = BufReader::with_capacity(1 << 16, File::open(&path)?);
+        let mut file = BufReader::with_capacity(1 << 16, &file);
         let (mut hasher, mut total, mut piece) = (crc32fast::Hasher::new(), 0, vec![0; 1 << 16]);
         loop {
             match file.read(&mut piece)? {
@@ -149,12 +171,13 @@ pub(super) fn input(path: PathBuf) -> Result<InputFile, ReadError> {
             }
         }
     };
-    match sum() {
-        Ok((bytes, crc)) => Ok(InputFile {
-            path,
-            bytes,
-            crc32: format!("{crc:08x}"),
-        }),
-        Err(source) => Err(ReadError::Io { path, source }),
+    let (bytes, crc) = sum().map_err(failed)?;
+    if let Some(stamp) = stamp {
+        stamp.check(&file, path)?;
     }
+    Ok(InputFile {
+        path: path.to_owned(),
+        bytes,
+        crc32: format!("{crc:08x}"),
+    })
 }

@@ -47,7 +47,7 @@ use crate::description::{Description, DescriptionError};
 use crate::phase_history::{InputFile, PhaseHistory, ReadError, Recorded};
 use arrays::Arrays;
 
-pub use write::{Raw, WriteError, write};
+pub use write::{Raw, WriteError, names, write};
 
 /// What is wrong, not yet in words.
 type Faults = Vec<Found>;
@@ -144,10 +144,12 @@ impl RecordingFile {
     /// The files read so far, the description first, with their checksums.
     ///
     /// # Errors
-    /// [`ReadError::Io`].
+    /// [`ReadError::Io`]; [`ReadError::Changed`] if a file is no longer what was read.
     pub fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
-        let files = self.path.iter().cloned().chain(self.arrays.files());
-        files.map(arrays::input).collect()
+        let own = self.path.iter().map(|path| arrays::input(path, None));
+        let mut inputs = own.collect::<Result<Vec<_>, _>>()?;
+        inputs.extend(self.arrays.inputs()?);
+        Ok(inputs)
     }
 }
 

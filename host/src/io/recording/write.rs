@@ -28,11 +28,13 @@ use std::path::Path;
 
 use glam::DVec3;
 use num_complex::Complex32;
+use serde_json::Value;
 
 use super::text::{Facts, describe};
 use crate::focus::Monitor;
 use crate::io::atomic;
 use crate::io::npy::ArrayWriter;
+use crate::io::ours::{array_line, marked_description};
 use crate::io::staging::{Staged, StagedFile};
 use crate::phase_history::ReadError;
 use crate::receive::Echoes;
@@ -74,6 +76,27 @@ pub enum WriteError {
     Cancelled,
 }
 
+/// Names of the files that [`write()`] makes of channels of these identifiers; a receiver's file only if it is apart.
+pub fn names(ids: &[&str]) -> Vec<String> {
+    let stems = [
+        ("echoes", "npy"),
+        ("times", "npy"),
+        ("track-times", "npy"),
+        ("transmitter", "npy"),
+        ("receiver", "npy"),
+        ("recording", "toml"),
+    ];
+    let of = |id: &str| stems.map(|(stem, end)| name(stem, end, id, ids.len() > 1));
+    ids.iter().flat_map(|id| of(id)).collect()
+}
+
+fn name(stem: &str, end: &str, id: &str, several: bool) -> String {
+    match several {
+        true => format!("{stem}-{id}.{end}"),
+        false => format!("{stem}.{end}"),
+    }
+}
+
 /// Writes `channels` into `folder`, complete or not at all: beside it first, then renamed. In a folder that
 /// exists, descriptions are removed first and come last: who finds one finds its arrays.
 ///
@@ -96,13 +119,22 @@ pub fn write(folder: &Path, channels: &[Raw], monitor: &dyn Monitor) -> Result<(
     staged.check(names.iter().chain(&marks).copied())?;
     let mut done: u64 = 0;
     for plan in &plans {
-        plan.write_track(&staged)?;
-        plan.write_echoes(&staged, monitor, |bytes| {
+        let mut arrays = plan.write_track(&staged)?;
+        let echoes = plan.write_echoes(&staged, monitor, |bytes| {
             done += bytes;
             monitor.progress(done as f64 / total_bytes as f64);
         })?;
+        arrays.push((&plan.samples, echoes));
+        // By which a later run knows the arrays that it may replace.
+        let mut text = plan.text.clone() + "\n";
+        for (name, about) in arrays {
+            let (bytes, crc32) = (about["bytes"].as_u64(), about["crc32"].as_str());
+            let line = array_line(name, bytes.unwrap_or(0), crc32.unwrap_or_default());
+            text += &format!("{line}\n");
+        }
+        let text = marked_description(&text);
         staged.write(&plan.description, |file| {
-            io::Write::write_all(file, plan.text.as_bytes())
+            io::Write::write_all(file, text.as_bytes())
         })?;
     }
     if monitor.cancelled() {
@@ -129,10 +161,7 @@ impl<'a> Plan<'a> {
     fn new(raw: &Raw<'a>, several: bool) -> Result<Self, WriteError> {
         let echoes = raw.echoes;
         let collection = echoes.collection();
-        let name = |stem: &str, end: &str| match several {
-            true => format!("{stem}-{}.{end}", raw.id),
-            false => format!("{stem}.{end}"),
-        };
+        let name = |stem: &str, end: &str| name(stem, end, &raw.id, several);
         let apart = collection
             .pulses
             .iter()
@@ -192,14 +221,16 @@ impl<'a> Plan<'a> {
         8 * collection.pulses.len() as u64 * collection.waveform.num_samples() as u64
     }
 
-    /// Times, and where the antennas are.
-    fn write_track(&self, staged: &Staged) -> Result<(), WriteError> {
+    /// Times, and where the antennas are; the size and CRC-32 of every array.
+    fn write_track(&self, staged: &Staged) -> Result<Vec<(&str, Value)>, WriteError> {
         let pulses = &self.echoes.collection().pulses;
-        self.array(staged, &self.times, &[pulses.len()], |times| {
+        let mut written: Vec<(&str, Value)> = Vec::new();
+        let about = self.array(staged, &self.times, &[pulses.len()], |times| {
             pulses
                 .iter()
                 .try_for_each(|pulse| times.put(&[pulse.time_s]))
         })?;
+        written.push((&self.times, about));
         // A track has at least two fixes: a lone one is said twice, a second apart.
         let lone = pulses.len() * self.fixes.len() == 1;
         let count = if lone {
@@ -210,23 +241,25 @@ impl<'a> Plan<'a> {
         let all =
             || (0..pulses.len()).flat_map(|n| self.fixes.iter().map(move |&k| self.fix(n, k)));
         let again = || lone.then(|| all().last()).flatten();
-        self.array(staged, &self.track_times, &[count], |times| {
+        let about = self.array(staged, &self.track_times, &[count], |times| {
             for (time_s, _) in all() {
                 times.put(&[time_s])?;
             }
             again().map_or(Ok(()), |(time_s, _)| times.put(&[time_s + 1.0]))
         })?;
+        written.push((&self.track_times, about));
         for (name, antenna) in [Some(&self.transmitter), self.receiver.as_ref()]
             .into_iter()
             .zip(0..)
         {
             let Some(name) = name else { continue };
-            self.array(staged, name, &[count, 3], |positions| {
+            let about = self.array(staged, name, &[count, 3], |positions| {
                 let mut fixes = all().chain(again());
                 fixes.try_for_each(|(_, at)| positions.put(&at[antenna].to_array()))
             })?;
+            written.push((name, about));
         }
-        Ok(())
+        Ok(written)
     }
 
     /// Time of sample `k` of pulse `n`, and where transmitter and receiver are.
@@ -249,13 +282,13 @@ impl<'a> Plan<'a> {
         name: &str,
         shape: &[usize],
         write: impl FnOnce(&mut ArrayWriter<&mut StagedFile, f64>) -> io::Result<()>,
-    ) -> Result<(), WriteError> {
-        staged.write(name, |file| {
+    ) -> Result<Value, WriteError> {
+        let about = staged.write(name, |file| {
             let mut array = ArrayWriter::new(file, shape)?;
             write(&mut array)?;
             array.finish()
         })?;
-        Ok(())
+        Ok(about)
     }
 
     fn write_echoes(
@@ -263,7 +296,7 @@ impl<'a> Plan<'a> {
         staged: &Staged,
         monitor: &dyn Monitor,
         mut written: impl FnMut(u64),
-    ) -> Result<(), WriteError> {
+    ) -> Result<Value, WriteError> {
         let collection = self.echoes.collection();
         let (count, width) = (collection.pulses.len(), collection.waveform.num_samples());
         let failed = |source| staged.failed(&self.samples, source);
@@ -282,8 +315,7 @@ impl<'a> Plan<'a> {
             written(8 * block.len() as u64);
         }
         array.finish().map_err(failed)?;
-        staged.finish(&self.samples, file)?;
-        Ok(())
+        Ok(staged.finish(&self.samples, file)?)
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args as Group, ValueEnum, ValueHint};
 use subaperture::plot::{Colours, Scale};
 
-use super::values::{finite, length};
+use super::values::{finite, length, output};
 
 /// Levels and colours of a picture.
 #[derive(Clone, Copy, Debug, Group)]
@@ -61,9 +61,12 @@ pub(crate) struct Picture {
     pub(crate) image: PathBuf,
 
     /// PNG file to write
-    #[arg(long, short, value_name = "PNG", value_hint = ValueHint::FilePath)]
+    #[arg(long, short, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
 
     #[command(flatten)]
     pub(crate) look: Look,
+
+    #[command(flatten)]
+    pub(crate) writing: super::Writing,
 }

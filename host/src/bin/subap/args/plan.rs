@@ -117,7 +117,7 @@ pub(crate) struct PlanRadar {
 
     /// Folder for response.png: what the thesis's mode will make of a scatterer in the scene's centre; and
     /// ambiguity.png: the pulse's ambiguity function around its peak
-    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = super::output())]
     pub(crate) plots: Option<PathBuf>,
 
     /// The pulse of ambiguity.png: lfm:HZ:SECONDS, a linear sweep, or barker13:SECONDS, chips of that length
@@ -128,6 +128,9 @@ pub(crate) struct PlanRadar {
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+
+    #[command(flatten)]
+    pub(crate) writing: super::Writing,
 }
 
 /// The options of [`Pass`], and those that lengthen it.

@@ -82,8 +82,11 @@ pub(crate) struct Tune {
     pub(crate) slow_window: Window,
 
     /// Folder for tune.json and pictures: the measure over each key, and the image as described and as tuned
-    #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath)]
+    #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = super::output())]
     pub(crate) out: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) writing: super::Writing,
 }
 
 /// A key and its values.

@@ -1,5 +1,8 @@
 //! Values as they are typed: each function turns a word into one, or says what to give.
 
+use std::path::PathBuf;
+
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use glam::DVec3;
 use subaperture::geometry::{Axis, Extent};
 
@@ -24,6 +27,14 @@ pub(super) fn finite(text: &str) -> Result<f64, String> {
     value
         .filter(|v| v.is_finite())
         .ok_or_else(|| "give a number".to_owned())
+}
+
+/// The path of an output; `-` is none, for nothing is written to standard output but text.
+pub(super) fn output() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| match path.as_os_str() == "-" {
+        true => Err("nothing is written to standard output: give a name (./- for a file called -)"),
+        false => Ok(path),
+    })
 }
 
 /// `3,-4` or `3,-4,0.5`.

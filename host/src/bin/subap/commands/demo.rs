@@ -2,7 +2,6 @@
 
 mod report;
 
-use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -15,7 +14,7 @@ use subaperture::focus::{ImageFormer, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Comparison, Image};
 use subaperture::io::atomic::write_atomically;
-use subaperture::io::product::Product;
+use subaperture::io::product::{self, Product};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::plot::{self, Colours, Panel, Scale};
 use subaperture::signal::window::Window;
@@ -125,6 +124,16 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         None => GRID.parse()?,
     };
     session.check_grid(&grid, IMAGES)?;
+    let mut claims = session.claims::<&Path>(&typed.writing, &[]);
+    let folders: Vec<&str> = ways().iter().map(|way| way.folder).collect();
+    let pictures = folders
+        .iter()
+        .map(|folder| format!("difference-{folder}.png"));
+    let own = ["overview.png", "errors.md", "errors.json"].map(str::to_owned);
+    claims.folder(&typed.out, pictures.chain(own))?;
+    for folder in folders.iter().chain(&["exact"]) {
+        claims.folder(&typed.out.join(folder), product::NAMES)?;
+    }
     Product::prepare(&typed.out.join("exact"), grid.num_pixels() * IMAGES)?;
 
     let simulated = Preset::Table41.simulate(&Variation::default());
@@ -319,9 +328,6 @@ fn write(
 
 fn write_bytes(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     use std::io::Write;
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder)?;
-    }
     write_atomically(path, bytes.len() as u64, |file| file.write_all(bytes))?;
     Ok(())
 }

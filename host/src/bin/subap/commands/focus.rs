@@ -12,7 +12,7 @@ use subaperture::focus::moving::Moving;
 use subaperture::focus::{Misses, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, power};
-use subaperture::io::product::Product;
+use subaperture::io::product::{self, Product};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::plot::{self, Orientation, Panel};
 use subaperture::survey::Survey;
@@ -32,6 +32,8 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     if let Some(grid) = &typed.grid {
         session.check_grid(grid, 1)?;
     }
+    let mut claims = session.claims(&typed.writing, &typed.input.paths);
+    claims.folder(&typed.out, product::NAMES)?;
     Product::prepare(&typed.out, typed.grid.map_or(0, |grid| grid.num_pixels()))?;
 
     let recorded = session.open(&typed.input)?;

@@ -99,7 +99,7 @@ impl Container {
     fn to_json(&self) -> Value {
         let info = &self.info;
         json!({
-            "path": self.path,
+            "path": self.path.to_string_lossy(),
             "format": format!("CPHD {}", info.version),
             "domain": info.domain.to_string(),
             "sgn": info.sgn.to_string(),

@@ -9,6 +9,7 @@ use serde_json::{Map, Value, json};
 use subaperture::focus::{Monitor, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::maps::{MOST_MAPS, MapWriter};
+use subaperture::io::ours::Kind;
 use subaperture::link::{
     self, Buffers, Counts, Ending, HostCore, Identity, Job, LinkError, MapSink, Outcome, Place,
     PulseSource, Settings, SinkError, Verified, Watch,
@@ -39,6 +40,11 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
         return Err(Usage(what).into());
     }
     let error_db = typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB);
+    let mut claims = session.claims(&typed.writing, &typed.input.paths);
+    claims.file(&typed.out, Kind::Maps)?;
+    if let Some(picture) = &typed.picture {
+        claims.file(picture, Kind::Picture).context("--picture")?;
+    }
     let history = session.open(&typed.input)?;
     let collection = history.collection();
     let survey = Survey::of(collection).context("the input holds no pulses")?;
@@ -136,7 +142,6 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
         );
         Picture::start(path, image, &grid, survey.name.clone())
     });
-    let picture = picture.transpose()?;
     let mut keep = Keep {
         writer: &mut writer,
         picture,

@@ -5,6 +5,7 @@ use std::io::Write;
 use glam::DVec3;
 use serde_json::Value;
 use subaperture::io::atomic::write_atomically;
+use subaperture::io::ours::Kind;
 use subaperture::io::product;
 use subaperture::plot::{self, Orientation, Panel};
 
@@ -14,6 +15,8 @@ use crate::text;
 
 /// Reads a product and writes its picture.
 pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
+    let mut claims = session.claims(&typed.writing, &[&typed.image]);
+    claims.file(&typed.out, Kind::Picture)?;
     let stored = product::read(&typed.image)?;
     let about = &stored.metadata["picture"];
     let name = typed.image.display().to_string();

@@ -89,7 +89,16 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
         print(&report, &source)?;
     }
     match &typed.plots {
-        Some(folder) => pictures::write(folder, &report, &source, window),
+        Some(folder) => {
+            let mut claims = session.claims(
+                &typed.writing,
+                &[Some(&typed.image), typed.against.as_ref()]
+                    .into_iter()
+                    .flatten()
+                    .collect::<Vec<_>>(),
+            );
+            pictures::write(&mut claims, folder, &report, &source, window)
+        }
         None => Ok(()),
     }
 }

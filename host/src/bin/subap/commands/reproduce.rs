@@ -1,10 +1,9 @@
 //! `subap reproduce`: the figures of both theses, made again.
 
-use std::fs;
 use std::time::Instant;
 
-use anyhow::{Context as _, bail};
-use subaperture::reproduce::{Context, Item, Step, items, run as run_items};
+use anyhow::bail;
+use subaperture::reproduce::{Context, Item, Step, items, names, run as run_items};
 
 use crate::args::Reproduce;
 use crate::config::Session;
@@ -25,8 +24,8 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
             bail!("--gotcha {}: there is no such file", path.display());
         }
     }
-    fs::create_dir_all(&typed.out)
-        .with_context(|| format!("cannot make the folder {}", typed.out.display()))?;
+    let mut claims = session.claims(&typed.writing, &typed.gotcha);
+    claims.folder(&typed.out, names(&typed.out, &chosen))?;
     let start = Instant::now();
     let progress = session.progress("reproducing");
     let context = Context {

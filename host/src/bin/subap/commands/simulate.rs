@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use subaperture::io::cphd::{self, Channel, Domain, Sgn, WriteOptions};
+use subaperture::io::ours::Kind;
 use subaperture::io::recording::{self, Raw};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::simulate::scenario::{self, Scenario};
@@ -22,8 +23,16 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         text::say(scenario::examples::text(name).context("--example: no such name")?)?;
     }
     if let Some(path) = &typed.scenario {
+        let mut claims = session.claims(&typed.writing, &[path]);
+        if let Some(out) = &typed.out {
+            claims.file(out, Kind::Collection)?;
+        }
         let experiment = experiment(path, typed)?;
         let recordings = record(session, &experiment)?;
+        if let Some(folder) = &typed.echoes {
+            let ids: Vec<&str> = recordings.iter().map(|(id, _)| id.as_str()).collect();
+            claims.folder(folder, recording::names(&ids))?;
+        }
         if let Some(folder) = &typed.echoes {
             write_echoes(session, folder, &recordings)?;
         }
@@ -37,6 +46,8 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         return Ok(());
     }
     if let (Some(preset), Some(out)) = (typed.preset, &typed.out) {
+        let mut claims = session.claims::<&Path>(&typed.writing, &[]);
+        claims.file(out, Kind::Collection)?;
         let simulated = preset.simulate(&variation(typed));
         return write(session, typed, out, &[Channel::new("1", &simulated)]);
     }

@@ -33,6 +33,12 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     if let Some(grid) = &typed.grid {
         session.check_grid(grid, 1)?;
     }
+    let mut claims = session.claims(&typed.writing, &[&typed.recording]);
+    if let Some(folder) = &typed.out {
+        let own = ["tune.json", "map.png", "image.png"].map(str::to_owned);
+        let keys = keys.iter().map(|vary| format!("{}.png", vary.key));
+        claims.folder(folder, keys.chain(own))?;
+    }
     let mut recording = RecordingFile::read(&typed.recording)
         .with_context(|| format!("cannot read {}", typed.recording.display()))?;
     for (key, value) in &typed.set {

@@ -9,7 +9,7 @@ use subaperture::focus::moving::{VelocityPlane, velocity_resolution_m_s};
 use subaperture::focus::{ImageFormer, Task, Weights};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::power;
-use subaperture::io::product::Product;
+use subaperture::io::product::{self, Product};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::plot::{self, Panel, ShownAxis};
 use subaperture::survey::Survey;
@@ -23,6 +23,8 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     let start = Instant::now();
     let grid = ImageGrid::horizontal(typed.vx, typed.vy, typed.vz);
     session.check_grid(&grid, 1)?;
+    let mut claims = session.claims(&typed.writing, &typed.input.paths);
+    claims.folder(&typed.out, product::NAMES)?;
     Product::prepare(&typed.out, grid.num_pixels())?;
 
     let history = session.open(&typed.input)?;

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use serde_json::{Value, json};
+use subaperture::io::ours::TEXT_MARK;
 
 use super::Outcome;
 use crate::text;
@@ -93,7 +94,7 @@ impl Report<'_> {
         let rule: Vec<String> = HEADER.map(|_| "---".to_owned()).to_vec();
         let rows: String = self.rows().iter().map(|row| line(row)).collect();
         format!(
-            "# Table 4.1 (Schone 2020), every former against the exact sum\n\n{}{}{rows}\n{}\n",
+            "<!-- {TEXT_MARK} -->\n# Table 4.1 (Schone 2020), every former against the exact sum\n\n{}{}{rows}\n{}\n",
             line(&header),
             line(&rule),
             self.notes()

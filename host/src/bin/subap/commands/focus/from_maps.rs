@@ -6,7 +6,7 @@ use std::time::Instant;
 use serde_json::json;
 use subaperture::focus::maps::{MapsTask, Report, default_grid, form};
 use subaperture::io::maps::MapFile;
-use subaperture::io::product::Product;
+use subaperture::io::product::{self, Product};
 use subaperture::maps::Maps;
 use subaperture::plot::Orientation;
 
@@ -22,6 +22,8 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     if let Some(grid) = &typed.grid {
         session.check_grid(grid, 1)?;
     }
+    let mut claims = session.claims(&typed.writing, &[path]);
+    claims.folder(&typed.out, product::NAMES)?;
     Product::prepare(&typed.out, typed.grid.map_or(0, |grid| grid.num_pixels()))?;
 
     let maps = MapFile::open(path)?;

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::write_atomically;
 use subaperture::link::RunningImage;
@@ -28,31 +28,16 @@ pub(crate) struct Picture {
 }
 
 impl Picture {
-    /// Begins a picture at `path`.
-    ///
-    /// # Errors
-    /// If there can be none: found out now, and not after hours.
-    pub(crate) fn start(
-        path: &Path,
-        image: RunningImage,
-        grid: &ImageGrid,
-        title: String,
-    ) -> anyhow::Result<Self> {
-        let folder = path.parent().filter(|folder| *folder != Path::new(""));
-        if path.is_dir() || folder.is_some_and(|folder| !folder.is_dir()) {
-            bail!(
-                "--picture: {} cannot be written; name a file in a folder that exists",
-                path.display()
-            );
-        }
+    /// Begins a picture at `path`, which is claimed.
+    pub(crate) fn start(path: &Path, image: RunningImage, grid: &ImageGrid, title: String) -> Self {
         let (sender, receiver) = sync_channel(WAITING);
         let (path, grid) = (path.to_owned(), *grid);
         let thread = std::thread::spawn(move || draw(&path, image, &grid, &title, &receiver));
-        Ok(Self {
+        Self {
             maps: sender,
             left_out: 0,
             thread,
-        })
+        }
     }
 
     /// Takes a map, unless the thread is too far behind.

@@ -1,6 +1,5 @@
 //! `subap plan radar`: what a collection will show, and what that takes.
 
-use std::fs;
 use std::io::Write;
 use std::path::Path;
 
@@ -57,7 +56,8 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     };
     let plan = RadarPlan::new(&collection, &request)?;
     if let Some(folder) = &typed.plots {
-        fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        let mut claims = session.claims(&typed.writing, &typed.input.paths);
+        claims.folder(folder, ["response.png", "ambiguity.png"])?;
         plot(&collection, &grid, &plan, folder)?;
         plot_ambiguity(&pulse(typed, &plan), folder)?;
     }

@@ -1,11 +1,11 @@
 //! The pictures of `subap quality`: cuts with theory beside them, chips, maps of differences.
 
-use std::fs;
 use std::io::Write;
 use std::path::Path;
 
 use subaperture::geometry::Axis;
 use subaperture::io::atomic::write_atomically;
+use subaperture::io::claim::Claims;
 use subaperture::plot::{
     Chart, Colours, Curve, Heat, Panel, Scale, Stroke, heat, lines, quicklook,
 };
@@ -21,19 +21,18 @@ use crate::interrupt;
 /// What cuts are shown down to, dB.
 const FLOOR_DB: f64 = -60.0;
 
-/// Writes every picture into `folder`, which is made if need be.
+/// Writes every picture into `folder`, which is made if need be; none if one may not be replaced.
 pub(super) fn write(
+    claims: &mut Claims,
     folder: &Path,
     report: &Report,
     source: &Source,
     window: Option<Window>,
 ) -> anyhow::Result<()> {
-    fs::create_dir_all(folder)?;
-    let save = |name: String, bytes: Vec<u8>| {
-        interrupt::check()?;
-        let path = folder.join(name);
-        write_atomically(&path, bytes.len() as u64, |file| file.write_all(&bytes))?;
-        anyhow::Ok(())
+    let mut drawn: Vec<(String, Vec<u8>)> = Vec::new();
+    let mut save = |name: String, bytes: Vec<u8>| {
+        drawn.push((name, bytes));
+        interrupt::check()
     };
     for (i, point) in report.points.iter().enumerate() {
         let number = i + 1;
@@ -94,6 +93,13 @@ pub(super) fn write(
             "coherence.png".to_owned(),
             map(&against.coherence, "coherence", "", (0.0, 1.0))?,
         )?;
+    }
+    claims.folder(folder, drawn.iter().map(|(name, _)| name))?;
+    for (name, bytes) in drawn {
+        interrupt::check()?;
+        write_atomically(&folder.join(name), bytes.len() as u64, |file| {
+            file.write_all(&bytes)
+        })?;
     }
     Ok(())
 }

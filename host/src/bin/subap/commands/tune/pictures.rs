@@ -3,7 +3,6 @@
 use std::io::Write;
 use std::path::Path;
 
-use anyhow::Context;
 use serde_json::Value;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::{ImageFormer, Task, Weights};
@@ -28,8 +27,6 @@ pub(super) fn write(
     found: &Tuned,
     histories: [&Result<Recorded, ReadError>; 2],
 ) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("cannot make the folder {}", folder.display()))?;
     let put = |name: &str, bytes: &[u8]| {
         write_atomically(&folder.join(name), bytes.len() as u64, |file| {
             file.write_all(bytes)

@@ -1,0 +1,184 @@
+//! Where an output goes: symbolic links followed, the folder above it made, locked against other runs.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::atomic::WriteError;
+use super::lock::{Lock, NoLock};
+
+/// Links that are followed, one after the other.
+const MOST_LINKS: usize = 40;
+
+/// The place of an output. When dropped, the lock goes, and folders above that were made for it, if they are empty.
+#[derive(Debug)]
+pub(super) struct Place {
+    /// Absolute; no symbolic link itself.
+    pub(super) path: PathBuf,
+    pub(super) lock: Arc<Lock>,
+    _made: Made,
+}
+
+impl Place {
+    /// The place of a file.
+    pub(super) fn of_file(path: &Path) -> Result<Self, WriteError> {
+        if path.as_os_str().as_encoded_bytes().ends_with(b"/") {
+            return Err(blocked(
+                path,
+                "it names a folder, and a file is to be written",
+            ));
+        }
+        let (target, linked) = followed(path).map_err(|source| failed(path, source))?;
+        match fs::metadata(&target) {
+            Ok(about) if about.is_file() => {}
+            Ok(_) => return Err(blocked(path, "it exists and is not a file")),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            Err(error) if error.kind() == io::ErrorKind::NotADirectory => {}
+            Err(source) => return Err(failed(path, source)),
+        }
+        Self::within(path, &target, linked)
+    }
+
+    /// The place of a folder, which may be there already.
+    pub(super) fn of_folder(path: &Path) -> Result<Self, WriteError> {
+        let (target, linked) = followed(path).map_err(|source| failed(path, source))?;
+        match fs::metadata(&target) {
+            Ok(about) if about.is_dir() => {
+                let real = fs::canonicalize(&target).map_err(|source| failed(path, source))?;
+                // A folder that is mounted here may lie in one where nothing can be made.
+                Self::within(path, &real, true).or_else(|error| match error {
+                    WriteError::Io { .. } => Ok(Self {
+                        lock: locked(path, &real, std::ffi::OsStr::new("."))?,
+                        path: real,
+                        _made: Made::default(),
+                    }),
+                    other => Err(other),
+                })
+            }
+            Ok(_) => Err(blocked(path, NO_FOLDER)),
+            Err(_) => Self::within(path, &target, linked),
+        }
+    }
+
+    /// The place of `target`, which the user calls `path`, in its folder. The folder is made, unless a link
+    /// leads there: what it leads to may be a disk that is not mounted.
+    fn within(path: &Path, target: &Path, linked: bool) -> Result<Self, WriteError> {
+        let target = std::path::absolute(target).map_err(|source| failed(path, source))?;
+        let (Some(folder), Some(name)) = (target.parent(), target.file_name()) else {
+            return match fs::metadata(&target) {
+                // The root of all.
+                Ok(about) if about.is_dir() => Ok(Self {
+                    lock: locked(path, &target, std::ffi::OsStr::new("."))?,
+                    path: target,
+                    _made: Made::default(),
+                }),
+                _ => Err(blocked(path, "it is no name")),
+            };
+        };
+        if linked && !folder.is_dir() {
+            return Err(blocked(
+                path,
+                "it is a symbolic link into a folder that does not exist",
+            ));
+        }
+        let made = Made::make(path, folder)?;
+        let folder = fs::canonicalize(folder).map_err(|source| failed(path, source))?;
+        Ok(Self {
+            lock: locked(path, &folder, name)?,
+            path: folder.join(name),
+            _made: made,
+        })
+    }
+
+    /// The folder that holds it.
+    pub(super) fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(&self.path)
+    }
+}
+
+const NO_FOLDER: &str = "it, or a part of its path, is a file and not a folder";
+
+fn failed(path: &Path, source: io::Error) -> WriteError {
+    WriteError::Io {
+        path: path.to_owned(),
+        needed_bytes: 0,
+        source,
+    }
+}
+
+fn blocked(path: &Path, what: &'static str) -> WriteError {
+    WriteError::Blocked {
+        path: path.to_owned(),
+        what,
+    }
+}
+
+fn locked(path: &Path, folder: &Path, name: &std::ffi::OsStr) -> Result<Arc<Lock>, WriteError> {
+    Lock::take(folder, name).map_err(|error| match error {
+        NoLock::Busy(holder) => WriteError::Locked {
+            path: path.to_owned(),
+            holder,
+        },
+        NoLock::Io(source) => failed(path, source),
+    })
+}
+
+/// Where `path` leads if it is a symbolic link, also if nothing is there; and whether it is one.
+fn followed(path: &Path) -> io::Result<(PathBuf, bool)> {
+    let mut target = path.to_owned();
+    for count in 0..MOST_LINKS {
+        match fs::symlink_metadata(&target) {
+            Ok(about) if about.is_symlink() => {
+                let to = fs::read_link(&target)?;
+                target = match target.parent() {
+                    Some(folder) => folder.join(to),
+                    None => to,
+                };
+            }
+            _ => return Ok((target, count > 0)),
+        }
+    }
+    Err(io::Error::other(format!(
+        "more than {MOST_LINKS} symbolic links one after the other"
+    )))
+}
+
+/// Folders made for an output, innermost first. Those that are empty go when dropped.
+#[derive(Debug, Default)]
+struct Made(Vec<PathBuf>);
+
+impl Made {
+    /// Makes `folder` with its parents for the output that the user calls `path`.
+    fn make(path: &Path, folder: &Path) -> Result<Self, WriteError> {
+        let mut missing = Vec::new();
+        for above in folder.ancestors() {
+            match fs::metadata(above) {
+                Ok(about) if about.is_dir() => break,
+                Ok(_) => return Err(blocked(path, NO_FOLDER)),
+                Err(error)
+                    if matches!(
+                        error.kind(),
+                        io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
+                    ) =>
+                {
+                    missing.push(above.to_owned());
+                }
+                Err(source) => return Err(failed(path, source)),
+            }
+        }
+        let made = Self(missing);
+        // Dropped on failure, with what was made until then.
+        fs::create_dir_all(folder).map_err(|source| failed(path, source))?;
+        Ok(made)
+    }
+}
+
+impl Drop for Made {
+    fn drop(&mut self) {
+        for folder in &self.0 {
+            // One that holds something, ours or another's, stays.
+            let _ = fs::remove_dir(folder);
+        }
+    }
+}

@@ -1,0 +1,193 @@
+//! Two runs at one output; what a killed run leaves; inputs that change while they are read.
+
+use std::fs;
+use std::io::{Read, Write};
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use subaperture_tests::subap::{command, listing, run};
+
+fn scene() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "simulate --preset table-4-1 -o scene.cphd").succeeded();
+    folder
+}
+
+/// Minutes of work on one image.
+const LONG: &str = "focus scene.cphd --out deep/out -v -a exact --grid x=-40:40:0.05,y=-40:40:0.05";
+
+/// A run that has begun its work, ended when dropped.
+struct Running(Child);
+
+impl Running {
+    fn start(at: &Path, line: &str) -> Self {
+        let mut child = command(at, line.split_whitespace())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut told = Vec::new();
+        let mut byte = [0];
+        while !String::from_utf8_lossy(&told).contains(" onto ") {
+            let stderr = child.stderr.as_mut().unwrap();
+            assert_eq!(stderr.read(&mut byte).unwrap(), 1, "ended early: {told:?}");
+            told.push(byte[0]);
+        }
+        Self(child)
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn a_second_run_is_refused_and_after_a_kill_it_is_not() {
+    let folder = scene();
+    let at = folder.path();
+    let first = Running::start(at, LONG);
+    let locked = "cannot write deep/out: another run (subap, process ";
+    let short = "focus scene.cphd --out deep/out -a bp --grid x=-2:2:1,y=-2:2:1";
+    run(at, short).failed(1, &[locked, &first.0.id().to_string()]);
+    // By another name.
+    std::os::unix::fs::symlink("deep/out", at.join("link")).unwrap();
+    run(at, &short.replace("deep/out", "link")).failed(1, &["link: another run"]);
+    // Another output in the same folder is no matter.
+    run(at, &short.replace("deep/out", "deep/other")).succeeded();
+    // SIGKILL: nothing is tidied.
+    drop(first);
+    let left = |name: &str| {
+        let all = listing(&at.join("deep"));
+        all.keys()
+            .filter(|path| path.to_string_lossy().contains(name))
+            .count()
+    };
+    assert_eq!(left(".subap-"), 1, "the lock's file: {:?}", listing(at));
+    run(at, short).succeeded();
+    assert_eq!(left(".subap-"), 0, "{:?}", listing(at));
+    assert!(at.join("deep/out/image.npy").is_file());
+}
+
+#[test]
+fn a_file_is_locked_while_it_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::create_dir(at.join("deep")).unwrap();
+    // Some seconds, one pulse at a time.
+    let line = "simulate --preset table-4-1 -o deep/a.cphd";
+    let mut first = command(at, line.split_whitespace())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let begun = Instant::now();
+    let hidden = || {
+        let all = listing(&at.join("deep"));
+        let mut names = all.keys().map(|path| path.to_string_lossy().into_owned());
+        names.find(|name| name.ends_with(".part"))
+    };
+    while hidden().is_none() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "never begun");
+        assert!(first.try_wait().unwrap().is_none(), "ended early");
+    }
+    let second = run(at, line);
+    first.kill().unwrap();
+    first.wait().unwrap();
+    second.failed(1, &["deep/a.cphd: another run"]);
+    // Killed half way: its file and its lock are there, and the next run removes them.
+    assert!(hidden().is_some(), "{:?}", listing(at));
+    run(at, line).succeeded();
+    let names: Vec<_> = listing(&at.join("deep")).into_keys().collect();
+    assert_eq!(names, [at.join("deep/a.cphd")]);
+}
+
+#[test]
+fn what_dead_runs_left_goes_and_what_the_living_hold_stays() {
+    let folder = scene();
+    let at = folder.path();
+    // The key of a name is its CRC-32.
+    let key = |name: &str| format!("{:08x}", crc32fast::hash(name.as_bytes()));
+    let dead = key("dead.cphd");
+    fs::write(at.join(format!(".subap-{dead}.lock")), "subap, process 1\n").unwrap();
+    fs::write(at.join(format!(".subap-{dead}-1-0.part")), "half").unwrap();
+    fs::create_dir(at.join(format!(".subap-{dead}-1-1"))).unwrap();
+    fs::write(at.join(format!(".subap-{dead}-1-1/image.npy")), "half").unwrap();
+    // Maps can be read up to where they break off.
+    let maps = at.join(format!(".subap-{dead}-1-2.maps.part"));
+    fs::write(&maps, "SUBAPMAP").unwrap();
+    // Names that are like ours and are not.
+    let kept = [
+        ".subap-notes",
+        ".subap-12345678-1-0.part",
+        ".subap-xyz.lock",
+    ];
+    for name in kept {
+        fs::write(at.join(name), "mine").unwrap();
+    }
+    let living = Running::start(at, &LONG.replace("deep/out", "out"));
+    run(
+        at,
+        "focus scene.cphd --out other -a bp --grid x=-2:2:1,y=-2:2:1",
+    )
+    .succeeded();
+    let hidden: Vec<String> = fs::read_dir(at)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.starts_with(".subap-"))
+        .collect();
+    let mut expected: Vec<String> = kept.map(str::to_owned).to_vec();
+    expected.push(maps.file_name().unwrap().to_str().unwrap().to_owned());
+    expected.push(format!(".subap-{}.lock", key("out")));
+    for name in &hidden {
+        assert!(expected.contains(name), "{name} is left");
+    }
+    assert_eq!(hidden.len(), expected.len(), "{hidden:?}");
+    drop(living);
+}
+
+/// Changes the input as `change` does while it is read, and asserts that the run fails and leaves nothing.
+fn changed(change: impl Fn(&Path)) {
+    let folder = scene();
+    let at = folder.path();
+    let line = "focus scene.cphd --out out -v -a exact --grid x=-10:10:0.25,y=-10:10:0.25";
+    let running = Running::start(at, line);
+    change(&at.join("scene.cphd"));
+    let mut running = std::mem::ManuallyDrop::new(running);
+    let mut told = String::new();
+    let stderr = running.0.stderr.as_mut().unwrap();
+    stderr.read_to_string(&mut told).unwrap();
+    assert_eq!(running.0.wait().unwrap().code(), Some(1), "{told}");
+    assert!(
+        told.contains("scene.cphd was changed while it was read"),
+        "{told}"
+    );
+    assert_eq!(listing(at).len(), 1, "{:?}", listing(at));
+}
+
+#[test]
+fn an_input_that_grows_while_it_is_read_is_noticed() {
+    changed(|path| {
+        let mut file = fs::OpenOptions::new().append(true).open(path).unwrap();
+        file.write_all(b"more").unwrap();
+    });
+}
+
+#[test]
+fn an_input_that_is_written_to_while_it_is_read_is_noticed() {
+    use std::os::unix::fs::FileExt;
+    changed(|path| {
+        let file = fs::OpenOptions::new()
+            .write(true)
+            .read(true)
+            .open(path)
+            .unwrap();
+        let end = file.metadata().unwrap().len();
+        let mut last = [0];
+        file.read_exact_at(&mut last, end - 1).unwrap();
+        file.write_all_at(&[last[0] ^ 1], end - 1).unwrap();
+    });
+}
