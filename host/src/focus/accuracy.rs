@@ -21,8 +21,8 @@
 //! predicted^2 = max(planned^2, C s^2 / M)
 //! ```
 //!
-//! `C` is what a mean of so few squares scatters by: 1 where all pixels are sampled, 2 where the image is as a plan takes it,
-//! and 10 where errors may sit in few pixels: where `s^2 / M` is above the plan's, or the grid is dark, `M` less than 0.3 of the terms'
+//! `C` is what a mean of so few squares scatters by: 1 where all pixels are sampled (128 or fewer), 1.6 where the image is as a plan
+//! takes it, 2 where it errs by more than that, and 10 where errors may sit in few pixels: where `s^2 / M` is 6 dB above the plan's, or the grid is dark, `M` less than 0.3 of the terms'
 //! powers `T` ([`Sums::terms`]), which is what noise would show. A bound missed in this way is an error too, after the work.
 //! A prediction of -3 dB or more says that the image is worth nothing, not how far it errs.
 //!
@@ -45,9 +45,17 @@ use crate::signal::phase::widen;
 /// Pixels at which every image is compared with the sum.
 const SAMPLED_PIXELS: usize = 4 * LANES;
 
-/// `C` of the module's formula where there are more pixels, and where errors may sit in few of them.
-const SCATTER: f64 = 2.0;
+/// Pixels of which all are sampled.
+const FEW_PIXELS: usize = 2 * SAMPLED_PIXELS;
+
+/// `C` of the module's formula where there are more pixels, where they err by more than planned, and where
+/// errors may sit in few of them.
+const SCATTER: f64 = 1.6;
+const LARGER_SCATTER: f64 = 2.0;
 const UNEVEN_SCATTER: f64 = 10.0;
+
+/// Error over the planned, in power, above which it is uneven.
+const UNEVEN: f64 = 4.0;
 
 /// Mean square over the terms' powers below which a grid is dark.
 const DARK: f64 = 0.3;
@@ -195,7 +203,7 @@ impl<'a> Sampled<'a> {
         // Golden-ratio places: spread evenly without a lattice.
         let place =
             |i: usize| (((i as f64 + 0.5) * 0.618_033_988_75).fract() * total as f64) as usize;
-        let mut pixels: Vec<usize> = match total <= SAMPLED_PIXELS {
+        let mut pixels: Vec<usize> = match total <= FEW_PIXELS {
             true => (0..total).collect(),
             false => (0..SAMPLED_PIXELS).map(place).collect(),
         };
@@ -272,10 +280,15 @@ impl<'a> Sampled<'a> {
             error / exact
         } else if shown > SPOILT {
             UNEVEN_SCATTER * error / exact
-        } else if mean < DARK * sums.terms * norm * norm || shown > 10f64.powf(planned_db / 10.0) {
-            UNEVEN_SCATTER * shown
         } else {
-            SCATTER * shown
+            let dark = mean < DARK * sums.terms * norm * norm;
+            let above = shown / 10f64.powf(planned_db / 10.0);
+            shown
+                * match () {
+                    () if dark || above > UNEVEN => UNEVEN_SCATTER,
+                    () if above > 1.0 => LARGER_SCATTER,
+                    () => SCATTER,
+                }
         };
         if sums.pulses.end != self.collection().pulses.len() {
             // A former that left pulses out has no image of them all.
