@@ -64,9 +64,9 @@ fn images_beyond_memory_are_not_compared() {
 #[test]
 fn a_demonstration_beyond_memory_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    // One image of 200 x 200 pixels takes 320 kB, all of them 3.8 MB.
+    // One image of 200 x 200 pixels takes 320 kB, all of them 6.4 MB.
     let line = "demo --out demo --memory 2M --grid x=-20:20:0.2,y=-20:20:0.2";
-    run(folder.path(), line).failed(1, &["12 images", "200 x 200", "--memory"]);
+    run(folder.path(), line).failed(1, &["20 images", "200 x 200", "--memory"]);
     assert!(listing(folder.path()).is_empty());
 }
 

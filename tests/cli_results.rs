@@ -196,6 +196,10 @@ fn demo_keeps_its_bounds() {
     assert!(error_db("precise-40") <= -60.0);
     assert!(error_db("precise-130") <= -45.0);
     assert!(error_db("bp") <= -50.0);
+    // Every former there is, and each in its own folder.
+    for former in ["ffbp", "omega-k", "rda", "pfa"] {
+        assert!(error_db(former) <= -50.0, "{former}");
+    }
     // The thesis's mode shows its grating lobes: nearly as strong as the image at 130 pulses.
     assert!(error_db("thesis-130") > -10.0 && error_db("thesis-40") < -10.0);
     for name in [
@@ -205,6 +209,10 @@ fn demo_keeps_its_bounds() {
         "precise-40",
         "thesis-130",
         "precise-130",
+        "ffbp",
+        "omega-k",
+        "rda",
+        "pfa",
     ] {
         assert!(demo.join(name).join("image.npy").is_file(), "{name}");
     }

@@ -196,6 +196,90 @@ fn a_made_response_is_measured_to_theory() {
     }
 }
 
+/// Widths and side lobes are the point's, and not the pixels': the same from 2.3 pixels a cell to 46.
+#[test]
+fn the_size_of_pixels_changes_nothing() {
+    let measured: Vec<Response> = [2.3, 9.2, 46.0]
+        .into_iter()
+        .map(|cell| {
+            let side = (30.0 * cell) as usize;
+            let made = Made {
+                window: Window::Taylor { side_lobe_db: 35.0 },
+                cell,
+                row: side as f64 / 2.0 + 0.3,
+                column: side as f64 / 2.0 - 0.2,
+                turn: [0.4, -0.2],
+                amplitude: Complex64::ONE,
+            };
+            let grid = square(side);
+            measure(
+                &made.image(side),
+                &grid,
+                Target::Brightest,
+                &Settings::default(),
+            )
+            .unwrap()
+        })
+        .collect();
+    for (response, cell) in measured.iter().zip([2.3, 9.2, 46.0]) {
+        check_cuts(
+            "made",
+            response,
+            Window::Taylor { side_lobe_db: 35.0 },
+            [cell; 2],
+        );
+        let (cut, first) = (&response.cuts[0], &measured[0].cuts[0]);
+        let spans = [cut, first].map(|cut| cut.span[1] / cut.width_3db.unwrap());
+        assert!((spans[0] / spans[1] - 1.0).abs() < 0.02, "{spans:?}");
+        near_db("ISLR", cut.null_rule.islr_db, first.null_rule.islr_db);
+        assert!((response.phase_rad - measured[0].phase_rad).abs() < 0.01 + 0.4 / 128.0 * cell);
+    }
+}
+
+/// Pixels that fold are refused where it is known what they must hold.
+#[test]
+fn pixels_that_fold_are_refused() {
+    let history = Preset::Table41.simulate(&Variation::default());
+    let looks = subaperture::support::Looks::new(history.collection(), Window::None, Window::None);
+    let settings = Settings {
+        looks: Some(&looks),
+        ..Settings::default()
+    };
+    // Cells of 0.58 and 0.75 m.
+    for (grid, along) in [
+        ("x=-15:15:0.3,y=-15:15:0.3", None),
+        ("x=-15:15:0.6,y=-15:15:0.3", Some("x")),
+        ("x=-15:15:0.3,y=-15:15:0.8", Some("y")),
+    ] {
+        let grid: ImageGrid = grid.parse().unwrap();
+        let made = Made {
+            window: Window::None,
+            cell: 2.0,
+            row: grid.rows.count as f64 / 2.0,
+            column: grid.columns.count as f64 / 2.0,
+            turn: [0.0; 2],
+            amplitude: Complex64::ONE,
+        };
+        let side = grid.rows.count.max(grid.columns.count);
+        let whole = made.image(side);
+        let pixels = (0..grid.rows.count)
+            .flat_map(|i| whole.pixels[i * side..i * side + grid.columns.count].to_vec());
+        let image = Image {
+            rows: grid.rows.count,
+            columns: grid.columns.count,
+            pixels: pixels.collect(),
+        };
+        let found = measure(&image, &grid, Target::Brightest, &settings);
+        match along {
+            None => assert!(found.is_ok()),
+            Some(wanted) => assert!(
+                matches!(found, Err(ResponseError::TooCoarse { along, .. }) if along == wanted),
+                "{found:?}"
+            ),
+        }
+    }
+}
+
 #[test]
 fn a_line_of_sight_is_measured_along_and_across() {
     // The response is the same along both axes and, for Hamming's round main lobe, nearly so along

@@ -34,6 +34,7 @@ pub mod receive;
 pub mod reproduce;
 pub mod signal;
 pub mod simulate;
+pub mod support;
 pub mod survey;
 pub mod tune;
 

@@ -114,6 +114,31 @@ impl ImageGrid {
     }
 }
 
+impl ImageGrid {
+    /// How the scene point moves with the column's value and with the row's, at grid coordinates: unit vectors, but metres a
+    /// radian for the angle of a polar grid.
+    pub fn directions(&self, row_value: f64, column_value: f64) -> [DVec3; 2] {
+        if !self.polar {
+            return [self.x_axis, self.y_axis];
+        }
+        let (sin, cos) = column_value.sin_cos();
+        [
+            (self.y_axis * cos - self.x_axis * sin) * row_value,
+            self.x_axis * cos + self.y_axis * sin,
+        ]
+    }
+
+    /// Grid coordinates, row's and column's, of the point of the grid's plane that is nearest to a scene point.
+    pub fn coordinates(&self, point_m: DVec3) -> [f64; 2] {
+        let from = point_m - self.origin_m;
+        let (x, y) = (from.dot(self.x_axis), from.dot(self.y_axis));
+        match self.polar {
+            true => [x.hypot(y), y.atan2(x)],
+            false => [y, x],
+        }
+    }
+}
+
 /// Farthest that a coordinate may lie from the scene's origin, metres: beyond any scene, yet float64
 /// still tells 1e-7 m apart there.
 const FARTHEST_M: f64 = 1e9;

@@ -66,7 +66,7 @@ pub struct RadarPlan {
 /// Resolution and sampling of the aperture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Aperture {
-    /// `lambda / (4 sin theta)` of the aperture flown, metres.
+    /// That of the survey: of the aperture flown, metres.
     pub cross_range_resolution_m: Option<f64>,
     /// The same of an aperture as long as the beam lights the scene, metres.
     pub beam_resolution_m: Option<f64>,
@@ -208,11 +208,9 @@ impl Aperture {
         let beam = request
             .beamwidth_rad
             .map(|angle| Need::new(angle, shortest_m, velocity_m_s));
-        let half_angle = survey.aperture_angle_deg.to_radians() / 2.0;
         let sampled = |need: Need| survey.pulse_spacing_m.map(|d| d <= need.spacing_m);
         Self {
-            cross_range_resolution_m: (half_angle > 0.0)
-                .then(|| sampling::cross_range_resolution_m(survey.wavelength_m, half_angle)),
+            cross_range_resolution_m: survey.cross_range_resolution_m,
             beam_resolution_m: request
                 .beamwidth_rad
                 .map(|beam| sampling::cross_range_resolution_m(survey.wavelength_m, beam / 2.0)),

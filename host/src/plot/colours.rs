@@ -18,7 +18,7 @@ pub(super) const PALE: [u8; 3] = [222, 222, 222];
 
 /// Brighter than the brightest shown: none of a map's own colours.
 const AMBER: [u8; 3] = [255, 150, 30];
-const WHITE: [u8; 3] = [255; 3];
+const CORAL: [u8; 3] = [255, 110, 90];
 
 /// Viridis at every eighth.
 const VIRIDIS: [[u8; 3]; 9] = [
@@ -38,7 +38,7 @@ impl Colours {
     pub(super) fn above(self) -> [u8; 3] {
         match self {
             Self::Grey => AMBER,
-            Self::Viridis => WHITE,
+            Self::Viridis => CORAL,
         }
     }
 

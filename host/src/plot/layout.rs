@@ -28,7 +28,7 @@ const NOTE_PX: f32 = 12.0;
 /// Half an arrow's length, and from one arrow to the next; the arrows lie below the tick labels, left of the
 /// plot.
 const ARROW: f64 = 11.0;
-const ARROW_STEP: f64 = 46.0;
+const ARROW_STEP: f64 = 52.0;
 /// Height of the cap on the colour bar that stands for levels above its top.
 const CAP: usize = 10;
 /// Levels this far above the top, as a part of the span, are rounding and not above it.

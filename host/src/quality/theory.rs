@@ -1,4 +1,5 @@
-//! What the response of a windowed band should be.
+//! What the response of a windowed band should be, and of any support ([`crate::support`]), whose projection
+//! on the line of a cut takes the band's place.
 //!
 //! The transform of `n` weights `w_k` that fill a band of one cycle a cell, evaluated directly,
 //!
@@ -20,13 +21,13 @@ use super::response::SideLobes;
 /// Steps a cell.
 const FINE: usize = 64;
 
-/// A response in theory; lengths in cells.
+/// A response in theory; lengths in cells, or in whatever [`expected_of`] was given them in.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Expected {
     /// Width between the points of half the peak's power.
     pub width_3db: f64,
-    /// First minimum.
-    pub null: f64,
+    /// First minimum; `None` if there is none within the span.
+    pub null: Option<f64>,
     /// Side lobes where the main lobe ends at the first minimum.
     pub null_rule: SideLobes,
     /// Side lobes where it ends a given number of widths from the peak.
@@ -45,12 +46,28 @@ pub fn transform(weights: &[f64], cells: f64) -> f64 {
 }
 
 /// The response out to `span` cells on both sides; the fixed rule's main lobe reaches
-/// `main_lobe_widths` widths. `None` of no weights, or if the first minimum is not within the span.
+/// `main_lobe_widths` widths. `None` of no weights, or if the half-power points are not within the span.
 pub fn expected(weights: &[f64], span: f64, main_lobe_widths: f64) -> Option<Expected> {
-    if weights.is_empty() || !(span > 0.0 && span <= 1e4) {
+    if weights.is_empty() {
         return None;
     }
     let power = |x: f64| transform(weights, x).powi(2);
+    expected_of(&power, 1.0, span, main_lobe_widths)
+}
+
+/// The same of any response by its power over the peak's, the same on both sides of the peak, as that of weights
+/// which are not negative is; `cell` is the scale on which it changes.
+pub fn expected_of(
+    power: &dyn Fn(f64) -> f64,
+    cell: f64,
+    span: f64,
+    main_lobe_widths: f64,
+) -> Option<Expected> {
+    let span = span / cell;
+    if !(cell > 0.0 && span > 0.0 && span <= 1e4) {
+        return None;
+    }
+    let power = |x: f64| power(x * cell);
     let count = (span * FINE as f64).floor() as usize;
     let samples: Vec<f64> = (0..=count).map(|i| power(i as f64 / FINE as f64)).collect();
     let below = samples.iter().position(|&p| p < 0.5)?;
@@ -64,20 +81,20 @@ pub fn expected(weights: &[f64], span: f64, main_lobe_widths: f64) -> Option<Exp
         }
     }
     let width_3db = 2.0 * low;
-    let turn_up = samples.windows(2).position(|p| p[1] > p[0])?;
-    let null = least(&power, turn_up);
-    let side_lobes = |end: f64| SideLobes {
-        pslr_db: highest(&samples, end).map(|p| 10.0 * p.log10()),
-        islr_db: (end < span).then(|| {
+    let turn_up = samples.windows(2).position(|p| p[1] > p[0]);
+    let null = turn_up.map(|turn_up| least(&power, turn_up));
+    let side_lobes = |end: Option<f64>| SideLobes {
+        pslr_db: end.and_then(|end| highest(&samples, end).map(|p| 10.0 * p.log10())),
+        islr_db: end.filter(|&end| end < span).map(|end| {
             let beyond = simpson(&power, end, span);
             10.0 * (beyond / simpson(&power, 0.0, end)).log10()
         }),
     };
     Some(Expected {
-        width_3db,
-        null,
+        width_3db: width_3db * cell,
+        null: null.map(|null| null * cell),
         null_rule: side_lobes(null),
-        fixed_rule: side_lobes(main_lobe_widths * width_3db),
+        fixed_rule: side_lobes(Some(main_lobe_widths * width_3db)),
     })
 }
 
@@ -143,7 +160,7 @@ mod tests {
         // beyond +-X about 1 / (pi^2 X): with X = 10, 0.010132.
         let e = expected(&Window::None.weights(1000), 10.0, 1.5).unwrap();
         near(e.width_3db, 0.885_89, 1e-4);
-        near(e.null, 1.0, 1e-5);
+        near(e.null.unwrap(), 1.0, 1e-5);
         near(e.null_rule.pslr_db.unwrap(), -13.261, 2e-3);
         let beyond: f64 = 1.0 - 0.902_823 - 0.010_132;
         near(
@@ -154,7 +171,7 @@ mod tests {
         // Harris 1978, table 1: Hamming is 1.30 cells wide, its highest side lobe -43 dB.
         let e = expected(&Window::Hamming.weights(1000), 10.0, 1.5).unwrap();
         near(e.width_3db, 1.30, 5e-3);
-        near(e.null, 2.0, 1e-3);
+        near(e.null.unwrap(), 2.0, 1e-3);
         near(e.null_rule.pslr_db.unwrap(), -42.7, 0.3);
         let taylor = Window::Taylor { side_lobe_db: 35.0 };
         let e = expected(&taylor.weights(1000), 10.0, 1.5).unwrap();
@@ -163,6 +180,9 @@ mod tests {
         let d = transform(&[1.0; 5], 1.3);
         near(d, (1.3 * PI).sin() / (5.0 * (1.3 * PI / 5.0).sin()), 1e-12);
         assert_eq!(expected(&[], 10.0, 1.5), None);
-        assert_eq!(expected(&[1.0; 9], 0.6, 1.5), None);
+        assert_eq!(expected(&[1.0; 9], 0.4, 1.5), None);
+        // Half power at 0.44, but no null within 0.6: what needs one is not said.
+        let short = expected(&[1.0; 9], 0.6, 1.5).unwrap();
+        assert_eq!((short.null, short.null_rule.pslr_db), (None, None));
     }
 }

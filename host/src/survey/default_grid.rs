@@ -8,6 +8,18 @@ use crate::geometry::{Axis, Extent, ImageGrid};
 #[error("no default grid: {0}; give one, for example --grid x=-50:50:0.5,y=-50:50:0.5,z=0")]
 pub struct NoDefaultGrid(String);
 
+/// Pixels of a default grid at most: an image of 32 MiB, which any former makes in a minute or so.
+pub const MOST_PIXELS: usize = 1 << 22;
+
+/// The grid, and what should be said of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DefaultGrid {
+    /// The pixels.
+    pub grid: ImageGrid,
+    /// Why it does not cover the whole extent, if it does not.
+    pub cropped: Option<String>,
+}
+
 impl Survey {
     /// The rectangle that the default grid covers: the declared extent, else the largest rectangle
     /// along the frame's axes within the unambiguous extent, centred on the scene's centre.
@@ -25,7 +37,7 @@ impl Survey {
                 "the antenna does not move across its line of sight".to_owned(),
             ));
         };
-        let (half_x, half_y) = if self.aperture_angle_deg > 45.0 {
+        let (half_x, half_y) = if self.looks_from_around() {
             // The line of sight turns, and the rectangle with it: what is left is a circle's square.
             let half = range_m.min(cross_m) / 8f64.sqrt();
             (half, half)
@@ -40,35 +52,108 @@ impl Survey {
         })
     }
 
-    /// A horizontal grid at `z = 0` over [`Self::extent`] at half the resolution along each axis.
+    /// A horizontal grid at `z = 0` over [`Self::extent`], its pixels half of [`Self::nyquist_step_m`] apart, which
+    /// holds at its every corner. Of a scene that takes more than [`MOST_PIXELS`] the middle is covered, and
+    /// [`DefaultGrid::cropped`] says so: pixels farther apart would fold.
     ///
     /// # Errors
     /// [`NoDefaultGrid`] where there is no extent or no resolution.
-    pub fn default_grid(&self) -> Result<ImageGrid, NoDefaultGrid> {
+    pub fn default_grid(&self) -> Result<DefaultGrid, NoDefaultGrid> {
         let extent = self.extent()?;
-        let axis = |name: &str, (low, high): (f64, f64), resolution_m: Option<f64>| {
-            let resolution_m = resolution_m.ok_or_else(|| {
-                NoDefaultGrid(format!("the collection has no resolution along {name}"))
-            })?;
-            if resolution_m > high - low {
+        let sides_m = [extent.x_m, extent.y_m].map(|(low, high)| high - low);
+        let mut steps_m = [0.0; 2];
+        for (i, name) in ["x", "y"].into_iter().enumerate() {
+            let (Some(resolution_m), Some(step_m)) =
+                (self.axis_resolution_m[i], self.nyquist_step_m[i])
+            else {
+                return Err(NoDefaultGrid(format!(
+                    "the collection has no resolution along {name}"
+                )));
+            };
+            if resolution_m > sides_m[i] {
                 return Err(NoDefaultGrid(format!(
                     "along {name} the resolution is {resolution_m:.3} m and the extent only {:.3} m",
-                    high - low
+                    sides_m[i]
                 )));
             }
-            let step = round_to_two_digits(resolution_m / 2.0);
+            steps_m[i] = round_to_two_digits(step_m / 2.0);
+        }
+        let pixels = [0, 1].map(|i| sides_m[i] / steps_m[i]);
+        // A long scene loses its length first.
+        let most = (MOST_PIXELS as f64).sqrt();
+        let [x, y] = pixels;
+        let kept = match x * y <= MOST_PIXELS as f64 {
+            true => pixels,
+            false if y < most => [MOST_PIXELS as f64 / y, y],
+            false if x < most => [x, MOST_PIXELS as f64 / x],
+            false => [most; 2],
+        };
+        let axis = |i: usize, (low, high): (f64, f64)| {
             // Whole steps from the middle, which becomes a pixel.
             let middle = low.midpoint(high);
-            let half = ((high - low) / 2.0 / step).floor() * step;
-            Axis::from_range(middle - half, middle + half, step)
+            let half = (kept[i] / 2.0 + 1e-9).floor() * steps_m[i];
+            Axis::from_range(middle - half, middle + half, steps_m[i])
                 .map_err(|error| NoDefaultGrid(error.0))
         };
-        let [x_resolution_m, y_resolution_m] = self.axis_resolution_m;
-        Ok(ImageGrid::horizontal(
-            axis("x", extent.x_m, x_resolution_m)?,
-            axis("y", extent.y_m, y_resolution_m)?,
-            0.0,
-        ))
+        let grid = ImageGrid::horizontal(axis(0, extent.x_m)?, axis(1, extent.y_m)?, 0.0);
+        let cropped = (kept != pixels).then(|| {
+            format!(
+                "the scene's {:.1} x {:.1} m would take {x:.0} x {y:.0} pixels at steps that do not fold ({} x {} m); the \
+                 default grid is its middle, {:.1} x {:.1} m: give --grid for another part or for all of it",
+                sides_m[0],
+                sides_m[1],
+                steps_m[0],
+                steps_m[1],
+                kept[0] * steps_m[0],
+                kept[1] * steps_m[1],
+            )
+        });
+        Ok(DefaultGrid { grid, cropped })
+    }
+
+    /// What repeats within the declared extent, if anything does: a scatterer near one edge has a copy, one unambiguous
+    /// extent away, within the scene.
+    pub fn ambiguity(&self) -> Option<String> {
+        let [x_m, y_m] = self.declared_extent_m?;
+        let (x, y) = (x_m.1 - x_m.0, y_m.1 - y_m.0);
+        // The scene's sides along and across the line of sight, corner to corner; all around, its diagonal.
+        let (deep_m, wide_m) = match self.looks_from_around() {
+            true => (x.hypot(y), x.hypot(y)),
+            false => {
+                let (sin, cos) = self.azimuth_deg.to_radians().sin_cos();
+                (x * cos.abs() + y * sin.abs(), x * sin.abs() + y * cos.abs())
+            }
+        };
+        let over = |what: &str, scene_m: f64, unambiguous_m: Option<f64>, cause: &str| {
+            let unambiguous_m = unambiguous_m.filter(|&m| m < scene_m)?;
+            Some(format!(
+                "the scene is {scene_m:.1} m {what} and repeats every {unambiguous_m:.1} m ({cause})"
+            ))
+        };
+        let across = over(
+            "across the line of sight",
+            wide_m,
+            self.unambiguous_cross_range_m,
+            "the pulses' spacing",
+        );
+        let along = over(
+            "along the line of sight",
+            deep_m,
+            self.unambiguous_range_m,
+            "the frequencies' spacing",
+        );
+        let all: Vec<String> = [across, along].into_iter().flatten().collect();
+        (!all.is_empty()).then(|| {
+            format!(
+                "{}: targets have ghosts, unless the antenna's beam keeps them out",
+                all.join("; ")
+            )
+        })
+    }
+
+    /// Whether the line of sight turns so far that the scene has no sides along and across it.
+    fn looks_from_around(&self) -> bool {
+        self.aperture_azimuth_deg > 45.0
     }
 }
 

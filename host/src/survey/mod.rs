@@ -1,36 +1,35 @@
 //! What a collection can show: band, resolution, unambiguous extent, aperture, geometry, and the
 //! grid that suits it.
 //!
-//! Everything follows from the support of the collection in spatial frequency. With `u_t` and `u_r`
-//! the unit vectors from transmitter and receiver to the scene's centre, pulse `n` at frequency `f`
-//! samples the scene's spectrum at
+//! Resolution and the pixels that an image needs follow from the support of the collection in spatial frequency
+//! ([`crate::support`]), at the place in question, projected on the direction in question: the true shape of the support
+//! and its weights, not the box around it. For a broadside monostatic pass that is the textbook's `c / (2 B cos g)`
+//! and `lambda R / (2 L)` at grazing angle `g` and aperture length `L`, and the unambiguous extents, one
+//! over the step from sample to sample, are `c / (2 step cos g)` and `lambda R / (2 d)` at pulse spacing `d`
+//! (Carrara, Goodman and Majewski, chapter 2).
 //!
-//! ```text
-//! K = f / c (u_t + u_r)     cycles a metre (monostatic: 2 f / c along the line of sight)
-//! ```
+//! A *resolution* here is Rayleigh's, without a window; a *half-power width* is that of the response, 0.886 of it
+//! without windows. The beam of the antennas is not known to a collection and left out: what it dims resolves less.
 //!
-//! projected on the scene plane `z = 0`. Along any direction, resolution is one over the extent of
-//! the support and the unambiguous extent one over the step between its samples. For a broadside
-//! monostatic pass this is the textbook's `c / (2 B cos g)` and `lambda R / (2 L)`, `c / (2 step cos g)`
-//! and `lambda R / (2 d)` at grazing angle `g`, aperture length `L` and pulse spacing `d`
-//! (Carrara, Goodman and Majewski, chapter 2). Resolutions are Rayleigh's: from peak to first null,
-//! without a window; the half-power width is 0.886 of it.
-//!
-//! Neglected: the curvature of wave fronts over the scene (relative error of the scene's radius over
-//! range), the Earth's curvature in angles.
+//! Neglected: the Earth's curvature in angles.
 
+mod aperture;
 pub(crate) mod default_grid;
-mod support;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use serde::Serialize;
 
 use crate::SPEED_OF_LIGHT_M_S;
-use crate::geometry::{Geodetic, SceneFrame};
+use crate::geometry::{Extent, Geodetic, SceneFrame};
 use crate::phase_history::{Collection, Pulse};
+use crate::signal::window::Window;
+use crate::support::{Looks, path_gradient};
+use aperture::Aperture;
 
-pub use default_grid::NoDefaultGrid;
-use support::Support;
+pub use default_grid::{DefaultGrid, MOST_PIXELS, NoDefaultGrid};
+
+/// Places a side of the scene at which the support is looked at for the pixels that it needs.
+const PROBES: usize = 9;
 
 /// Which side of its track the antenna looks to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -65,12 +64,16 @@ pub struct Survey {
     /// Wavelength at the middle of the band, metres.
     pub wavelength_m: f64,
 
-    /// `c / (2 bandwidth)`, metres.
+    /// Along the line of sight of the middle pulse: `c / (2 bandwidth)`, and more of antennas apart, metres.
     pub slant_range_resolution_m: f64,
     /// Resolution in the scene plane along the line of sight, metres.
     pub range_resolution_m: Option<f64>,
     /// Resolution in the scene plane across the line of sight, metres.
     pub cross_range_resolution_m: Option<f64>,
+    /// Widths of the response between the points of half its power, without windows.
+    pub half_power: Widths,
+    /// The same under the default window over both fast and slow time.
+    pub half_power_windowed: Widths,
     /// `c / (2 step)`, metres.
     pub unambiguous_slant_range_m: f64,
     /// Extent in the scene plane along the line of sight before the scene repeats, metres.
@@ -85,12 +88,14 @@ pub struct Survey {
     /// Median distance from pulse to pulse of the antenna (of the middle between the two if there
     /// are two), metres.
     pub pulse_spacing_m: Option<f64>,
-    /// Length of the antenna's way, metres.
+    /// Length of the aperture from end to end, of one that goes around the scene along its way, metres.
     pub aperture_length_m: f64,
-    /// Angle of the aperture seen from the scene's centre, degrees.
+    /// The widest angle between two antennas, seen from the scene's centre, degrees.
     pub aperture_angle_deg: f64,
+    /// Azimuths from which the scene's centre is seen: 360 of a full circle, degrees.
+    pub aperture_azimuth_deg: f64,
 
-    /// The point that the geometry is given for: centre of the declared extent, else the origin.
+    /// The point that geometry and resolution are given for: centre of the declared extent, else the origin, or as asked.
     pub scene_centre_m: [f64; 3],
     /// Half the path from transmitter to scene centre to receiver at the middle pulse, metres.
     pub slant_range_m: f64,
@@ -109,19 +114,38 @@ pub struct Survey {
     pub origin: Option<Geodetic>,
     /// The extent that the collection declares: smallest and largest x, then y, metres.
     pub declared_extent_m: Option<[(f64, f64); 2]>,
-    /// What half a pixel of the default grid rests on: resolution along the frame's x and y axes.
+    /// Resolution along the frame's x and y axes, metres.
     pub axis_resolution_m: [Option<f64>; 2],
+    /// Largest step of pixels along x and y with which nothing folds anywhere in the extent of the default grid, metres:
+    /// one over the widest extent of the support there.
+    pub nyquist_step_m: [Option<f64>; 2],
+}
+
+/// Half-power widths of the response, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Widths {
+    /// In space along the middle pulse's line of sight.
+    pub slant_range_m: Option<f64>,
+    /// In the scene plane along the line of sight.
+    pub range_m: Option<f64>,
+    /// In the scene plane across the line of sight.
+    pub cross_range_m: Option<f64>,
 }
 
 impl Survey {
-    /// Looks at every pulse of `collection` once; `None` if it has none.
+    /// Of the scene's centre; `None` if `collection` has no pulses.
     pub fn of(collection: &Collection) -> Option<Self> {
+        Self::at(collection, scene_centre(collection))
+    }
+
+    /// Seen from the place `centre`, a point of the scene frame in metres; `None` if `collection` has no pulses.
+    pub fn at(collection: &Collection, centre: DVec3) -> Option<Self> {
         let pulses = &collection.pulses;
         let first = pulses.first()?;
         let middle = &pulses[pulses.len() / 2];
         let num_samples = collection.num_samples;
-        let centre = scene_centre(collection);
-        let support = Support::of(collection, centre);
+        let looks = Looks::new(collection, Window::None, Window::None);
+        let support = looks.at(centre);
 
         let lowest_hz = pulses
             .iter()
@@ -136,13 +160,28 @@ impl Survey {
 
         let slant_range_m = middle.path_m(centre) / 2.0;
         let line_of_sight = (centre - phase_centre(middle)).normalize_or_zero();
-        // Over 16 stretches and not from pulse to pulse, so that a shaking track adds nothing.
-        let stride = (pulses.len() / 16).max(1);
+        // The path of the bisector grows by this, 2 of a monostatic radar.
+        let gradient = path_gradient(middle.transmitter_m, middle.receiver_m, centre);
+        let [range, cross] = support.range_and_cross([DVec3::X, DVec3::Y]);
+        // What is wider than the range is long is no resolution.
+        let resolved = |width_m: Option<f64>| width_m.filter(|&m| m < slant_range_m);
+        let resolution = |direction| resolved(support.along(direction)?.resolution_m());
+        let widths = |window: Window| {
+            let looks = Looks::new(collection, window, window);
+            let support = looks.at(centre);
+            let width = |direction| resolved(support.along(direction)?.width_3db_m());
+            Widths {
+                slant_range_m: gradient.try_normalize().and_then(width),
+                range_m: width(range),
+                cross_range_m: width(cross),
+            }
+        };
+        let aperture = Aperture::of(pulses, centre);
         let velocity = velocity_direction(pulses);
         let to_antenna = -line_of_sight;
         let timed = |seconds: Option<f64>| seconds.filter(|_| collection.timed);
         let seen = |antenna: DVec3| (antenna - centre).normalize_or_zero();
-        Some(Self {
+        let mut survey = Self {
             name: collection.name.clone(),
             num_pulses: pulses.len(),
             num_samples,
@@ -152,12 +191,19 @@ impl Survey {
             step_hz: first.step_hz,
             band_is_shared: collection.band().is_some(),
             wavelength_m: SPEED_OF_LIGHT_M_S / (lowest_hz.midpoint(highest_hz)),
-            slant_range_resolution_m: SPEED_OF_LIGHT_M_S / (2.0 * bandwidth_hz),
-            range_resolution_m: support.resolution_m(support.range, slant_range_m),
-            cross_range_resolution_m: support.resolution_m(support.cross, slant_range_m),
+            slant_range_resolution_m: SPEED_OF_LIGHT_M_S
+                / (bandwidth_hz * positive(gradient.length()).unwrap_or(2.0)),
+            range_resolution_m: resolution(range),
+            cross_range_resolution_m: resolution(cross),
+            half_power: widths(Window::None),
+            half_power_windowed: widths(Window::default()),
             unambiguous_slant_range_m: SPEED_OF_LIGHT_M_S / (2.0 * first.step_hz),
-            unambiguous_range_m: support.unambiguous_range_m(first, centre),
-            unambiguous_cross_range_m: support.unambiguous_cross_m(pulses, centre, slant_range_m),
+            unambiguous_range_m: aperture::unambiguous_range_m(middle, centre),
+            unambiguous_cross_range_m: aperture::unambiguous_cross_m(
+                collection,
+                centre,
+                slant_range_m,
+            ),
             duration_s: timed(positive(pulses[pulses.len() - 1].time_s - first.time_s)),
             pri_s: timed(median(pulses.windows(2).map(|w| w[1].time_s - w[0].time_s))),
             pulse_spacing_m: median(
@@ -165,13 +211,9 @@ impl Survey {
                     .windows(2)
                     .map(|w| phase_centre(&w[0]).distance(phase_centre(&w[1]))),
             ),
-            aperture_length_m: along(pulses, stride, |a, b| {
-                phase_centre(a).distance(phase_centre(b))
-            }),
-            aperture_angle_deg: along(pulses, stride, |a, b| {
-                angle_between(seen(phase_centre(a)), seen(phase_centre(b)))
-            })
-            .to_degrees(),
+            aperture_length_m: aperture.length_m,
+            aperture_angle_deg: aperture.angle_rad.to_degrees(),
+            aperture_azimuth_deg: aperture.azimuth_rad.to_degrees(),
             scene_centre_m: centre.to_array(),
             slant_range_m,
             grazing_angle_deg: to_antenna.z.clamp(-1.0, 1.0).asin().to_degrees(),
@@ -182,9 +224,13 @@ impl Survey {
                 .to_degrees(),
             origin: geodetic_origin(&collection.frame),
             declared_extent_m: collection.extent.map(|e| [e.x_m, e.y_m]),
-            axis_resolution_m: [DVec2::X, DVec2::Y]
-                .map(|axis| support.resolution_m(axis, slant_range_m)),
-        })
+            axis_resolution_m: [DVec3::X, DVec3::Y].map(resolution),
+            nyquist_step_m: [None; 2],
+        };
+        if let Ok(extent) = survey.extent() {
+            survey.nyquist_step_m = nyquist_step_m(&looks, &extent, slant_range_m);
+        }
+        Some(survey)
     }
 
     /// Cross-range distance from a scatterer to its first grating lobe where sub-CPIs of
@@ -228,13 +274,22 @@ fn side(velocity: DVec3, line_of_sight: DVec3) -> Option<Side> {
     }
 }
 
-/// Sum of `distance` over stretches of `stride` pulses.
-fn along(pulses: &[Pulse], stride: usize, distance: impl Fn(&Pulse, &Pulse) -> f64) -> f64 {
-    let last = pulses.len() - 1;
-    (0..last)
-        .step_by(stride)
-        .map(|n| distance(&pulses[n], &pulses[(n + stride).min(last)]))
-        .sum()
+/// One over the widest extent of the support along x and y at any of `PROBES x PROBES` places of `extent`, edges and corners
+/// included: near antennas, off boresight, it is wider than in the middle.
+fn nyquist_step_m(looks: &Looks, extent: &Extent, limit_m: f64) -> [Option<f64>; 2] {
+    let at =
+        |(low, high): (f64, f64), i: usize| low + (high - low) * i as f64 / (PROBES - 1) as f64;
+    let mut widest = [0.0f64; 2];
+    for i in 0..PROBES * PROBES {
+        let place_m = DVec3::new(at(extent.x_m, i % PROBES), at(extent.y_m, i / PROBES), 0.0);
+        let support = looks.at(place_m);
+        for (widest, axis) in widest.iter_mut().zip([DVec3::X, DVec3::Y]) {
+            if let Some([low, high]) = support.extent(axis) {
+                *widest = widest.max(high - low);
+            }
+        }
+    }
+    widest.map(|extent| positive(1.0 / extent).filter(|&step_m| step_m < limit_m))
 }
 
 fn positive(value: f64) -> Option<f64> {
@@ -306,8 +361,7 @@ mod tests {
         let survey = Survey::of(&pass(0.1, 1001)).unwrap();
         let (range_m, cos) = (5000.0 * 2f64.sqrt(), 0.5f64.sqrt());
         let wavelength_m = SPEED_OF_LIGHT_M_S / 9.9995e9;
-        // Neglected: the aperture's angle of 0.8 deg squared, and half a band (1 %) in the
-        // cross-range resolution, whose support is widest at the band's top.
+        // Neglected: the aperture's angle of 0.8 deg squared in range; half a sample of the band (0.25 %).
         close(
             survey.range_resolution_m,
             SPEED_OF_LIGHT_M_S / (2.0 * 200e6 * cos),
@@ -315,8 +369,19 @@ mod tests {
         );
         close(
             survey.cross_range_resolution_m,
-            wavelength_m * range_m / (2.0 * 100.0),
-            1.1e-2,
+            wavelength_m * range_m / (2.0 * 100.1),
+            2e-3,
+        );
+        close(
+            survey.half_power.cross_range_m,
+            0.885_893 * wavelength_m * range_m / (2.0 * 100.1),
+            2e-3,
+        );
+        // Taylor's 35 dB broadens by 1.185 / 0.886 (`quality::theory`).
+        close(
+            survey.half_power_windowed.cross_range_m,
+            1.185 * wavelength_m * range_m / (2.0 * 100.1),
+            5e-3,
         );
         close(
             survey.unambiguous_range_m,
@@ -345,14 +410,13 @@ mod tests {
     #[test]
     fn default_grid_is_half_the_resolution_over_the_unambiguous_extent() {
         let survey = Survey::of(&pass(0.1, 1001)).unwrap();
-        let grid = survey.default_grid().unwrap();
-        // 1.06 m by 1.06 m of resolution: steps of 0.52 m rounded down to two digits.
-        assert!((grid.rows.step - 0.52).abs() < 0.011, "{}", grid.rows.step);
-        assert!(
-            (grid.columns.step - 0.52).abs() < 0.011,
-            "{}",
-            grid.columns.step
-        );
+        let DefaultGrid { grid, cropped } = survey.default_grid().unwrap();
+        assert_eq!(cropped, None);
+        // 1.06 m by 1.06 m of resolution in the middle; in the corners, 6 degrees off broadside at the most, range adds up to
+        // a tenth of its band to x: steps of 0.48 to 0.53 m, rounded down to two digits.
+        for step in [grid.rows.step, grid.columns.step] {
+            assert!((0.48..0.53).contains(&step), "{step}");
+        }
         let width = grid.columns.step * grid.columns.count as f64;
         assert!((width / survey.unambiguous_cross_range_m.unwrap() - 1.0).abs() < 0.02);
     }

@@ -17,8 +17,9 @@ use subaperture::simulate::{Preset, scenario};
 pub(crate) use look::{Look, Picture};
 pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use tune::{Recording, Tune, Vary};
+pub(crate) use values::At;
 use values::{
-    axis, error_bound, finite, length, not_negative, odd, output, point, positive, rectangle,
+    axis, error_bound, finite, length, not_negative, odd, output, place, positive, rectangle,
     setting, sign, size, threads, vector,
 };
 
@@ -437,6 +438,11 @@ pub(crate) struct Info {
     #[command(flatten)]
     pub(crate) input: Input,
 
+    /// Place that geometry and resolution are given for, metres in the scene frame [default: the scene's
+    /// centre]
+    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector)]
+    pub(crate) at: Option<DVec3>,
+
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -469,21 +475,26 @@ pub(crate) struct Quality {
     #[arg(value_name = "IMAGE", value_hint = ValueHint::AnyPath)]
     pub(crate) image: PathBuf,
 
-    /// Point to measure, the brightest pixel within 4 of it: x and y in metres (angle in degrees and
-    /// range of a polar grid, column and row of a .npy); may be repeated [default: the brightest]
-    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = point)]
-    pub(crate) at: Vec<(f64, f64)>,
+    /// Point to measure, the brightest pixel within 4 of it: its place in the scene, metres (angle in degrees
+    /// and range of a polar grid, column and row of a .npy); may be repeated [default: the brightest]
+    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = place)]
+    pub(crate) at: Vec<At>,
+
+    /// Recording that the image was formed of: points are measured on chips formed of it as finely as they
+    /// need, and theory takes the beam from their echoes; of several, once for each in the same order
+    #[arg(long, value_name = "RECORDING", value_hint = ValueHint::FilePath)]
+    pub(crate) from: Vec<PathBuf>,
 
     /// Image to compare with, on the same grid
     #[arg(long, value_name = "OTHER", value_hint = ValueHint::AnyPath)]
     pub(crate) against: Option<PathBuf>,
 
-    /// Rectangle for the statistics, in the units of --at; of an empty one the mean level is the noise
+    /// Rectangle for the statistics, in the grid's own x and y (as --at of polar grids and arrays); of an empty one the mean level is the noise
     /// [default: the whole image]
     #[arg(long, value_name = "X0:X1,Y0:Y1", allow_hyphen_values = true, value_parser = rectangle)]
     pub(crate) extent: Option<Extent>,
 
-    /// Window that theory is computed for [default: the product's, if it has one for both directions]
+    /// Window over fast and slow time that theory is computed for [default: the product's own]
     #[arg(long, value_name = "W")]
     pub(crate) window: Option<Window>,
 

@@ -18,6 +18,7 @@ use subaperture::geometry::ImageGrid;
 use subaperture::io::claim::Claims;
 use subaperture::io::open::{Options, open_all};
 use subaperture::phase_history::{Aperture, PhaseHistory, ReadError};
+use subaperture::survey::Survey;
 
 use crate::args::{self, Algorithm, Global};
 use crate::failure::Usage;
@@ -100,6 +101,18 @@ impl Session {
     /// Whether `-q` was given.
     pub(crate) fn quiet(&self) -> bool {
         self.quiet
+    }
+
+    /// The grid that suits a collection; says what it leaves out, and what repeats in it.
+    pub(crate) fn default_grid(&self, survey: &Survey) -> anyhow::Result<ImageGrid> {
+        let suited = survey.default_grid()?;
+        if let Some(ambiguity) = survey.ambiguity() {
+            messages::warning(ambiguity);
+        }
+        if let Some(cropped) = suited.cropped {
+            messages::note(&cropped);
+        }
+        Ok(suited.grid)
     }
 
     /// Refuses a grid of which `count` images alone exceed the budget.

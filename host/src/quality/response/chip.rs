@@ -22,32 +22,46 @@ use crate::image::Image;
 pub(super) struct Chip {
     pub(super) rows: usize,
     pub(super) columns: usize,
-    /// Turn of the phase a pixel, down and across, radians in (-pi, pi].
+    /// Turn of the phase a chip's pixel, down and across, radians: in (-pi, pi] for each of the image's.
     pub(super) turn: [f64; 2],
     /// Spectrum with the turn taken out; pixel (0, 0) is the middle.
     spectrum: Vec<Complex64>,
 }
 
 impl Chip {
-    /// The pixels within `half` rows and columns of `(row, column)`, all within the image.
-    pub(super) fn cut(image: &Image, (row, column): (usize, usize), half: [usize; 2]) -> Self {
+    /// Every `stride`-th pixel, `half` of them to each side of `(row, column)`, all within the image.
+    pub(super) fn cut(
+        image: &Image,
+        (row, column): (usize, usize),
+        half: [usize; 2],
+        stride: [usize; 2],
+    ) -> Self {
         let (rows, columns) = (2 * half[0] + 1, 2 * half[1] + 1);
-        let at = |i: usize, j: usize| {
-            let (i, j) = (row - half[0] + i, column - half[1] + j);
-            widen(image.pixels[i * image.columns + j])
+        let pixel = |i: usize, j: usize| widen(image.pixels[i * image.columns + j]);
+        let place = |i: usize, j: usize| {
+            [
+                row + i * stride[0] - half[0] * stride[0],
+                column + j * stride[1] - half[1] * stride[1],
+            ]
         };
+        // From one pixel of the image to the next, which tells more whole turns than the chip's own pixels do.
         let mut steps = [Complex64::ZERO; 2];
         for i in 0..rows {
             for j in 0..columns {
+                let [y, x] = place(i, j);
                 if i > 0 {
-                    steps[0] += at(i, j) * at(i - 1, j).conj();
+                    steps[0] += pixel(y, x) * pixel(y - 1, x).conj();
                 }
                 if j > 0 {
-                    steps[1] += at(i, j) * at(i, j - 1).conj();
+                    steps[1] += pixel(y, x) * pixel(y, x - 1).conj();
                 }
             }
         }
-        let turn = steps.map(Complex64::arg);
+        let turn = [0, 1].map(|i| steps[i].arg() * stride[i] as f64);
+        let at = |i: usize, j: usize| {
+            let [y, x] = place(i, j);
+            pixel(y, x)
+        };
         let mut spectrum = vec![Complex64::ZERO; rows * columns];
         for i in 0..rows {
             for j in 0..columns {
@@ -171,7 +185,7 @@ mod tests {
                 })
                 .collect(),
         };
-        let chip = Chip::cut(&image, (10, 10), [10, 10]);
+        let chip = Chip::cut(&image, (10, 10), [10, 10], [1, 1]);
         // -0.3 and 0.47 cycles; truncation to the chip moves neither, as the band is periodic in it.
         assert!((chip.turn[0] / TAU - 0.47).abs() < 0.02, "{:?}", chip.turn);
         assert!((chip.turn[1] / TAU + 0.3).abs() < 0.02, "{:?}", chip.turn);

@@ -23,7 +23,8 @@ pub struct Cut {
     pub null_rule: SideLobes,
     /// Side lobes where the main lobe reaches a given number of widths to both sides.
     pub fixed_rule: SideLobes,
-    /// First and last offset: what the side lobes' energy is taken over.
+    /// First and last offset: what the side lobes' energy is taken over, [`SPAN_WIDTHS`] widths to each side where there
+    /// is room.
     pub span: [f64; 2],
     /// Distances from the peak, ascending, evenly spaced: metres, or radians across a polar grid.
     #[serde(skip)]
@@ -32,6 +33,10 @@ pub struct Cut {
     #[serde(skip)]
     pub powers: Vec<f64>,
 }
+
+/// 3 dB widths to each side of the peak over which side lobes are looked for, so that their energy does not depend on how
+/// far the pixels happen to reach.
+pub const SPAN_WIDTHS: f64 = 10.0;
 
 /// What a cut runs along.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -64,23 +69,35 @@ impl Cut {
     /// `main_lobe_widths` widths to both sides.
     pub(super) fn new(
         along: Direction,
-        offsets: Vec<f64>,
-        powers: Vec<f64>,
-        middle: usize,
+        mut offsets: Vec<f64>,
+        mut powers: Vec<f64>,
+        mut middle: usize,
         main_lobe_widths: f64,
     ) -> Self {
+        // Widths first, of all there is; then only what lies within the span.
+        let width = half_power_width(&offsets, &powers, middle);
+        if let Some([low, high]) = width {
+            let span = SPAN_WIDTHS * (high - low);
+            let first = offsets.iter().position(|&at| at >= -span).unwrap_or(0);
+            let end = offsets
+                .iter()
+                .rposition(|&at| at <= span)
+                .map_or(0, |i| i + 1);
+            offsets = offsets[first..end].to_vec();
+            powers = powers[first..end].to_vec();
+            middle -= first;
+        }
         // Walks from the peak outwards: towards the end, or towards the start.
         let ahead: Vec<usize> = (middle..powers.len()).collect();
         let back: Vec<usize> = (0..=middle).rev().collect();
         let both = |f: &dyn Fn(&[usize]) -> Option<f64>| Some([f(&back)?, f(&ahead)?]);
-        let half_power = both(&|walk| {
-            let pair = walk.windows(2).find(|p| powers[p[1]] < 0.5)?;
-            let (a, b) = (powers[pair[0]], powers[pair[1]]);
-            let part = (a - 0.5) / (a - b);
-            Some(offsets[pair[0]] + part * (offsets[pair[1]] - offsets[pair[0]]))
-        });
+        let half_power = half_power_width(&offsets, &powers, middle);
+        // The main lobe ends below half its power: a dent by rounding near the top is no minimum.
         let null = both(&|walk| {
-            let pair = walk.windows(2).find(|p| powers[p[1]] > powers[p[0]])?;
+            let below = walk.iter().position(|&i| powers[i] < 0.5)?;
+            let pair = walk[below..]
+                .windows(2)
+                .find(|p| powers[p[1]] > powers[p[0]])?;
             Some(offsets[pair[0]])
         });
         let width_3db = half_power.map(|[low, high]| high - low);
@@ -100,6 +117,23 @@ impl Cut {
             powers,
         }
     }
+}
+
+/// Points of half the peak's power on both sides, on straight lines between samples.
+fn half_power_width(offsets: &[f64], powers: &[f64], middle: usize) -> Option<[f64; 2]> {
+    let crossing = |pair: Option<(usize, usize)>| {
+        let (near, far) = pair?;
+        let (a, b) = (powers[near], powers[far]);
+        let part = (a - 0.5) / (a - b);
+        Some(offsets[near] + part * (offsets[far] - offsets[near]))
+    };
+    let back = (0..middle).rev().find(|&i| powers[i] < 0.5);
+    let ahead = (middle + 1..powers.len()).find(|&i| powers[i] < 0.5);
+    let (back, ahead) = (
+        crossing(back.map(|i| (i + 1, i))),
+        crossing(ahead.map(|i| (i - 1, i))),
+    );
+    Some([back?, ahead?])
 }
 
 fn inside(offset: f64, [low, high]: [f64; 2]) -> bool {

@@ -13,13 +13,20 @@
 //!
 //! by two rules of what the main lobe is: between the first minima, or within a given number of
 //! 3 dB widths ([`Settings::main_lobe_widths`]). The first suits clean responses, the second noisy ones,
-//! whose first minimum can be anywhere. The ISLR of two dimensions is that of the whole chip against the
-//! rectangle between the first minima.
+//! whose first minimum can be anywhere. The ISLR of two dimensions is that of the rectangle of both cuts' spans against
+//! the rectangle between the first minima.
+//!
+//! All of that is in units of the response and not of pixels: a chip reaches [`REACH_WIDTHS`] widths where there is room, of every
+//! second or third pixel and so on where pixels are many a width (an image holds no more than its band), and
+//! side lobes count within [`SPAN_WIDTHS`].
+//!
+//! An image whose pixels are too coarse for the spatial frequencies at the point is refused if [`Settings::looks`] tells them
+//! ([`ResponseError::TooCoarse`]): it has folded, and what it shows is not the response.
 //!
 //! Neglected: a chip is a piece of the response, and zero padding takes it for periodic. What it
 //! does not hold differs between its edges by the side lobes there, for an unweighted band and 12 widths
-//! -32 dB of amplitude; near the peak that comes to less than a hundredth of it. A grid coarser than
-//! the resolution cell folds the spectrum, which no chip can show: half the cell is a good step.
+//! -32 dB of amplitude; near the peak that comes to less than a hundredth of it. Half the resolution cell is a good
+//! step.
 //!
 //! The phase is that at the peak. Between pixels it depends on how often the phase turns a pixel, which
 //! the pixels tell up to whole turns only. [`Settings::carrier`] tells the rest ([`Carrier`]); without it
@@ -39,10 +46,11 @@ use num_complex::Complex64;
 
 use crate::geometry::ImageGrid;
 use crate::image::{Image, power};
+use crate::support::Looks;
 use chip::Chip;
 
 pub use carrier::{Carrier, Geometry};
-pub use cut::{Cut, Direction, SideLobes};
+pub use cut::{Cut, Direction, SPAN_WIDTHS, SideLobes};
 
 /// Samples of a chip's picture and of its cuts a pixel.
 pub const UPSAMPLING: usize = 16;
@@ -57,7 +65,14 @@ const LEAST_HALF: usize = 8;
 const MOST_HALF: usize = 40;
 
 /// 3 dB widths that a chip reaches from its middle, where there is room.
-const REACH_WIDTHS: f64 = 12.0;
+pub const REACH_WIDTHS: f64 = 12.0;
+
+/// Most of a chip's pixels a 3 dB width: of finer images some are left out.
+const MOST_A_WIDTH: f64 = MOST_HALF as f64 / REACH_WIDTHS;
+
+/// Most of the cycles that pixels can hold, one a step, that the support may take: chips are pieces, and need some
+/// room to be interpolated.
+pub const MOST_FILLED: f64 = 0.85;
 
 /// Which point to measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,11 +90,11 @@ pub enum Target {
 
 /// How to measure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct Settings<'a> {
     /// Rows and columns around a position that are searched for the brightest pixel.
     pub search_px: usize,
     /// How far a chip reaches from its middle, rows and columns, where there is room; `None` for
-    /// 12 widths, 8 to 40 pixels.
+    /// [`REACH_WIDTHS`], 8 to 40 pixels, or every so manieth where that many widths have more.
     pub half_chip: Option<[usize; 2]>,
     /// Half of the fixed rule's main lobe, 3 dB widths.
     pub main_lobe_widths: f64,
@@ -87,9 +102,11 @@ pub struct Settings {
     pub line_of_sight_rad: Option<f64>,
     /// Where the image was seen from, which tells how often its phase turns a pixel.
     pub carrier: Option<Carrier>,
+    /// What the image was formed from, which tells how fine its pixels must be.
+    pub looks: Option<&'a Looks>,
 }
 
-impl Default for Settings {
+impl Default for Settings<'_> {
     fn default() -> Self {
         Self {
             search_px: 4,
@@ -97,6 +114,7 @@ impl Default for Settings {
             main_lobe_widths: 1.5,
             line_of_sight_rad: None,
             carrier: None,
+            looks: None,
         }
     }
 }
@@ -122,6 +140,8 @@ pub struct Response {
     pub turn: [f64; 2],
     /// Whether that is the true turn, or else the slowest that the pixels allow.
     pub turn_is_known: bool,
+    /// The line of sight that was given, from the grid's x towards its y, radians.
+    pub line_of_sight_rad: Option<f64>,
     /// The cuts: along x, along y, then along and across the line of sight if it was given.
     pub cuts: Vec<Cut>,
     /// ISLR of two dimensions; `None` if a first minimum is not within the chip.
@@ -161,6 +181,23 @@ pub enum ResponseError {
         /// Pixels needed.
         needed: usize,
     },
+    /// Pixels too far apart for what the pulses sample there.
+    #[error(
+        "the pixels are too coarse to measure the point at {along} {at:.4}: they are {step:.4} apart along {along}, and {needed:.4} or \
+         less is needed where spatial frequencies span {extent:.2} cycles for each of them; form the image on a finer grid"
+    )]
+    TooCoarse {
+        /// The axis: x or y, angle or range.
+        along: &'static str,
+        /// The peak on it: metres, or radians of an angle.
+        at: f64,
+        /// Distance from pixel to pixel, in the same unit.
+        step: f64,
+        /// The most that will do.
+        needed: f64,
+        /// Extent of the support along the axis.
+        extent: f64,
+    },
     /// Nothing stands out.
     #[error(
         "no point at row {row}, column {column}: the brightest pixel there is {above_db:.1} dB above \
@@ -192,7 +229,7 @@ pub fn measure(
     image: &Image,
     grid: &ImageGrid,
     target: Target,
-    settings: &Settings,
+    settings: &Settings<'_>,
 ) -> Result<Response, ResponseError> {
     let (rows, columns) = (image.rows, image.columns);
     if (rows, columns) != (grid.rows.count, grid.columns.count)
@@ -206,25 +243,38 @@ pub fn measure(
         )));
     }
     let (row, column) = brightest(image, grid, target, settings)?;
-    let half = chip_size(image, (row, column), settings.half_chip)?;
-    check_peak(image, (row, column), half)?;
-    let chip = Chip::cut(image, (row, column), half);
+    if let Some(looks) = settings.looks {
+        check_sampling(looks, grid, (row, column))?;
+    }
+    let Size { half, stride } = chip_size(image, (row, column), settings.half_chip)?;
+    check_peak(image, (row, column), half, stride)?;
+    let chip = Chip::cut(image, (row, column), half, stride);
     let (y, x) = chip.peak();
 
-    let (peak_row, peak_column) = (row as f64 + y, column as f64 + x);
+    let peak_row = row as f64 + y * stride[0] as f64;
+    let peak_column = column as f64 + x * stride[1] as f64;
     let row_value = grid.rows.start + peak_row * grid.rows.step;
     let column_value = grid.columns.start + peak_column * grid.columns.step;
     let known = settings
         .carrier
         .and_then(|carrier| carrier.turn(grid, row_value, column_value));
-    let near = known.unwrap_or_default();
+    // Turns a pixel of the image; the chip's pixels may be several of these.
     let turn: [f64; 2] = std::array::from_fn(|i| {
-        let turns = (near[i] - chip.turn[i]) / std::f64::consts::TAU;
-        chip.turn[i] + turns.round() * std::f64::consts::TAU
+        let own = chip.turn[i] / stride[i] as f64;
+        let turns = (known.map_or(0.0, |turn| turn[i]) - own) / std::f64::consts::TAU;
+        own + turns.round() * std::f64::consts::TAU
     });
-    let value = chip.at(y, x) * Complex64::cis(turn[0] * y + turn[1] * x);
+    let [row_turn, column_turn] = turn;
+    let value = chip.at(y, x)
+        * Complex64::cis(
+            row_turn * (peak_row - row as f64) + column_turn * (peak_column - column as f64),
+        );
 
-    let steps = [grid.rows.step, grid.columns.step];
+    // Of the chip's pixels.
+    let steps = [
+        grid.rows.step * stride[0] as f64,
+        grid.columns.step * stride[1] as f64,
+    ];
     // Direction of a cut as rows and columns for each unit of length.
     let mut directions = vec![
         (Direction::X, [0.0, 1.0 / steps[1]]),
@@ -266,18 +316,28 @@ pub fn measure(
         phase_rad: value.arg(),
         turn,
         turn_is_known: known.is_some(),
+        line_of_sight_rad: settings.line_of_sight_rad,
         cuts,
         islr_2d_db,
-        chip: upsampled_chip(fine, &chip, grid, [row - half[0], column - half[1]]),
+        chip: upsampled_chip(
+            fine,
+            &chip,
+            grid,
+            [row - half[0] * stride[0], column - half[1] * stride[1]],
+            steps,
+        ),
     })
 }
 
-/// The brightest pixel of the target.
-fn brightest(
+/// Row and column of the brightest pixel of the target.
+///
+/// # Errors
+/// [`ResponseError::Unsuited`] where there is none.
+pub fn brightest(
     image: &Image,
     grid: &ImageGrid,
     target: Target,
-    settings: &Settings,
+    settings: &Settings<'_>,
 ) -> Result<(usize, usize), ResponseError> {
     let none = || ResponseError::Unsuited("there is no pixel above zero to measure".to_owned());
     let Target::Near {
@@ -324,12 +384,47 @@ fn brightest(
     (best.1 > 0.0).then_some(best.0).ok_or_else(none)
 }
 
-/// How far the chip reaches, rows and columns.
+/// Whether the grid's pixels hold the support at a pixel.
+fn check_sampling(
+    looks: &Looks,
+    grid: &ImageGrid,
+    (row, column): (usize, usize),
+) -> Result<(), ResponseError> {
+    let support = looks.at(grid.position_m(row, column));
+    let [x, y] = grid.directions(grid.rows.at(row), grid.columns.at(column));
+    let (across, up) = match grid.polar {
+        true => ("angle", "range"),
+        false => ("x", "y"),
+    };
+    for (along, direction, axis, i) in [(across, x, grid.columns, column), (up, y, grid.rows, row)]
+    {
+        let extent = support
+            .extent(direction)
+            .map_or(0.0, |[low, high]| high - low);
+        if axis.step * extent > MOST_FILLED {
+            return Err(ResponseError::TooCoarse {
+                along,
+                at: axis.at(i),
+                step: axis.step,
+                needed: MOST_FILLED / extent,
+                extent,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// How far a chip reaches in its own pixels, and how many of the image's each stands for; rows and columns.
+struct Size {
+    half: [usize; 2],
+    stride: [usize; 2],
+}
+
 fn chip_size(
     image: &Image,
     (row, column): (usize, usize),
     asked: Option<[usize; 2]>,
-) -> Result<[usize; 2], ResponseError> {
+) -> Result<Size, ResponseError> {
     let here = power(image.pixels[row * image.columns + column]);
     // Pixels from below half the power on the one side to below it on the other, less the part of a
     // pixel by which both overshoot on average.
@@ -338,12 +433,17 @@ fn chip_size(
         let falls = |i: usize| power(image.pixels[i]) < here / 2.0;
         let left = (1..=back).find(|k| falls(at - k * stride));
         let right = (1..=ahead).find(|k| falls(at + k * stride));
-        let (left, right) = (left.unwrap_or(MOST_HALF), right.unwrap_or(MOST_HALF));
-        (left + right) as f64 - 1.0
+        let (left, right) = (left.unwrap_or(back), right.unwrap_or(ahead));
+        ((left + right) as f64 - 1.0).max(1.0)
     };
-    let size = |axis: usize, stride, at: usize, count: usize| {
-        let room = at.min(count - 1 - at);
-        let width = width(stride, at, count - 1 - at);
+    let size = |axis: usize, to_next, at: usize, count: usize| {
+        let pixels = at.min(count - 1 - at);
+        let width_px = width(to_next, at, count - 1 - at);
+        let stride = match asked {
+            Some(_) => 1,
+            None => (width_px / MOST_A_WIDTH).ceil() as usize,
+        };
+        let (width, room) = (width_px / stride as f64, pixels / stride);
         let wanted = match asked {
             Some(half) => half[axis].clamp(LEAST_HALF, MOST_HALF),
             None => ((REACH_WIDTHS * width).ceil() as usize).clamp(2 * LEAST_HALF, MOST_HALF),
@@ -356,16 +456,20 @@ fn chip_size(
             true => Err(ResponseError::Border {
                 row,
                 column,
-                room,
-                needed,
+                room: pixels,
+                needed: needed * stride,
             }),
-            false => Ok(wanted.min(room)),
+            false => Ok((wanted.min(room), stride)),
         }
     };
-    Ok([
+    let (rows, columns) = (
         size(0, image.columns, row, image.rows)?,
         size(1, 1, column, image.columns)?,
-    ])
+    );
+    Ok(Size {
+        half: [rows.0, columns.0],
+        stride: [rows.1, columns.1],
+    })
 }
 
 /// Whether the brightest pixel is that of a point.
@@ -373,13 +477,15 @@ fn check_peak(
     image: &Image,
     (row, column): (usize, usize),
     half: [usize; 2],
+    stride: [usize; 2],
 ) -> Result<(), ResponseError> {
-    let mut powers: Vec<f64> = (row - half[0]..=row + half[0])
-        .flat_map(|i| {
-            let first = i * image.columns + column;
-            &image.pixels[first - half[1]..=first + half[1]]
-        })
-        .map(|&z| power(z))
+    let reach = |at: usize, i: usize| {
+        let most = half[i] * stride[i];
+        (at - most..=at + most).step_by(stride[i])
+    };
+    let mut powers: Vec<f64> = reach(row, 0)
+        .flat_map(|i| reach(column, 1).map(move |j| i * image.columns + j))
+        .map(|i| power(image.pixels[i]))
         .collect();
     if powers.iter().any(|p| !p.is_finite()) {
         return Err(ResponseError::NotFinite { row, column });
@@ -406,7 +512,7 @@ fn cut_length(pixels: [f64; 2], peak: [f64; 2], half: [usize; 2]) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-/// Energy outside the rectangle between the first minima over that inside.
+/// Energy outside the rectangle between the first minima over that inside, within the spans of the cuts.
 fn integrated_2d_db(
     fine: &[Complex64],
     chip: &Chip,
@@ -416,16 +522,27 @@ fn integrated_2d_db(
     steps: [f64; 2],
 ) -> Option<f64> {
     let (across, down) = (cuts[0].nulls?, cuts[1].nulls?);
+    let spans = [cuts[1].span, cuts[0].span];
     let width = chip.columns * UPSAMPLING;
+    // Whether a sample lies between the minima; `None` outside the span.
     let inside = |i: usize, axis: usize, nulls: [f64; 2]| {
         let pixels = i as f64 / UPSAMPLING as f64 - half[axis] as f64 - peak[axis];
-        (nulls[0]..=nulls[1]).contains(&(pixels * steps[axis]))
+        let at = pixels * steps[axis];
+        let [low, high] = spans[axis];
+        (low..=high)
+            .contains(&at)
+            .then(|| (nulls[0]..=nulls[1]).contains(&at))
     };
-    let columns: Vec<bool> = (0..width).map(|j| inside(j, 1, across)).collect();
+    let columns: Vec<Option<bool>> = (0..width).map(|j| inside(j, 1, across)).collect();
     let (mut within, mut beyond) = (0.0, 0.0);
     for (i, row) in fine.chunks_exact(width).enumerate() {
-        let row_inside = inside(i, 0, down);
-        for (z, &column_inside) in row.iter().zip(&columns) {
+        let Some(row_inside) = inside(i, 0, down) else {
+            continue;
+        };
+        for (z, column_inside) in row.iter().zip(&columns) {
+            let Some(column_inside) = *column_inside else {
+                continue;
+            };
             match row_inside && column_inside {
                 true => within += z.norm_sqr(),
                 false => beyond += z.norm_sqr(),
@@ -440,11 +557,14 @@ fn upsampled_chip(
     chip: &Chip,
     grid: &ImageGrid,
     first: [usize; 2],
+    steps: [f64; 2],
 ) -> UpsampledChip {
-    let finer = |axis: &crate::geometry::Axis, first: usize, count: usize| crate::geometry::Axis {
-        start: axis.at(first),
-        step: axis.step / UPSAMPLING as f64,
-        count: count * UPSAMPLING,
+    let finer = |axis: &crate::geometry::Axis, first: usize, step: f64, count: usize| {
+        crate::geometry::Axis {
+            start: axis.at(first),
+            step: step / UPSAMPLING as f64,
+            count: count * UPSAMPLING,
+        }
     };
     let narrow = |z: &Complex64| num_complex::Complex32::new(z.re as f32, z.im as f32);
     UpsampledChip {
@@ -454,8 +574,8 @@ fn upsampled_chip(
             pixels: fine.iter().map(narrow).collect(),
         },
         grid: ImageGrid {
-            rows: finer(&grid.rows, first[0], chip.rows),
-            columns: finer(&grid.columns, first[1], chip.columns),
+            rows: finer(&grid.rows, first[0], steps[0], chip.rows),
+            columns: finer(&grid.columns, first[1], steps[1], chip.columns),
             ..*grid
         },
     }

@@ -79,8 +79,24 @@ fn pair(text: &str, separator: char) -> Option<(f64, f64)> {
     Some((finite(first.trim()).ok()?, finite(second.trim()).ok()?))
 }
 
-pub(super) fn point(text: &str) -> Result<(f64, f64), String> {
-    pair(text, ',').ok_or_else(|| "give two numbers, for example 10.5,-3".to_owned())
+/// A place as typed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct At {
+    pub(crate) x: f64,
+    pub(crate) y: f64,
+    /// `None` if it was not given.
+    pub(crate) z: Option<f64>,
+}
+
+/// `10.5,-3` or `10.5,-3,2`.
+pub(super) fn place(text: &str) -> Result<At, String> {
+    let numbers: Result<Vec<f64>, String> =
+        text.split(',').map(|part| finite(part.trim())).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y]) => Ok(At { x, y, z: None }),
+        Ok(&[x, y, z]) => Ok(At { x, y, z: Some(z) }),
+        _ => Err("give two or three numbers, for example 10.5,-3".to_owned()),
+    }
 }
 
 pub(super) fn rectangle(text: &str) -> Result<Extent, String> {

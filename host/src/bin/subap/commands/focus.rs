@@ -15,6 +15,7 @@ use subaperture::image::{Image, power};
 use subaperture::io::product::{self, Product};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::plot::{self, Orientation, Panel};
+use subaperture::support::RecordedLooks;
 use subaperture::survey::Survey;
 
 use crate::args::Focus;
@@ -48,7 +49,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let grid = match typed.grid {
         Some(grid) => grid,
         None => {
-            let grid = survey.default_grid()?;
+            let grid = session.default_grid(&survey)?;
             session.check_grid(&grid, 1)?;
             Product::prepare(&typed.out, grid.num_pixels())?;
             grid
@@ -115,6 +116,10 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         grid: &grid,
         frame: &history.collection().frame,
         collection: serde_json::to_value(&survey)?,
+        support: {
+            let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
+            RecordedLooks::of(history.collection(), middle_m, [grid.x_axis, grid.y_axis])
+        },
         inputs: &inputs,
         check: check.as_ref(),
         peak,

@@ -9,7 +9,8 @@ use subaperture::focus::rdbp::{Plan, Request};
 use subaperture::io::cphd::CphdInfo;
 use subaperture::io::open::cphd_info;
 use subaperture::phase_history::{PhaseHistory, TrackError};
-use subaperture::survey::{Side, Survey};
+use subaperture::signal::window::Window;
+use subaperture::survey::{DefaultGrid, Side, Survey, Widths};
 
 use crate::args::Info;
 use crate::config::Session;
@@ -18,7 +19,11 @@ use crate::text::{self, bytes, degrees, hertz, metres};
 /// Prints the survey of the inputs as one aperture.
 pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     let history = session.open(&typed.input)?;
-    let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
+    let survey = match typed.at {
+        None => Survey::of(history.collection()),
+        Some(place_m) => Survey::at(history.collection(), place_m),
+    };
+    let survey = survey.context("the input holds no pulses")?;
     let advice = Advice::of(session, &history, &survey);
     let track_error = TrackError::of(&history);
     let containers = containers(&typed.input.paths)?;
@@ -26,9 +31,12 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         let mut value = serde_json::to_value(&survey)?;
         value["sub_cpi_advice"] = advice.to_json();
         value["track_error"] = serde_json::to_value(track_error)?;
+        value["ambiguity"] = json!(survey.ambiguity());
         value["containers"] = containers.iter().map(Container::to_json).collect();
         value["default_grid"] = match survey.default_grid() {
-            Ok(grid) => json!({ "x": grid.columns, "y": grid.rows, "z": grid.origin_m.z }),
+            Ok(DefaultGrid { grid, cropped }) => json!({
+                "x": grid.columns, "y": grid.rows, "z": grid.origin_m.z, "cropped": cropped
+            }),
             Err(why) => json!({ "none": why.to_string() }),
         };
         text::say(serde_json::to_string_pretty(&value)?)?;
@@ -138,7 +146,7 @@ struct Planned {
 
 impl Planned {
     fn of(session: &Session, history: &dyn PhaseHistory, survey: &Survey) -> Option<Self> {
-        let grid = survey.default_grid().ok()?;
+        let grid = survey.default_grid().ok()?.grid;
         let request = Request {
             error_db: BOUND_DB,
             sub_cpi: None,
@@ -211,12 +219,36 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
     line(
         "resolution",
         format!(
-            "{} in slant range; in the plane {} in range, {} in cross-range",
+            "{} in slant range; in the plane {} in range, {} in cross-range (Rayleigh's; no window, no beam)",
             metres(Some(survey.slant_range_resolution_m)),
             metres(survey.range_resolution_m),
             metres(survey.cross_range_resolution_m),
         ),
     );
+    let widths = |widths: &Widths| {
+        format!(
+            "{} in slant range; in the plane {} in range, {} in cross-range",
+            metres(widths.slant_range_m),
+            metres(widths.range_m),
+            metres(widths.cross_range_m)
+        )
+    };
+    line(
+        "half power",
+        format!("{} without windows", widths(&survey.half_power)),
+    );
+    line(
+        "",
+        format!(
+            "{} under {}",
+            widths(&survey.half_power_windowed),
+            Window::default()
+        ),
+    );
+    let [x, y, z] = survey.scene_centre_m;
+    if (x, y, z) != (0.0, 0.0, 0.0) {
+        line("", format!("seen from x {x:.3} m, y {y:.3} m, z {z:.3} m"));
+    }
     line(
         "unambiguous",
         format!(
@@ -226,12 +258,16 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
             metres(survey.unambiguous_cross_range_m),
         ),
     );
+    if let Some(ambiguity) = survey.ambiguity() {
+        line("", ambiguity);
+    }
     line(
         "aperture",
         format!(
-            "{} long, {:.3} deg wide",
+            "{} long, {:.3} deg wide, {:.3} deg of azimuth",
             metres(Some(survey.aperture_length_m)),
-            survey.aperture_angle_deg
+            survey.aperture_angle_deg,
+            survey.aperture_azimuth_deg
         ),
     );
     line("pulse spacing", metres(survey.pulse_spacing_m));
@@ -267,12 +303,12 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
     line(
         "default grid",
         match survey.default_grid() {
-            Ok(grid) => {
+            Ok(DefaultGrid { grid, cropped }) => {
                 let (x, y) = (grid.columns, grid.rows);
                 let image_bytes = u128::from(grid.num_pixels()) * 8;
                 let fits = image_bytes <= u128::from(session.memory_bytes);
                 format!(
-                    "x={:.6}:{:.6}:{},y={:.6}:{:.6}:{},z=0 ({} x {} pixels, {}{})",
+                    "x={:.6}:{:.6}:{},y={:.6}:{:.6}:{},z=0 ({} x {} pixels, {}{}){}",
                     x.start,
                     x.at(x.count),
                     x.step,
@@ -286,7 +322,8 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
                         ""
                     } else {
                         ", more than --memory allows"
-                    }
+                    },
+                    cropped.map_or_else(String::new, |why| format!("\n{:17}{why}", ""))
                 )
             }
             Err(why) => why.to_string(),

@@ -50,7 +50,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let survey = Survey::of(collection).context("the input holds no pulses")?;
     let grid = match typed.grid {
         Some(grid) => grid,
-        None => survey.default_grid()?,
+        None => session.default_grid(&survey)?,
     };
     session.check_grid(&grid, 1)?;
 

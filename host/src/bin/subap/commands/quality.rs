@@ -1,7 +1,9 @@
 //! `subap quality`: measures an image, and how it differs from another.
 
+mod from;
 mod pictures;
 mod source;
+mod theory;
 
 use anyhow::Context;
 use serde::Serialize;
@@ -12,19 +14,16 @@ use subaperture::quality::difference::{PercentDifference, PercentSummary, percen
 use subaperture::quality::registration::{Offset, offset};
 use subaperture::quality::response::{Cut, Response, Settings, Target, measure};
 use subaperture::quality::statistics::{Region, Statistics};
-use subaperture::quality::theory::{Expected, expected};
 use subaperture::quality::{PairError, PixelMap};
-use subaperture::signal::window::Window;
 
 use crate::args::Quality;
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::interrupt;
 use crate::text;
+use from::From;
 use source::Source;
-
-/// Samples of the band in theory: many, for a window's response hardly depends on them.
-const THEORY_SAMPLES: usize = 512;
+use theory::{Basis, Theory};
 
 /// All that was measured.
 #[derive(Serialize)]
@@ -40,8 +39,14 @@ struct Report {
 #[derive(Serialize)]
 struct Point {
     response: Response,
-    /// Lengths in cells; multiplied by a cell's they are metres.
-    theory: Vec<Option<Expected>>,
+    /// The chip that was formed of it, if one was.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    formed: Option<from::About>,
+    /// Of all pulses alike.
+    theory: Vec<Option<Theory>>,
+    /// Of pulses as strong as they lit the point, measured from the recording.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    theory_as_lit: Vec<Option<Theory>>,
 }
 
 /// How the image differs from another.
@@ -67,9 +72,9 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
         let what = "--line-of-sight says nothing to a polar grid: leave it out";
         return Err(Usage(what.to_owned()).into());
     }
-    let window = typed.window.or(source.window);
+    let basis = Basis::new(&source, typed.window);
     let statistics = statistics(typed, &source)?;
-    let points = points(typed, &source, window)?;
+    let points = points(session, typed, &source, &basis)?;
     interrupt::check()?;
     let against = match &typed.against {
         None => None,
@@ -78,7 +83,7 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
     interrupt::check()?;
     let report = Report {
         image: source.name.clone(),
-        window: window.map(|window| window.to_string()),
+        window: basis.name(),
         points,
         statistics,
         against,
@@ -95,9 +100,10 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
                 &[Some(&typed.image), typed.against.as_ref()]
                     .into_iter()
                     .flatten()
+                    .chain(&typed.from)
                     .collect::<Vec<_>>(),
             );
-            pictures::write(&mut claims, folder, &report, &source, window)
+            pictures::write(&mut claims, folder, &report, &source)
         }
         None => Ok(()),
     }
@@ -117,34 +123,47 @@ fn statistics(typed: &Quality, source: &Source) -> anyhow::Result<Statistics> {
     Ok(Statistics::of(&source.image, &region))
 }
 
-fn points(typed: &Quality, source: &Source, window: Option<Window>) -> anyhow::Result<Vec<Point>> {
+fn points(
+    session: &Session,
+    typed: &Quality,
+    source: &Source,
+    basis: &Basis,
+) -> anyhow::Result<Vec<Point>> {
+    let looks = basis.looks();
+    let from = match typed.from.is_empty() {
+        true => None,
+        false => Some(From::open(session, typed, source)?),
+    };
+    // Of a recording's own chips the image need only tell the place.
     let settings = Settings {
         line_of_sight_rad: typed.line_of_sight.map(f64::to_radians),
         carrier: source.carrier,
+        looks: looks.filter(|_| from.is_none()),
         ..Settings::default()
     };
-    let near = typed.at.iter().map(|&(x, y)| Target::Near {
-        column_value: source.across(x),
-        row_value: y,
+    let near = typed.at.iter().map(|at| {
+        let [row_value, column_value] = source.coordinates(at)?;
+        anyhow::Ok(Target::Near {
+            column_value,
+            row_value,
+        })
     });
-    let mut targets: Vec<Target> = near.collect();
+    let mut targets: Vec<Target> = near.collect::<Result<_, _>>()?;
     if targets.is_empty() {
         targets.push(Target::Brightest);
     }
     let measured = targets.into_iter().map(|target| {
-        let response = measure(&source.image, &source.grid, target, &settings)?;
-        let weights = window.map(|window| window.weights(THEORY_SAMPLES));
-        let theory = response.cuts.iter().map(|cut| {
-            // The span in widths, taken to cells by the width of the window itself.
-            let weights = weights.as_ref()?;
-            let widths = (cut.span[1] - cut.span[0]) / 2.0 / cut.width_3db?;
-            let cells = expected(weights, 8.0, settings.main_lobe_widths)?.width_3db;
-            expected(weights, widths * cells, settings.main_lobe_widths)
-        });
-        anyhow::Ok(Point {
-            theory: theory.collect(),
-            response,
-        })
+        let Some(from) = &from else {
+            let response = measure(&source.image, &source.grid, target, &settings)
+                .map_err(|error| source.explain(error))?;
+            return Ok(Point {
+                theory: theory::of_cuts(basis, &response, &source.grid, looks),
+                theory_as_lit: Vec::new(),
+                formed: None,
+                response,
+            });
+        };
+        from.point(target, &settings)
     });
     measured.collect()
 }
@@ -225,7 +244,7 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
     let r = &point.response;
     text::say(format!(
         "point at {}: {:.2} dB, phase {}{}",
-        source.place(r.column_value, r.row_value),
+        source.place(r),
         r.level_db,
         text::degrees(r.phase_rad.to_degrees()),
         match r.turn_is_known {
@@ -233,8 +252,11 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
             false => " if it turns by less than half a turn a pixel",
         }
     ))?;
+    if let Some(about) = &point.formed {
+        text::say(about.to_string())?;
+    }
     let mut rows = Vec::new();
-    for (cut, theory) in r.cuts.iter().zip(&point.theory) {
+    for (i, cut) in r.cuts.iter().enumerate() {
         let (unit, factor) = source.unit(cut.along);
         let lengths = |v: Option<f64>| number(v.map(|v| v * factor), 4);
         rows.push(vec![
@@ -245,14 +267,20 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
             number(cut.fixed_rule.pslr_db, 2),
             number(cut.fixed_rule.islr_db, 2),
         ]);
-        if let Some(t) = theory {
+        for (name, theory) in [
+            ("  theory", &point.theory),
+            ("  theory, as lit", &point.theory_as_lit),
+        ] {
+            let Some(Some(t)) = theory.get(i) else {
+                continue;
+            };
             rows.push(vec![
-                "  theory".to_owned(),
-                lengths(theory_width(source, cut, t)),
-                number(t.null_rule.pslr_db, 2),
-                number(t.null_rule.islr_db, 2),
-                number(t.fixed_rule.pslr_db, 2),
-                number(t.fixed_rule.islr_db, 2),
+                name.to_owned(),
+                lengths(t.width()),
+                number(t.expected.null_rule.pslr_db, 2),
+                number(t.expected.null_rule.islr_db, 2),
+                number(t.expected.fixed_rule.pslr_db, 2),
+                number(t.expected.fixed_rule.islr_db, 2),
             ]);
         }
     }
@@ -265,14 +293,25 @@ fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
         "ISLR dB (1.5 widths)",
     ];
     text::say(text::table(&header, &rows))?;
+    // Theory without the recording knows no beam, which dims part of the pulses.
+    let wider = |(cut, theory): (&Cut, &Option<Theory>)| {
+        let width = theory.as_ref()?.width()?;
+        Some(cut.width_3db? > 1.05 * width)
+    };
+    let any_wider = r
+        .cuts
+        .iter()
+        .zip(&point.theory)
+        .filter_map(wider)
+        .any(|wider| wider);
+    if any_wider && point.theory_as_lit.is_empty() {
+        text::say(
+            "wider than theory, which takes all pulses as equally strong: --from RECORDING tells whether a beam made it so",
+        )?;
+    }
     text::say(format!(
         "ISLR of both dimensions {} dB",
         number(r.islr_2d_db, 2)
     ))?;
     Ok(())
-}
-
-/// The width in theory, where the recording's resolution along the cut is known.
-fn theory_width(source: &Source, cut: &Cut, theory: &Expected) -> Option<f64> {
-    source.cell(cut.along).map(|cell| cell * theory.width_3db)
 }

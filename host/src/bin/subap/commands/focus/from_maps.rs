@@ -81,6 +81,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
             "pulses_sent": maps.closing().map(|closing| closing.num_pulses),
             "counters": maps.closing().map(|closing| &closing.counters),
         }),
+        support: None,
         inputs: &[maps.input()?],
         check: None,
         peak: brightest(&formed.image, &grid),

@@ -6,6 +6,7 @@ use serde_json::{Map, Value, json};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::phase_history::InputFile;
 use subaperture::plot::Orientation;
+use subaperture::support::RecordedLooks;
 
 use super::Peak;
 use super::check::Check;
@@ -25,6 +26,8 @@ pub(super) struct Record<'a> {
     pub(super) frame: &'a SceneFrame,
     /// What is known of the recording or the maps.
     pub(super) collection: Value,
+    /// Pulses that stand for the recording's; of maps there are none.
+    pub(super) support: Option<RecordedLooks>,
     pub(super) inputs: &'a [InputFile],
     pub(super) check: Option<&'a Check>,
     /// `None` of an image of zeros.
@@ -54,6 +57,7 @@ impl Record<'_> {
             "frame": frame(self.frame),
             "settings": self.settings,
             "collection": self.collection,
+            "support": self.support,
             "inputs": self.inputs,
             "brightest": self.peak,
             "picture": {

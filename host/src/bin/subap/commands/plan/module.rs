@@ -17,7 +17,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
     let grid = match typed.grid {
         Some(grid) => grid,
-        None => survey.default_grid()?,
+        None => session.default_grid(&survey)?,
     };
     let request = Request {
         error_db: typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),

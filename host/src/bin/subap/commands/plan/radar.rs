@@ -14,6 +14,7 @@ use subaperture::planner::ambiguity::{Around, MOST_CELLS};
 use subaperture::planner::grating::PointResponse;
 use subaperture::planner::{Parameters, RadarPlan, Request};
 use subaperture::plot::{Colours, Heat, Panel, Scale, heat, quicklook};
+use subaperture::signal::window::Window;
 use subaperture::simulate::radar::{LinkBudget, PulseShape};
 use subaperture::survey::Survey;
 
@@ -36,7 +37,7 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     let survey = Survey::of(&collection).context("the input holds no pulses")?;
     let grid = match typed.grid {
         Some(grid) => grid,
-        None => survey.default_grid()?,
+        None => session.default_grid(&survey)?,
     };
     let link = |power_w| LinkBudget {
         power_w,
@@ -202,7 +203,7 @@ fn to_text(plan: &RadarPlan) -> String {
         (
             "range",
             format!(
-                "resolution {} in slant, {} on the ground; unambiguous {} in a profile{}",
+                "resolution {} in slant, {} on the ground (Rayleigh's); unambiguous {} in a profile{}",
                 metres(Some(survey.slant_range_resolution_m)),
                 metres(survey.range_resolution_m),
                 metres(Some(survey.unambiguous_slant_range_m)),
@@ -218,6 +219,17 @@ fn to_text(plan: &RadarPlan) -> String {
                 metres(aperture.cross_range_resolution_m),
                 metres(Some(survey.aperture_length_m)),
                 metres(survey.unambiguous_cross_range_m)
+            ),
+        ),
+        (
+            "half power",
+            format!(
+                "{} in range, {} in cross-range on the ground; {} and {} under {}",
+                metres(survey.half_power.range_m),
+                metres(survey.half_power.cross_range_m),
+                metres(survey.half_power_windowed.range_m),
+                metres(survey.half_power_windowed.cross_range_m),
+                Window::default()
             ),
         ),
         (

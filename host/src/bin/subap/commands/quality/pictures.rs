@@ -3,7 +3,6 @@
 use std::io::Write;
 use std::path::Path;
 
-use subaperture::geometry::Axis;
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::claim::Claims;
 use subaperture::plot::{
@@ -11,11 +10,9 @@ use subaperture::plot::{
 };
 use subaperture::quality::PixelMap;
 use subaperture::quality::response::Cut;
-use subaperture::quality::theory::transform;
-use subaperture::signal::window::Window;
 
 use super::source::Source;
-use super::{Point, Report, THEORY_SAMPLES};
+use super::{Point, Report};
 use crate::interrupt;
 
 /// What cuts are shown down to, dB.
@@ -27,7 +24,6 @@ pub(super) fn write(
     folder: &Path,
     report: &Report,
     source: &Source,
-    window: Option<Window>,
 ) -> anyhow::Result<()> {
     let mut drawn: Vec<(String, Vec<u8>)> = Vec::new();
     let mut save = |name: String, bytes: Vec<u8>| {
@@ -36,10 +32,10 @@ pub(super) fn write(
     };
     for (i, point) in report.points.iter().enumerate() {
         let number = i + 1;
-        let place = source.place(point.response.column_value, point.response.row_value);
+        let place = source.place(&point.response);
         for (k, cut) in point.response.cuts.iter().enumerate() {
             let name = source.along(cut.along).replace(' ', "-");
-            let chart = cut_chart(source, cut, point, k, window, &place);
+            let chart = cut_chart(source, cut, point, k, &place);
             save(format!("point-{number}-{name}.png"), lines(&chart)?)?;
         }
         let chip = &point.response.chip;
@@ -55,19 +51,14 @@ pub(super) fn write(
     }
     if let Some(against) = &report.against {
         let map = |map: &PixelMap, title: &str, unit: &str, range| {
-            let (across_label, up_label, factor) = source.labels();
-            let columns = source.grid.columns;
+            let [(across_label, columns), (up_label, rows)] = source.shown_axes();
             heat(&Heat {
                 values: &map.values,
-                rows: source.grid.rows,
-                columns: Axis {
-                    start: columns.start * factor,
-                    step: columns.step * factor,
-                    ..columns
-                },
+                rows,
+                columns,
                 title: title.to_owned(),
-                across_label: across_label.to_owned(),
-                up_label: up_label.to_owned(),
+                across_label,
+                up_label,
                 unit: unit.to_owned(),
                 range,
                 colours: Colours::Viridis,
@@ -104,14 +95,7 @@ pub(super) fn write(
     Ok(())
 }
 
-fn cut_chart(
-    source: &Source,
-    cut: &Cut,
-    point: &Point,
-    index: usize,
-    window: Option<Window>,
-    place: &str,
-) -> Chart {
+fn cut_chart(source: &Source, cut: &Cut, point: &Point, index: usize, place: &str) -> Chart {
     let (unit, factor) = source.unit(cut.along);
     let db = |power: f64| 10.0 * power.log10();
     let floored = |power: f64| db(power).max(2.0 * FLOOR_DB);
@@ -121,25 +105,19 @@ fn cut_chart(
         points: measured.map(|(s, p)| (s * factor, floored(*p))).collect(),
         stroke: Stroke::Solid,
     }];
-    if let (Some(window), Some(theory)) = (window, &point.theory[index]) {
-        let weights = window.weights(THEORY_SAMPLES);
-        // The recording's own cell, or, where it is not known, that which gives the width measured.
-        let fitted = || cut.width_3db.map(|width| width / theory.width_3db);
-        let known = source.cell(cut.along);
-        if let Some(cell) = known.or_else(fitted) {
-            let points = cut.offsets.iter().map(|s| {
-                let power = transform(&weights, s / cell).powi(2);
-                (s * factor, floored(power))
-            });
-            curves.push(Curve {
-                name: match known {
-                    Some(_) => format!("theory, {window}"),
-                    None => format!("theory, {window}, of this width"),
-                },
-                points: points.collect(),
-                stroke: Stroke::Dashed,
-            });
-        }
+    for (theories, lit) in [(&point.theory, ""), (&point.theory_as_lit, ", as lit")] {
+        let Some(Some(theory)) = theories.get(index) else {
+            continue;
+        };
+        let points = cut
+            .offsets
+            .iter()
+            .map(|&s| (s * factor, floored(theory.power(s))));
+        curves.push(Curve {
+            name: format!("{}{lit}", theory.title()),
+            points: points.collect(),
+            stroke: Stroke::Dashed,
+        });
     }
     Chart {
         title: format!("cut along {} at {place}", source.along(cut.along)),

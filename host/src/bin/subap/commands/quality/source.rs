@@ -4,15 +4,19 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
 use subaperture::io::{npy, product};
-use subaperture::quality::response::{Carrier, Direction, Geometry};
+use subaperture::quality::response::{Carrier, Direction, Geometry, Response, ResponseError};
 use subaperture::signal::window::Window;
+use subaperture::support::RecordedLooks;
 
+use crate::args::At;
 use crate::config::Session;
+use crate::failure::Usage;
 use crate::text;
 
 /// An image, where its pixels lie, and what is known of its band.
@@ -21,12 +25,14 @@ pub(super) struct Source {
     pub(super) name: String,
     pub(super) image: Image,
     pub(super) grid: ImageGrid,
-    /// That of fast and slow time, if they are the same.
-    pub(super) window: Option<Window>,
+    /// Those of fast and slow time.
+    pub(super) windows: Option<[Window; 2]>,
     /// Where it was seen from.
     pub(super) carrier: Option<Carrier>,
-    /// Resolution cells along x and y of a Cartesian product, metres.
-    cells_m: [Option<f64>; 2],
+    /// Pulses that stand for the recording's.
+    pub(super) looks: Option<RecordedLooks>,
+    /// The record of a product.
+    pub(super) metadata: Option<Value>,
     /// Whether coordinates are pixels.
     in_pixels: bool,
 }
@@ -49,29 +55,25 @@ impl Source {
                 name,
                 grid: ImageGrid::horizontal(axis(image.columns), axis(image.rows), 0.0),
                 image,
-                window: None,
+                windows: None,
                 carrier: None,
-                cells_m: [None; 2],
+                looks: None,
+                metadata: None,
                 in_pixels: true,
             });
         }
         let stored = product::read(path)?;
         let settings = &stored.metadata["settings"];
         let window = |key: &str| settings[key].as_str().and_then(|text| text.parse().ok());
-        let fast: Option<Window> = window("window");
-        let flat = !stored.grid.polar && stored.grid.x_axis.x > 1.0 - 1e-9;
-        let cell = |i: usize| {
-            let cells: &Value = &stored.metadata["collection"]["axis_resolution_m"];
-            cells[i].as_f64().filter(|_| flat)
-        };
         let seen = Geometry::deserialize(&stored.metadata["collection"]);
         Ok(Self {
             name,
             carrier: seen.ok().map(|seen| Carrier::of(&seen)),
-            window: fast.filter(|fast| window("slow_window") == Some(*fast)),
-            cells_m: [cell(0), cell(1)],
+            windows: window("window").zip(window("slow_window")).map(Into::into),
+            looks: RecordedLooks::deserialize(&stored.metadata["support"]).ok(),
             image: stored.image,
             grid: stored.grid,
+            metadata: Some(stored.metadata),
             in_pixels: false,
         })
     }
@@ -91,6 +93,8 @@ impl Source {
             Direction::Y if self.in_pixels => "row",
             Direction::X if self.grid.polar => "angle",
             Direction::Y if self.grid.polar => "range",
+            Direction::X => self.grid.scene_axes()[0].name,
+            Direction::Y => self.grid.scene_axes()[1].name,
             _ => along.name(),
         }
     }
@@ -104,34 +108,90 @@ impl Source {
         }
     }
 
-    /// A point in words.
-    pub(super) fn place(&self, column_value: f64, row_value: f64) -> String {
-        match (self.in_pixels, self.grid.polar) {
-            (true, _) => format!("column {column_value:.3}, row {row_value:.3}"),
-            (_, true) => format!(
-                "angle {:.5} deg, range {row_value:.3} m",
-                column_value.to_degrees()
-            ),
-            _ => format!("x {column_value:.4} m, y {row_value:.4} m"),
+    /// Grid coordinates, row's and column's, of a place as typed: in the scene frame, but degrees and range of a polar
+    /// grid and column and row of an array.
+    pub(super) fn coordinates(&self, at: &At) -> anyhow::Result<[f64; 2]> {
+        if self.in_pixels || self.grid.polar {
+            if at.z.is_some() {
+                let what =
+                    "--at: the third number says nothing to an array or a polar grid: leave it out";
+                return Err(Usage(what.to_owned()).into());
+            }
+            return Ok([at.y, self.across(at.x)]);
         }
+        let grid = &self.grid;
+        let normal = grid.x_axis.cross(grid.y_axis);
+        let z_m = match at.z {
+            Some(z_m) => z_m,
+            // Where the plane is above or below the place.
+            None if normal.z.abs() > 1e-6 => {
+                let from = DVec3::new(at.x, at.y, 0.0) - grid.origin_m.with_z(0.0);
+                grid.origin_m.z - normal.dot(from) / normal.z
+            }
+            None => {
+                let what = "--at: the image's plane stands upright, so that x and y alone are no place on it: give X,Y,Z";
+                return Err(Usage(what.to_owned()).into());
+            }
+        };
+        Ok(grid.coordinates(DVec3::new(at.x, at.y, z_m)))
     }
 
-    /// Labels of the axes across and up, and what values across are multiplied by to be shown.
-    pub(super) fn labels(&self) -> (&'static str, &'static str, f64) {
-        match (self.in_pixels, self.grid.polar) {
-            (true, _) => ("column", "row", 1.0),
-            (_, true) => ("angle (deg)", "range (m)", 1f64.to_degrees()),
-            _ => ("x (m)", "y (m)", 1.0),
-        }
+    /// What to do about a point that was not measured.
+    pub(super) fn explain(&self, error: ResponseError) -> anyhow::Error {
+        let advice = match error {
+            ResponseError::TooCoarse { .. } => {
+                ", or give the recording with --from, and a fine chip is formed of it"
+            }
+            _ => "",
+        };
+        anyhow::anyhow!("{error}{advice}")
     }
 
-    /// The resolution cell along a cut, metres.
-    pub(super) fn cell(&self, along: Direction) -> Option<f64> {
-        match along {
-            Direction::X => self.cells_m[0],
-            Direction::Y => self.cells_m[1],
-            _ => None,
+    /// A measured point in words: its place in the scene, or in an array.
+    pub(super) fn place(&self, response: &Response) -> String {
+        let (row_value, column_value) = (response.row_value, response.column_value);
+        if self.in_pixels {
+            return format!("column {column_value:.3}, row {row_value:.3}");
         }
+        let [x, y, z] = response.position_m;
+        let scene = format!("x {x:.4} m, y {y:.4} m, z {z:.4} m");
+        if self.grid.polar {
+            let angle = column_value.to_degrees();
+            return format!("{scene} (angle {angle:.5} deg, range {row_value:.3} m)");
+        }
+        scene
+    }
+
+    /// The axes across and up as they are shown, each with its label: those of the scene where the grid's run along them.
+    pub(super) fn shown_axes(&self) -> [(String, Axis); 2] {
+        let grid = &self.grid;
+        if self.in_pixels {
+            return [
+                ("column".to_owned(), grid.columns),
+                ("row".to_owned(), grid.rows),
+            ];
+        }
+        if grid.polar {
+            let degrees = Axis {
+                start: grid.columns.start.to_degrees(),
+                step: grid.columns.step.to_degrees(),
+                ..grid.columns
+            };
+            return [
+                ("angle (deg)".to_owned(), degrees),
+                ("range (m)".to_owned(), grid.rows),
+            ];
+        }
+        let [across, up] = grid.scene_axes();
+        [(across, grid.columns), (up, grid.rows)].map(|(scene, axis)| {
+            // Values ascend: against the scene's axis they are shown negative.
+            let sign = if scene.sign < 0.0 { "-" } else { "" };
+            let shown = Axis {
+                start: scene.sign * scene.value_m(axis.start),
+                ..axis
+            };
+            (format!("{sign}{} (m)", scene.name), shown)
+        })
     }
 }
 
