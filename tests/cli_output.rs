@@ -34,7 +34,7 @@ fn work_beyond_memory_is_refused_cleanly() {
     let before = listing(folder.path());
     // The image of 1.2 MB fits in 2 MiB; what the exact sum needs beside it does not.
     let line = "focus scene.cphd --out out --memory 2M -a exact --grid x=-40:40:0.2,y=-40:40:0.2";
-    run(folder.path(), line).failed(1, &["bytes", "--memory"]);
+    run(folder.path(), line).failed(1, &["allowed", "--memory"]);
     assert_eq!(listing(folder.path()), before);
 }
 

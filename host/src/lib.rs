@@ -16,6 +16,7 @@
 //! - Positions are metres in the scene frame ([`geometry::SceneFrame`]), float64; samples are
 //!   complex float32.
 //! - Names carry units: `_m`, `_s`, `_hz`, `_rad`, `_db`.
+#![forbid(unsafe_code)]
 
 pub mod crosscheck;
 pub mod description;
@@ -30,6 +31,7 @@ pub mod phase_history;
 pub mod planner;
 pub mod plot;
 pub mod quality;
+pub mod quantity;
 pub mod receive;
 pub mod reproduce;
 pub mod signal;

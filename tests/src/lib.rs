@@ -1,9 +1,11 @@
 //! Shared by the integration tests and `xtask`.
+#![forbid(unsafe_code)]
 
 pub mod emulated;
 pub mod experiment;
 pub mod faults;
 pub mod firmware;
+pub mod fuzz;
 pub mod link_recording;
 pub mod link_scene;
 pub mod maps;

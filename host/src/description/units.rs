@@ -7,23 +7,38 @@
 
 use super::nearest::nearest;
 
-/// What a unit measures.
+/// What a unit measures, and the SI unit in which it is handed on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Dimension {
+pub enum Dimension {
+    /// Metres.
     Length,
+    /// Seconds.
     Time,
+    /// Hertz.
     Frequency,
+    /// Metres a second.
     Speed,
+    /// Hertz a second.
     SweepRate,
+    /// Metres a second squared.
     Acceleration,
+    /// Radians.
     Angle,
+    /// Radians a second.
     AngularRate,
+    /// Decibels.
     Level,
+    /// Decibels over an isotropic antenna.
     Gain,
+    /// Decibels below the carrier in a hertz.
     PhaseNoise,
+    /// Watts.
     Power,
+    /// Kelvins.
     Temperature,
+    /// Square metres.
     CrossSection,
+    /// A number.
     Ratio,
 }
 
@@ -217,29 +232,35 @@ impl Dimension {
     }
 
     /// With its article: `a length`.
-    pub(crate) fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         self.row().1
     }
 
     /// A quantity of it, as it is written.
-    pub(crate) fn example(self) -> &'static str {
+    pub fn example(self) -> &'static str {
         self.row().2
     }
 
     /// Its units: `m, km, cm`.
-    pub(crate) fn units(self) -> String {
+    pub fn units(self) -> String {
         let units = self.row().4.iter().map(|&(unit, _)| unit);
         let named: Vec<&str> = units.filter(|unit| !unit.is_empty()).collect();
         named.join(", ")
     }
 
     /// The quantity `text`, in SI units.
-    pub(crate) fn parse(self, text: &str) -> Result<f64, String> {
+    ///
+    /// # Errors
+    /// What is wrong with it, and how it is written.
+    pub fn parse(self, text: &str) -> Result<f64, String> {
         Ok(self.parse_list(text, 1)?[0])
     }
 
-    /// `count` quantities of one dimension, in SI units.
-    pub(crate) fn parse_list(self, text: &str, count: usize) -> Result<Vec<f64>, String> {
+    /// `count` quantities of one dimension, parted by commas, in SI units.
+    ///
+    /// # Errors
+    /// What is wrong with them, and how they are written.
+    pub fn parse_list(self, text: &str, count: usize) -> Result<Vec<f64>, String> {
         parse_row(text, &vec![self; count])
     }
 }

@@ -104,7 +104,7 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(
-            error.contains("needs 1001 bytes of the 1000 allowed: use fewer"),
+            error.contains("needs 1001 bytes of the 1000 bytes allowed: use fewer"),
             "{error}"
         );
     }

@@ -35,6 +35,7 @@ use num_complex::Complex32;
 use crate::geometry::ImageGrid;
 use crate::image::Image;
 use crate::phase_history::{PhaseHistory, Pulse, ReadError};
+use crate::quantity::bytes;
 
 pub use accuracy::{Asked, Misses};
 pub use monitor::{Monitor, Silent};
@@ -170,7 +171,7 @@ pub enum FormError {
     #[error(transparent)]
     Read(#[from] ReadError),
     /// The work does not fit the budget.
-    #[error("{what} needs {needed_bytes} bytes of the {budget_bytes} allowed: {advice}")]
+    #[error("{what} needs {} of the {} allowed: {advice}", bytes(*needed_bytes), bytes((*budget_bytes).into()))]
     Memory {
         /// What asked for it.
         what: &'static str,

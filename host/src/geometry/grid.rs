@@ -9,6 +9,8 @@ use std::str::FromStr;
 
 use glam::{DQuat, DVec3, EulerRot};
 
+use crate::description::units::Dimension;
+
 /// `start + i step` for `i < count`. Metres, or radians for an angle.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Axis {
@@ -36,7 +38,7 @@ impl Axis {
             )));
         }
         let count = (steps - 1e-9).ceil().max(1.0);
-        if count > 1e9 {
+        if count > MOST_ELEMENTS {
             return Err(GridError(format!(
                 "range {start}:{stop}:{step} has {count:.3e} elements; at most 1e9 are possible"
             )));
@@ -93,6 +95,45 @@ impl ImageGrid {
         }
     }
 
+    /// What keeps it from being a grid, if anything: axes that are not square to one another and of unit length,
+    /// axes without elements or of more than 1e9, a coordinate that is no number or farther than 1e9 m
+    /// from the scene's origin (an angle: 1e9 rad).
+    pub fn fault(&self) -> Option<GridError> {
+        let (x, y) = (self.x_axis, self.y_axis);
+        let off = (x.length() - 1.0)
+            .abs()
+            .max((y.length() - 1.0).abs())
+            .max(x.dot(y).abs());
+        // A length that overflows is a NaN or infinite here.
+        if off.is_nan() || off > AXIS_TOLERANCE {
+            let what =
+                format!("x_axis and y_axis are not orthogonal unit vectors (off by {off:.1e})");
+            return Some(GridError(what));
+        }
+        for (name, axis) in [("columns", self.columns), ("rows", self.rows)] {
+            if axis.count == 0 || axis.count as f64 > MOST_ELEMENTS {
+                let what = format!("{} {name}; 1 to {MOST_ELEMENTS:e} are possible", axis.count);
+                return Some(GridError(what));
+            }
+            let ends = [axis.start, axis.at(axis.count - 1)];
+            let known = axis.step > 0.0 && axis.step.is_finite();
+            if !known || !ends.iter().all(|end| end.abs() <= FARTHEST_M) {
+                let what = format!(
+                    "its {name} run from {} to {} in steps of {}: a positive step and ends of at most \
+                     {FARTHEST_M:e} are possible",
+                    ends[0], ends[1], axis.step
+                );
+                return Some(GridError(what));
+            }
+        }
+        let far = !self
+            .origin_m
+            .to_array()
+            .iter()
+            .all(|x| x.abs() <= FARTHEST_M);
+        far.then(|| GridError(format!("its origin lies more than {FARTHEST_M:e} m away")))
+    }
+
     /// Rows times columns; cannot overflow for axes of at most 1e9 elements.
     pub fn num_pixels(&self) -> u64 {
         self.rows.count as u64 * self.columns.count as u64
@@ -113,6 +154,12 @@ impl ImageGrid {
         }
     }
 }
+
+/// Axes further than this from orthonormal are no axes; rounding leaves some 1e-16.
+const AXIS_TOLERANCE: f64 = 1e-6;
+
+/// Most elements of an axis.
+const MOST_ELEMENTS: f64 = 1e9;
 
 impl ImageGrid {
     /// How the scene point moves with the column's value and with the row's, at grid coordinates: unit vectors, but metres a
@@ -176,9 +223,12 @@ impl FromStr for ImageGrid {
                 .iter()
                 .position(|&k| k == key)
             {
+                let [number] = parse_numbers(key, value)?[..] else {
+                    return Err(GridError(format!("{key}={value}: write one number")));
+                };
                 numbers[i] = match key {
-                    "yaw" | "pitch" | "roll" => parse_number(key, value)?,
-                    _ => parse_metres(key, value)?,
+                    "yaw" | "pitch" | "roll" => number,
+                    _ => near_enough(key, number)?,
                 };
             } else {
                 return Err(GridError(format!(
@@ -227,15 +277,12 @@ struct Range {
 
 impl Range {
     fn parse(key: &str, value: &str) -> Result<Self, GridError> {
-        let parse = |(i, v): (usize, &str)| match (key, i) {
-            ("theta", _) | (_, 2..) => parse_number(key, v),
-            _ => parse_metres(key, v),
-        };
-        let fields: Vec<f64> = value
-            .split(':')
-            .enumerate()
-            .map(parse)
-            .collect::<Result<_, _>>()?;
+        let fields = parse_numbers(key, value)?;
+        if key != "theta" {
+            for &end in fields.iter().take(2) {
+                near_enough(key, end)?;
+            }
+        }
         match *fields.as_slice() {
             [start, stop] => Ok(Self {
                 start,
@@ -269,14 +316,37 @@ fn parse_number(key: &str, text: &str) -> Result<f64, GridError> {
         .ok_or_else(|| GridError(format!("{key}: '{text}' is not a finite number")))
 }
 
-fn parse_metres(key: &str, text: &str) -> Result<f64, GridError> {
-    let value = parse_number(key, text)?;
-    if value.abs() > FARTHEST_M {
+/// Numbers parted by colons, metres or of angles degrees; or quantities with units, `-1:1:0.5km`, of which one without
+/// takes that to its right.
+fn parse_numbers(key: &str, value: &str) -> Result<Vec<f64>, GridError> {
+    let parts: Vec<&str> = value.split(':').map(str::trim).collect();
+    let has_unit = |part: &&str| {
+        let digits = part.trim_start_matches(['+', '-', '.']);
+        digits.starts_with(|c: char| c.is_ascii_digit()) && part.parse::<f64>().is_err()
+    };
+    if !parts.iter().any(|part| has_unit(part)) {
+        return parts.iter().map(|part| parse_number(key, part)).collect();
+    }
+    let is_angle = ["theta", "yaw", "pitch", "roll"].contains(&key);
+    let dimension = match is_angle {
+        true => Dimension::Angle,
+        false => Dimension::Length,
+    };
+    let values = dimension.parse_list(&parts.join(","), parts.len());
+    let values = values.map_err(|why| GridError(format!("{key}: {why}")))?;
+    Ok(match is_angle {
+        true => values.into_iter().map(f64::to_degrees).collect(),
+        false => values,
+    })
+}
+
+fn near_enough(key: &str, value_m: f64) -> Result<f64, GridError> {
+    if value_m.abs() > FARTHEST_M {
         return Err(GridError(format!(
-            "{key}: {text} m is too far away: coordinates may be at most {FARTHEST_M:e} m"
+            "{key}: {value_m} m is too far away: coordinates may be at most {FARTHEST_M:e} m"
         )));
     }
-    Ok(value)
+    Ok(value_m)
 }
 
 #[cfg(test)]
@@ -292,6 +362,31 @@ mod tests {
         assert!((p - DVec3::new(49.8, 0.25, 3.0)).length() < 1e-9);
         let short: ImageGrid = "x=-50:50:0.2,y=0:1".parse().unwrap();
         assert_eq!((short.rows.step, short.rows.count), (0.2, 5));
+    }
+
+    #[test]
+    fn units_are_understood() {
+        let grid = |text: &str| text.parse::<ImageGrid>();
+        let plain = grid("x=-50:50:0.5,y=1000:2000:2,z=3,cx=10,yaw=30").unwrap();
+        let united = grid("x=-50:50:50cm,y=1:2km:2m,z=3m,cx=0.01km,yaw=30deg").unwrap();
+        assert_eq!(united.columns, plain.columns);
+        // "1:2km:2m": what has no unit takes that to its right.
+        assert_eq!(united.rows, plain.rows);
+        assert!((united.origin_m - plain.origin_m).length() < 1e-12);
+        assert!((united.x_axis - plain.x_axis).length() < 1e-12);
+        for (text, part) in [
+            ("x=0:1:1Hz,y=0:1:1", "is a frequency and a length is wanted"),
+            (
+                "x=0:1:1,y=0:1:1,yaw=3m",
+                "is a length and an angle is wanted",
+            ),
+            ("x=0:1:1,y=0:1:1,z=1:2", "write one number"),
+            ("x=0:2e9:1km,y=0:1:1", "beyond anything sensible"),
+            ("x=0:2e9:1,y=0:1:1", "too far away"),
+        ] {
+            let error = grid(text).unwrap_err().to_string();
+            assert!(error.contains(part), "{text}: {error}");
+        }
     }
 
     #[test]

@@ -125,6 +125,7 @@ impl fmt::Display for Comparison {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let number = |value: Option<f64>, digits: usize, unit: &str| match value {
             None => "undefined".to_owned(),
+            Some(f64::NEG_INFINITY) => "none".to_owned(),
             Some(value) => format!("{value:.digits$}{unit}"),
         };
         writeln!(

@@ -4,7 +4,9 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::lock::KEPT_SUFFIX;
 use super::place::Place;
+use super::unfinished::{self, Thing};
 
 /// Why nothing was written.
 #[derive(Debug, thiserror::Error)]
@@ -153,6 +155,10 @@ impl Beside {
             needed_bytes,
             source,
         })?;
+        // What is kept of a killed run is kept of one that ends at once too.
+        if suffix != KEPT_SUFFIX {
+            unfinished::begin(Thing::File(hidden.clone()));
+        }
         Ok(Self {
             file,
             hidden: Hidden(hidden),
@@ -182,6 +188,7 @@ impl Beside {
     /// Then the target is as it was.
     pub(super) fn commit(self) -> Result<(), WriteError> {
         let moved = self.file.sync_all().and_then(|()| {
+            let _moving = unfinished::commit();
             fs::rename(&self.hidden.0, &self.place.path)?;
             sync_folder(self.place.folder())
         });
@@ -196,6 +203,7 @@ struct Hidden(PathBuf);
 impl Drop for Hidden {
     fn drop(&mut self) {
         let _ = fs::remove_file(&self.0);
+        unfinished::end(&self.0);
     }
 }
 

@@ -17,6 +17,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Duration;
 
+use super::unfinished::{self, Thing};
+
 /// What a name of ours begins with.
 const PREFIX: &str = ".subap-";
 const LOCK_SUFFIX: &str = ".lock";
@@ -76,6 +78,7 @@ impl Lock {
                             key,
                             file,
                         });
+                        unfinished::begin(Thing::File(path.clone()));
                         held.insert(path, Arc::downgrade(&lock));
                         drop(held);
                         lock.sweep(folder);
@@ -113,6 +116,7 @@ impl Drop for Lock {
         let mut held = HELD.lock().unwrap_or_else(PoisonError::into_inner);
         held.remove(&self.path);
         let _ = fs::remove_file(&self.path);
+        unfinished::end(&self.path);
         self.file = None;
     }
 }

@@ -19,14 +19,18 @@ pub struct Options<'a> {
     pub channel: Option<&'a str>,
     /// Bytes that all recordings opened together may hold in memory.
     pub memory_bytes: u64,
+    /// Keys of descriptions of raw recordings and the values that override them, as
+    /// [`recording::RecordingFile::set`] takes them; laid over every description opened.
+    pub settings: &'a [(String, String)],
 }
 
 impl Default for Options<'_> {
-    /// The reference channel, any amount of memory.
+    /// The reference channel, any amount of memory, no settings.
     fn default() -> Self {
         Self {
             channel: None,
             memory_bytes: u64::MAX,
+            settings: &[],
         }
     }
 }
@@ -35,12 +39,28 @@ impl Default for Options<'_> {
 ///
 /// # Errors
 /// [`ReadError::Malformed`] for a file of no known format, saying what it looks like, and for a
-/// broken one; [`ReadError::Mismatch`] for a channel of a format that has none; [`ReadError::Io`].
+/// broken one; [`ReadError::Mismatch`] for a channel or settings of a format that has none;
+/// [`ReadError::Io`].
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, ReadError> {
+    if path.is_dir() {
+        return Err(ReadError::Malformed {
+            path: path.to_owned(),
+            what: "a directory, and not a recording: name the files in it".to_owned(),
+        });
+    }
     let start = read_start(path).map_err(|source| ReadError::Io {
         path: path.to_owned(),
         source,
     })?;
+    let described = path
+        .extension()
+        .is_some_and(|extension| extension == "toml");
+    if let ([(key, value), ..], false) = (options.settings, described) {
+        return Err(ReadError::Mismatch(format!(
+            "{}: {key} = {value} is laid over descriptions of raw recordings (.toml) only: leave out the setting",
+            path.display()
+        )));
+    }
     if start.starts_with(matlab::MAGIC) {
         if let Some(channel) = options.channel {
             return Err(ReadError::Mismatch(format!(
@@ -57,17 +77,18 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
             options.memory_bytes,
         )?));
     }
-    if path
-        .extension()
-        .is_some_and(|extension| extension == "toml")
-    {
+    if described {
         if let Some(channel) = options.channel {
             return Err(ReadError::Mismatch(format!(
                 "{}: a described recording has no channels; leave out channel '{channel}'",
                 path.display()
             )));
         }
-        return Ok(Box::new(recording::open(path, options.memory_bytes)?));
+        return Ok(Box::new(recording::open(
+            path,
+            options.settings,
+            options.memory_bytes,
+        )?));
     }
     Err(ReadError::Malformed {
         path: path.to_owned(),

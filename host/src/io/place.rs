@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::atomic::WriteError;
 use super::lock::{Lock, NoLock};
+use super::unfinished::{self, Thing};
 
 /// Links that are followed, one after the other.
 const MOST_LINKS: usize = 40;
@@ -167,6 +168,10 @@ impl Made {
                 Err(source) => return Err(failed(path, source)),
             }
         }
+        // The outermost first, for they are removed in the other order.
+        for folder in missing.iter().rev() {
+            unfinished::begin(Thing::EmptyFolder(folder.clone()));
+        }
         let made = Self(missing);
         // Dropped on failure, with what was made until then.
         fs::create_dir_all(folder).map_err(|source| failed(path, source))?;
@@ -179,6 +184,7 @@ impl Drop for Made {
         for folder in &self.0 {
             // One that holds something, ours or another's, stays.
             let _ = fs::remove_dir(folder);
+            unfinished::end(folder);
         }
     }
 }

@@ -16,6 +16,7 @@ use serde_json::{Value, json};
 
 use super::atomic::{WriteError, check_room, sync_folder};
 use super::place::Place;
+use super::unfinished::{self, Thing};
 
 /// Files on their way into a folder. Gone when dropped, unless committed.
 pub(super) struct Staged {
@@ -48,6 +49,7 @@ impl Staged {
             needed_bytes,
             source,
         })?;
+        unfinished::begin(Thing::Folder(staging.clone()));
         Ok(Self {
             staging: Staging(staging),
             place,
@@ -116,6 +118,7 @@ impl Staged {
     pub(super) fn commit(self, names: &[&str], marks: &[&str]) -> Result<(), WriteError> {
         let (staging, folder) = (&self.staging.0, &self.place.path);
         let moved = sync_folder(staging).and_then(|()| {
+            let _moving = unfinished::commit();
             if folder.is_dir() {
                 return replace(staging, folder, names, marks);
             }
@@ -132,6 +135,7 @@ struct Staging(PathBuf);
 impl Drop for Staging {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.0);
+        unfinished::end(&self.0);
     }
 }
 

@@ -20,6 +20,7 @@ use num_complex::Complex32;
 
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
+use crate::quantity::bytes;
 
 pub use aperture::Aperture;
 pub use recorded::Recorded;
@@ -186,7 +187,10 @@ pub enum ReadError {
         sample: usize,
     },
     /// What has to be held does not fit the memory allowed.
-    #[error("{path} needs {needed_bytes} bytes of memory and {allowed_bytes} are left: raise --memory", path = path.display())]
+    #[error(
+        "{} needs {} of memory and {} are left: raise --memory",
+        path.display(), bytes((*needed_bytes).into()), bytes((*allowed_bytes).into())
+    )]
     Memory {
         /// File concerned.
         path: PathBuf,

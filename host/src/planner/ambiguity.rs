@@ -28,6 +28,7 @@ use rayon::prelude::*;
 use rustfft::FftPlanner;
 
 use crate::geometry::Axis;
+use crate::quantity::{hertz, seconds};
 use crate::signal::fast_length::fast_length;
 use crate::simulate::radar::PulseShape;
 
@@ -185,8 +186,9 @@ impl Around {
         let cells = bandwidth_hz * duration_s;
         if !(bandwidth_hz > 0.0 && duration_s > 0.0 && cells <= MOST_CELLS) {
             return Err(format!(
-                "a pulse of {bandwidth_hz} Hz and {duration_s} s: their product must be above 0 and at most \
-                 {MOST_CELLS}; give a shorter one"
+                "a pulse of {} and {}: their product must be above 0 and at most {MOST_CELLS}; give a shorter one",
+                hertz(bandwidth_hz),
+                seconds(duration_s)
             ));
         }
         let rate_hz = FINENESS as f64 * bandwidth_hz;

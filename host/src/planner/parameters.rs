@@ -13,6 +13,7 @@ use serde::Serialize;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
 use crate::phase_history::{Collection, Pulse};
+use crate::quantity::{hertz, metres};
 
 /// Pulses that a plan may have: 1.7 GB of geometry.
 const MOST_PULSES: usize = 1 << 24;
@@ -130,8 +131,9 @@ impl Parameters {
         }
         if self.bandwidth_hz >= 2.0 * self.carrier_hz {
             return refuse(format!(
-                "a bandwidth of {} Hz reaches below 0 Hz at a carrier of {} Hz: give less",
-                self.bandwidth_hz, self.carrier_hz
+                "a bandwidth of {} reaches below 0 Hz at a carrier of {}: give less",
+                hertz(self.bandwidth_hz),
+                hertz(self.carrier_hz)
             ));
         }
         if !(0.0..FRAC_PI_2).contains(&self.grazing_rad) {
@@ -151,8 +153,9 @@ impl Parameters {
         }
         if self.scene_m[1] >= 2.0 * self.range_m {
             return refuse(format!(
-                "a scene {} m deep reaches the radar at {} m: give a smaller one or a longer range",
-                self.scene_m[1], self.range_m
+                "a scene {} deep reaches the radar at {}: give a smaller one or a longer range",
+                metres(self.scene_m[1]),
+                metres(self.range_m)
             ));
         }
         Ok(())

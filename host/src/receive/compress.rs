@@ -38,6 +38,7 @@ use rustfft::{Fft, FftPlanner};
 use super::{Echoes, ReceiveError, in_blocks};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
+use crate::quantity::hertz;
 use crate::signal::phase::{narrow, phasor, widen};
 use crate::simulate::radar::Waveform;
 
@@ -89,8 +90,9 @@ impl<E: Echoes> Compressed<E> {
         let bandwidth_hz = shape.bandwidth_hz();
         if !(num_samples > 0 && sample_rate_hz > 0.0 && bandwidth_hz <= sample_rate_hz) {
             return Err(fault(format!(
-                "{num_samples} samples at {sample_rate_hz} Hz do not hold a band of {bandwidth_hz} \
-                 Hz: sample faster"
+                "{num_samples} samples at {} do not hold a band of {}: sample faster",
+                hertz(sample_rate_hz),
+                hertz(bandwidth_hz)
             )));
         }
         let step_hz = sample_rate_hz / num_samples as f64;
@@ -101,7 +103,8 @@ impl<E: Echoes> Compressed<E> {
         let start_hz = centre_hz - below as f64 * step_hz;
         if start_hz.is_nan() || start_hz <= 0.0 {
             return Err(fault(format!(
-                "its band reaches down to {start_hz} Hz; frequencies are positive"
+                "its band reaches down to {}; frequencies are positive",
+                hertz(start_hz)
             )));
         }
         let first_bin = (num_samples - below) % num_samples;

@@ -57,6 +57,7 @@ use super::{EchoCollection, EchoPulse, Echoes, ReceiveError, in_blocks};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::Extent;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
+use crate::quantity::{hertz, seconds};
 use crate::signal::fast_length::fast_length;
 use crate::signal::phase::{narrow, phasor, widen};
 use crate::simulate::radar::Waveform;
@@ -130,11 +131,14 @@ impl<E: Echoes> Deskewed<E> {
                 "a scene of delays up to {half_delay_s} s from the reference: give a number, 0 or more"
             )));
         }
-        if half_delay_s * chirp_hz_s.abs() > sample_rate_hz / 2.0 {
+        // All that the samples tell apart is allowed, whatever the rounding.
+        if half_delay_s * chirp_hz_s.abs() > sample_rate_hz / 2.0 * (1.0 + 1e-9) {
             return Err(fault(format!(
-                "delays up to {half_delay_s:.3e} s from the reference beat at up to {:.3e} Hz, more \
-                 than half the sampling rate: sample faster, sweep slower or see less",
-                half_delay_s * chirp_hz_s.abs()
+                "delays up to {} from the reference beat at up to {}, more than half the sampling rate of {}: \
+                 sample faster, sweep slower or see less",
+                seconds(half_delay_s),
+                hertz(half_delay_s * chirp_hz_s.abs()),
+                hertz(sample_rate_hz)
             )));
         }
         let delays = collection
@@ -166,7 +170,8 @@ impl<E: Echoes> Deskewed<E> {
         };
         if lowest_hz <= 0.0 {
             return Err(fault(format!(
-                "its sweep reaches {lowest_hz} Hz; frequencies are positive"
+                "its sweep reaches {}; frequencies are positive",
+                hertz(lowest_hz)
             )));
         }
         // Delays up to half the sampling rate's, and the shift, must not come round.

@@ -65,8 +65,17 @@ impl Experiment {
             Waveform::Pulsed { .. } => {
                 Received::Compressed(Compressed::new(echoes, Filter::Inverse)?)
             }
-            Waveform::Fmcw { .. } => {
-                Received::Deskewed(Deskewed::new(echoes, None, Skew::Removed)?)
+            Waveform::Fmcw {
+                chirp_hz_s,
+                sample_rate_hz,
+                ..
+            } => {
+                // Without an extent, all that the samples can tell apart.
+                let half_delay_s = match self.extent {
+                    Some(_) => None,
+                    None => Some(0.5 * sample_rate_hz / chirp_hz_s.abs()),
+                };
+                Received::Deskewed(Deskewed::new(echoes, half_delay_s, Skew::Removed)?)
             }
             Waveform::Ideal { .. } | Waveform::Stepped { .. } => {
                 Received::Referenced(Referenced::new(echoes)?)

@@ -14,12 +14,14 @@ use subaperture::link::Place;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
+use crate::log::Format;
 pub(crate) use look::{Look, Picture};
 pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
+use subaperture::description::units::Dimension;
 pub(crate) use tune::{Recording, Tune, Vary};
 pub(crate) use values::At;
 use values::{
-    axis, error_bound, finite, length, not_negative, odd, output, place, positive, rectangle,
+    above_zero, any, axis, error_bound, finite, from_zero, odd, output, place, positive, rectangle,
     setting, sign, size, threads, vector,
 };
 
@@ -73,6 +75,25 @@ pub(crate) struct Global {
         help_heading = "Global options"
     )]
     pub(crate) quiet: bool,
+
+    /// Print results as JSON, one object, on standard output
+    #[arg(long, global = true, help_heading = "Global options")]
+    pub(crate) json: bool,
+
+    /// Append to this file, with the times, all that is said and shown: notes, warnings, settings, progress,
+    /// how long what took
+    #[arg(long, global = true, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Global options")]
+    pub(crate) log: Option<PathBuf>,
+
+    /// Write the log as text or as JSON, an object a line [default: JSON if FILE ends in .json or .jsonl]
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        requires = "log",
+        help_heading = "Global options"
+    )]
+    pub(crate) log_format: Option<Format>,
 }
 
 /// The commands.
@@ -129,6 +150,10 @@ pub(crate) struct Input {
     /// Channel of a CPHD by its identifier [default: its reference channel]
     #[arg(long, value_name = "ID")]
     pub(crate) channel: Option<String>,
+
+    /// Override a key of a description, as radar.first_pulse=9.2s; any number of times
+    #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
+    pub(crate) set: Vec<(String, String)>,
 }
 
 /// `subap focus`.
@@ -140,7 +165,7 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
+        "paths", "channel", "set", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
         "window", "slow_window", "check"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
@@ -162,7 +187,7 @@ pub(crate) struct Focus {
     pub(crate) no_keystone: bool,
 
     /// Focus what moves at this velocity, m/s; pixels are places at the first pulse
-    #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector)]
+    #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector(Dimension::Speed))]
     pub(crate) velocity: Option<DVec3>,
 
     /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120: formers choose their
@@ -180,7 +205,7 @@ pub(crate) struct Focus {
     pub(crate) sub_cpi: Option<usize>,
 
     /// Side of rdbp's patches in metres [default: from the error bound]
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = length)]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = above_zero(Dimension::Length))]
     pub(crate) patch: Option<f64>,
 
     /// Leave out rda's secondary range compression
@@ -248,19 +273,19 @@ pub(crate) struct Velocity {
     pub(crate) input: Input,
 
     /// Where the target is at the first pulse, metres in the scene frame
-    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector)]
+    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector(Dimension::Length))]
     pub(crate) at: DVec3,
 
     /// Velocities along x, m/s, stop excluded
-    #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis)]
+    #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis(Dimension::Speed))]
     pub(crate) vx: Axis,
 
     /// Velocities along y, m/s, stop excluded
-    #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis)]
+    #[arg(long, value_name = "START:STOP:STEP", allow_hyphen_values = true, value_parser = axis(Dimension::Speed))]
     pub(crate) vy: Axis,
 
     /// Velocity along z, m/s
-    #[arg(long, value_name = "M/S", default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, value_name = "M/S", default_value_t = 0.0, allow_negative_numbers = true, value_parser = any(Dimension::Speed))]
     pub(crate) vz: f64,
 
     /// Folder for image.npy, image.json and image.png
@@ -320,7 +345,7 @@ pub(crate) struct Link {
 
     /// Send so many pulses a second, as a radar does that waits for nobody; what is lost is not sent
     /// again [default: as fast as the module has room]
-    #[arg(long, value_name = "HERTZ", allow_negative_numbers = true, value_parser = length)]
+    #[arg(long, value_name = "HERTZ", allow_negative_numbers = true, value_parser = above_zero(Dimension::Frequency))]
     pub(crate) rate: Option<f64>,
 
     /// Further runs, at most, over what was lost
@@ -394,13 +419,13 @@ pub(crate) struct Simulate {
     pub(crate) sgn: i8,
 
     /// Of a preset: add noise of this power, dB relative to a unit scatterer's sample
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = finite,
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = any(Dimension::Level),
         conflicts_with = "scenario")]
     pub(crate) noise_db: Option<f64>,
 
     /// Of a preset: shake the track by this much (RMS in each axis, smooth, known to the record)
     #[arg(long, value_name = "METRES", default_value_t = 0.0, allow_negative_numbers = true,
-        value_parser = not_negative, conflicts_with = "scenario")]
+        value_parser = from_zero(Dimension::Length), conflicts_with = "scenario")]
     pub(crate) perturb: f64,
 
     /// Seed of everything random [default: the scenario's, or 0]
@@ -440,38 +465,30 @@ pub(crate) struct Info {
 
     /// Place that geometry and resolution are given for, metres in the scene frame [default: the scene's
     /// centre]
-    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector)]
+    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector(Dimension::Length))]
     pub(crate) at: Option<DVec3>,
-
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
 }
 
 /// `subap compare`.
 #[derive(Debug, Group)]
 pub(crate) struct Compare {
-    /// Image to judge (complex64 .npy)
-    #[arg(value_name = "A.npy", value_hint = ValueHint::FilePath)]
+    /// Image to judge: folder of a product, its image.json, or complex64 .npy
+    #[arg(value_name = "A", value_hint = ValueHint::AnyPath)]
     pub(crate) image: PathBuf,
 
     /// Image to judge it by
-    #[arg(value_name = "B.npy", value_hint = ValueHint::FilePath)]
+    #[arg(value_name = "B", value_hint = ValueHint::AnyPath)]
     pub(crate) reference: PathBuf,
 
     /// Bound on the relative RMS error, dB: exit status 3 if it is missed
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = any(Dimension::Level))]
     pub(crate) error_db: Option<f64>,
-
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
 }
 
 /// `subap quality`.
 #[derive(Debug, Group)]
 pub(crate) struct Quality {
-    /// Folder of a product (image.json and image.npy), or complex64 .npy, measured in pixels
+    /// Folder of a product (image.json and image.npy), its image.json, or complex64 .npy, measured in pixels
     #[arg(value_name = "IMAGE", value_hint = ValueHint::AnyPath)]
     pub(crate) image: PathBuf,
 
@@ -499,20 +516,16 @@ pub(crate) struct Quality {
     pub(crate) window: Option<Window>,
 
     /// Measure along and across this line of sight too: its angle from x towards y
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = any(Dimension::Angle))]
     pub(crate) line_of_sight: Option<f64>,
 
     /// Pixels so far below the peak of --against have no percent difference, dB
-    #[arg(long, value_name = "DB", default_value_t = 60.0, value_parser = length)]
+    #[arg(long, value_name = "DB", default_value_t = 60.0, value_parser = above_zero(Dimension::Level))]
     pub(crate) floor: f64,
 
     /// Side of the coherence's window, pixels, odd
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = odd)]
     pub(crate) coherence: usize,
-
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
 
     /// Folder for pictures: cuts, chips, percent difference, coherence
     #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output())]
@@ -545,11 +558,11 @@ pub(crate) struct Reproduce {
     #[arg(long, short, value_name = "DIR", default_value = "subap-gallery", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) out: PathBuf,
 
-    /// Only these items, by their names (see --list)
-    #[arg(long, value_name = "ID")]
+    /// Only these items, by their names (see --list): parted by commas, or one an --only
+    #[arg(long, value_name = "ID", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
 
-    /// GOTCHA recordings, for the items that can be shown on them
+    /// GOTCHA recordings, or folders that hold them, for the items that can be shown on them
     #[arg(long, value_name = "MAT", num_args = 1.., value_hint = ValueHint::FilePath)]
     pub(crate) gotcha: Vec<PathBuf>,
 
@@ -603,6 +616,7 @@ mod tests {
             ("focus a --out d --grid x=1", "--grid"),
             ("focus a --out d --window blackman", "--window"),
             ("focus a --out d --patch -3", "--patch"),
+            ("focus a --out d --patch 3Hz", "--patch"),
             ("focus a --out d --velocity 3", "--velocity"),
             ("velocity a --out d --at 1 --vx -1:1:1 --vy -1:1:1", "--at"),
             (

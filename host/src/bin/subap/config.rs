@@ -23,7 +23,7 @@ use subaperture::survey::Survey;
 use crate::args::{self, Algorithm, Global};
 use crate::failure::Usage;
 use crate::progress::Progress;
-use crate::{interrupt, messages, text};
+use crate::{interrupt, log, messages, text};
 
 /// The error bound where none is given, dB.
 pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
@@ -39,12 +39,17 @@ pub(crate) struct Session {
     pub(crate) memory_bytes: u64,
     verbosity: u8,
     quiet: bool,
+    json: bool,
 }
 
 impl Session {
     /// Sets up threads and Ctrl-C.
     pub(crate) fn new(global: &Global) -> anyhow::Result<Self> {
-        messages::set_up(global.quiet, global.verbose);
+        let log = global.log.as_deref().map(|path| {
+            let format = global.log_format.unwrap_or(log::Format::of(path));
+            log::Log::open(path, format)
+        });
+        messages::set_up(global.quiet, global.verbose, log.transpose()?);
         let mut pool = rayon::ThreadPoolBuilder::new();
         if let Some(threads) = global.threads {
             pool = pool.num_threads(threads);
@@ -57,7 +62,14 @@ impl Session {
             memory_bytes: global.memory.unwrap_or_else(half_of_physical_memory),
             verbosity: global.verbose,
             quiet: global.quiet,
+            json: global.json,
         };
+        messages::begin(json!({
+            "command_line": command_line(),
+            "version": env!("CARGO_PKG_VERSION"),
+            "threads": session.threads,
+            "memory_bytes": session.memory_bytes,
+        }));
         session.note(1, || {
             let memory = text::bytes(session.memory_bytes.into());
             format!("{} threads, at most {memory} of memory", session.threads)
@@ -75,8 +87,11 @@ impl Session {
         let options = Options {
             channel: input.channel.as_deref(),
             memory_bytes: self.memory_bytes,
+            settings: &input.set,
         };
+        let reading = self.progress("reading");
         let history = open_all(&input.paths, &options)?;
+        reading.finish();
         for warning in history.warnings() {
             messages::warning(warning);
         }
@@ -98,9 +113,14 @@ impl Session {
         self.verbosity
     }
 
-    /// Whether `-q` was given.
-    pub(crate) fn quiet(&self) -> bool {
-        self.quiet
+    /// Whether results are to be printed as JSON.
+    pub(crate) fn json(&self) -> bool {
+        self.json
+    }
+
+    /// Whether to say in a line or two what was written, which is no result that was asked for.
+    pub(crate) fn tells(&self) -> bool {
+        !(self.quiet || self.json)
     }
 
     /// The grid that suits a collection; says what it leaves out, and what repeats in it.
@@ -134,6 +154,14 @@ impl Session {
         }
         Ok(())
     }
+}
+
+/// The words of the command line. What is no UTF-8 is shown as well as it can be.
+pub(crate) fn command_line() -> Vec<String> {
+    let words = std::env::args_os();
+    words
+        .map(|word| word.to_string_lossy().into_owned())
+        .collect()
 }
 
 /// Half of the machine's memory or of the container's, whichever is less; 2 GiB where neither tells.

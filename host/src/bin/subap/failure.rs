@@ -1,7 +1,5 @@
 //! How a command ends: what is printed, and the exit status.
 
-use std::process::ExitCode;
-
 use subaperture::focus::FormError;
 use subaperture::io::{cphd, recording};
 use subaperture::link::LinkError;
@@ -10,6 +8,7 @@ use crate::messages;
 use crate::text::SayError;
 
 /// Exit statuses, as README and `--help` have them.
+pub(crate) const DONE: u8 = 0;
 pub(crate) const FAILED: u8 = 1;
 pub(crate) const WRONG_USAGE: u8 = 2;
 pub(crate) const BOUND_MISSED: u8 = 3;
@@ -38,30 +37,30 @@ pub(crate) struct InterruptedWithMaps {
     pub(crate) path: String,
 }
 
-/// Prints why a command failed, if it did, causes after it, and says how to exit.
-pub(crate) fn exit_status(done: anyhow::Result<()>) -> ExitCode {
+/// Prints why a command failed, if it did, causes after it; the exit status.
+pub(crate) fn exit_status(done: anyhow::Result<()>) -> u8 {
     let error = match done {
-        Ok(()) if messages::bound_is_missed() => return ExitCode::from(BOUND_MISSED),
-        Ok(()) => return ExitCode::SUCCESS,
+        Ok(()) if messages::bound_is_missed() => return BOUND_MISSED,
+        Ok(()) => return DONE,
         Err(error) => error,
     };
     if let Some(SayError::ReaderGone) = error.downcast_ref() {
-        return ExitCode::SUCCESS;
+        return DONE;
     }
     if error.is::<InterruptedAmidFiles>() || error.is::<InterruptedWithMaps>() {
         messages::error(&error.to_string());
-        return ExitCode::from(INTERRUPTED);
+        return INTERRUPTED;
     }
     if error.chain().any(is_interruption) {
         messages::error("interrupted; nothing was left in part");
-        return ExitCode::from(INTERRUPTED);
+        return INTERRUPTED;
     }
     messages::error(&one_line(&error));
-    ExitCode::from(if error.is::<Usage>() {
+    if error.is::<Usage>() {
         WRONG_USAGE
     } else {
         FAILED
-    })
+    }
 }
 
 /// The error and its causes; a cause that its parent already tells is not repeated.

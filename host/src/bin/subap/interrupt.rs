@@ -1,13 +1,15 @@
 //! Ctrl-C, and the signals TERM and HUP: the first ends work cleanly, the second at once.
 //!
 //! Long work asks [`pressed`] and comes to its own end. What does not ask, such as a read from a pipe that
-//! nobody writes to, is ended after [`PATIENCE`]: files appear under their names only when they are whole, so
-//! that nothing is left in part then either. Who keeps what has come so far says so with [`Keeping`].
+//! nobody writes to, is ended after [`PATIENCE`]: files appear under their names only when they are whole, and what
+//! is not is removed before, so that nothing is left in part then either. Who keeps what has come so far says so with [`Keeping`].
 
 use std::process::exit;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread;
 use std::time::Duration;
+
+use subaperture::io::unfinished;
 
 use crate::failure::{INTERRUPTED, Interrupted};
 use crate::messages;
@@ -22,6 +24,7 @@ static KEEPERS: AtomicUsize = AtomicUsize::new(0);
 pub(crate) fn listen() {
     let listening = ctrlc::set_handler(|| {
         if PRESSED.swap(true, Ordering::SeqCst) {
+            unfinished::remove_all();
             exit(INTERRUPTED.into());
         }
         thread::spawn(end_what_does_not_end);
@@ -38,7 +41,9 @@ fn end_what_does_not_end() {
     while KEEPERS.load(Ordering::SeqCst) > 0 {
         thread::sleep(PATIENCE / 10);
     }
+    unfinished::remove_all();
     messages::error("interrupted; what was written is whole, and the rest is not there");
+    messages::end(INTERRUPTED);
     exit(INTERRUPTED.into());
 }
 

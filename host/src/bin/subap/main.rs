@@ -1,10 +1,12 @@
 //! The command `subap`: from phase history to a focused image.
+#![forbid(unsafe_code)]
 
 mod args;
 mod commands;
 mod config;
 mod failure;
 mod interrupt;
+mod log;
 mod messages;
 mod progress;
 mod text;
@@ -30,5 +32,7 @@ fn main() -> ExitCode {
     };
     let done =
         config::Session::new(&typed.global).and_then(|session| commands::run(&session, command));
-    failure::exit_status(done)
+    let status = failure::exit_status(done);
+    messages::end(status);
+    ExitCode::from(status)
 }

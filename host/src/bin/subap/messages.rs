@@ -8,23 +8,33 @@
 //! | note, detail of `-v` | `note:` | not shown | |
 //! | progress | what is at work | not shown | |
 //!
+//! All of it, and results too, go into the log if there is one (see [`crate::log`]), whatever is shown.
+//!
 //! A reader of standard error that has gone is no reason to stop.
 
 use std::io::{self, IsTerminal, Write};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use indicatif::WeakProgressBar;
+use serde_json::{Map, Value, json};
+
+use crate::log::Log;
+use crate::text;
 
 static TOLD: Mutex<Told> = Mutex::new(Told {
+    begun: None,
     quiet: false,
     verbosity: 0,
     warnings: Vec::new(),
     bound_is_missed: false,
     bar: None,
+    log: None,
 });
 
 /// What was said, and what may be.
 struct Told {
+    begun: Option<Instant>,
     quiet: bool,
     verbosity: u8,
     /// Every warning once, in the order of their coming.
@@ -32,6 +42,7 @@ struct Told {
     bound_is_missed: bool,
     /// The bar on the screen, which makes room for lines.
     bar: Option<WeakProgressBar>,
+    log: Option<Log>,
 }
 
 fn told() -> MutexGuard<'static, Told> {
@@ -41,6 +52,7 @@ fn told() -> MutexGuard<'static, Told> {
 impl Told {
     /// A line, or several, on standard error.
     fn print(&self, text: &str) {
+        let text = text::printable(text);
         let write = || {
             let _ = writeln!(io::stderr().lock(), "{text}");
         };
@@ -49,18 +61,37 @@ impl Told {
             None => write(),
         }
     }
+
+    /// Into the log; `more` is an object. A log that cannot be written to ends, and the work goes on.
+    fn log(&mut self, kind: &str, message: &str, more: Value) {
+        let more = match more {
+            Value::Object(more) => more,
+            _ => Map::new(),
+        };
+        let Some(log) = &mut self.log else { return };
+        if let Err(error) = log.write(kind, message, more) {
+            self.log = None;
+            let text = format!("the log ends here, for it cannot be written: {error}");
+            self.print(&format!("warning: {text}"));
+            self.warnings.push(text);
+        }
+    }
 }
 
-/// How much is to be said: `-q`, and how often `-v`.
-pub(crate) fn set_up(quiet: bool, verbosity: u8) {
+/// How much is to be said: `-q`, and how often `-v`; and where all of it is logged.
+pub(crate) fn set_up(quiet: bool, verbosity: u8, log: Option<Log>) {
     let mut told = told();
+    told.begun = Some(Instant::now());
     told.quiet = quiet;
     told.verbosity = verbosity;
+    told.log = log;
 }
 
 /// What ends the command.
 pub(crate) fn error(text: &str) {
-    told().print(&format!("error: {text}"));
+    let mut told = told();
+    told.print(&format!("error: {text}"));
+    told.log("error", text, Value::Null);
 }
 
 /// What the user has to know of a result that is not all it seems; said once, and kept for the records.
@@ -70,6 +101,7 @@ pub(crate) fn warning(text: impl Into<String>) {
         return;
     }
     told.print(&format!("warning: {text}"));
+    told.log("warning", &text, Value::Null);
     told.warnings.push(text);
 }
 
@@ -81,26 +113,78 @@ pub(crate) fn bound_missed(text: impl Into<String>) {
 
 /// What may be good to know.
 pub(crate) fn note(text: &str) {
-    let told = told();
+    let mut told = told();
     if !told.quiet {
         told.print(&format!("note: {text}"));
     }
+    told.log("note", text, Value::Null);
 }
 
 /// What `-v` given `level` times shows.
 pub(crate) fn detail(level: u8, text: impl FnOnce() -> String) {
-    let told = told();
-    if told.verbosity >= level {
-        told.print(&format!("note: {}", text()));
+    let mut told = told();
+    let shown = told.verbosity >= level;
+    if shown || told.log.is_some() {
+        let text = text();
+        if shown {
+            told.print(&format!("note: {text}"));
+        }
+        told.log("note", &text, Value::Null);
     }
 }
 
-/// A line of progress, where no bar shows it.
-pub(crate) fn progress(text: &str) {
-    let told = told();
+/// A setting that was chosen, which `-v` given twice shows.
+pub(crate) fn setting(key: &str, value: &Value) {
+    let mut told = told();
+    let text = format!("{key} = {value}");
+    if told.verbosity >= 2 {
+        told.print(&format!("note: {text}"));
+    }
+    told.log("setting", &text, json!({ "key": key, "value": value }));
+}
+
+/// What was printed on standard output, for the log.
+pub(crate) fn result(text: &str) {
+    told().log("result", text, Value::Null);
+}
+
+/// The first line of a run's log.
+pub(crate) fn begin(more: Value) {
+    let words: Vec<&str> = more["command_line"]
+        .as_array()
+        .map_or_else(Vec::new, |words| {
+            words.iter().filter_map(Value::as_str).collect()
+        });
+    told().log("begin", &words.join(" "), more.clone());
+}
+
+/// The last.
+pub(crate) fn end(exit_status: u8) {
+    let mut told = told();
+    let elapsed = told.begun.map_or(Duration::ZERO, |begun| begun.elapsed());
+    let text = format!(
+        "exit status {exit_status} after {}",
+        text::seconds(elapsed.as_secs_f64())
+    );
+    let more = json!({ "exit_status": exit_status, "elapsed_s": elapsed.as_secs_f64() });
+    told.log("end", &text, more);
+}
+
+/// A line of progress, shown where no bar shows it.
+pub(crate) fn progress(text: &str, work: &str, fraction: Option<f64>, elapsed: Duration) {
+    let mut told = told();
     if !told.quiet && !io::stderr().is_terminal() {
         told.print(text);
     }
+    let more = json!({ "work": work, "fraction": fraction, "elapsed_s": elapsed.as_secs_f64() });
+    told.log("progress", text, more);
+}
+
+/// How long a stretch of work took, for the log.
+pub(crate) fn timing(work: &str, elapsed: Duration) {
+    let text = format!("{work} took {}", text::seconds(elapsed.as_secs_f64()));
+    let more = json!({ "work": work, "elapsed_s": elapsed.as_secs_f64() });
+    told().log("timing", &text, more);
 }
 
 /// Every warning so far.

@@ -88,6 +88,8 @@ impl Progress {
     /// The next stretch, from nothing, called `what`.
     pub(crate) fn begin(&self, what: String) {
         let mut state = self.stretch.lock();
+        // A bar's first name may stand for nothing but the time until the first stretch.
+        messages::timing(&state.what, state.begun.elapsed());
         state.begun = Instant::now();
         state.next_line = FIRST_LINE;
         self.stretch.fraction.store(0, Ordering::Relaxed);
@@ -99,7 +101,13 @@ impl Progress {
 
     /// Takes the bar off the screen.
     pub(crate) fn finish(&self) {
-        self.stretch.lock().ended = true;
+        let mut state = self.stretch.lock();
+        if state.ended {
+            return;
+        }
+        state.ended = true;
+        messages::timing(&state.what, state.begun.elapsed());
+        drop(state);
         self.stretch.ended.notify_all();
         self.stretch.bar.finish_and_clear();
         messages::show_bar(None);
@@ -118,7 +126,10 @@ impl Stretch {
             let passed = state.begun.elapsed();
             if passed >= state.next_line {
                 state.next_line = next_line(passed);
-                messages::progress(&line(&state.what, self.fraction(), passed));
+                let fraction = self.fraction();
+                let known = (fraction > 0.0).then_some(fraction);
+                let line = line(&state.what, fraction, passed);
+                messages::progress(&line, &state.what, known, passed);
             }
             let waited = self.ended.wait_timeout(state, FRAME);
             state = waited.unwrap_or_else(PoisonError::into_inner).0;

@@ -1,7 +1,15 @@
 //! Words and numbers for people.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
 use std::time::Duration;
+
+use serde::Serialize;
+use subaperture::quantity;
+
+use crate::messages;
+
+pub(crate) use subaperture::quantity::{bytes, degrees, hertz, seconds, significant};
 
 /// Why a result could not be printed.
 #[derive(Debug, thiserror::Error)]
@@ -28,7 +36,51 @@ impl From<io::Error> for SayError {
 /// # Errors
 /// [`SayError`].
 pub(crate) fn say(line: impl AsRef<str>) -> Result<(), SayError> {
-    print(format!("{}\n", line.as_ref().trim_end_matches('\n')).as_bytes())
+    let line = printable(line.as_ref().trim_end_matches('\n'));
+    messages::result(&line);
+    print(format!("{line}\n").as_bytes())
+}
+
+/// Prints a result as JSON: `value`, an object, with `schema` (`subaperture-` and `name`) and `schema_version`
+/// unless it has them, and every warning so far.
+///
+/// # Errors
+/// [`SayError`].
+pub(crate) fn say_json(name: &str, value: impl Serialize) -> anyhow::Result<()> {
+    let mut value = serde_json::to_value(value)?;
+    if let Some(object) = value.as_object_mut() {
+        let mut add = |key: &str, value| {
+            object.entry(key).or_insert(value);
+        };
+        add("schema", format!("subaperture-{name}").into());
+        add("schema_version", 1.into());
+        object.insert("warnings".to_owned(), messages::warnings().into());
+    }
+    let schema = value["schema"].as_str().unwrap_or(name);
+    messages::result(&format!("{schema}, as JSON on standard output"));
+    print(format!("{}\n", serde_json::to_string_pretty(&value)?).as_bytes())?;
+    Ok(())
+}
+
+/// A level in decibels, without a minus before zero.
+pub(crate) fn decibels(level_db: f64) -> String {
+    // Adding zero turns -0 into 0.
+    format!("{:.2} dB", (level_db * 100.0).round() / 100.0 + 0.0)
+}
+
+/// `text` without control characters but ends of lines and tabs;
+/// they are shown as `\u{1b}`: names come from files,
+/// and no file is to write commands to a terminal.
+pub(crate) fn printable(text: &str) -> Cow<'_, str> {
+    let is_command = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    if !text.contains(is_command) {
+        return text.into();
+    }
+    let shown = text.chars().map(|c| match is_command(c) {
+        true => c.escape_default().to_string(),
+        false => c.to_string(),
+    });
+    shown.collect::<String>().into()
 }
 
 /// Puts bytes on standard output as they are.
@@ -41,22 +93,6 @@ pub(crate) fn print(bytes: &[u8]) -> Result<(), SayError> {
     Ok(out.flush()?)
 }
 
-/// Bytes in the unit that suits.
-pub(crate) fn bytes(count: u128) -> String {
-    let mut value = count as f64;
-    for unit in ["bytes", "KiB", "MiB", "GiB"] {
-        if value < 1024.0 {
-            return if unit == "bytes" {
-                format!("{value} {unit}")
-            } else {
-                format!("{value:.1} {unit}")
-            };
-        }
-        value /= 1024.0;
-    }
-    format!("{value:.1} TiB")
-}
-
 /// A duration to a tenth of a second, or in minutes.
 pub(crate) fn duration(taken: Duration) -> String {
     let seconds = taken.as_secs_f64();
@@ -67,32 +103,9 @@ pub(crate) fn duration(taken: Duration) -> String {
     }
 }
 
-/// Metres with the digits that matter, or `none`.
-pub(crate) fn metres(value: Option<f64>) -> String {
-    match value {
-        None => "none".to_owned(),
-        Some(v) if v.abs() >= 10_000.0 => format!("{:.2} km", v / 1000.0),
-        Some(v) if v.abs() >= 100.0 => format!("{v:.1} m"),
-        Some(v) if v.abs() >= 1.0 => format!("{v:.2} m"),
-        Some(v) => format!("{v:.4} m"),
-    }
-}
-
-/// Degrees to a hundredth, without a minus before zero.
-pub(crate) fn degrees(value: f64) -> String {
-    let rounded = (value * 100.0).round() / 100.0;
-    // Adding zero turns -0 into 0.
-    format!("{:.2} deg", rounded + 0.0)
-}
-
-/// Hertz in the unit that suits.
-pub(crate) fn hertz(value: f64) -> String {
-    match value.abs() {
-        v if v >= 1e9 => format!("{:.5} GHz", value / 1e9),
-        v if v >= 1e6 => format!("{:.4} MHz", value / 1e6),
-        v if v >= 1e3 => format!("{:.3} kHz", value / 1e3),
-        _ => format!("{value:.3} Hz"),
-    }
+/// A length, or `none`.
+pub(crate) fn metres(value_m: Option<f64>) -> String {
+    value_m.map_or_else(|| "none".to_owned(), quantity::metres)
 }
 
 /// A table with its columns aligned, the first to the left, the others to the right.
@@ -131,14 +144,22 @@ mod tests {
 
     #[test]
     fn numbers_read_well() {
-        assert_eq!(bytes(512), "512 bytes");
-        assert_eq!(bytes(8_000_000_000_000), "7.3 TiB");
         assert_eq!(duration(Duration::from_millis(1234)), "1.2 s");
         assert_eq!(duration(Duration::from_secs(125)), "2 min 5 s");
         assert_eq!(metres(None), "none");
         assert_eq!(metres(Some(0.2408)), "0.2408 m");
-        assert_eq!(degrees(-0.001), "0.00 deg");
-        assert_eq!(hertz(9.6e9), "9.60000 GHz");
+    }
+
+    #[test]
+    fn names_write_no_commands_to_a_terminal() {
+        assert_eq!(printable("two\nlines of \u{b5}m"), "two\nlines of \u{b5}m");
+        assert_eq!(printable("a\u{1b}[2Jb\r\u{9b}"), "a\\u{1b}[2Jb\\r\\u{9b}");
+    }
+
+    #[test]
+    fn levels_have_no_minus_before_zero() {
+        assert_eq!(decibels(-0.004), "0.00 dB");
+        assert_eq!(decibels(-3.456), "-3.46 dB");
     }
 
     #[test]

@@ -36,8 +36,9 @@ impl Echoes for InMotion<'_> {
             return self.held.reference_path_m(pulse, after_s);
         };
         let middle_s = self.collection().waveform.middle_s();
-        let time_s = self.pulses.chosen[pulse].time_s + (after_s - middle_s);
-        let antennas_m = self.pulses.antennas.at_m(time_s);
+        let chosen = &self.pulses.chosen[pulse];
+        let time_s = chosen.time_s + (after_s - middle_s);
+        let antennas_m = self.pulses.antennas.at_m(chosen.channel, time_s);
         let path_m: f64 = antennas_m.iter().map(|a| a.distance(point_m)).sum();
         path_m + self.bias_path_m
     }

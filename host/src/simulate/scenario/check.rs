@@ -5,6 +5,7 @@
 use glam::DVec3;
 
 use crate::SPEED_OF_LIGHT_M_S;
+use crate::quantity::{hertz, metres};
 use crate::simulate::body::Trajectory;
 use crate::simulate::experiment::{Experiment, Reference};
 use crate::simulate::radar::{Radar, Waveform};
@@ -164,22 +165,28 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Fo
                 let echo_end_s = most_s + shape.duration_s();
                 let slack_s = 1e-9 * echo_end_s;
                 if least_s < window_start_s - slack_s || echo_end_s > end_s + slack_s {
-                    let key = if values.keys.contains_key("window_start") {
-                        "window_start"
-                    } else {
-                        "samples"
-                    };
-                    return Some(values.fault(
-                        key,
-                        format!(
-                            "in pulse {pulse} the reference's echo lasts from {} to {} and the receive \
-                             window from {} to {}, which misses it: move or lengthen the window",
-                            time(least_s),
-                            time(echo_end_s),
-                            time(*window_start_s),
-                            time(end_s)
+                    let misses = format!(
+                        "in pulse {pulse} the reference's echo lasts from {} to {} and the receive \
+                         window from {} to {}, which misses it",
+                        time(least_s),
+                        time(echo_end_s),
+                        time(*window_start_s),
+                        time(end_s)
+                    );
+                    let middle = looks[looks.len() / 2].reference_delays_s(experiment.reference);
+                    let middle_is_seen = middle.0 >= window_start_s - slack_s
+                        && middle.1 + shape.duration_s() <= end_s + slack_s;
+                    return Some(match (&way(experiment, looks), middle_is_seen) {
+                        // It is the radar that goes too far, and no window that is badly placed.
+                        (Some(way), true) => values.fault("pulses", format!("{misses}: {way}")),
+                        _ => values.fault(
+                            match values.keys.contains_key("window_start") {
+                                true => "window_start",
+                                false => "samples",
+                            },
+                            format!("{misses}: move or lengthen the window"),
                         ),
-                    ));
+                    });
                 }
             }
             Waveform::Fmcw {
@@ -196,9 +203,9 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Fo
                     return Some(values.fault(
                         "sample_rate",
                         format!(
-                            "in pulse {pulse} the reference's beat is {:.6} MHz, beyond half the sample \
-                             rate: raise it, sweep slower or set mixer_delay to about {}",
-                            beat_hz / 1e6,
+                            "in pulse {pulse} the reference's beat is {}, beyond half the sample rate: \
+                             raise it, sweep slower or set mixer_delay to about {}",
+                            hertz(beat_hz),
                             time(least_s)
                         ),
                     ));
@@ -208,6 +215,20 @@ fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Fo
         }
     }
     None
+}
+
+/// How far the radar goes in its pulses, and what to do about it if that is too far; `None` where it stands.
+fn way(experiment: &Experiment, looks: &[Look]) -> Option<String> {
+    let antenna = |look: &Look| look.antennas_m().next();
+    let ends = |pair: &[Look]| Some(antenna(&pair[0])?.distance(antenna(&pair[1])?));
+    let way_m: f64 = looks.windows(2).filter_map(ends).sum();
+    (way_m > 0.0).then(|| {
+        let num_pulses = experiment.radar.num_pulses;
+        format!(
+            "over {num_pulses} pulses the radar goes {}; take fewer pulses, or lengthen the window (samples)",
+            metres(way_m)
+        )
+    })
 }
 
 /// A radar within the scene that it is to see.

@@ -81,7 +81,7 @@ impl Scenario {
     /// Reads a scenario's text.
     ///
     /// # Errors
-    /// If the file cannot be read, is no UTF-8, or has more than 16 MiB.
+    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
     pub fn read(path: &Path) -> io::Result<Self> {
         Description::read(path).map(Self)
     }
@@ -92,7 +92,7 @@ impl Scenario {
     /// # Errors
     /// For a key that there is not; values are checked by [`Self::experiment`].
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), ScenarioError> {
-        self.0.set(&keys::SCHEMA, key, value)
+        self.0.set(&keys::SCHEMA, "--set", key, value)
     }
 
     /// What the scenario describes.
@@ -104,6 +104,13 @@ impl Scenario {
     }
 
     fn build(&self) -> Result<Experiment, Vec<Found>> {
+        if let Some(at) = self.0.has_section("recording") {
+            return Err(vec![Found::new(
+                &at,
+                "this describes a raw recording, which is there already and not to be simulated: give it to subap \
+                 info or subap focus (a scenario has no [recording])",
+            )]);
+        }
         let top = self.0.resolve(&keys::SCHEMA)?;
         let folder = self.0.folder();
         let seed = top.count("seed");

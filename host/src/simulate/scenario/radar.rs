@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use crate::phase_history::Band;
+use crate::quantity::{hertz, seconds};
 use crate::simulate::radar::{Antenna, Motion, Pattern, PulseShape, Radar, Waveform};
 
 use super::error::Found;
@@ -78,7 +79,10 @@ fn waveform(values: &Values) -> Result<Waveform, Found> {
         if duration_s > LONGEST_RECORD_S {
             return Err(values.fault(
                 "sample_rate",
-                format!("{count} samples last {duration_s:.3e} s: raise the rate"),
+                format!(
+                    "{count} samples last {}: raise the rate",
+                    seconds(duration_s)
+                ),
             ));
         }
         Ok(duration_s)
@@ -166,9 +170,9 @@ pub(crate) fn shape(values: &Values, sample_rate_hz: f64) -> Result<PulseShape, 
             return Err(values.fault(
                 "bandwidth",
                 format!(
-                    "the pulse is wider than the {:.6} MHz that sample_rate takes in: lower this or \
-                     raise [radar] sample_rate",
-                    sample_rate_hz / 1e6
+                    "the pulse is wider than the {} that sample_rate takes in: lower this or raise \
+                     [radar] sample_rate",
+                    hertz(sample_rate_hz)
                 ),
             ));
         }

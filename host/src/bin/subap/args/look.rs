@@ -3,21 +3,22 @@
 use std::path::PathBuf;
 
 use clap::{Args as Group, ValueEnum, ValueHint};
+use subaperture::description::units::Dimension;
 use subaperture::plot::{Colours, Scale};
 
-use super::values::{finite, length, output};
+use super::values::{above_zero, any, output};
 
 /// Levels and colours of a picture.
 #[derive(Clone, Copy, Debug, Group)]
 #[command(next_help_heading = "Picture")]
 pub(crate) struct Look {
     /// Level of the brightest colour, dB; what lies above it has a colour of its own [default: the peak]
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = any(Dimension::Level))]
     pub(crate) top: Option<f64>,
 
     /// Levels from the brightest to the darkest colour, dB [default: down to 6 dB below the median, 40 to
     /// 60 in all]
-    #[arg(long, value_name = "DB", value_parser = length)]
+    #[arg(long, value_name = "DB", value_parser = above_zero(Dimension::Level))]
     pub(crate) span: Option<f64>,
 
     /// Colours
@@ -56,7 +57,7 @@ impl Look {
 /// `subap picture`.
 #[derive(Debug, Group)]
 pub(crate) struct Picture {
-    /// Folder of a product (image.json and image.npy)
+    /// Folder of a product (image.json and image.npy), or its image.json
     #[arg(value_name = "IMAGE", value_hint = ValueHint::DirPath)]
     pub(crate) image: PathBuf,
 

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args as Group, Subcommand, ValueHint};
+use subaperture::description::units::Dimension;
 use subaperture::geometry::ImageGrid;
 use subaperture::simulate::radar::PulseShape;
 
 use super::Input;
-use super::values::{error_bound, finite, length, not_negative, positive, ram_size};
+use super::values::{above_zero, any, error_bound, from_zero, positive, ram_size};
 
 /// `subap plan`.
 #[derive(Debug, Group)]
@@ -52,12 +53,8 @@ pub(crate) struct PlanModule {
     pub(crate) fixed: bool,
 
     /// Pulses a second [default: the recording's, if it tells times]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = length)]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = above_zero(Dimension::Frequency))]
     pub(crate) pulse_rate: Option<f64>,
-
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
 }
 
 /// `subap plan radar`.
@@ -80,27 +77,27 @@ pub(crate) struct PlanRadar {
     pub(crate) beamwidth: Option<f64>,
 
     /// Transmitted power, watts; needs --pulse-length
-    #[arg(long, value_name = "WATTS", allow_negative_numbers = true, value_parser = length, requires = "pulse_length")]
+    #[arg(long, value_name = "WATTS", allow_negative_numbers = true, value_parser = above_zero(Dimension::Power), requires = "pulse_length")]
     pub(crate) power: Option<f64>,
 
     /// Length of a pulse, seconds
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = length, requires = "power")]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = above_zero(Dimension::Time), requires = "power")]
     pub(crate) pulse_length: Option<f64>,
 
     /// Gain of the antenna, dBi
-    #[arg(long, value_name = "DBI", allow_negative_numbers = true, value_parser = finite, default_value_t = 0.0)]
+    #[arg(long, value_name = "DBI", allow_negative_numbers = true, value_parser = any(Dimension::Gain), default_value_t = 0.0)]
     pub(crate) gain: f64,
 
     /// Losses, dB
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = not_negative, default_value_t = 0.0)]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = from_zero(Dimension::Level), default_value_t = 0.0)]
     pub(crate) losses: f64,
 
     /// Noise figure of the receiver, dB
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = not_negative, default_value_t = 1.604)]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = from_zero(Dimension::Level), default_value_t = 1.604)]
     pub(crate) noise_figure: f64,
 
     /// Noise temperature of the antenna, kelvin
-    #[arg(long, value_name = "KELVIN", allow_negative_numbers = true, value_parser = not_negative, default_value_t = 290.0)]
+    #[arg(long, value_name = "KELVIN", allow_negative_numbers = true, value_parser = from_zero(Dimension::Temperature), default_value_t = 290.0)]
     pub(crate) temperature: f64,
 
     /// Pixels, as for focus [default: the scene's extent at half the resolution]
@@ -125,10 +122,6 @@ pub(crate) struct PlanRadar {
     #[arg(long, value_name = "PULSE", value_parser = pulse_shape, requires = "plots")]
     pub(crate) pulse: Option<PulseShape>,
 
-    /// Print JSON
-    #[arg(long)]
-    pub(crate) json: bool,
-
     #[command(flatten)]
     pub(crate) writing: super::Writing,
 }
@@ -151,11 +144,11 @@ const PASS: [&str; 10] = [
 #[derive(Debug, Group)]
 pub(crate) struct Pass {
     /// Middle of the band, hertz [default: 10e9]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = length, help_heading = "A pass")]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
     pub(crate) carrier: Option<f64>,
 
     /// Bandwidth, hertz [default: 200e6]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = length, help_heading = "A pass")]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
     pub(crate) bandwidth: Option<f64>,
 
     /// Frequency samples a pulse [default: 256]
@@ -163,19 +156,19 @@ pub(crate) struct Pass {
     pub(crate) frequencies: Option<usize>,
 
     /// Slant range at closest approach, metres [default: 5000]
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = length, help_heading = "A pass")]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = above_zero(Dimension::Length), help_heading = "A pass")]
     pub(crate) range: Option<f64>,
 
     /// Grazing angle, degrees [default: 0]
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = not_negative, help_heading = "A pass")]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = from_zero(Dimension::Angle), help_heading = "A pass")]
     pub(crate) grazing: Option<f64>,
 
     /// Speed, metres a second [default: 125]
-    #[arg(long, value_name = "M/S", allow_negative_numbers = true, value_parser = length, help_heading = "A pass")]
+    #[arg(long, value_name = "M/S", allow_negative_numbers = true, value_parser = above_zero(Dimension::Speed), help_heading = "A pass")]
     pub(crate) velocity: Option<f64>,
 
     /// Pulses a second [default: 1000]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = length, help_heading = "A pass")]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true, value_parser = above_zero(Dimension::Frequency), help_heading = "A pass")]
     pub(crate) prf: Option<f64>,
 
     /// Pulses in all [default: 1040]
@@ -183,16 +176,16 @@ pub(crate) struct Pass {
     pub(crate) pulses: Option<usize>,
 
     /// Length of the track, metres
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = length, help_heading = "A pass")]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = above_zero(Dimension::Length), help_heading = "A pass")]
     pub(crate) aperture: Option<f64>,
 
     /// Side of the scene, metres [default: 80]
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = length, help_heading = "A pass")]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = above_zero(Dimension::Length), help_heading = "A pass")]
     pub(crate) scene: Option<f64>,
 }
 
 fn below_half_a_turn(text: &str) -> Result<f64, String> {
-    length(text)
+    above_zero(Dimension::Angle)(text)
         .ok()
         .filter(|&v| v < 180.0)
         .ok_or_else(|| "give degrees above 0 and below 180".to_owned())
@@ -202,8 +195,8 @@ fn pulse_shape(text: &str) -> Result<PulseShape, String> {
     let parts: Vec<&str> = text.split(':').collect();
     match parts[..] {
         ["lfm", bandwidth, duration] => Ok(PulseShape::Lfm {
-            bandwidth_hz: length(bandwidth)?,
-            duration_s: length(duration)?,
+            bandwidth_hz: above_zero(Dimension::Frequency)(bandwidth)?,
+            duration_s: above_zero(Dimension::Time)(duration)?,
             rising: true,
         }),
         ["barker13", chip] => Ok(PulseShape::PhaseCode {
@@ -217,8 +210,8 @@ fn pulse_shape(text: &str) -> Result<PulseShape, String> {
                     }
                 })
                 .collect(),
-            chip_s: length(chip)?,
+            chip_s: above_zero(Dimension::Time)(chip)?,
         }),
-        _ => Err("write lfm:HZ:SECONDS, as lfm:20e6:5e-6, or barker13:SECONDS".to_owned()),
+        _ => Err("write lfm:HZ:SECONDS, as lfm:20MHz:5us, or barker13:SECONDS".to_owned()),
     }
 }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args as Group, ValueHint};
 use glam::DVec3;
+use subaperture::description::units::Dimension;
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::io::recording;
 use subaperture::signal::window::Window;
@@ -57,7 +58,7 @@ pub(crate) struct Tune {
     pub(crate) grid: Option<ImageGrid>,
 
     /// In place of a grid: a reflector's surveyed position, metres, whose power counts; may be repeated
-    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = super::vector,
+    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = super::vector(Dimension::Length),
         conflicts_with_all = ["grid", "measure"])]
     pub(crate) at: Vec<DVec3>,
 
@@ -80,6 +81,14 @@ pub(crate) struct Tune {
     /// Window over slow time, across all pulses: as --window
     #[arg(long, value_name = "W", default_value_t = Window::default())]
     pub(crate) slow_window: Window,
+
+    /// Write the values found into the description, which otherwise stays as it is, comments and all
+    #[arg(long)]
+    pub(crate) write: bool,
+
+    /// Write the description with the values found beside it, under a new name
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "write")]
+    pub(crate) write_to: Option<PathBuf>,
 
     /// Folder for tune.json and pictures: the measure over each key, and the image as described and as tuned
     #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = super::output())]

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use glam::DVec3;
+use subaperture::description::units::Dimension;
 use subaperture::geometry::{Axis, Extent};
 
 pub(super) fn positive(text: &str) -> Result<usize, String> {
@@ -37,37 +38,108 @@ pub(super) fn output() -> impl TypedValueParser<Value = PathBuf> {
     })
 }
 
-/// `3,-4` or `3,-4,0.5`.
-pub(super) fn vector(text: &str) -> Result<DVec3, String> {
-    let numbers: Result<Vec<f64>, String> =
-        text.split(',').map(|part| finite(part.trim())).collect();
-    match numbers.as_deref() {
-        Ok(&[x, y]) => Ok(DVec3::new(x, y, 0.0)),
-        Ok(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
-        _ => Err("give two or three numbers, for example 3.5,-2".to_owned()),
+/// A quantity with its unit, as `9.6GHz`, or a plain number of SI units, of angles degrees.
+fn quantity(text: &str, dimension: Dimension) -> Result<f64, String> {
+    if let Ok(value) = finite(text.trim()) {
+        return Ok(value);
+    }
+    // What begins with no number is told what would do.
+    if !begins_with_a_number(text) {
+        return Err(String::new());
+    }
+    let value = dimension.parse(text)?;
+    Ok(match dimension {
+        Dimension::Angle => value.to_degrees(),
+        _ => value,
+    })
+}
+
+fn begins_with_a_number(text: &str) -> bool {
+    let digits = text.trim_start_matches(['+', '-', ' ']);
+    digits.starts_with(|c: char| c.is_ascii_digit() || c == '.')
+}
+
+/// Checks quantities of one dimension, and says what to give in place of others.
+fn checked(
+    dimension: Dimension,
+    wanted: &'static str,
+    holds: fn(f64) -> bool,
+) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| {
+        let example = dimension.example().replace(' ', "");
+        let plain = match dimension {
+            Dimension::Length => ", or a plain number of metres",
+            Dimension::Time => ", or a plain number of seconds",
+            Dimension::Frequency => ", or a plain number of hertz",
+            Dimension::Speed => ", or a plain number of metres a second",
+            Dimension::Angle => ", or a plain number of degrees",
+            Dimension::Power => ", or a plain number of watts",
+            Dimension::Temperature => ", or a plain number of kelvins",
+            _ => ", or a plain number",
+        };
+        let advice = format!(
+            "give {}{wanted}, for example {example}{plain}",
+            dimension.name()
+        );
+        match quantity(text, dimension) {
+            Ok(value) if holds(value) => Ok(value),
+            Err(why) if !why.is_empty() => Err(why),
+            _ => Err(advice),
+        }
     }
 }
 
-/// `-5:5:0.1`.
-pub(super) fn axis(text: &str) -> Result<Axis, String> {
-    let numbers: Result<Vec<f64>, String> =
-        text.split(':').map(|part| finite(part.trim())).collect();
-    match numbers.as_deref() {
-        Ok(&[start, stop, step]) => {
+/// Of either sign.
+pub(super) fn any(dimension: Dimension) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    checked(dimension, "", |_| true)
+}
+
+/// Zero or more.
+pub(super) fn from_zero(dimension: Dimension) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    checked(dimension, " from 0", |value| value >= 0.0)
+}
+
+/// More than zero.
+pub(super) fn above_zero(dimension: Dimension) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    checked(dimension, " above 0", |value| value > 0.0)
+}
+
+/// Numbers parted by `separator`, or quantities, of which one without a unit takes that to its right.
+fn several(text: &str, separator: char, dimension: Dimension) -> Result<Vec<f64>, String> {
+    let parts: Vec<&str> = text.split(separator).collect();
+    let numbers: Result<Vec<f64>, String> = parts.iter().map(|part| finite(part.trim())).collect();
+    if parts.iter().all(|part| begins_with_a_number(part)) {
+        return numbers.or_else(|_| dimension.parse_list(&parts.join(","), parts.len()));
+    }
+    numbers
+}
+
+/// `3,-4` or `3,-4,0.5`, metres or metres a second; with units `3,-4,0.5km`.
+pub(super) fn vector(dimension: Dimension) -> impl Fn(&str) -> Result<DVec3, String> + Clone {
+    move |text| {
+        let wanted = "give two or three numbers, for example 3.5,-2";
+        let numbers = several(text, ',', dimension);
+        match numbers.as_deref() {
+            Ok(&[x, y]) => Ok(DVec3::new(x, y, 0.0)),
+            Ok(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+            Err(why) if begins_with_a_number(text) => Err(format!("{why}; {wanted}")),
+            _ => Err(wanted.to_owned()),
+        }
+    }
+}
+
+/// `-5:5:0.1` or `-20:20:1km/h`.
+pub(super) fn axis(dimension: Dimension) -> impl Fn(&str) -> Result<Axis, String> + Clone {
+    move |text| match several(text, ':', dimension)?[..] {
+        [start, stop, step] => {
             Axis::from_range(start, stop, step).map_err(|error| error.to_string())
         }
         _ => Err("give START:STOP:STEP, for example -5:5:0.1".to_owned()),
     }
 }
 
-pub(super) fn not_negative(text: &str) -> Result<f64, String> {
-    finite(text)
-        .ok()
-        .filter(|&v| v >= 0.0)
-        .ok_or_else(|| "give a number from 0".to_owned())
-}
-
-pub(super) fn length(text: &str) -> Result<f64, String> {
+/// A plain number above 0.
+fn length(text: &str) -> Result<f64, String> {
     finite(text)
         .ok()
         .filter(|&v| v > 0.0)
@@ -118,7 +190,7 @@ pub(super) fn odd(text: &str) -> Result<usize, String> {
 }
 
 pub(super) fn error_bound(text: &str) -> Result<f64, String> {
-    finite(text)
+    quantity(text, Dimension::Level)
         .ok()
         .filter(|v| (-120.0..=-20.0).contains(v))
         .ok_or_else(|| "give decibels from -120 to -20, for example -60".to_owned())
@@ -177,6 +249,39 @@ fn size_from(text: &str, least: u32) -> Option<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn quantities_have_units_or_are_plain() {
+        let frequency = above_zero(Dimension::Frequency);
+        assert_eq!(frequency("9.6GHz"), Ok(9.6e9));
+        assert_eq!(frequency("9.6 GHz"), Ok(9.6e9));
+        assert_eq!(frequency("9.6e9"), Ok(9.6e9));
+        assert_eq!(from_zero(Dimension::Angle)("30"), Ok(30.0));
+        assert!(
+            (from_zero(Dimension::Angle)("0.5rad").unwrap() - 28.647_889_756_541_16).abs() < 1e-12
+        );
+        assert_eq!(error_bound("-60dB"), Ok(-60.0));
+        for (text, part) in [
+            ("9.6km", "is a length and a frequency is wanted"),
+            ("9.6GHZ", "did you mean 'GHz'"),
+            (
+                "0Hz",
+                "above 0, for example 10GHz, or a plain number of hertz",
+            ),
+            ("-1", "above 0, for example 10GHz"),
+            ("fast", "for example 10GHz"),
+            ("", "for example 10GHz"),
+            ("nan", "for example 10GHz"),
+        ] {
+            let error = frequency(text).unwrap_err();
+            assert!(error.contains(part), "{text}: {error}");
+        }
+        let velocity = vector(Dimension::Speed);
+        assert_eq!(velocity("3,-4"), Ok(DVec3::new(3.0, -4.0, 0.0)));
+        assert_eq!(velocity("36,0,72km/h"), Ok(DVec3::new(10.0, 0.0, 20.0)));
+        let axis = axis(Dimension::Speed)("-1:1:0.5 m/s").unwrap();
+        assert_eq!((axis.start, axis.count), (-1.0, 4));
+    }
 
     #[test]
     fn sizes() {

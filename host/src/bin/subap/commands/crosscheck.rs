@@ -1,5 +1,6 @@
 //! `subap crosscheck`: the host's code against the embedded core, sub-CPI by sub-CPI.
 
+use serde_json::json;
 use subaperture::crosscheck::{LIMIT_DB, SUB_CPI, crosscheck};
 
 use crate::args::Crosscheck;
@@ -19,6 +20,27 @@ pub(crate) fn run(session: &Session, typed: &Crosscheck) -> anyhow::Result<()> {
     }
     let (worst, worst_db) = report.worst();
     let shape = &report.shape;
+    if !report.passes() {
+        messages::bound_missed(format!(
+            "host and core differ by {worst_db:.1} dB, above the bound of {LIMIT_DB} dB"
+        ));
+    }
+    if session.json() {
+        return text::say_json(
+            "crosscheck",
+            json!({
+                "differences_db": report.differences_db,
+                "worst_sub_cpi": worst,
+                "worst_db": worst_db,
+                "bound_db": LIMIT_DB,
+                "within_bound": report.passes(),
+                "pulses": shape.num_pulses,
+                "frequencies": shape.num_frequencies,
+                "range_bins": shape.num_range_bins,
+                "doppler_bins": shape.num_doppler_bins,
+            }),
+        );
+    }
     text::say(format!(
         "worst relative error {worst_db:.1} dB, in sub-CPI {worst} of {} ({} pulses of {} \
          frequencies, maps of {} x {})",
@@ -28,10 +50,5 @@ pub(crate) fn run(session: &Session, typed: &Crosscheck) -> anyhow::Result<()> {
         shape.num_range_bins,
         shape.num_doppler_bins
     ))?;
-    if !report.passes() {
-        messages::bound_missed(format!(
-            "host and core differ by {worst_db:.1} dB, above the bound of {LIMIT_DB} dB"
-        ));
-    }
     Ok(())
 }

@@ -239,19 +239,25 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         grating_lobe_m: survey.grating_lobe_m(130),
     };
     write(session, typed, &grid, &exact.image, &report, start)?;
-    text::say(report.to_text())?;
-    if !session.quiet() {
-        text::say(format!(
-            "{}: images, differences, overview.png, errors.md, errors.json in {}",
-            typed.out.display(),
-            text::duration(start.elapsed())
-        ))?;
-    }
     for outcome in outcomes.iter().filter(|outcome| outcome.misses_bound()) {
         messages::bound_missed(format!(
             "{} misses its bound; see the table",
             outcome.way.title
         ));
+    }
+    if session.json() {
+        let mut table = report.to_json();
+        table["folder"] = typed.out.display().to_string().into();
+        table["run"] = record_of_run(session, start.elapsed());
+        return text::say_json("demo", table);
+    }
+    text::say(report.to_text())?;
+    if session.tells() {
+        text::say(format!(
+            "{}: images, differences, overview.png, errors.md, errors.json in {}",
+            typed.out.display(),
+            text::duration(start.elapsed())
+        ))?;
     }
     Ok(())
 }

@@ -9,7 +9,7 @@ use std::time::Instant;
 use anyhow::Context;
 use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
-use subaperture::focus::{Misses, Task, Weights};
+use subaperture::focus::{FormError, Misses, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, power};
 use subaperture::io::product::{self, Product};
@@ -79,7 +79,14 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         true => Misses::Allowed,
         false => Misses::Refused,
     };
-    let formed = former.form_asked(&task, misses)?;
+    let formed = former
+        .form_asked(&task, misses)
+        .map_err(|error| match error {
+            FormError::BoundMissed { .. } => anyhow::anyhow!(
+                "{error}: raise --error-db, or take the best there is with --allow-error"
+            ),
+            error => error.into(),
+        })?;
     progress.finish();
     pass_on_warnings(&formed.settings);
     if formed.bound_missed {
@@ -90,7 +97,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         ));
     }
     for (key, value) in &formed.settings {
-        session.note(2, || format!("{key} = {value}"));
+        messages::setting(key, value);
     }
 
     let check = match checking {
@@ -108,7 +115,9 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         check.judge(bound_db);
     }
     interrupt::check()?;
+    let checksums = session.progress("checksums");
     let inputs = history.inputs()?;
+    checksums.finish();
     let peak = brightest(&formed.image, &grid);
     let record = record::Record {
         session,
@@ -128,7 +137,9 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     let title = format!("{}, {}", survey.name, former.name());
     deliver(session, typed, &formed.image, &record, title)?;
-    if let Some(check) = check {
+    if let Some(check) = check
+        && !session.json()
+    {
         text::say(check.to_string())?;
     }
     Ok(())
@@ -143,6 +154,7 @@ fn deliver(
     title: String,
 ) -> anyhow::Result<()> {
     interrupt::check()?;
+    let writing = session.progress("writing");
     let quicklook = plot::quicklook(&Panel {
         scale: typed.look.scale(),
         colours: typed.look.colours(),
@@ -156,7 +168,13 @@ fn deliver(
         quicklook: &quicklook,
     }
     .write(&typed.out)?;
-    if session.quiet() {
+    writing.finish();
+    if session.json() {
+        let mut metadata = metadata;
+        metadata["folder"] = typed.out.display().to_string().into();
+        return text::say_json("image", metadata);
+    }
+    if !session.tells() {
         return Ok(());
     }
     text::say(format!(
@@ -170,7 +188,10 @@ fn deliver(
         Some(peak) => {
             let [x, y, z] = peak.position_m;
             let level_db = peak.level_db;
-            format!("brightest point at x {x:.3} m, y {y:.3} m, z {z:.3} m: {level_db:.2} dB")
+            format!(
+                "brightest point at x {x:.3} m, y {y:.3} m, z {z:.3} m: {}",
+                text::decibels(level_db)
+            )
         }
         None => "no brightest point: the image is zero".to_owned(),
     })?;

@@ -1,5 +1,7 @@
 //! `subap info`: what recordings hold.
 
+mod stored;
+
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -14,10 +16,17 @@ use subaperture::survey::{DefaultGrid, Side, Survey, Widths};
 
 use crate::args::Info;
 use crate::config::Session;
+use crate::failure::Usage;
 use crate::text::{self, bytes, degrees, hertz, metres};
+use stored::Kind;
 
 /// Prints the survey of the inputs as one aperture.
 pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
+    let kinds = typed.input.paths.iter().map(|path| (path, Kind::of(path)));
+    let kinds: Vec<(&PathBuf, Kind)> = kinds.collect();
+    if kinds.iter().any(|(_, kind)| *kind != Kind::Recording) {
+        return of_stored(session, &kinds);
+    }
     let history = session.open(&typed.input)?;
     let survey = match typed.at {
         None => Survey::of(history.collection()),
@@ -27,7 +36,7 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     let advice = Advice::of(session, &history, &survey);
     let track_error = TrackError::of(&history);
     let containers = containers(&typed.input.paths)?;
-    if typed.json {
+    if session.json() {
         let mut value = serde_json::to_value(&survey)?;
         value["sub_cpi_advice"] = advice.to_json();
         value["track_error"] = serde_json::to_value(track_error)?;
@@ -39,7 +48,7 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
             }),
             Err(why) => json!({ "none": why.to_string() }),
         };
-        text::say(serde_json::to_string_pretty(&value)?)?;
+        text::say_json("info", value)?;
     } else {
         let files: String = containers.iter().map(Container::describe).collect();
         let mut report = files + &describe(session, &survey, &advice);
@@ -54,6 +63,28 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         }
         text::say(report)?;
     }
+    Ok(())
+}
+
+/// Images and maps, one after the other.
+fn of_stored(session: &Session, paths: &[(&PathBuf, Kind)]) -> anyhow::Result<()> {
+    if let Some((path, _)) = paths.iter().find(|(_, kind)| *kind == Kind::Recording) {
+        return Err(Usage(format!(
+            "{} is a recording, and others are images or maps: ask for them apart",
+            path.display()
+        ))
+        .into());
+    }
+    let found: Vec<stored::Description> = paths
+        .iter()
+        .map(|(path, kind)| stored::describe(path, *kind))
+        .collect::<anyhow::Result<_>>()?;
+    if session.json() {
+        let stored: Vec<&Value> = found.iter().map(|found| &found.json).collect();
+        return text::say_json("info-stored", json!({ "stored": stored }));
+    }
+    let texts: Vec<&str> = found.iter().map(|found| found.text.as_str()).collect();
+    text::say(texts.join("\n"))?;
     Ok(())
 }
 

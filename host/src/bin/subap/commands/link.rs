@@ -185,12 +185,25 @@ fn report(
     taken: Duration,
 ) -> anyhow::Result<()> {
     let path = typed.out.display().to_string();
-    if !session.quiet() && maps > 0 {
+    if session.json() {
+        let mut report = json!({
+            "path": path,
+            "maps": maps,
+            "ending": ending_name(&outcome.ending, maps < outcome.counts.maps_wanted),
+            "counters": outcome.counts.to_json(),
+            "run": record_of_run(session, taken),
+        });
+        if let Some((same, different)) = compared {
+            report["verified"] = json!({ "same": same, "different": different });
+        }
+        text::say_json("link", report)?;
+    } else if session.tells() && maps > 0 {
         text::say(format!("{path}: {maps} maps in {}", text::duration(taken)))?;
         text::say(outcome.counts.to_string())?;
     }
     if let Some((same, different)) = compared
         && maps > 0
+        && !session.json()
     {
         text::say(format!(
             "verified  {same} maps the same as the core's here, bit by bit, {different} not"
@@ -297,12 +310,10 @@ fn closing(
     counters.insert("maps_missing".to_owned(), json!(missing));
     counters.insert(
         "ending".to_owned(),
-        json!(match &outcome.ending {
-            Ending::Complete if written < outcome.counts.maps_wanted => "incomplete".to_owned(),
-            Ending::Complete => "complete".to_owned(),
-            Ending::Incomplete => "incomplete".to_owned(),
-            Ending::Failed(error) => error.to_string(),
-        }),
+        json!(ending_name(
+            &outcome.ending,
+            written < outcome.counts.maps_wanted
+        )),
     );
     if let Some((same, different)) = compared {
         counters.insert(
@@ -314,6 +325,15 @@ fn closing(
         num_pulses: job.pulses.len().into(),
         weight_sum: job.pulses.weight_sum(),
         counters,
+    }
+}
+
+/// How a transfer ended, in a word, or why it failed.
+fn ending_name(ending: &Ending, some_are_missing: bool) -> String {
+    match ending {
+        Ending::Complete if !some_are_missing => "complete".to_owned(),
+        Ending::Complete | Ending::Incomplete => "incomplete".to_owned(),
+        Ending::Failed(error) => error.to_string(),
     }
 }
 

@@ -13,14 +13,22 @@ mod quality;
 mod recording;
 mod reproduce;
 mod simulate;
+mod stored;
 mod tune;
 mod velocity;
 
 use crate::args::Command;
 use crate::config::Session;
+use crate::failure::Usage;
 
 /// Runs `command`.
 pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
+    if session.json()
+        && let Command::Completions(_) | Command::Recording(_) = command
+    {
+        let what = "--json says nothing to text that is printed as it is: leave it out";
+        return Err(Usage(what.to_owned()).into());
+    }
     match command {
         Command::Focus(typed) => focus::run(session, &typed),
         Command::Simulate(typed) => simulate::run(session, &typed),

@@ -2,22 +2,31 @@
 
 use std::io::Write;
 
+use anyhow::bail;
 use glam::DVec3;
-use serde_json::Value;
+use serde_json::{Value, json};
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
 use subaperture::io::product;
 use subaperture::plot::{self, Orientation, Panel};
 
+use super::stored;
 use crate::args::Picture;
 use crate::config::Session;
 use crate::text;
 
 /// Reads a product and writes its picture.
 pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
-    let mut claims = session.claims(&typed.writing, &[&typed.image]);
+    let Some(folder) = stored::product_folder(&typed.image) else {
+        bail!(
+            "{}: no image: give the folder of a product (with image.json and image.npy)",
+            typed.image.display()
+        );
+    };
+    let mut claims = session.claims(&typed.writing, &[folder]);
     claims.file(&typed.out, Kind::Picture)?;
-    let stored = product::read(&typed.image)?;
+    let drawing = session.progress("drawing");
+    let stored = product::read(folder)?;
     let about = &stored.metadata["picture"];
     let name = typed.image.display().to_string();
     let title = about["title"].as_str().unwrap_or(&name);
@@ -32,7 +41,12 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
     })?;
     let bytes = picture.len() as u64;
     write_atomically(&typed.out, bytes, |file| file.write_all(&picture))?;
-    if !session.quiet() {
+    drawing.finish();
+    if session.json() {
+        let path = typed.out.display().to_string();
+        return text::say_json("picture", json!({ "path": path }));
+    }
+    if session.tells() {
         text::say(typed.out.display().to_string())?;
     }
     Ok(())

@@ -67,6 +67,7 @@ struct Against {
 /// Measures and prints.
 pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
     source::check_memory(session, &[Some(&typed.image), typed.against.as_ref()])?;
+    let measuring = session.progress("measuring");
     let source = Source::open(&typed.image)?;
     if typed.line_of_sight.is_some() && source.grid.polar {
         let what = "--line-of-sight says nothing to a polar grid: leave it out";
@@ -88,8 +89,9 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
         statistics,
         against,
     };
-    if typed.json {
-        text::say(serde_json::to_string_pretty(&report)?)?;
+    measuring.finish();
+    if session.json() {
+        text::say_json("quality", &report)?;
     } else {
         print(&report, &source)?;
     }

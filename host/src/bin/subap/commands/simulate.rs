@@ -1,8 +1,10 @@
 //! `subap simulate`: a simulated collection as CPHD 1.1, or as raw echoes.
 
 use std::path::Path;
+use std::time::Instant;
 
 use anyhow::Context;
+use serde_json::{Value, json};
 use subaperture::io::cphd::{self, Channel, Domain, Sgn, WriteOptions};
 use subaperture::io::ours::Kind;
 use subaperture::io::recording::{self, Raw};
@@ -11,11 +13,12 @@ use subaperture::simulate::scenario::{self, Scenario};
 use subaperture::simulate::{Experiment, Noise, Recording, Variation};
 
 use crate::args::{SignalDomain, Simulate};
-use crate::config::Session;
+use crate::config::{Session, record_of_run};
 use crate::text;
 
 /// Writes the file, complete or not at all, or prints what there is to know of scenarios.
 pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
+    let start = Instant::now();
     if typed.keys {
         text::say(scenario::reference())?;
     }
@@ -27,31 +30,43 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         if let Some(out) = &typed.out {
             claims.file(out, Kind::Collection)?;
         }
+        let preparing = session.progress("preparing");
         let experiment = experiment(path, typed)?;
-        let recordings = record(session, &experiment)?;
+        let recordings = record(session, &experiment)
+            .with_context(|| format!("cannot simulate {}", path.display()))?;
+        preparing.finish();
+        let mut written = Vec::new();
         if let Some(folder) = &typed.echoes {
             let ids: Vec<&str> = recordings.iter().map(|(id, _)| id.as_str()).collect();
             claims.folder(folder, recording::names(&ids))?;
-        }
-        if let Some(folder) = &typed.echoes {
-            write_echoes(session, folder, &recordings)?;
+            written.extend(write_echoes(session, folder, &recordings)?);
         }
         if let Some(out) = &typed.out {
             let channels: Vec<Channel> = recordings
                 .iter()
                 .map(|(id, recording)| Channel::new(id.clone(), recording))
                 .collect();
-            write(session, typed, out, &channels)?;
+            written.extend(write(session, typed, out, &channels)?);
         }
-        return Ok(());
+        return report(session, start, written);
     }
     if let (Some(preset), Some(out)) = (typed.preset, &typed.out) {
         let mut claims = session.claims::<&Path>(&typed.writing, &[]);
         claims.file(out, Kind::Collection)?;
         let simulated = preset.simulate(&variation(typed));
-        return write(session, typed, out, &[Channel::new("1", &simulated)]);
+        let written = write(session, typed, out, &[Channel::new("1", &simulated)])?;
+        return report(session, start, written);
     }
     Ok(())
+}
+
+/// Prints what was written where JSON is wanted; else each said so as it was.
+fn report(session: &Session, start: Instant, written: Vec<Value>) -> anyhow::Result<()> {
+    if !session.json() {
+        return Ok(());
+    }
+    let run = record_of_run(session, start.elapsed());
+    text::say_json("simulate", json!({ "run": run, "written": written }))
 }
 
 /// What the scenario says, with the settings laid over.
@@ -109,7 +124,7 @@ fn write_echoes(
     session: &Session,
     folder: &Path,
     recordings: &[(String, Recording)],
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<Value>> {
     let raw: Vec<Raw> = recordings
         .iter()
         .map(|(id, recording)| Raw {
@@ -120,23 +135,30 @@ fn write_echoes(
     let progress = session.progress("simulating");
     recording::write(folder, &raw, &progress)?;
     progress.finish();
-    if session.quiet() {
-        return Ok(());
-    }
+    let mut written = Vec::new();
     for raw in &raw {
         let collection = raw.echoes.collection();
         let name = match recordings.len() {
             1 => String::new(),
             _ => format!(" {}", raw.id),
         };
-        text::say(format!(
-            "{}{name}: {} echoes of {} samples",
-            folder.display(),
-            collection.pulses.len(),
-            collection.waveform.num_samples()
-        ))?;
+        if session.tells() {
+            text::say(format!(
+                "{}{name}: {} echoes of {} samples",
+                folder.display(),
+                collection.pulses.len(),
+                collection.waveform.num_samples()
+            ))?;
+        }
+        written.push(json!({
+            "path": folder.display().to_string(),
+            "holds": "echoes",
+            "channel": raw.id,
+            "pulses": collection.pulses.len(),
+            "samples": collection.waveform.num_samples(),
+        }));
     }
-    Ok(())
+    Ok(written)
 }
 
 fn write(
@@ -144,7 +166,7 @@ fn write(
     typed: &Simulate,
     out: &Path,
     channels: &[Channel],
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<Value>> {
     let options = WriteOptions {
         domain: match typed.domain {
             SignalDomain::Fx => Domain::Fx,
@@ -156,21 +178,28 @@ fn write(
     let progress = session.progress("simulating");
     cphd::write(out, channels, &options, &progress)?;
     progress.finish();
-    if session.quiet() {
-        return Ok(());
-    }
+    let mut written = Vec::new();
     for channel in channels {
         let collection = channel.history.collection();
         let name = match channels.len() {
             1 => String::new(),
             _ => format!(" {}", channel.id),
         };
-        text::say(format!(
-            "{}{name}: {} pulses of {} frequencies",
-            out.display(),
-            collection.pulses.len(),
-            collection.num_samples
-        ))?;
+        if session.tells() {
+            text::say(format!(
+                "{}{name}: {} pulses of {} frequencies",
+                out.display(),
+                collection.pulses.len(),
+                collection.num_samples
+            ))?;
+        }
+        written.push(json!({
+            "path": out.display().to_string(),
+            "holds": "phase history",
+            "channel": channel.id,
+            "pulses": collection.pulses.len(),
+            "samples": collection.num_samples,
+        }));
     }
-    Ok(())
+    Ok(written)
 }

@@ -15,8 +15,8 @@ use subaperture::plot::{self, Panel, ShownAxis};
 use subaperture::survey::Survey;
 
 use crate::args::Velocity;
-use crate::config::{DEFAULT_ERROR_DB, Session, record_of_run};
-use crate::{interrupt, text};
+use crate::config::{DEFAULT_ERROR_DB, Session, command_line, record_of_run};
+use crate::{interrupt, messages, text};
 
 /// Forms the plane and writes its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
@@ -56,14 +56,11 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
         value.is_finite().then_some(value)
     };
     let axis = |name: &str, axis: &Axis| json!({ "axis": name, "start": axis.start, "step": axis.step, "count": axis.count });
-    let words: Vec<String> = std::env::args_os()
-        .map(|word| word.to_string_lossy().into_owned())
-        .collect();
     let metadata = json!({
         "schema": "subaperture-velocity-plane",
         "schema_version": 1,
         "run": record_of_run(session, start.elapsed()),
-        "command_line": words,
+        "command_line": command_line(),
         "image": {
             "file": "image.npy",
             "type": "complex64, C order, [rows, columns]",
@@ -87,6 +84,7 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
         "brightest": brightest.map(|(velocity, level_db)| {
             json!({ "velocity_m_s": velocity.to_array(), "level_db": level_db })
         }),
+        "warnings": messages::warnings(),
     });
     interrupt::check()?;
     let DVec3 { x, y, z } = typed.at;
@@ -101,7 +99,10 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
         quicklook: &quicklook,
     }
     .write(&typed.out)?;
-    if session.quiet() {
+    if session.json() {
+        return text::say_json("velocity-plane", metadata);
+    }
+    if !session.tells() {
         return Ok(());
     }
     text::say(format!(
@@ -113,8 +114,11 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     ))?;
     text::say(match brightest {
         Some((v, level_db)) => format!(
-            "brightest at v_x {:.3} m/s, v_y {:.3} m/s, v_z {:.3} m/s: {level_db:.2} dB",
-            v.x, v.y, v.z
+            "brightest at v_x {:.3} m/s, v_y {:.3} m/s, v_z {:.3} m/s: {}",
+            v.x,
+            v.y,
+            v.z,
+            text::decibels(level_db)
         ),
         None => "no brightest velocity: the plane is zero".to_owned(),
     })?;

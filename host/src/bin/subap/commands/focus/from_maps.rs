@@ -58,7 +58,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     progress.finish();
     warn(&report, error_db, grid.num_pixels());
     for (key, value) in &formed.settings {
-        session.note(2, || format!("{key} = {value}"));
+        messages::setting(key, value);
     }
 
     let run = maps.run();

@@ -11,7 +11,7 @@ use subaperture::support::RecordedLooks;
 use super::Peak;
 use super::check::Check;
 use crate::args::Focus;
-use crate::config::{Session, record_of_run};
+use crate::config::{Session, command_line, record_of_run};
 use crate::messages;
 
 /// Version of the record's layout; it grows when a reader would have to change.
@@ -40,14 +40,11 @@ pub(super) struct Record<'a> {
 impl Record<'_> {
     /// The record as JSON; `title` is the picture's.
     pub(super) fn to_json(&self, title: &str) -> Value {
-        let words: Vec<String> = std::env::args_os()
-            .map(|word| word.to_string_lossy().into_owned())
-            .collect();
         json!({
             "schema": "subaperture-image",
             "schema_version": SCHEMA_VERSION,
             "run": record_of_run(self.session, self.taken),
-            "command_line": words,
+            "command_line": command_line(),
             "image": {
                 "file": "image.npy",
                 "type": "complex64, C order, [rows, columns]",
@@ -91,7 +88,12 @@ pub(super) fn settings(
             "patch_m": typed.patch,
             "velocity_m_s": typed.velocity.map(|v| v.to_array()),
             "channel": typed.input.channel,
+            "set": typed.input.set.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>(),
             "check": typed.check,
+            "no_keystone": typed.no_keystone,
+            "no_src": typed.no_src,
+            "top_db": typed.look.top,
+            "span_db": typed.look.span,
         },
         "resolved": resolved,
     })

@@ -28,6 +28,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
             Arithmetic::Float
         },
     };
+    let planning = session.progress("planning");
     let plan = ModulePlan::new(history.collection(), &grid, &request)?;
     let pulse_rate_hz = typed.pulse_rate.or(survey.pri_s.map(|pri_s| 1.0 / pri_s));
     let spacing_m = [grid.columns.step, grid.rows.step];
@@ -44,11 +45,11 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
             ]
         }),
     };
-    if typed.json {
-        text::say(serde_json::to_string_pretty(&sheet.to_json())?)?;
-    } else {
-        text::say(sheet.to_text())?;
+    planning.finish();
+    if session.json() {
+        return text::say_json("module-plan", sheet.to_json());
     }
+    text::say(sheet.to_text())?;
     Ok(())
 }
 

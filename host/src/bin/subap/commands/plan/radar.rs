@@ -55,6 +55,7 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
         beamwidth_rad: typed.beamwidth.map(f64::to_radians),
         power: typed.power.map(link).zip(typed.pulse_length),
     };
+    let planning = session.progress("planning");
     let plan = RadarPlan::new(&collection, &request)?;
     if let Some(folder) = &typed.plots {
         let mut claims = session.claims(&typed.writing, &typed.input.paths);
@@ -62,11 +63,11 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
         plot(&collection, &grid, &plan, folder)?;
         plot_ambiguity(&pulse(typed, &plan), folder)?;
     }
-    text::say(if typed.json {
-        serde_json::to_string_pretty(&plan)?
-    } else {
-        to_text(&plan)
-    })?;
+    planning.finish();
+    if session.json() {
+        return text::say_json("radar-plan", &plan);
+    }
+    text::say(to_text(&plan))?;
     Ok(())
 }
 

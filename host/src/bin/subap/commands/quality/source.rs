@@ -15,6 +15,7 @@ use subaperture::signal::window::Window;
 use subaperture::support::RecordedLooks;
 
 use crate::args::At;
+use crate::commands::stored;
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::text;
@@ -41,7 +42,8 @@ impl Source {
     /// Reads a product's folder or an array.
     pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
         let name = path.display().to_string();
-        if !path.is_dir() {
+        let Some(folder) = stored::product_folder(path) else {
+            stored::check_is_array(path)?;
             let image = npy::read(path)?;
             if image.pixels.is_empty() {
                 bail!("{name}: an image without pixels");
@@ -61,8 +63,8 @@ impl Source {
                 metadata: None,
                 in_pixels: true,
             });
-        }
-        let stored = product::read(path)?;
+        };
+        let stored = product::read(folder)?;
         let settings = &stored.metadata["settings"];
         let window = |key: &str| settings[key].as_str().and_then(|text| text.parse().ok());
         let seen = Geometry::deserialize(&stored.metadata["collection"]);
@@ -200,10 +202,8 @@ impl Source {
 pub(super) fn check_memory(session: &Session, paths: &[Option<&PathBuf>]) -> anyhow::Result<()> {
     // A file that cannot be asked for its size cannot be read either, and reading says why.
     let size = |path: &&PathBuf| {
-        let file = match path.is_dir() {
-            true => path.join("image.npy"),
-            false => path.to_path_buf(),
-        };
+        let folder = stored::product_folder(path);
+        let file = folder.map_or_else(|| path.to_path_buf(), |folder| folder.join("image.npy"));
         fs::metadata(file).map_or(0, |about| u128::from(about.len()))
     };
     let bytes = 6 * paths.iter().flatten().map(size).sum::<u128>();

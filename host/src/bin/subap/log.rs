@@ -1,0 +1,189 @@
+//! The log of `--log FILE`: everything that was said, and more, with the time of its saying.
+//!
+//! It is appended to, so that one file may hold a night's runs. Every line is on its way to the disk when it
+//! is written: a run that fails, or is killed, has logged all that came before. As text, or as JSON, an object
+//! a line:
+//!
+//! | `kind` | holds beside `time` and `message` |
+//! |---|---|
+//! | `begin` | `command_line`, `version`, `threads`, `memory_bytes` |
+//! | `setting` | `key`, `value` |
+//! | `note`, `warning`, `error`, `result` | |
+//! | `progress` | `work`, `fraction` (`null` if not known), `elapsed_s` |
+//! | `timing` | `work`, `elapsed_s`: that much took so long |
+//! | `end` | `exit_status`, `elapsed_s` |
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::path::Path;
+use std::time::{Duration, SystemTime};
+
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use serde_json::{Map, Value};
+
+/// How a log is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// A line begins with time and kind
+    Text,
+    /// A line is a JSON object
+    Json,
+}
+
+impl Format {
+    /// By the ending of the file's name: JSON for `.json`, `.jsonl` and `.ndjson`.
+    pub(crate) fn of(path: &Path) -> Self {
+        let ending = path.extension().and_then(|ending| ending.to_str());
+        match ending {
+            Some("json" | "jsonl" | "ndjson") => Self::Json,
+            _ => Self::Text,
+        }
+    }
+}
+
+/// A log that is being written.
+pub(crate) struct Log {
+    file: File,
+    format: Format,
+}
+
+impl Log {
+    /// Opens a log to be appended to, or begins one.
+    ///
+    /// # Errors
+    /// If the file cannot be written to, or holds something that is not a log: nothing is appended to a scenario.
+    pub(crate) fn open(path: &Path, format: Format) -> anyhow::Result<Self> {
+        let name = || format!("cannot write the log {}", path.display());
+        if path.is_file() {
+            let mut start = Vec::new();
+            let file = File::open(path).with_context(name)?;
+            file.take(64).read_to_end(&mut start).with_context(name)?;
+            if !start.is_empty() && !is_log(&start) {
+                bail!(
+                    "--log {}: the file is there and is no log of subap's: name another",
+                    path.display()
+                );
+            }
+        }
+        let file = OpenOptions::new().append(true).create(true).open(path);
+        Ok(Self {
+            file: file.with_context(name)?,
+            format,
+        })
+    }
+
+    /// Appends what was said, with the time of now.
+    pub(crate) fn write(
+        &mut self,
+        kind: &str,
+        message: &str,
+        more: Map<String, Value>,
+    ) -> io::Result<()> {
+        let time = utc(SystemTime::now());
+        let line = match self.format {
+            Format::Text => {
+                // Further lines of a message are indented: who looks for a kind finds it at a line's beginning.
+                format!("{time} {kind}: {}\n", message.replace('\n', "\n    "))
+            }
+            Format::Json => {
+                // By hand, so that the time comes first.
+                let message = Value::from(message);
+                let head =
+                    format!("{{\"time\":\"{time}\",\"kind\":\"{kind}\",\"message\":{message}");
+                match more.is_empty() {
+                    true => format!("{head}}}\n"),
+                    false => format!("{head},{}\n", &Value::Object(more).to_string()[1..]),
+                }
+            }
+        };
+        // At once, so that lines of several runs into one file stay whole.
+        self.file.write_all(line.as_bytes())
+    }
+}
+
+/// Whether a file that begins so is a log, of either format: a time comes first.
+fn is_log(start: &[u8]) -> bool {
+    let shape = b"0000-00-00T00:00:00.000Z";
+    let start = start.strip_prefix(b"{\"time\":\"").unwrap_or(start);
+    start.len() >= shape.len()
+        && start.iter().zip(shape).all(|(byte, shape)| match shape {
+            b'0' => byte.is_ascii_digit(),
+            _ => byte == shape,
+        })
+}
+
+/// `2026-03-01T12:00:00.000Z`, of the Gregorian calendar; before 1970 the beginning of 1970.
+fn utc(time: SystemTime) -> String {
+    let since = time.duration_since(SystemTime::UNIX_EPOCH);
+    let since = since.unwrap_or(Duration::ZERO);
+    let seconds = since.as_secs();
+    let (year, month, day) = date(seconds / 86_400);
+    let (hour, minute, second) = (seconds / 3600 % 24, seconds / 60 % 60, seconds % 60);
+    let millis = since.subsec_millis();
+    format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{millis:03}Z")
+}
+
+/// Year, month and day, `days` after the first of January 1970.
+fn date(mut days: u64) -> (u64, usize, u64) {
+    let is_leap = |year: u64| {
+        year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400))
+    };
+    // Whole cycles of 400 years, so that no clock, however wrong, takes long.
+    let mut year = 1970 + 400 * (days / 146_097);
+    days %= 146_097;
+    while days >= 365 + u64::from(is_leap(year)) {
+        days -= 365 + u64::from(is_leap(year));
+        year += 1;
+    }
+    let february = 28 + u64::from(is_leap(year));
+    let mut month = 1;
+    for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31] {
+        if days < length {
+            break;
+        }
+        days -= length;
+        month += 1;
+    }
+    (year, month, days + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_those_of_the_calendar() {
+        // From the definition of POSIX time: a leap day, a century that is none, one that is.
+        for (seconds, text) in [
+            (0, "1970-01-01T00:00:00.000Z"),
+            (951_782_400, "2000-02-29T00:00:00.000Z"),
+            (951_868_799, "2000-02-29T23:59:59.000Z"),
+            (4_107_542_400, "2100-03-01T00:00:00.000Z"),
+            (1_700_000_000, "2023-11-14T22:13:20.000Z"),
+        ] {
+            let time = SystemTime::UNIX_EPOCH + Duration::from_secs(seconds);
+            assert_eq!(utc(time), text);
+        }
+    }
+
+    #[test]
+    fn only_a_log_is_appended_to() {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, format) in [("a.log", Format::Text), ("a.jsonl", Format::Json)] {
+            let path = folder.path().join(name);
+            assert_eq!(Format::of(&path), format);
+            for message in ["first", "second\nof two lines"] {
+                let mut log = Log::open(&path, format).unwrap();
+                log.write("note", message, Map::new()).unwrap();
+            }
+            let text = std::fs::read_to_string(&path).unwrap();
+            assert_eq!(text.matches("note").count(), 2, "{text}");
+        }
+        let path = folder.path().join("scenario.toml");
+        std::fs::write(&path, "[radar]\n").unwrap();
+        let error = Log::open(&path, Format::Text).err().unwrap().to_string();
+        assert!(error.contains("no log of subap's"), "{error}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "[radar]\n");
+    }
+}

@@ -1,0 +1,280 @@
+//! Results as JSON, of every command that prints any, and the log.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+use subaperture_tests::subap::{listing, run};
+
+/// A folder with `scene.cphd` in it.
+fn scene() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    run(folder.path(), "simulate --preset table-4-1 -o scene.cphd").succeeded();
+    folder
+}
+
+/// What a command prints, one JSON object and nothing else, of the schema expected.
+#[track_caller]
+fn object(folder: &Path, line: &str, schema: &str) -> Value {
+    let ran = run(folder, &format!("{line} --json"));
+    let value: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    assert_eq!(value["schema"], schema, "{line}");
+    assert!(
+        value["schema_version"]
+            .as_u64()
+            .is_some_and(|version| version >= 1),
+        "{line}"
+    );
+    assert_eq!(value["warnings"], serde_json::json!([]), "{line}");
+    value
+}
+
+const GRID: &str = "--grid x=-5:5:0.5,y=-5:5:0.5";
+
+#[test]
+fn every_command_prints_one_object() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let got = object(
+        folder,
+        "simulate --preset table-4-1 -o scene.cphd",
+        "subaperture-simulate",
+    );
+    assert_eq!(got["written"][0]["pulses"], 1040);
+    assert_eq!(
+        object(folder, "info scene.cphd", "subaperture-info")["num_pulses"],
+        1040
+    );
+    let line = format!("focus scene.cphd -a bp {GRID} --check 20 --out image");
+    let got = object(folder, &line, "subaperture-image");
+    assert_eq!(
+        (&got["folder"], &got["check"]["num_pixels"]),
+        (&"image".into(), &20.into())
+    );
+    // Everything that was given is there, with what was not.
+    let given = got["settings"]["given"].as_object().unwrap();
+    for key in [
+        "grid",
+        "mode",
+        "error_db",
+        "allow_error",
+        "sub_cpi",
+        "patch_m",
+        "velocity_m_s",
+        "check",
+        "no_src",
+        "no_keystone",
+    ] {
+        assert!(given.contains_key(key), "{key}");
+    }
+    // The record is what was printed.
+    let record = fs::read(folder.join("image/image.json")).unwrap();
+    let record: Value = serde_json::from_slice(&record).unwrap();
+    assert_eq!(
+        (&record["brightest"], &record["check"]),
+        (&got["brightest"], &got["check"])
+    );
+    run(
+        folder,
+        &format!("focus scene.cphd -a exact {GRID} --out exact"),
+    )
+    .succeeded();
+    let got = object(folder, "compare image exact", "subaperture-comparison");
+    assert!(got["error_db"].as_f64().unwrap() < -60.0);
+    let got = object(
+        folder,
+        "quality image --against exact/image.json",
+        "subaperture-quality",
+    );
+    assert!(got["points"][0]["response"].is_object());
+    let line = "velocity scene.cphd --at 0,0 --vx -1:1:1 --vy -1:1:1 --out plane";
+    let got = object(folder, line, "subaperture-velocity-plane");
+    assert!(got["brightest"]["level_db"].is_number());
+    let got = object(folder, "crosscheck scene.cphd", "subaperture-crosscheck");
+    assert_eq!(
+        (&got["within_bound"], &got["bound_db"]),
+        (&true.into(), &(-100.0).into())
+    );
+    let got = object(
+        folder,
+        "plan radar --carrier 9.6GHz",
+        "subaperture-radar-plan",
+    );
+    assert!(got["costs"].is_array());
+    let got = object(
+        folder,
+        &format!("plan module --ram 512K scene.cphd {GRID}"),
+        "subaperture-module-plan",
+    );
+    assert!(got["ram"].is_object());
+    object(folder, "picture image -o again.png", "subaperture-picture");
+    let got = object(folder, "reproduce --list", "subaperture-reproduce-list");
+    assert!(got["items"].as_array().unwrap().len() > 10);
+    let got = object(
+        folder,
+        "demo --out demo --grid x=-2:2:1,y=-2:2:1",
+        "subaperture-demo",
+    );
+    assert!(got["formers"].is_array());
+}
+
+#[test]
+fn info_reads_what_other_commands_write() {
+    let folder = scene();
+    run(
+        folder.path(),
+        &format!("focus scene.cphd -a bp {GRID} --check 20 --out image"),
+    )
+    .succeeded();
+    run(
+        folder.path(),
+        "velocity scene.cphd --at 0,0 --vx -1:1:1 --vy -1:1:1 --out plane",
+    )
+    .succeeded();
+    let ran = run(folder.path(), "info image plane image/image.npy");
+    let text = ran.succeeded();
+    for part in [
+        "image            image",
+        "20: x in metres from -5 to 4.5 by 0.5",
+        "former           bp",
+        "dB measured",
+        "formed of        scene.cphd, 2.3 MiB",
+        "v_x in m/s from -1 to 0 by 1",
+        "20 rows x 20 columns, complex64",
+    ] {
+        assert!(text.contains(part), "no '{part}' in {text}");
+    }
+    let of = |path: &str| {
+        object(
+            folder.path(),
+            &format!("info {path}"),
+            "subaperture-info-stored",
+        )
+    };
+    assert_eq!(
+        of("image")["stored"][0]["record"],
+        of("image/image.json")["stored"][0]["record"]
+    );
+    assert_eq!(of("image/image.npy")["stored"][0]["rows"], 20);
+    // A record's own folder, and images by any name of theirs, are compared alike.
+    let compare = |names: &str| {
+        run(folder.path(), &format!("compare {names}"))
+            .succeeded()
+            .to_owned()
+    };
+    let whole = compare("image image/image.npy");
+    assert_eq!(whole, compare("image/image.json image"));
+    assert!(whole.contains("relative RMS error   none"), "{whole}");
+}
+
+/// Every line, in order, of a log of either format as kind and text.
+fn kinds(text: &str, json: bool) -> Vec<String> {
+    let kind = |line: &str| match json {
+        true => serde_json::from_str::<Value>(line).unwrap()["kind"]
+            .as_str()
+            .unwrap()
+            .to_owned(),
+        false => {
+            let (time, rest) = line.split_once(' ').unwrap();
+            assert!(time.len() == 24 && time.ends_with('Z'), "{line}");
+            rest.split_once(':').unwrap().0.to_owned()
+        }
+    };
+    text.lines()
+        .filter(|line| !line.starts_with(' '))
+        .map(kind)
+        .collect()
+}
+
+#[test]
+fn a_log_holds_the_whole_run_whatever_is_shown() {
+    let folder = scene();
+    for (name, options, json) in [
+        ("run.log", "", false),
+        ("run.jsonl", "", true),
+        ("other.log", "--log-format json", true),
+    ] {
+        let line = format!(
+            "focus scene.cphd -q -a bp {GRID} --check 20 --out {name}.d --log {name} {options}"
+        );
+        let ran = run(folder.path(), &line);
+        ran.succeeded();
+        assert_eq!(ran.stderr, "", "-q is quiet");
+        let text = fs::read_to_string(folder.path().join(name)).unwrap();
+        let found = kinds(&text, json);
+        assert_eq!(
+            (found[0].as_str(), found[found.len() - 1].as_str()),
+            ("begin", "end")
+        );
+        for kind in ["note", "setting", "timing", "result"] {
+            assert!(
+                found.iter().any(|found| found == kind),
+                "{name}: no {kind} in {text}"
+            );
+        }
+        for part in [
+            "focus scene.cphd -q",
+            "focusing took ",
+            "checking took ",
+            "exit status 0 after ",
+            "oversampling = ",
+        ] {
+            assert!(text.contains(part), "no '{part}' in {text}");
+        }
+        // A second run, which fails, is appended, its error too.
+        let ran = run(
+            folder.path(),
+            &format!("info nothing --log {name} {options}"),
+        );
+        ran.failed(1, &["error: cannot read nothing"]);
+        let both = fs::read_to_string(folder.path().join(name)).unwrap();
+        assert!(both.starts_with(&text));
+        let found = kinds(&both[text.len()..], json);
+        assert_eq!(
+            (found[0].as_str(), found[found.len() - 1].as_str()),
+            ("begin", "end")
+        );
+        assert!(found.iter().any(|found| found == "error"), "{both}");
+        assert!(both.contains("exit status 1 after "), "{both}");
+    }
+}
+
+#[test]
+fn a_log_of_missed_bounds_and_of_full_disks() {
+    let folder = scene();
+    run(
+        folder.path(),
+        &format!("focus scene.cphd -a bp {GRID} --out a"),
+    )
+    .succeeded();
+    run(
+        folder.path(),
+        &format!("focus scene.cphd -a exact {GRID} --out b"),
+    )
+    .succeeded();
+    let line = "compare a b --error-db -190 --log run.jsonl --json";
+    let ran = run(folder.path(), line);
+    ran.failed(3, &["warning: "]);
+    let printed: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let warning = printed["warnings"][0].as_str().unwrap();
+    let log = fs::read_to_string(folder.path().join("run.jsonl")).unwrap();
+    let lines = log
+        .lines()
+        .map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let lines: Vec<Value> = lines.collect();
+    assert!(
+        lines
+            .iter()
+            .any(|line| line["kind"] == "warning" && line["message"] == warning),
+        "{log}"
+    );
+    assert_eq!(lines[lines.len() - 1]["exit_status"], 3);
+    // The work outlives its log.
+    if Path::new("/dev/full").exists() {
+        let before = listing(folder.path());
+        let ran = run(folder.path(), "compare a b --log /dev/full");
+        assert!(ran.succeeded().contains("correlation"), "{ran:?}");
+        assert!(ran.stderr.contains("warning: the log ends here"), "{ran:?}");
+        assert_eq!(listing(folder.path()), before);
+    }
+}
