@@ -416,7 +416,7 @@ fn memory_is_refused_before_it_is_taken() {
     assert_eq!(refusal(xml), 0);
     assert_eq!(refusal(xml - 1), xml);
 
-    // More than a TiB of nothing: 2^33 records of 160 bytes, and a sample of 2 bytes each. 104 + 17
+    // More than a TiB of nothing: 2^33 records of 160 bytes, and a sample of 2 bytes each. 240 + 17
     // bytes are kept of a vector, and records are read 1 MiB at a time.
     let vectors = 1u64 << 33;
     let huge = ByHand {
@@ -441,7 +441,7 @@ fn memory_is_refused_before_it_is_taken() {
     std::fs::write(&path, &start).unwrap();
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     file.set_len(pvp_at + pvp_bytes + 2 * vectors).unwrap();
-    assert_eq!(refusal(1 << 30), vectors * (104 + 17) + (1 << 20));
+    assert_eq!(refusal(1 << 30), vectors * (240 + 17) + (1 << 20));
     // Its metadata are there to be read at once.
     let info = CphdInfo::read(&path).unwrap();
     assert_eq!(info.channels[0].num_vectors, vectors);
@@ -482,7 +482,7 @@ fn parts_of_an_aperture_share_the_memory() {
         open_all(&[&path, &path], &options).map(|aperture| aperture.held_bytes())
     };
     // While the second is opened, the first is held.
-    let held = 3 * (104 + 17);
+    let held = 3 * (240 + 17);
     let needed = 32 * hand.xml().len() as u64 + held;
     assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * 104);
     assert!(matches!(all(needed - 1), Err(ReadError::Memory { .. })));

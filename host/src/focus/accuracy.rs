@@ -12,6 +12,9 @@
 //! in phase, as on a scatterer, the image's error is at most that of the value itself (Cauchy and Schwarz); where they
 //! add at random, as in noise and clutter, powers add and it is that again.
 //!
+//! Where antennas move from sample to sample of a pulse and the former takes all samples at one place, what that leaves
+//! ([`super::sweep::residual`]) is added for it.
+//!
 //! **What becomes of the image.** Neither holds where terms cancel: beside a bright scatterer that the grid leaves out, errors
 //! cancel less than its side lobes do. No plan knows the scene, so every image is looked at: as the pulses are
 //! read, the exact sum at [`SAMPLED_PIXELS`] of its pixels is kept besides ([`Exact`](super::exact::Exact)'s; a small part of the
@@ -37,7 +40,7 @@ use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
 use super::exact::{LANES, add_pulse};
-use super::{FormError, Formed, Task};
+use super::{FormError, Formed, Task, rounding, sweep};
 use crate::image::power;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
 use crate::signal::phase::widen;
@@ -125,16 +128,29 @@ pub(super) fn misses(predicted_db: f64, bound_db: Option<f64>) -> bool {
 pub(super) fn keep(
     task: &Task,
     asked: Asked,
+    follows_sweeps: bool,
     form: impl FnOnce(&Task) -> Result<Formed, FormError>,
 ) -> Result<Formed, FormError> {
     task.check()?;
+    let swept = match follows_sweeps {
+        true => 0.0,
+        false => sweep::residual(task.history.collection(), task.grid),
+    };
+    asked.check(20.0 * swept.log10(), || {
+        "the antennas move from sample to sample of a pulse, and this former takes all samples of one at one place: \
+         use --algorithm rdbp or bp"
+            .to_owned()
+    })?;
     let sampled = Sampled::new(task);
     let mut formed = form(&Task {
         history: &sampled,
         ..*task
     })?;
     check_finite(&formed, task)?;
-    let planned_db = formed.predicted_error_db;
+    let planned_db = match swept > 0.0 {
+        true => rounding::total_db(&[10f64.powf(formed.predicted_error_db / 20.0), swept]),
+        false => formed.predicted_error_db,
+    };
     let measured_db = sampled.error_db(&formed, planned_db);
     formed.expect(asked.bound_db, planned_db.max(measured_db));
     formed

@@ -28,6 +28,7 @@ pub mod rdbp;
 mod rounding;
 pub mod straight_track;
 pub mod strip;
+pub mod sweep;
 pub mod weights;
 
 use num_complex::Complex32;
@@ -72,7 +73,7 @@ impl Task<'_> {
         let is_number = |p: &Pulse| {
             let places = p.transmitter_m.is_finite() && p.receiver_m.is_finite();
             let numbers = [p.reference_path_m, p.start_hz, p.step_hz];
-            places && numbers.iter().all(|x| x.is_finite())
+            places && numbers.iter().all(|x| x.is_finite()) && p.sweep.is_finite()
         };
         match collection.pulses.iter().position(|p| !is_number(p)) {
             None => Ok(()),
@@ -224,6 +225,12 @@ pub trait ImageFormer: Sync {
     /// The bound that its images are to keep ([`accuracy`]), dB; `None` if it has none.
     fn bound_db(&self) -> Option<f64>;
 
+    /// Whether it takes each sample at its own moment, where antennas move while a pulse lasts. If not, what
+    /// that leaves ([`sweep::residual`]) is part of the planned error.
+    fn follows_sweeps(&self) -> bool {
+        false
+    }
+
     /// Forms the image of `task` with its planned error, once `asked` has agreed to that: what [`Self::form`]
     /// and [`Self::form_best`] call, which look after the rest of the contract.
     ///
@@ -257,6 +264,8 @@ pub trait ImageFormer: Sync {
             bound_db: self.bound_db(),
             misses,
         };
-        accuracy::keep(task, asked, |task| self.form_planned(task, &asked))
+        accuracy::keep(task, asked, self.follows_sweeps(), |task| {
+            self.form_planned(task, &asked)
+        })
     }
 }

@@ -43,18 +43,7 @@ impl SceneFrame {
     pub fn from_ecf_m(&self, position: DVec3) -> DVec3 {
         match *self {
             Self::Local => position,
-            Self::Earth {
-                origin_ecf_m,
-                x_axis_ecf,
-                y_axis_ecf,
-            } => {
-                let d = position - origin_ecf_m;
-                DVec3::new(
-                    d.dot(x_axis_ecf),
-                    d.dot(y_axis_ecf),
-                    d.dot(x_axis_ecf.cross(y_axis_ecf)),
-                )
-            }
+            Self::Earth { origin_ecf_m, .. } => self.direction_from_ecf(position - origin_ecf_m),
         }
     }
 
@@ -63,6 +52,22 @@ impl SceneFrame {
         match *self {
             Self::Local => position,
             Self::Earth { origin_ecf_m, .. } => origin_ecf_m + self.direction_to_ecf(position),
+        }
+    }
+
+    /// ECF direction to scene frame, without the origin; unchanged in a local frame.
+    pub fn direction_from_ecf(&self, direction: DVec3) -> DVec3 {
+        match *self {
+            Self::Local => direction,
+            Self::Earth {
+                x_axis_ecf,
+                y_axis_ecf,
+                ..
+            } => DVec3::new(
+                direction.dot(x_axis_ecf),
+                direction.dot(y_axis_ecf),
+                direction.dot(x_axis_ecf.cross(y_axis_ecf)),
+            ),
         }
     }
 

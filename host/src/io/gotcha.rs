@@ -34,7 +34,9 @@ use num_complex::Complex32;
 use super::input::Stamp;
 use super::matlab::{Array, Content, MatError, find_variable};
 use crate::geometry::SceneFrame;
-use crate::phase_history::{Collection, InputFile, Pulse, ReadError, Recorded, check_finite};
+use crate::phase_history::{
+    Collection, InputFile, Pulse, ReadError, Recorded, Sweep, check_finite,
+};
 
 /// Bands that start below are taken to be in another unit than hertz.
 pub const MIN_FREQUENCY_HZ: f64 = 1e6;
@@ -166,6 +168,7 @@ fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>
             reference_path_m: 2.0 * r0[n],
             start_hz,
             step_hz,
+            sweep: Sweep::AT_ONCE,
         }
     };
     let collection = Collection {

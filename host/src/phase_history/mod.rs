@@ -1,15 +1,17 @@
 //! Phase history: what every image former consumes and every reader delivers.
 //!
 //! A [`PhaseHistory`] is a [`Collection`] (geometry and frequencies of every pulse, held in memory,
-//! 104 bytes a pulse) and a way to read any run of pulses. Samples are read on demand, so a
+//! 240 bytes a pulse) and a way to read any run of pulses. Samples are read on demand, so a
 //! file larger than memory is no obstacle.
 //!
 //! Sample `k` of pulse `n` for a unit scatterer at `p` is
 //! `exp(-j 2 pi f (path_n(p) - reference_path_n) / c)` at `f = start_hz + k step_hz`
-//! (Schone 2020 (2.11), moved to the pulse's reference point).
+//! (Schone 2020 (2.11), moved to the pulse's reference point). Where samples are taken one after another, both paths
+//! are those of the sample's moment: [`Sweep`].
 
 mod aperture;
 mod recorded;
+mod sweep;
 mod track_error;
 
 use std::ops::Range;
@@ -24,9 +26,10 @@ use crate::quantity::bytes;
 
 pub use aperture::Aperture;
 pub use recorded::Recorded;
+pub use sweep::{PathTerms, Sweep};
 pub use track_error::TrackError;
 
-/// Geometry and frequency axis of one pulse. Positions in metres in the scene frame.
+/// Geometry and frequency axis of one pulse. Positions in metres in the scene frame, at the moment of sample `K/2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pulse {
     /// Time of the pulse, seconds from the collection's start.
@@ -44,10 +47,12 @@ pub struct Pulse {
     pub start_hz: f64,
     /// Frequency step from sample to sample; positive.
     pub step_hz: f64,
+    /// How the antennas move while the samples are taken.
+    pub sweep: Sweep,
 }
 
 impl Pulse {
-    /// Two-way path from transmitter to `point` to receiver, metres.
+    /// Two-way path from transmitter to `point` to receiver, metres, at the moment of sample `K/2`.
     pub fn path_m(&self, point: DVec3) -> f64 {
         (point - self.transmitter_m).length() + (point - self.receiver_m).length()
     }
@@ -120,6 +125,11 @@ impl Band {
 }
 
 impl Collection {
+    /// Whether antennas move from sample to sample of any pulse.
+    pub fn sweeps(&self) -> bool {
+        self.pulses.iter().any(|pulse| !pulse.sweep.is_at_once())
+    }
+
     /// The frequency axis if all pulses share it (to 1e-9 of the start frequency), else `None`.
     pub fn band(&self) -> Option<Band> {
         let first = self.pulses.first()?;

@@ -114,6 +114,7 @@ mod tests {
                 reference_path_m: 0.0,
                 start_hz: 1e10,
                 step_hz: 1e6,
+                sweep: crate::phase_history::Sweep::AT_ONCE,
             }
         };
         (0..101).map(pulse).collect()

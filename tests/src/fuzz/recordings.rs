@@ -13,7 +13,7 @@ use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::{Extent, ImageGrid, SceneFrame};
 use subaperture::io::cphd::{Channel, Cphd, CphdInfo, Domain, Sgn, WriteOptions, write};
 use subaperture::io::gotcha;
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded};
+use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep};
 use subaperture::signal::window::Window;
 use subaperture::survey::Survey;
 
@@ -83,6 +83,7 @@ fn scene(num_pulses: usize, num_samples: usize) -> Recorded {
             reference_path_m: 2.0 * antenna.length(),
             start_hz: 9.6e9,
             step_hz: 2e6,
+            sweep: Sweep::AT_ONCE,
         }
     };
     let collection = Collection {

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use num_complex::{Complex32, Complex64};
 use subaperture::focus::Weights;
 use subaperture::geometry::SceneFrame;
-use subaperture::phase_history::{Collection, Pulse, Recorded};
+use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep};
 
 use super::draw::Random;
 use super::{Case, LIGHT_M_S};
@@ -45,6 +45,7 @@ pub fn history(case: &Case) -> Recorded {
             reference_path_m: case.track.reference_path_m(n, count),
             start_hz: case.start_hz,
             step_hz: case.step_hz,
+            sweep: Sweep::AT_ONCE,
         }
     });
     let collection = Collection {

@@ -170,6 +170,7 @@ impl Polynomial {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::phase_history::Sweep;
 
     #[test]
     fn a_quintic_is_fitted_and_continued() {
@@ -185,6 +186,7 @@ mod tests {
             reference_path_m: 0.0,
             start_hz: 1e9,
             step_hz: 1e6,
+            sweep: Sweep::AT_ONCE,
         };
         let pulses: Vec<Pulse> = (0..150).map(pulse).collect();
         let fit = Polynomial::new(&pulses, DEGREE, |p| p.transmitter_m);

@@ -6,7 +6,7 @@
 //! turned by that phase; since terms from scatterers elsewhere have phases of their own, the image's
 //! relative RMS error is the RMS of the phase error over pulses. It is evaluated here with
 //! the track as recorded, so jitter and curvature count as they are, at the corners, the sides' middles and the centre of
-//! a patch, where it is largest; near antennas it may be elsewhere, so a patch that is not small against its distance from them is
+//! a patch, and where samples are taken one after another at three of them a pulse, at their own moments. There it is largest; near antennas it may be elsewhere, so a patch that is not small against its distance from them is
 //! looked at more closely. Sizes are chosen on a few sub-CPIs from start to end and patches in the grid's middle and
 //! corners; then every sub-CPI is measured on every patch, and one that errs by more is halved until it does not. The worst pixel,
 //! patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
@@ -52,6 +52,8 @@ pub struct Plan {
     pub patch: PatchSize,
     /// Taps of the kernel in each direction.
     pub taps: usize,
+    /// From sample to sample, in pulses, where samples are taken one after another in motion.
+    pub pulses_a_sample: Option<f64>,
     /// Predicted relative RMS error of the image, dB.
     pub predicted_db: f64,
 }
@@ -116,6 +118,9 @@ impl Plan {
             grid,
             band: &band,
             breaks: &breaks,
+            pulses_a_sample: collection
+                .sweeps()
+                .then(|| sub_cpi::pulses_a_sample(collection)),
             measure: Measure::Worst,
         };
         let target = 10f64.powf((request.error_db - MARGIN_DB) / 20.0);
@@ -178,6 +183,7 @@ impl Plan {
             sub_cpis,
             patch: best.patch,
             taps: best.taps,
+            pulses_a_sample: probe.pulses_a_sample,
             predicted_db: rounding::total_db(&[model_error, kernel_error, rounding]),
         })
     }
@@ -266,6 +272,8 @@ pub(crate) struct Probe<'a> {
     pub(crate) band: &'a Band,
     /// First pulses after a gap, across which no sub-CPI reaches.
     pub(crate) breaks: &'a [usize],
+    /// From sample to sample, in pulses, if samples are taken at their own moments; else all of a pulse at one.
+    pub(crate) pulses_a_sample: Option<f64>,
     /// What counts.
     pub(crate) measure: Measure,
 }
@@ -400,7 +408,24 @@ impl Probe<'_> {
             true => &CLOSE_PLACES,
             false => &PLACES,
         };
-        let to_centre_m: Vec<f64> = pulses.iter().map(|pulse| pulse.path_m(centre)).collect();
+        let count = self.band.count as f64;
+        // Samples after the middle one, and their weights.
+        let moments = match self.pulses_a_sample {
+            Some(_) => GAUSS.map(|(part, weight)| ((part - 0.5) * count, weight)),
+            None => [(0.0, 1.0), (0.0, 0.0), (0.0, 0.0)],
+        };
+        let moments = &moments[..if self.pulses_a_sample.is_some() { 3 } else { 1 }];
+        let pulses_a_sample = self.pulses_a_sample.unwrap_or(0.0);
+        let to_centre_m: Vec<[f64; 3]> = pulses
+            .iter()
+            .map(|pulse| {
+                let mut paths_m = [0.0; 3];
+                for (path_m, &(after, _)) in paths_m.iter_mut().zip(moments) {
+                    *path_m = pulse.path_after_m(centre, after);
+                }
+                paths_m
+            })
+            .collect();
         let mut widest = 0.0f64;
         let mut mean_square = |row: f64, column: f64| {
             let point = rectangle.point_m(self.grid, row, column);
@@ -408,9 +433,13 @@ impl Probe<'_> {
             widest = widest.max(b.abs());
             let squares = pulses.iter().zip(&to_centre_m).enumerate();
             let sum: f64 = squares
-                .map(|(m, (pulse, centre_m))| {
-                    let path_m = pulse.path_m(point) - centre_m;
-                    (path_m - a - b * (m as f64 - middle)).powi(2)
+                .map(|(m, (pulse, to_centre_m))| {
+                    let of_moment = |(&(after, weight), centre_m): (&(f64, f64), &f64)| {
+                        let path_m = pulse.path_after_m(point, after) - centre_m;
+                        let u = m as f64 - middle + pulses_a_sample * after;
+                        weight * (path_m - a - b * u).powi(2)
+                    };
+                    moments.iter().zip(to_centre_m).map(of_moment).sum::<f64>()
                 })
                 .sum();
             sum / pulses.len() as f64
@@ -440,7 +469,8 @@ impl Probe<'_> {
 
     /// Doppler bins of a patch's map, about.
     fn doppler_bins(&self, length: usize, taps: usize, doppler_span: f64) -> f64 {
-        let bins_per_cycle = super::bins_per_cycle(self.band, length);
+        let sweep_pulses = self.pulses_a_sample.unwrap_or(0.0).abs() * self.band.count as f64;
+        let bins_per_cycle = super::bins_per_cycle(self.band, length as f64 + sweep_pulses);
         (doppler_span * bins_per_cycle).ceil() + taps as f64 + 2.0
     }
 

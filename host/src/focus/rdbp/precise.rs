@@ -18,6 +18,11 @@
 //! Kaiser-Bessel kernel whose roll-off is divided out of the weights before the transforms. Doppler
 //! bins cover the patch's own band only. Range repeats with `c / step`, as the exact sum does.
 //!
+//! **Motion from sample to sample** ([`crate::phase_history::Sweep`]). Sample `k` is taken `kappa (k - K/2)` pulses after
+//! its pulse, so its slow time is `u_m + kappa (k - K/2)`: compensation takes the path at that moment, and the
+//! Doppler transform has a centre of its own at each frequency. Nothing else changes, and nothing is neglected but
+//! what of the path is no straight line in that time, as from pulse to pulse. Sub-CPIs last longer by a sweep.
+//!
 //! Neglected: the path's curvature across the patch (planned, [`super::plan`]) and the kernel's images.
 //!
 //! Cost for each patch and sub-CPI: `M K` complex multiplies to compensate, `2 K` transforms of
@@ -38,11 +43,12 @@ use super::plan::Plan;
 use super::sub_cpi::SubCpi;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::budget::Budget;
+use crate::focus::exact::add_pulse;
 use crate::focus::{FormError, Task};
 use crate::phase_history::Collection;
 use crate::signal::fast_length::fast_length;
 use crate::signal::kaiser_bessel::KaiserBessel;
-use crate::signal::phase::{narrow, phasor, phasor32, widen};
+use crate::signal::phase::{narrow, phasor, phasor32};
 use crate::signal::scaled_dft::{ScaledDft, Shape};
 
 /// Pulses held at once, at most: enough for threads to have work between reads.
@@ -200,7 +206,9 @@ impl<'a, const W: usize> Mapper<'a, W> {
         }
         let mut stages = BTreeMap::new();
         for (inputs, span) in spans {
-            let bins_per_cycle = super::bins_per_cycle(band, inputs);
+            let drift = plan.pulses_a_sample.unwrap_or(0.0);
+            let sweep_pulses = drift.abs() * band.count as f64;
+            let bins_per_cycle = super::bins_per_cycle(band, inputs as f64 + sweep_pulses);
             // A tenth and a bin more than was seen at the sampled points, and the kernel's reach.
             let reach = (span * 1.1 * bins_per_cycle).ceil() as usize + 1 + W / 2;
             let outputs = 2 * reach + 1;
@@ -213,12 +221,13 @@ impl<'a, const W: usize> Mapper<'a, W> {
             let shape = Shape {
                 inputs,
                 input_centre: (inputs as f64 - 1.0) / 2.0,
+                input_drift: drift,
                 outputs,
                 output_centre: reach as f64,
                 spacing: 1.0 / bins_per_cycle,
             };
             let weight = |k: usize, m: usize| {
-                let u = scales[k] * (m as f64 - shape.input_centre);
+                let u = scales[k] * (m as f64 - shape.centre_of(k, band.count));
                 1.0 / kernel.spectrum(u / bins_per_cycle)
             };
             let dft = ScaledDft::new(&scales, shape, weight);
@@ -319,6 +328,17 @@ impl<'a, const W: usize> Mapper<'a, W> {
             .enumerate()
         {
             let pulse = &self.collection.pulses[n];
+            if !pulse.sweep.is_at_once() {
+                let slow_weight = self.task.weights.slow[n] * self.norm;
+                let column = slow[m..].iter_mut().step_by(num_pulses);
+                for (k, ((out, z), w)) in column.zip(row).zip(&self.range_weights).enumerate() {
+                    let after = k as f64 - (num_samples / 2) as f64;
+                    let path_m = pulse.relative_path_after_m(centre, after);
+                    let turns = pulse.frequency_hz(k) * (path_m / SPEED_OF_LIGHT_M_S);
+                    *out = z * narrow(phasor(turns) * slow_weight) * w;
+                }
+                continue;
+            }
             let delay_s = pulse.relative_path_m(centre) / SPEED_OF_LIGHT_M_S;
             let mut turn =
                 phasor(pulse.start_hz * delay_s) * (self.task.weights.slow[n] * self.norm);
@@ -406,20 +426,21 @@ impl<'a, const W: usize> Mapper<'a, W> {
     /// A pixel whose Doppler lies outside the map, near the antennas between the places at which rates were looked
     /// at: the sum itself.
     fn sum(&self, sub_cpi: &SubCpi, samples: &[Complex32], point: DVec3) -> Complex32 {
-        let fast = &self.task.weights.fast;
-        let rows = samples.chunks_exact(fast.len());
-        let mut sum = Complex64::ZERO;
+        let weights = self.task.weights;
+        let mut sums = [Complex64::ZERO];
+        let rows = samples.chunks_exact(weights.fast.len());
         for (n, row) in sub_cpi.pulses.clone().zip(rows) {
             let pulse = &self.collection.pulses[n];
-            let delay_s = pulse.relative_path_m(point) / SPEED_OF_LIGHT_M_S;
-            let mut turn = phasor(pulse.start_hz * delay_s) * self.task.weights.slow[n];
-            let step = phasor(pulse.step_hz * delay_s);
-            for (&z, w) in row.iter().zip(fast) {
-                sum += widen(z) * turn * w;
-                turn *= step;
-            }
+            add_pulse(
+                pulse,
+                weights.slow[n],
+                &weights.fast,
+                row,
+                &[point],
+                &mut sums,
+            );
         }
-        narrow(sum * self.norm)
+        narrow(sums[0] * self.norm)
     }
 }
 

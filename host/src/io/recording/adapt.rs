@@ -10,7 +10,7 @@ use crate::SPEED_OF_LIGHT_M_S;
 use crate::description::error::Found;
 use crate::description::values::Values;
 use crate::geometry::Extent;
-use crate::phase_history::{Band, Collection, PhaseHistory, Pulse, Recorded};
+use crate::phase_history::{Band, Collection, PhaseHistory, Pulse, Recorded, Sweep};
 use crate::receive::{
     Compressed, Deskewed, EchoCollection, EchoPulse, Filter, Held, ProfileAxis, Profiles,
     ReceiveError, Referenced, Skew, remove_background,
@@ -103,7 +103,8 @@ pub(super) fn adapt(
             let echoes = header.echoes(waveform, middle_m);
             let held = InMotion {
                 held: Held::new(echoes, raw).map_err(received)?,
-                moves: if moves { header.point() } else { None },
+                moves,
+                point: header.point(),
                 pulses,
                 bias_path_m,
             };
@@ -190,6 +191,7 @@ impl Header<'_> {
                     reference_path_m: echo.reference_path_m,
                     start_hz: 0.0,
                     step_hz: 0.0,
+                    sweep: Sweep::AT_ONCE,
                 })
                 .collect(),
             frame: self.pulses.frame,

@@ -319,11 +319,26 @@ impl Echoes for Channel<'_> {
         }
     }
 
+    fn moves(&self) -> bool {
+        moving(self.experiment.radar.motion)
+    }
+
     fn reference_path_m(&self, pulse: usize, after_s: f64) -> f64 {
         let experiment = self.experiment;
+        let middle = &self.collection.pulses[pulse];
         match (experiment.radar.motion, experiment.reference) {
+            (Motion::StopAndGo, _) => middle.reference_path_m,
             (Motion::True, Reference::Point(_)) => self.measured(pulse, after_s).reference_path_m,
-            _ => self.collection.pulses[pulse].reference_path_m,
+            // The point at that range at the middle of the pulse: it stays where it is meanwhile.
+            (Motion::True, Reference::Range(_)) => {
+                let by_way_of = |antennas_m: [DVec3; 2]| -> f64 {
+                    let legs = antennas_m.map(|antenna_m| antenna_m.distance(middle.reference_m));
+                    legs.iter().sum()
+                };
+                let drift_m = by_way_of(self.measured(pulse, after_s).antennas_m)
+                    - by_way_of([middle.transmitter_m, middle.receiver_m]);
+                middle.reference_path_m + drift_m
+            }
         }
     }
 
