@@ -116,5 +116,5 @@ pub use conventions::{Domain, Polarization, Sgn, SignalFormat};
 pub use metadata::{ChannelInfo, CphdInfo, ReferenceSurface};
 pub use read::Cphd;
 pub use request::{Channel, WriteError, WriteOptions};
-pub use write::write;
+pub use write::{file_bytes, write};
 pub use xml::MetadataError;

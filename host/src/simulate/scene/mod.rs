@@ -18,6 +18,7 @@ use glam::{DQuat, DVec3};
 use num_complex::Complex64;
 
 pub use building::Building;
+pub(crate) use clutter::MOST_POINTS;
 pub use clutter::{Area, Clutter, Density};
 pub use picture::{Picture, Placement};
 
