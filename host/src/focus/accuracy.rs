@@ -41,6 +41,7 @@ use rayon::prelude::*;
 
 use super::exact::{LANES, add_pulse};
 use super::{FormError, Formed, Task, rounding, sweep};
+use crate::geometry::ImageGrid;
 use crate::image::power;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
 use crate::signal::phase::widen;
@@ -146,7 +147,7 @@ pub(super) fn keep(
         history: &sampled,
         ..*task
     })?;
-    check_finite(&formed, task)?;
+    check_finite(&formed, task.grid)?;
     let planned_db = match swept > 0.0 {
         true => rounding::total_db(&[10f64.powf(formed.predicted_error_db / 20.0), swept]),
         false => formed.predicted_error_db,
@@ -175,12 +176,13 @@ pub(super) fn keep_planned(
 ) -> Result<Formed, FormError> {
     task.check()?;
     let mut formed = form(task)?;
-    check_finite(&formed, task)?;
+    check_finite(&formed, task.grid)?;
     formed.expect(asked.bound_db, formed.predicted_error_db);
     Ok(formed)
 }
 
-fn check_finite(formed: &Formed, task: &Task) -> Result<(), FormError> {
+/// Refuses an image with a pixel that is NaN or infinite.
+pub(super) fn check_finite(formed: &Formed, grid: &ImageGrid) -> Result<(), FormError> {
     let finite = |z: &Complex32| z.re.is_finite() && z.im.is_finite();
     match formed.image.pixels.iter().position(|z| !finite(z)) {
         None => Ok(()),
@@ -189,7 +191,7 @@ fn check_finite(formed: &Formed, task: &Task) -> Result<(), FormError> {
             Err(FormError::NotFinite {
                 row,
                 column,
-                position_m: task.grid.position_m(row, column).to_array(),
+                position_m: grid.position_m(row, column).to_array(),
             })
         }
     }

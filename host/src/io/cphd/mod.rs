@@ -108,6 +108,7 @@ mod reference_geometry;
 mod request;
 mod signal;
 mod source;
+mod start;
 mod toa;
 mod write;
 mod xml;
