@@ -339,6 +339,10 @@ impl PhaseHistory for Sampled<'_> {
         self.task.history.held_bytes()
     }
 
+    fn start_ns(&self) -> Option<i64> {
+        self.task.history.start_ns()
+    }
+
     fn warnings(&self) -> Vec<String> {
         self.task.history.warnings()
     }
