@@ -484,7 +484,7 @@ fn parts_of_an_aperture_share_the_memory() {
     // While the second is opened, the first is held.
     let held = 3 * (240 + 17);
     let needed = 32 * hand.xml().len() as u64 + held;
-    assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * 104);
+    assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * 240);
     assert!(matches!(all(needed - 1), Err(ReadError::Memory { .. })));
 }
 
