@@ -160,8 +160,8 @@ fn polar_format_keeps_its_prediction() {
         println!(
             "{what}: {got:.1} dB, predicted {predicted:.1} dB, asked {asked_db} dB, {taps} taps"
         );
-        // The prediction is for the worst pixel of all; 4 dB is what a sample of pixels scatters.
-        assert!(got <= predicted + 4.0, "{what}: {got} {predicted}");
+        // The prediction is for the worst pixel of all.
+        assert!(got <= predicted + 3.0, "{what}: {got} {predicted}");
         if met {
             assert!(
                 got <= asked_db && predicted <= asked_db,

@@ -42,6 +42,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::{FormError, Formed, Task, rounding, sweep};
+use crate::geometry::ImageGrid;
 use crate::image::power;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
 
@@ -123,7 +124,7 @@ pub(super) fn keep(
         history: &metered,
         ..*task
     })?;
-    check_finite(&formed, task)?;
+    check_finite(&formed, task.grid)?;
     let planned_db = match swept > 0.0 {
         true => rounding::total_db(&[10f64.powf(formed.predicted_error_db / 20.0), swept]),
         false => formed.predicted_error_db,
@@ -155,7 +156,8 @@ pub(super) fn keep(
     Ok(formed)
 }
 
-fn check_finite(formed: &Formed, task: &Task) -> Result<(), FormError> {
+/// Refuses an image with a pixel that is NaN or infinite.
+pub(super) fn check_finite(formed: &Formed, grid: &ImageGrid) -> Result<(), FormError> {
     let finite = |z: &Complex32| z.re.is_finite() && z.im.is_finite();
     match formed.image.pixels.iter().position(|z| !finite(z)) {
         None => Ok(()),
@@ -164,7 +166,7 @@ fn check_finite(formed: &Formed, task: &Task) -> Result<(), FormError> {
             Err(FormError::NotFinite {
                 row,
                 column,
-                position_m: task.grid.position_m(row, column).to_array(),
+                position_m: grid.position_m(row, column).to_array(),
             })
         }
     }

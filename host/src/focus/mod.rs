@@ -8,8 +8,11 @@
 //!        / (sum_n w_slow[n]  sum_k w_fast[k])
 //! ```
 //!
-//! so that a unit scatterer on a pixel reads 1 whatever the window, and the formers differ only in
-//! speed and error. [`exact`] is the sum itself and the oracle of all others; [`accuracy`] says what error
+//! so that a unit scatterer on a pixel, seen alike by all pulses, reads 1 whatever the window, and the formers
+//! differ only in speed and error. One that an antenna's beam, spreading or a shadow lets pulse `n` see with amplitude
+//! `g_n` reads `sum_n w_slow[n] g_n / sum_n w_slow[n]`: insert its samples, whose phases the sum takes away. So in
+//! strip maps a point reads less the less of the track lights it; a recording does not tell `g_n`, so the
+//! sum cannot divide by it. [`exact`] is the sum itself and the oracle of all others; [`accuracy`] says what error
 //! means, and sees that it is predicted and that a bound asked for is kept.
 
 pub mod accuracy;
@@ -23,6 +26,7 @@ pub mod moving;
 pub mod omega_k;
 pub mod pfa;
 mod pixels;
+mod probes;
 pub mod rda;
 pub mod rdbp;
 mod rounding;

@@ -111,7 +111,8 @@ pub fn cphd_info(path: &Path) -> Result<Option<cphd::CphdInfo>, ReadError> {
     cphd::CphdInfo::read(path).map(Some)
 }
 
-/// Opens recordings and joins them, in the order given, into one aperture.
+/// Opens recordings and joins them into one aperture, its pulses in the order of [`Aperture`] whatever that of
+/// `paths`.
 ///
 /// # Errors
 /// As [`open`], and [`ReadError::Mismatch`] if there are none or they do not fit together.
@@ -123,17 +124,15 @@ pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Apertu
         left.memory_bytes = left.memory_bytes.saturating_sub(part.held_bytes());
         parts.push(part);
     }
-    // Several parts' pulses are listed once more, joined.
-    if let [_, .., last] = paths {
-        let pulses = parts.iter().map(|part| part.collection().pulses.as_slice());
-        let joined = pulses.map(size_of_val).sum::<usize>() as u64;
-        if joined > left.memory_bytes {
-            return Err(ReadError::Memory {
-                path: last.as_ref().to_owned(),
-                needed_bytes: joined,
-                allowed_bytes: left.memory_bytes,
-            });
-        }
+    let joining = Aperture::joining_bytes(&parts);
+    if let [.., last] = paths
+        && joining > left.memory_bytes
+    {
+        return Err(ReadError::Memory {
+            path: last.as_ref().to_owned(),
+            needed_bytes: joining,
+            allowed_bytes: left.memory_bytes,
+        });
     }
     Aperture::join(parts)
 }

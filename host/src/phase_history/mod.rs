@@ -10,6 +10,8 @@
 //! are those of the sample's moment: [`Sweep`].
 
 mod aperture;
+mod order;
+pub(crate) mod physical;
 mod recorded;
 mod sweep;
 mod track_error;
@@ -25,6 +27,7 @@ use crate::geometry::{Extent, SceneFrame};
 use crate::quantity::bytes;
 
 pub use aperture::Aperture;
+pub(crate) use order::ranks_by_angle;
 pub use recorded::Recorded;
 pub use sweep::{PathTerms, Sweep};
 pub use track_error::TrackError;
@@ -40,8 +43,9 @@ pub struct Pulse {
     pub receiver_m: DVec3,
     /// Point to which the phase is compensated (CPHD's SRP).
     pub reference_m: DVec3,
-    /// Two-way path length to which the phase is compensated. Usually
-    /// [`Pulse::path_m`] of `reference_m`; kept apart because recordings round it differently.
+    /// Two-way path length to which the phase is compensated. Usually [`Pulse::path_m`] of `reference_m`, computed of
+    /// the same stored positions, so that their rounding cancels in [`Self::relative_path_m`]; a path stored beside
+    /// them was rounded on its own, from pulse to pulse, which is noise of phase.
     pub reference_path_m: f64,
     /// Frequency of sample 0.
     pub start_hz: f64,
@@ -81,7 +85,8 @@ pub struct Collection {
     pub frame: SceneFrame,
     /// The part of the scene the collection is meant for, if it says so.
     pub extent: Option<Extent>,
-    /// Whether the recording tells times; if not, pulses are numbered as if a second apart.
+    /// Whether the recording tells times; if not, pulses are numbered as if a second apart. Pulses of several
+    /// recordings are in the order of time, or of angle where it tells none ([`Aperture`]).
     pub timed: bool,
 }
 
@@ -241,6 +246,11 @@ pub trait PhaseHistory: Sync + Send {
     /// Where transmitter and receiver truly were in every pulse, metres in the scene frame, if that is
     /// known: simulations know it, and [`Pulse`] holds what was measured.
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        None
+    }
+
+    /// When time zero was, nanoseconds since the beginning of 1970 (UTC), if the recording says.
+    fn start_ns(&self) -> Option<i64> {
         None
     }
 

@@ -57,8 +57,8 @@ pub(crate) struct Global {
     #[arg(long, global = true, value_name = "N", value_parser = threads, help_heading = "Global options")]
     pub(crate) threads: Option<usize>,
 
-    /// Memory that image, samples and scratch may take: bytes, or with K, M, G or T (powers of
-    /// 1024) [default: half of what the machine has]
+    /// Memory that the process may take, of which 16M and 1M a thread are the program's own: bytes, or with K,
+    /// M, G or T (powers of 1024); 24M and 1M a thread at the least [default: half of what the machine has]
     #[arg(long, global = true, value_name = "SIZE", value_parser = size, help_heading = "Global options")]
     pub(crate) memory: Option<u64>,
 
@@ -137,6 +137,10 @@ pub(crate) struct Writing {
     /// Replace files that subap did not write; never an input of the same run [default: only its own]
     #[arg(long)]
     pub(crate) force: bool,
+
+    /// Say what it will take (time, memory, disk), from a short measured part of the work, and do nothing
+    #[arg(long)]
+    pub(crate) dry_run: bool,
 }
 
 /// Recordings.

@@ -15,6 +15,7 @@ use super::metadata::{ChannelInfo, CphdInfo};
 use super::preamble::{Preamble, in_xml};
 use super::pvp::{Layout, Vector};
 use super::source::{CHUNK_BYTES, Source};
+use super::start;
 use super::toa::{Bins, Transform};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{
@@ -47,7 +48,9 @@ const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 ///   true positions of the antennas.
 /// - Where `aFRR2` is given, samples were taken one after another, at a rate of `2 / (c aFRR2)` hertz a second
 ///   ([`Sweep`]); velocities are `TxVel` and `RcvVel`, accelerations differences of these from vector to vector.
-/// - `reference_path_m` is the path by way of `SRPPos`; see the [module](super) for the atmosphere.
+/// - `reference_path_m` is the path by way of `SRPPos`, of the positions as stored: what they were rounded to (1e-9 m
+///   as float64 in ECF, more if they were float32 once) cancels in differences of paths. See the [module](super)
+///   for the atmosphere.
 pub struct Cphd {
     source: Source,
     info: CphdInfo,
@@ -275,6 +278,10 @@ impl PhaseHistory for Cphd {
         self.true_antennas.as_deref()
     }
 
+    fn start_ns(&self) -> Option<i64> {
+        start::nanoseconds(self.info.collection_start.as_deref()?)
+    }
+
     fn held_bytes(&self) -> u64 {
         self.held_bytes
     }
@@ -417,17 +424,15 @@ impl Vectors {
             step_hz,
             sweep: self.sweep(vector, step_hz),
         };
-        let last_hz = start_hz + self.stored_samples as f64 * step_hz;
-        if !(pulse.reference_path_m.is_finite()
-            && pulse.transmitter_m.is_finite()
-            && pulse.receiver_m.is_finite()
-            && pulse.reference_m.is_finite()
-            && last_hz.is_finite()
-            && self.is_sweep(&pulse.sweep))
-        {
+        let count = self.bins.map_or(self.stored_samples, |bins| bins.count);
+        if let Some(what) = pulse.fault(count) {
             return Err(format!(
-                "vector {index}: TxPos, RcvPos, SRPPos, SC0, SCSS, TxVel, RcvVel or aFRR2 is beyond all measure; \
-                 repair or drop it"
+                "vector {index}: {what} (TxTime, TxPos, RcvPos, SRPPos, SC0 or SCSS); repair or drop it"
+            ));
+        }
+        if !self.is_sweep(&pulse.sweep) {
+            return Err(format!(
+                "vector {index}: TxVel, RcvVel or aFRR2 is beyond all measure; repair or drop it"
             ));
         }
         self.pulses.push(pulse);

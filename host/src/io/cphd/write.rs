@@ -68,14 +68,7 @@ pub fn write(
     check_texts(channels, options)?;
     let entries = prepare(channels, options)?;
     let xml = describe::document(&entries, options);
-    let last = &entries[entries.len() - 1];
-    let sizes = Sizes {
-        xml: xml.len() as u64,
-        pvp: last.pvp_offset + last.prepared.pvp_bytes(),
-        signal: last.signal_offset + signal_bytes(&last.prepared)?,
-    };
-    let layout = header::lay_out(&sizes, &options.classification, &options.release_info)
-        .ok_or_else(too_large)?;
+    let (sizes, layout) = lay_out(&entries, &xml, options)?;
 
     let failed = |source| {
         WriteError::Write(atomic::WriteError::Io {
@@ -110,6 +103,32 @@ pub fn write(
         })?;
     }
     Ok(beside.commit()?)
+}
+
+/// Size of the file that [`write`] makes.
+///
+/// # Errors
+/// As [`write`], but for those of reading and writing.
+pub fn file_bytes(channels: &[Channel], options: &WriteOptions) -> Result<u64, WriteError> {
+    check_texts(channels, options)?;
+    let entries = prepare(channels, options)?;
+    let xml = describe::document(&entries, options);
+    Ok(lay_out(&entries, &xml, options)?.1.file_bytes)
+}
+
+fn lay_out(
+    entries: &[Entry],
+    xml: &str,
+    options: &WriteOptions,
+) -> Result<(Sizes, header::Layout), WriteError> {
+    let last = &entries[entries.len() - 1];
+    let sizes = Sizes {
+        xml: xml.len() as u64,
+        pvp: last.pvp_offset + last.prepared.pvp_bytes(),
+        signal: last.signal_offset + signal_bytes(&last.prepared)?,
+    };
+    let layout = header::lay_out(&sizes, &options.classification, &options.release_info);
+    Ok((sizes, layout.ok_or_else(too_large)?))
 }
 
 fn too_large() -> WriteError {

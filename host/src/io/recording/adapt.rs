@@ -135,7 +135,8 @@ struct Header<'a> {
 
 impl Header<'_> {
     /// Geometry of a pulse, with what ranges are recorded too long by in the reference path. Without a reference
-    /// given it is the middle of what the samples hold.
+    /// given it is the middle of what the samples hold. No range is stored: all are float64 of the description's
+    /// numbers and the antennas' positions, so nothing was rounded from pulse to pulse.
     fn echo(&self, pulse: &Chosen, middle_m: f64) -> EchoPulse {
         let [transmitter_m, receiver_m] = pulse.antennas_m;
         let path_to = |point: DVec3| transmitter_m.distance(point) + receiver_m.distance(point);
@@ -211,6 +212,11 @@ fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<Recorded, String
         .map_err(|error| error.to_string())?;
     for pulse in &mut collection.pulses {
         pulse.reference_path_m -= header.bias_path_m;
+    }
+    let num_samples = collection.num_samples;
+    let fault = |(n, pulse): (usize, &Pulse)| pulse.fault(num_samples).map(|what| (n, what));
+    if let Some((n, what)) = collection.pulses.iter().enumerate().find_map(fault) {
+        return Err(format!("pulse {n}: {what}"));
     }
     let channels = &header.pulses.antennas.channels;
     if channels

@@ -29,7 +29,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::SceneError;
-use super::clutter::MOST_POINTS;
+use super::clutter::{MOST_POINTS, check_points};
 use crate::geometry::Extent;
 use crate::io::npy;
 use crate::simulate::Scatterer;
@@ -132,6 +132,17 @@ impl Picture {
         seed: u64,
         index: u32,
     ) -> Result<Vec<Scatterer>, SceneError> {
+        self.points_within(placement, seed, index, MOST_POINTS)
+    }
+
+    /// [`Self::points`], at most so many of them.
+    pub(crate) fn points_within(
+        &self,
+        placement: &Placement,
+        seed: u64,
+        index: u32,
+        most: f64,
+    ) -> Result<Vec<Scatterer>, SceneError> {
         let Extent { x_m, y_m } = placement.extent;
         let (width, depth) = (x_m.1 - x_m.0, y_m.1 - y_m.0);
         let lengths = [width, depth, placement.spacing_m];
@@ -150,6 +161,7 @@ impl Picture {
                 "a picture of {across} x {along} points; {MOST_POINTS} are possible: give a wider spacing"
             )));
         }
+        check_points("a picture", across * along, most)?;
         let (dx, dy) = (width / across, depth / along);
         let white_m2 = 10f64.powf(placement.white_sigma0_db / 10.0) * dx * dy;
         let mut random = ChaCha8Rng::seed_from_u64(seed);

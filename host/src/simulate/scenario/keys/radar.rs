@@ -117,7 +117,8 @@ pub(crate) static RADAR: Section = Section {
             "spreading",
             Kind::Flag,
             Need::Default("false"),
-            "Whether echoes weaken with range, (R0 / R)^2 in amplitude, R0 the reference's range.",
+            "Whether echoes weaken with range, (R0 / R)^2 in amplitude, R0 the reference's range in the \
+             middle pulse, number P/2 of P from 0.",
         ),
     ],
 };
