@@ -499,7 +499,7 @@ fn parts_of_an_aperture_share_the_memory() {
     let held = 3 * (240 + 17);
     let needed = 32 * hand.xml().len() as u64 + held;
     // Their times are the same, so pulses take turns: a run of 24 bytes each.
-    assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * (104 + 24));
+    assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * (240 + 24));
     assert!(matches!(all(needed - 1), Err(ReadError::Memory { .. })));
 }
 

@@ -14,9 +14,11 @@ macro_rules! program {
             ($crate::subaperture_tests::fuzz::target($name).read)(bytes);
         });
 
-        fuzz_mutator!(|bytes: &mut [u8], size: usize, max_size: usize, seed: u32| {
-            $crate::mutated($name, bytes, size, max_size, seed)
-        });
+        fuzz_mutator!(
+            |bytes: &mut [u8], size: usize, max_size: usize, seed: u32| {
+                $crate::mutated($name, bytes, size, max_size, seed)
+            }
+        );
     };
 }
 
@@ -24,14 +26,14 @@ macro_rules! program {
 /// checksums right again; the new size.
 pub fn mutated(name: &str, bytes: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
     let target = subaperture_tests::fuzz::target(name);
-    let mut input = if seed % 3 == 0 {
+    let mut input = if seed.is_multiple_of(3) {
         let mut mutator = subaperture_tests::fuzz::Mutator::new(seed.into());
         mutator.make(target, &[bytes[..size].to_vec()])
     } else {
         let size = libfuzzer_sys::fuzzer_mutate(bytes, size, max_size);
         bytes[..size].to_vec()
     };
-    if seed % 4 != 0 {
+    if !seed.is_multiple_of(4) {
         (target.repair)(&mut input);
     }
     input.truncate(max_size);
