@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use subaperture::crosscheck::crosscheck;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
+use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::rdbp::{Mode, RangeDoppler};
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::ImageGrid;
@@ -91,6 +92,47 @@ fn error_on_a_thousand_pixels_and_the_brightest_point() {
         );
         let expected = DVec3::new(-15.6, 21.6, 0.0);
         assert!(at.distance(expected) <= 0.2, "{}: {at}", former.name());
+    }
+}
+
+/// A vertical plane, on which paths change quickly from row to row; decimated pulses beyond the aperture's ends once cost
+/// 23 dB more than predicted there.
+#[test]
+fn factorised_backprojection_keeps_its_bound_on_a_wall() {
+    let Some(history) = gotcha() else { return };
+    let text = "x=-15:15:0.15,y=-10:10:0.15,z=0,cx=-15.6,cy=21.6,roll=90";
+    let grid: ImageGrid = text.parse().unwrap();
+    let weights = Weights::new(history.collection(), Window::None, Window::None);
+    let task = Task {
+        history: &history,
+        grid: &grid,
+        weights: &weights,
+        memory_bytes: 1 << 30,
+        monitor: &Silent,
+    };
+    // Every 17th pixel, prime to the rows' length.
+    let chosen: Vec<usize> = (0..grid.num_pixels() as usize).step_by(17).collect();
+    let points: Vec<DVec3> = chosen
+        .iter()
+        .map(|i| grid.position_m(i / grid.columns.count, i % grid.columns.count))
+        .collect();
+    let exact = Exact::at_points(&history, &weights, &points, 1 << 30, &Silent).unwrap();
+    let power: f64 = exact.iter().map(|z| z.norm_sqr()).sum();
+    for bound_db in [-45.0, -60.0] {
+        let former = FastFactorised { error_db: bound_db };
+        let formed = former.form(&task).unwrap();
+        let error: f64 = chosen
+            .iter()
+            .zip(&exact)
+            .map(|(&i, e)| {
+                let z = formed.image.pixels[i];
+                (f64::from(z.re) - e.re).powi(2) + (f64::from(z.im) - e.im).powi(2)
+            })
+            .sum();
+        let error_db = 10.0 * (error / power).log10();
+        let predicted_db = formed.predicted_error_db;
+        println!("wall: {error_db:.1} dB, predicted {predicted_db:.1} dB, bound {bound_db} dB");
+        assert!(error_db <= bound_db && error_db <= predicted_db + 3.0);
     }
 }
 

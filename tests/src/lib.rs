@@ -12,6 +12,7 @@ pub mod maps;
 pub mod matlab;
 pub mod module;
 pub mod module_report;
+pub mod random_case;
 pub mod stream_scene;
 pub mod subap;
 pub mod tiny_disk;

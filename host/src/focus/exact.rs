@@ -33,7 +33,7 @@ use crate::signal::phase::{narrow, phasor, widen};
 pub struct Exact;
 
 /// Pixels summed side by side: enough to hide the latency of Horner's chain.
-const LANES: usize = 16;
+pub(super) const LANES: usize = 16;
 
 impl ImageFormer for Exact {
     fn name(&self) -> &'static str {
@@ -57,7 +57,8 @@ impl ImageFormer for Exact {
             .collect();
         let sums = sum_at(task.history, task.weights, &points, budget, task.monitor)?;
         let pixels = sums.into_iter().map(narrow).collect();
-        let planned_db = rounding::total_db(&[rounding::FLOAT32, rounding::path_phase_rad(task)]);
+        let planned_db =
+            rounding::total_db(&[rounding::LARGEST_FLOAT32, rounding::path_phase_rad(task)]);
         Ok(Formed::new(task, pixels, planned_db, serde_json::json!({})))
     }
 }
@@ -128,8 +129,8 @@ fn sum_at(
     Ok(sums)
 }
 
-/// Adds one pulse to at most `LANES` pixels.
-fn add_pulse(
+/// Adds one pulse to at most [`LANES`] pixels.
+pub(super) fn add_pulse(
     pulse: &Pulse,
     slow: f64,
     fast: &[f64],

@@ -48,10 +48,9 @@ pub use weights::Weights;
 
 /// What a former plans below the error bound it is given, dB.
 ///
-/// What a grid holds decides how a plan's error shows in its image ([`accuracy`]): up to 3 dB more where the
-/// image is as weak as noise. Measured on a sample of pixels it scatters besides, for a few bright reflectors can
-/// hold most of the image's power: by 3 dB either way on random thousands of pixels of the GOTCHA scene. This
-/// margin keeps nearly all of it within the bound.
+/// What a grid holds decides how a plan's error shows in its image ([`accuracy`]). Measured on a sample of pixels
+/// it scatters besides, for a few bright reflectors can hold most of the image's power: by 3 dB either way on
+/// random thousands of pixels of the GOTCHA scene. This margin keeps nearly all of it within the bound.
 pub const MARGIN_DB: f64 = 4.0;
 
 /// One image to form.

@@ -36,7 +36,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::bp::backproject;
-use super::{Asked, FormError, Formed, ImageFormer, Task};
+use super::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, Pulse, ReadError};
 use crate::support::{self, Projection, path_gradient};
@@ -126,6 +126,14 @@ impl ImageFormer for VelocityPlane {
 
     fn follows_sweeps(&self) -> bool {
         true
+    }
+
+    fn form_asked(&self, task: &Task, misses: Misses) -> Result<Formed, FormError> {
+        let asked = Asked {
+            bound_db: self.bound_db(),
+            misses,
+        };
+        accuracy::keep_planned(task, asked, |task| self.form_planned(task, &asked))
     }
 
     fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {

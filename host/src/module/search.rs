@@ -8,7 +8,7 @@ use super::reach::Reach;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::maps::kernels::Kernels;
 use crate::focus::rdbp::patch::{Rectangle, rectangles};
-use crate::focus::rdbp::plan::{Probe, lengths, patch_sizes};
+use crate::focus::rdbp::plan::{Measure, Probe, lengths, patch_sizes};
 use crate::focus::rdbp::{PatchSize, SubCpi, sub_cpi};
 use crate::focus::sweep;
 use crate::geometry::ImageGrid;
@@ -84,6 +84,7 @@ impl Search<'_> {
             breaks: &[],
             // The core takes all samples of a pulse at one place: see `swept`.
             pulses_a_sample: None,
+            measure: Measure::Mean,
         };
         let num_pulses = self.collection.pulses.len();
         let patches = patch_sizes(self.grid);
@@ -226,6 +227,7 @@ impl Search<'_> {
             breaks: &[],
             // The core takes all samples of a pulse at one place: see `swept`.
             pulses_a_sample: None,
+            measure: Measure::Mean,
         };
         let model_error = sub_cpis
             .iter()

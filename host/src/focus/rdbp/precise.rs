@@ -31,9 +31,10 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use num_complex::Complex32;
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
 
@@ -42,6 +43,7 @@ use super::plan::Plan;
 use super::sub_cpi::SubCpi;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::budget::Budget;
+use crate::focus::exact::add_pulse;
 use crate::focus::{FormError, Task};
 use crate::phase_history::Collection;
 use crate::signal::fast_length::fast_length;
@@ -112,7 +114,6 @@ fn add_blocks<const W: usize>(
     let num_samples = plan.band.count;
     let block = samples.len() / (plan.sub_cpi_length * num_samples);
     let num_blocks = plan.sub_cpis.len().div_ceil(block);
-    let outside = AtomicBool::new(false);
     for (index, sub_cpis) in plan.sub_cpis.chunks(block).enumerate() {
         let pulses = sub_cpis[0].pulses.start..sub_cpis[sub_cpis.len() - 1].pulses.end;
         let samples = &mut samples[..pulses.len() * num_samples];
@@ -128,9 +129,7 @@ fn add_blocks<const W: usize>(
                     }
                     let first = (sub_cpi.pulses.start - pulses.start) * num_samples;
                     let rows = &samples[first..first + sub_cpi.num_pulses() * num_samples];
-                    if !mapper.add(sub_cpi, rows, rectangle, &mut patch, scratch) {
-                        outside.store(true, Ordering::Relaxed);
-                    }
+                    mapper.add(sub_cpi, rows, rectangle, &mut patch, scratch);
                 }
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 let part = done as f64 / rectangles.len() as f64;
@@ -141,12 +140,6 @@ fn add_blocks<const W: usize>(
         if task.monitor.cancelled() {
             return Err(FormError::Cancelled);
         }
-    }
-    if outside.into_inner() {
-        return Err(FormError::Unsuited(
-            "the Doppler of a pixel lies outside its patch's map: give a smaller --patch"
-                .to_owned(),
-        ));
     }
     Ok(())
 }
@@ -301,8 +294,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         Scratch { slow, map, fft }
     }
 
-    /// Adds one sub-CPI, `samples` pulse by pulse, to one patch. False if a pixel's Doppler lies
-    /// outside the map.
+    /// Adds one sub-CPI, `samples` pulse by pulse, to one patch.
     fn add(
         &self,
         sub_cpi: &SubCpi,
@@ -310,11 +302,11 @@ impl<'a, const W: usize> Mapper<'a, W> {
         rectangle: &Rectangle,
         patch: &mut [&mut [Complex32]],
         scratch: &mut Scratch,
-    ) -> bool {
+    ) {
         let stage = &self.stages[&sub_cpi.num_pulses()];
         self.compensate(sub_cpi, samples, rectangle, &mut scratch.slow);
         self.map(stage, sub_cpi.num_pulses(), scratch);
-        self.read(stage, sub_cpi, rectangle, &scratch.map, patch)
+        self.read(stage, sub_cpi, samples, rectangle, &scratch.map, patch);
     }
 
     /// Phase of every sample referred to the patch's centre; windows applied; transposed to
@@ -387,16 +379,16 @@ impl<'a, const W: usize> Mapper<'a, W> {
         &self,
         stage: &DopplerStage,
         sub_cpi: &SubCpi,
+        samples: &[Complex32],
         rectangle: &Rectangle,
         map: &[Complex32],
         patch: &mut [&mut [Complex32]],
-    ) -> bool {
+    ) {
         let grid = self.task.grid;
         let datum = sub_cpi.datum(rectangle.centre_m(grid));
         let length = self.range_fft.len();
         let row_length = self.row_length();
         let last_bin = stage.dft.shape().outputs - W;
-        let mut inside = true;
         for (row, pixels) in patch.iter_mut().enumerate() {
             for (column, pixel) in pixels.iter_mut().enumerate() {
                 let point = grid.position_m(rectangle.row + row, rectangle.column + column);
@@ -406,7 +398,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
                 let whole = doppler.floor();
                 let first_bin = whole - (W / 2 - 1) as f64;
                 if !(first_bin >= 0.0 && first_bin <= last_bin as f64) {
-                    inside = false;
+                    *pixel += self.sum(sub_cpi, samples, point);
                     continue;
                 }
                 let doppler_weights = self.kernel.weights::<W>((doppler - whole) as f32);
@@ -429,7 +421,26 @@ impl<'a, const W: usize> Mapper<'a, W> {
                 *pixel += sum * phasor32(path_m * self.centre_cycles_m);
             }
         }
-        inside
+    }
+
+    /// A pixel whose Doppler lies outside the map, near the antennas between the places at which rates were looked
+    /// at: the sum itself.
+    fn sum(&self, sub_cpi: &SubCpi, samples: &[Complex32], point: DVec3) -> Complex32 {
+        let weights = self.task.weights;
+        let mut sums = [Complex64::ZERO];
+        let rows = samples.chunks_exact(weights.fast.len());
+        for (n, row) in sub_cpi.pulses.clone().zip(rows) {
+            let pulse = &self.collection.pulses[n];
+            add_pulse(
+                pulse,
+                weights.slow[n],
+                &weights.fast,
+                row,
+                &[point],
+                &mut sums,
+            );
+        }
+        narrow(sums[0] * self.norm)
     }
 }
 
