@@ -39,7 +39,7 @@
 //! | rail of 1.6 m, 1.1 to 1.3 GHz, 6.5 to 11.5 m off | -84 |
 //!
 //! The ends of the band of directions make most of it: pixels at the grid's edge seen from the aperture's
-//! ends. Points lie where they are to 1e-5 of the resolution; widths agree with `exact`'s to 2e-5 and
+//! ends. A scatterer alone in the nearest corner of Table 4.1's grid errs by -58 dB, which is what is predicted. Points lie where they are to 1e-5 of the resolution; widths agree with `exact`'s to 2e-5 and
 //! side lobes to 0.002 dB.
 
 use std::f64::consts::TAU;
