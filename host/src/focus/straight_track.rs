@@ -11,8 +11,8 @@
 //! What the recorded track does otherwise (sway, uneven speed, antennas apart) is taken out to first
 //! order: each pulse is moved to the line by the difference of paths to one reference point,
 //! `path_n(q) - 2 |q - antenna_n|`. That is exact for the point. What is left elsewhere is
-//! [`StraightTrack::residual_m`], measured on points of the scene for every pulse; formers
-//! refuse when it would break the error bound ([`StraightTrack::check`]).
+//! [`StraightTrack::residual_m`], measured on points of the scene for every pulse, and part of what formers predict
+//! ([`super::strip`]); who plans asks [`StraightTrack::check`] whether it keeps a bound.
 
 use std::f64::consts::PI;
 
@@ -124,7 +124,7 @@ impl StraightTrack {
             return Err(FormError::Unsuited(format!(
                 "the track is not straight and even: {residual_m:.2e} m RMS of range are left after \
                  motion compensation to a line, an error of {:.0} dB, and an error of {error_db} dB \
-                 allows {allowed_m:.2e} m: use --algorithm bp or rdbp, or allow a larger --error-db",
+                 allows {allowed_m:.2e} m: use --algorithm bp or rdbp",
                 error_db + 20.0 * (residual_m / allowed_m).log10()
             )));
         }

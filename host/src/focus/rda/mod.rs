@@ -23,13 +23,12 @@
 //! the band's ends, which grows with the square of squint and bandwidth. With it `r - r_ref` stands for
 //! `r`.
 //!
-//! **Neglected**: just that, `(r - r_ref)` times those terms. Its RMS over band, directions and both ends
-//! of the swath is `predicted_error_db` among the settings; it is not a reason to refuse. All else is
-//! common with [`super::omega_k`], and as exact: amplitudes, the aperture's ends, interpolation (-107
-//! dB).
+//! **Neglected**: just that, `(r - r_ref)` times those terms. It is in the prediction ([`super::strip`]), at
+//! the swath's ends and between. All else is common with [`super::omega_k`], and as exact: amplitudes, the
+//! aperture's ends, interpolation (-107 dB).
 //!
-//! **Assumes** a straight, even track ([`super::straight_track`], checked to `error_db`), one band for
-//! all pulses, and a band so narrow that all directions propagate at `kappa_c`.
+//! **Assumes** a straight, even track ([`super::straight_track`]), one band for all pulses, and a band so narrow that
+//! all directions propagate at `kappa_c`.
 //!
 //! Cost beyond what is shared: `Q` transforms of `2 K`, 6 multiply-adds and a phasor for each of `Q R`
 //! range bins.
@@ -49,13 +48,13 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 use serde_json::json;
 
 use super::rdbp::shared_band;
 use super::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
-use super::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy};
+use super::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy, rounding};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::ImageGrid;
 use crate::phase_history::{Band, Collection};
@@ -66,8 +65,7 @@ use crate::signal::phase::phasor32;
 /// The range-Doppler algorithm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RangeDopplerAlgorithm {
-    /// Bound on the relative RMS error that the track's deviations from a straight line may make, dB
-    /// (negative).
+    /// Bound on the relative RMS error of the image, dB (negative).
     pub error_db: f64,
     /// Whether to compress the second time.
     pub secondary_compression: bool,
@@ -129,12 +127,14 @@ impl RangeDopplerAlgorithm {
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
         let method = self.expansion(task.history.collection())?;
-        let strip = Strip::new(task, &method, self.error_db)?;
-        let planned_db = method.predicted_error_db(strip.axes(), &task.weights.fast);
+        let strip = Strip::new(task, &method)?;
+        let prediction = strip.prediction();
+        let planned_db = prediction.total_db(&[rounding::path_phase_rad(task)]);
         asked.check(planned_db, || {
-            "range cell migration is corrected to the first order in frequency only: use a smaller --grid, or \
-             --algorithm omega-k"
-                .to_owned()
+            prediction.limit(
+                "range cell migration is corrected to the first order in frequency only: use --algorithm omega-k, or \
+                 a smaller --grid",
+            )
         })?;
         let settings = json!({
             "secondary_range_compression": self.secondary_compression,
@@ -165,38 +165,20 @@ impl Expansion {
     fn higher_terms(&self, kappa: f64, kx: f64) -> f64 {
         (kappa * kappa - kx * kx).sqrt() - self.range_wavenumber(kappa, kx)
     }
-
-    /// RMS of the phase that is neglected, at the worse end of the swath, dB.
-    fn predicted_error_db(&self, axes: &Axes, window: &[f64]) -> f64 {
-        const DIRECTIONS: usize = 33;
-        let compressed_m = if self.secondary_compression {
-            axes.reference_range_m()
-        } else {
-            0.0
-        };
-        let [first, last] = axes.needed_sines();
-        let worst = axes.range_m.into_iter().map(|range_m| {
-            let (mut sum, mut weights) = (0.0, 0.0);
-            for i in 0..DIRECTIONS {
-                let t = i as f64 / (DIRECTIONS - 1) as f64;
-                for (&kappa, weight) in axes.wavenumbers.iter().zip(window) {
-                    let kx = kappa * (first + (last - first) * t);
-                    let phase_rad = (range_m - compressed_m) * self.higher_terms(kappa, kx);
-                    sum += weight * (Complex64::cis(phase_rad) - 1.0).norm_sqr();
-                    weights += weight;
-                }
-            }
-            sum / weights
-        });
-        // Nothing neglected is -200 dB.
-        10.0 * worst.fold(1e-20, f64::max).log10()
-    }
 }
 
 impl RangeMethod for Expansion {
     fn range_wavenumber(&self, kappa: f64, kx: f64) -> f64 {
         let cosine = self.cosine(kx);
         self.centre * cosine + (kappa - self.centre) / cosine
+    }
+
+    fn phase_rad(&self, kappa: f64, kx: f64, range_m: f64, reference_m: f64) -> f64 {
+        let compressed_rad = match self.secondary_compression {
+            true => reference_m * self.higher_terms(kappa, kx),
+            false => 0.0,
+        };
+        range_m * self.range_wavenumber(kappa, kx) + compressed_rad
     }
 
     fn stage(&self, axes: &Axes) -> Box<dyn RangeStage> {

@@ -50,6 +50,8 @@ pub(in crate::focus) struct Axes {
     pub(in crate::focus) wavenumbers: Vec<f64>,
     /// Closest ranges of all pixels, least and most, metres.
     pub(in crate::focus) range_m: [f64; 2],
+    /// Pixels' places along the track from the pulses', least and most, metres.
+    pub(super) reach_m: [f64; 2],
     /// Directions covered.
     pub(super) taper: Taper,
     /// Length of the slow-time transform, pulses.
@@ -149,6 +151,7 @@ impl Axes {
             range: range_axis(method, [least, most], ends, range_m)?,
             wavenumbers,
             range_m,
+            reach_m,
             taper,
             period,
             along_wavenumber_step,

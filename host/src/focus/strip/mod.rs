@@ -34,11 +34,16 @@
 //! r)` with a Kaiser-Bessel kernel of 6 taps whose roll-off is divided out of the spectrum: -107 dB in
 //! each axis. Any grid will do: a pixel is its `(x, r)`, in the ground or slant plane alike.
 //!
+//! **Prediction** (`prediction`), before anything heavy: the formula that the stages come to is evaluated for pulses,
+//! frequencies and pixels all over the grid and compared with the exact one, once for what the recorded track leaves and
+//! once for the line, its ends, repetitions and the method's expansion.
+//!
 //! Cost, with `N` pulses, `K` frequencies, `L` padded pulses, `Q` wavenumbers `kx`, `R` ranges: `K`
 //! transforms of `L`, `R` of `2 Q`, about 40 operations a pixel, and the method's. Memory: `8 K (N + Q)`,
 //! then `8 Q (K + R)` bytes, then `8 R (Q + X)` with `X` columns, whichever is the most, and the image.
 
 mod axes;
+mod prediction;
 mod read_out;
 mod spectrum;
 mod stage;
@@ -49,6 +54,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::budget::Budget;
+use super::probes::probes;
 use super::rdbp::shared_band;
 use super::straight_track::StraightTrack;
 use super::{FormError, Formed, Task};
@@ -59,6 +65,7 @@ use crate::signal::kaiser_bessel::KaiserBessel;
 use crate::signal::phase::narrow;
 
 pub(super) use axes::{Axes, ImageAxis, TAPS};
+pub(super) use prediction::Prediction;
 pub use stage::{Stage, StageKind};
 
 /// How large the arrays of a frequency-domain former are.
@@ -86,7 +93,13 @@ pub(super) fn sizes(
     method: &dyn RangeMethod,
     error_db: f64,
 ) -> Result<Sizes, FormError> {
-    let Fitted { axes, .. } = Fitted::new(collection, grid, method, error_db)?;
+    let Fitted {
+        track,
+        reference,
+        axes,
+    } = Fitted::new(collection, grid, method)?;
+    let centre_hz = shared_band(collection)?.centre_hz();
+    track.check(collection, &probes(grid), reference, centre_hz, error_db)?;
     Ok(Sizes {
         padded_pulses: axes.period,
         along_wavenumbers: axes.num_bins,
@@ -101,6 +114,10 @@ pub(super) trait RangeMethod: Sync {
     /// The wavenumber over range that a sample at `kappa`, `kx` (rad/m) is given; not finite where the
     /// method has none.
     fn range_wavenumber(&self, kappa: f64, kx: f64) -> f64;
+
+    /// Phase that a sample at `kappa`, `kx` ends up with at a range, all turns on the way together, with
+    /// `reference_m` the middle of the swath; `range_m kr` if the method is exact. Radians.
+    fn phase_rad(&self, kappa: f64, kx: f64, range_m: f64, reference_m: f64) -> f64;
 
     /// Prepares for these axes.
     fn stage(&self, axes: &Axes) -> Box<dyn RangeStage>;
@@ -133,7 +150,6 @@ struct Fitted {
     track: StraightTrack,
     /// The point for which motion compensation is exact.
     reference: glam::DVec3,
-    residual_m: f64,
     axes: Axes,
 }
 
@@ -142,22 +158,15 @@ impl Fitted {
         collection: &Collection,
         grid: &ImageGrid,
         method: &dyn RangeMethod,
-        error_db: f64,
     ) -> Result<Self, FormError> {
         let band = shared_band(collection)?;
         let track = StraightTrack::fit(collection)?;
         let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
         let reference = grid.position_m(rows / 2, columns / 2);
-        let points: Vec<glam::DVec3> = [0, rows / 2, rows]
-            .iter()
-            .flat_map(|&row| [0, columns / 2, columns].map(|c| grid.position_m(row, c)))
-            .collect();
-        let residual_m = track.check(collection, &points, reference, band.centre_hz(), error_db)?;
         let axes = Axes::new(&track, &band, grid, method)?;
         Ok(Self {
             track,
             reference,
-            residual_m,
             axes,
         })
     }
@@ -169,43 +178,42 @@ pub(super) struct Strip<'a> {
     track: StraightTrack,
     /// The point for which motion compensation is exact.
     reference: glam::DVec3,
-    residual_m: f64,
     axes: Axes,
+    prediction: Prediction,
 }
 
 impl<'a> Strip<'a> {
     /// Checks that `task` suits, and lays out axes for `method`.
     ///
     /// # Errors
-    /// [`FormError::Memory`] if the image is too large, [`FormError::Unsuited`] if there is nothing to do, the band changes, the track is not straight to
-    /// `error_db`, or pixels lie too near.
-    pub(super) fn new(
-        task: &'a Task<'a>,
-        method: &dyn RangeMethod,
-        error_db: f64,
-    ) -> Result<Self, FormError> {
+    /// [`FormError::Memory`] if the image is too large, [`FormError::Unsuited`] if the pulses stand still, the band changes,
+    /// or pixels lie too near.
+    pub(super) fn new(task: &'a Task<'a>, method: &dyn RangeMethod) -> Result<Self, FormError> {
         // Before every pixel is looked at: there may be far too many.
         Budget::for_task(task, 8)?;
-        let fitted = Fitted::new(task.history.collection(), task.grid, method, error_db)?;
+        let collection = task.history.collection();
+        let fitted = Fitted::new(collection, task.grid, method)?;
+        let prediction = prediction::predict(
+            collection,
+            task.weights,
+            task.grid,
+            &fitted.track,
+            fitted.reference,
+            &fitted.axes,
+            method,
+        );
         Ok(Self {
             task,
             track: fitted.track,
             reference: fitted.reference,
-            residual_m: fitted.residual_m,
             axes: fitted.axes,
+            prediction,
         })
     }
 
-    /// The axes laid out.
-    pub(super) fn axes(&self) -> &Axes {
-        &self.axes
-    }
-
-    /// RMS phase that motion compensation leaves, dB.
-    pub(super) fn residual_db(&self) -> f64 {
-        let wavenumbers = &self.axes.wavenumbers;
-        let centre = wavenumbers[wavenumbers.len() / 2];
-        20.0 * (centre * self.residual_m).max(1e-5).log10()
+    /// The error to expect.
+    pub(super) fn prediction(&self) -> &Prediction {
+        &self.prediction
     }
 
     /// Forms the image, planned to err by `planned_db`; `settings` are the method's own, a JSON object.
@@ -252,7 +260,8 @@ impl<'a> Strip<'a> {
         let pixels = read_out::pixels(self, &image)?;
 
         let mut all = json!({
-            "track_residual_m": self.residual_m,
+            "track_error_db": 20.0 * self.prediction.track.max(1e-15).log10(),
+            "line_error_db": 20.0 * self.prediction.line.max(1e-15).log10(),
             "padded_pulses": axes.period,
             "along_track_wavenumbers": axes.num_bins,
             "range_bins": axes.range.count,
