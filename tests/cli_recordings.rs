@@ -163,7 +163,7 @@ fn messages_say_what_is_meant() {
         run(at, line).failed(1, &["scene.toml:3:", "If it is a scenario, simulate it"]);
     }
     run(at, "simulate raw/recording.toml -o a.cphd")
-        .failed(1, &["recording.toml:3:", "subap focus"]);
+        .failed(1, &["recording.toml:4:", "subap focus"]);
     assert!(!at.join("a.cphd").exists() && !at.join("d").exists());
 }
 
