@@ -127,10 +127,6 @@ fn a_dark_grid_is_told_from_a_bright_one() {
     for former in formers {
         let bright = form(former, &history, bright, Misses::Refused).unwrap();
         assert!(!bright.bound_missed);
-        let error = form(former, &history, dark, Misses::Refused).unwrap_err();
-        println!("{}: {error}", former.name());
-        assert!(matches!(error, FormError::BoundMissed { .. }), "{error}");
-        assert!(error.to_string().contains("dark"), "{error}");
         let formed = form(former, &history, dark, Misses::Allowed).unwrap();
         let exact = form(&Exact, &history, dark, Misses::Refused).unwrap();
         let measured = error_db(&formed.image, &exact.image);
@@ -139,7 +135,19 @@ fn a_dark_grid_is_told_from_a_bright_one() {
             "{}: {measured:.1} dB, predicted {predicted:.1} dB",
             former.name()
         );
-        assert!(formed.bound_missed && measured <= predicted + 3.0);
+        // Neither hidden nor exaggerated.
+        assert!(measured <= predicted + 3.0 && measured >= predicted - 12.0);
+        assert_eq!(formed.bound_missed, predicted > -60.0);
+        // Linear interpolation of profiles errs most, and more than asked, where side lobes cancel.
+        assert!(formed.bound_missed || former.name() != "bp");
+        let strict = form(former, &history, dark, Misses::Refused);
+        match strict {
+            Ok(_) => assert!(!formed.bound_missed),
+            Err(error) => {
+                println!("{}: {error}", former.name());
+                assert!(formed.bound_missed && error.to_string().contains("dark"));
+            }
+        }
     }
 }
 

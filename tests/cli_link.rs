@@ -253,3 +253,26 @@ fn a_serial_line_does() {
     assert!(ran.stdout.contains("bit by bit, 0 not"), "{ran:?}");
     assert!(ran.is_untroubled(), "{ran:?}");
 }
+
+/// A firmware that is found, not named, is run only if nobody else can have put it there.
+#[cfg(unix)]
+#[test]
+fn a_firmware_that_others_can_write_is_not_run() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = scene();
+    let module = folder.path().join("target/module");
+    fs::create_dir_all(&module).unwrap();
+    fs::copy(&application()[0], module.join("float")).unwrap();
+    let within = folder.path().join("target");
+    fs::set_permissions(&within, fs::Permissions::from_mode(0o777)).unwrap();
+    let before = listing(folder.path());
+    let line = format!("link emulate a.cphd -o a.maps {GRID}");
+    run(folder.path(), &line).failed(1, &["target can be written by every user", "--firmware"]);
+    assert_eq!(listing(folder.path()), before);
+    // Named, it is the user's own affair; in order, it is found.
+    let named = format!("{line} --firmware target/module/float");
+    run(folder.path(), &named).succeeded();
+    fs::set_permissions(&within, fs::Permissions::from_mode(0o755)).unwrap();
+    fs::remove_file(folder.path().join("a.maps")).unwrap();
+    run(folder.path(), &line).succeeded();
+}

@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
+use num_complex::Complex32;
+use subaperture::image::Image;
+use subaperture::io::npy;
 use subaperture_tests::subap::{Ran, command, listing, program, run};
 
 /// A folder with `scene.cphd` in it.
@@ -32,8 +35,8 @@ fn a_grid_beyond_memory_is_refused_before_anything_else() {
 fn work_beyond_memory_is_refused_cleanly() {
     let folder = scene();
     let before = listing(folder.path());
-    // The image of 1.2 MB fits in 2 MiB; what the exact sum needs beside it does not.
-    let line = "focus scene.cphd --out out --memory 2M -a exact --grid x=-40:40:0.2,y=-40:40:0.2";
+    // 26 MiB leave 4 for the work: the image of 1.2 MB fits; what the exact sum needs beside it does not.
+    let line = "focus scene.cphd --out out --threads 2 --memory 26M -a exact --grid x=-40:40:0.2,y=-40:40:0.2";
     run(folder.path(), line).failed(1, &["allowed", "--memory"]);
     assert_eq!(listing(folder.path()), before);
 }
@@ -42,8 +45,8 @@ fn work_beyond_memory_is_refused_cleanly() {
 fn a_check_beyond_memory_is_refused_before_the_work() {
     let folder = scene();
     let before = listing(folder.path());
-    // 160 000 pixels: an image of 1.28 MB, and 16 MB to check them all; the samples take 2.1 MB.
-    let line = "focus scene.cphd --out out -a bp --memory 12M --grid x=-40:40:0.2,y=-40:40:0.2";
+    // 160 000 pixels: an image of 1.28 MB, and 16 MB to check them all; 10 MiB are for the work.
+    let line = "focus scene.cphd --out out -a bp --threads 2 --memory 32M --grid x=-40:40:0.2,y=-40:40:0.2";
     run(folder.path(), &format!("{line} --check 1000000"))
         .failed(1, &["--check", "check fewer pixels", "--memory"]);
     assert_eq!(listing(folder.path()), before);
@@ -52,20 +55,24 @@ fn a_check_beyond_memory_is_refused_before_the_work() {
 
 #[test]
 fn images_beyond_memory_are_not_compared() {
-    let folder = scene();
-    let line = "focus scene.cphd --out out -a bp --grid x=-30:30:0.2,y=-30:30:0.2";
-    run(folder.path(), line).succeeded();
-    // 90 000 pixels are 720 kB: one fits in 1 MiB, two do not.
-    let line = "compare out/image.npy out/image.npy --memory";
-    run(folder.path(), &format!("{line} 1M")).failed(1, &["out/image.npy", "--memory", "1.4 MiB"]);
-    run(folder.path(), &format!("{line} 2M")).succeeded();
+    let folder = tempfile::tempdir().unwrap();
+    let image = Image {
+        rows: 600,
+        columns: 600,
+        pixels: vec![Complex32::ONE; 360_000],
+    };
+    npy::write(&folder.path().join("a.npy"), &image).unwrap();
+    // 360 000 pixels are 2.9 MB: one fits in the 4 MiB for the work, two do not.
+    let line = "compare a.npy a.npy --threads 2 --memory";
+    run(folder.path(), &format!("{line} 26M")).failed(1, &["a.npy", "--memory", "5.5 MiB"]);
+    run(folder.path(), &format!("{line} 32M")).succeeded();
 }
 
 #[test]
 fn a_demonstration_beyond_memory_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    // One image of 200 x 200 pixels takes 320 kB, all of them 6.4 MB.
-    let line = "demo --out demo --memory 2M --grid x=-20:20:0.2,y=-20:20:0.2";
+    // One image of 200 x 200 pixels takes 320 kB, all of them 6.4 MB; 4 MiB are for the work.
+    let line = "demo --out demo --threads 2 --memory 26M --grid x=-20:20:0.2,y=-20:20:0.2";
     run(folder.path(), line).failed(1, &["20 images", "200 x 200", "--memory"]);
     assert!(listing(folder.path()).is_empty());
 }

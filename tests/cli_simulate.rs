@@ -238,7 +238,7 @@ fn pairs_of_antennas_are_channels() {
 fn memory_is_honoured() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.toml"), SOUND).unwrap();
-    let line = "simulate a.toml -o out.cphd --memory 1M --set radar.pulses=100000";
+    let line = "simulate a.toml -o out.cphd --threads 2 --memory 26M --set radar.pulses=100000";
     run(folder.path(), line).failed(1, &["--memory"]);
     assert!(!folder.path().join("out.cphd").exists());
 }

@@ -293,7 +293,16 @@ fn what_is_wrong_is_named() {
     spoiled(6, f64::INFINITY, "vector 1: TxPos is inf");
     spoiled(9, f64::NAN, "vector 1: RcvPos is NaN");
     spoiled(12, f64::NAN, "vector 1: SRPPos is NaN");
-    spoiled(4, 1e308, "vector 1: TxPos");
+    spoiled(4, 1e308, "vector 1: its transmitter at (");
+    spoiled(7, 2e10, "vector 1: its receiver at (");
+    spoiled(2, 1e300, "vector 1: its time 1e300 s");
+    // Each finite, and no radar's.
+    spoiled(
+        0,
+        5e245,
+        "vector 1: a frequency of 5e245 Hz is none of a radar",
+    );
+    spoiled(1, 5e245, "vector 1: its frequencies are 5e245 Hz apart");
     spoiled(1, 0.0, "vector 1: SCSS is 0.0; only ascending");
     spoiled(1, -1e6, "vector 1: SCSS is -1000000.0; only ascending");
     spoiled(0, 0.0, "vector 1: SC0 is 0.0 Hz");
@@ -416,7 +425,7 @@ fn memory_is_refused_before_it_is_taken() {
     assert_eq!(refusal(xml), 0);
     assert_eq!(refusal(xml - 1), xml);
 
-    // More than a TiB of nothing: 2^33 records of 160 bytes, and a sample of 2 bytes each. 104 + 17
+    // More than a TiB of nothing: 2^33 records of 160 bytes, and a sample of 2 bytes each. 240 + 17
     // bytes are kept of a vector, and records are read 1 MiB at a time.
     let vectors = 1u64 << 33;
     let huge = ByHand {
@@ -441,7 +450,7 @@ fn memory_is_refused_before_it_is_taken() {
     std::fs::write(&path, &start).unwrap();
     let file = std::fs::OpenOptions::new().write(true).open(&path).unwrap();
     file.set_len(pvp_at + pvp_bytes + 2 * vectors).unwrap();
-    assert_eq!(refusal(1 << 30), vectors * (104 + 17) + (1 << 20));
+    assert_eq!(refusal(1 << 30), vectors * (240 + 17) + (1 << 20));
     // Its metadata are there to be read at once.
     let info = CphdInfo::read(&path).unwrap();
     assert_eq!(info.channels[0].num_vectors, vectors);
@@ -474,17 +483,23 @@ fn parts_of_an_aperture_share_the_memory() {
     let path = folder.path().join("hand.cphd");
     let hand = ByHand::new("CF8", vec![0; 96]);
     std::fs::write(&path, hand.bytes()).unwrap();
+    // Of another band: no pulse is in both.
+    let mut other = hand.clone();
+    other.axis = [9.1e9, 1e6, 9.1e9, 9.103e9];
+    let next = folder.path().join("next.cphd");
+    std::fs::write(&next, other.bytes()).unwrap();
     let all = |memory_bytes| {
         let options = Options {
             memory_bytes,
             ..Options::default()
         };
-        open_all(&[&path, &path], &options).map(|aperture| aperture.held_bytes())
+        open_all(&[&path, &next], &options).map(|aperture| aperture.held_bytes())
     };
     // While the second is opened, the first is held.
-    let held = 3 * (104 + 17);
+    let held = 3 * (240 + 17);
     let needed = 32 * hand.xml().len() as u64 + held;
-    assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * 104);
+    // Their times are the same, so pulses take turns: a run of 24 bytes each.
+    assert_eq!(all(needed).unwrap(), 2 * held + 2 * 3 * (240 + 24));
     assert!(matches!(all(needed - 1), Err(ReadError::Memory { .. })));
 }
 

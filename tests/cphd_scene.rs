@@ -4,7 +4,7 @@
 use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::geometry::{Extent, SceneFrame};
-use subaperture::phase_history::{Collection, Pulse, Recorded};
+use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep};
 
 const C: f64 = 299_792_458.0;
 
@@ -77,6 +77,7 @@ impl Scene {
                 + self.path_bias_m,
             start_hz: self.start_hz,
             step_hz: self.step_hz,
+            sweep: Sweep::AT_ONCE,
         }
     }
 

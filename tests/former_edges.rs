@@ -12,7 +12,7 @@ use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDoppler};
 use subaperture::focus::{FormError, Formed, ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::{Axis, ImageGrid, SceneFrame};
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse};
+use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Sweep};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Scatterer, Simulated};
 use subaperture_tests::error_db;
@@ -56,6 +56,7 @@ fn history(num_pulses: usize, num_samples: usize, place: impl Fn(f64) -> DVec3) 
                 reference_path_m: 600.0,
                 start_hz: 1e9,
                 step_hz: 1e6,
+                sweep: Sweep::AT_ONCE,
             }
         })
         .collect();

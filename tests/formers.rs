@@ -148,9 +148,9 @@ fn the_plan_predicts_the_error() {
             "{sub_cpi} pulses, {patch_m} m: {got:.1} dB, predicted {:.1} dB",
             plan.predicted_db
         );
-        // The worst patch and sub-CPI decide the prediction, so it may only be pessimistic: by how
-        // much depends on where the scatterers lie.
-        assert!(got <= plan.predicted_db + 1.0 && got > plan.predicted_db - 6.0);
+        // The worst pixel, patch and sub-CPI decide the prediction, so it may only be pessimistic: a corner's error is 4.8 to
+        // 7.8 dB above the mean over its patch (linear in place), and 6 dB are where the scatterers lie.
+        assert!(got <= plan.predicted_db + 1.0 && got > plan.predicted_db - 13.8);
     }
 }
 

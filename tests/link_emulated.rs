@@ -9,11 +9,13 @@ use std::time::Duration;
 
 use subaperture::focus::Silent;
 use subaperture::link::{
-    Buffers, Ending, HostCore, LinkError, Outcome, Session, Settings, Transport, Verified,
+    Buffers, Emulator, Ending, HostCore, LinkError, Module, Outcome, Session, Settings, Transport,
+    Verified,
 };
 use subaperture_core::link::{Arithmetic, Encoding};
 use subaperture_tests::emulated::{Begin, Emulated, Wire, application};
 use subaperture_tests::faults::{Faults, FaultyLine};
+use subaperture_tests::firmware::{Build, build};
 use subaperture_tests::link_scene::{Keep, Kept, MAPS, PULSES, job, judge, recorded, scene};
 
 fn settings(retries: u32) -> Settings {
@@ -319,4 +321,16 @@ fn everything_at_once() {
     let mut module = module(Wire::Tcp, Begin::Power, faults);
     let (outcome, _) = session(&mut module, settings(200));
     complete(&outcome);
+}
+
+/// A self-test asks the emulator to end when it is through, as a program could ask it to read a file or start a
+/// program: by semihosting. What `subap link` starts is not heard.
+#[test]
+fn a_firmware_cannot_reach_the_host() {
+    let elf = build(&Build::bin("selftest", ""));
+    let mut line = Emulator::start(Module::Float, Some(&elf), false).unwrap();
+    // It takes a fraction of a second.
+    std::thread::sleep(Duration::from_secs(3));
+    let read = line.read(&mut [0; 64], Duration::ZERO);
+    assert_eq!(read.expect("the emulator still runs"), 0);
 }

@@ -289,7 +289,10 @@ fn maps_of_another_run_are_refused() {
     refused(&other, "129 range bins");
     let mut other = maps[1].clone();
     other.header.nodes[1].receiver_m[2] = f64::INFINITY;
-    refused(&other, "not a finite number");
+    refused(&other, "its receiver at (");
+    let mut other = maps[1].clone();
+    other.header.patch.centre_m[0] = 1e300;
+    refused(&other, "its patch at (1e300");
     // What was refused has left no trace.
     writer.append(&maps[1].view()).unwrap();
     writer.finish(&closing()).unwrap();
@@ -302,6 +305,14 @@ fn maps_of_another_run_are_refused() {
         .unwrap()
         .to_string();
     assert!(error.contains("power of two"), "{error}");
+    // Every byte under a true checksum, and numbers that are finite and no radar's.
+    let mut impossible = run(Arithmetic::Float);
+    impossible.setup.start_hz = 5e245;
+    let path = folder.path().join("b.maps");
+    let writer = MapWriter::create(&path, &impossible).unwrap();
+    writer.finish(&closing()).unwrap();
+    let error = MapFile::open(&path).err().unwrap().to_string();
+    assert!(error.contains("5e245 Hz is none of a radar"), "{error}");
     let mut impossible = run(Arithmetic::Float);
     impossible.fast_weights.pop();
     let error = MapWriter::create(&path, &impossible)

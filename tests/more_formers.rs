@@ -160,8 +160,8 @@ fn polar_format_keeps_its_prediction() {
         println!(
             "{what}: {got:.1} dB, predicted {predicted:.1} dB, asked {asked_db} dB, {taps} taps"
         );
-        // The prediction is for the worst pixel of all; 4 dB is what a sample of pixels scatters.
-        assert!(got <= predicted + 4.0, "{what}: {got} {predicted}");
+        // The prediction is for the worst pixel of all.
+        assert!(got <= predicted + 3.0, "{what}: {got} {predicted}");
         if met {
             assert!(
                 got <= asked_db && predicted <= asked_db,
@@ -403,6 +403,66 @@ fn factorised_backprojection_keeps_its_bound() {
             formed.settings
         );
         assert!(got <= bound_db, "{what}: {got}");
+    }
+}
+
+/// Tracks and planes on which decimated antennas once went astray, without a word: corners, antennas in turn, jitter in
+/// short stretches, planes that stand up and that lie around the antennas.
+#[test]
+fn factorised_backprojection_keeps_its_bound_where_tracks_turn() {
+    let band = (9.8e9, 1e6, 200);
+    // A bend of 60 degrees in the middle.
+    let bent = |n: f64| {
+        let past = n.max(0.0) * 0.4;
+        let at = DVec3::new(0.4 * n - past / 2.0, -2000.0 + past * 0.75f64.sqrt(), 900.0);
+        (at, at)
+    };
+    // A rail of 5 mm steps, two receivers in turn, half a metre apart.
+    let in_turn = |n: f64| {
+        let at = DVec3::new(5e-3 * n, -5.0, 0.3);
+        let side = if n.rem_euclid(2.0) < 1.0 { 0.25 } else { -0.25 };
+        (at, at + DVec3::new(side, 0.0, 0.0))
+    };
+    let rail = |n: f64| {
+        let at = DVec3::new(5e-3 * n, -5.0, 0.3);
+        (at, at)
+    };
+    let jitter = |n: f64| {
+        let at = DVec3::new(0.3 * n, -3000.0 + 0.01 * noise(n), 1000.0);
+        (at, at)
+    };
+    let bent_scene = scene(600, band, bent, 20.0);
+    let in_turn_scene = scene(400, (4e9, 10e6, 100), in_turn, 2.0);
+    let rail_scene = scene(300, (4e9, 10e6, 100), rail, 2.0);
+    let jitter_scene = scene(400, band, jitter, 20.0);
+    let ground = "x=-25:25:0.61,y=-25:25:0.53";
+    for (what, history, grid) in [
+        ("bent track", &bent_scene, ground),
+        (
+            "bent track, a wall",
+            &bent_scene,
+            "x=-25:25:0.61,y=-20:20:0.53,roll=90",
+        ),
+        (
+            "two receivers in turn",
+            &in_turn_scene,
+            "x=-2:2:0.05,y=-2:2:0.045",
+        ),
+        (
+            "around the rail",
+            &rail_scene,
+            "x=-3:3:0.083,y=-7:2:0.093,z=0.2",
+        ),
+        ("jitter", &jitter_scene, ground),
+    ] {
+        let exact = form(&Exact, history, grid).image;
+        for bound_db in [-40.0, -60.0] {
+            let formed = form(&ffbp(bound_db), history, grid);
+            let got = error_db(&formed.image, &exact);
+            let predicted = formed.predicted_error_db;
+            println!("{what}: {got:.1} dB, predicted {predicted:.1} dB, bound {bound_db} dB");
+            assert!(got <= bound_db && got <= predicted + 3.0, "{what}: {got}");
+        }
     }
 }
 

@@ -14,7 +14,7 @@ use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::image::Image;
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded};
+use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
 use subaperture_tests::{error_db, subap::run};
@@ -207,6 +207,7 @@ fn a_fast_target_needs_keystone() {
                 reference_path_m: 2000.0,
                 start_hz: 9.5e9,
                 step_hz: 1e9 / 256.0,
+                sweep: Sweep::AT_ONCE,
             }
         })
         .collect();

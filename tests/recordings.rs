@@ -271,7 +271,7 @@ fn each_error_points_to_its_line() {
             "range_bias = \"14 cm\"",
             "first = 161",
             9,
-            "there are 161 pulses",
+            "numbered from 0 to 160",
         ),
         (
             "range_bias = \"14 cm\"",

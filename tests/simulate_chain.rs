@@ -14,7 +14,7 @@ use subaperture::io::cphd::{Channel, Cphd, WriteOptions, write};
 use subaperture::phase_history::{Band, PhaseHistory, TrackError};
 use subaperture::receive::{Deskewed, Skew};
 use subaperture::signal::window::Window;
-use subaperture::simulate::radar::{Motion, PhaseNoise, PulseShape, Receiver, Waveform};
+use subaperture::simulate::radar::{Motion, Pattern, PhaseNoise, PulseShape, Receiver, Waveform};
 use subaperture::simulate::{Experiment, Pair};
 use subaperture_tests::experiment::{
     FLIGHT, IDEAL, Line, PAIR, antenna, definition, difference_db, experiment, five_points, fmcw,
@@ -93,6 +93,62 @@ fn image(history: &dyn PhaseHistory) -> Image {
         monitor: &Silent,
     };
     Exact.form(&task).unwrap().image
+}
+
+#[test]
+fn a_point_reads_the_mean_of_what_lights_it() {
+    // 256 pulses over 25.5 m at 500 m, a beam of 2 degrees (17 m): the middle is seen by most of them, the
+    // edges by few. Beam and spreading are written out here from their formulas.
+    const PULSES: usize = 256;
+    let width_rad = 2f64.to_radians();
+    let places = [0.0, -7.3, 14.1];
+    for (beam, spreading) in [(true, false), (false, true), (true, true)] {
+        for x in places {
+            let mut experiment = experiment(IDEAL, vec![point(x, 0.0, 1.0)]);
+            experiment.radar.num_pulses = PULSES;
+            experiment.radar.spreading = spreading;
+            experiment.track = Arc::new(Line {
+                start_m: DVec3::new(-12.75, -480.0, 140.0),
+                ..FLIGHT
+            });
+            for one in [
+                &mut experiment.radar.transmitters,
+                &mut experiment.radar.receivers,
+            ] {
+                if beam {
+                    one[0].pattern = Pattern::Gaussian {
+                        azimuth_rad: width_rad,
+                        elevation_rad: 1.0,
+                    };
+                }
+            }
+            let recording = experiment.record(PAIR).unwrap();
+            for window in [Window::None, Window::default()] {
+                let weights = Weights::new(recording.collection(), Window::default(), window);
+                let at = DVec3::new(x, 0.0, 0.0);
+                let [got] =
+                    Exact::at_points(&recording, &weights, &[at], 1 << 28, &Silent).unwrap()[..]
+                else {
+                    panic!("one point has one value")
+                };
+                let range_m = |n: usize, x: f64| (x + 12.75 - 0.1 * n as f64).hypot(500.0);
+                let lit = |n: usize| {
+                    let azimuth = (x + 12.75 - 0.1 * n as f64).atan2(480.0) / width_rad;
+                    let elevation = (140.0 / range_m(n, x)).asin();
+                    // Two ways of exp(-2 ln 2 (...)), a radian wide in elevation.
+                    let two_ways = 0.0625f64.powf(azimuth * azimuth + elevation * elevation);
+                    // R0 is the reference's range in pulse 128 of 256.
+                    let spread = (range_m(128, 0.0) / range_m(n, x)).powi(2);
+                    (if beam { two_ways } else { 1.0 }) * (if spreading { spread } else { 1.0 })
+                };
+                let sum: f64 = (0..PULSES).map(|n| weights.slow[n] * lit(n)).sum();
+                let expected = sum / weights.slow.iter().sum::<f64>();
+                println!("beam {beam}, spreading {spreading}, {x} m: {expected:.4}");
+                // Float32 samples, phases of 2e5 rad in float64.
+                assert!((got - expected).norm() < 1e-6, "{got} {expected}");
+            }
+        }
+    }
 }
 
 /// Sweeps of 200 MHz in 10 us: 1 rad of residual video phase at the scene's edge and 0.1 us of skew, a

@@ -9,7 +9,7 @@ use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::strip::{Stage, StageKind};
 use subaperture::focus::{FormError, Formed, ImageFormer, Monitor, Silent, Task, Weights};
 use subaperture::geometry::{Axis, ImageGrid, SceneFrame};
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse};
+use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Sweep};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
 use subaperture_tests::error_db;
@@ -51,6 +51,7 @@ impl Radar {
                     reference_path_m: self.reference_path_m.unwrap_or(to_origin_m),
                     start_hz,
                     step_hz,
+                    sweep: Sweep::AT_ONCE,
                 }
             })
             .collect();

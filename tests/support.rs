@@ -11,7 +11,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 use subaperture::focus::Silent;
 use subaperture::geometry::SceneFrame;
-use subaperture::phase_history::{Collection, Pulse, Recorded};
+use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep};
 use subaperture::signal::window::Window;
 use subaperture::support::{Looks, RecordedLooks, measured_gains};
 
@@ -48,6 +48,7 @@ fn collection(
             reference_m: place_m,
             reference_path_m: place_m.distance(transmitter_m) + place_m.distance(receiver_m),
             start_hz: band_hz[0] + step_hz / 2.0,
+            sweep: Sweep::AT_ONCE,
             step_hz,
         }
     });
@@ -314,6 +315,7 @@ fn channels_in_turn_are_all_seen() {
         reference_path_m: 2.0 * place_m.distance(element(n)),
         start_hz: 77e9,
         step_hz: 1e8,
+        sweep: Sweep::AT_ONCE,
     });
     let collection = Collection {
         name: "mimo".to_owned(),

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 use subaperture::geometry::{Extent, SceneFrame};
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse};
+use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Sweep};
 use subaperture::simulate::scenario::{Scenario, examples};
 use subaperture::survey::{MOST_PIXELS, Survey};
 
@@ -25,6 +25,7 @@ fn collection(
         reference_path_m: 2.0 * antenna_m.length(),
         start_hz,
         step_hz,
+        sweep: Sweep::AT_ONCE,
     });
     Collection {
         name: "test".to_owned(),

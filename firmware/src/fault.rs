@@ -29,6 +29,8 @@ pub fn die(reason: core::fmt::Arguments<'_>) -> ! {
 /// The count and its complement, in memory that a reset leaves alone; anything else is what the memory
 /// held when the power came on. Touched only by volatile access of whole words: from the program, and
 /// from handlers that never return to it.
+// SAFETY: cortex-m-rt keeps sections of this name out of what is zeroed and out of the flash; any bits
+// are a value of this type.
 #[unsafe(link_section = ".uninit.resets")]
 static mut RESETS: [u32; 2] = [0; 2];
 
@@ -41,6 +43,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 #[cfg(feature = "no-panic")]
 #[panic_handler]
 fn panic(_info: &PanicInfo<'_>) -> ! {
+    // SAFETY: nothing is ever called by this name, for a program that refers to it does not link.
     unsafe extern "C" {
         /// Undefined on purpose.
         safe fn panic_is_reachable() -> !;
@@ -48,8 +51,8 @@ fn panic(_info: &PanicInfo<'_>) -> ! {
     panic_is_reachable()
 }
 
-// `unsafe` is what cortex-m-rt asks of these handlers; their bodies need none.
-
+// SAFETY: `unsafe` is what cortex-m-rt asks of a handler that may interrupt anything; this one touches no
+// state of the program but `RESETS`, and does not return.
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     die(format_args!(
@@ -60,6 +63,7 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
 }
 
 /// Every other exception and interrupt that nobody handles; -14 is the watchdog's.
+// SAFETY: as above.
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
     die(format_args!("exception {number}"))

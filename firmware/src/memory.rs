@@ -30,6 +30,7 @@ macro_rules! place {
 
 pub use static_cell::ConstStaticCell as Placed;
 
+// SAFETY: `memory.x` and cortex-m-rt define both, as words; only their addresses are taken.
 unsafe extern "C" {
     static mut _stack_end: u32;
     static _stack_start: u32;

@@ -16,6 +16,7 @@
 //! - Positions are metres in the scene frame ([`geometry::SceneFrame`]), float64; samples are
 //!   complex float32.
 //! - Names carry units: `_m`, `_s`, `_hz`, `_rad`, `_db`.
+#![forbid(unsafe_code)]
 
 pub mod crosscheck;
 pub mod description;

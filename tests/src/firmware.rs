@@ -148,15 +148,23 @@ pub fn module() -> Result<[PathBuf; 2], String> {
     Ok(elfs)
 }
 
-/// Starts an ELF under emulation.
+/// Starts an ELF under emulation. Its log, on the second UART, is the emulator's standard output. Semihosting is on:
+/// programs that are tests end the emulator by it.
 ///
 /// # Panics
 /// If there is no emulator.
 pub fn emulator(elf: &Path, options: &[&str]) -> Child {
+    let linked = options.contains(&"-serial");
     Command::new("qemu-system-arm")
         .args(["-M", "mps2-an500", "-display", "none", "-monitor", "none"])
         .args(["-semihosting-config", "enable=on,target=native"])
+        .args(if linked {
+            [].as_slice()
+        } else {
+            &["-serial", "null"]
+        })
         .args(options)
+        .args(["-serial", "stdio"])
         .arg("-kernel")
         .arg(elf)
         .stdin(Stdio::null())

@@ -1,15 +1,18 @@
 //! Shared by the integration tests and `xtask`.
+#![forbid(unsafe_code)]
 
 pub mod emulated;
 pub mod experiment;
 pub mod faults;
 pub mod firmware;
+pub mod fuzz;
 pub mod link_recording;
 pub mod link_scene;
 pub mod maps;
 pub mod matlab;
 pub mod module;
 pub mod module_report;
+pub mod random_case;
 pub mod stream_scene;
 pub mod subap;
 pub mod tiny_disk;

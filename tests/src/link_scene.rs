@@ -6,7 +6,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::geometry::SceneFrame;
 use subaperture::link::{Job, MapSink, PulseSource, SinkError};
-use subaperture::phase_history::{Collection, Pulse, Recorded};
+use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep};
 use subaperture_core::link::{AssembledMap, Encoding};
 use subaperture_core::stream::{FloatBuffers, MapHeader, Progress};
 
@@ -33,6 +33,7 @@ pub fn recorded(scene: &Scene) -> Recorded {
         reference_path_m: pulse.reference_path_m,
         start_hz: scene.setup.start_hz,
         step_hz: scene.setup.step_hz,
+        sweep: Sweep::AT_ONCE,
     });
     let collection = Collection {
         name: "scene".to_owned(),

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 use num_complex::Complex64;
 use subaperture::geometry::SceneFrame;
-use subaperture::phase_history::{Collection, Pulse};
+use subaperture::phase_history::{Collection, Pulse, Sweep};
 use subaperture::simulate::{Scatterer, Simulated};
 
 /// Straight or bent tracks, one or two antennas (by the pulse's number, 0 in the middle): ten scatterers
@@ -27,6 +27,7 @@ pub fn scene(
                 reference_path_m: transmitter_m.length() + receiver_m.length(),
                 start_hz,
                 step_hz,
+                sweep: Sweep::AT_ONCE,
             }
         })
         .collect();

@@ -1,6 +1,6 @@
 //! ARM's MPS2 with FPGA image AN500, as QEMU's machine `mps2-an500` emulates it.
 //!
-//! LED 0 at 0x40028000, UART0 at 0x40004000, timer 0 at 0x40000000 and the watchdog at 0x40008000 are ARM's CMSDK parts
+//! LED 0 at 0x40028000, UART0 (the link) at 0x40004000, UART1 (the log) at 0x40005000, timer 0 at 0x40000000 and the watchdog at 0x40008000 are ARM's CMSDK parts
 //! (DDI 0479); all run at the board's 25 MHz. What the emulator leaves out: the UART has no speed (a byte
 //! goes as fast as the other end takes it), and time passes with the host's clock unless `-icount`
 //! ties it to instructions. The core's own cycle counter (DWT) is not emulated; the timer stands in.
@@ -223,13 +223,39 @@ impl Write for Uart {
     }
 }
 
+/// Writes a line of log to UART1.
+#[cfg(not(feature = "defmt"))]
+pub(super) fn line(message: core::fmt::Arguments<'_>) {
+    let registers = Registers(0x4000_5000);
+    // Each time, for a line may come before anything was set up.
+    registers.write(uart::BAUDDIV, CLOCK_HZ / BAUD);
+    registers.write(uart::CTRL, uart::TX_ENABLE);
+    // Cannot fail: it waits for room.
+    let _ = core::fmt::write(&mut Log(registers), format_args!("{message}\n"));
+}
+
+/// UART1, for text.
+#[cfg(not(feature = "defmt"))]
+struct Log(Registers);
+
+#[cfg(not(feature = "defmt"))]
+impl core::fmt::Write for Log {
+    fn write_str(&mut self, text: &str) -> core::fmt::Result {
+        for byte in text.bytes() {
+            while self.0.read(uart::STATE) & uart::TX_FULL != 0 {}
+            self.0.write(uart::DATA, u32::from(byte));
+        }
+        Ok(())
+    }
+}
+
 /// A peripheral's 32-bit registers.
 #[derive(Debug)]
 struct Registers(usize);
 
 impl Registers {
     fn read(&self, offset: usize) -> u32 {
-        // SAFETY: only `An500::take` makes these, from addresses of peripherals; `offset` is one of
+        // SAFETY: only `An500::take` and `line` make these, from addresses of peripherals; `offset` is one of
         // the constants below, aligned and within the peripheral.
         unsafe { ((self.0 + offset) as *const u32).read_volatile() }
     }

@@ -10,10 +10,7 @@ mod an500;
 #[cfg(feature = "board-h743")]
 mod h743;
 
-#[cfg(all(
-    not(feature = "defmt"),
-    any(feature = "board-an500", feature = "board-microbit")
-))]
+#[cfg(all(not(feature = "defmt"), feature = "board-microbit"))]
 mod semihosting;
 
 #[cfg(feature = "board-an500")]
@@ -92,11 +89,16 @@ pub fn log(message: fmt::Arguments<'_>) {
     defmt::println!("{}", defmt::Display2Format(&message));
 }
 
+/// Logs a line; for places that do not own the board. It leaves by the second UART: no debugger or emulator has to
+/// serve it, so that the application runs where semihosting, which lets a program read and write the host's
+/// files, is off.
+#[cfg(all(not(feature = "defmt"), feature = "board-an500"))]
+pub fn log(message: fmt::Arguments<'_>) {
+    an500::line(message);
+}
+
 /// Logs a line; for places that do not own the board.
-#[cfg(all(
-    not(feature = "defmt"),
-    any(feature = "board-an500", feature = "board-microbit")
-))]
+#[cfg(all(not(feature = "defmt"), feature = "board-microbit"))]
 pub fn log(message: fmt::Arguments<'_>) {
     semihosting::line(message);
 }

@@ -1,4 +1,4 @@
-//! Text to the emulator's standard output. cortex-m-semihosting's own `hprintln` borrows a `RefCell`, whose
+//! Text to the emulator's standard output, for self-tests. cortex-m-semihosting's own `hprintln` borrows a `RefCell`, whose
 //! panic the linker cannot rule out.
 
 use core::fmt::{self, Write};

@@ -31,7 +31,7 @@ impl Found {
 /// One thing that is wrong.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// `FILE:LINE:COLUMN`, or `--set KEY=VALUE`.
+    /// `FILE:LINE:COLUMN`, or the option, as `--set KEY=VALUE`.
     pub place: String,
     /// Line in the text, from 1; `None` of a setting.
     pub line: Option<usize>,
@@ -72,7 +72,7 @@ const MOST_FAULTS: usize = 8;
 const SHOWN_BEFORE: usize = 60;
 const SHOWN_AFTER: usize = 100;
 
-/// Puts what was found into words. `settings` are the texts `KEY=VALUE`.
+/// Puts what was found into words. `settings` are the options, as `--set KEY=VALUE`.
 pub(crate) fn explain(
     file: &str,
     text: &str,
@@ -88,7 +88,7 @@ pub(crate) fn explain(
         faults: faults
             .map(|found| match found.at {
                 At::Setting(index) => Fault {
-                    place: format!("--set {}", settings[index]),
+                    place: settings[index].clone(),
                     line: None,
                     column: None,
                     excerpt: String::new(),
@@ -155,7 +155,7 @@ mod tests {
         let error = explain(
             "f.toml",
             text,
-            &["radar.pri=3".to_owned()],
+            &["--set radar.pri=3".to_owned()],
             vec![
                 Found::new(&At::Setting(0), "too long"),
                 Found::new(&At::Text(at..at + 4), "odd"),

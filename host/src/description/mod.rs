@@ -11,6 +11,7 @@
 //! A setting overrides one key of the text, as `radar.pri` or `scene.point[0].position`; its errors name it in place
 //! of a line.
 
+mod edit;
 pub(crate) mod error;
 mod nearest;
 mod reference;
@@ -24,14 +25,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use error::{At, Found, explain};
-use schema::Schema;
+use schema::{Schema, Section};
 use tree::{Step, lay_over, parse_path, parse_setting};
 use values::Values;
 
 pub use error::{DescriptionError, Fault};
 
-/// Longest text that is read, bytes: far longer than anyone writes.
-const LONGEST_BYTES: u64 = 16 << 20;
+/// Longest text that is read, bytes: far longer than anyone writes, for its tree takes a hundred times as many.
+const LONGEST_BYTES: u64 = 4 << 20;
 
 /// A text and the settings that override it.
 #[derive(Clone, Debug)]
@@ -46,7 +47,7 @@ pub(crate) struct Description {
 struct Setting {
     path: Vec<Step>,
     value: String,
-    /// `KEY=VALUE`, for errors.
+    /// `--set KEY=VALUE`, for errors.
     words: String,
 }
 
@@ -68,11 +69,11 @@ impl Description {
     /// Reads a text.
     ///
     /// # Errors
-    /// If the file cannot be read, is no UTF-8, or has more than 16 MiB.
+    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
     pub(crate) fn read(path: &Path) -> io::Result<Self> {
         if std::fs::metadata(path)?.len() > LONGEST_BYTES {
             return Err(io::Error::other(
-                "more than 16 MiB: is this a scenario or a recording's description?",
+                "more than 4 MiB: is this a scenario or a recording's description?",
             ));
         }
         let text = std::fs::read_to_string(path).map_err(|error| match error.kind() {
@@ -95,17 +96,19 @@ impl Description {
         &self.folder
     }
 
-    /// Overrides the key at a dotted path. Later settings override earlier ones.
+    /// Overrides the key at a dotted path. Later settings override earlier ones. Errors name it as what `option` of
+    /// the command line asked for.
     ///
     /// # Errors
     /// For a key that there is not; values are checked by [`Self::resolve`].
     pub(crate) fn set(
         &mut self,
         schema: &Schema,
+        option: &str,
         key: &str,
         value: &str,
     ) -> Result<(), DescriptionError> {
-        let words = format!("{key}={value}");
+        let words = format!("{option} {key}={value}");
         let path = parse_path(key).and_then(|path| {
             known(schema, &path)?;
             Ok(path)
@@ -149,6 +152,34 @@ impl Description {
         } else {
             Err(faults)
         }
+    }
+
+    /// The text with the keys at these dotted paths set to these values, and nothing else changed; settings are not
+    /// written.
+    ///
+    /// # Errors
+    /// In words, if the text has no place for one of them.
+    pub(crate) fn with_values<'a>(
+        &self,
+        values: impl IntoIterator<Item = (&'a str, &'a str)>,
+    ) -> Result<String, String> {
+        let mut text = self.text.clone();
+        for (key, value) in values {
+            text = edit::put(&text, &parse_path(key)?, value)?;
+        }
+        Ok(text)
+    }
+
+    /// The text as it was read.
+    pub(crate) fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// Where the section of this name at the top of the text is; `None` too if the text is no TOML.
+    pub(crate) fn has_section(&self, name: &str) -> Option<At> {
+        let tree = tree::parse(&self.text).ok()?;
+        let (at, node) = tree.get(name)?;
+        matches!(node.raw, tree::Raw::Table(_)).then(|| at.clone())
     }
 
     /// Puts what is wrong into words, with its lines.
@@ -199,17 +230,49 @@ fn known(schema: &Schema, path: &[Step]) -> Result<(), String> {
         return Ok(());
     }
     let whole = names.join(".");
-    let all: Vec<String> = schema
-        .sections
-        .iter()
-        .flat_map(|section| section.keys.iter().map(|key| join(section.path, key.name)))
-        .collect();
-    let meant = nearest::nearest(&whole, all.iter().map(String::as_str))
-        .map(|path| format!("; did you mean '{path}'?"))
-        .unwrap_or_default();
     Err(format!(
-        "there is no key '{whole}'{meant} (the reference of keys lists all)"
+        "there is no key '{whole}'; {} (the reference of keys lists all)",
+        meant(schema, section.copied(), &wanted, key)
     ))
+}
+
+/// What may have been meant by the last word `key` of a path through the section `wanted`, which is `section` if
+/// there is one. Words are compared one by one: of a whole path, a short key is too small a part to tell.
+fn meant(schema: &Schema, section: Option<&'static Section>, wanted: &str, key: &str) -> String {
+    let own = |section: &'static Section| section.keys.iter().map(|key| key.name);
+    if let Some(section) = section
+        && let Some(name) = nearest::nearest(key, own(section))
+    {
+        return format!("did you mean '{}'?", join(section.path, name));
+    }
+    let all = || schema.sections.iter().copied();
+    // The right key in the wrong section, or the right section misspelt.
+    let elsewhere: Vec<String> = all()
+        .filter(|section| section.key(key).is_some())
+        .map(|section| format!("'{}'", join(section.path, key)))
+        .collect();
+    if !elsewhere.is_empty() {
+        return format!("did you mean {}?", elsewhere.join(" or "));
+    }
+    let near = nearest::nearest(wanted, all().map(|section| section.path));
+    match section.or_else(|| all().find(|section| Some(section.path) == near)) {
+        Some(section) => match nearest::nearest(key, own(section)) {
+            Some(name) => format!("did you mean '{}'?", join(section.path, name)),
+            None => format!(
+                "{} has {}",
+                section.header(),
+                own(section).collect::<Vec<_>>().join(", ")
+            ),
+        },
+        None => format!(
+            "sections are {}",
+            all()
+                .filter(|section| !section.path.is_empty())
+                .map(Section::header)
+                .collect::<Vec<_>>()
+                .join(", ")
+        ),
+    }
 }
 
 fn join(section: &str, key: &str) -> String {

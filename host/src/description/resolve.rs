@@ -10,6 +10,9 @@ use super::tree::{Node, Raw, Table, parse_setting};
 use super::units::{Dimension, example_row, parse_row};
 use super::values::{Given, Value, Values};
 
+/// Unknown keys that are looked into; far more than are told.
+const MOST_FOUND: usize = 1000;
+
 /// The values of the section at `path` and of all within. What is wrong is added to `faults`; the values
 /// are complete only if nothing was.
 pub(crate) fn resolve(
@@ -36,7 +39,10 @@ pub(crate) fn resolve(
             (Some(key), _) => key.when,
             (None, Some(child)) if !is_slip(section, name, node) => child.when,
             (None, _) => {
-                faults.push(Found::new(key_at, unknown(schema, section, name, node)));
+                // What was meant by each of a million is not worth the time.
+                if faults.len() < MOST_FOUND {
+                    faults.push(Found::new(key_at, unknown(schema, section, name, node)));
+                }
                 continue;
             }
         };
@@ -252,6 +258,28 @@ fn value(key: &Key, node: &Node) -> Result<Value, Found> {
             Raw::Text(text) => Ok(Value::Text(text.clone())),
             _ => Err(wrong("a text in quotes")),
         },
+        Kind::Paths => {
+            let one = |node: &Node| match &node.raw {
+                Raw::Text(text) if !text.trim().is_empty() => Ok(text.clone()),
+                _ => Err(Found::new(
+                    &node.at,
+                    format!(
+                        "'{}' wants texts that are not empty: write for example {}",
+                        key.name,
+                        key.example()
+                    ),
+                )),
+            };
+            match &node.raw {
+                Raw::Array(items) if !items.is_empty() => items
+                    .iter()
+                    .map(one)
+                    .collect::<Result<_, _>>()
+                    .map(Value::Texts),
+                Raw::Text(_) => one(node).map(|text| Value::Texts(vec![text])),
+                _ => Err(wrong("a text in quotes, or an array of them,")),
+            }
+        }
         Kind::Choice(words) => match &node.raw {
             Raw::Text(text) if words.contains(&text.as_str()) => Ok(Value::Text(text.clone())),
             Raw::Text(text) => {

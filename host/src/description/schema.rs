@@ -54,6 +54,8 @@ pub(crate) enum Kind {
     Text,
     /// A path, relative to the description's folder.
     Path,
+    /// A path or an array of paths, relative to the description's folder; `{01..64}` in one stands for numbers in turn.
+    Paths,
     /// One of these words.
     Choice(&'static [&'static str]),
     /// `true` or `false`.
@@ -121,6 +123,9 @@ impl Kind {
         match self {
             Self::Text => "text".to_owned(),
             Self::Path => "path, from the folder of this file".to_owned(),
+            Self::Paths => "path or array of paths, from the folder of this file; {01..64} in one stands for these \
+                            numbers in turn"
+                .to_owned(),
             Self::Choice(words) => words
                 .iter()
                 .map(|word| format!("\"{word}\""))

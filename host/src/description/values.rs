@@ -12,6 +12,7 @@ use super::schema::Section;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Value {
     Text(String),
+    Texts(Vec<String>),
     Flag(bool),
     Count(u64),
     Number(f64),
@@ -72,6 +73,11 @@ impl Values {
         Found::new(self.at(key), message)
     }
 
+    /// Whether the text, or a setting, says the key, which is not left to its default.
+    pub(crate) fn says(&self, key: &str) -> bool {
+        self.keys.get(key).is_some_and(|given| given.at != self.at)
+    }
+
     pub(crate) fn optional_number(&self, key: &str) -> Option<f64> {
         match &self.given(key)?.value {
             Value::Number(number) => Some(*number),
@@ -96,6 +102,14 @@ impl Values {
     pub(crate) fn text(&self, key: &str) -> &str {
         match self.value(key) {
             Value::Text(text) => text,
+            other => unreachable!("'{key}' is {other:?}"),
+        }
+    }
+
+    /// All texts of an array, or the one.
+    pub(crate) fn texts(&self, key: &str) -> &[String] {
+        match self.value(key) {
+            Value::Texts(texts) => texts,
             other => unreachable!("'{key}' is {other:?}"),
         }
     }

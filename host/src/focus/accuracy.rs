@@ -8,43 +8,70 @@
 //!
 //! **What a former plans.** A former multiplies each of the sum's terms by `1 + d` (`d` complex, of pixel,
 //! pulse and frequency). Before anything heavy it bounds the RMS of `d` for its track, band and
-//! grid: the *planned* error. If that misses the bound asked, it refuses ([`Asked::check`]).
+//! grid: the *planned* error. If that misses the bound asked, it refuses ([`Asked::check`]). Where terms add
+//! in phase, as on a scatterer, the image's error is at most that of the value itself (Cauchy and Schwarz); where they
+//! add at random, as in noise and clutter, powers add and it is that again.
 //!
-//! **What becomes of the image.** Where terms add in phase, an image's error is at most the RMS of `d` of
-//! the value itself (Cauchy and Schwarz). Where they do not, powers add: the error's is the RMS of `d`, squared,
-//! of the sum of the terms' powers,
+//! Where antennas move from sample to sample of a pulse and the former takes all samples at one place, what that leaves
+//! ([`super::sweep::residual`]) is added for it.
+//!
+//! **What becomes of the image.** Neither holds where terms cancel: beside a bright scatterer that the grid leaves out, errors
+//! cancel less than its side lobes do. No plan knows the scene, so every image is looked at: as the pulses are
+//! read, the exact sum at [`SAMPLED_PIXELS`] of its pixels is kept besides ([`Exact`](super::exact::Exact)'s; a small part of the
+//! work), and with `s^2` the mean square error there and `M` the image's mean square
 //!
 //! ```text
-//! T = sum_n sum_k |w_slow[n] w_fast[k] z[n][k]|^2 / (sum_n w_slow[n]  sum_k w_fast[k])^2
+//! predicted^2 = max(planned^2, C s^2 / M)
 //! ```
 //!
-//! whatever the image shows there. With `M` the image's mean square and `P` pixels, `N` terms,
-//!
-//! ```text
-//! predicted^2 = planned^2 min(M + T (1 + C / P), N T) / M
-//! ```
-//!
-//! `T` is summed as the pulses are read, `M` taken of the image; `C / P` is for the scatter of a mean over few pixels
-//! ([`SCATTER`]), and `N T` is what the terms come to all in phase. `M` is far above `T` where
-//! scatterers are in view, about `T` where noise or clutter is, and far below on a dark grid, whose prediction so
-//! tells the truth. A bound missed in this way is an error too, after the work.
+//! `C` is what a mean of so few squares scatters by: 1 where all pixels are sampled (128 or fewer), 1.6 where the image is as a plan
+//! takes it, 2 where it errs by more than that, and 10 where errors may sit in few pixels: where `s^2 / M` is 6 dB above the plan's, or the grid is dark, `M` less than 0.3 of the terms'
+//! powers `T` ([`Sums::terms`]), which is what noise would show. A bound missed in this way is an error too, after the work.
+//! A prediction of -3 dB or more says that the image is worth nothing, not how far it errs.
 //!
 //! Accuracy: `tests/random_formers.rs` measures every former against the sum over thousands of random
 //! geometries, scenes and grids.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::Mutex;
 
 use glam::DVec3;
-use num_complex::Complex32;
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
 
-use super::{FormError, Formed, Task};
+use super::exact::{LANES, add_pulse};
+use super::{FormError, Formed, Task, rounding, sweep};
+use crate::geometry::ImageGrid;
 use crate::image::power;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
+use crate::signal::phase::widen;
 
-/// How far the mean of few pixels' errors scatters: `C` in the module's formula. A lone pixel's power is
-/// above 20 times its mean with a probability of `exp(-20)` if its terms are independent.
-const SCATTER: f64 = 20.0;
+/// Pixels at which every image is compared with the sum.
+const SAMPLED_PIXELS: usize = 4 * LANES;
+
+/// Pixels of which all are sampled.
+const FEW_PIXELS: usize = 2 * SAMPLED_PIXELS;
+
+/// `C` of the module's formula where there are more pixels, where they err by more than planned, and where
+/// errors may sit in few of them.
+const SCATTER: f64 = 1.6;
+const LARGER_SCATTER: f64 = 2.0;
+const UNEVEN_SCATTER: f64 = 10.0;
+
+/// Error over the planned, in power, above which it is uneven.
+const UNEVEN: f64 = 4.0;
+
+/// Mean square over the terms' powers below which a grid is dark.
+const DARK: f64 = 0.3;
+
+/// Error, relative to the image's mean square, above which that tells of the error more than of the scene.
+const SPOILT: f64 = 0.01;
+
+/// Pulses that a thread adds to the samples at a time; their order in the sum is fixed.
+const PULSES_A_PART: usize = 16;
+
+/// Least error that a sample shows: the image's own rounding to float32.
+const LEAST_DB: f64 = -200.0;
 
 /// Whether an image may be worse than asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,44 +129,60 @@ pub(super) fn misses(predicted_db: f64, bound_db: Option<f64>) -> bool {
 pub(super) fn keep(
     task: &Task,
     asked: Asked,
+    follows_sweeps: bool,
     form: impl FnOnce(&Task) -> Result<Formed, FormError>,
 ) -> Result<Formed, FormError> {
     task.check()?;
-    let metered = Metered::new(task);
+    let swept = match follows_sweeps {
+        true => 0.0,
+        false => sweep::residual(task.history.collection(), task.grid),
+    };
+    asked.check(20.0 * swept.log10(), || {
+        "the antennas move from sample to sample of a pulse, and this former takes all samples of one at one place: \
+         use --algorithm rdbp or bp"
+            .to_owned()
+    })?;
+    let sampled = Sampled::new(task);
     let mut formed = form(&Task {
-        history: &metered,
+        history: &sampled,
         ..*task
     })?;
-    check_finite(&formed, task)?;
-    let planned_db = formed.predicted_error_db;
-    let terms = metered.power();
-    let pixels = formed.image.pixels.len() as f64;
-    let mean = formed.image.pixels.iter().map(|&z| power(z)).sum::<f64>() / pixels;
-    let num_terms = task.history.collection().pulses.len() as f64
-        * task.history.collection().num_samples as f64;
-    let at_most = (mean + terms * (1.0 + SCATTER / pixels)).min(num_terms * terms);
-    // Nothing recorded: nothing to err by.
-    let darkness_db = match terms > 0.0 {
-        true => 10.0 * (at_most / mean).max(1.0).log10(),
-        false => 0.0,
+    check_finite(&formed, task.grid)?;
+    let planned_db = match swept > 0.0 {
+        true => rounding::total_db(&[10f64.powf(formed.predicted_error_db / 20.0), swept]),
+        false => formed.predicted_error_db,
     };
-    formed.expect(asked.bound_db, planned_db + darkness_db);
+    let measured_db = sampled.error_db(&formed, planned_db);
+    formed.expect(asked.bound_db, planned_db.max(measured_db));
     formed
         .settings
         .insert("planned_error_db".to_owned(), planned_db.into());
     asked.check(formed.predicted_error_db, || {
+        let pixels = sampled.pixels.len();
         format!(
-            "the former's own error is {planned_db:.1} dB, but the grid is dark, its mean square {:.1} dB from \
-             what a pixel would hold of the recording's scattered power: include bright scatterers in --grid, \
-             or plan {darkness_db:.0} dB more with --error-db {:.0}",
-            10.0 * (mean / terms).log10(),
-            (asked.bound_db.unwrap_or(0.0) - darkness_db).floor()
+            "the former plans {planned_db:.1} dB, and its error at {pixels} pixels is more: the grid is dark, beside \
+             something bright that it leaves out; include that in --grid, or plan for less with --error-db {:.0}",
+            asked.bound_db.unwrap_or(0.0) + planned_db - measured_db - 1.0
         )
     })?;
     Ok(formed)
 }
 
-fn check_finite(formed: &Formed, task: &Task) -> Result<(), FormError> {
+/// [`keep`] of an image whose pixels are no places at rest, so that there is no sum to compare them with: by the plan alone.
+pub(super) fn keep_planned(
+    task: &Task,
+    asked: Asked,
+    form: impl FnOnce(&Task) -> Result<Formed, FormError>,
+) -> Result<Formed, FormError> {
+    task.check()?;
+    let mut formed = form(task)?;
+    check_finite(&formed, task.grid)?;
+    formed.expect(asked.bound_db, formed.predicted_error_db);
+    Ok(formed)
+}
+
+/// Refuses an image with a pixel that is NaN or infinite.
+pub(super) fn check_finite(formed: &Formed, grid: &ImageGrid) -> Result<(), FormError> {
     let finite = |z: &Complex32| z.re.is_finite() && z.im.is_finite();
     match formed.image.pixels.iter().position(|z| !finite(z)) {
         None => Ok(()),
@@ -148,53 +191,143 @@ fn check_finite(formed: &Formed, task: &Task) -> Result<(), FormError> {
             Err(FormError::NotFinite {
                 row,
                 column,
-                position_m: task.grid.position_m(row, column).to_array(),
+                position_m: grid.position_m(row, column).to_array(),
             })
         }
     }
 }
 
-/// A history whose samples' weighted power is summed as they are read.
-struct Metered<'a> {
+/// A history that keeps the exact sum at some pixels as its pulses are read.
+struct Sampled<'a> {
     task: &'a Task<'a>,
-    /// Power of each pulse as the bits of a float64: the sum over them is the same in whatever order they
-    /// are read.
-    powers: Vec<AtomicU64>,
+    /// Indices of pixels, ascending, and where they lie.
+    pixels: Vec<usize>,
+    points: Vec<DVec3>,
+    sums: Mutex<Sums>,
 }
 
-impl<'a> Metered<'a> {
+/// Sums so far, and the pulses that are in them.
+struct Sums {
+    values: Vec<Complex64>,
+    /// Power of all weighted samples: `sum_n sum_k |w_n w_k z[n][k]|^2`.
+    terms: f64,
+    pulses: Range<usize>,
+}
+
+impl<'a> Sampled<'a> {
     fn new(task: &'a Task<'a>) -> Self {
-        let pulses = task.history.collection().pulses.len();
+        let total = task.grid.num_pixels() as usize;
+        let columns = task.grid.columns.count;
+        // Golden-ratio places: spread evenly without a lattice.
+        let place =
+            |i: usize| (((i as f64 + 0.5) * 0.618_033_988_75).fract() * total as f64) as usize;
+        let mut pixels: Vec<usize> = match total <= FEW_PIXELS {
+            true => (0..total).collect(),
+            false => (0..SAMPLED_PIXELS).map(place).collect(),
+        };
+        pixels.sort_unstable();
+        pixels.dedup();
+        let points: Vec<DVec3> = pixels
+            .iter()
+            .map(|i| task.grid.position_m(i / columns, i % columns))
+            .collect();
+        let sums = Mutex::new(Sums {
+            values: vec![Complex64::ZERO; points.len()],
+            terms: 0.0,
+            pulses: 0..0,
+        });
         Self {
             task,
-            powers: (0..pulses).map(|_| AtomicU64::new(0)).collect(),
+            pixels,
+            points,
+            sums,
         }
     }
 
-    /// `T` of the pulses read.
-    fn power(&self) -> f64 {
-        let slow = &self.task.weights.slow;
-        let each = self.powers.iter().zip(slow);
-        let sum: f64 = each
-            .map(|(bits, w)| w * w * f64::from_bits(bits.load(Ordering::Relaxed)))
-            .sum();
-        sum * self.task.weights.normalisation().powi(2)
+    /// Adds pulses, unless they are in the sums: a former may read some twice.
+    fn add(&self, pulses: Range<usize>, samples: &[Complex32]) {
+        let width = self.collection().num_samples;
+        let weights = self.task.weights;
+        let mut sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
+        if sums.pulses.end != pulses.start {
+            return;
+        }
+        let numbers: Vec<usize> = pulses.clone().collect();
+        let parts: Vec<Vec<Complex64>> = numbers
+            .par_chunks(PULSES_A_PART)
+            .zip(samples.par_chunks(PULSES_A_PART * width))
+            .map(|(numbers, samples)| {
+                let mut part = vec![Complex64::ZERO; self.points.len()];
+                let lanes = part.chunks_mut(LANES).zip(self.points.chunks(LANES));
+                for (sums, points) in lanes {
+                    for (&n, row) in numbers.iter().zip(samples.chunks_exact(width)) {
+                        let pulse = &self.collection().pulses[n];
+                        add_pulse(pulse, weights.slow[n], &weights.fast, row, points, sums);
+                    }
+                }
+                part
+            })
+            .collect();
+        for part in parts {
+            let both = sums.values.iter_mut().zip(part);
+            both.for_each(|(sum, value)| *sum += value);
+        }
+        for (n, row) in pulses.clone().zip(samples.chunks_exact(width)) {
+            let terms = row.iter().zip(&weights.fast);
+            let sum: f64 = terms.map(|(&z, w)| w * w * power(z)).sum();
+            sums.terms += weights.slow[n].powi(2) * sum;
+        }
+        sums.pulses.end = pulses.end;
+    }
+
+    /// `C s^2 / M` of the module's formula, dB.
+    fn error_db(&self, formed: &Formed, planned_db: f64) -> f64 {
+        let sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
+        let norm = self.task.weights.normalisation();
+        let image = &formed.image.pixels;
+        let (mut error, mut exact) = (0.0, 0.0);
+        for (&pixel, &sum) in self.pixels.iter().zip(&sums.values) {
+            let expected = sum * norm;
+            error += (widen(image[pixel]) - expected).norm_sqr();
+            exact += expected.norm_sqr();
+        }
+        let mean = image.iter().map(|&z| power(z)).sum::<f64>() / image.len() as f64;
+        let count = self.pixels.len() as f64;
+        let shown = error / count / mean;
+        let relative = if self.pixels.len() == image.len() {
+            error / exact
+        } else if shown > SPOILT {
+            UNEVEN_SCATTER * error / exact
+        } else {
+            let dark = mean < DARK * sums.terms * norm * norm;
+            let above = shown / 10f64.powf(planned_db / 10.0);
+            shown
+                * match () {
+                    () if dark || above > UNEVEN => UNEVEN_SCATTER,
+                    () if above > 1.0 => LARGER_SCATTER,
+                    () => SCATTER,
+                }
+        };
+        if sums.pulses.end != self.collection().pulses.len() {
+            // A former that left pulses out has no image of them all.
+            return f64::INFINITY;
+        }
+        // Of an image of zeros where there should be zeros, nothing is wrong.
+        match error == 0.0 {
+            true => LEAST_DB,
+            false => 10.0 * relative.log10(),
+        }
     }
 }
 
-impl PhaseHistory for Metered<'_> {
+impl PhaseHistory for Sampled<'_> {
     fn collection(&self) -> &Collection {
         self.task.history.collection()
     }
 
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
         self.task.history.read(pulses.clone(), samples)?;
-        let rows = samples.chunks_exact(self.collection().num_samples);
-        for (n, row) in pulses.zip(rows) {
-            let terms = row.iter().zip(&self.task.weights.fast);
-            let sum: f64 = terms.map(|(&z, w)| w * w * power(z)).sum();
-            self.powers[n].store(sum.to_bits(), Ordering::Relaxed);
-        }
+        self.add(pulses, samples);
         Ok(())
     }
 
@@ -203,7 +336,15 @@ impl PhaseHistory for Metered<'_> {
     }
 
     fn held_bytes(&self) -> u64 {
-        self.task.history.held_bytes() + size_of_val(self.powers.as_slice()) as u64
+        self.task.history.held_bytes()
+    }
+
+    fn start_ns(&self) -> Option<i64> {
+        self.task.history.start_ns()
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.task.history.warnings()
     }
 
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {

@@ -5,12 +5,15 @@
 //! ```
 //!
 //! (Schone 2020, section 1.2), normalised as in [`super`], in float64, with each pulse's own positions
-//! and frequencies. Nothing is neglected: no interpolation, no expansion of range. The sum over `k`
-//! is a polynomial in `exp(j 2 pi step path / c)`, evaluated by Horner's rule; its rounding error
+//! and frequencies, and each sample's own if they move meanwhile. Nothing is neglected: no interpolation, no
+//! expansion of range. The sum over `k` is a polynomial in `exp(j 2 pi step path / c)`, evaluated by Horner's rule; its rounding error
 //! grows as `num_samples * 1e-16`, far below float32 samples.
 //!
-//! Cost: one complex multiply-add (8 operations) a pixel, pulse and frequency. Memory: 16 bytes a
-//! pixel beside the image, and a block of pulses.
+//! Where samples of a pulse are taken one after another in motion, each has a path of its own, and no such polynomial
+//! is there: a square root or two, a sine and a cosine for each.
+//!
+//! Cost: one complex multiply-add (8 operations) a pixel, pulse and frequency; with motion between samples some 20
+//! times as much. Memory: 16 bytes a pixel beside the image, and a block of pulses.
 //!
 //! Accuracy: tests compare it with closed forms; everything else is compared with it. Predicted is the
 //! rounding of the pixels to float32, and of paths in float64, which counts from a million kilometres on at 10 GHz.
@@ -23,14 +26,14 @@ use super::budget::Budget;
 use super::{Asked, FormError, Formed, ImageFormer, Monitor, Task, Weights, rounding};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{PhaseHistory, Pulse};
-use crate::signal::phase::{narrow, phasor};
+use crate::signal::phase::{narrow, phasor, widen};
 
 /// The exact sum.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Exact;
 
 /// Pixels summed side by side: enough to hide the latency of Horner's chain.
-const LANES: usize = 16;
+pub(super) const LANES: usize = 16;
 
 impl ImageFormer for Exact {
     fn name(&self) -> &'static str {
@@ -39,6 +42,10 @@ impl ImageFormer for Exact {
 
     fn bound_db(&self) -> Option<f64> {
         None
+    }
+
+    fn follows_sweeps(&self) -> bool {
+        true
     }
 
     fn form_planned(&self, task: &Task, _asked: &Asked) -> Result<Formed, FormError> {
@@ -50,7 +57,8 @@ impl ImageFormer for Exact {
             .collect();
         let sums = sum_at(task.history, task.weights, &points, budget, task.monitor)?;
         let pixels = sums.into_iter().map(narrow).collect();
-        let planned_db = rounding::total_db(&[rounding::FLOAT32, rounding::path_phase_rad(task)]);
+        let planned_db =
+            rounding::total_db(&[rounding::LARGEST_FLOAT32, rounding::path_phase_rad(task)]);
         Ok(Formed::new(task, pixels, planned_db, serde_json::json!({})))
     }
 }
@@ -121,8 +129,8 @@ fn sum_at(
     Ok(sums)
 }
 
-/// Adds one pulse to at most `LANES` pixels.
-fn add_pulse(
+/// Adds one pulse to at most [`LANES`] pixels.
+pub(super) fn add_pulse(
     pulse: &Pulse,
     slow: f64,
     fast: &[f64],
@@ -130,6 +138,9 @@ fn add_pulse(
     points: &[DVec3],
     sums: &mut [Complex64],
 ) {
+    if !pulse.sweep.is_at_once() {
+        return add_sweep(pulse, slow, fast, row, points, sums);
+    }
     let mut start = [Complex64::ZERO; LANES];
     let (mut step_re, mut step_im) = ([0.0; LANES], [0.0; LANES]);
     for (lane, &point) in points.iter().enumerate() {
@@ -152,12 +163,33 @@ fn add_pulse(
     }
 }
 
+/// Adds one pulse whose samples were taken one after another.
+fn add_sweep(
+    pulse: &Pulse,
+    slow: f64,
+    fast: &[f64],
+    row: &[Complex32],
+    points: &[DVec3],
+    sums: &mut [Complex64],
+) {
+    for (k, (&z, w)) in row.iter().zip(fast).enumerate() {
+        let after = k as f64 - (row.len() / 2) as f64;
+        let reference_m = pulse.reference_path_m + pulse.reference_drift_m(after);
+        let cycles_m = pulse.frequency_hz(k) / SPEED_OF_LIGHT_M_S;
+        let value = widen(z) * (w * slow);
+        for (&point, sum) in points.iter().zip(sums.iter_mut()) {
+            let path_m = pulse.path_after_m(point, after) - reference_m;
+            *sum += value * phasor(cycles_m * path_m);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::focus::Silent;
     use crate::geometry::SceneFrame;
-    use crate::phase_history::{Collection, Recorded};
+    use crate::phase_history::{Collection, Recorded, Sweep};
     use crate::signal::window::Window;
 
     /// Radar at 100 m on the x axis, pulses repeated in place: the image along x is the transform of
@@ -173,6 +205,7 @@ mod tests {
             reference_path_m: 200.0,
             start_hz,
             step_hz,
+            sweep: Sweep::AT_ONCE,
         };
         let collection = Collection {
             name: "still".to_owned(),

@@ -8,8 +8,11 @@
 //!        / (sum_n w_slow[n]  sum_k w_fast[k])
 //! ```
 //!
-//! so that a unit scatterer on a pixel reads 1 whatever the window, and the formers differ only in
-//! speed and error. [`exact`] is the sum itself and the oracle of all others; [`accuracy`] says what error
+//! so that a unit scatterer on a pixel, seen alike by all pulses, reads 1 whatever the window, and the formers
+//! differ only in speed and error. One that an antenna's beam, spreading or a shadow lets pulse `n` see with amplitude
+//! `g_n` reads `sum_n w_slow[n] g_n / sum_n w_slow[n]`: insert its samples, whose phases the sum takes away. So in
+//! strip maps a point reads less the less of the track lights it; a recording does not tell `g_n`, so the
+//! sum cannot divide by it. [`exact`] is the sum itself and the oracle of all others; [`accuracy`] says what error
 //! means, and sees that it is predicted and that a bound asked for is kept.
 
 pub mod accuracy;
@@ -23,11 +26,13 @@ pub mod moving;
 pub mod omega_k;
 pub mod pfa;
 mod pixels;
+mod probes;
 pub mod rda;
 pub mod rdbp;
 mod rounding;
 pub mod straight_track;
 pub mod strip;
+pub mod sweep;
 pub mod weights;
 
 use num_complex::Complex32;
@@ -43,10 +48,9 @@ pub use weights::Weights;
 
 /// What a former plans below the error bound it is given, dB.
 ///
-/// What a grid holds decides how a plan's error shows in its image ([`accuracy`]): up to 3 dB more where the
-/// image is as weak as noise. Measured on a sample of pixels it scatters besides, for a few bright reflectors can
-/// hold most of the image's power: by 3 dB either way on random thousands of pixels of the GOTCHA scene. This
-/// margin keeps nearly all of it within the bound.
+/// What a grid holds decides how a plan's error shows in its image ([`accuracy`]). Measured on a sample of pixels
+/// it scatters besides, for a few bright reflectors can hold most of the image's power: by 3 dB either way on
+/// random thousands of pixels of the GOTCHA scene. This margin keeps nearly all of it within the bound.
 pub const MARGIN_DB: f64 = 4.0;
 
 /// One image to form.
@@ -73,7 +77,7 @@ impl Task<'_> {
         let is_number = |p: &Pulse| {
             let places = p.transmitter_m.is_finite() && p.receiver_m.is_finite();
             let numbers = [p.reference_path_m, p.start_hz, p.step_hz];
-            places && numbers.iter().all(|x| x.is_finite())
+            places && numbers.iter().all(|x| x.is_finite()) && p.sweep.is_finite()
         };
         match collection.pulses.iter().position(|p| !is_number(p)) {
             None => Ok(()),
@@ -225,6 +229,12 @@ pub trait ImageFormer: Sync {
     /// The bound that its images are to keep ([`accuracy`]), dB; `None` if it has none.
     fn bound_db(&self) -> Option<f64>;
 
+    /// Whether it takes each sample at its own moment, where antennas move while a pulse lasts. If not, what
+    /// that leaves ([`sweep::residual`]) is part of the planned error.
+    fn follows_sweeps(&self) -> bool {
+        false
+    }
+
     /// Forms the image of `task` with its planned error, once `asked` has agreed to that: what [`Self::form`]
     /// and [`Self::form_best`] call, which look after the rest of the contract.
     ///
@@ -258,6 +268,8 @@ pub trait ImageFormer: Sync {
             bound_db: self.bound_db(),
             misses,
         };
-        accuracy::keep(task, asked, |task| self.form_planned(task, &asked))
+        accuracy::keep(task, asked, self.follows_sweeps(), |task| {
+            self.form_planned(task, &asked)
+        })
     }
 }

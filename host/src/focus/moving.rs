@@ -25,7 +25,7 @@
 //!
 //! Neglected: the target's motion while a pulse travels, as everywhere here, and acceleration.
 //!
-//! Cost: [`Moving`] copies the geometry, 104 bytes a pulse; [`VelocityPlane`] is
+//! Cost: [`Moving`] copies the geometry, 240 bytes a pulse; [`VelocityPlane`] is
 //! [`super::bp`] with as many pixels as velocities.
 //!
 //! Accuracy: `tests/moving_targets.rs` compares both with the plain sum over a target in motion.
@@ -36,7 +36,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::bp::backproject;
-use super::{Asked, FormError, Formed, ImageFormer, Task};
+use super::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, Pulse, ReadError};
 use crate::support::{self, Projection, path_gradient};
@@ -71,6 +71,12 @@ impl<'a> Moving<'a> {
             pulse.transmitter_m -= moved_m;
             pulse.receiver_m -= moved_m;
             pulse.reference_m -= moved_m;
+            // The same from sample to sample. Where all are taken at once, nothing moves meanwhile.
+            pulse.sweep.transmitter_m_s -= velocity_m_s;
+            pulse.sweep.receiver_m_s -= velocity_m_s;
+            if let Some(reference_m_s) = &mut pulse.sweep.reference_m_s {
+                *reference_m_s -= velocity_m_s;
+            }
         }
         Ok(Self {
             history,
@@ -118,11 +124,23 @@ impl ImageFormer for VelocityPlane {
         Some(self.error_db)
     }
 
+    fn follows_sweeps(&self) -> bool {
+        true
+    }
+
+    fn form_asked(&self, task: &Task, misses: Misses) -> Result<Formed, FormError> {
+        let asked = Asked {
+            bound_db: self.bound_db(),
+            misses,
+        };
+        accuracy::keep_planned(task, asked, |task| self.form_planned(task, &asked))
+    }
+
     fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
         require_times(task.history.collection())?;
         backproject(task, self.error_db, asked, |pulse: &Pulse, velocity_m_s| {
             let moved_m = velocity_m_s * (pulse.time_s - self.epoch_s);
-            pulse.relative_path_m(self.position_m + moved_m)
+            (self.position_m + moved_m, velocity_m_s)
         })
     }
 }

@@ -9,6 +9,9 @@ use crate::SPEED_OF_LIGHT_M_S;
 /// mantissas.
 pub(super) const FLOAT32: f64 = 3e-8;
 
+/// The largest rounding of a float32, relative: half a unit in the last place of a mantissa of 1.
+pub(super) const LARGEST_FLOAT32: f64 = 6e-8;
+
 /// RMS phase error, radians, of paths computed in float64 from the task's positions: a few roundings of the
 /// largest number on the way.
 pub(super) fn path_phase_rad(task: &Task) -> f64 {
@@ -30,6 +33,43 @@ pub(super) fn path_phase_rad(task: &Task) -> f64 {
         (paths_m + pulse.reference_path_m.abs()) * highest_hz / SPEED_OF_LIGHT_M_S
     });
     TAU * turns.fold(0.0, f64::max) * f64::EPSILON
+}
+
+/// RMS phase, radians, by which pulses' frequencies differ from the first pulse's, for a former that takes them
+/// all as that: at most, over the task's grid.
+pub(super) fn band_phase_rad(task: &Task) -> f64 {
+    let collection = task.history.collection();
+    let grid = task.grid;
+    let last = collection.num_samples.saturating_sub(1);
+    let Some(first) = collection.pulses.first() else {
+        return 0.0;
+    };
+    let corners = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(row, column)| {
+        grid.position_m(
+            row * (grid.rows.count - 1),
+            column * (grid.columns.count - 1),
+        )
+    });
+    let squares = collection.pulses.iter().map(|pulse| {
+        let off = |k: usize| (pulse.frequency_hz(k) - first.frequency_hz(k)).abs();
+        let off_hz = off(0).max(off(last));
+        if off_hz == 0.0 {
+            return 0.0;
+        }
+        let paths_m = corners.map(|point| pulse.relative_path_m(point).abs());
+        let turns = off_hz * paths_m.into_iter().fold(0.0, f64::max) / SPEED_OF_LIGHT_M_S;
+        (TAU * turns).powi(2)
+    });
+    (squares.sum::<f64>() / collection.pulses.len() as f64).sqrt()
+}
+
+/// The highest frequency of any sample, hertz.
+pub(super) fn highest_hz(task: &Task) -> f64 {
+    let collection = task.history.collection();
+    let last = collection.num_samples.saturating_sub(1);
+    let each = collection.pulses.iter();
+    each.map(|p| p.start_hz.abs().max(p.frequency_hz(last).abs()))
+        .fold(0.0, f64::max)
 }
 
 /// RMS rounding of a sum of `terms` float32 values taken one after another, relative to the sum: each partial

@@ -136,6 +136,7 @@ impl StraightTrack {
 mod tests {
     use super::*;
     use crate::geometry::SceneFrame;
+    use crate::phase_history::Sweep;
 
     /// 101 pulses, 0.5 m apart along a slant line, displaced by `sway(n)`; antennas `apart` metres apart.
     fn collection(sway: impl Fn(usize) -> DVec3, apart_m: f64) -> Collection {
@@ -151,6 +152,7 @@ mod tests {
                     reference_path_m: 0.0,
                     start_hz: 1e9,
                     step_hz: 1e6,
+                    sweep: Sweep::AT_ONCE,
                 }
             })
             .collect();

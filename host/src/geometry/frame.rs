@@ -39,22 +39,29 @@ impl SceneFrame {
         }
     }
 
+    /// Whether the axes are orthogonal unit vectors (to 1e-6) and the origin lies within 10^10 m of the Earth's
+    /// centre.
+    pub fn is_sound(&self) -> bool {
+        let Self::Earth {
+            origin_ecf_m,
+            x_axis_ecf,
+            y_axis_ecf,
+        } = self
+        else {
+            return true;
+        };
+        let unit = |v: &DVec3| (v.length() - 1.0).abs() <= 1e-6;
+        unit(x_axis_ecf)
+            && unit(y_axis_ecf)
+            && x_axis_ecf.dot(*y_axis_ecf).abs() <= 1e-6
+            && origin_ecf_m.length() <= 1e10
+    }
+
     /// ECF position to scene frame; unchanged in a local frame.
     pub fn from_ecf_m(&self, position: DVec3) -> DVec3 {
         match *self {
             Self::Local => position,
-            Self::Earth {
-                origin_ecf_m,
-                x_axis_ecf,
-                y_axis_ecf,
-            } => {
-                let d = position - origin_ecf_m;
-                DVec3::new(
-                    d.dot(x_axis_ecf),
-                    d.dot(y_axis_ecf),
-                    d.dot(x_axis_ecf.cross(y_axis_ecf)),
-                )
-            }
+            Self::Earth { origin_ecf_m, .. } => self.direction_from_ecf(position - origin_ecf_m),
         }
     }
 
@@ -63,6 +70,22 @@ impl SceneFrame {
         match *self {
             Self::Local => position,
             Self::Earth { origin_ecf_m, .. } => origin_ecf_m + self.direction_to_ecf(position),
+        }
+    }
+
+    /// ECF direction to scene frame, without the origin; unchanged in a local frame.
+    pub fn direction_from_ecf(&self, direction: DVec3) -> DVec3 {
+        match *self {
+            Self::Local => direction,
+            Self::Earth {
+                x_axis_ecf,
+                y_axis_ecf,
+                ..
+            } => DVec3::new(
+                direction.dot(x_axis_ecf),
+                direction.dot(y_axis_ecf),
+                direction.dot(x_axis_ecf.cross(y_axis_ecf)),
+            ),
         }
     }
 

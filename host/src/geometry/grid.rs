@@ -38,7 +38,7 @@ impl Axis {
             )));
         }
         let count = (steps - 1e-9).ceil().max(1.0);
-        if count > 1e9 {
+        if count > MOST_ELEMENTS {
             return Err(GridError(format!(
                 "range {start}:{stop}:{step} has {count:.3e} elements; at most 1e9 are possible"
             )));
@@ -95,6 +95,45 @@ impl ImageGrid {
         }
     }
 
+    /// What keeps it from being a grid, if anything: axes that are not square to one another and of unit length,
+    /// axes without elements or of more than 1e9, a coordinate that is no number or farther than 1e9 m
+    /// from the scene's origin (an angle: 1e9 rad).
+    pub fn fault(&self) -> Option<GridError> {
+        let (x, y) = (self.x_axis, self.y_axis);
+        let off = (x.length() - 1.0)
+            .abs()
+            .max((y.length() - 1.0).abs())
+            .max(x.dot(y).abs());
+        // A length that overflows is a NaN or infinite here.
+        if off.is_nan() || off > AXIS_TOLERANCE {
+            let what =
+                format!("x_axis and y_axis are not orthogonal unit vectors (off by {off:.1e})");
+            return Some(GridError(what));
+        }
+        for (name, axis) in [("columns", self.columns), ("rows", self.rows)] {
+            if axis.count == 0 || axis.count as f64 > MOST_ELEMENTS {
+                let what = format!("{} {name}; 1 to {MOST_ELEMENTS:e} are possible", axis.count);
+                return Some(GridError(what));
+            }
+            let ends = [axis.start, axis.at(axis.count - 1)];
+            let known = axis.step > 0.0 && axis.step.is_finite();
+            if !known || !ends.iter().all(|end| end.abs() <= FARTHEST_M) {
+                let what = format!(
+                    "its {name} run from {} to {} in steps of {}: a positive step and ends of at most \
+                     {FARTHEST_M:e} are possible",
+                    ends[0], ends[1], axis.step
+                );
+                return Some(GridError(what));
+            }
+        }
+        let far = !self
+            .origin_m
+            .to_array()
+            .iter()
+            .all(|x| x.abs() <= FARTHEST_M);
+        far.then(|| GridError(format!("its origin lies more than {FARTHEST_M:e} m away")))
+    }
+
     /// Rows times columns; cannot overflow for axes of at most 1e9 elements.
     pub fn num_pixels(&self) -> u64 {
         self.rows.count as u64 * self.columns.count as u64
@@ -115,6 +154,12 @@ impl ImageGrid {
         }
     }
 }
+
+/// Axes further than this from orthonormal are no axes; rounding leaves some 1e-16.
+const AXIS_TOLERANCE: f64 = 1e-6;
+
+/// Most elements of an axis.
+const MOST_ELEMENTS: f64 = 1e9;
 
 impl ImageGrid {
     /// How the scene point moves with the column's value and with the row's, at grid coordinates: unit vectors, but metres a

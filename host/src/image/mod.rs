@@ -7,7 +7,8 @@ use num_complex::Complex32;
 pub use comparison::{Comparison, ComparisonError};
 
 /// A complex image, row-major. Row and column meaning is the grid's
-/// ([`crate::geometry::ImageGrid`]). A unit scatterer on a pixel reads 1.
+/// ([`crate::geometry::ImageGrid`]). A unit scatterer on a pixel, seen alike
+/// by all pulses, reads 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Number of rows.

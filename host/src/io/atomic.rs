@@ -207,6 +207,13 @@ impl Drop for Hidden {
     }
 }
 
+/// Bytes free where `path` is to be written, as an ordinary user sees it; `None` where the system cannot tell.
+pub fn free_bytes(path: &Path) -> Option<u64> {
+    let path = std::path::absolute(path).ok()?;
+    let place = path.ancestors().find(|place| place.is_dir())?;
+    fs4::available_space(place).ok()
+}
+
 /// Refuses what is larger than the room in `folder`, as an ordinary user sees it. Where the system cannot tell, writing
 /// will.
 pub(super) fn check_room(path: &Path, folder: &Path, needed_bytes: u64) -> Result<(), WriteError> {

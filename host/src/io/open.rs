@@ -19,14 +19,18 @@ pub struct Options<'a> {
     pub channel: Option<&'a str>,
     /// Bytes that all recordings opened together may hold in memory.
     pub memory_bytes: u64,
+    /// Keys of descriptions of raw recordings and the values that override them, as
+    /// [`recording::RecordingFile::set`] takes them; laid over every description opened.
+    pub settings: &'a [(String, String)],
 }
 
 impl Default for Options<'_> {
-    /// The reference channel, any amount of memory.
+    /// The reference channel, any amount of memory, no settings.
     fn default() -> Self {
         Self {
             channel: None,
             memory_bytes: u64::MAX,
+            settings: &[],
         }
     }
 }
@@ -35,7 +39,8 @@ impl Default for Options<'_> {
 ///
 /// # Errors
 /// [`ReadError::Malformed`] for a file of no known format, saying what it looks like, and for a
-/// broken one; [`ReadError::Mismatch`] for a channel of a format that has none; [`ReadError::Io`].
+/// broken one; [`ReadError::Mismatch`] for a channel or settings of a format that has none;
+/// [`ReadError::Io`].
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, ReadError> {
     if path.is_dir() {
         return Err(ReadError::Malformed {
@@ -47,6 +52,15 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
         path: path.to_owned(),
         source,
     })?;
+    let described = path
+        .extension()
+        .is_some_and(|extension| extension == "toml");
+    if let ([(key, value), ..], false) = (options.settings, described) {
+        return Err(ReadError::Mismatch(format!(
+            "{}: {key} = {value} is laid over descriptions of raw recordings (.toml) only: leave out the setting",
+            path.display()
+        )));
+    }
     if start.starts_with(matlab::MAGIC) {
         if let Some(channel) = options.channel {
             return Err(ReadError::Mismatch(format!(
@@ -63,17 +77,18 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
             options.memory_bytes,
         )?));
     }
-    if path
-        .extension()
-        .is_some_and(|extension| extension == "toml")
-    {
+    if described {
         if let Some(channel) = options.channel {
             return Err(ReadError::Mismatch(format!(
                 "{}: a described recording has no channels; leave out channel '{channel}'",
                 path.display()
             )));
         }
-        return Ok(Box::new(recording::open(path, options.memory_bytes)?));
+        return Ok(Box::new(recording::open(
+            path,
+            options.settings,
+            options.memory_bytes,
+        )?));
     }
     Err(ReadError::Malformed {
         path: path.to_owned(),
@@ -96,7 +111,8 @@ pub fn cphd_info(path: &Path) -> Result<Option<cphd::CphdInfo>, ReadError> {
     cphd::CphdInfo::read(path).map(Some)
 }
 
-/// Opens recordings and joins them, in the order given, into one aperture.
+/// Opens recordings and joins them into one aperture, its pulses in the order of [`Aperture`] whatever that of
+/// `paths`.
 ///
 /// # Errors
 /// As [`open`], and [`ReadError::Mismatch`] if there are none or they do not fit together.
@@ -108,17 +124,15 @@ pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Apertu
         left.memory_bytes = left.memory_bytes.saturating_sub(part.held_bytes());
         parts.push(part);
     }
-    // Several parts' pulses are listed once more, joined.
-    if let [_, .., last] = paths {
-        let pulses = parts.iter().map(|part| part.collection().pulses.as_slice());
-        let joined = pulses.map(size_of_val).sum::<usize>() as u64;
-        if joined > left.memory_bytes {
-            return Err(ReadError::Memory {
-                path: last.as_ref().to_owned(),
-                needed_bytes: joined,
-                allowed_bytes: left.memory_bytes,
-            });
-        }
+    let joining = Aperture::joining_bytes(&parts);
+    if let [.., last] = paths
+        && joining > left.memory_bytes
+    {
+        return Err(ReadError::Memory {
+            path: last.as_ref().to_owned(),
+            needed_bytes: joining,
+            allowed_bytes: left.memory_bytes,
+        });
     }
     Aperture::join(parts)
 }

@@ -1,6 +1,7 @@
 //! Tracks as comma-separated values.
 //!
-//! The first line names the columns, in any order: `time_s`, `x_m`, `y_m`, `z_m`, and if attitude is known all
+//! The first line names the columns, in any order: `time_s`, `x_m`, `y_m`, `z_m`, or in other units `time_ms`, `time_us`,
+//! `x_mm`, `x_cm` and so on, all three in one; and if attitude is known all
 //! of `roll_deg`, `pitch_deg`, `yaw_deg` or all of `roll_rad`, `pitch_rad`, `yaw_rad`. Every line
 //! after it is a fix. Times are seconds from the collection's start, positions metres in the scene
 //! frame; angles are right-handed about x forward, y left and z up ([`turned`]). Empty lines and
@@ -27,6 +28,13 @@ const LONGEST_LINE: u64 = 4096;
 const FARTHEST: f64 = 1e9;
 
 const PLACE: [&str; 4] = ["time_s", "x_m", "y_m", "z_m"];
+/// Units of times and of places, and what they are in seconds and metres.
+const TIMES: [(&str, f64); 3] = [("time_s", 1.0), ("time_ms", 1e-3), ("time_us", 1e-6)];
+const PLACES: [([&str; 3], f64); 3] = [
+    (["x_m", "y_m", "z_m"], 1.0),
+    (["x_cm", "y_cm", "z_cm"], 1e-2),
+    (["x_mm", "y_mm", "z_mm"], 1e-3),
+];
 const DEGREES: [&str; 3] = ["roll_deg", "pitch_deg", "yaw_deg"];
 const RADIANS: [&str; 3] = ["roll_rad", "pitch_rad", "yaw_rad"];
 
@@ -123,6 +131,8 @@ pub fn read_from(mut stream: impl BufRead, path: &Path) -> Result<Vec<Fix>, Trac
 struct Columns {
     names: Vec<String>,
     place: [usize; 4],
+    /// Units of time and place, seconds and metres.
+    units: [f64; 2],
     /// Roll, pitch and yaw, and what one of their units is in radians.
     angles: Option<([usize; 3], f64)>,
 }
@@ -131,7 +141,10 @@ impl Columns {
     fn parse(header: &str) -> Result<Self, String> {
         let names: Vec<String> = header.split(',').map(|n| n.trim().to_owned()).collect();
         for (n, name) in names.iter().enumerate() {
-            let known = [&PLACE[..], &DEGREES, &RADIANS].concat();
+            let times = TIMES.iter().map(|(name, _)| *name);
+            let places = PLACES.iter().flat_map(|(names, _)| *names);
+            let angles = DEGREES.into_iter().chain(RADIANS);
+            let known: Vec<&str> = times.chain(places).chain(angles).collect();
             if !known.contains(&name.as_str()) {
                 return Err(format!(
                     "column '{name}' is not known; the columns are {}",
@@ -143,8 +156,25 @@ impl Columns {
             }
         }
         let at = |name: &str| names.iter().position(|n| n == name);
-        let mut place = [0; 4];
-        for (place, name) in place.iter_mut().zip(PLACE) {
+        let times: Vec<(usize, f64)> = TIMES
+            .iter()
+            .filter_map(|&(name, unit)| Some((at(name)?, unit)))
+            .collect();
+        let &[(time, time_unit)] = &times[..] else {
+            return Err(match times.len() {
+                0 => "column 'time_s' is missing".to_owned(),
+                _ => "times come in two units: leave one out".to_owned(),
+            });
+        };
+        let any = |names: &[&str; 3]| names.iter().any(|name| at(name).is_some());
+        let given: Vec<&([&str; 3], f64)> = PLACES.iter().filter(|(names, _)| any(names)).collect();
+        let (letters, place_unit) = match given[..] {
+            [] => return Err("column 'x_m' is missing".to_owned()),
+            [(names, unit)] => (names, *unit),
+            _ => return Err("places come in two units: give x, y and z in one".to_owned()),
+        };
+        let mut place = [time, 0, 0, 0];
+        for (place, name) in place[1..].iter_mut().zip(letters) {
             *place = at(name).ok_or_else(|| format!("column '{name}' is missing"))?;
         }
         let angles = match (DEGREES.map(at), RADIANS.map(at)) {
@@ -164,6 +194,7 @@ impl Columns {
         Ok(Self {
             names,
             place,
+            units: [time_unit, place_unit],
             angles,
         })
     }
@@ -194,8 +225,8 @@ impl Columns {
             None => None,
         };
         Ok(Fix {
-            time_s: number(t)?,
-            position_m: DVec3::new(number(x)?, number(y)?, number(z)?),
+            time_s: number(t)? * self.units[0],
+            position_m: DVec3::new(number(x)?, number(y)?, number(z)?) * self.units[1],
             attitude,
         })
     }
@@ -228,6 +259,22 @@ mod tests {
             fixes("time_s,x_m,y_m,z_m\n1,2,3,4").unwrap()[0].attitude,
             None
         );
+    }
+
+    #[test]
+    fn other_units_are_named_by_their_columns() {
+        let read = fixes("time_ms,x_mm,y_mm,z_mm\n1500,10,-20,3000\n").unwrap();
+        assert_eq!(read[0].time_s, 1.5);
+        assert!(read[0].position_m.distance(DVec3::new(0.01, -0.02, 3.0)) < 1e-15);
+        for (header, what) in [
+            ("time_s,x_mm,y_m,z_m\n", "places come in two units"),
+            ("time_s,time_ms,x_m,y_m,z_m\n", "times come in two units"),
+            ("time_s,x_cm,y_cm\n", "'z_cm' is missing"),
+            ("x_cm,y_cm,z_cm\n", "'time_s' is missing"),
+        ] {
+            let error = fixes(header).unwrap_err().to_string();
+            assert!(error.contains(what), "{error}");
+        }
     }
 
     #[test]

@@ -1,23 +1,30 @@
-//! The firmware under QEMU, its serial line on a TCP connection of this machine.
+//! The firmware under QEMU, its serial line on a pair of sockets that nobody else can reach.
 //!
-//! The emulator connects to a port that this side listens on, chosen by the system, so that no two
-//! sessions can want the same one. It is killed when the [`Emulator`] is dropped, and started anew by
+//! The emulator inherits its end of the pair as standard input and output; there is no port and no name to which
+//! another program could connect. It is killed when the [`Emulator`] is dropped, and started anew by
 //! [`Transport::reconnect`]: that is a module switched off and on.
+//!
+//! The firmware is a program in an emulator: what it may do is talk over its line. Semihosting, which lets a program
+//! read, write and start what the user can, stays off. The firmware that is found without being named has to be
+//! the user's own still ([`trusted`]), for the maps are worth no more than it is.
 
+use std::fs::File;
 use std::io::{self, ErrorKind};
-use std::net::{TcpListener, TcpStream};
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use super::place::Module;
-use super::transport::{Transport, prepare, read_stream, write_stream};
+use super::transport::{Transport, read_stream, write_stream};
+use super::trust::trusted;
 
 const PROGRAM: &str = "qemu-system-arm";
-/// From its start to its connection the emulator takes a fraction of a second.
-const START_LIMIT: Duration = Duration::from_secs(20);
 /// An emulator that ends closes its connection first, a moment before it is gone.
 const END_LIMIT: Duration = Duration::from_millis(200);
+/// Where the emulator finds the standard error that it inherits.
+const LOG: &str = "/dev/stderr";
 
 /// A module under emulation.
 #[derive(Debug)]
@@ -30,7 +37,7 @@ pub struct Emulator {
 #[derive(Debug)]
 struct Running {
     process: Process,
-    stream: TcpStream,
+    stream: UnixStream,
 }
 
 /// The emulator, ended when dropped.
@@ -50,7 +57,7 @@ impl Emulator {
     /// emulator and the firmware print goes to standard error if `verbose`.
     ///
     /// # Errors
-    /// If emulator or firmware are missing, or the emulator ends at once.
+    /// If emulator or firmware are missing, or the firmware found is one that others may have written.
     pub fn start(module: Module, firmware: Option<&Path>, verbose: bool) -> io::Result<Self> {
         let firmware = match firmware {
             Some(path) if path.is_file() => path.to_owned(),
@@ -69,7 +76,7 @@ impl Emulator {
         Ok(emulator)
     }
 
-    fn stream(&mut self) -> io::Result<&mut TcpStream> {
+    fn stream(&mut self) -> io::Result<&mut UnixStream> {
         let gone = || io::Error::new(ErrorKind::NotConnected, "the emulator is not running");
         Ok(&mut self.running.as_mut().ok_or_else(gone)?.stream)
     }
@@ -98,18 +105,20 @@ impl Emulator {
 fn built(module: Module) -> io::Result<PathBuf> {
     let name = Path::new("target/module").join(module.name());
     let here = std::env::current_dir()?;
-    here.ancestors()
+    let found = here
+        .ancestors()
         .map(|folder| folder.join(&name))
-        .find(|path| path.is_file())
-        .ok_or_else(|| {
-            let text = format!(
-                "there is no {} here or above {}: build it with 'cargo xtask module', or name the \
-                 firmware with --firmware",
-                name.display(),
-                here.display()
-            );
-            io::Error::new(ErrorKind::NotFound, text)
-        })
+        .find(|path| path.is_file());
+    let Some(found) = found else {
+        let text = format!(
+            "there is no {} here or above {}: build it with 'cargo xtask module', or name the \
+             firmware with --firmware",
+            name.display(),
+            here.display()
+        );
+        return Err(io::Error::new(ErrorKind::NotFound, text));
+    };
+    trusted(&found)
 }
 
 impl Transport for Emulator {
@@ -123,22 +132,27 @@ impl Transport for Emulator {
 
     fn reconnect(&mut self) -> io::Result<()> {
         self.running = None;
-        let listener = TcpListener::bind("127.0.0.1:0")?;
-        listener.set_nonblocking(true)?;
-        let port = listener.local_addr()?.port();
-        let printed = || match self.verbose {
+        let (stream, theirs) = UnixStream::pair()?;
+        stream.set_nonblocking(true)?;
+        let input = OwnedFd::from(theirs.try_clone()?);
+        // The firmware's log, its second serial line; standard output is taken.
+        let log = match self.verbose && File::options().append(true).open(LOG).is_ok() {
+            true => format!("file,id=log,path={LOG},append=on"),
+            false => "null,id=log".to_owned(),
+        };
+        let errors = match self.verbose {
             true => Stdio::from(io::stderr()),
             false => Stdio::null(),
         };
         let child = Command::new(PROGRAM)
-            .args(["-M", "mps2-an500", "-nographic", "-monitor", "none"])
-            .args(["-semihosting-config", "enable=on,target=native", "-serial"])
-            .arg(format!("tcp:127.0.0.1:{port},server=off,nodelay=on"))
+            .args(["-M", "mps2-an500", "-display", "none", "-monitor", "none"])
+            .args(["-chardev", "stdio,id=link,signal=off", "-chardev", &log])
+            .args(["-serial", "chardev:link", "-serial", "chardev:log"])
             .arg("-kernel")
             .arg(&self.firmware)
-            .stdin(Stdio::null())
-            .stdout(printed())
-            .stderr(printed())
+            .stdin(input)
+            .stdout(OwnedFd::from(theirs))
+            .stderr(errors)
             .spawn()
             .map_err(|error| {
                 let text = match error.kind() {
@@ -150,30 +164,8 @@ impl Transport for Emulator {
                 };
                 io::Error::new(error.kind(), text)
             })?;
-        let mut process = Process(child);
-        let started = Instant::now();
-        loop {
-            match listener.accept() {
-                Ok((stream, _)) => {
-                    prepare(&stream)?;
-                    self.running = Some(Running { process, stream });
-                    return Ok(());
-                }
-                Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-                Err(error) => return Err(error),
-            }
-            if let Some(status) = process.0.try_wait()? {
-                return Err(io::Error::other(format!(
-                    "{PROGRAM} ended at once ({status}); -v shows what it said"
-                )));
-            }
-            if started.elapsed() > START_LIMIT {
-                return Err(io::Error::new(
-                    ErrorKind::TimedOut,
-                    format!("{PROGRAM} did not connect within {START_LIMIT:?}"),
-                ));
-            }
-            std::thread::sleep(Duration::from_millis(5));
-        }
+        let process = Process(child);
+        self.running = Some(Running { process, stream });
+        Ok(())
     }
 }

@@ -20,6 +20,7 @@
 //! [`LinkError`].
 
 mod counts;
+#[cfg(unix)]
 mod emulator;
 mod job;
 mod keep;
@@ -29,9 +30,12 @@ mod run;
 mod running_image;
 mod session;
 mod transport;
+#[cfg(unix)]
+mod trust;
 mod verify;
 
 pub use counts::Counts;
+#[cfg(unix)]
 pub use emulator::Emulator;
 pub use job::{Job, PulseSource};
 pub use place::{Module, Place, PlaceError};

@@ -79,7 +79,7 @@ pub trait Watch {
         let _ = counts;
     }
 
-    /// A line of the module's log, or of the session's own.
+    /// A line of the module's log, or of the session's own; without control characters.
     fn log(&mut self, text: &str) {
         let _ = text;
     }
@@ -100,7 +100,7 @@ pub struct Identity {
     pub arithmetic: Arithmetic,
     /// The sizes its buffers were built for.
     pub capacity: Capacity,
-    /// Name and version of its program.
+    /// Name and version of its program, without control characters.
     pub version: String,
 }
 
@@ -440,7 +440,7 @@ impl<'b> Session<'b> {
                     self.news.identity = Some(Identity {
                         arithmetic,
                         capacity,
-                        version: version.to_owned(),
+                        version: shown(version),
                     });
                 }
                 Report::Status(status) => {
@@ -451,7 +451,7 @@ impl<'b> Session<'b> {
                     self.news.status = Some(status);
                 }
                 Report::Refused { sequence, what } => self.news.refusal = Some((sequence, what)),
-                Report::Log { text } => context.watch.log(text),
+                Report::Log { text } => context.watch.log(&shown(text)),
                 report => {
                     self.advanced = self.heard;
                     if let Some(intake) = &mut context.intake {
@@ -487,6 +487,15 @@ impl<'b> Session<'b> {
             Err(LinkError::Restarted)
         }
     }
+}
+
+/// A module's words as they are shown: what would reach a terminal as a command is replaced.
+fn shown(text: &str) -> String {
+    let replaced = |c: char| match c.is_control() {
+        true => char::REPLACEMENT_CHARACTER,
+        false => c,
+    };
+    text.chars().map(replaced).collect()
 }
 
 /// Whether a run is going on.

@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use serial2::SerialPort;
 
+#[cfg(unix)]
 use super::emulator::Emulator;
 use super::place::Place;
 
@@ -68,7 +69,17 @@ pub fn open(
     Ok(match place {
         Place::Tcp { host, port } => Box::new(Tcp::connect(host, *port)?),
         Place::Serial { device, baud } => Box::new(Serial::open(device, *baud)?),
+        #[cfg(unix)]
         Place::Emulate(module) => Box::new(Emulator::start(*module, firmware, verbose)?),
+        #[cfg(not(unix))]
+        Place::Emulate(_) => {
+            let _ = (firmware, verbose);
+            return Err(io::Error::new(
+                ErrorKind::Unsupported,
+                "the emulator is started on Unix systems alone; start one whose serial line is a TCP port and give \
+                 tcp://HOST:PORT",
+            ));
+        }
     })
 }
 
@@ -100,7 +111,8 @@ fn connect(host: &str, port: u16) -> io::Result<TcpStream> {
     for address in (host, port).to_socket_addrs().map_err(advice)? {
         match TcpStream::connect_timeout(&address, CONNECT_LIMIT) {
             Ok(stream) => {
-                prepare(&stream)?;
+                stream.set_nodelay(true)?;
+                stream.set_nonblocking(true)?;
                 return Ok(stream);
             }
             Err(error) => last = error,
@@ -109,14 +121,35 @@ fn connect(host: &str, port: u16) -> io::Result<TcpStream> {
     Err(advice(last))
 }
 
-/// Sets a stream up for [`read_stream`] and [`write_stream`].
-pub(super) fn prepare(stream: &TcpStream) -> io::Result<()> {
-    stream.set_nodelay(true)?;
-    stream.set_nonblocking(true)
+/// What [`read_stream`] and [`write_stream`] work on; set not to block before.
+pub(super) trait Stream: Read + Write {
+    fn set_nonblocking(&self, nonblocking: bool) -> io::Result<()>;
+    fn set_read_timeout(&self, wait: Option<Duration>) -> io::Result<()>;
+}
+
+impl Stream for TcpStream {
+    fn set_nonblocking(&self, nonblocking: bool) -> io::Result<()> {
+        self.set_nonblocking(nonblocking)
+    }
+
+    fn set_read_timeout(&self, wait: Option<Duration>) -> io::Result<()> {
+        self.set_read_timeout(wait)
+    }
+}
+
+#[cfg(unix)]
+impl Stream for std::os::unix::net::UnixStream {
+    fn set_nonblocking(&self, nonblocking: bool) -> io::Result<()> {
+        self.set_nonblocking(nonblocking)
+    }
+
+    fn set_read_timeout(&self, wait: Option<Duration>) -> io::Result<()> {
+        self.set_read_timeout(wait)
+    }
 }
 
 pub(super) fn read_stream(
-    stream: &mut TcpStream,
+    stream: &mut impl Stream,
     buffer: &mut [u8],
     wait: Duration,
 ) -> io::Result<usize> {
@@ -154,7 +187,7 @@ pub(super) fn read_stream(
     }
 }
 
-pub(super) fn write_stream(stream: &mut TcpStream, bytes: &[u8]) -> io::Result<usize> {
+pub(super) fn write_stream(stream: &mut impl Stream, bytes: &[u8]) -> io::Result<usize> {
     match stream.write(bytes) {
         Err(error) if is_not_yet(&error) => Ok(0),
         written => written,

@@ -21,7 +21,7 @@ use super::search::{Candidate, LONGEST_RANGE, Search};
 use super::{LinkBudget, RamBudget};
 use crate::focus::maps::kernels::Kernels;
 use crate::focus::rdbp::{PatchSize, shared_band};
-use crate::focus::{FormError, MARGIN_DB};
+use crate::focus::{FormError, MARGIN_DB, sweep};
 use crate::geometry::ImageGrid;
 use crate::maps::Arithmetic;
 use crate::phase_history::Collection;
@@ -94,6 +94,18 @@ pub enum PlanError {
         /// The least that was found, dB; `None` where nothing at all is possible.
         best_db: Option<f64>,
     },
+    /// The radar moves too far while the samples of a pulse are taken.
+    #[error(
+        "the antennas move from sample to sample of a pulse, and a module takes all samples of one at one place: that \
+         leaves {residual_db:.1} dB, above {error_db} dB less {MARGIN_DB} dB of reserve; allow more with --error-db, give \
+         a smaller --grid, or use subap focus without a module"
+    )]
+    Swept {
+        /// The bound asked for, dB.
+        error_db: f64,
+        /// What taking them at one place leaves on the grid, dB.
+        residual_db: f64,
+    },
     /// Nothing that keeps the bound fits.
     #[error(
         "nothing that keeps {error_db} dB fits: {}; allow a larger error with --error-db, give a \
@@ -137,6 +149,13 @@ impl ModulePlan {
             return Err(PlanError::Frequencies(band.count));
         }
         let target = 10f64.powf((request.error_db - MARGIN_DB) / 20.0);
+        let swept = sweep::residual(collection, grid);
+        if swept > target {
+            return Err(PlanError::Swept {
+                error_db: request.error_db,
+                residual_db: 20.0 * swept.log10(),
+            });
+        }
         let search = Search {
             collection,
             grid,

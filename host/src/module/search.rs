@@ -8,8 +8,9 @@ use super::reach::Reach;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::maps::kernels::Kernels;
 use crate::focus::rdbp::patch::{Rectangle, rectangles};
-use crate::focus::rdbp::plan::{Probe, lengths, patch_sizes};
+use crate::focus::rdbp::plan::{Measure, Probe, lengths, patch_sizes};
 use crate::focus::rdbp::{PatchSize, SubCpi, sub_cpi};
+use crate::focus::sweep;
 use crate::geometry::ImageGrid;
 use crate::maps::Arithmetic;
 use crate::phase_history::{Band, Collection};
@@ -81,9 +82,13 @@ impl Search<'_> {
             grid: self.grid,
             band: self.band,
             breaks: &[],
+            // The core takes all samples of a pulse at one place: see `swept`.
+            pulses_a_sample: None,
+            measure: Measure::Mean,
         };
         let num_pulses = self.collection.pulses.len();
         let patches = patch_sizes(self.grid);
+        let swept = sweep::residual(self.collection, self.grid);
         let mut candidates = Vec::new();
         let mut first_patch = 0;
         for length in lengths(num_pulses) {
@@ -98,7 +103,7 @@ impl Search<'_> {
                     Some(error) => error,
                     None => probe.run(length, patch).model_error,
                 };
-                if error.hypot(kernel_error) > target {
+                if error.hypot(kernel_error).hypot(swept) > target {
                     continue;
                 }
                 if errors.is_none() {
@@ -220,6 +225,9 @@ impl Search<'_> {
             grid: self.grid,
             band: self.band,
             breaks: &[],
+            // The core takes all samples of a pulse at one place: see `swept`.
+            pulses_a_sample: None,
+            measure: Measure::Mean,
         };
         let model_error = sub_cpis
             .iter()
@@ -235,7 +243,11 @@ impl Search<'_> {
             taps,
             num_sub_cpis: sub_cpis.len(),
             gaps: sub_cpi::breaks(self.collection),
-            predicted_db: 20.0 * model_error.hypot(kernels.error).log10(),
+            predicted_db: 20.0
+                * model_error
+                    .hypot(kernels.error)
+                    .hypot(sweep::residual(self.collection, self.grid))
+                    .log10(),
         };
         // A gate wider than the band of one cycle is no plan.
         plan.fits(&Room::Built(capacity)).then_some(plan)

@@ -1,15 +1,19 @@
 //! Phase history: what every image former consumes and every reader delivers.
 //!
 //! A [`PhaseHistory`] is a [`Collection`] (geometry and frequencies of every pulse, held in memory,
-//! 104 bytes a pulse) and a way to read any run of pulses. Samples are read on demand, so a
+//! 240 bytes a pulse) and a way to read any run of pulses. Samples are read on demand, so a
 //! file larger than memory is no obstacle.
 //!
 //! Sample `k` of pulse `n` for a unit scatterer at `p` is
 //! `exp(-j 2 pi f (path_n(p) - reference_path_n) / c)` at `f = start_hz + k step_hz`
-//! (Schone 2020 (2.11), moved to the pulse's reference point).
+//! (Schone 2020 (2.11), moved to the pulse's reference point). Where samples are taken one after another, both paths
+//! are those of the sample's moment: [`Sweep`].
 
 mod aperture;
+mod order;
+pub(crate) mod physical;
 mod recorded;
+mod sweep;
 mod track_error;
 
 use std::ops::Range;
@@ -23,10 +27,12 @@ use crate::geometry::{Extent, SceneFrame};
 use crate::quantity::bytes;
 
 pub use aperture::Aperture;
+pub(crate) use order::ranks_by_angle;
 pub use recorded::Recorded;
+pub use sweep::{PathTerms, Sweep};
 pub use track_error::TrackError;
 
-/// Geometry and frequency axis of one pulse. Positions in metres in the scene frame.
+/// Geometry and frequency axis of one pulse. Positions in metres in the scene frame, at the moment of sample `K/2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pulse {
     /// Time of the pulse, seconds from the collection's start.
@@ -37,17 +43,20 @@ pub struct Pulse {
     pub receiver_m: DVec3,
     /// Point to which the phase is compensated (CPHD's SRP).
     pub reference_m: DVec3,
-    /// Two-way path length to which the phase is compensated. Usually
-    /// [`Pulse::path_m`] of `reference_m`; kept apart because recordings round it differently.
+    /// Two-way path length to which the phase is compensated. Usually [`Pulse::path_m`] of `reference_m`, computed of
+    /// the same stored positions, so that their rounding cancels in [`Self::relative_path_m`]; a path stored beside
+    /// them was rounded on its own, from pulse to pulse, which is noise of phase.
     pub reference_path_m: f64,
     /// Frequency of sample 0.
     pub start_hz: f64,
     /// Frequency step from sample to sample; positive.
     pub step_hz: f64,
+    /// How the antennas move while the samples are taken.
+    pub sweep: Sweep,
 }
 
 impl Pulse {
-    /// Two-way path from transmitter to `point` to receiver, metres.
+    /// Two-way path from transmitter to `point` to receiver, metres, at the moment of sample `K/2`.
     pub fn path_m(&self, point: DVec3) -> f64 {
         (point - self.transmitter_m).length() + (point - self.receiver_m).length()
     }
@@ -76,7 +85,8 @@ pub struct Collection {
     pub frame: SceneFrame,
     /// The part of the scene the collection is meant for, if it says so.
     pub extent: Option<Extent>,
-    /// Whether the recording tells times; if not, pulses are numbered as if a second apart.
+    /// Whether the recording tells times; if not, pulses are numbered as if a second apart. Pulses of several
+    /// recordings are in the order of time, or of angle where it tells none ([`Aperture`]).
     pub timed: bool,
 }
 
@@ -120,6 +130,11 @@ impl Band {
 }
 
 impl Collection {
+    /// Whether antennas move from sample to sample of any pulse.
+    pub fn sweeps(&self) -> bool {
+        self.pulses.iter().any(|pulse| !pulse.sweep.is_at_once())
+    }
+
     /// The frequency axis if all pulses share it (to 1e-9 of the start frequency), else `None`.
     pub fn band(&self) -> Option<Band> {
         let first = self.pulses.first()?;
@@ -231,6 +246,11 @@ pub trait PhaseHistory: Sync + Send {
     /// Where transmitter and receiver truly were in every pulse, metres in the scene frame, if that is
     /// known: simulations know it, and [`Pulse`] holds what was measured.
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        None
+    }
+
+    /// When time zero was, nanoseconds since the beginning of 1970 (UTC), if the recording says.
+    fn start_ns(&self) -> Option<i64> {
         None
     }
 

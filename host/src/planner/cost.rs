@@ -14,6 +14,7 @@
 //! of `n` is `5 n log2 n`.
 //!
 //! ```text
+//! exact    a pixel, pulse and frequency: a multiplication and an addition, complex                   8
 //! bp       a pixel and pulse: path 11, place 3, linear reading 6, phasor 21, sum 8               49
 //!          a pulse: a transform of the upsampled profile
 //! thesis   a pixel and sub-CPI: path and rate 34, place 5, bilinear 18, phasor 23, sum 8          88
@@ -142,6 +143,14 @@ impl Cost {
             operations,
             per_pixel_and_pulse: operations / (work.pixels as f64 * work.pulses as f64),
         }
+    }
+
+    /// The exact sum.
+    pub fn exact(work: &Work) -> Self {
+        let (k, n) = (work.frequencies as f64, work.pulses as f64);
+        let pixels = work.pixels as f64;
+        let memory = [("points and sums", 40.0 * pixels)];
+        Self::new("exact", work, &memory, 8.0 * pixels * n * k)
     }
 
     /// Backprojection within an error bound of `error_db`.

@@ -6,11 +6,13 @@
 //! - [`sampling`]: resolution, and pulse spacing by Nyquist;
 //! - [`grating`]: grating lobes of sub-CPIs in the thesis's mode, place and level;
 //! - [`cost`]: memory and operations of the image formers;
+//! - [`forecast`]: how long an image will take on this machine;
 //! - [`link`]: the radar equation;
 //! - [`ambiguity`]: the ambiguity function of pulses and bursts.
 
 pub mod ambiguity;
 pub mod cost;
+pub mod forecast;
 pub mod grating;
 pub mod link;
 pub mod parameters;

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
-use crate::phase_history::{Collection, Pulse};
+use crate::phase_history::{Collection, Pulse, Sweep};
 use crate::quantity::{hertz, metres};
 
 /// Pulses that a plan may have: 1.7 GB of geometry.
@@ -98,6 +98,7 @@ impl Parameters {
                 reference_path_m: 2.0 * self.range_m,
                 start_hz,
                 step_hz,
+                sweep: Sweep::AT_ONCE,
             }
         });
         let half = self.scene_m.map(|side_m| side_m / 2.0);

@@ -82,5 +82,5 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
             (cells, levels)
         }),
     };
-    page(&[sheet], 1).into_png()
+    page(&[sheet], 1, super::LONGEST).into_png()
 }

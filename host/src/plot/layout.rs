@@ -128,13 +128,8 @@ fn bar_ticks(levels: Levels, height: usize) -> Ticks {
     ticks(levels.bottom, levels.top, (height / 70).max(2))
 }
 
-/// The page with all sheets drawn.
-pub(super) fn page(sheets: &[Sheet], columns: usize) -> Canvas {
-    let limit = match columns {
-        1 => 1600,
-        2 => 800,
-        _ => 560,
-    };
+/// The page with all sheets drawn, the longer side of each at most `limit` pixels.
+pub(super) fn page(sheets: &[Sheet], columns: usize, limit: usize) -> Canvas {
     let plans: Vec<Plan> = sheets.iter().map(|s| Plan::new(s, limit)).collect();
     let rows = sheets.len().div_ceil(columns);
     let mut lefts = vec![0; columns];

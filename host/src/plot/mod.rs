@@ -205,8 +205,29 @@ pub enum PlotError {
 /// # Errors
 /// [`PlotError`].
 pub fn quicklook(panel: &Panel) -> Result<Vec<u8>, PlotError> {
-    panels(std::slice::from_ref(panel), 1)
+    quicklook_within(panel, u64::MAX)
 }
+
+/// [`quicklook`], so much smaller that drawing it takes about `memory_bytes`, or 4 MiB if that is more.
+///
+/// # Errors
+/// [`PlotError`].
+pub fn quicklook_within(panel: &Panel, memory_bytes: u64) -> Result<Vec<u8>, PlotError> {
+    let side = ((memory_bytes / BYTES_A_CELL) as f64).sqrt() as usize;
+    page(
+        std::slice::from_ref(panel),
+        1,
+        side.clamp(LEAST_SHOWN, LONGEST),
+    )
+}
+
+/// What a pixel of a picture takes while it is drawn: its power, that once more to find the scale, its colour, and that
+/// on the way into a PNG file.
+const BYTES_A_CELL: u64 = 24;
+
+/// Pixels a side of a lone picture, at most, and at least where memory is short.
+const LONGEST: usize = 1600;
+const LEAST_SHOWN: usize = 400;
 
 /// Several pictures on one page, `columns` side by side, row by row, as the bytes of a PNG file. The
 /// more columns, the smaller each: up to 800 pixels a side for two, 560 for three or more.
@@ -214,6 +235,15 @@ pub fn quicklook(panel: &Panel) -> Result<Vec<u8>, PlotError> {
 /// # Errors
 /// [`PlotError`].
 pub fn panels(panels: &[Panel], columns: usize) -> Result<Vec<u8>, PlotError> {
+    let limit = match columns.min(panels.len()) {
+        0 | 1 => LONGEST,
+        2 => 800,
+        _ => 560,
+    };
+    page(panels, columns, limit)
+}
+
+fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotError> {
     for panel in panels {
         let (rows, columns) = (panel.grid.rows.count, panel.grid.columns.count);
         let image = panel.image;
@@ -236,5 +266,5 @@ pub fn panels(panels: &[Panel], columns: usize) -> Result<Vec<u8>, PlotError> {
         });
     }
     let sheets: Vec<Sheet> = panels.iter().map(Panel::sheet).collect();
-    layout::page(&sheets, columns.clamp(1, panels.len())).into_png()
+    layout::page(&sheets, columns.clamp(1, panels.len()), limit).into_png()
 }

@@ -35,7 +35,7 @@ use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
 
-use super::{Echoes, ReceiveError, in_blocks};
+use super::{Echoes, ReceiveError, collection_of, in_blocks};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
 use crate::quantity::hertz;
@@ -121,7 +121,7 @@ impl<E: Echoes> Compressed<E> {
             return Err(fault("its pulse has no power in its band".to_owned()));
         }
         let filter = pulse.iter().map(weight).collect();
-        let collection = collection.with_band(start_hz, step_hz, pulse.len());
+        let collection = collection_of(&echoes, (start_hz, step_hz, pulse.len()), 0.0);
         Ok(Self {
             echoes,
             collection,

@@ -34,17 +34,30 @@
 //! ours: C mixes the other way round.
 //!
 //! # What is cut away
-//! With delays `|e| <= h` in the scene, only samples from `h` after the sweep's begin to `h` before
-//! its end have all echoes after the shift; the change of `d_r` between pulses takes its part too. The
-//! edges of the sweep spread in the filter as Fresnel's ripple does: at a time `u` from an edge it has
-//! the amplitude `1 / (2 pi sqrt(a) u)` and the beat of a scatterer `u` away in delay. So `2 h` more are
-//! cut, and `4 / sqrt(a)`: what ripple is left focuses outside the scene. The band lost is
-//! `2 a (3 h + 4 / sqrt(a) + (max d_r - min d_r) / 2)`.
+//! A sweep that begins and ends sharply spreads in the filter as Fresnel's ripple does, over all of the band: at a time
+//! `u` from an edge with the amplitude `1 / (2 pi sqrt(a) u)`, -31 dB beside what is cut, -70 dB in the middle. So
+//! the raw sweep is faded in and out first, as the integral of a Gaussian does, of a standard deviation of
+//! `s = 1 / sqrt(2 pi a)`, which the filter spreads to `s' = sqrt(s^2 + 1 / (2 pi a s)^2)`, `sqrt(2) s`, and no more. The
+//! edge lies `4 s` within the sweep (what is left of the raw edge is 3e-5) and `4.4 s'` before what is kept (5e-6).
+//! A Gaussian shorter than some samples is none, and its spectrum about a beat of up to `a h` must end before half the
+//! sampling rate, so `s` is at least `0.6 / (sample_rate / 2 - a h)`, but at most `1.6 / sample_rate` for that reason.
 //!
-//! White noise stays white: every step is a rotation in time or in frequency.
+//! With delays `|e| <= h` in the scene, the edges lie up to `h` from where they were; the change of `d_r` between
+//! pulses takes its part too. The band lost is `2 a (h + 4 s + 4.4 s' + (max d_r - min d_r) / 2)`. What is left is
+//! below -90 dB beside the edges and -120 dB in the middle for echoes that beat at less than a quarter of the sampling
+//! rate; up to -50 and -100 dB for those at nearly half of it.
+//!
+//! # Motion
+//! Sample `k` is kept at the place of the raw sample that has its frequency in the middle pulse; an echo `e` late was
+//! there `e + d_r - d_0` later. What the antennas move meanwhile is neglected: at 100 m/s and 0.1 us 10 um, of
+//! which the difference between the lines of sight counts.
+//!
+//! White noise stays white where echoes of the scene can be: every step but the fading, of what is cut away, is a
+//! rotation in time or in frequency.
 //!
 //! Cost: two FFTs in float64 a pulse. Accuracy: `tests/simulate_chain.rs`, against a pulsed radar.
 
+use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -53,7 +66,7 @@ use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
 
-use super::{EchoCollection, EchoPulse, Echoes, ReceiveError, in_blocks};
+use super::{EchoCollection, EchoPulse, Echoes, ReceiveError, collection_of, in_blocks};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::Extent;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
@@ -81,6 +94,57 @@ struct Sweep {
     mixer_delay_s: f64,
 }
 
+/// How a sweep is faded in: the integral of a Gaussian.
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    /// Its standard deviation.
+    sigma_s: f64,
+    /// From the sweep's begin to the middle of the edge.
+    begin_s: f64,
+    /// From the middle of the edge to where the filter has left nothing of it.
+    end_s: f64,
+}
+
+impl Edge {
+    fn new(chirp_hz_s: f64, sample_rate_hz: f64, half_delay_s: f64) -> Self {
+        let beta_s2 = 1.0 / (TAU * chirp_hz_s);
+        let room_hz = 0.5 * sample_rate_hz - chirp_hz_s * half_delay_s;
+        let sampled_s = (0.6 / room_hz.max(0.0)).min(1.6 / sample_rate_hz);
+        let sigma_s = beta_s2.sqrt().max(sampled_s);
+        let spread_s = sigma_s.hypot(beta_s2 / sigma_s);
+        Self {
+            sigma_s,
+            begin_s: 4.0 * sigma_s,
+            end_s: 4.4 * spread_s,
+        }
+    }
+
+    /// Amplitudes of the sweep's first samples; 1 for all after them.
+    fn fade(&self, sample_rate_hz: f64, num_samples: usize) -> Vec<f64> {
+        let step = 1.0 / (sample_rate_hz * self.sigma_s);
+        let count = (12.0 / step).ceil() as usize;
+        let gauss = |x: f64| (-0.5 * x * x).exp();
+        // Simpson's rule over each sample's step: 1e-6 and less with steps below one.
+        const PARTS: usize = 8;
+        let mut sum = 0.0;
+        let mut fade = Vec::with_capacity(count);
+        for k in 0..count.min(num_samples / 2) {
+            if k == 0 {
+                // The tail before, by its asymptotic series: within 1 %.
+                sum = gauss(4.0) / 4.0 * (1.0 - 1.0 / 16.0);
+            } else {
+                let h = step / PARTS as f64;
+                for i in 0..PARTS {
+                    let x = (k - 1) as f64 * step + i as f64 * h - 4.0;
+                    sum += h / 6.0 * (gauss(x) + 4.0 * gauss(x + 0.5 * h) + gauss(x + h));
+                }
+            }
+            fade.push((sum / TAU.sqrt()).min(1.0));
+        }
+        fade
+    }
+}
+
 /// Phase history of an FMCW radar.
 #[derive(Clone)]
 pub struct Deskewed<E> {
@@ -89,8 +153,10 @@ pub struct Deskewed<E> {
     sweep: Sweep,
     raw_samples: usize,
     skew: Skew,
-    /// Samples lost at either end.
-    cut: usize,
+    /// How the raw sweep is faded in, and out in reverse: amplitudes of its first samples.
+    fade: Vec<f64>,
+    /// Raw sample of the first one kept.
+    first: usize,
     /// `d_0`, seconds.
     common_delay_s: f64,
     forward: Arc<dyn Fft<f64>>,
@@ -131,7 +197,8 @@ impl<E: Echoes> Deskewed<E> {
                 "a scene of delays up to {half_delay_s} s from the reference: give a number, 0 or more"
             )));
         }
-        if half_delay_s * chirp_hz_s.abs() > sample_rate_hz / 2.0 {
+        // All that the samples tell apart is allowed, whatever the rounding.
+        if half_delay_s * chirp_hz_s.abs() > sample_rate_hz / 2.0 * (1.0 + 1e-9) {
             return Err(fault(format!(
                 "delays up to {} from the reference beat at up to {}, more than half the sampling rate of {}: \
                  sample faster, sweep slower or see less",
@@ -148,8 +215,9 @@ impl<E: Echoes> Deskewed<E> {
             (a.min(d), b.max(d))
         });
         let drift_s = 0.5 * (most_s - least_s);
-        let edge_s = 4.0 / chirp_hz_s.abs().sqrt();
-        let cut = ((3.0 * half_delay_s + edge_s + drift_s) * sample_rate_hz).ceil() as usize;
+        let edge = Edge::new(chirp_hz_s.abs(), sample_rate_hz, half_delay_s);
+        let cut_s = half_delay_s + edge.begin_s + edge.end_s + drift_s;
+        let cut = (cut_s * sample_rate_hz).ceil() as usize;
         let kept = num_samples.saturating_sub(cut.saturating_mul(2));
         if kept < 2 {
             return Err(fault(format!(
@@ -157,16 +225,16 @@ impl<E: Echoes> Deskewed<E> {
                  little or nothing is left: sweep longer or see less"
             )));
         }
+        // Turned round, an even number of samples has its middle one elsewhere: one sample less at the raw begin.
+        let turned = chirp_hz_s < 0.0;
+        let first = cut + usize::from(turned && kept % 2 == 0);
+        let kept = kept - (first - cut);
         let common_delay_s = 0.5 * (least_s + most_s);
         let frequency_hz = |k: usize| {
             let after_s = k as f64 / sample_rate_hz - mixer_delay_s - common_delay_s;
             start_hz + chirp_hz_s * after_s
         };
-        let lowest_hz = if chirp_hz_s > 0.0 {
-            frequency_hz(cut)
-        } else {
-            frequency_hz(num_samples - 1 - cut)
-        };
+        let lowest_hz = frequency_hz(if turned { first + kept - 1 } else { first });
         if lowest_hz <= 0.0 {
             return Err(fault(format!(
                 "its sweep reaches {}; frequencies are positive",
@@ -178,7 +246,9 @@ impl<E: Echoes> Deskewed<E> {
         let length = fast_length(num_samples + (zeros as usize).min(3 * num_samples));
         let mut planner = FftPlanner::new();
         let step_hz = chirp_hz_s.abs() / sample_rate_hz;
-        let collection = collection.with_band(lowest_hz, step_hz, kept);
+        let sample_s = chirp_hz_s.signum() / sample_rate_hz;
+        let fade = edge.fade(sample_rate_hz, num_samples);
+        let collection = collection_of(&echoes, (lowest_hz, step_hz, kept), sample_s);
         Ok(Self {
             echoes,
             collection,
@@ -190,7 +260,8 @@ impl<E: Echoes> Deskewed<E> {
             },
             raw_samples: num_samples,
             skew,
-            cut,
+            fade,
+            first,
             common_delay_s,
             forward: planner.plan_fft_forward(length),
             inverse: planner.plan_fft_inverse(length),
@@ -220,6 +291,10 @@ impl<E: Echoes> Deskewed<E> {
             let frequency_hz = sweep.start_hz + sweep.chirp_hz_s * (after_s - sweep.mixer_delay_s);
             *z = widen(s) * phasor(frequency_hz * d - 0.5 * sweep.chirp_hz_s * d * d);
         }
+        for (k, &amplitude) in self.fade.iter().enumerate() {
+            work[k] *= amplitude;
+            work[echo.len() - 1 - k] *= amplitude;
+        }
         self.forward.process_with_scratch(work, scratch);
         let length = work.len();
         let shift_s = self.collection.pulses[n].reference_path_m / SPEED_OF_LIGHT_M_S
@@ -236,7 +311,7 @@ impl<E: Echoes> Deskewed<E> {
         }
         self.inverse.process_with_scratch(work, scratch);
         let scale = 1.0 / length as f64;
-        let kept = work[self.cut..].iter().zip(0..row.len());
+        let kept = work[self.first..].iter().zip(0..row.len());
         for (z, k) in kept {
             let k = if sweep.chirp_hz_s > 0.0 {
                 k

@@ -22,9 +22,11 @@
 //! [`Echoes::reference_path_m`] gives the reference path of a sample at its own moment, from the
 //! measured track. [`Deskewed`] and [`Referenced`] compensate every sample with it, so that nothing
 //! is neglected for a scatterer at the reference point. For others the difference of delay rates
-//! stays: the geometry recorded is that of the middle sample, where phases are right, and a sweep
-//! of rate `chirp` shifts the scatterer's delay by `(rate_p - rate_ref) centre_hz / chirp`, the
-//! coupling of range and Doppler. With 1 m/s of difference, 77 GHz and 30 MHz/us that is 1.3 mm.
+//! stays in the phases, and formers compensate it: the geometry recorded is that of the middle sample, and
+//! [`Sweep`] says when the others were taken and how the antennas move from one to the next, by a parabola through
+//! the track at three moments of the sweep. Uncompensated, a sweep of rate `chirp` would shift a scatterer's
+//! delay by `(rate_p - rate_ref) centre_hz / chirp`, the coupling of range and Doppler: with 1 m/s of difference,
+//! 77 GHz and 30 MHz/us 1.3 mm.
 //! [`Compressed`] takes a pulse as short: it neglects the Doppler phase over the pulse's length.
 
 mod background;
@@ -41,7 +43,7 @@ use num_complex::Complex32;
 
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
-use crate::phase_history::{Collection, InputFile, Pulse, ReadError};
+use crate::phase_history::{Collection, InputFile, Pulse, ReadError, Sweep};
 use crate::simulate::radar::Waveform;
 
 pub use background::remove_background;
@@ -95,6 +97,12 @@ pub trait Echoes: Sync + Send {
     /// If the lengths disagree or `pulses.end` is past the last pulse.
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
 
+    /// Whether the radar moves on while a pulse lasts, so that each sample has antennas and a reference path of its
+    /// own.
+    fn moves(&self) -> bool {
+        false
+    }
+
     /// Two-way reference path of the sample taken `after_s` after the pulse's start, metres, by the
     /// measured track. The default is a radar that stands still while a pulse lasts.
     fn reference_path_m(&self, pulse: usize, _after_s: f64) -> f64 {
@@ -126,26 +134,59 @@ pub trait Echoes: Sync + Send {
     }
 }
 
-impl EchoCollection {
-    /// The same as phase history of `count` frequencies from `start_hz` on.
-    fn with_band(&self, start_hz: f64, step_hz: f64, count: usize) -> Collection {
-        let pulse = |p: &EchoPulse| Pulse {
-            time_s: p.time_s,
-            transmitter_m: p.transmitter_m,
-            receiver_m: p.receiver_m,
-            reference_m: p.reference_m,
-            reference_path_m: p.reference_path_m,
-            start_hz,
-            step_hz,
-        };
-        Collection {
-            name: self.name.clone(),
-            num_samples: count,
-            pulses: self.pulses.iter().map(pulse).collect(),
-            frame: self.frame,
-            extent: self.extent,
-            timed: self.timed,
-        }
+/// Echoes as phase history of `count` frequencies from `start_hz` on, the middle raw sample as sample `count / 2`.
+/// `sample_s` is the time from one frequency to the next, seconds.
+fn collection_of(
+    echoes: &impl Echoes,
+    (start_hz, step_hz, count): (f64, f64, usize),
+    sample_s: f64,
+) -> Collection {
+    let from = echoes.collection();
+    let pulse = |(n, p): (usize, &EchoPulse)| Pulse {
+        time_s: p.time_s,
+        transmitter_m: p.transmitter_m,
+        receiver_m: p.receiver_m,
+        reference_m: p.reference_m,
+        reference_path_m: p.reference_path_m,
+        start_hz,
+        step_hz,
+        sweep: sweep_of(echoes, n, count, sample_s),
+    };
+    Collection {
+        name: from.name.clone(),
+        num_samples: count,
+        pulses: from.pulses.iter().enumerate().map(pulse).collect(),
+        frame: from.frame,
+        extent: from.extent,
+        timed: from.timed,
+    }
+}
+
+/// How the antennas move from sample to sample of pulse `n`. The parabola through the track at the middle and at
+/// `sqrt(3) / 2` of the half sweep before and after (the zeros of Chebyshev's cubic) leaves the least of a cubic.
+fn sweep_of(echoes: &impl Echoes, n: usize, count: usize, sample_s: f64) -> Sweep {
+    let half_s = 0.75f64.sqrt() * 0.5 * count as f64 * sample_s.abs();
+    if !echoes.moves() || half_s == 0.0 {
+        return Sweep::AT_ONCE;
+    }
+    let from = echoes.collection();
+    let pulse = &from.pulses[n];
+    let middle_s = from.waveform.middle_s();
+    let [before, after] = [-half_s, half_s].map(|s| echoes.antennas_m(n, middle_s + s));
+    let velocity = |i: usize| (after[i] - before[i]) / (2.0 * half_s);
+    let acceleration =
+        |i: usize, at_m: DVec3| (after[i] - at_m - (at_m - before[i])) / (half_s * half_s);
+    // A path that is the same at both ends and in the middle is one for all samples.
+    let followed = [-half_s, half_s]
+        .iter()
+        .any(|s| echoes.reference_path_m(n, middle_s + s) != pulse.reference_path_m);
+    Sweep {
+        sample_s,
+        transmitter_m_s: velocity(0),
+        transmitter_m_s2: acceleration(0, pulse.transmitter_m),
+        receiver_m_s: velocity(1),
+        receiver_m_s2: acceleration(1, pulse.receiver_m),
+        reference_m_s: followed.then_some(DVec3::ZERO),
     }
 }
 

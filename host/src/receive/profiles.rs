@@ -178,7 +178,7 @@ impl PhaseHistory for Profiles {
 mod tests {
     use super::*;
     use crate::geometry::SceneFrame;
-    use crate::phase_history::Pulse;
+    use crate::phase_history::{Pulse, Sweep};
     use glam::DVec3;
     use std::f64::consts::TAU;
 
@@ -197,6 +197,7 @@ mod tests {
                 reference_path_m,
                 start_hz: 0.0,
                 step_hz: 0.0,
+                sweep: Sweep::AT_ONCE,
             }],
             frame: SceneFrame::Local,
             extent: None,

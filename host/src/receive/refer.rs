@@ -13,7 +13,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::{Echoes, ReceiveError, in_blocks};
+use super::{Echoes, ReceiveError, collection_of, in_blocks};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{Band, Collection, InputFile, PhaseHistory, ReadError};
 use crate::signal::phase::{narrow, phasor, widen};
@@ -48,7 +48,8 @@ impl<E: Echoes> Referenced<E> {
             let what = format!("{band:?}: there must be carriers, positive and rising");
             return Err(ReceiveError::new(collection, what));
         }
-        let collection = collection.with_band(band.start_hz, band.step_hz, band.count);
+        let axis = (band.start_hz, band.step_hz, band.count);
+        let collection = collection_of(&echoes, axis, step_s);
         Ok(Self {
             echoes,
             collection,

@@ -69,16 +69,26 @@ impl KaiserBessel {
     /// `x + i`, by Parseval over all places.
     pub fn error(&self, band: f64) -> f64 {
         let points = 64;
-        let mut power = 0.0;
-        for i in 0..points {
-            let x = band * ((f64::from(i) + 0.5) / f64::from(points) * 2.0 - 1.0);
-            let own = self.spectrum(x);
-            power += [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0]
-                .iter()
-                .map(|image| (self.spectrum(x + image) / own).powi(2))
-                .sum::<f64>();
-        }
+        let power: f64 = (0..points)
+            .map(|i| band * ((f64::from(i) + 0.5) / f64::from(points) * 2.0 - 1.0))
+            .map(|x| self.images(x))
+            .sum();
         (power / f64::from(points)).sqrt()
+    }
+
+    /// Relative RMS error of the worst tone within `|x| <= band`.
+    pub fn largest_error(&self, band: f64) -> f64 {
+        let tones = (0..=64).map(|i| self.images(band * f64::from(i) / 64.0));
+        tones.fold(0.0, f64::max).sqrt()
+    }
+
+    /// Power of the images of a tone at `x`, relative to its own.
+    fn images(&self, x: f64) -> f64 {
+        let own = self.spectrum(x);
+        [-3.0, -2.0, -1.0, 1.0, 2.0, 3.0]
+            .iter()
+            .map(|image| (self.spectrum(x + image) / own).powi(2))
+            .sum()
     }
 }
 

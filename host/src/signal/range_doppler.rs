@@ -45,6 +45,7 @@ impl RangeDopplerMapper {
         let shape = Shape {
             inputs: num_pulses,
             input_centre: (num_pulses / 2) as f64,
+            input_drift: 0.0,
             outputs: doppler_bins,
             output_centre: (doppler_bins / 2) as f64,
             spacing: -1.0 / doppler_bins as f64,

@@ -7,6 +7,9 @@
 //! X_k[d] = sum_m a_k[m] x[m] exp(+j 2 pi s_k delta (m - m_c) (d - d_c))
 //! ```
 //!
+//! With [`Shape::input_drift`] the pulses of frequency `k` are taken `input_drift (k - K/2)` pulses later: `m_c` is as
+//! much less. Samples of a sweep are: each frequency then has its own times, exactly.
+//!
 //! In this sum a scatterer whose path changes by `v` metres a pulse, phase `-2 pi f_k v m / c`, peaks
 //! at the same `d` for every `k`: range migration is gone, as after the Keystone transform of Schone
 //! 2020 (2.26), but without resampling slow time, so no edge of the sub-CPI is cut or doubled.
@@ -31,14 +34,23 @@ use super::phase::narrow;
 pub struct Shape {
     /// Pulses in, `M`.
     pub inputs: usize,
-    /// Pulse index of phase zero, `m_c`.
+    /// Pulse index of phase zero, `m_c`, at frequency `K/2`.
     pub input_centre: f64,
+    /// By how much that falls from one frequency to the next, pulses.
+    pub input_drift: f64,
     /// Doppler bins out, `D`.
     pub outputs: usize,
     /// Bin index of zero Doppler, `d_c`.
     pub output_centre: f64,
     /// Doppler bin spacing `delta`, cycles a pulse at `f_c`; its sign is that of the exponent.
     pub spacing: f64,
+}
+
+impl Shape {
+    /// Pulse index of phase zero at frequency `k` of `count`.
+    pub fn centre_of(&self, k: usize, count: usize) -> f64 {
+        self.input_centre - self.input_drift * (k as f64 - (count / 2) as f64)
+    }
 }
 
 /// The transform for every frequency of a band.
@@ -56,7 +68,8 @@ impl ScaledDft {
     pub fn new(scales: &[f64], shape: Shape, input_weight: impl Fn(usize, usize) -> f64) -> Self {
         let Shape {
             inputs,
-            input_centre,
+            input_centre: _,
+            input_drift: _,
             outputs,
             output_centre,
             spacing,
@@ -75,6 +88,7 @@ impl ScaledDft {
         let mut after = Vec::with_capacity(scales.len() * outputs);
         let mut row = vec![Complex64::ZERO; length];
         for (k, &scale) in scales.iter().enumerate() {
+            let input_centre = shape.centre_of(k, scales.len());
             before.extend(
                 (0..inputs)
                     .map(|m| narrow(chirp(scale, m as f64 - input_centre) * input_weight(k, m))),
@@ -165,12 +179,16 @@ mod tests {
     #[test]
     fn it_is_the_sum_it_says() {
         let scales = [0.97, 1.0, 1.033];
-        for (inputs, outputs, spacing) in
-            [(1, 4, 0.5), (39, 22, 1.0 / 78.0), (130, 300, -1.0 / 256.0)]
-        {
+        for (inputs, outputs, spacing, input_drift) in [
+            (1, 4, 0.5, 0.0),
+            (1, 4, 0.5, 0.3),
+            (39, 22, 1.0 / 78.0, 0.0),
+            (130, 300, -1.0 / 256.0, -0.4),
+        ] {
             let shape = Shape {
                 inputs,
                 input_centre: (inputs as f64 - 1.0) / 2.0,
+                input_drift,
                 outputs,
                 output_centre: outputs as f64 / 2.0 - 0.25,
                 spacing,
@@ -190,7 +208,7 @@ mod tests {
                         .map(|(m, x)| {
                             let turns = scale
                                 * spacing
-                                * (m as f64 - shape.input_centre)
+                                * (m as f64 - shape.input_centre + input_drift * (k as f64 - 1.0))
                                 * (d as f64 - shape.output_centre);
                             Complex64::new(x.re.into(), x.im.into())
                                 * weight(k, m)

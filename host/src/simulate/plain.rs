@@ -8,10 +8,11 @@
 //! ```
 //!
 //! in float64, rounded once to float32. The platform stands still while a pulse travels
-//! (stop-and-go); amplitudes do not depend on range or frequency.
+//! (stop-and-go), and from sample to sample unless the collection's pulses say how it moves
+//! ([`crate::phase_history::Sweep`]); amplitudes do not depend on range or frequency.
 //!
 //! Cost: 8 operations a scatterer, pulse and frequency; a phasor recurrence over frequency adds an
-//! error below 1e-13. Pulses are made when they are read, so nothing is held in memory but the
+//! error below 1e-13. With motion from sample to sample a phasor each. Pulses are made when they are read, so nothing is held in memory but the
 //! geometry. Noise depends only on the seed and the pulse index: the same file on any number of
 //! threads.
 
@@ -73,7 +74,17 @@ impl Simulated {
         let pulse = &self.collection.pulses[n];
         sum.clear();
         sum.resize(row.len(), Complex64::ZERO);
+        let moves = !pulse.sweep.is_at_once();
         for s in &self.scatterers {
+            if moves {
+                for (k, z) in sum.iter_mut().enumerate() {
+                    let after = k as f64 - (row.len() / 2) as f64;
+                    let path_m = pulse.relative_path_after_m(s.position_m, after);
+                    let turns = pulse.frequency_hz(k) * (path_m / SPEED_OF_LIGHT_M_S);
+                    *z += s.amplitude * phasor(-turns);
+                }
+                continue;
+            }
             let delay_s = pulse.relative_path_m(s.position_m) / SPEED_OF_LIGHT_M_S;
             let mut value = s.amplitude * phasor(-pulse.start_hz * delay_s);
             let step = phasor(-pulse.step_hz * delay_s);

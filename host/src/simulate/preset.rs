@@ -11,7 +11,7 @@ use rand_distr::{Distribution, Uniform};
 
 use super::{Noise, Scatterer, Simulated};
 use crate::geometry::{Extent, SceneFrame};
-use crate::phase_history::{Collection, Pulse};
+use crate::phase_history::{Collection, Pulse, Sweep};
 
 /// A collection of the thesis. Text form: `table-2-1`, `table-4-1`.
 ///
@@ -70,6 +70,7 @@ impl Preset {
                     reference_path_m: 2.0 * RANGE_M,
                     start_hz: CARRIER_HZ - (NUM_SAMPLES / 2) as f64 * step_hz,
                     step_hz,
+                    sweep: Sweep::AT_ONCE,
                 }
             })
             .collect();

@@ -51,7 +51,7 @@ impl Experiment {
     /// # Errors
     /// [`RecordError`] if there is no such pair or a part of the experiment does not make sense.
     pub fn echoes(&self, pair: Pair) -> Result<Channel<'_>, RecordError> {
-        Channel::new(self, pair)
+        Channel::new(self, pair, u64::MAX)
     }
 
     /// Phase history of a pair: pulses through the inverse filter, sweeps with residual video phase and
@@ -60,13 +60,34 @@ impl Experiment {
     /// # Errors
     /// As [`Self::echoes`], and if the echoes cannot be made phase history.
     pub fn record(&self, pair: Pair) -> Result<Recording<'_>, RecordError> {
-        let echoes = self.echoes(pair)?;
+        self.record_within(pair, u64::MAX)
+    }
+
+    /// [`Self::record`] with tables of what is alike from pulse to pulse of at most `table_bytes`.
+    ///
+    /// # Errors
+    /// As [`Self::record`].
+    pub fn record_within(
+        &self,
+        pair: Pair,
+        table_bytes: u64,
+    ) -> Result<Recording<'_>, RecordError> {
+        let echoes = Channel::new(self, pair, table_bytes)?;
         Ok(Recording(match self.radar.waveform {
             Waveform::Pulsed { .. } => {
                 Received::Compressed(Compressed::new(echoes, Filter::Inverse)?)
             }
-            Waveform::Fmcw { .. } => {
-                Received::Deskewed(Deskewed::new(echoes, None, Skew::Removed)?)
+            Waveform::Fmcw {
+                chirp_hz_s,
+                sample_rate_hz,
+                ..
+            } => {
+                // Without an extent, all that the samples can tell apart.
+                let half_delay_s = match self.extent {
+                    Some(_) => None,
+                    None => Some(0.5 * sample_rate_hz / chirp_hz_s.abs()),
+                };
+                Received::Deskewed(Deskewed::new(echoes, half_delay_s, Skew::Removed)?)
             }
             Waveform::Ideal { .. } | Waveform::Stepped { .. } => {
                 Received::Referenced(Referenced::new(echoes)?)

@@ -320,6 +320,7 @@ fn angle_between(a: DVec3, b: DVec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::phase_history::Sweep;
 
     /// A monostatic pass along x at height and ground distance `range_m / sqrt(2)`.
     fn pass(spacing_m: f64, num_pulses: usize) -> Collection {
@@ -335,6 +336,7 @@ mod tests {
                     reference_path_m: 2.0 * antenna_m.length(),
                     start_hz: 9.9e9,
                     step_hz: 1e6,
+                    sweep: Sweep::AT_ONCE,
                 }
             })
             .collect();

@@ -1,13 +1,17 @@
 //! Figures of merit of an image: what a search makes as large as it can.
 
 use std::fmt;
+use std::ops::Range;
 use std::str::FromStr;
 
+use num_complex::Complex32;
+
+use super::Views;
 use crate::focus::bp::Backprojection;
 use crate::focus::{FormError, ImageFormer, Monitor, Task, Weights};
 use crate::geometry::{Axis, ImageGrid};
-use crate::image::power;
-use crate::phase_history::PhaseHistory;
+use crate::image::{Image, power};
+use crate::phase_history::{Collection, PhaseHistory, ReadError};
 use crate::quality::statistics::{Region, Statistics};
 use crate::signal::window::Window;
 
@@ -77,32 +81,153 @@ pub fn merit(
         // A search looks at dark places too.
         former.form_best(&task).map(|formed| formed.image)
     };
+    let mut pixels = Vec::new();
     match sight {
+        Sight::Grid(grid, _) => pixels = form(grid)?.pixels,
+        Sight::Points(points) => {
+            for point in points {
+                pixels.extend(form(&pixel(*point))?.pixels);
+            }
+        }
+    }
+    Ok(figure(sight, pixels))
+}
+
+/// Contiguous parts of the aperture that [`merits`] leaves out, one at a time.
+pub const PARTS: usize = 8;
+
+/// A run of pulses of a history.
+struct Stretch<'a> {
+    history: &'a dyn PhaseHistory,
+    first: usize,
+    collection: Collection,
+}
+
+impl PhaseHistory for Stretch<'_> {
+    fn collection(&self) -> &Collection {
+        &self.collection
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        self.history
+            .read(pulses.start + self.first..pulses.end + self.first, samples)
+    }
+}
+
+/// The merit of a history's image as [`merit`], and those of its images without each of [`PARTS`] parts of the
+/// aperture. An image being a sum over pulses, all cost what the one does. Fewer pulses than twice the parts have the
+/// one merit only.
+///
+/// # Errors
+/// [`FormError`].
+pub fn merits(
+    history: &dyn PhaseHistory,
+    sight: &Sight,
+    windows: [Window; 2],
+    memory_bytes: u64,
+    monitor: &dyn Monitor,
+) -> Result<Views, FormError> {
+    let collection = history.collection();
+    let count = collection.pulses.len();
+    if count < 2 * PARTS {
+        return merit(history, sight, windows, memory_bytes, monitor).map(Views::from);
+    }
+    let weights = Weights::new(collection, windows[0], windows[1]);
+    let total_weight: f64 = weights.slow.iter().sum();
+    let grids: Vec<ImageGrid> = match sight {
+        Sight::Grid(grid, _) => vec![*grid],
+        Sight::Points(points) => points.iter().map(|point| pixel(*point)).collect(),
+    };
+    let num_pixels: u64 = grids.iter().map(ImageGrid::num_pixels).sum();
+    let held = num_pixels.saturating_mul(8 * (PARTS as u64 + 2));
+    let left = memory_bytes.checked_sub(held).ok_or(FormError::Memory {
+        what: "tuning",
+        needed_bytes: held.into(),
+        budget_bytes: memory_bytes,
+        advice: "raise --memory, or use a smaller or coarser --grid",
+    })?;
+    let quiet = Quiet(monitor);
+    let mut whole = vec![Complex32::ZERO; num_pixels as usize];
+    let mut parts: Vec<(Vec<Complex32>, f64)> = Vec::with_capacity(PARTS);
+    for part in 0..PARTS {
+        let range = part * count / PARTS..(part + 1) * count / PARTS;
+        let stretch = Stretch {
+            history,
+            first: range.start,
+            collection: Collection {
+                pulses: collection.pulses[range.clone()].to_vec(),
+                ..collection.clone()
+            },
+        };
+        let weights = Weights {
+            fast: weights.fast.clone(),
+            slow: weights.slow[range].to_vec(),
+        };
+        let weight = weights.slow.iter().sum::<f64>() / total_weight;
+        let mut pixels = Vec::with_capacity(num_pixels as usize);
+        for grid in &grids {
+            let task = Task {
+                history: &stretch,
+                grid,
+                weights: &weights,
+                memory_bytes: left,
+                monitor: &quiet,
+            };
+            let former = Backprojection { error_db: ERROR_DB };
+            pixels.extend(former.form_best(&task)?.image.pixels);
+        }
+        // Each image is normalised by its own weights; the sum of all is by theirs.
+        for (sum, pixel) in whole.iter_mut().zip(&mut pixels) {
+            *pixel *= weight as f32;
+            *sum += *pixel;
+        }
+        parts.push((pixels, weight));
+    }
+    let mut views = vec![figure(sight, whole.clone())];
+    for (pixels, weight) in parts {
+        let scale = 1.0 / (1.0 - weight as f32);
+        let rest = whole
+            .iter()
+            .zip(&pixels)
+            .map(|(all, part)| (all - part) * scale);
+        views.push(figure(sight, rest.collect()));
+    }
+    Ok(Views(views))
+}
+
+/// The grid of a single pixel.
+fn pixel(point: DVec3) -> ImageGrid {
+    let at = |start| Axis {
+        start,
+        step: 1.0,
+        count: 1,
+    };
+    ImageGrid::horizontal(at(point.x), at(point.y), point.z)
+}
+
+/// The figure of merit of an image's pixels.
+fn figure(sight: &Sight, pixels: Vec<Complex32>) -> f64 {
+    let figure = match sight {
         Sight::Grid(grid, measure) => {
-            let image = form(grid)?;
+            let image = Image {
+                rows: grid.rows.count,
+                columns: grid.columns.count,
+                pixels,
+            };
             let figures = Statistics::of(&image, &Region::whole(&image));
-            let figure = match measure {
+            match measure {
                 Measure::Entropy => figures.entropy.map(|entropy| -entropy),
                 Measure::Sharpness => figures.sharpness,
                 Measure::Contrast => figures.amplitude_contrast,
                 Measure::Peak => image.peak().map(|peak| power(peak.value)),
-            };
-            Ok(figure.unwrap_or(f64::NEG_INFINITY))
-        }
-        Sight::Points(points) => {
-            let mut sum = 0.0;
-            for point in points {
-                let at = |start| Axis {
-                    start,
-                    step: 1.0,
-                    count: 1,
-                };
-                let grid = ImageGrid::horizontal(at(point.x), at(point.y), point.z);
-                sum += power(form(&grid)?.pixels[0]);
             }
-            Ok(if sum > 0.0 { sum } else { f64::NEG_INFINITY })
         }
-    }
+        Sight::Points(_) => {
+            let sum: f64 = pixels.iter().map(|&pixel| power(pixel)).sum();
+            (sum > 0.0).then_some(sum)
+        }
+    };
+    figure.unwrap_or(f64::NEG_INFINITY)
 }
 
 /// A measure's name is not one of the known ones.

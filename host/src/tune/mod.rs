@@ -10,13 +10,18 @@
 //! 2. around the best: all neighbours at half the step, moving while one is better, then half of that, and so on;
 //! 3. to the vertex of a parabola through the best and its two last neighbours on each axis.
 //!
-//! How well a parameter is determined is told by its *width*: how far apart the points are, on both sides of the
+//! How sharply the merit peaks is told by its *width*: how far apart the points are, on both sides of the
 //! best, where the merit has fallen half way to its median over the interval, the other parameters at their
-//! best. A width comparable to the interval is no finding. The error is a fraction of the width that depends on
-//! noise and on the scene: not known here.
+//! best. It says nothing of how far the peak is from the truth. That is told by the *error*, from what the search finds
+//! without one part of the aperture and without another (`certainty.rs`), and by the [`Verdict`]: whether there is
+//! a finding at all.
 //!
 //! Sharpness has many maxima: a grid whose step is above the width can miss the highest one. The widths tell
 //! afterwards whether the step was fine enough.
+//!
+//! Some parameters move the image more than they defocus it. [`determine`] therefore compares the same pulses and the
+//! same points, with pixels that follow them (`anchor.rs`): without, a clock's offset was found to 0.6 s and was
+//! 2.4 s wrong.
 //!
 //! Focus does not tell everything. A shift that stays focused (of ranges seen from a short aperture, of clocks while the
 //! platform goes evenly) needs a point of known place: [`Sight::Points`]. Measured on a public recording of a radar pushed
@@ -25,13 +30,17 @@
 //!
 //! Every evaluation is made once. The result depends on nothing but the merit: it is deterministic if that is.
 
+mod anchor;
+mod certainty;
+mod determine;
 mod measure;
 
 use std::collections::BTreeMap;
 
 use crate::focus::Monitor;
 
-pub use measure::{Measure, Sight, UnknownMeasure, merit};
+pub use determine::{Model, Problem, determine};
+pub use measure::{Measure, PARTS, Sight, UnknownMeasure, merit, merits};
 
 /// The interval of a parameter: `count` values from `start` on, `step` apart.
 pub use crate::geometry::Axis;
@@ -55,6 +64,34 @@ pub struct Search {
     pub refinements: usize,
 }
 
+/// Merits of values of the parameters: of all data first, then without each of its parts, if those are known. Larger
+/// is better.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Views(pub Vec<f64>);
+
+impl From<f64> for Views {
+    fn from(merit: f64) -> Self {
+        Self(vec![merit])
+    }
+}
+
+/// What is to be thought of a parameter that was searched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// The merits tell nothing of their own uncertainty, or it had no interval.
+    #[default]
+    Unknown,
+    /// It is the best within its error.
+    Determined,
+    /// The best is at an end of the interval: a better one may lie beyond.
+    AtEnd,
+    /// The error takes half of the interval or reaches its end: the data do not tell it.
+    Open,
+    /// Other values are as good within what the data tell.
+    Ambiguous,
+}
+
 /// What was found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
@@ -66,6 +103,8 @@ pub struct Tuned {
     pub scans: Vec<Scan>,
     /// Merit of every combination, the last parameter fastest, if all were tried.
     pub grid: Option<Vec<f64>>,
+    /// What the search finds without each part of the data, if that is known.
+    pub without_parts: Vec<Vec<f64>>,
     /// Evaluations made.
     pub evaluations: usize,
 }
@@ -79,6 +118,13 @@ pub struct Scan {
     pub width: Option<f64>,
     /// Whether the best is at an end of the interval, so that a better one may lie beyond.
     pub at_end: bool,
+    /// Half of the interval of 95 % confidence around the best; `None` if the merits are of all data only. It
+    /// means something with [`Verdict::Determined`] only.
+    pub error: Option<f64>,
+    /// Other maxima that are as good as the best within what the data tell.
+    pub rivals: Vec<f64>,
+    /// Whether this is a finding.
+    pub verdict: Verdict,
 }
 
 /// Why a search ended without a result.
@@ -108,11 +154,22 @@ const MOVES: usize = 16;
 ///
 /// # Panics
 /// If there are no intervals, or one is empty.
-pub fn search<E>(
+pub fn search<E, V: Into<Views>>(
     intervals: &[Axis],
     search: Search,
     monitor: &dyn Monitor,
-    merit: impl FnMut(&[f64]) -> Result<f64, E>,
+    merit: impl FnMut(&[f64]) -> Result<V, E>,
+) -> Result<Tuned, TuneError<E>> {
+    search_from(intervals, search, None, monitor, merit)
+}
+
+/// As [`search`], but in turn from `start` on in place of the intervals' middles.
+fn search_from<E, V: Into<Views>>(
+    intervals: &[Axis],
+    search: Search,
+    start: Option<&[f64]>,
+    monitor: &dyn Monitor,
+    merit: impl FnMut(&[f64]) -> Result<V, E>,
 ) -> Result<Tuned, TuneError<E>> {
     assert!(
         !intervals.is_empty() && intervals.iter().all(|axis| axis.count > 0),
@@ -132,7 +189,7 @@ pub fn search<E>(
     };
     let (mut best, grid) = match search.order {
         Order::Product => trials.product(intervals)?,
-        Order::InTurn => (trials.in_turn(intervals)?, None),
+        Order::InTurn => (trials.in_turn(intervals, start)?, None),
     };
     if best.1 == f64::NEG_INFINITY {
         return Err(TuneError::Nothing);
@@ -140,19 +197,41 @@ pub fn search<E>(
     let mut steps: Vec<f64> = intervals.iter().map(|axis| axis.step).collect();
     for _ in 0..search.refinements {
         steps.iter_mut().for_each(|step| *step /= 2.0);
-        best = trials.climb(intervals, &steps, best)?;
+        best = trials.climb(intervals, &steps, best, 0)?;
     }
     if search.refinements > 0 {
-        best = trials.vertex(intervals, &steps, best)?;
+        best = trials.vertex(intervals, &steps, best, 0)?;
     }
-    let scans = (0..intervals.len())
+    let mut scans = (0..intervals.len())
         .map(|i| trials.scan(intervals, i, &best))
-        .collect::<Result<_, _>>()?;
+        .collect::<Result<Vec<_>, _>>()?;
+    let without_parts = certainty::repeat(&mut trials, intervals, search.refinements)?;
+    for (i, scan) in scans.iter_mut().enumerate() {
+        let mut along = Vec::with_capacity(scan.points.len());
+        for point in &scan.points {
+            let mut values = best.0.clone();
+            values[i] = point.0;
+            along.push(trials.views(&values)?);
+        }
+        let found: Vec<f64> = without_parts.iter().map(|values| values[i]).collect();
+        let best_views = trials.views(&best.0)?;
+        let axis = &intervals[i];
+        certainty::judge(
+            axis,
+            scan,
+            best.0[i],
+            &best_views,
+            &along,
+            &found,
+            0.5 * steps[i],
+        );
+    }
     Ok(Tuned {
         best: best.0,
         merit: best.1,
         scans,
         grid,
+        without_parts,
         evaluations: trials.known.len(),
     })
 }
@@ -163,30 +242,41 @@ type Trial = (Vec<f64>, f64);
 struct Trials<'a, F> {
     merit: F,
     /// Merits by the bits of the values.
-    known: BTreeMap<Vec<u64>, f64>,
+    known: BTreeMap<Vec<u64>, Views>,
     monitor: &'a dyn Monitor,
     expected: usize,
 }
 
-impl<E, F: FnMut(&[f64]) -> Result<f64, E>> Trials<'_, F> {
+impl<E, V: Into<Views>, F: FnMut(&[f64]) -> Result<V, E>> Trials<'_, F> {
+    /// The merit of all data.
     fn at(&mut self, values: &[f64]) -> Result<f64, TuneError<E>> {
+        self.view(values, 0)
+    }
+
+    /// That of one of the views.
+    fn view(&mut self, values: &[f64], view: usize) -> Result<f64, TuneError<E>> {
+        let views = self.views(values)?;
+        Ok(views.get(view).copied().unwrap_or(f64::NEG_INFINITY))
+    }
+
+    fn views(&mut self, values: &[f64]) -> Result<Vec<f64>, TuneError<E>> {
         let bits: Vec<u64> = values.iter().map(|value| value.to_bits()).collect();
-        if let Some(&merit) = self.known.get(&bits) {
-            return Ok(merit);
+        if let Some(views) = self.known.get(&bits) {
+            return Ok(views.0.clone());
         }
         if self.monitor.cancelled() {
             return Err(TuneError::Cancelled);
         }
-        let merit = (self.merit)(values).map_err(TuneError::Failed)?;
-        let merit = if merit.is_finite() {
-            merit
-        } else {
-            f64::NEG_INFINITY
-        };
-        self.known.insert(bits, merit);
+        let mut views: Views = (self.merit)(values).map_err(TuneError::Failed)?.into();
+        for merit in &mut views.0 {
+            if !merit.is_finite() {
+                *merit = f64::NEG_INFINITY;
+            }
+        }
+        self.known.insert(bits, views.clone());
         self.monitor
             .progress(self.known.len() as f64 / self.expected.max(1) as f64);
-        Ok(merit)
+        Ok(views.0)
     }
 
     /// Every combination; the first of equals is the best.
@@ -210,11 +300,18 @@ impl<E, F: FnMut(&[f64]) -> Result<f64, E>> Trials<'_, F> {
         Ok((best, Some(merits)))
     }
 
-    fn in_turn(&mut self, intervals: &[Axis]) -> Result<Trial, TuneError<E>> {
-        let middle: Vec<f64> = intervals
-            .iter()
-            .map(|axis| axis.at(axis.count / 2))
-            .collect();
+    fn in_turn(
+        &mut self,
+        intervals: &[Axis],
+        start: Option<&[f64]>,
+    ) -> Result<Trial, TuneError<E>> {
+        let middle: Vec<f64> = match start {
+            Some(start) => start.to_vec(),
+            None => intervals
+                .iter()
+                .map(|axis| axis.at(axis.count / 2))
+                .collect(),
+        };
         let merit = self.at(&middle)?;
         let mut best = (middle, merit);
         for _ in 0..ROUNDS {
@@ -236,12 +333,13 @@ impl<E, F: FnMut(&[f64]) -> Result<f64, E>> Trials<'_, F> {
         Ok(best)
     }
 
-    /// To a point that no neighbour `steps` away is better than.
+    /// To a point that no neighbour `steps` away is better than, by the merits of one view.
     fn climb(
         &mut self,
         intervals: &[Axis],
         steps: &[f64],
         mut best: Trial,
+        view: usize,
     ) -> Result<Trial, TuneError<E>> {
         let neighbours = 3usize.pow(steps.len() as u32);
         for _ in 0..MOVES {
@@ -253,7 +351,7 @@ impl<E, F: FnMut(&[f64]) -> Result<f64, E>> Trials<'_, F> {
                     *value = within(axis, *value + (rest % 3) as f64 * step - step);
                     rest /= 3;
                 }
-                let merit = self.at(&values)?;
+                let merit = self.view(&values, view)?;
                 if merit > best.1 {
                     best = (values, merit);
                 }
@@ -271,6 +369,7 @@ impl<E, F: FnMut(&[f64]) -> Result<f64, E>> Trials<'_, F> {
         intervals: &[Axis],
         steps: &[f64],
         best: Trial,
+        view: usize,
     ) -> Result<Trial, TuneError<E>> {
         let mut values = best.0.clone();
         for (i, axis) in intervals.iter().enumerate() {
@@ -278,7 +377,8 @@ impl<E, F: FnMut(&[f64]) -> Result<f64, E>> Trials<'_, F> {
                 let mut values = best.0.clone();
                 values[i] = within(axis, values[i] + sign * steps[i]);
                 let apart = values[i] - best.0[i];
-                self.at(&values).map(|merit| (apart, merit - best.1))
+                self.view(&values, view)
+                    .map(|merit| (apart, merit - best.1))
             };
             let ((left, below), (right, above)) = (beside(-1.0)?, beside(1.0)?);
             // Merit relative to the best over the distance from it: b x + a x^2 through both.
@@ -290,7 +390,7 @@ impl<E, F: FnMut(&[f64]) -> Result<f64, E>> Trials<'_, F> {
                 }
             }
         }
-        let merit = self.at(&values)?;
+        let merit = self.view(&values, view)?;
         Ok(if merit > best.1 {
             (values, merit)
         } else {
@@ -320,6 +420,9 @@ impl<E, F: FnMut(&[f64]) -> Result<f64, E>> Trials<'_, F> {
             points,
             width,
             at_end: axis.count > 1 && (best.0[i] - axis.start < slack || last - best.0[i] < slack),
+            error: None,
+            rivals: Vec::new(),
+            verdict: Verdict::Unknown,
         })
     }
 }

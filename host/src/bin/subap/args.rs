@@ -57,8 +57,8 @@ pub(crate) struct Global {
     #[arg(long, global = true, value_name = "N", value_parser = threads, help_heading = "Global options")]
     pub(crate) threads: Option<usize>,
 
-    /// Memory that image, samples and scratch may take: bytes, or with K, M, G or T (powers of
-    /// 1024) [default: half of what the machine has]
+    /// Memory that the process may take, of which 16M and 1M a thread are the program's own: bytes, or with K,
+    /// M, G or T (powers of 1024); 24M and 1M a thread at the least [default: half of what the machine has]
     #[arg(long, global = true, value_name = "SIZE", value_parser = size, help_heading = "Global options")]
     pub(crate) memory: Option<u64>,
 
@@ -137,6 +137,10 @@ pub(crate) struct Writing {
     /// Replace files that subap did not write; never an input of the same run [default: only its own]
     #[arg(long)]
     pub(crate) force: bool,
+
+    /// Say what it will take (time, memory, disk), from a short measured part of the work, and do nothing
+    #[arg(long)]
+    pub(crate) dry_run: bool,
 }
 
 /// Recordings.
@@ -150,6 +154,10 @@ pub(crate) struct Input {
     /// Channel of a CPHD by its identifier [default: its reference channel]
     #[arg(long, value_name = "ID")]
     pub(crate) channel: Option<String>,
+
+    /// Override a key of a description, as radar.first_pulse=9.2s; any number of times
+    #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
+    pub(crate) set: Vec<(String, String)>,
 }
 
 /// `subap focus`.
@@ -161,7 +169,7 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
+        "paths", "channel", "set", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
         "window", "slow_window", "check"
     ])]
     pub(crate) from_maps: Option<PathBuf>,

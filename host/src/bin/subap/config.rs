@@ -22,6 +22,7 @@ use subaperture::survey::Survey;
 
 use crate::args::{self, Algorithm, Global};
 use crate::failure::Usage;
+use crate::memory::Memory;
 use crate::progress::Progress;
 use crate::{interrupt, log, messages, text};
 
@@ -35,8 +36,10 @@ pub(crate) const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
 pub(crate) struct Session {
     /// Threads at work.
     pub(crate) threads: usize,
-    /// The budget, bytes.
+    /// Bytes that images, samples and scratch may take together.
     pub(crate) memory_bytes: u64,
+    /// How all of the memory is shared out.
+    pub(crate) memory: Memory,
     verbosity: u8,
     quiet: bool,
     json: bool,
@@ -57,9 +60,19 @@ impl Session {
         pool.build_global()
             .context("--threads: cannot start so many threads")?;
         interrupt::listen();
+        let threads = rayon::current_num_threads();
+        let memory = Memory::new(global.memory, threads)?;
+        if let Some(asked) = memory.asked_bytes {
+            messages::warning(format!(
+                "--memory {} is more than this machine has: {} it is",
+                text::bytes(asked.into()),
+                text::bytes(memory.total_bytes.into())
+            ));
+        }
         let session = Self {
-            threads: rayon::current_num_threads(),
-            memory_bytes: global.memory.unwrap_or_else(half_of_physical_memory),
+            threads,
+            memory_bytes: memory.work_bytes,
+            memory,
             verbosity: global.verbose,
             quiet: global.quiet,
             json: global.json,
@@ -71,8 +84,12 @@ impl Session {
             "memory_bytes": session.memory_bytes,
         }));
         session.note(1, || {
-            let memory = text::bytes(session.memory_bytes.into());
-            format!("{} threads, at most {memory} of memory", session.threads)
+            format!(
+                "{} threads, at most {} of memory, {} of it for the work",
+                session.threads,
+                text::bytes(session.memory.total_bytes.into()),
+                text::bytes(session.memory_bytes.into())
+            )
         });
         Ok(session)
     }
@@ -87,6 +104,7 @@ impl Session {
         let options = Options {
             channel: input.channel.as_deref(),
             memory_bytes: self.memory_bytes,
+            settings: &input.set,
         };
         let reading = self.progress("reading");
         let history = open_all(&input.paths, &options)?;
@@ -143,11 +161,12 @@ impl Session {
                 _ => format!("{count} images"),
             };
             anyhow::bail!(
-                "--grid has {} x {} pixels, {images} of {}; --memory allows {}: use a smaller or \
-                 coarser --grid, or raise --memory",
+                "--grid has {} x {} pixels, {images} of {}; of {} of memory (--memory) {} are for the work: use a \
+                 smaller or coarser --grid, or raise --memory",
                 grid.columns.count,
                 grid.rows.count,
                 text::bytes(bytes),
+                text::bytes(self.memory.total_bytes.into()),
                 text::bytes(self.memory_bytes.into())
             );
         }
@@ -161,27 +180,6 @@ pub(crate) fn command_line() -> Vec<String> {
     words
         .map(|word| word.to_string_lossy().into_owned())
         .collect()
-}
-
-/// Half of the machine's memory or of the container's, whichever is less; 2 GiB where neither tells.
-fn half_of_physical_memory() -> u64 {
-    let physical = std::fs::read_to_string("/proc/meminfo")
-        .ok()
-        .and_then(|text| {
-            let line = text
-                .lines()
-                .find_map(|line| line.strip_prefix("MemTotal:"))?;
-            let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-            Some(kibibytes * 1024)
-        });
-    let container = std::fs::read_to_string("/sys/fs/cgroup/memory.max")
-        .ok()
-        .and_then(|text| text.trim().parse().ok());
-    match (physical, container) {
-        (Some(a), Some(b)) => u64::min(a, b) / 2,
-        (Some(a), None) | (None, Some(a)) => a / 2,
-        (None, None) => 2 << 30,
-    }
 }
 
 /// The former that `focus` was asked for.
@@ -258,6 +256,6 @@ pub(crate) fn record_of_run(session: &Session, taken: Duration) -> Value {
         "version": env!("CARGO_PKG_VERSION"),
         "run_time_s": taken.as_secs_f64(),
         "threads": session.threads,
-        "memory_bytes": session.memory_bytes,
+        "memory_bytes": session.memory.total_bytes,
     })
 }

@@ -1,11 +1,14 @@
 //! The command `subap`: from phase history to a focused image.
+#![forbid(unsafe_code)]
 
+mod ahead;
 mod args;
 mod commands;
 mod config;
 mod failure;
 mod interrupt;
 mod log;
+mod memory;
 mod messages;
 mod progress;
 mod text;
@@ -29,8 +32,15 @@ fn main() -> ExitCode {
         let _ = text::say(args::help());
         return ExitCode::SUCCESS;
     };
-    let done =
-        config::Session::new(&typed.global).and_then(|session| commands::run(&session, command));
+    let done = config::Session::new(&typed.global).and_then(|session| {
+        let done = commands::run(&session, command);
+        if let Some(bytes) = memory::peak_bytes() {
+            session.note(1, || {
+                format!("{} of memory at the most", text::bytes(bytes.into()))
+            });
+        }
+        done.map_err(|error| session.memory.explain(error))
+    });
     let status = failure::exit_status(done);
     messages::end(status);
     ExitCode::from(status)

@@ -25,8 +25,11 @@
 //!
 //! Neglected: the kernel's error, once a level and direction; the range profiles' ([`super::bp`]); the
 //! track's departure from its fit where slow time is decimated: positions themselves
-//! are used up to there, so that only its part that differs across the patch counts. A third of the
-//! bound's power is planned for each; pulses are taken in stretches short enough for the last.
+//! are used up to there, so that only its part that differs across the patch counts; and what becomes of the phase beyond the data's
+//! ends and of antennas that turn quickly. Each has its share of the bound ([`Shares`]), and every decimation is held to
+//! them on the patch and the pulses it is made of, before it is made (`patch_history`): one that would cost more is
+//! made by a smaller factor or not at all. A track on which slow time cannot be decimated (jitter, antennas in turn, a patch around the
+//! antennas) so costs what plain backprojection does, and errs no more.
 //!
 //! Cost: for `N x N` pixels, `N` pulses and `N` frequencies, about `6 W` real operations a sample and level,
 //! `log2(N / 16)` levels of `N^2` samples or more, and some `4 W` pulses a pixel at the end: `N^2 log N`
@@ -42,6 +45,7 @@ mod track;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use glam::DVec3;
 use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
@@ -51,7 +55,6 @@ use super::rdbp::patch::{self, PatchSize, Rectangle};
 use super::rdbp::{shared_band, sub_cpi};
 use super::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
 use crate::geometry::ImageGrid;
-use crate::signal::range_profile::RangeProfiler;
 use crate::signal::windowed_sinc::{TAPS, WindowedSinc};
 
 use patch_history::{PatchHistory, Refiner, Scratch};
@@ -84,11 +87,8 @@ impl ImageFormer for FastFactorised {
     }
 
     fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
-        let (taps, levels) = self.taps_and_levels(task.grid);
-        let plan = Plan {
-            share: self.share(),
-            levels: levels as f64,
-        };
+        let (taps, shares) = self.shares(task.grid);
+        let plan = Plan { shares };
         match taps {
             6 => plan.form::<6>(task, asked),
             8 => plan.form::<8>(task, asked),
@@ -100,28 +100,89 @@ impl ImageFormer for FastFactorised {
     }
 }
 
-impl FastFactorised {
-    /// A third of the error's power each to kernels, profiles and track: the relative RMS error of one.
-    fn share(&self) -> f64 {
-        10f64.powf((self.error_db - MARGIN_DB) / 20.0) / 3f64.sqrt()
-    }
+/// The relative RMS errors that the bound allows each cause.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shares {
+    /// One decimation of slow time.
+    slow: f64,
+    /// The recorded antennas' departure from the fitted.
+    track: f64,
+    /// Range profiles.
+    profile: f64,
+    /// Kernels over frequency, once a level.
+    fast: f64,
+    /// Levels of patches within patches.
+    levels: f64,
+    /// Whether kernels are good enough to decimate at all.
+    decimate: bool,
+}
 
+/// Shares of the error's power.
+const SLOW: f64 = 0.45;
+const FAST: f64 = 0.2;
+const TRACK: f64 = 0.1;
+const PROFILE: f64 = 0.25;
+
+/// RMS error of a kernel's weights, read from their table.
+const TABLE: f64 = 2e-6;
+
+/// Relative RMS error of `taps` taps over frequency, once.
+fn kernel_error(taps: usize) -> f64 {
+    WindowedSinc::new(taps, 0.25).error(0.25).hypot(TABLE)
+}
+
+impl FastFactorised {
     /// Taps of the kernels within the error bound, and levels of patches within patches.
     pub fn taps_and_levels(&self, grid: &ImageGrid) -> (usize, usize) {
+        let (taps, shares) = self.shares(grid);
+        (taps, shares.levels as usize)
+    }
+
+    fn shares(&self, grid: &ImageGrid) -> (usize, Shares) {
+        let target = 10f64.powf((self.error_db - MARGIN_DB) / 20.0);
         let side = grid.rows.count.max(grid.columns.count);
         let levels = (side as f64 / LEAF_PIXELS as f64).log2().max(0.0).ceil() + 1.0;
-        let share = self.share();
-        let error = |taps| WindowedSinc::new(taps, 0.25).error(0.25) * (2.0 * levels).sqrt();
-        let fits = TAPS.into_iter().find(|&taps| error(taps) <= share);
-        (fits.unwrap_or(TAPS[TAPS.len() - 1]), levels as usize)
+        let fits = TAPS
+            .into_iter()
+            .find(|&taps| kernel_error(taps) <= target * (FAST / levels).sqrt());
+        let taps = fits.unwrap_or(TAPS[TAPS.len() - 1]);
+        let shares = Shares {
+            slow: target * (SLOW / levels).sqrt(),
+            track: target * TRACK.sqrt(),
+            profile: target * PROFILE.sqrt(),
+            fast: kernel_error(taps),
+            levels,
+            decimate: fits.is_some(),
+        };
+        (taps, shares)
+    }
+}
+
+impl Shares {
+    /// What it comes to, dB, for `num_pulses` pulses and errors of the arithmetic.
+    fn planned_db(&self, num_pulses: usize, arithmetic: f64) -> f64 {
+        let decimations = match self.decimate {
+            true => self
+                .track
+                .hypot(self.levels.sqrt() * self.slow.hypot(self.fast)),
+            false => 0.0,
+        };
+        rounding::total_db(&[
+            decimations,
+            self.profile,
+            rounding::sum(num_pulses),
+            // Float32 weights and sums of a level in both directions.
+            (2.0 * self.levels).sqrt() * rounding::sum(TAPS[TAPS.len() - 1]),
+            // Transforms and phases of profiles, as `RangeProfiler::rounding` for the longest.
+            4e-7,
+            arithmetic,
+        ])
     }
 }
 
 /// What the bound comes to.
 struct Plan {
-    /// Relative RMS error of each of three causes.
-    share: f64,
-    levels: f64,
+    shares: Shares,
 }
 
 impl Plan {
@@ -155,22 +216,42 @@ impl Plan {
                 (budget.left_bytes() / copies.max(1)).min(threads as u64 - 1) as usize
             }
         };
-        let probes = [0, rectangles.len() / 2, rectangles.len() - 1].map(|i| rectangles[i]);
-        let mut tracks = Vec::new();
-        for pulses in sub_cpi::cut(
-            collection.pulses.len(),
-            &sub_cpi::breaks(collection),
-            longest,
-        ) {
-            track::fit_all(task, pulses, &probes, self.share, &mut tracks);
-        }
-        let kernel_error = WindowedSinc::new(W, 0.25).error(0.25) * (2.0 * self.levels).sqrt();
-        let track_error = tracks.iter().map(Track::error).fold(0.0, f64::max);
-        let planned_db = rounding::total_db(&[kernel_error, track_error, self.share]);
+        let num_pulses = collection.pulses.len();
+        let arithmetic = rounding::path_phase_rad(task).hypot(rounding::band_phase_rad(task));
+        let planned_db = self.shares.planned_db(num_pulses, arithmetic);
         asked.check(planned_db, || {
-            "the track's shape or the kernels: use --algorithm bp".to_owned()
+            "kernels and float32 sums leave no less: use --algorithm bp or exact".to_owned()
         })?;
-        let refiner = Refiner::<W>::new(task.grid, self.share);
+        let highest_hz = rounding::highest_hz(task);
+        let patches: Vec<(DVec3, f64)> = rectangles
+            .iter()
+            .map(|rectangle| {
+                let centre = rectangle.centre_m(task.grid);
+                let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)];
+                let radii =
+                    corners.map(|(r, c)| rectangle.point_m(task.grid, r, c).distance(centre));
+                (centre, radii.into_iter().fold(0.0, f64::max))
+            })
+            .collect();
+        let phase_rad = |track: &Track| {
+            let last = (track.pulses().len() - 1) as f64;
+            let antennas = [0.0, 0.5, 1.0].map(|part| track.at(part * last));
+            let each = patches.iter().map(|&(centre, radius_m)| {
+                let distances = antennas.iter().flatten().map(|at| at.distance(centre));
+                track.phase_rad(
+                    highest_hz,
+                    radius_m,
+                    distances.fold(f64::INFINITY, f64::min),
+                )
+            });
+            each.fold(0.0, f64::max)
+        };
+        let mut tracks = Vec::new();
+        for pulses in sub_cpi::cut(num_pulses, &sub_cpi::breaks(collection), longest) {
+            let allowed = self.shares.track;
+            track::fit_all(&collection.pulses, pulses, allowed, &phase_rad, &mut tracks);
+        }
+        let refiner = Refiner::<W>::new(task.grid, self.shares);
         let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
         let mut add_all = || self.add_all(task, &tracks, &refiner, &rectangles, &mut pixels);
         if more + 1 < threads {
@@ -184,7 +265,7 @@ impl Plan {
         }
         let settings = json!({
             "stretches": tracks.len(),
-            "levels": self.levels,
+            "levels": self.shares.levels,
             "kernel_taps": W,
         });
         Ok(Formed::new(task, pixels, planned_db, settings))
@@ -275,7 +356,7 @@ impl<const W: usize> Descent<'_, '_, '_, W> {
         let smaller = self.refiner.refine(parent, self.track, rectangle, &mut own);
         let history = if smaller { &own } else { parent };
         let side = rectangle.size.rows.max(rectangle.size.columns);
-        let few_pulses = history.num_pulses() <= 4 * W;
+        let few_pulses = history.num_pulses() <= 4 * W || !self.refiner.decimates();
         if side <= LEAF_PIXELS || (few_pulses && side <= LARGEST_LEAF_PIXELS) {
             let leaf = &mut self.scratch.leaf;
             self.refiner
@@ -306,9 +387,4 @@ fn quarters(whole: Rectangle) -> impl Iterator<Item = Rectangle> {
             })
         })
         .filter(|part| part.size.rows > 0 && part.size.columns > 0)
-}
-
-/// The upsampling of a leaf's range profiles.
-fn oversampling(share: f64) -> f64 {
-    RangeProfiler::oversampling_for(20.0 * share.log10())
 }

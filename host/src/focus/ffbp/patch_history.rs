@@ -1,13 +1,27 @@
 //! A patch's own phase history, its refinement to a smaller patch, and the image of a small one.
+//!
+//! **What a decimation costs is measured before it is made.** Over slow time the kernel interpolates
+//! `exp(j phase_p(u))` of each pixel `p` from the decimated antennas to those before. That is evaluated
+//! for the patch's corners, at the highest frequency, on runs of pulses at both ends, where the kernel reaches past the data, and
+//! between, and weighted by what each pulse holds ([`PatchHistory::weights`]: a decimated pulse beyond the data's end has the
+//! kernel's tails only). A factor that costs more than is allowed is halved, in the end to 1: slow time
+//! then stays as it is, for this patch. Where the recorded antennas leave the fitted track, what that turns is bounded
+//! ([`Track::phase_rad`]) and counts too.
+//!
+//! Over frequency it is a tone, of `step (path_p - path_q) / c` cycles a sample: paths are convex in `p`, so over a
+//! patch of a plane they lie between the tangent at its centre and the largest at its corners, and the kernel's error is
+//! that of its band.
+//!
+//! A patch as large as half its distance from the antennas is seen in all directions: its slow time is not decimated.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::DVec3;
-use num_complex::Complex32;
+use num_complex::{Complex32, Complex64};
 
 use super::track::Track;
-use super::{Target, oversampling};
+use super::{Shares, Target};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::rdbp::patch::Rectangle;
 use crate::geometry::ImageGrid;
@@ -20,6 +34,14 @@ use crate::signal::windowed_sinc::WindowedSinc;
 const WORTHWHILE: f64 = 0.8;
 /// Allowance for what lies between the places at which paths are looked at.
 const MARGIN: f64 = 1.05;
+/// A patch that reaches further from its centre, in parts of its distance from the antennas, is near.
+const NEAR: f64 = 0.5;
+/// A polar patch that spans more, radians, is not flat enough for its corners to stand for it.
+const WIDEST_SECTOR_RAD: f64 = 0.5;
+/// Pulses in each run on which a decimation is measured.
+const RUN: usize = 8;
+/// Runs between the ends.
+const INNER_RUNS: usize = 3;
 
 /// One pulse, recorded or decimated.
 #[derive(Clone, Copy)]
@@ -51,12 +73,14 @@ pub(super) struct PatchHistory {
     first_u: f64,
     step_u: f64,
     antennas: Vec<Antennas>,
+    /// Power of a pulse's share of the recorded pulses: 1 of these, the kernels' squares' sum of decimated ones.
+    weights: Vec<f64>,
     samples: Vec<Complex32>,
 }
 
 impl PatchHistory {
     /// Bytes a pulse beside its samples.
-    pub(super) const PULSE_BYTES: u64 = size_of::<Antennas>() as u64;
+    pub(super) const PULSE_BYTES: u64 = (size_of::<Antennas>() + size_of::<f64>()) as u64;
 
     /// Recorded pulses, samples still to be filled in.
     pub(super) fn of_pulses(collection: &Collection, pulses: Range<usize>) -> Self {
@@ -75,6 +99,7 @@ impl PatchHistory {
                     datum_m: p.reference_path_m,
                 })
                 .collect(),
+            weights: vec![1.0; track.len()],
             samples: vec![Complex32::ZERO; track.len() * collection.num_samples],
         }
     }
@@ -89,6 +114,84 @@ impl PatchHistory {
 
     fn frequency_hz(&self, k: f64) -> f64 {
         self.start_hz + k * self.step_hz
+    }
+
+    fn highest_hz(&self) -> f64 {
+        let last_hz = self.frequency_hz((self.num_samples - 1) as f64);
+        last_hz.abs().max(self.start_hz.abs())
+    }
+
+    /// The fitted antennas at pulse `n`, whole or not.
+    fn on_track(&self, track: &Track, n: f64) -> Antennas {
+        let [transmitter_m, receiver_m] = track.at(self.first_u + n * self.step_u);
+        Antennas {
+            transmitter_m,
+            receiver_m,
+            datum_m: 0.0,
+        }
+    }
+
+    /// Whether the antennas are the recorded ones, not those of the fitted track.
+    fn is_recorded(&self) -> bool {
+        self.step_u == 1.0
+    }
+}
+
+/// A rectangle as the antennas see it.
+struct Patch {
+    centre: DVec3,
+    corners: [DVec3; 4],
+    /// Farthest from the centre that a pixel lies, metres.
+    radius_m: f64,
+    /// Whether it is a parallelogram, or so small a sector that it nearly is.
+    flat: bool,
+}
+
+impl Patch {
+    fn new(grid: &ImageGrid, rectangle: Rectangle) -> Self {
+        let point = |(row, column)| rectangle.point_m(grid, row, column);
+        let centre = rectangle.centre_m(grid);
+        let sides = [(0.0, 0.5), (0.5, 0.0), (0.5, 1.0), (1.0, 0.5)].map(point);
+        let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)].map(point);
+        let farthest = corners.iter().chain(&sides).map(|p| p.distance(centre));
+        let span_rad = rectangle.size.columns as f64 * grid.columns.step.abs();
+        let flat = !grid.polar || span_rad <= WIDEST_SECTOR_RAD;
+        let mut radius_m = farthest.fold(0.0, f64::max);
+        if !flat {
+            // A sector lies within its outer radius of the pole.
+            let outer_m = corners.map(|p| p.distance(grid.origin_m));
+            let outer_m = outer_m.into_iter().fold(0.0, f64::max);
+            radius_m = outer_m + centre.distance(grid.origin_m);
+        }
+        Self {
+            centre,
+            corners,
+            radius_m,
+            flat,
+        }
+    }
+
+    /// Largest difference of paths from one pulse to a pixel and to the centre, metres.
+    fn depth_m(&self, antennas: &Antennas) -> f64 {
+        // By the triangle inequality, out and back.
+        let most_m = 2.0 * self.radius_m;
+        if !self.flat {
+            return most_m;
+        }
+        let centre_m = antennas.path_m(self.centre);
+        let slope = |antenna: DVec3| (self.centre - antenna).normalize_or_zero();
+        let slope = slope(antennas.transmitter_m) + slope(antennas.receiver_m);
+        let depth_m = |&corner: &DVec3| {
+            let above_m = antennas.path_m(corner) - centre_m;
+            above_m.max(-slope.dot(corner - self.centre))
+        };
+        let depth_m = self.corners.iter().map(depth_m).fold(0.0, f64::max);
+        (depth_m * MARGIN).min(most_m)
+    }
+
+    fn distance_m(&self, antennas: &Antennas) -> f64 {
+        let transmitter_m = antennas.transmitter_m.distance(self.centre);
+        transmitter_m.min(antennas.receiver_m.distance(self.centre))
     }
 }
 
@@ -113,16 +216,21 @@ pub(super) struct Leaf {
 pub(super) struct Refiner<'a, const W: usize> {
     grid: &'a ImageGrid,
     kernel: WindowedSinc,
-    oversampling: f64,
+    shares: Shares,
 }
 
 impl<'a, const W: usize> Refiner<'a, W> {
-    pub(super) fn new(grid: &'a ImageGrid, share: f64) -> Self {
+    pub(super) fn new(grid: &'a ImageGrid, shares: Shares) -> Self {
         Self {
             grid,
             kernel: WindowedSinc::new(W, 0.25),
-            oversampling: oversampling(share),
+            shares,
         }
+    }
+
+    /// Whether there is anything to be won by smaller patches.
+    pub(super) fn decimates(&self) -> bool {
+        self.shares.decimate
     }
 
     /// Makes `own`, the history of `rectangle`, from that of a patch around it. False if it would not be
@@ -134,10 +242,14 @@ impl<'a, const W: usize> Refiner<'a, W> {
         rectangle: Rectangle,
         own: &mut PatchHistory,
     ) -> bool {
-        let centre = rectangle.centre_m(self.grid);
-        let [by_pulse, by_sample] = self.decimation(parent, rectangle, centre);
-        if by_pulse == 1 && by_sample == 1 {
+        if !self.shares.decimate {
             return false;
+        }
+        let patch = Patch::new(self.grid, rectangle);
+        let centre = patch.centre;
+        let mut by_pulse = self.by_pulse(parent, track, &patch);
+        while by_pulse > 1 && !self.is_faithful(parent, track, &patch, by_pulse) {
+            by_pulse = self.worthwhile(by_pulse / 2, parent.num_pulses());
         }
         // Elements before the first: as far as the kernel reaches.
         let lead = W / 2 - 1;
@@ -146,28 +258,28 @@ impl<'a, const W: usize> Refiner<'a, W> {
             _ => (count - 1) / by + W,
         };
         let before = |by: usize| if by == 1 { 0.0 } else { (lead * by) as f64 };
-        own.num_samples = decimated(parent.num_samples, by_sample);
-        own.start_hz = parent.frequency_hz(-before(by_sample));
-        own.step_hz = parent.step_hz * by_sample as f64;
-        own.first_u = parent.first_u - before(by_pulse) * parent.step_u;
-        own.step_u = parent.step_u * by_pulse as f64;
         own.antennas.clear();
         if by_pulse == 1 {
             own.antennas.extend_from_slice(&parent.antennas);
         } else {
             let count = decimated(parent.num_pulses(), by_pulse);
-            own.antennas.extend((0..count).map(|i| {
-                let [transmitter_m, receiver_m] = track.at(own.first_u + i as f64 * own.step_u);
-                Antennas {
-                    transmitter_m,
-                    receiver_m,
-                    datum_m: 0.0,
-                }
-            }));
+            own.antennas
+                .extend((0..count).map(|i| self.decimated_antennas(parent, track, by_pulse, i)));
         }
+        let by_sample = self.by_sample(parent, own, &patch);
+        if by_pulse == 1 && by_sample == 1 {
+            return false;
+        }
+        own.num_samples = decimated(parent.num_samples, by_sample);
+        own.start_hz = parent.frequency_hz(-before(by_sample));
+        own.step_hz = parent.step_hz * by_sample as f64;
+        own.first_u = parent.first_u - before(by_pulse) * parent.step_u;
+        own.step_u = parent.step_u * by_pulse as f64;
         for antennas in &mut own.antennas {
             antennas.datum_m = antennas.path_m(centre);
         }
+        own.weights.clear();
+        own.weights.resize(own.antennas.len(), 0.0);
         own.samples.clear();
         own.samples
             .resize(own.antennas.len() * own.num_samples, Complex32::ZERO);
@@ -196,10 +308,12 @@ impl<'a, const W: usize> Refiner<'a, W> {
             }
             let width = own.num_samples;
             if by_pulse == 1 {
+                own.weights[n] = parent.weights[n];
                 own.samples[n * width..(n + 1) * width].copy_from_slice(&row);
             } else {
                 let first = n / by_pulse;
                 for (i, &weight) in slow_weights[n % by_pulse].iter().enumerate() {
+                    own.weights[first + i] += f64::from(weight * weight) * parent.weights[n];
                     let cells = &mut own.samples[(first + i) * width..(first + i + 1) * width];
                     for (cell, value) in cells.iter_mut().zip(&row) {
                         *cell += value * weight;
@@ -217,58 +331,118 @@ impl<'a, const W: usize> Refiner<'a, W> {
             .collect()
     }
 
-    /// How many pulses and how many frequencies can be made one: what keeps the phase of the patch's
-    /// pixels within a quarter of a cycle from one to the next.
-    fn decimation(&self, parent: &PatchHistory, rectangle: Rectangle, centre: DVec3) -> [usize; 2] {
-        let last = parent.num_pulses() - 1;
-        let highest_hz = parent
-            .frequency_hz((parent.num_samples - 1) as f64)
-            .max(parent.start_hz);
-        let (mut depth_m, mut rate_m) = (0.0f64, 0.0f64);
-        for (row, column) in [
-            (0.0, 0.0),
-            (0.0, 0.5),
-            (0.0, 1.0),
-            (0.5, 0.0),
-            (0.5, 1.0),
-            (1.0, 0.0),
-            (1.0, 0.5),
-            (1.0, 1.0),
-        ] {
-            let point = rectangle.point_m(self.grid, row, column);
-            let offset_m = |n: usize| {
-                let antennas = &parent.antennas[n];
-                antennas.path_m(point) - antennas.path_m(centre)
+    /// Pulse `i` of those that `by` of the parent's make.
+    fn decimated_antennas(
+        &self,
+        parent: &PatchHistory,
+        track: &Track,
+        by: usize,
+        i: usize,
+    ) -> Antennas {
+        let place = (i * by) as f64 - ((W / 2 - 1) * by) as f64;
+        parent.on_track(track, place)
+    }
+
+    /// `by` if so few of `count` are left that it pays, else 1.
+    fn worthwhile(&self, by: usize, count: usize) -> usize {
+        let after = count as f64 / by.max(1) as f64 + W as f64;
+        if by >= 2 && after <= WORTHWHILE * count as f64 {
+            by
+        } else {
+            1
+        }
+    }
+
+    /// How many can be made one, of `count` that are `cycles` apart: within a quarter of a cycle.
+    fn allowed(&self, cycles: f64, count: usize) -> usize {
+        let by = (0.25 / (cycles * MARGIN)).min(count as f64) as usize;
+        self.worthwhile(by, count)
+    }
+
+    /// How many pulses can be made one by the rates of paths, were the track as fitted and nothing lost at its
+    /// ends.
+    fn by_pulse(&self, parent: &PatchHistory, track: &Track, patch: &Patch) -> usize {
+        if parent.num_pulses() == 1 || !patch.flat {
+            return 1;
+        }
+        let distances = parent.antennas.iter().map(|a| patch.distance_m(a));
+        let distance_m = distances.fold(f64::INFINITY, f64::min);
+        if patch.radius_m > NEAR * distance_m {
+            return 1;
+        }
+        if parent.is_recorded()
+            && track.phase_rad(parent.highest_hz(), patch.radius_m, distance_m) > self.shares.track
+        {
+            return 1;
+        }
+        let mut rate_m = 0.0f64;
+        for eighth in 0..=8 {
+            let n = f64::from(eighth) / 8.0 * (parent.num_pulses() as f64 - 2.0);
+            let [early, late] = [n, n + 1.0].map(|n| parent.on_track(track, n));
+            let offset_m = |antennas: &Antennas, point: DVec3| {
+                antennas.path_m(point) - antennas.path_m(patch.centre)
             };
-            for quarter in 0..=4 {
-                let n = quarter * last / 4;
-                let here_m = offset_m(n);
-                depth_m = depth_m.max(here_m.abs());
-                if last > 0 {
-                    let next_m = offset_m(if n < last { n + 1 } else { n - 1 });
-                    rate_m = rate_m.max((next_m - here_m).abs());
-                }
+            for &point in &patch.corners {
+                rate_m = rate_m.max((offset_m(&late, point) - offset_m(&early, point)).abs());
             }
         }
-        let allowed = |cycles: f64, count: usize| {
-            let by = (0.25 / (cycles * MARGIN)).min(count as f64) as usize;
-            let after = count as f64 / by.max(1) as f64 + W as f64;
-            if by >= 2 && after <= WORTHWHILE * count as f64 {
-                by
-            } else {
-                1
-            }
+        let cycles = rate_m * parent.highest_hz() / SPEED_OF_LIGHT_M_S;
+        self.allowed(cycles, parent.num_pulses())
+    }
+
+    /// How many frequencies can be made one, for the antennas of `own`.
+    fn by_sample(&self, parent: &PatchHistory, own: &PatchHistory, patch: &Patch) -> usize {
+        let depths = own.antennas.iter().map(|a| patch.depth_m(a));
+        let cycles = depths.fold(0.0, f64::max) * parent.step_hz.abs() / SPEED_OF_LIGHT_M_S;
+        self.allowed(cycles, parent.num_samples)
+    }
+
+    /// Whether making one pulse of `by` costs no more than is allowed, on each of some runs of pulses.
+    fn is_faithful(&self, parent: &PatchHistory, track: &Track, patch: &Patch, by: usize) -> bool {
+        let count = parent.num_pulses();
+        let cycles_m = parent.highest_hz() / SPEED_OF_LIGHT_M_S;
+        let phases = |antennas: &Antennas| {
+            let centre_m = antennas.path_m(patch.centre);
+            patch
+                .corners
+                .map(|corner| phasor((antennas.path_m(corner) - centre_m) * cycles_m))
         };
-        [
-            allowed(
-                rate_m * highest_hz / SPEED_OF_LIGHT_M_S,
-                parent.num_pulses(),
-            ),
-            allowed(
-                depth_m * parent.step_hz / SPEED_OF_LIGHT_M_S,
-                parent.num_samples,
-            ),
-        ]
+        // Beyond the data there are as many pulses as the kernel before reached, and more than in a run.
+        let end = RUN + W / 2;
+        let inner = (1..=INNER_RUNS).map(|i| i * count / (INNER_RUNS + 1));
+        let inner = inner.map(|first| first..(first + RUN).min(count));
+        let ends = [0..end.min(count), count.saturating_sub(end)..count];
+        for run in ends.into_iter().chain(inner) {
+            let first = run.start / by;
+            let last = (run.end - 1) / by + W;
+            let coarse: Vec<[Complex64; 4]> = (first..last)
+                .map(|i| phases(&self.decimated_antennas(parent, track, by, i)))
+                .collect();
+            let (mut errors, mut weights) = ([0.0; 4], 0.0);
+            for n in run {
+                // Where recorded antennas are off the fitted track is bounded apart from this.
+                let expected = phases(&parent.on_track(track, n as f64));
+                let kernel = self.kernel.weights::<W>((n % by) as f32 / by as f32);
+                let around = &coarse[n / by - first..][..W];
+                let weight = parent.weights[n];
+                for (corner, error) in errors.iter_mut().enumerate() {
+                    let got: Complex64 = around
+                        .iter()
+                        .zip(kernel)
+                        .map(|(phases, h)| phases[corner] * f64::from(h))
+                        .sum();
+                    *error += weight * (got - expected[corner]).norm_sqr();
+                }
+                weights += weight;
+            }
+            let worst = errors.into_iter().fold(0.0, f64::max);
+            // A run of no weight has nothing to lose.
+            let allowed = self.shares.slow.powi(2) * weights;
+            if worst.is_nan() || worst > allowed {
+                return false;
+            }
+        }
+        true
     }
 
     /// Adds the image of `rectangle` by backprojection.
@@ -288,7 +462,11 @@ impl<'a, const W: usize> Refiner<'a, W> {
         } = leaf;
         let profiler = profilers
             .entry(history.num_samples)
-            .or_insert_with_key(|&count| RangeProfiler::new(&vec![1.0; count], self.oversampling));
+            .or_insert_with_key(|&count| {
+                let oversampling =
+                    RangeProfiler::oversampling_for(20.0 * self.shares.profile.log10());
+                RangeProfiler::new(&vec![1.0; count], oversampling)
+            });
         let length = profiler.length();
         profile.resize(length + 1, Complex32::ZERO);
         fft.resize(profiler.scratch_length(), Complex32::ZERO);

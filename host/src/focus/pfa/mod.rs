@@ -52,7 +52,7 @@ use serde_json::json;
 
 use super::budget::Budget;
 use super::pixels::add_to_each;
-use super::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task};
+use super::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::ImageGrid;
 use crate::phase_history::Collection;
@@ -130,9 +130,17 @@ impl PolarFormat {
         let plane = Plane::new(collection, task.grid, self.centre_m);
         let extent = plane.image_extent(task.grid);
         let mut raster = Raster::<W>::new(plane.spectrum(collection), extent, &mut budget)?;
-        let planned_db = plane.predicted_db(collection, task.grid, raster.error());
+        let residual = plane.residual(collection, task.weights, task.grid);
+        let planned_db =
+            rounding::total_db(&[residual, raster.error(), rounding::path_phase_rad(task)]);
         asked.check(planned_db, || {
-            "the wave front is curved over so large a grid: use a smaller --grid, or --algorithm rdbp".to_owned()
+            if residual > raster.error() {
+                "paths over so large a grid are not linear in the place: use a smaller --grid, or --algorithm \
+                 rdbp"
+                    .to_owned()
+            } else {
+                "that is what its kernels can do: use --algorithm rdbp or bp".to_owned()
+            }
         })?;
         let block = budget.take_block(
             "a pulse",
@@ -196,6 +204,7 @@ impl PolarFormat {
             "centre_m": plane.centre_m.to_array(),
             "raster": raster_size,
             "kernel_taps": W,
+            "curvature_error_db": 20.0 * residual.max(1e-15).log10(),
         });
         Ok(Formed::new(task, pixels, planned_db, settings))
     }

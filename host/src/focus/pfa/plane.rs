@@ -1,20 +1,23 @@
 //! The grid's plane: spectral support of the collection in it, and where the linear model has a pixel.
 
+use std::f64::consts::TAU;
+
 use glam::{DMat2, DVec2, DVec3};
+use rayon::prelude::*;
 
 use crate::SPEED_OF_LIGHT_M_S;
+use crate::focus::Weights;
+use crate::focus::probes::{Shares, probes, turned};
 use crate::geometry::ImageGrid;
 use crate::phase_history::{Collection, Pulse};
 
 /// Pulses over which a pixel's place is fitted.
 pub const FIT_PULSES: usize = 16;
-/// Pulses over which its residual is predicted.
-const PROBE_PULSES: usize = 64;
+/// Paths over which residuals are predicted, at most.
+const PROBED_PATHS: usize = 8_000_000;
 /// Points a side at which the grid's image is looked at: a circle bulges from a chord of a 32nd of it by
 /// half a percent of the radius.
 const PROBE_POINTS: usize = 33;
-/// Points a side at which the residual is.
-const RESIDUAL_POINTS: usize = 5;
 /// Margin about the places so found, as a fraction of their extent.
 const MARGIN: f64 = 0.02;
 /// Least half extent, metres: a grid may be a single pixel.
@@ -157,34 +160,51 @@ impl<'a> Plane<'a> {
         }
     }
 
-    /// The relative RMS error to expect of the worst pixel, dB: of what turns the terms of its sum by
-    /// the residual's phase, and of kernels with `kernel_error`.
-    pub(super) fn predicted_db(
+    /// The relative RMS error to expect of the worst pixel: what turns the terms of its sum by the phase that
+    /// linear paths leave.
+    pub(super) fn residual(
         &self,
         collection: &Collection,
+        weights: &Weights,
         grid: &ImageGrid,
-        kernel_error: f64,
     ) -> f64 {
-        let pulses = self.some_pulses(collection, PROBE_PULSES);
-        let worst = probe_points(grid, RESIDUAL_POINTS)
-            .map(|point| {
-                let place = self.place(point);
-                let sum: f64 = pulses
-                    .iter()
-                    .map(|p| {
-                        let path_m = p.pulse.path_m(point) - p.centre_path_m;
-                        let left_m = path_m - p.gradient.dot(place);
-                        let frequency_hz = p.pulse.frequency_hz(collection.num_samples / 2);
-                        // |exp(j phase) - 1|^2
-                        let half_turn =
-                            std::f64::consts::PI * frequency_hz * left_m / SPEED_OF_LIGHT_M_S;
-                        4.0 * half_turn.sin().powi(2)
-                    })
-                    .sum();
-                sum / pulses.len() as f64
+        let points = probes(grid);
+        let count = collection.pulses.len();
+        let most = (PROBED_PATHS / points.len()).max(1);
+        // Evenly, but by a golden ratio off the beat of what repeats.
+        let chosen: Vec<usize> = if count <= most {
+            (0..count).collect()
+        } else {
+            let place = |i: usize| {
+                let beside = (i as f64 * 0.618_033_988_749_895).fract();
+                ((i as f64 + beside) * count as f64 / most as f64) as usize
+            };
+            (0..most).map(place).collect()
+        };
+        let slow: Vec<f64> = chosen.iter().map(|&n| weights.slow[n]).collect();
+        let (slow, fast) = (Shares::new(&slow), Shares::new(&weights.fast));
+        let known: Vec<(&Pulse, DVec2, f64, f64)> = chosen
+            .iter()
+            .map(|&n| {
+                let pulse = &collection.pulses[n];
+                let squares = (0..collection.num_samples).map(|k| pulse.frequency_hz(k).powi(2));
+                let rms_hz = fast.worst(squares).sqrt();
+                let centre_path_m = pulse.path_m(self.centre_m);
+                (pulse, self.gradient(pulse), centre_path_m, rms_hz)
             })
-            .fold(0.0, f64::max);
-        10.0 * (worst + kernel_error * kernel_error).log10()
+            .collect();
+        let worst = points.par_iter().map(|&point| {
+            let place = self.place(point);
+            slow.worst(
+                known
+                    .iter()
+                    .map(|(pulse, gradient, centre_path_m, rms_hz)| {
+                        let left_m = pulse.path_m(point) - centre_path_m - gradient.dot(place);
+                        turned(TAU * rms_hz * left_m / SPEED_OF_LIGHT_M_S)
+                    }),
+            )
+        });
+        worst.reduce(|| 0.0, f64::max).sqrt()
     }
 }
 

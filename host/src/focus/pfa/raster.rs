@@ -26,6 +26,8 @@ use crate::signal::kaiser_bessel::KaiserBessel;
 
 /// Rows of the raster that one thread spreads onto at a time. Fixed, so that sums have one order.
 const ROWS_A_TASK: usize = 32;
+/// Relative error of a kernel's table ([`KaiserBessel`]).
+const TABLE: f64 = 2e-6;
 /// Cells in one direction that no memory would hold in two.
 const MOST_CELLS: f64 = 1e8;
 
@@ -151,9 +153,10 @@ impl<const W: usize> Raster<W> {
         })
     }
 
-    /// Relative RMS error of spreading and reading together.
+    /// Relative RMS error of spreading and reading together, in two directions each, tables included: at the edge of
+    /// the extent, where a grid of few pixels lies, by 3 dB above the mean.
     pub(super) fn error(&self) -> f64 {
-        2.0 * self.kernel.error(0.25)
+        2.0 * std::f64::consts::SQRT_2 * self.kernel.error(0.25).hypot(TABLE)
     }
 
     /// Rows and columns.
@@ -298,11 +301,14 @@ pub(super) struct Readable<const W: usize> {
 }
 
 impl<const W: usize> Readable<W> {
-    /// `F(place_m)`; places outside the extent read as if the image repeated or ended there.
+    /// `F(place_m)`; 0 outside the extent, which linear paths have where they are no model at all.
     pub(super) fn at(&self, place_m: DVec2) -> Complex32 {
         let (rows, columns) = (&self.rows, &self.columns);
         // In cycles a cell, at most a quarter inside the extent.
         let y = DVec2::new(place_m.x / rows.cells, place_m.y / columns.cells);
+        if !y.abs().cmple(DVec2::splat(0.25)).all() {
+            return Complex32::ZERO;
+        }
         let (kept_rows, kept_columns) = (rows.kept(W), columns.kept(W));
         let tap = |y: f64, length: usize, kept: usize| {
             let place = y * length as f64 + (kept / 2) as f64;

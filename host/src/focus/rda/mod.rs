@@ -117,7 +117,9 @@ impl RangeDopplerAlgorithm {
             bound_db: self.bound_db(),
             misses: Misses::Allowed,
         };
-        accuracy::keep(task, asked, |task| self.form_steps(task, &asked, observe))
+        accuracy::keep(task, asked, self.follows_sweeps(), |task| {
+            self.form_steps(task, &asked, observe)
+        })
     }
 
     fn form_steps(

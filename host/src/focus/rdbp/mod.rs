@@ -30,11 +30,11 @@ pub use plan::{Plan, Request};
 pub use sub_cpi::SubCpi;
 pub use thesis::Thesis;
 
-/// Doppler bins for each cycle a pulse, for sub-CPIs of `num_pulses`: twice Nyquist's at the highest
+/// Doppler bins for each cycle a pulse, for sub-CPIs that last `duration_pulses`: twice Nyquist's at the highest
 /// frequency, where Doppler is scaled most.
-fn bins_per_cycle(band: &Band, num_pulses: usize) -> f64 {
+fn bins_per_cycle(band: &Band, duration_pulses: f64) -> f64 {
     let highest = band.frequency_hz(band.count - 1) / band.centre_hz();
-    2.0 * num_pulses as f64 * highest.max(1.0)
+    2.0 * duration_pulses * highest.max(1.0)
 }
 
 /// The frequency axis, which both modes need to be the same for all pulses.
@@ -81,6 +81,10 @@ impl ImageFormer for RangeDoppler {
             Mode::Precise => Some(self.error_db),
             Mode::Thesis(thesis) => thesis.error_db,
         }
+    }
+
+    fn follows_sweeps(&self) -> bool {
+        self.mode == Mode::Precise
     }
 
     fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {

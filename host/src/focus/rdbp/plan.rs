@@ -4,28 +4,27 @@
 //! Doppler). The other is the path model's: what [`super::sub_cpi`]'s straight line leaves,
 //! `e_m(p)` metres, a phase error of `2 pi f_c e / c`. A pixel's value is the exact sum with each term
 //! turned by that phase; since terms from scatterers elsewhere have phases of their own, the image's
-//! relative RMS error is the RMS of the phase error over pulses and pixels. It is evaluated here with
-//! the track as recorded, so jitter and curvature count as they are, at the nine nodes of Gauss's rule
-//! on patches in the grid's middle and corners. Sizes are chosen on a few sub-CPIs from start to end;
-//! then every sub-CPI is measured, and one that a rough stretch of the track spoils is halved until it
-//! is not. The worst patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
-//!
-//! The bound is relative to the RMS of an image of the scene's bright scatterers. Their errors reach as
-//! far as their side lobes do, so on a grid that leaves them out the same errors are larger relative to
-//! what is there.
+//! relative RMS error is the RMS of the phase error over pulses. It is evaluated here with
+//! the track as recorded, so jitter and curvature count as they are, at the corners, the sides' middles and the centre of
+//! a patch, and where samples are taken one after another at three of them a pulse, at their own moments. There it is largest; near antennas it may be elsewhere, so a patch that is not small against its distance from them is
+//! looked at more closely. Sizes are chosen on a few sub-CPIs from start to end and patches in the grid's middle and
+//! corners; then every sub-CPI is measured on every patch, and one that errs by more is halved until it does not. The worst pixel,
+//! patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::patch::{PatchSize, Rectangle};
+use super::patch::{self, PatchSize, Rectangle};
 use super::sub_cpi::{self, SubCpi};
 use crate::SPEED_OF_LIGHT_M_S;
-use crate::focus::{FormError, MARGIN_DB};
+use crate::focus::{FormError, MARGIN_DB, rounding};
 use crate::geometry::ImageGrid;
 use crate::phase_history::{Band, Collection};
 use crate::signal::fast_length::fast_length;
 use crate::signal::kaiser_bessel::KaiserBessel;
 use crate::signal::scaled_dft::ScaledDft;
+
+use rayon::prelude::*;
 
 /// What is wanted of a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,8 +52,29 @@ pub struct Plan {
     pub patch: PatchSize,
     /// Taps of the kernel in each direction.
     pub taps: usize,
+    /// From sample to sample, in pulses, where samples are taken one after another in motion.
+    pub pulses_a_sample: Option<f64>,
     /// Predicted relative RMS error of the image, dB.
     pub predicted_db: f64,
+}
+
+/// Relative RMS error of the transforms and phases in float32, and of the kernels' weights, read from tables.
+const ARITHMETIC: f64 = 3e-6;
+
+/// Samples or pulses fewer than these may all lie where the kernel is worst.
+const FEW: usize = 16;
+
+/// Relative RMS error of reading maps with `taps` taps in range and in Doppler.
+fn kernel_error(taps: usize, num_samples: usize, num_pulses: usize) -> f64 {
+    let kernel = KaiserBessel::new(taps);
+    // Both grids are twice as fine as the whole band needs.
+    let of = |count: usize| match count {
+        // One alone lies in the middle.
+        1 => kernel.largest_error(0.0),
+        2..FEW => kernel.largest_error(0.25),
+        _ => kernel.error(0.25),
+    };
+    of(num_samples).hypot(of(num_pulses))
 }
 
 /// Smallest patch side considered, pixels, unless the grid is smaller.
@@ -98,10 +118,13 @@ impl Plan {
             grid,
             band: &band,
             breaks: &breaks,
+            pulses_a_sample: collection
+                .sweeps()
+                .then(|| sub_cpi::pulses_a_sample(collection)),
+            measure: Measure::Worst,
         };
         let target = 10f64.powf((request.error_db - MARGIN_DB) / 20.0);
-        // In range and in Doppler alike: both grids are twice as fine as the whole band needs.
-        let kernels = [4, 6].map(|taps| (taps, KaiserBessel::new(taps).error(0.25) * 2f64.sqrt()));
+        let kernels = [4, 6].map(|taps| (taps, kernel_error(taps, band.count, num_pulses)));
 
         let mut best: Option<Choice> = None;
         let mut first_patch = 0;
@@ -146,19 +169,22 @@ impl Plan {
                 .max(0.0)
                 .sqrt(),
         };
+        let rectangles = patch::rectangles(grid, best.patch);
         let mut sub_cpis = Vec::new();
         let mut model_error = 0.0f64;
         for pulses in sub_cpi::cut(num_pulses, &breaks, best.length) {
-            let worst = probe.halve_until(allowed, best.patch, pulses, &mut sub_cpis);
+            let worst = probe.halve_until(allowed, &rectangles, pulses, &mut sub_cpis);
             model_error = model_error.max(worst);
         }
+        let rounding = ARITHMETIC.hypot(rounding::sum(sub_cpis.len()));
         Ok(Self {
             band,
             sub_cpi_length: sub_cpis.iter().map(SubCpi::num_pulses).max().unwrap_or(0),
             sub_cpis,
             patch: best.patch,
             taps: best.taps,
-            predicted_db: 20.0 * model_error.hypot(kernel_error).log10(),
+            pulses_a_sample: probe.pulses_a_sample,
+            predicted_db: rounding::total_db(&[model_error, kernel_error, rounding]),
         })
     }
 }
@@ -227,6 +253,15 @@ pub(crate) fn patch_sizes(grid: &ImageGrid) -> Vec<PatchSize> {
     sizes
 }
 
+/// What counts of a patch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Measure {
+    /// The mean over it, as for scatterers all over the scene.
+    Mean,
+    /// The worst pixel.
+    Worst,
+}
+
 /// Measures the path model on samples of the grid and the aperture.
 pub(crate) struct Probe<'a> {
     /// The track.
@@ -237,6 +272,10 @@ pub(crate) struct Probe<'a> {
     pub(crate) band: &'a Band,
     /// First pulses after a gap, across which no sub-CPI reaches.
     pub(crate) breaks: &'a [usize],
+    /// From sample to sample, in pulses, if samples are taken at their own moments; else all of a pulse at one.
+    pub(crate) pulses_a_sample: Option<f64>,
+    /// What counts.
+    pub(crate) measure: Measure,
 }
 
 pub(crate) struct Probed {
@@ -252,6 +291,12 @@ const GAUSS: [(f64, f64); 3] = [
     (0.5, 8.0 / 18.0),
     (0.887_298_334_620_741_7, 5.0 / 18.0),
 ];
+
+/// Fractions of a patch's sides at which it is looked at, and at which one near the antennas is.
+const PLACES: [f64; 3] = [0.0, 0.5, 1.0];
+const CLOSE_PLACES: [f64; 9] = [0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0];
+/// A patch that reaches further from its centre, in parts of its distance from the antennas, is near.
+const NEAR: f64 = 0.2;
 
 /// Most sub-CPIs that are looked at.
 const PROBED_SUB_CPIS: usize = 8;
@@ -279,19 +324,23 @@ impl Probe<'_> {
     fn halve_until(
         &self,
         allowed: f64,
-        patch: PatchSize,
+        rectangles: &[Rectangle],
         pulses: Range<usize>,
         sub_cpis: &mut Vec<SubCpi>,
     ) -> f64 {
         let sub_cpi = SubCpi::new(self.collection, pulses.clone());
-        let error = self.measure(&sub_cpi, patch).model_error;
+        let worst = rectangles
+            .par_iter()
+            .map(|rectangle| self.residual(&sub_cpi, rectangle).0)
+            .reduce(|| 0.0, f64::max);
+        let error = self.phase_rad(worst);
         if error <= allowed || pulses.len() == 1 {
             sub_cpis.push(sub_cpi);
             return error;
         }
         let middle = pulses.start + pulses.len() / 2;
-        let early = self.halve_until(allowed, patch, pulses.start..middle, sub_cpis);
-        let late = self.halve_until(allowed, patch, middle..pulses.end, sub_cpis);
+        let early = self.halve_until(allowed, rectangles, pulses.start..middle, sub_cpis);
+        let late = self.halve_until(allowed, rectangles, middle..pulses.end, sub_cpis);
         early.max(late)
     }
 
@@ -320,42 +369,108 @@ impl Probe<'_> {
         }
         let cycles_m = self.band.centre_hz() / SPEED_OF_LIGHT_M_S;
         Probed {
-            model_error: TAU * cycles_m * worst.sqrt(),
-            // The nodes stop short of the corners, where the rate is 1 / 0.775 of theirs.
-            doppler_span: 2.0 * widest * cycles_m / 0.775,
+            model_error: self.phase_rad(worst),
+            doppler_span: 2.0 * widest * cycles_m,
         }
     }
 
-    /// Mean square of the path model's error over a patch, square metres, and the largest path rate at
-    /// the nodes, metres a pulse.
+    /// RMS phase, radians, of a mean square path, square metres, in the mean over the band.
+    fn phase_rad(&self, mean_square_m2: f64) -> f64 {
+        let square = match self.measure {
+            Measure::Worst => {
+                let [first, last] = [0, self.band.count - 1].map(|k| self.band.frequency_hz(k));
+                (first * first + first * last + last * last) / 3.0
+            }
+            Measure::Mean => self.band.centre_hz().powi(2),
+        };
+        TAU * (square * mean_square_m2).sqrt() / SPEED_OF_LIGHT_M_S
+    }
+
+    /// Mean square over pulses of the path model's error, square metres, at the worst of some pixels of a patch or in its mean,
+    /// and the largest path rate there, metres a pulse.
     fn residual(&self, sub_cpi: &SubCpi, rectangle: &Rectangle) -> (f64, f64) {
         let centre = rectangle.centre_m(self.grid);
         let datum = sub_cpi.datum(centre);
         let middle = (sub_cpi.num_pulses() as f64 - 1.0) / 2.0;
-        let (mut mean_square, mut rate) = (0.0, 0.0f64);
-        for (row, row_weight) in GAUSS {
-            for (column, column_weight) in GAUSS {
-                let point = rectangle.point_m(self.grid, row, column);
-                let (a, b) = sub_cpi.line(&datum, point);
-                rate = rate.max(b.abs());
-                let pulses = &self.collection.pulses[sub_cpi.pulses.clone()];
-                let square: f64 = pulses
+        let pulses = &self.collection.pulses[sub_cpi.pulses.clone()];
+        let corner = rectangle.point_m(self.grid, 0.0, 0.0);
+        let radius_m = corner.distance(centre);
+        let [first, last] = [&pulses[0], &pulses[pulses.len() - 1]];
+        let distance_m = [first, last]
+            .map(|p| {
+                p.transmitter_m
+                    .distance(centre)
+                    .min(p.receiver_m.distance(centre))
+            })
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
+        let places: &[f64] = match radius_m > NEAR * distance_m {
+            true => &CLOSE_PLACES,
+            false => &PLACES,
+        };
+        let count = self.band.count as f64;
+        // Samples after the middle one, and their weights.
+        let moments = match self.pulses_a_sample {
+            Some(_) => GAUSS.map(|(part, weight)| ((part - 0.5) * count, weight)),
+            None => [(0.0, 1.0), (0.0, 0.0), (0.0, 0.0)],
+        };
+        let moments = &moments[..if self.pulses_a_sample.is_some() { 3 } else { 1 }];
+        let pulses_a_sample = self.pulses_a_sample.unwrap_or(0.0);
+        let to_centre_m: Vec<[f64; 3]> = pulses
+            .iter()
+            .map(|pulse| {
+                let mut paths_m = [0.0; 3];
+                for (path_m, &(after, _)) in paths_m.iter_mut().zip(moments) {
+                    *path_m = pulse.path_after_m(centre, after);
+                }
+                paths_m
+            })
+            .collect();
+        let mut widest = 0.0f64;
+        let mut mean_square = |row: f64, column: f64| {
+            let point = rectangle.point_m(self.grid, row, column);
+            let (a, b) = sub_cpi.line(&datum, point);
+            widest = widest.max(b.abs());
+            let squares = pulses.iter().zip(&to_centre_m).enumerate();
+            let sum: f64 = squares
+                .map(|(m, (pulse, to_centre_m))| {
+                    let of_moment = |(&(after, weight), centre_m): (&(f64, f64), &f64)| {
+                        let path_m = pulse.path_after_m(point, after) - centre_m;
+                        let u = m as f64 - middle + pulses_a_sample * after;
+                        weight * (path_m - a - b * u).powi(2)
+                    };
+                    moments.iter().zip(to_centre_m).map(of_moment).sum::<f64>()
+                })
+                .sum();
+            sum / pulses.len() as f64
+        };
+        match self.measure {
+            Measure::Worst => {
+                let both = places
                     .iter()
-                    .enumerate()
-                    .map(|(m, pulse)| {
-                        let path_m = pulse.path_m(point) - pulse.path_m(centre);
-                        (path_m - a - b * (m as f64 - middle)).powi(2)
-                    })
+                    .flat_map(|&row| places.iter().map(move |&c| (row, c)));
+                let worst = both
+                    .map(|(row, column)| mean_square(row, column))
+                    .fold(0.0, f64::max);
+                (worst, widest)
+            }
+            Measure::Mean => {
+                let nodes = GAUSS
+                    .iter()
+                    .flat_map(|row| GAUSS.iter().map(move |column| (row, column)));
+                let mean = nodes
+                    .map(|(row, column)| row.1 * column.1 * mean_square(row.0, column.0))
                     .sum();
-                mean_square += row_weight * column_weight * square / sub_cpi.num_pulses() as f64;
+                // The nodes stop short of the corners, where the rate is 1 / 0.775 of theirs.
+                (mean, widest / 0.775)
             }
         }
-        (mean_square, rate)
     }
 
     /// Doppler bins of a patch's map, about.
     fn doppler_bins(&self, length: usize, taps: usize, doppler_span: f64) -> f64 {
-        let bins_per_cycle = super::bins_per_cycle(self.band, length);
+        let sweep_pulses = self.pulses_a_sample.unwrap_or(0.0).abs() * self.band.count as f64;
+        let bins_per_cycle = super::bins_per_cycle(self.band, length as f64 + sweep_pulses);
         (doppler_span * bins_per_cycle).ceil() + taps as f64 + 2.0
     }
 

@@ -18,6 +18,11 @@
 //! Kaiser-Bessel kernel whose roll-off is divided out of the weights before the transforms. Doppler
 //! bins cover the patch's own band only. Range repeats with `c / step`, as the exact sum does.
 //!
+//! **Motion from sample to sample** ([`crate::phase_history::Sweep`]). Sample `k` is taken `kappa (k - K/2)` pulses after
+//! its pulse, so its slow time is `u_m + kappa (k - K/2)`: compensation takes the path at that moment, and the
+//! Doppler transform has a centre of its own at each frequency. Nothing else changes, and nothing is neglected but
+//! what of the path is no straight line in that time, as from pulse to pulse. Sub-CPIs last longer by a sweep.
+//!
 //! Neglected: the path's curvature across the patch (planned, [`super::plan`]) and the kernel's images.
 //!
 //! Cost for each patch and sub-CPI: `M K` complex multiplies to compensate, `2 K` transforms of
@@ -26,9 +31,10 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use num_complex::Complex32;
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
 
@@ -37,6 +43,7 @@ use super::plan::Plan;
 use super::sub_cpi::SubCpi;
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::budget::Budget;
+use crate::focus::exact::add_pulse;
 use crate::focus::{FormError, Task};
 use crate::phase_history::Collection;
 use crate::signal::fast_length::fast_length;
@@ -107,7 +114,6 @@ fn add_blocks<const W: usize>(
     let num_samples = plan.band.count;
     let block = samples.len() / (plan.sub_cpi_length * num_samples);
     let num_blocks = plan.sub_cpis.len().div_ceil(block);
-    let outside = AtomicBool::new(false);
     for (index, sub_cpis) in plan.sub_cpis.chunks(block).enumerate() {
         let pulses = sub_cpis[0].pulses.start..sub_cpis[sub_cpis.len() - 1].pulses.end;
         let samples = &mut samples[..pulses.len() * num_samples];
@@ -123,9 +129,7 @@ fn add_blocks<const W: usize>(
                     }
                     let first = (sub_cpi.pulses.start - pulses.start) * num_samples;
                     let rows = &samples[first..first + sub_cpi.num_pulses() * num_samples];
-                    if !mapper.add(sub_cpi, rows, rectangle, &mut patch, scratch) {
-                        outside.store(true, Ordering::Relaxed);
-                    }
+                    mapper.add(sub_cpi, rows, rectangle, &mut patch, scratch);
                 }
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 let part = done as f64 / rectangles.len() as f64;
@@ -136,12 +140,6 @@ fn add_blocks<const W: usize>(
         if task.monitor.cancelled() {
             return Err(FormError::Cancelled);
         }
-    }
-    if outside.into_inner() {
-        return Err(FormError::Unsuited(
-            "the Doppler of a pixel lies outside its patch's map: give a smaller --patch"
-                .to_owned(),
-        ));
     }
     Ok(())
 }
@@ -208,7 +206,9 @@ impl<'a, const W: usize> Mapper<'a, W> {
         }
         let mut stages = BTreeMap::new();
         for (inputs, span) in spans {
-            let bins_per_cycle = super::bins_per_cycle(band, inputs);
+            let drift = plan.pulses_a_sample.unwrap_or(0.0);
+            let sweep_pulses = drift.abs() * band.count as f64;
+            let bins_per_cycle = super::bins_per_cycle(band, inputs as f64 + sweep_pulses);
             // A tenth and a bin more than was seen at the sampled points, and the kernel's reach.
             let reach = (span * 1.1 * bins_per_cycle).ceil() as usize + 1 + W / 2;
             let outputs = 2 * reach + 1;
@@ -221,12 +221,13 @@ impl<'a, const W: usize> Mapper<'a, W> {
             let shape = Shape {
                 inputs,
                 input_centre: (inputs as f64 - 1.0) / 2.0,
+                input_drift: drift,
                 outputs,
                 output_centre: reach as f64,
                 spacing: 1.0 / bins_per_cycle,
             };
             let weight = |k: usize, m: usize| {
-                let u = scales[k] * (m as f64 - shape.input_centre);
+                let u = scales[k] * (m as f64 - shape.centre_of(k, band.count));
                 1.0 / kernel.spectrum(u / bins_per_cycle)
             };
             let dft = ScaledDft::new(&scales, shape, weight);
@@ -293,8 +294,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         Scratch { slow, map, fft }
     }
 
-    /// Adds one sub-CPI, `samples` pulse by pulse, to one patch. False if a pixel's Doppler lies
-    /// outside the map.
+    /// Adds one sub-CPI, `samples` pulse by pulse, to one patch.
     fn add(
         &self,
         sub_cpi: &SubCpi,
@@ -302,11 +302,11 @@ impl<'a, const W: usize> Mapper<'a, W> {
         rectangle: &Rectangle,
         patch: &mut [&mut [Complex32]],
         scratch: &mut Scratch,
-    ) -> bool {
+    ) {
         let stage = &self.stages[&sub_cpi.num_pulses()];
         self.compensate(sub_cpi, samples, rectangle, &mut scratch.slow);
         self.map(stage, sub_cpi.num_pulses(), scratch);
-        self.read(stage, sub_cpi, rectangle, &scratch.map, patch)
+        self.read(stage, sub_cpi, samples, rectangle, &scratch.map, patch);
     }
 
     /// Phase of every sample referred to the patch's centre; windows applied; transposed to
@@ -328,6 +328,17 @@ impl<'a, const W: usize> Mapper<'a, W> {
             .enumerate()
         {
             let pulse = &self.collection.pulses[n];
+            if !pulse.sweep.is_at_once() {
+                let slow_weight = self.task.weights.slow[n] * self.norm;
+                let column = slow[m..].iter_mut().step_by(num_pulses);
+                for (k, ((out, z), w)) in column.zip(row).zip(&self.range_weights).enumerate() {
+                    let after = k as f64 - (num_samples / 2) as f64;
+                    let path_m = pulse.relative_path_after_m(centre, after);
+                    let turns = pulse.frequency_hz(k) * (path_m / SPEED_OF_LIGHT_M_S);
+                    *out = z * narrow(phasor(turns) * slow_weight) * w;
+                }
+                continue;
+            }
             let delay_s = pulse.relative_path_m(centre) / SPEED_OF_LIGHT_M_S;
             let mut turn =
                 phasor(pulse.start_hz * delay_s) * (self.task.weights.slow[n] * self.norm);
@@ -368,16 +379,16 @@ impl<'a, const W: usize> Mapper<'a, W> {
         &self,
         stage: &DopplerStage,
         sub_cpi: &SubCpi,
+        samples: &[Complex32],
         rectangle: &Rectangle,
         map: &[Complex32],
         patch: &mut [&mut [Complex32]],
-    ) -> bool {
+    ) {
         let grid = self.task.grid;
         let datum = sub_cpi.datum(rectangle.centre_m(grid));
         let length = self.range_fft.len();
         let row_length = self.row_length();
         let last_bin = stage.dft.shape().outputs - W;
-        let mut inside = true;
         for (row, pixels) in patch.iter_mut().enumerate() {
             for (column, pixel) in pixels.iter_mut().enumerate() {
                 let point = grid.position_m(rectangle.row + row, rectangle.column + column);
@@ -387,7 +398,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
                 let whole = doppler.floor();
                 let first_bin = whole - (W / 2 - 1) as f64;
                 if !(first_bin >= 0.0 && first_bin <= last_bin as f64) {
-                    inside = false;
+                    *pixel += self.sum(sub_cpi, samples, point);
                     continue;
                 }
                 let doppler_weights = self.kernel.weights::<W>((doppler - whole) as f32);
@@ -410,7 +421,26 @@ impl<'a, const W: usize> Mapper<'a, W> {
                 *pixel += sum * phasor32(path_m * self.centre_cycles_m);
             }
         }
-        inside
+    }
+
+    /// A pixel whose Doppler lies outside the map, near the antennas between the places at which rates were looked
+    /// at: the sum itself.
+    fn sum(&self, sub_cpi: &SubCpi, samples: &[Complex32], point: DVec3) -> Complex32 {
+        let weights = self.task.weights;
+        let mut sums = [Complex64::ZERO];
+        let rows = samples.chunks_exact(weights.fast.len());
+        for (n, row) in sub_cpi.pulses.clone().zip(rows) {
+            let pulse = &self.collection.pulses[n];
+            add_pulse(
+                pulse,
+                weights.slow[n],
+                &weights.fast,
+                row,
+                &[point],
+                &mut sums,
+            );
+        }
+        narrow(sums[0] * self.norm)
     }
 }
 

@@ -12,7 +12,8 @@
 //! two places are the nodes of Gauss's rule for the uniform weight on the pulses), so the remainder has
 //! no mean and no slope and is 3.5 dB below that of a Taylor expansion about the centre, which the
 //! thesis uses (Schone 2020, (2.18)). The antennas at these places come from a quadratic fit to all
-//! positions of the sub-CPI, so a measured track's jitter is averaged (S 4.2).
+//! positions of the sub-CPI, so a measured track's jitter is averaged (S 4.2). Of a single pulse whose samples are taken
+//! one after another, the places are those of the sweep, `K kappa / sqrt(12)` before and after its middle.
 
 use std::ops::Range;
 
@@ -67,6 +68,22 @@ impl SubCpi {
             receiver_m: receiver.at(u),
             monostatic,
         };
+        if let ([pulse], false) = (track, track[0].sweep.is_at_once()) {
+            let half_samples = collection.num_samples as f64 / 12f64.sqrt();
+            let node = |after: f64| {
+                let [transmitter_m, receiver_m] = pulse.antennas_after_m(after);
+                Node {
+                    transmitter_m,
+                    receiver_m,
+                    monostatic: monostatic && transmitter_m == receiver_m,
+                }
+            };
+            return Self {
+                pulses,
+                nodes: [node(-half_samples), node(half_samples)],
+                half_spacing: half_samples * pulses_a_sample(collection),
+            };
+        }
         Self {
             pulses,
             nodes: [node(-half_spacing), node(half_spacing)],
@@ -104,7 +121,7 @@ impl SubCpi {
     pub(crate) fn line(&self, datum: &Datum, point: DVec3) -> (f64, f64) {
         let early = self.nodes[0].path_m(point) - datum.0[0];
         let late = self.nodes[1].path_m(point) - datum.0[1];
-        let rate = if self.half_spacing > 0.0 {
+        let rate = if self.half_spacing != 0.0 {
             (late - early) / (2.0 * self.half_spacing)
         } else {
             0.0
@@ -215,6 +232,35 @@ pub(crate) fn cut(num_pulses: usize, breaks: &[usize], length: usize) -> Vec<Ran
         }
     }
     ranges
+}
+
+/// How far the antennas go from sample to sample as a part of how far they go from pulse to pulse: `kappa`. By least
+/// squares over all steps that are no gap; 0 if they stand.
+pub(crate) fn pulses_a_sample(collection: &Collection) -> f64 {
+    let gaps = breaks(collection);
+    let (mut product, mut square) = (0.0, 0.0);
+    for (pair, n) in collection.pulses.windows(2).zip(1..) {
+        if gaps.binary_search(&n).is_ok() {
+            continue;
+        }
+        let [a, b] = [&pair[0], &pair[1]];
+        let mut add = |step_m: DVec3, early: DVec3, late: DVec3| {
+            let sample_m = 0.5 * (early * a.sweep.sample_s + late * b.sweep.sample_s);
+            product += sample_m.dot(step_m);
+            square += step_m.length_squared();
+        };
+        add(
+            b.transmitter_m - a.transmitter_m,
+            a.sweep.transmitter_m_s,
+            b.sweep.transmitter_m_s,
+        );
+        add(
+            b.receiver_m - a.receiver_m,
+            a.sweep.receiver_m_s,
+            b.sweep.receiver_m_s,
+        );
+    }
+    if square > 0.0 { product / square } else { 0.0 }
 }
 
 /// Indices of pulses at which an antenna's step from the pulse before is more than five times its median

@@ -1,10 +1,12 @@
 //! What the XML block says, as far as image formation and its record need it.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use super::conventions::{Domain, Sgn, SignalFormat};
 use super::pvp::Layout;
-use super::xml::{Element, MetadataError};
+use super::xml::{Element, MetadataError, check_plain};
 use crate::geometry::{Extent, Geodetic, SceneFrame};
 
 /// The surface on which image coordinates are defined. [`CphdInfo::frame`] is a plane for both.
@@ -42,6 +44,9 @@ pub struct ChannelInfo {
     /// Bytes from the beginning of the signal block.
     pub(super) signal_offset: u64,
 }
+
+/// Channels named in a message.
+const MOST_NAMED: usize = 20;
 
 /// The metadata of a CPHD file. Text is as in the file; what the standard requires but image
 /// formation can do without is `None` where a file lacks it.
@@ -112,14 +117,20 @@ impl CphdInfo {
             .iter()
             .find(|c| c.id == wanted)
             .ok_or_else(|| {
-                let known: Vec<&str> = self.channels.iter().map(|c| c.id.as_str()).collect();
+                // A list for a person; thousands are no help.
+                let known = self.channels.iter().take(MOST_NAMED);
+                let known: Vec<&str> = known.map(|c| c.id.as_str()).collect();
+                let more = match self.channels.len() {
+                    count if count > MOST_NAMED => format!(" and {} more", count - MOST_NAMED),
+                    _ => String::new(),
+                };
                 let origin = if id.is_some() {
                     ""
                 } else {
                     " (from CPHD/Channel/RefChId)"
                 };
                 format!(
-                    "no channel '{wanted}'{origin}; choose one of: {}",
+                    "no channel '{wanted}'{origin}; choose one of: {}{more}",
                     known.join(", ")
                 )
             })
@@ -128,6 +139,7 @@ impl CphdInfo {
 
 /// The metadata and where each per-vector parameter lies.
 pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError>), MetadataError> {
+    check_plain(xml)?;
     let document = roxmltree::Document::parse(xml)
         .map_err(|e| MetadataError(format!("not well formed: {e}; copy the file again")))?;
     let root = Element::root(document.root_element());
@@ -170,9 +182,16 @@ pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError
         other => return Err(format.fault(format!("'{other}' is none of CI2, CI4, CF8"))),
     };
     let channel_node = root.child("Channel")?;
+    // By identifier, the first of each: a search for every channel would be quadratic in them.
+    let mut parameters: HashMap<String, Element> = HashMap::new();
+    for entry in channel_node.children("Parameters") {
+        if let Some(id) = entry.optional_text("Identifier") {
+            parameters.entry(id).or_insert(entry);
+        }
+    }
     let channels: Vec<ChannelInfo> = data
         .children("Channel")
-        .map(|entry| channel_info(&entry, &channel_node))
+        .map(|entry| channel_info(&entry, &parameters))
         .collect::<Result<_, _>>()?;
     if channels.is_empty() {
         return Err(data.fault("no element Channel: the file holds no phase history"));
@@ -212,16 +231,17 @@ pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError
     Ok((info, layout))
 }
 
-fn channel_info(entry: &Element, all: &Element) -> Result<ChannelInfo, MetadataError> {
+fn channel_info(
+    entry: &Element,
+    all: &HashMap<String, Element>,
+) -> Result<ChannelInfo, MetadataError> {
     let id = entry.child("Identifier")?.text().into_owned();
-    let parameters = all
-        .children("Parameters")
-        .find(|p| p.optional("Identifier").is_some_and(|i| i.text() == id));
+    let parameters = all.get(&id);
     let number = |name| -> Result<Option<f64>, MetadataError> {
-        let element = parameters.as_ref().and_then(|p| p.optional(name));
+        let element = parameters.and_then(|p| p.optional(name));
         element.map(|e| e.number()).transpose()
     };
-    let polarization = parameters.as_ref().and_then(|p| p.optional("Polarization"));
+    let polarization = parameters.and_then(|p| p.optional("Polarization"));
     let of_polarization = |name| polarization.as_ref().and_then(|p| p.optional_text(name));
     let positive = |name| -> Result<u64, MetadataError> {
         let element = entry.child(name)?;
@@ -238,7 +258,6 @@ fn channel_info(entry: &Element, all: &Element) -> Result<ChannelInfo, MetadataE
         fx_c_hz: number("FxC")?,
         fx_bw_hz: number("FxBW")?,
         srp_fixed: parameters
-            .as_ref()
             .and_then(|p| p.optional("SRPFixed"))
             .map(|e| matches!(&*e.text(), "true" | "1")),
         pvp_offset: entry.child("PVPArrayByteOffset")?.count()?,

@@ -23,6 +23,14 @@
 //! transform, in float64: see there for the frequency grid. The scaling, which the standard leaves
 //! open, makes a unit scatterer read 1 in either domain.
 //!
+//! # Motion within a vector
+//! A vector has one time and one position of each antenna, and no times of its samples. But `aFRR1` and `aFRR2` tell
+//! how an echo whose delay changes otherwise than the SRP's is shifted and blurred over the band, as linear frequency
+//! modulation does: `aFRR2 = 2 / (c rate)`, `aFRR1 = fx_C aFRR2`, `rate` that of the sweep, hertz a second. So sample `k`
+//! was taken `(k - K/2) SCSS / rate` after the vector's time, and the antennas moved by `TxVel` and `RcvVel`
+//! meanwhile: [`Sweep`](crate::phase_history::Sweep). The SRP's own echo has phase 0 at every frequency, whatever moved, so
+//! phases follow the SRP. Zeros, which say that nothing is given, are read as samples taken at once.
+//!
 //! # What is neglected
 //! - `TDTropoSRP` and `TDIonoSRP` are the atmosphere's part of the SRP's own delay, to which the phase
 //!   is compensated together with the geometric one. A scatterer's delay holds nearly the same
@@ -48,7 +56,7 @@
 //! use subaperture::focus::Silent;
 //! use subaperture::geometry::SceneFrame;
 //! use subaperture::io::cphd::{Channel, Cphd, WriteOptions, write};
-//! use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded};
+//! use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep};
 //!
 //! let pulse = |time_s: f64| {
 //!     let antenna = DVec3::new(100.0 * time_s, -4000.0, 3000.0);
@@ -60,6 +68,7 @@
 //!         reference_path_m: 2.0 * antenna.length(),
 //!         start_hz: 9.6e9,
 //!         step_hz: 1e6,
+//!         sweep: Sweep::AT_ONCE,
 //!     }
 //! };
 //! let collection = Collection {
@@ -99,6 +108,7 @@ mod reference_geometry;
 mod request;
 mod signal;
 mod source;
+mod start;
 mod toa;
 mod write;
 mod xml;
@@ -107,5 +117,5 @@ pub use conventions::{Domain, Polarization, Sgn, SignalFormat};
 pub use metadata::{ChannelInfo, CphdInfo, ReferenceSurface};
 pub use read::Cphd;
 pub use request::{Channel, WriteError, WriteOptions};
-pub use write::write;
+pub use write::{file_bytes, write};
 pub use xml::MetadataError;

@@ -85,6 +85,12 @@ impl Prepared {
                     pulse.reference_path_m
                 ))
             })?;
+            if !pulse.sweep.is_at_once() && pulse.sweep.reference_m_s != Some(DVec3::ZERO) {
+                return Err(unsuited(format!(
+                    "the antennas move from sample to sample of pulse {index}, and its phases do not follow a \
+                     reference point that stands still, as those of a CPHD vector do: refer them to a point"
+                )));
+            }
             let ecf = |position| collection.frame.to_ecf_m(position);
             let (tx_pos, rcv_pos) = (ecf(pulse.transmitter_m), ecf(pulse.receiver_m));
             let srp_pos = ecf(reference_m);
@@ -99,6 +105,7 @@ impl Prepared {
                 rcv_vel: DVec3::ZERO,
                 srp_pos,
                 a_fdop: 0.0,
+                a_frr2: 2.0 * pulse.sweep.sample_s / (SPEED_OF_LIGHT_M_S * pulse.step_hz),
                 fx1: axis.fx1,
                 fx2: axis.fx2,
                 toa1: -toa2,
@@ -108,7 +115,7 @@ impl Prepared {
                 true_antennas: truth.map(|truth| truth[index].map(ecf)),
             });
         }
-        set_velocities(&mut records);
+        set_velocities(&mut records, pulses, &collection.frame);
         let bistatic = !reference_geometry::is_monostatic(&records);
         Ok(Self {
             stored_samples,
@@ -302,13 +309,10 @@ fn sample_axis(pulse: &Pulse, count: usize, stored: usize, domain: Domain) -> Sa
     }
 }
 
-/// Velocities by differences of positions, central but at the ends; aFDOP from them. A single vector
-/// is at rest.
-fn set_velocities(records: &mut [Record]) {
+/// Velocities: those within sweeps, else by differences of positions, central but at the ends; aFDOP from them. A
+/// single vector without a sweep is at rest.
+fn set_velocities(records: &mut [Record], pulses: &[Pulse], frame: &SceneFrame) {
     let last = records.len() - 1;
-    if last == 0 {
-        return;
-    }
     let slope = |p: fn(&Record) -> (f64, DVec3), a: &Record, b: &Record| {
         let ((t0, p0), (t1, p1)) = (p(a), p(b));
         if t1 > t0 {
@@ -320,8 +324,14 @@ fn set_velocities(records: &mut [Record]) {
     for i in 0..=last {
         let (before, after) = (records[i.saturating_sub(1)], records[(i + 1).min(last)]);
         let record = &mut records[i];
-        record.tx_vel = slope(|r| (r.tx_time, r.tx_pos), &before, &after);
-        record.rcv_vel = slope(|r| (r.rcv_time, r.rcv_pos), &before, &after);
+        let sweep = &pulses[i].sweep;
+        if sweep.sample_s == 0.0 {
+            record.tx_vel = slope(|r| (r.tx_time, r.tx_pos), &before, &after);
+            record.rcv_vel = slope(|r| (r.rcv_time, r.rcv_pos), &before, &after);
+        } else {
+            record.tx_vel = frame.direction_to_ecf(sweep.transmitter_m_s);
+            record.rcv_vel = frame.direction_to_ecf(sweep.receiver_m_s);
+        }
         let range_rate = |position: DVec3, velocity: DVec3| {
             (position - record.srp_pos)
                 .normalize_or_zero()

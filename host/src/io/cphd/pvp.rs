@@ -22,6 +22,8 @@ pub(super) struct Layout {
     tx_pos: Field,
     rcv_pos: Field,
     srp_pos: Field,
+    /// Velocities of transmitter and receiver, and aFRR2: what tells motion within a vector.
+    sweep: Option<([Field; 2], Field)>,
     fx1: Field,
     fx2: Field,
     sc0: Field,
@@ -38,6 +40,8 @@ pub(super) struct Vector {
     pub(super) tx_pos: DVec3,
     pub(super) rcv_pos: DVec3,
     pub(super) srp_pos: DVec3,
+    /// Velocities of transmitter and receiver, and aFRR2, where it is given.
+    pub(super) sweep: Option<([DVec3; 2], f64)>,
     pub(super) fx1: f64,
     pub(super) fx2: f64,
     pub(super) sc0: f64,
@@ -109,6 +113,10 @@ impl Layout {
             tx_pos: required("TxPos", POSITION)?,
             rcv_pos: required("RcvPos", POSITION)?,
             srp_pos: required("SRPPos", POSITION)?,
+            sweep: field("TxVel", POSITION)?
+                .zip(field("RcvVel", POSITION)?)
+                .zip(field("aFRR2", SCALAR)?)
+                .map(|((transmitter, receiver), rate)| ([transmitter, receiver], rate)),
             fx1: required("FX1", SCALAR)?,
             fx2: required("FX2", SCALAR)?,
             sc0: required("SC0", SCALAR)?,
@@ -159,6 +167,19 @@ impl Layout {
             tx_pos: position(self.tx_pos)?,
             rcv_pos: position(self.rcv_pos)?,
             srp_pos: position(self.srp_pos)?,
+            sweep: match self.sweep {
+                // Zero says that it is not given, NaN that it is not known.
+                Some((velocities, rate)) => {
+                    let rate = f64::from_be_bytes(word_at(record, rate.byte));
+                    if rate.is_finite() && rate != 0.0 {
+                        let [transmitter, receiver] = velocities;
+                        Some(([position(transmitter)?, position(receiver)?], rate))
+                    } else {
+                        None
+                    }
+                }
+                None => None,
+            },
             fx1: finite(self.fx1, 0)?,
             fx2: finite(self.fx2, 0)?,
             sc0: finite(self.sc0, 0)?,
@@ -207,6 +228,9 @@ pub(super) struct Record {
     pub(super) rcv_vel: DVec3,
     pub(super) srp_pos: DVec3,
     pub(super) a_fdop: f64,
+    /// `2 / (c rate)` of a sweep's rate, hertz a second; 0 if samples are taken at once. aFRR1 is that times the
+    /// band's middle.
+    pub(super) a_frr2: f64,
     pub(super) fx1: f64,
     pub(super) fx2: f64,
     pub(super) toa1: f64,
@@ -246,7 +270,7 @@ pub(super) const fn record_bytes(with_truth: bool) -> u64 {
 }
 
 impl Record {
-    /// Appends [`record_bytes`]. The rates of frequency with range, aFRR1 and aFRR2, are zero for
+    /// Appends [`record_bytes`]. Where samples are taken at once, aFRR1 and aFRR2 are zero for
     /// all vectors, which says that they are not given; TDTropoSRP is zero: propagation as in
     /// vacuum; SIGNAL is 1: normal signal.
     pub(super) fn encode(&self, bytes: &mut Vec<u8>) {
@@ -262,7 +286,8 @@ impl Record {
         put(&self.rcv_pos.to_array());
         put(&self.rcv_vel.to_array());
         put(&self.srp_pos.to_array());
-        put(&[self.a_fdop, 0.0, 0.0, self.fx1, self.fx2]);
+        let a_frr1 = 0.5 * (self.fx1 + self.fx2) * self.a_frr2;
+        put(&[self.a_fdop, a_frr1, self.a_frr2, self.fx1, self.fx2]);
         put(&[self.toa1, self.toa2, 0.0, self.sc0, self.scss]);
         bytes.extend_from_slice(&1i64.to_be_bytes());
         for position in self.true_antennas.iter().flatten() {

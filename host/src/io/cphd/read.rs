@@ -15,8 +15,12 @@ use super::metadata::{ChannelInfo, CphdInfo};
 use super::preamble::{Preamble, in_xml};
 use super::pvp::{Layout, Vector};
 use super::source::{CHUNK_BYTES, Source};
+use super::start;
 use super::toa::{Bins, Transform};
-use crate::phase_history::{Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite};
+use crate::SPEED_OF_LIGHT_M_S;
+use crate::phase_history::{
+    Collection, InputFile, PhaseHistory, Pulse, ReadError, Sweep, check_finite,
+};
 
 /// Kept of a vector besides its [`Pulse`], at most: AmpSF, SIGNAL and a shift.
 const KEPT_BYTES: u64 = 8 + 1 + 8;
@@ -42,7 +46,11 @@ const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 /// - `SGN = +1` samples are conjugated.
 /// - Added parameters `TxPosTrue` and `RcvPosTrue`, as [`write`](super::write()) makes them, are the
 ///   true positions of the antennas.
-/// - `reference_path_m` is the path by way of `SRPPos`; see the [module](super) for the atmosphere.
+/// - Where `aFRR2` is given, samples were taken one after another, at a rate of `2 / (c aFRR2)` hertz a second
+///   ([`Sweep`]); velocities are `TxVel` and `RcvVel`, accelerations differences of these from vector to vector.
+/// - `reference_path_m` is the path by way of `SRPPos`, of the positions as stored: what they were rounded to (1e-9 m
+///   as float64 in ECF, more if they were float32 once) cancels in differences of paths. See the [module](super)
+///   for the atmosphere.
 pub struct Cphd {
     source: Source,
     info: CphdInfo,
@@ -149,6 +157,7 @@ impl Cphd {
                 vectors.push(index, &vector)
             },
         )?;
+        vectors.set_accelerations();
 
         let arrival = vectors.bins.map(|bins| Arrival {
             bins,
@@ -267,6 +276,10 @@ impl PhaseHistory for Cphd {
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
         self.true_antennas.as_deref()
+    }
+
+    fn start_ns(&self) -> Option<i64> {
+        start::nanoseconds(self.info.collection_start.as_deref()?)
     }
 
     fn held_bytes(&self) -> u64 {
@@ -409,17 +422,17 @@ impl Vectors {
                 + (vector.rcv_pos - vector.srp_pos).length(),
             start_hz,
             step_hz,
+            sweep: self.sweep(vector, step_hz),
         };
-        let last_hz = start_hz + self.stored_samples as f64 * step_hz;
-        if !(pulse.reference_path_m.is_finite()
-            && pulse.transmitter_m.is_finite()
-            && pulse.receiver_m.is_finite()
-            && pulse.reference_m.is_finite()
-            && last_hz.is_finite())
-        {
+        let count = self.bins.map_or(self.stored_samples, |bins| bins.count);
+        if let Some(what) = pulse.fault(count) {
             return Err(format!(
-                "vector {index}: TxPos, RcvPos, SRPPos, SC0 or SCSS is beyond all measure; repair \
-                 or drop it"
+                "vector {index}: {what} (TxTime, TxPos, RcvPos, SRPPos, SC0 or SCSS); repair or drop it"
+            ));
+        }
+        if !self.is_sweep(&pulse.sweep) {
+            return Err(format!(
+                "vector {index}: TxVel, RcvVel or aFRR2 is beyond all measure; repair or drop it"
             ));
         }
         self.pulses.push(pulse);
@@ -432,6 +445,45 @@ impl Vectors {
         }
         self.has_signal.push(vector.signal != Some(0));
         Ok(())
+    }
+
+    /// Motion within a vector: the rate of its sweep is `2 / (c aFRR2)`.
+    fn sweep(&self, vector: &Vector, step_hz: f64) -> Sweep {
+        let Some(([transmitter, receiver], a_frr2)) = vector.sweep else {
+            return Sweep::AT_ONCE;
+        };
+        Sweep {
+            sample_s: 0.5 * SPEED_OF_LIGHT_M_S * a_frr2 * step_hz,
+            transmitter_m_s: self.frame.direction_from_ecf(transmitter),
+            receiver_m_s: self.frame.direction_from_ecf(receiver),
+            reference_m_s: Some(DVec3::ZERO),
+            ..Sweep::AT_ONCE
+        }
+    }
+
+    /// Whether a sweep is one that a radar can make: of a second at most a sample, slower than light.
+    fn is_sweep(&self, sweep: &Sweep) -> bool {
+        let slow = |v: DVec3| v.length() < SPEED_OF_LIGHT_M_S;
+        sweep.sample_s.abs() < 1.0 && slow(sweep.transmitter_m_s) && slow(sweep.receiver_m_s)
+    }
+
+    /// Accelerations, by differences of the velocities of the vectors before and after.
+    fn set_accelerations(&mut self) {
+        let last = self.pulses.len().saturating_sub(1);
+        let of = |pulse: &Pulse| (pulse.time_s, pulse.sweep);
+        let mut before = self.pulses.first().map(of);
+        for i in 0..self.pulses.len() {
+            let here = of(&self.pulses[i]);
+            let (early_s, early) = before.unwrap_or(here);
+            let (late_s, late) = of(&self.pulses[(i + 1).min(last)]);
+            let sweep = &mut self.pulses[i].sweep;
+            if late_s > early_s && early.sample_s != 0.0 && late.sample_s != 0.0 {
+                let slope = |a: DVec3, b: DVec3| (b - a) / (late_s - early_s);
+                sweep.transmitter_m_s2 = slope(early.transmitter_m_s, late.transmitter_m_s);
+                sweep.receiver_m_s2 = slope(early.receiver_m_s, late.receiver_m_s);
+            }
+            before = Some(here);
+        }
     }
 
     /// First frequency and step of a TOA vector's spectrum.

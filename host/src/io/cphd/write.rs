@@ -31,7 +31,10 @@ use crate::phase_history::check_finite;
 /// What CPHD asks for and a [`PhaseHistory`](crate::phase_history::PhaseHistory) does not have:
 /// - `TxTime` is the pulse's time and `RcvTime` that plus the delay of the SRP's echo; `TxPos` and
 ///   `RcvPos` are the pulse's positions, taken to be valid at those times.
-/// - Velocities are central differences of positions over those times, one-sided at the ends.
+/// - Velocities are those within the sweep, where samples are taken one after another ([`Sweep`](crate::phase_history::Sweep)),
+///   else central differences of positions over those times, one-sided at the ends.
+/// - `aFRR1` and `aFRR2` give the rate of such a sweep, as they do for a pulse of linear frequency modulation. Phases
+///   have to follow the reference point then.
 /// - `SRPPos` is the reference point. Where `reference_path_m` differs from its path by more than
 ///   20 nm, the SRP is moved along the bisector until it does not, since the SRP's path is the
 ///   only one that CPHD knows; `SRPFixed` is then false.
@@ -50,7 +53,7 @@ use crate::phase_history::check_finite;
 /// - If all channels know the true positions of their antennas, these are added parameters
 ///   (`AddedPVP`) of their own, `TxPosTrue` and `RcvPosTrue`, in ECF.
 ///
-/// Memory: 248 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
+/// Memory: 256 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
 ///
 /// # Errors
 /// [`WriteError`]; among the unsuited are a local scene frame, times that do not rise, and pulses
@@ -65,14 +68,7 @@ pub fn write(
     check_texts(channels, options)?;
     let entries = prepare(channels, options)?;
     let xml = describe::document(&entries, options);
-    let last = &entries[entries.len() - 1];
-    let sizes = Sizes {
-        xml: xml.len() as u64,
-        pvp: last.pvp_offset + last.prepared.pvp_bytes(),
-        signal: last.signal_offset + signal_bytes(&last.prepared)?,
-    };
-    let layout = header::lay_out(&sizes, &options.classification, &options.release_info)
-        .ok_or_else(too_large)?;
+    let (sizes, layout) = lay_out(&entries, &xml, options)?;
 
     let failed = |source| {
         WriteError::Write(atomic::WriteError::Io {
@@ -107,6 +103,32 @@ pub fn write(
         })?;
     }
     Ok(beside.commit()?)
+}
+
+/// Size of the file that [`write`] makes.
+///
+/// # Errors
+/// As [`write`], but for those of reading and writing.
+pub fn file_bytes(channels: &[Channel], options: &WriteOptions) -> Result<u64, WriteError> {
+    check_texts(channels, options)?;
+    let entries = prepare(channels, options)?;
+    let xml = describe::document(&entries, options);
+    Ok(lay_out(&entries, &xml, options)?.1.file_bytes)
+}
+
+fn lay_out(
+    entries: &[Entry],
+    xml: &str,
+    options: &WriteOptions,
+) -> Result<(Sizes, header::Layout), WriteError> {
+    let last = &entries[entries.len() - 1];
+    let sizes = Sizes {
+        xml: xml.len() as u64,
+        pvp: last.pvp_offset + last.prepared.pvp_bytes(),
+        signal: last.signal_offset + signal_bytes(&last.prepared)?,
+    };
+    let layout = header::lay_out(&sizes, &options.classification, &options.release_info);
+    Ok((sizes, layout.ok_or_else(too_large)?))
 }
 
 fn too_large() -> WriteError {

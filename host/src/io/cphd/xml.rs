@@ -10,6 +10,60 @@ use roxmltree::Node;
 #[error("XML: {0}")]
 pub struct MetadataError(pub(super) String);
 
+/// Attributes that an element may have, and declarations of namespaces a document: the standard's have two of
+/// each at most. A parser compares every one with every other.
+const MOST_ATTRIBUTES: usize = 100;
+
+/// Refuses text that takes a parser more time than in proportion to its length: elements of very many
+/// attributes, and very many namespaces. What else may be wrong with it is left to the parser.
+pub(super) fn check_plain(xml: &str) -> Result<(), MetadataError> {
+    let bytes = xml.as_bytes();
+    let too_many = |byte: usize, what: &str| {
+        Err(MetadataError(format!(
+            "byte {byte}: more than {MOST_ATTRIBUTES} {what}; no CPHD file has so many: it is damaged"
+        )))
+    };
+    if let Some((byte, _)) = xml.match_indices("xmlns").nth(MOST_ATTRIBUTES) {
+        return too_many(byte, "declarations of namespaces");
+    }
+    let mut at = 0;
+    while let Some(start) = bytes[at..].iter().position(|&b| b == b'<') {
+        let start = at + start;
+        let passed_over = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")];
+        if let Some((_, end)) = passed_over
+            .iter()
+            .find(|(begin, _)| bytes[start..].starts_with(begin.as_bytes()))
+        {
+            match xml[start..].find(end) {
+                Some(length) => at = start + length + end.len(),
+                None => return Ok(()),
+            }
+            continue;
+        }
+        let (mut attributes, mut quote) = (0, None);
+        at = start + 1;
+        while let Some(&byte) = bytes.get(at) {
+            match quote {
+                // Nowhere in a tag: whatever this is, the parser will say.
+                _ if byte == b'<' => break,
+                Some(mark) if byte == mark => quote = None,
+                Some(_) => {}
+                None => match byte {
+                    b'"' | b'\'' => quote = Some(byte),
+                    b'=' => attributes += 1,
+                    b'>' => break,
+                    _ => {}
+                },
+            }
+            at += 1;
+        }
+        if attributes > MOST_ATTRIBUTES {
+            return too_many(start, "attributes of one element");
+        }
+    }
+    Ok(())
+}
+
 /// An element and its path from the root, such as `CPHD/Global/SGN`.
 pub(super) struct Element<'a, 'i> {
     node: Node<'a, 'i>,

@@ -10,6 +10,7 @@ use subaperture_core::stream::{BlockFloat, MapHeader, Node, Patch, PatchMap, Set
 use super::{ANY_SIZE, samples_bytes};
 use crate::geometry::SceneFrame;
 use crate::maps::{Arithmetic, Closing, OwnedSamples, Run};
+use crate::phase_history::physical::band_fault;
 
 /// Takes fields off the front of a payload.
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
@@ -145,6 +146,9 @@ pub(super) fn run(payload: &[u8]) -> Parsed<Run> {
         step_hz: fields.f64()?,
     };
     setup.check(&ANY_SIZE).map_err(|error| error.to_string())?;
+    if let Some(what) = band_fault(setup.start_hz, setup.step_hz, setup.num_frequencies.into()) {
+        return Err(what);
+    }
     let arithmetic = match fields.u8()? {
         0 => Arithmetic::Float,
         1 => Arithmetic::Fixed,
@@ -159,6 +163,13 @@ pub(super) fn run(payload: &[u8]) -> Parsed<Run> {
         },
         other => return Err(format!("scene frame {other} is not known")),
     };
+    if !frame.is_sound() {
+        return Err(
+            "the axes of its scene frame are not orthogonal unit vectors, or its origin is \
+                    nowhere near the Earth"
+                .to_owned(),
+        );
+    }
     let name = fields.text()?;
     let fast_window = fields.text()?;
     let mut fast_weights = Vec::with_capacity(setup.num_frequencies.into());

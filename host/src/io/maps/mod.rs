@@ -45,11 +45,13 @@ mod write;
 pub use read::MapFile;
 pub use write::MapWriter;
 
+use glam::DVec3;
 use subaperture_core::stream::{BlockFloat, Capacity, MapHeader, Setup};
 
 use crate::maps::Arithmetic;
 #[cfg(doc)]
 use crate::maps::{Closing, Run};
+use crate::phase_history::physical::{position_fault, time_fault};
 
 /// Most maps in a file.
 pub const MOST_MAPS: u64 = 1 << 20;
@@ -128,9 +130,19 @@ fn fault(header: &MapHeader, setup: &Setup) -> Option<String> {
     if let Err(error) = setup.check_patch(&header.patch, &ANY_SIZE) {
         return Some(error.to_string());
     }
-    let nodes = header.nodes.iter();
-    let places = nodes.flat_map(|node| node.transmitter_m.iter().chain(&node.receiver_m));
-    let finite = places.chain(&header.time_s).all(|x| x.is_finite());
-    (!finite || !header.weight_sum.is_finite())
-        .then(|| "an antenna position, a time or the weight is not a finite number".to_owned())
+    let antennas = header.nodes.iter().flat_map(|node| {
+        [
+            ("transmitter", node.transmitter_m),
+            ("receiver", node.receiver_m),
+        ]
+    });
+    let mut places = antennas.chain([("patch", header.patch.centre_m)]);
+    if let Some(what) = places.find_map(|(name, at)| position_fault(name, DVec3::from(at))) {
+        return Some(what);
+    }
+    if let Some(what) = header.time_s.into_iter().find_map(time_fault) {
+        return Some(what);
+    }
+    (!header.weight_sum.is_finite())
+        .then(|| "the weight of its pulses is not a finite number".to_owned())
 }

@@ -1,6 +1,6 @@
 //! A product read back: image, grid and metadata, checked to belong together.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 
@@ -12,6 +12,9 @@ use crate::geometry::{Axis, ImageGrid};
 use crate::image::Image;
 use crate::io::input::Stamp;
 use crate::io::npy::{self, NpyError};
+
+/// Most bytes of `image.json`, a thousand times what `subap focus` writes: it is parsed in memory.
+const MOST_METADATA_BYTES: u64 = 4 << 20;
 
 /// What a folder holds.
 #[derive(Clone, Debug)]
@@ -69,14 +72,22 @@ fn advice(source: &io::Error) -> &'static str {
 /// [`ReadError`], also if the image's size or CRC-32 is not what the metadata say.
 pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
     let path = folder.join(METADATA);
-    let text = fs::read(&path).map_err(|source| ReadError::Io {
-        path: path.clone(),
-        source,
-    })?;
     let wrong = |what: String| ReadError::Metadata {
         path: path.clone(),
         what,
     };
+    let mut text = Vec::new();
+    File::open(&path)
+        .and_then(|file| file.take(MOST_METADATA_BYTES + 1).read_to_end(&mut text))
+        .map_err(|source| ReadError::Io {
+            path: path.clone(),
+            source,
+        })?;
+    if text.len() as u64 > MOST_METADATA_BYTES {
+        return Err(wrong(format!(
+            "more than {MOST_METADATA_BYTES} bytes: it is not that of a product"
+        )));
+    }
     let metadata: Value =
         serde_json::from_slice(&text).map_err(|error| wrong(format!("not JSON: {error}")))?;
     if metadata["grid"].is_null() {
@@ -86,6 +97,9 @@ pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
         )));
     }
     let grid = grid(&metadata["grid"]).map_err(wrong)?;
+    if let Some(fault) = grid.fault() {
+        return Err(wrong(fault.to_string()));
+    }
     // Opened once, so that what is checked is what is read, whatever is renamed into its place.
     let image = folder.join(IMAGE);
     let mut file = File::open(&image).map_err(|source| ReadError::Io {

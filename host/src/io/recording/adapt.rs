@@ -5,12 +5,12 @@ use num_complex::Complex32;
 use super::arrays::Source;
 use super::moving::InMotion;
 use super::pulses::{Chosen, Pulses};
-use super::samples::Samples;
+use super::samples::{Rows, Samples, sweeps_a_pulse};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::description::error::Found;
 use crate::description::values::Values;
 use crate::geometry::Extent;
-use crate::phase_history::{Band, Collection, PhaseHistory, Pulse, Recorded};
+use crate::phase_history::{Band, Collection, PhaseHistory, Pulse, Recorded, Sweep};
 use crate::receive::{
     Compressed, Deskewed, EchoCollection, EchoPulse, Filter, Held, ProfileAxis, Profiles,
     ReceiveError, Referenced, Skew, remove_background,
@@ -54,8 +54,21 @@ pub(super) fn adapt(
         bias_path_m,
         given,
     };
-    let indices: Vec<usize> = pulses.chosen.iter().map(|pulse| pulse.index).collect();
-    let mut raw = samples.of(&indices);
+    let a_pulse = sweeps_a_pulse(recording);
+    let (every, turns) = (
+        recording.count("transmitters") as usize,
+        recording.count("average") as usize,
+    );
+    let rows = pulses.chosen.iter().map(|pulse| {
+        let channel = &pulses.antennas.channels[pulse.channel];
+        Rows {
+            first: pulse.index * a_pulse + channel.transmitter,
+            every,
+            count: turns,
+            receiver: channel.receiver,
+        }
+    });
+    let mut raw = samples.of(rows);
     remove(recording, pulses, samples.num_samples, &mut raw)?;
 
     let count = samples.num_samples;
@@ -90,7 +103,8 @@ pub(super) fn adapt(
             let echoes = header.echoes(waveform, middle_m);
             let held = InMotion {
                 held: Held::new(echoes, raw).map_err(received)?,
-                moves: if moves { header.point() } else { None },
+                moves,
+                point: header.point(),
                 pulses,
                 bias_path_m,
             };
@@ -121,7 +135,8 @@ struct Header<'a> {
 
 impl Header<'_> {
     /// Geometry of a pulse, with what ranges are recorded too long by in the reference path. Without a reference
-    /// given it is the middle of what the samples hold.
+    /// given it is the middle of what the samples hold. No range is stored: all are float64 of the description's
+    /// numbers and the antennas' positions, so nothing was rounded from pulse to pulse.
     fn echo(&self, pulse: &Chosen, middle_m: f64) -> EchoPulse {
         let [transmitter_m, receiver_m] = pulse.antennas_m;
         let path_to = |point: DVec3| transmitter_m.distance(point) + receiver_m.distance(point);
@@ -177,6 +192,7 @@ impl Header<'_> {
                     reference_path_m: echo.reference_path_m,
                     start_hz: 0.0,
                     step_hz: 0.0,
+                    sweep: Sweep::AT_ONCE,
                 })
                 .collect(),
             frame: self.pulses.frame,
@@ -196,6 +212,22 @@ fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<Recorded, String
         .map_err(|error| error.to_string())?;
     for pulse in &mut collection.pulses {
         pulse.reference_path_m -= header.bias_path_m;
+    }
+    let num_samples = collection.num_samples;
+    let fault = |(n, pulse): (usize, &Pulse)| pulse.fault(num_samples).map(|what| (n, what));
+    if let Some((n, what)) = collection.pulses.iter().enumerate().find_map(fault) {
+        return Err(format!("pulse {n}: {what}"));
+    }
+    let channels = &header.pulses.antennas.channels;
+    if channels
+        .iter()
+        .any(|channel| channel.calibration != Complex32::ONE)
+    {
+        let rows = samples.chunks_exact_mut(collection.num_samples);
+        for (row, pulse) in rows.zip(&header.pulses.chosen) {
+            let calibration = channels[pulse.channel].calibration;
+            row.iter_mut().for_each(|z| *z *= calibration);
+        }
     }
     Recorded::new(collection, samples).map_err(|error| error.to_string())
 }
@@ -226,18 +258,34 @@ fn remove(
     if kind == "keep" {
         return Ok(());
     }
-    let chosen = pulses.chosen.iter();
-    let over: Vec<bool> = chosen
-        .map(|pulse| stretch.contains(&(pulse.index as u64)) && (kind == "mean" || pulse.moving))
-        .collect();
-    if over.iter().filter(|&&over| over).count() < 2 {
-        return Err(recording.fault(
-            "background",
-            "fewer than two pulses are there to take a mean over: check background_first, background_count \
-             and moving_above",
-        ));
+    for channel in 0..pulses.antennas.channels.len() {
+        // What does not change is not the same for all antennas.
+        let own: Vec<usize> = (0..pulses.chosen.len())
+            .filter(|&n| pulses.chosen[n].channel == channel)
+            .collect();
+        let over: Vec<bool> = own
+            .iter()
+            .map(|&n| &pulses.chosen[n])
+            .map(|pulse| {
+                stretch.contains(&(pulse.index as u64)) && (kind == "mean" || pulse.moving)
+            })
+            .collect();
+        if over.iter().filter(|&&over| over).count() < 2 {
+            return Err(recording.fault(
+                "background",
+                "fewer than two pulses are there to take a mean over: check background_first, background_count \
+                 and moving_above",
+            ));
+        }
+        let mut rows: Vec<Complex32> = Vec::with_capacity(own.len() * width);
+        for &n in &own {
+            rows.extend_from_slice(&samples[n * width..(n + 1) * width]);
+        }
+        remove_background(&mut rows, width, &over);
+        for (row, &n) in rows.chunks_exact(width).zip(&own) {
+            samples[n * width..(n + 1) * width].copy_from_slice(row);
+        }
     }
-    remove_background(samples, width, &over);
     Ok(())
 }
 
@@ -252,12 +300,31 @@ fn waveform(values: &Values, kind: &str, count: usize) -> Result<Waveform, Found
         },
         "pulsed" => {
             let sample_rate_hz = values.number("sample_rate");
+            let pulse = values.section("pulse");
+            let shape = radar::shape(pulse, sample_rate_hz)?;
+            // No echo of a longer one is recorded whole, and making it would take as long as it lasts.
+            let recorded_s = count as f64 / sample_rate_hz;
+            if shape.duration_s() > recorded_s * (1.0 + 1e-9) {
+                let key = match pulse.text("kind") {
+                    "lfm" => "duration",
+                    _ => "chip",
+                };
+                return Err(pulse.fault(
+                    key,
+                    format!(
+                        "the pulse lasts {:.6} us and the {count} samples recorded of each last {:.6} us: shorten \
+                         it, or check [radar] sample_rate",
+                        shape.duration_s() * 1e6,
+                        recorded_s * 1e6
+                    ),
+                ));
+            }
             Waveform::Pulsed {
                 centre_hz: values.number("centre"),
                 sample_rate_hz,
                 num_samples: count,
                 window_start_s: values.number("window_start"),
-                shape: radar::shape(values.section("pulse"), sample_rate_hz)?,
+                shape,
             }
         }
         _ => {
@@ -347,7 +414,11 @@ fn profiles(
 fn even_ranges(values: &Values, source: &Source, count: usize) -> Result<(f64, f64), Found> {
     let ranges = source.vector(values, "ranges")?;
     if ranges.len() != count || count < 2 {
-        let what = format!("holds {} ranges for {count} bins", ranges.len());
+        let what = format!(
+            "holds {} ranges for {count} bins: check the array, and [recording] layout, which says what rows and \
+             columns of the samples are",
+            ranges.len()
+        );
         return Err(values.fault("ranges", what));
     }
     let step = (ranges[count - 1] - ranges[0]) / (count - 1) as f64;

@@ -6,6 +6,7 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::files::expand;
 use crate::description::error::Found;
 use crate::description::values::Values;
 use crate::io::input::Stamp;
@@ -94,9 +95,26 @@ impl Source<'_> {
         self.memory_bytes.saturating_sub(self.arrays.held_bytes())
     }
 
-    /// The file of the samples.
+    /// The files of the samples; at least one.
+    pub(super) fn files(&self) -> Result<Vec<PathBuf>, Found> {
+        let mut files = Vec::new();
+        for text in self.recording.texts("file") {
+            let names = expand(text).map_err(|what| self.recording.fault("file", what))?;
+            files.extend(names.iter().map(|name| self.folder.join(name)));
+        }
+        if files.len() > 1 && self.recording.text("format") == "npz" {
+            let what = "an archive is one file: give one, or format = \"npy\"";
+            return Err(self.recording.fault("file", what));
+        }
+        Ok(files)
+    }
+
+    /// The first of them.
     pub(super) fn file(&self) -> PathBuf {
-        self.folder.join(self.recording.text("file"))
+        let files = self.files().ok();
+        files
+            .and_then(|files| files.into_iter().next())
+            .unwrap_or_default()
     }
 
     /// The array that a key of `values` names: a path that ends in `.npy`, or an array of the archive that

@@ -1,14 +1,15 @@
 //! Descriptions of public recordings to start from: what `subap recording --example NAME` prints.
 
 /// Name and text of every example.
-const EXAMPLES: [(&str, &str); 3] = [
+const EXAMPLES: [(&str, &str); 4] = [
     ("arcsar-8", include_str!("examples/arcsar-8.toml")),
     ("arcsar-10", include_str!("examples/arcsar-10.toml")),
     ("pulson-rail", include_str!("examples/pulson-rail.toml")),
+    ("ti-mimo", include_str!("examples/ti-mimo.toml")),
 ];
 
 /// The names of the examples.
-pub fn names() -> [&'static str; 3] {
+pub fn names() -> [&'static str; 4] {
     EXAMPLES.map(|(name, _)| name)
 }
 

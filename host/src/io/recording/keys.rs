@@ -6,7 +6,9 @@ use crate::simulate::scenario::keys::motion::{
     AT, BEARING, CENTRE, POINTS, POSITION, TRACK_FILE, TRACK_RECORD, TRACK_SKIP_DAMAGED, TURN,
     VELOCITY,
 };
-use crate::simulate::scenario::keys::radar::{PULSE, RECEIVER, TRANSMITTER};
+use crate::simulate::scenario::keys::radar::{
+    AZIMUTH, BORESIGHT, ELEVATION, NAME, OFFSET, PATTERN, PULSE, UP,
+};
 use crate::simulate::scenario::keys::scene;
 
 /// All that a recording's description can say.
@@ -40,6 +42,46 @@ static TOP: Section = Section {
     )],
 };
 
+const PHASE: Key = Key::new(
+    "phase",
+    Kind::Quantity(Dimension::Angle, Bounds::Any),
+    Need::Default("\"0 deg\""),
+    "Phase that it adds to what is recorded, in the sense that [recording] phase brings about: exp(+j phase). It is taken off.",
+);
+const LEVEL: Key = Key::new(
+    "level",
+    Kind::Quantity(
+        Dimension::Level,
+        Bounds::Within(-300.0, 300.0, "-300 to 300 dB"),
+    ),
+    Need::Default("\"0 dB\""),
+    "What it makes too strong. It is taken off.",
+);
+
+static TRANSMITTER: Section = Section {
+    path: "radar.transmitter",
+    presence: Presence::Many,
+    when: &[],
+    selector: "pattern",
+    doc: "An antenna that transmits. Several are those that take turns, in their order. One at the body's origin if \
+          there is none. Only its name, place, phase and level are used.",
+    keys: &[
+        NAME, OFFSET, PHASE, LEVEL, BORESIGHT, UP, PATTERN, AZIMUTH, ELEVATION,
+    ],
+};
+
+static RECEIVER: Section = Section {
+    path: "radar.receiver",
+    presence: Presence::Many,
+    when: &[],
+    selector: "pattern",
+    doc: "An antenna that receives. Several are those recorded, in their order. One at the body's origin if there is \
+          none. Only its name, place, phase and level are used.",
+    keys: &[
+        NAME, OFFSET, PHASE, LEVEL, BORESIGHT, UP, PATTERN, AZIMUTH, ELEVATION,
+    ],
+};
+
 const UNITS_OF_TIME: &[&str] = &["s", "ms", "us", "ns"];
 
 static RECORDING: Section = Section {
@@ -58,9 +100,9 @@ static RECORDING: Section = Section {
         ),
         Key::new(
             "file",
-            Kind::Path,
+            Kind::Paths,
             Need::Required("\"scan.npz\""),
-            "The file of the samples.",
+            "The file of the samples; of several files, pulses of one follow those of the one before.",
         ),
         Key::new(
             "array",
@@ -87,16 +129,34 @@ static RECORDING: Section = Section {
             "receivers",
             Kind::Count(1, 64),
             Need::Default("1"),
-            "Receivers recorded, one after another in each sweep.",
-        )
-        .when(&["dca1000"]),
+            "Receivers recorded, one after another in each sweep: in an array, rows of their own or a middle axis.",
+        ),
         Key::new(
             "receiver",
             Kind::Count(1, 64),
+            Need::Optional("1"),
+            "The one receiver that is used, from 1. If left out, all that have a section [[radar.receiver]], in its \
+             order, or the first.",
+        ),
+        Key::new(
+            "transmitters",
+            Kind::Count(1, 64),
             Need::Default("1"),
-            "The receiver that is used, from 1.",
-        )
-        .when(&["dca1000"]),
+            "Transmitters that take turns, sweep by sweep. A pulse, here and in all counts, is one turn of all of them.",
+        ),
+        Key::new(
+            "transmitter",
+            Kind::Count(1, 64),
+            Need::Optional("1"),
+            "The one transmitter that is used, from 1. If left out, all that have a section [[radar.transmitter]], in \
+             its order, or the first.",
+        ),
+        Key::new(
+            "average",
+            Kind::Count(1, 1 << 20),
+            Need::Default("1"),
+            "Turns taken at one place, whose mean is one pulse.",
+        ),
         Key::new(
             "phase",
             Kind::Choice(&["minus", "plus"]),
@@ -252,6 +312,13 @@ static RADAR: Section = Section {
             "Time of the recording's first pulse on the platform's clock. If left out, what times says, or 0.",
         ),
         Key::new(
+            "transmitter_interval",
+            Kind::Quantity(Dimension::Time, Bounds::NotNegative),
+            Need::Optional("\"50 us\""),
+            "Time from a transmitter's sweep to the next one's within a pulse. If left out, an even part of the time from \
+             pulse to pulse, or 0 where turns are averaged and the radar stands meanwhile.",
+        ),
+        Key::new(
             "start",
             Kind::Quantity(Dimension::Frequency, Bounds::Positive),
             Need::Required("\"77 GHz\""),
@@ -357,7 +424,7 @@ static PLATFORM: Section = Section {
         Key::new(
             "kind",
             Kind::Choice(&[
-                "arc", "rail", "linear", "circular", "waypoints", "spline", "csv", "novatel", "arrays",
+                "arc", "rail", "linear", "circular", "waypoints", "spline", "csv", "motive", "novatel", "arrays",
                 "fixed",
             ]),
             Need::Required("\"arc\""),
@@ -422,6 +489,21 @@ static PLATFORM: Section = Section {
         )
         .when(&["rail", "circular"]),
         Key::new(
+            "spacing",
+            Kind::Quantity(Dimension::Length, Bounds::Positive),
+            Need::Optional("\"1 mm\""),
+            "In place of a speed: the way from one pulse to the next.",
+        )
+        .when(&["rail"]),
+        Key::new(
+            "attitude",
+            Kind::Vector(Dimension::Angle),
+            Need::Optional("\"0, 0, 0 deg\""),
+            "Roll, pitch and yaw that it keeps all the way; 0, 0, 0 lays the body's axes along the scene's. If left out, \
+             it is as recorded, or heads where it goes.",
+        )
+        .when(&["rail", "linear", "waypoints", "spline", "csv", "motive", "arrays", "fixed"]),
+        Key::new(
             "start",
             Kind::Quantity(Dimension::Time, Bounds::Any),
             Need::Optional("\"0 s\""),
@@ -434,7 +516,22 @@ static PLATFORM: Section = Section {
         BEARING,
         TURN,
         POINTS.when(&["waypoints", "spline"]),
-        TRACK_FILE.when(&["csv", "novatel"]),
+        TRACK_FILE.when(&["csv", "motive", "novatel"]),
+        Key::new(
+            "body",
+            Kind::Text,
+            Need::Optional("\"radar\""),
+            "The rigid body of the motion capture. Needed if there are several.",
+        )
+        .when(&["motive"]),
+        Key::new(
+            "axes",
+            Kind::Text,
+            Need::Optional("\"x, -z, y\""),
+            "The scene's x, y and z in the letters of the track's file. If left out, they are the file's; of a motion \
+             capture, whose y is up, \"x, -z, y\".",
+        )
+        .when(&["csv", "motive", "arrays"]),
         TRACK_RECORD.when(&["novatel"]),
         TRACK_SKIP_DAMAGED.when(&["novatel"]),
         Key::new(

@@ -25,12 +25,17 @@
 //! - `radar.first_pulse` is the time of the first pulse on the platform's clock.
 //! - `radar.motion` says whether the radar moves while a sweep lasts; while a pulse lasts it is neglected.
 //!
+//! - A radar of several transmitters, which take turns, and receivers is one description: every pair that is used is a
+//!   pulse of its own, all those of a pulse together, in the order of time. What an antenna adds in phase and level is a
+//!   key of its section.
+//!
 //! [`write()`] writes echoes, simulated ones too, as such a recording. Memory: the arrays, the samples and the phase history
 //! at once, all within the bytes allowed.
 
 mod adapt;
 mod arrays;
 pub mod examples;
+mod files;
 mod keys;
 mod moving;
 mod pulses;
@@ -51,6 +56,19 @@ pub use write::{Raw, WriteError, names, write};
 
 /// What is wrong, not yet in words.
 type Faults = Vec<Found>;
+
+/// A recording's phase history and what it was made of.
+#[derive(Clone, Debug)]
+pub struct Take {
+    /// The phase history.
+    pub history: Recorded,
+    /// Which pulses of the recording its pulses are, from 0: the pulse's number times the number of channels used, and
+    /// the channel's.
+    pub pulses: Vec<usize>,
+    /// What paths were recorded too long by: the recorded path of a point is that of the history's geometry and
+    /// this, metres.
+    pub bias_path_m: f64,
+}
 
 /// A description and the settings that override it. Files that it names are read once.
 #[derive(Debug)]
@@ -78,7 +96,7 @@ impl RecordingFile {
     /// Reads a description.
     ///
     /// # Errors
-    /// If the file cannot be read, is no UTF-8, or has more than 16 MiB.
+    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
     pub fn read(path: &Path) -> io::Result<Self> {
         Ok(Self {
             description: Description::read(path)?,
@@ -93,10 +111,10 @@ impl RecordingFile {
     /// # Errors
     /// For a key that there is not; values are checked by [`Self::history`].
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), DescriptionError> {
-        self.description.set(&keys::SCHEMA, key, value)
+        self.description.set(&keys::SCHEMA, "--set", key, value)
     }
 
-    /// The same with a few more settings, sharing the files read.
+    /// The same with a few keys varied, sharing the files read; errors name them as `--vary KEY=VALUE`.
     ///
     /// # Errors
     /// As [`Self::set`].
@@ -110,9 +128,28 @@ impl RecordingFile {
             arrays: self.arrays.clone(),
         };
         for (key, value) in settings {
-            varied.set(key, value)?;
+            varied
+                .description
+                .set(&keys::SCHEMA, "--vary", key, value)?;
         }
         Ok(varied)
+    }
+
+    /// The description's text as it was read.
+    pub fn text(&self) -> &str {
+        self.description.text()
+    }
+
+    /// The description's text with keys at dotted paths set to values, and every other letter as it was: comments,
+    /// order, spaces. Settings are not written.
+    ///
+    /// # Errors
+    /// In words, if the text has no place for one of them.
+    pub fn text_with<'a>(
+        &self,
+        values: impl IntoIterator<Item = (&'a str, &'a str)>,
+    ) -> Result<String, String> {
+        self.description.with_values(values)
     }
 
     /// The phase history that the description makes of its samples. Holds no more than `memory_bytes`.
@@ -121,13 +158,32 @@ impl RecordingFile {
     /// [`ReadError::Description`] with everything that is wrong with the text and the files, as far as one error
     /// does not hide another.
     pub fn history(&self, memory_bytes: u64) -> Result<Recorded, ReadError> {
-        let built = self.build(memory_bytes);
+        self.take(memory_bytes, None).map(|take| take.history)
+    }
+
+    /// As [`Self::history`], with what it was made of; of the pulses given, if some are, whether the description
+    /// chooses them or not. A track that is not known so far goes on as it ends.
+    ///
+    /// # Errors
+    /// As [`Self::history`].
+    pub fn take(&self, memory_bytes: u64, pulses: Option<&[usize]>) -> Result<Take, ReadError> {
+        let built = self.build(memory_bytes, pulses);
         built.map_err(|faults| ReadError::Description(self.description.explain(faults)))
     }
 
-    fn build(&self, memory_bytes: u64) -> Result<Recorded, Faults> {
-        let top = self.description.resolve(&keys::SCHEMA)?;
+    fn build(&self, memory_bytes: u64, given: Option<&[usize]>) -> Result<Take, Faults> {
         let one = |found| vec![found];
+        if let (None, Some(at)) = (
+            self.description.has_section("recording"),
+            self.description.has_section("radar"),
+        ) {
+            return Err(one(Found::new(
+                &at,
+                "the text has no [recording], which says what the samples are. If it is a scenario, simulate it \
+                 (subap simulate SCENARIO.toml -o FILE.cphd) and take the file",
+            )));
+        }
+        let top = self.description.resolve(&keys::SCHEMA)?;
         let source = arrays::Source {
             arrays: &self.arrays,
             folder: self.description.folder(),
@@ -135,10 +191,24 @@ impl RecordingFile {
             memory_bytes,
         };
         let samples = samples::read(&top, &source).map_err(one)?;
-        let pulses = pulses::select(&top, &source, samples.num_pulses).map_err(one)?;
+        let pulses = pulses::select(
+            &top,
+            &source,
+            samples.num_sweeps / samples::sweeps_a_pulse(source.recording),
+            given,
+        )
+        .map_err(one)?;
         let history = adapt::adapt(&top, &source, samples, &pulses).map_err(one)?;
         debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
-        Ok(history)
+        Ok(Take {
+            history,
+            pulses: pulses
+                .chosen
+                .iter()
+                .map(|pulse| pulse.index * pulses.antennas.channels.len() + pulse.channel)
+                .collect(),
+            bias_path_m: 2.0 * top.section("recording").number("range_bias"),
+        })
     }
 
     /// The files read so far, the description first, with their checksums.
@@ -153,15 +223,23 @@ impl RecordingFile {
     }
 }
 
-/// Opens the recording that the description at `path` makes, holding at most `memory_bytes`.
+/// Opens the recording that the description at `path` makes with `settings` (keys and values) laid over it,
+/// holding at most `memory_bytes`.
 ///
 /// # Errors
 /// [`ReadError`].
-pub fn open(path: &Path, memory_bytes: u64) -> Result<impl PhaseHistory + use<>, ReadError> {
-    let file = RecordingFile::read(path).map_err(|source| ReadError::Io {
+pub fn open(
+    path: &Path,
+    settings: &[(String, String)],
+    memory_bytes: u64,
+) -> Result<impl PhaseHistory + use<>, ReadError> {
+    let mut file = RecordingFile::read(path).map_err(|source| ReadError::Io {
         path: path.to_owned(),
         source,
     })?;
+    for (key, value) in settings {
+        file.set(key, value)?;
+    }
     let history = file.history(memory_bytes)?;
     Ok(history.with_inputs(file.inputs()?))
 }

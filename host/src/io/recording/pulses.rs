@@ -5,10 +5,12 @@ use super::track::{self, Track};
 use crate::description::error::Found;
 use crate::description::values::Values;
 use crate::geometry::SceneFrame;
+use crate::signal::phase::narrow;
 use crate::simulate::radar::Antenna;
 use crate::simulate::scenario::{radar, scene};
 
 use glam::DVec3;
+use num_complex::{Complex32, Complex64};
 
 /// Pulses that are used.
 pub(super) struct Pulses {
@@ -19,20 +21,33 @@ pub(super) struct Pulses {
     pub(super) antennas: Antennas,
 }
 
-/// Transmitter and receiver on their way.
+/// Transmitters and receivers on their way.
 pub(super) struct Antennas {
     track: Track,
-    /// On the body, body axes.
+    pub(super) channels: Vec<Channel>,
+}
+
+/// A pair of antennas.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Channel {
+    /// Which of those that take turns, and which of those recorded, from 0.
+    pub(super) transmitter: usize,
+    pub(super) receiver: usize,
+    /// Their places on the body, body axes.
     offsets_m: [DVec3; 2],
+    /// Time of the transmitter's sweep after the pulse's.
+    after_s: f64,
+    /// What takes off the phase and the level that they add.
+    pub(super) calibration: Complex32,
 }
 
 impl Antennas {
-    /// Where they are.
-    pub(super) fn at_m(&self, time_s: f64) -> [DVec3; 2] {
+    /// Where those of a channel are.
+    pub(super) fn at_m(&self, channel: usize, time_s: f64) -> [DVec3; 2] {
         let pose = self.track.body.pose(time_s);
         let receiver = self.track.receiver.as_ref();
         let receiver = receiver.map_or(pose, |body| body.pose(time_s));
-        let [transmitter_m, receiver_m] = self.offsets_m;
+        let [transmitter_m, receiver_m] = self.channels[channel].offsets_m;
         [pose.point_m(transmitter_m), receiver.point_m(receiver_m)]
     }
 }
@@ -40,8 +55,9 @@ impl Antennas {
 /// One of them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chosen {
-    /// Index in the recording.
+    /// Index in the recording, and in [`Antennas::channels`].
     pub(super) index: usize,
+    pub(super) channel: usize,
     pub(super) time_s: f64,
     /// Transmitter and receiver.
     pub(super) antennas_m: [DVec3; 2],
@@ -62,26 +78,33 @@ pub(super) fn unit_s(unit: &str) -> f64 {
     }
 }
 
-/// The pulses that `[recording]` chooses of all `count`.
-pub(super) fn select(top: &Values, source: &Source, count: usize) -> Result<Pulses, Found> {
+/// The pulses that `[recording]` chooses of all `count`, of every channel; or those `given`, numbered as
+/// [`super::Take::pulses`].
+pub(super) fn select(
+    top: &Values,
+    source: &Source,
+    count: usize,
+    given: Option<&[usize]>,
+) -> Result<Pulses, Found> {
     let recording = source.recording;
     let frame = match top.section("scene").optional_section("origin") {
         Some(origin) => scene::frame(origin),
         None => SceneFrame::Local,
     };
-    let (times_s, timed) = times(top.section("radar"), source, count)?;
+    let radar = top.section("radar");
+    let (times_s, timed) = times(radar, source, count)?;
+    let channels = channels(radar, recording, &times_s, timed)?;
+    let latest_s = channels.iter().map(|c| c.after_s).fold(0.0, f64::max);
     let ends = times_s
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &t| {
             (low.min(t), high.max(t))
         });
+    let ends = (ends.0, ends.1 + latest_s);
     let platform = top.section("platform");
     let antennas = Antennas {
-        offsets_m: [
-            antenna(top.section("radar"), "transmitter", "T")?.offset_m,
-            antenna(top.section("radar"), "receiver", "R")?.offset_m,
-        ],
-        track: track::build(platform, source, &frame, ends)?,
+        track: track::build(platform, source, &frame, ends, count)?,
+        channels,
     };
     let track = &antennas.track;
     let first = recording.count("first") as usize;
@@ -90,27 +113,55 @@ pub(super) fn select(top: &Values, source: &Source, count: usize) -> Result<Puls
         .map_or(usize::MAX, |n| n as usize);
     let every = recording.count("every") as usize;
     if first >= count {
-        return Err(recording.fault("first", format!("there are {count} pulses, the first is 0")));
+        return Err(recording.fault(
+            "first",
+            format!(
+                "'first' is {first} and the pulses are numbered from 0 to {}: lower it",
+                count - 1
+            ),
+        ));
+    }
+    if let Some(asked) = recording.optional_count("count")
+        && asked > (count - first) as u64
+    {
+        return Err(recording.fault(
+            "count",
+            format!(
+                "'count' is {asked} and from pulse {first} on there are {}: lower it, or leave it out to take all",
+                count - first
+            ),
+        ));
     }
     let least_m_s = recording.number("moving_above");
     let only_moving = recording.text("pulses") == "moving";
     let mut chosen = Vec::new();
-    for index in (first..count).take(most).step_by(every) {
-        let time_s = times_s[index];
-        let tracked = track
-            .span_s
-            .is_none_or(|(from, to)| (from..=to).contains(&time_s));
+    let width = antennas.channels.len();
+    let asked: Vec<(usize, usize)> = match given {
+        Some(given) => given
+            .iter()
+            .map(|label| (label / width, label % width))
+            .collect(),
+        None => (first..count)
+            .take(most)
+            .step_by(every)
+            .flat_map(|index| (0..width).map(move |channel| (index, channel)))
+            .collect(),
+    };
+    for (index, channel) in asked {
+        let time_s = times_s[index] + antennas.channels[channel].after_s;
+        let tracked = track.knows(time_s);
         let moving = tracked && speed_m_s(track, time_s) > least_m_s;
-        if only_moving && !moving {
+        if given.is_none() && only_moving && !moving {
             continue;
         }
-        if !tracked {
+        if given.is_none() && !tracked {
             return Err(outside(platform, track, index, time_s));
         }
         chosen.push(Chosen {
             index,
+            channel,
             time_s,
-            antennas_m: antennas.at_m(time_s),
+            antennas_m: antennas.at_m(channel, time_s),
             moving,
         });
     }
@@ -133,6 +184,15 @@ pub(super) fn select(top: &Values, source: &Source, count: usize) -> Result<Puls
 }
 
 fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Found {
+    if let Some((from, to)) = track.gap_s(time_s) {
+        return Found::new(
+            &platform.at,
+            format!(
+                "pulse {index} is at {time_s:.3} s, and from {from:.3} to {to:.3} s the capture did not see the body: \
+                 choose other pulses, or fill the gap in the capture's program"
+            ),
+        );
+    }
     let (from, to) = track.span_s.unwrap_or_default();
     Found::new(
         &platform.at,
@@ -170,7 +230,11 @@ fn times(radar: &Values, source: &Source, count: usize) -> Result<(Vec<f64>, boo
     if times.len() != count {
         return Err(recording.fault(
             "times",
-            format!("holds {} times for {count} pulses", times.len()),
+            format!(
+                "holds {} times for {count} pulses: check the array, and 'layout', which says what rows and columns \
+                 of the samples are",
+                times.len()
+            ),
         ));
     }
     let on_platforms_clock = |&t: &f64| match first_s {
@@ -196,14 +260,84 @@ fn speed_m_s(track: &Track, time_s: f64) -> f64 {
     way_m / (after - before)
 }
 
-/// The one antenna of a kind.
-fn antenna(values: &Values, section: &str, letter: &str) -> Result<Antenna, Found> {
-    if let Some(second) = values.sections(section).get(1) {
+/// All pairs of the antennas that are used, those of one transmitter together, in the order of their sweeps.
+fn channels(
+    radar: &Values,
+    recording: &Values,
+    times_s: &[f64],
+    timed: bool,
+) -> Result<Vec<Channel>, Found> {
+    let transmitters = used(radar, recording, "transmitter", "T")?;
+    let receivers = used(radar, recording, "receiver", "R")?;
+    let turns = recording.count("transmitters") as f64;
+    let interval_s = match (radar.optional_number("transmitter_interval"), times_s) {
+        (Some(interval_s), _) => interval_s,
+        (None, [first, .., last]) if timed && recording.count("average") == 1 => {
+            (last - first) / (times_s.len() - 1) as f64 / turns
+        }
+        _ => 0.0,
+    };
+    let pair = |transmitter: &Used, receiver: &Used| Channel {
+        transmitter: transmitter.number,
+        receiver: receiver.number,
+        offsets_m: [transmitter.offset_m, receiver.offset_m],
+        after_s: interval_s * transmitter.number as f64,
+        calibration: narrow(transmitter.calibration * receiver.calibration),
+    };
+    let pairs = transmitters
+        .iter()
+        .flat_map(|t| receivers.iter().map(move |r| (t, r)));
+    Ok(pairs.map(|(t, r)| pair(t, r)).collect())
+}
+
+/// An antenna that is used.
+struct Used {
+    /// Among all of its kind, from 0.
+    number: usize,
+    offset_m: DVec3,
+    calibration: Complex64,
+}
+
+/// The antennas of a kind that are used: the one asked for, all that are described, or the first.
+fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<Vec<Used>, Found> {
+    let plural = format!("{kind}s");
+    let count = recording.count(&plural) as usize;
+    let antennas: Vec<Antenna> = radar::antennas(radar, kind, letter)?;
+    let sections = radar.sections(kind);
+    if let Some(section) = sections.get(1)
+        && sections.len() != count
+    {
         return Err(Found::new(
-            &second.at,
-            format!("a recording is of one {section}: describe each pair in a file of its own"),
+            &section.at,
+            format!(
+                "there are {} sections [[radar.{kind}]] and [recording] {plural} is {count}: describe one, or as many \
+                 as there are",
+                sections.len()
+            ),
         ));
     }
-    let mut antennas = radar::antennas(values, section, letter)?;
-    Ok(antennas.remove(0))
+    // Of all, whichever are used: what a description says is never left unread.
+    let added: Vec<(f64, f64)> = sections
+        .iter()
+        .map(|values| (values.number("phase"), values.number("level")))
+        .collect();
+    let one = |number: usize| {
+        // A lone section is that of the one which is used.
+        let section = number.min(antennas.len() - 1);
+        let (phase_rad, level_db) = added.get(section).copied().unwrap_or_default();
+        Used {
+            number,
+            offset_m: antennas[section].offset_m,
+            calibration: Complex64::from_polar(10f64.powf(-level_db / 20.0), -phase_rad),
+        }
+    };
+    match recording.optional_count(kind) {
+        Some(asked) if asked as usize > count => Err(recording.fault(
+            kind,
+            format!("'{kind}' is {asked} and there are {count} {plural}: choose one of them, or raise {plural}"),
+        )),
+        Some(asked) => Ok(vec![one(asked as usize - 1)]),
+        None if sections.len() > 1 => Ok((0..count).map(one).collect()),
+        None => Ok(vec![one(0)]),
+    }
 }

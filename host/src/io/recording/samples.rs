@@ -5,7 +5,7 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use num_complex::Complex32;
@@ -15,39 +15,60 @@ use crate::description::error::Found;
 use crate::description::values::Values;
 use crate::io::npy::{Array, Values as Numbers};
 
-/// Samples as recorded.
+/// Samples as recorded: a row for every receiver of every sweep.
 pub(super) struct Samples {
-    array: Arc<Array>,
-    pub(super) num_pulses: usize,
+    /// The arrays of the files, and how many sweeps those before hold.
+    pieces: Vec<(Arc<Array>, usize)>,
+    pub(super) num_sweeps: usize,
+    pub(super) num_receivers: usize,
     pub(super) num_samples: usize,
-    /// Values from sample to sample, from pulse to pulse, and before the first.
+    /// Values from sample to sample, and from row to row.
     sample_stride: usize,
-    pulse_stride: usize,
-    offset: usize,
+    row_stride: usize,
     /// Whether the sign of the phase is turned.
     conjugate: bool,
     /// Whether they are real numbers.
     pub(super) real: bool,
 }
 
+/// Rows that make one pulse.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rows {
+    /// The first sweep, from how many to how many is the next, and how many there are.
+    pub(super) first: usize,
+    pub(super) every: usize,
+    pub(super) count: usize,
+    /// The receiver, from 0.
+    pub(super) receiver: usize,
+}
+
 impl Samples {
-    /// Those of some pulses, one after another.
-    pub(super) fn of(&self, pulses: &[usize]) -> Vec<Complex32> {
-        let mut samples = Vec::with_capacity(pulses.len() * self.num_samples);
-        for pulse in pulses {
-            let start = self.offset + pulse * self.pulse_stride;
-            let places = (0..self.num_samples).map(|k| start + k * self.sample_stride);
-            match &self.array.values {
-                Numbers::Real(values) => {
-                    samples.extend(places.map(|i| Complex32::new(values[i] as f32, 0.0)));
-                }
-                Numbers::Complex(values) if self.conjugate => {
-                    samples.extend(places.map(|i| values[i].conj()));
-                }
-                Numbers::Complex(values) => samples.extend(places.map(|i| values[i])),
+    /// The mean of the rows of each pulse, one pulse after another.
+    pub(super) fn of(&self, pulses: impl ExactSizeIterator<Item = Rows>) -> Vec<Complex32> {
+        let mut samples = vec![Complex32::ZERO; pulses.len() * self.num_samples];
+        for (row, rows) in samples.chunks_exact_mut(self.num_samples).zip(pulses) {
+            for turn in 0..rows.count {
+                self.add(rows.first + turn * rows.every, rows.receiver, row);
+            }
+            if rows.count > 1 {
+                row.iter_mut().for_each(|z| *z /= rows.count as f32);
             }
         }
         samples
+    }
+
+    fn add(&self, sweep: usize, receiver: usize, row: &mut [Complex32]) {
+        let piece = self.pieces.partition_point(|(_, before)| *before <= sweep) - 1;
+        let (array, before) = &self.pieces[piece];
+        let start = ((sweep - before) * self.num_receivers + receiver) * self.row_stride;
+        let places = (0..self.num_samples).map(|k| start + k * self.sample_stride);
+        for (z, i) in row.iter_mut().zip(places) {
+            *z += match &array.values {
+                Numbers::Real(values) => Complex32::new(values[i] as f32, 0.0),
+                Numbers::Complex(values) if self.conjugate => values[i].conj(),
+                Numbers::Complex(values) => values[i],
+            };
+        }
     }
 }
 
@@ -66,50 +87,129 @@ pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Found> {
             format!("its samples are real, and of kind = \"{kind}\" they are complex"),
         ));
     }
-    if samples.num_pulses == 0 || samples.num_samples < 2 {
+    if samples.num_sweeps == 0 || samples.num_samples < 2 {
         return Err(recording.fault(
             "file",
             format!(
                 "holds {} pulses of {} samples; at least one of two is wanted",
-                samples.num_pulses, samples.num_samples
+                samples.num_sweeps, samples.num_samples
             ),
         ));
     }
     Ok(samples)
 }
 
+/// Sweeps that make a pulse.
+pub(super) fn sweeps_a_pulse(recording: &Values) -> usize {
+    (recording.count("transmitters") as usize).saturating_mul(recording.count("average") as usize)
+}
+
+/// Puts files in a row. Of several, each has to hold whole pulses: what is left of one is not the beginning of the next.
+fn joined(
+    source: &Source,
+    pieces: Vec<(PathBuf, Arc<Array>, usize)>,
+) -> Result<(Vec<(Arc<Array>, usize)>, usize), Found> {
+    let recording = source.recording;
+    let a_pulse = sweeps_a_pulse(recording);
+    let mut num_sweeps = 0;
+    let mut all = Vec::with_capacity(pieces.len());
+    for (path, array, sweeps) in pieces {
+        if !sweeps.is_multiple_of(a_pulse) {
+            return Err(recording.fault(
+                if recording.count("average") > 1 { "average" } else { "transmitters" },
+                format!(
+                    "{} holds {sweeps} sweeps of each receiver, and {a_pulse} make a pulse (transmitters times average), \
+                     so {} are over: check both, receivers, and whether the file is whole",
+                    path.display(),
+                    sweeps % a_pulse
+                ),
+            ));
+        }
+        all.push((array, num_sweeps));
+        num_sweeps += sweeps;
+    }
+    Ok((all, num_sweeps))
+}
+
 fn array(source: &Source, conjugate: bool) -> Result<Samples, Found> {
     let recording = source.recording;
+    let receivers = recording.count("receivers") as usize;
+    let turned = recording.text("layout") == "samples-pulses";
     let (key, name) = match recording.text("format") {
         "npz" => ("array", Some(recording.text("array").to_owned())),
         _ => ("file", None),
     };
-    let array = source.hold((source.file(), name));
-    let array = array.map_err(|what| recording.fault(key, what))?;
-    let [rows, columns] = array.shape[..] else {
-        return Err(recording.fault(
-            key,
-            format!(
-                "has shape {:?}; two axes, pulses and samples, are wanted",
-                array.shape
-            ),
-        ));
-    };
-    let turned = recording.text("layout") == "samples-pulses";
-    let (num_pulses, num_samples) = if turned {
-        (columns, rows)
-    } else {
-        (rows, columns)
-    };
+    let mut pieces: Vec<(PathBuf, Arc<Array>, usize)> = Vec::new();
+    let mut size: Option<(usize, bool)> = None;
+    let mut strides = (1, 1);
+    for path in source.files()? {
+        let array = source.hold((path.clone(), name.clone()));
+        let array = array.map_err(|what| recording.fault(key, what))?;
+        let (rows, columns) = match array.shape[..] {
+            [rows, columns] => (rows, columns),
+            [sweeps, middle, samples] if middle == receivers && !turned => {
+                (sweeps * middle, samples)
+            }
+            _ => {
+                return Err(recording.fault(
+                    key,
+                    format!(
+                        "{} has shape {:?}; two axes, pulses and samples, are wanted, or three, pulses, receivers and \
+                         samples, with as many in the middle as receivers says ({receivers})",
+                        path.display(),
+                        array.shape
+                    ),
+                ));
+            }
+        };
+        let (num_rows, num_samples) = if turned {
+            (columns, rows)
+        } else {
+            (rows, columns)
+        };
+        let real = array.real().is_some();
+        let (samples, all_real) = *size.get_or_insert((num_samples, real));
+        if samples != num_samples || real != all_real {
+            let first = &pieces[0].0;
+            return Err(recording.fault(
+                key,
+                format!(
+                    "{} has {num_samples} {} samples a pulse and {} has {samples} {}: give files of one kind",
+                    path.display(),
+                    if real { "real" } else { "complex" },
+                    first.display(),
+                    if all_real { "real ones" } else { "complex ones" }
+                ),
+            ));
+        }
+        if !num_rows.is_multiple_of(receivers) {
+            return Err(recording.fault(
+                "receivers",
+                format!(
+                    "{} has {num_rows} rows, which are no whole sweeps of {receivers} receivers: check receivers, and \
+                     layout, which says what rows and columns are",
+                    path.display()
+                ),
+            ));
+        }
+        strides = if turned { (columns, 1) } else { (1, columns) };
+        if turned && !pieces.is_empty() && pieces[0].1.shape != array.shape {
+            let what = "files of layout = \"samples-pulses\" are of one shape";
+            return Err(recording.fault(key, what));
+        }
+        pieces.push((path, array, num_rows / receivers));
+    }
+    let (pieces, num_sweeps) = joined(source, pieces)?;
+    let (num_samples, real) = size.unwrap_or_default();
     Ok(Samples {
-        num_pulses,
+        pieces,
+        num_sweeps,
+        num_receivers: receivers,
         num_samples,
-        sample_stride: if turned { columns } else { 1 },
-        pulse_stride: if turned { 1 } else { columns },
-        offset: 0,
+        sample_stride: strides.0,
+        row_stride: strides.1,
         conjugate,
-        real: array.real().is_some(),
-        array,
+        real,
     })
 }
 
@@ -117,40 +217,66 @@ fn dca1000(source: &Source, conjugate: bool) -> Result<Samples, Found> {
     let recording = source.recording;
     let samples = recording.count("samples") as usize;
     let receivers = recording.count("receivers") as usize;
-    let receiver = recording.count("receiver") as usize;
-    if receiver > receivers {
-        return Err(recording.fault(
-            "receiver",
-            format!("there are {receivers} receivers: choose one of them, or raise receivers"),
-        ));
+    let sweep = samples * receivers;
+    let mut pieces = Vec::new();
+    for path in source.files()? {
+        let fault = |what: String| recording.fault("file", what);
+        let read = |name: &(_, _), left| lanes(Path::new(&name.0), left);
+        let array = source
+            .arrays
+            .hold((path.clone(), None), source.memory_bytes, read);
+        let array = array.map_err(fault)?;
+        let held = array.shape[0];
+        if !held.is_multiple_of(sweep) {
+            let (whole, over) = (held / sweep, held % sweep);
+            return Err(recording.fault(
+                "samples",
+                format!(
+                    "{} holds {held} samples, which is {whole} sweeps of {samples} from each of {receivers} receivers \
+                     and {over} samples over: check samples and receivers{}",
+                    path.display(),
+                    others(held, samples, receivers)
+                ),
+            ));
+        }
+        pieces.push((path, array, held / sweep));
     }
-    let fault = |what: String| recording.fault("file", what);
-    let read = |name: &(_, _), left| lanes(Path::new(&name.0), left);
-    let array = source
-        .arrays
-        .hold((source.file(), None), source.memory_bytes, read);
-    let array = array.map_err(fault)?;
-    let (held, pulse_stride) = (array.shape[0], samples * receivers);
-    if !held.is_multiple_of(pulse_stride) {
-        return Err(recording.fault(
-            "samples",
-            format!(
-                "the file holds {held} samples, which is {:.3} sweeps of {samples} from each of {receivers} \
-                 receivers: check samples and receivers",
-                held as f64 / pulse_stride as f64
-            ),
-        ));
-    }
+    let (pieces, num_sweeps) = joined(source, pieces)?;
     Ok(Samples {
-        num_pulses: held / pulse_stride,
+        pieces,
+        num_sweeps,
+        num_receivers: receivers,
         num_samples: samples,
         sample_stride: 1,
-        pulse_stride,
-        offset: (receiver - 1) * samples,
+        row_stride: samples,
         conjugate,
         real: false,
-        array,
     })
+}
+
+/// Numbers of receivers and of samples that would come out even, in words.
+fn others(held: usize, samples: usize, receivers: usize) -> String {
+    let even = |samples: &usize, receivers: &usize| held.is_multiple_of(samples * receivers);
+    let counts: Vec<String> = (1..=8usize)
+        .filter(|count| *count != receivers && even(&samples, count))
+        .map(|count| count.to_string())
+        .collect();
+    let near: Vec<String> = (samples / 2..=samples * 2)
+        .filter(|count| *count >= 2 && *count != samples && even(count, &receivers))
+        .map(|count| count.to_string())
+        .take(8)
+        .collect();
+    let mut words = String::new();
+    if !counts.is_empty() {
+        words += &format!("; receivers = {} would come out even", counts.join(" or "));
+    }
+    if !near.is_empty() {
+        words += &format!("; so would samples = {}", near.join(" or "));
+    }
+    if words.is_empty() {
+        words += ", and whether the file is whole";
+    }
+    words
 }
 
 /// All samples of a file of two I, two Q.

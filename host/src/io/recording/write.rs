@@ -319,18 +319,10 @@ impl<'a> Plan<'a> {
     }
 }
 
-/// Whether the reference path changes while a sweep lasts.
+/// Whether the radar moves while a sweep lasts.
 fn moves(echoes: &dyn Echoes) -> bool {
-    let collection = echoes.collection();
-    let waveform = &collection.waveform;
     // A pulse is short: its filter takes one path for all of it.
+    let waveform = &echoes.collection().waveform;
     let swept = matches!(waveform, Waveform::Fmcw { .. } | Waveform::Stepped { .. });
-    let ends_s = [0, waveform.num_samples() - 1].map(|k| waveform.sample_s(k));
-    swept
-        && (0..collection.pulses.len()).any(|n| {
-            let path_m = collection.pulses[n].reference_path_m;
-            ends_s
-                .iter()
-                .any(|&after_s| echoes.reference_path_m(n, after_s) != path_m)
-        })
+    swept && echoes.moves()
 }

@@ -9,7 +9,7 @@ use crate::focus::ImageFormer;
 use crate::focus::bp::Backprojection;
 use crate::focus::rdbp::{Mode, RangeDoppler, Thesis};
 use crate::geometry::{Axis, ImageGrid, SceneFrame};
-use crate::phase_history::{Collection, PhaseHistory, Pulse};
+use crate::phase_history::{Collection, PhaseHistory, Pulse, Sweep};
 use crate::planner::cost::{Cost, ThesisMemory, Work};
 use crate::planner::{RadarPlan, Request};
 use crate::reproduce::{Check, Context, Finding, Item, ItemError};
@@ -231,6 +231,7 @@ fn like_gotcha() -> Collection {
             reference_path_m: 2.0 * antenna_m.length(),
             start_hz: 9.6e9 - bandwidth_hz / 2.0,
             step_hz,
+            sweep: Sweep::AT_ONCE,
         }
     };
     Collection {

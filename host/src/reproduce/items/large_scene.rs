@@ -40,8 +40,8 @@ pub(super) fn scenes(context: &Context) -> Result<Vec<Scene>, ItemError> {
     }];
     if !context.gotcha.is_empty() {
         let options = Options {
-            channel: None,
             memory_bytes: context.memory_bytes / 2,
+            ..Options::default()
         };
         scenes.push(Scene {
             name: "gotcha",

@@ -75,7 +75,11 @@ pub struct Channel<'a> {
 }
 
 impl<'a> Channel<'a> {
-    pub(super) fn new(experiment: &'a Experiment, pair: Pair) -> Result<Self, RecordError> {
+    pub(super) fn new(
+        experiment: &'a Experiment,
+        pair: Pair,
+        table_bytes: u64,
+    ) -> Result<Self, RecordError> {
         let radar = &experiment.radar;
         let num_transmitters = radar.transmitters.len();
         let (Some(transmitter), Some(receiver)) = (
@@ -164,12 +168,12 @@ impl<'a> Channel<'a> {
             true_antennas,
             reference_range_m,
         };
-        channel.recycle();
+        channel.recycle(table_bytes.min(TABLE_BYTES));
         Ok(channel)
     }
 
     /// Reuses what is alike from pulse to pulse, if the track and the scene allow.
-    fn recycle(&mut self) {
+    fn recycle(&mut self, table_bytes: u64) {
         let experiment = self.experiment;
         if experiment.method == Method::Sum || moving(experiment.radar.motion) {
             return;
@@ -178,7 +182,7 @@ impl<'a> Channel<'a> {
             .map(|n| self.view(n))
             .collect();
         let scene = &experiment.scene;
-        self.engine = Engine::for_track(scene, experiment.method, &views, TABLE_BYTES);
+        self.engine = Engine::for_track(scene, experiment.method, &views, table_bytes);
     }
 
     /// Samples of the pulses read so far of which I or Q saturated the converter.
@@ -319,11 +323,26 @@ impl Echoes for Channel<'_> {
         }
     }
 
+    fn moves(&self) -> bool {
+        moving(self.experiment.radar.motion)
+    }
+
     fn reference_path_m(&self, pulse: usize, after_s: f64) -> f64 {
         let experiment = self.experiment;
+        let middle = &self.collection.pulses[pulse];
         match (experiment.radar.motion, experiment.reference) {
+            (Motion::StopAndGo, _) => middle.reference_path_m,
             (Motion::True, Reference::Point(_)) => self.measured(pulse, after_s).reference_path_m,
-            _ => self.collection.pulses[pulse].reference_path_m,
+            // The point at that range at the middle of the pulse: it stays where it is meanwhile.
+            (Motion::True, Reference::Range(_)) => {
+                let by_way_of = |antennas_m: [DVec3; 2]| -> f64 {
+                    let legs = antennas_m.map(|antenna_m| antenna_m.distance(middle.reference_m));
+                    legs.iter().sum()
+                };
+                let drift_m = by_way_of(self.measured(pulse, after_s).antennas_m)
+                    - by_way_of([middle.transmitter_m, middle.receiver_m]);
+                middle.reference_path_m + drift_m
+            }
         }
     }
 

@@ -40,8 +40,11 @@ impl Pulsed {
                 return Err(format!(
                     "echoes of the scene come from {least_s:.9} to {:.9} s after a pulse begins, the \
                      last of it included, and the window is open from {window_start_s:.9} to \
-                     {end_s:.9} s: open it sooner (window_start) or keep it open longer (samples)",
-                    most_s + shape.duration_s()
+                     {end_s:.9} s: set [radar] window_start to {:.9} s or less, and samples to {} or more",
+                    most_s + shape.duration_s(),
+                    least_s.min(window_start_s),
+                    ((most_s + shape.duration_s() - least_s.min(window_start_s)) * sample_rate_hz)
+                        .ceil()
                 ));
             }
         }

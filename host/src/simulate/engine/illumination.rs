@@ -4,8 +4,8 @@
 //! g = A_tx A_rx [R0^2 / (R_tx R_rx)] V
 //! ```
 //!
-//! with the antennas' amplitudes `A` towards the scatterer, the one-way ranges `R` and the visibility `V`,
-//! 0 if a block lies between the scatterer and either antenna. All is taken at one moment, the pulse's or,
+//! with the antennas' amplitudes `A` towards the scatterer, the one-way ranges `R`, `R0^2` the product of both to
+//! the reference point in the middle pulse (number `P/2` of `P`, from 0) and the visibility `V`, 0 if a block lies between the scatterer and either antenna. All is taken at one moment, the pulse's or,
 //! with true motion, the middle of the sweep: what changes of it within a sweep is neglected, `v T / R`
 //! relative to the beam's width (1e-4 for 125 m/s, 1 ms and 1 km). Corners are seen by their wavelength at the
 //! middle of the band and, by antennas apart, along the bisector.

@@ -78,7 +78,8 @@ pub struct View<'a> {
     pub reference_s: f64,
     /// What moves meanwhile.
     pub motion: Motion,
-    /// Range at which spreading is 1, metres; `None` for no spreading.
+    /// Range at which spreading is 1, that of the reference point in the middle pulse, metres; `None` for no
+    /// spreading.
     pub spreading_from_m: Option<f64>,
 }
 

@@ -25,7 +25,8 @@ pub struct Radar {
     pub receivers: Vec<Antenna>,
     /// Whether anything moves while a pulse or sweep lasts.
     pub motion: Motion,
-    /// Whether echoes weaken with range, `(R0 / R)^2` in amplitude against the reference range `R0`.
+    /// Whether echoes weaken with range, `R0^2 / (R_tx R_rx)` in amplitude, with `R0^2` the product of the reference
+    /// point's ranges in the middle pulse, number `P/2` of `P` from 0.
     pub spreading: bool,
     /// What the receiver adds to the echoes.
     pub receiver: Receiver,

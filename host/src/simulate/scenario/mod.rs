@@ -64,6 +64,10 @@ use error::Found;
 pub use crate::description::{DescriptionError as ScenarioError, Fault};
 pub use keys::reference;
 
+/// What a pulse takes from its simulation to its file, at the most: its geometry as echo and as phase history, where
+/// the antennas truly were, the engine's view of it, its CPHD record.
+const BYTES_A_PULSE: u64 = 1024;
+
 /// A text that says what to simulate, and settings that override it.
 #[derive(Clone, Debug)]
 pub struct Scenario(Description);
@@ -81,7 +85,7 @@ impl Scenario {
     /// Reads a scenario's text.
     ///
     /// # Errors
-    /// If the file cannot be read, is no UTF-8, or has more than 16 MiB.
+    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
     pub fn read(path: &Path) -> io::Result<Self> {
         Description::read(path).map(Self)
     }
@@ -92,7 +96,7 @@ impl Scenario {
     /// # Errors
     /// For a key that there is not; values are checked by [`Self::experiment`].
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), ScenarioError> {
-        self.0.set(&keys::SCHEMA, key, value)
+        self.0.set(&keys::SCHEMA, "--set", key, value)
     }
 
     /// What the scenario describes.
@@ -100,19 +104,53 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError`] with everything that is wrong, as far as one error does not hide another.
     pub fn experiment(&self) -> Result<Experiment, ScenarioError> {
-        self.build().map_err(|faults| self.0.explain(faults))
+        self.experiment_within(u64::MAX)
     }
 
-    fn build(&self) -> Result<Experiment, Vec<Found>> {
+    /// What the scenario describes, if its scene and its list of pulses fit `memory_bytes`; asked before they are made.
+    ///
+    /// # Errors
+    /// As [`Self::experiment`].
+    pub fn experiment_within(&self, memory_bytes: u64) -> Result<Experiment, ScenarioError> {
+        let built = self.build(memory_bytes);
+        built.map_err(|faults| self.0.explain(faults))
+    }
+
+    fn build(&self, memory_bytes: u64) -> Result<Experiment, Vec<Found>> {
+        if let Some(at) = self.0.has_section("recording") {
+            return Err(vec![Found::new(
+                &at,
+                "this describes a raw recording, which is there already and not to be simulated: give it to subap \
+                 info or subap focus (a scenario has no [recording])",
+            )]);
+        }
         let top = self.0.resolve(&keys::SCHEMA)?;
         let folder = self.0.folder();
         let seed = top.count("seed");
         let one = |found| vec![found];
         let place = scene::place(top.section("scene")).map_err(one)?;
         let mut radar = radar::build(top.section("radar"))?;
+        let pulses_bytes = BYTES_A_PULSE
+            .saturating_mul(radar.num_pulses as u64)
+            .saturating_mul(radar.receivers.len() as u64);
+        if pulses_bytes > memory_bytes {
+            let what = format!(
+                "{} pulses take {pulses_bytes} bytes, and --memory leaves {memory_bytes}: simulate fewer \
+                 pulses, or raise --memory",
+                radar.num_pulses
+            );
+            return Err(vec![top.section("radar").fault("pulses", what)]);
+        }
         let ways = platform::build(&top, &radar, &place.frame, seed, folder).map_err(one)?;
         check::place_window(&mut radar, &*ways.track, place.reference);
-        let scene = scene::build(top.section("scene"), &radar, seed, folder).map_err(one)?;
+        let scene = scene::build(
+            top.section("scene"),
+            &radar,
+            seed,
+            folder,
+            memory_bytes - pulses_bytes,
+        )
+        .map_err(one)?;
         let experiment = Experiment {
             name: top.text("name").to_owned(),
             frame: place.frame,

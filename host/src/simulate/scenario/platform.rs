@@ -38,7 +38,11 @@ pub(super) fn build(
 ) -> Result<Ways, Found> {
     let platform = top.section("platform");
     let way = match platform.text("kind") {
-        "csv" | "novatel" => recorded::build(platform, frame, folder)?,
+        "csv" | "novatel" => {
+            let origin = top.section("scene").section("origin");
+            let known = ["latitude", "longitude"].iter().any(|key| origin.says(key));
+            recorded::build(platform, known.then_some(frame), folder)?
+        }
         _ => track(platform, middle_s(radar))?,
     };
     let perturbations = platform.sections("perturbation");

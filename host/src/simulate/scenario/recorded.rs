@@ -12,10 +12,13 @@ use crate::simulate::track::{Fix, Recorded};
 use super::error::Found;
 use super::values::Values;
 
-/// The track in the platform's `file`.
+/// Farthest that a log's track may be from the scene's origin, metres: beyond, one of the two is a slip.
+const FARTHEST_FROM_ORIGIN_M: f64 = 1e6;
+
+/// The track in the platform's `file`. `frame` is where the text puts the scene; `None` if it does not say.
 pub(crate) fn build(
     values: &Values,
-    frame: &SceneFrame,
+    frame: Option<&SceneFrame>,
     folder: &Path,
 ) -> Result<Arc<dyn Trajectory>, Found> {
     let path = folder.join(values.text("file"));
@@ -29,7 +32,7 @@ pub(crate) fn build(
 }
 
 /// The records of a NovAtel log, times from its first on.
-fn log(values: &Values, path: &Path, frame: &SceneFrame) -> Result<Vec<Fix>, String> {
+fn log(values: &Values, path: &Path, frame: Option<&SceneFrame>) -> Result<Vec<Fix>, String> {
     let damage = match values.flag("skip_damaged") {
         true => Damage::Skip,
         false => Damage::Refuse,
@@ -41,14 +44,36 @@ fn log(values: &Values, path: &Path, frame: &SceneFrame) -> Result<Vec<Fix>, Str
     };
     let log = novatel::read(path, damage).map_err(|error| error.to_string())?;
     let of_kind = log.records.iter().find(|record| record.source == source);
-    let start = of_kind.map(|record| record.time);
-    let start = start.ok_or_else(|| {
-        format!(
+    let Some(first) = of_kind else {
+        return Err(format!(
             "{}: no record of this kind with a solution among {}: choose another 'record'",
             path.display(),
             log.records.len()
-        )
-    })?;
-    let fixes = log.fixes(source, frame, start);
-    fixes.map_err(|error| format!("{}: {error}", path.display()))
+        ));
+    };
+    let place = format!(
+        "latitude = \"{:.5} deg\", longitude = \"{:.5} deg\" and height = \"{:.0} m\"",
+        first.place.latitude_deg, first.place.longitude_deg, first.place.height_m
+    );
+    let Some(frame) = frame else {
+        return Err(format!(
+            "{}: the log has places on the Earth, and the text does not say where the scene is: add [scene.origin], \
+             near the track, which begins at {place}",
+            path.display()
+        ));
+    };
+    let fixes = log.fixes(source, frame, first.time);
+    let fixes = fixes.map_err(|error| format!("{}: {error}", path.display()))?;
+    match fixes
+        .iter()
+        .map(|fix| fix.position_m.length())
+        .find(|&r| r > FARTHEST_FROM_ORIGIN_M)
+    {
+        None => Ok(fixes),
+        Some(away_m) => Err(format!(
+            "{}: the track is {:.0} km from [scene.origin]: it begins at {place}",
+            path.display(),
+            away_m / 1e3
+        )),
+    }
 }

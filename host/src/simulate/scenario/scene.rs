@@ -9,6 +9,7 @@ use crate::geometry::{Extent, Geodetic, SceneFrame};
 use crate::simulate::Scatterer;
 use crate::simulate::experiment::Reference;
 use crate::simulate::radar::Radar;
+use crate::simulate::scene::MOST_POINTS;
 use crate::simulate::scene::{
     Area, Building, Clutter, Corner, Density, Mover, Picture, Placement, Scene, SceneError,
 };
@@ -16,6 +17,10 @@ use crate::simulate::scene::{
 use super::error::Found;
 use super::platform;
 use super::values::Values;
+
+/// What a point takes while a scene is made ready: 40 bytes as it is, once more while it is made, 32 of the
+/// engine's, and as many while those are sorted.
+const BYTES_A_POINT: u64 = 160;
 
 /// Where the scene is.
 pub(super) struct Place {
@@ -77,8 +82,11 @@ pub(super) fn build(
     radar: &Radar,
     seed: u64,
     folder: &Path,
+    memory_bytes: u64,
 ) -> Result<Scene, Found> {
+    let most = (memory_bytes / BYTES_A_POINT) as f64;
     let mut scene = Scene::default();
+    let left = |scene: &Scene| (most - scene.points.len() as f64).min(MOST_POINTS);
     for point in values.sections("point") {
         scene.points.push(Scatterer {
             position_m: point.vector("position"),
@@ -99,7 +107,7 @@ pub(super) fn build(
         });
     }
     for (values, index) in values.sections("clutter").iter().zip(0..) {
-        let points = clutter(values)?.points(seed, index);
+        let points = clutter(values)?.points_within(seed, index, left(&scene));
         scene.points.extend(made(values, "sigma0", points)?);
     }
     for (values, index) in values.sections("picture").iter().zip(0..) {
@@ -111,7 +119,8 @@ pub(super) fn build(
             white_sigma0_db: values.number("sigma0"),
             speckle: values.flag("speckle"),
         };
-        let points = made(values, "file", picture)?.points(&placement, seed, index);
+        let points =
+            made(values, "file", picture)?.points_within(&placement, seed, index, left(&scene));
         scene.points.extend(made(values, "spacing", points)?);
     }
     for (values, index) in values.sections("building").iter().zip(0..) {
@@ -124,7 +133,7 @@ pub(super) fn build(
             edge_sigma_db: values.number("edge"),
             foot_sigma_db: values.number("foot"),
         };
-        let points = building.points(seed, index);
+        let points = building.points_within(seed, index, left(&scene));
         scene.points.extend(made(values, "size", points)?);
         scene.blocks.push(building.block());
     }

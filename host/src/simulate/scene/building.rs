@@ -20,7 +20,7 @@ use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use super::clutter::MOST_POINTS;
+use super::clutter::{MOST_POINTS, check_points};
 use super::{Block, SceneError};
 use crate::simulate::Scatterer;
 
@@ -61,6 +61,16 @@ impl Building {
     /// # Errors
     /// [`SceneError`] for sizes or a spacing that are not positive, or more than 67 million points.
     pub fn points(&self, seed: u64, index: u32) -> Result<Vec<Scatterer>, SceneError> {
+        self.points_within(seed, index, MOST_POINTS)
+    }
+
+    /// [`Self::points`], at most so many of them.
+    pub(crate) fn points_within(
+        &self,
+        seed: u64,
+        index: u32,
+        most: f64,
+    ) -> Result<Vec<Scatterer>, SceneError> {
         let lengths = [self.size_m.x, self.size_m.y, self.size_m.z, self.spacing_m];
         if lengths.iter().any(|l| !(*l > 0.0 && l.is_finite())) {
             return Err(SceneError(format!(
@@ -93,6 +103,7 @@ impl Building {
                 "a building of {count:e} points; {MOST_POINTS} are possible: give a wider spacing"
             )));
         }
+        check_points("a building", count, most)?;
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(BUILDING + u64::from(index));
         let turn = DQuat::from_rotation_z(self.yaw_rad);

@@ -28,7 +28,17 @@ use crate::simulate::Scatterer;
 const CLUTTER: u64 = u64::from_be_bytes(*b"clutter\0");
 
 /// Most points of one maker: 2.7 GB of scatterers.
-pub(super) const MOST_POINTS: f64 = (1u64 << 26) as f64;
+pub(crate) const MOST_POINTS: f64 = (1u64 << 26) as f64;
+
+/// Refuses more points than memory allows.
+pub(super) fn check_points(what: &str, count: f64, most: f64) -> Result<(), SceneError> {
+    if count <= most {
+        return Ok(());
+    }
+    Err(SceneError(format!(
+        "{what} of {count} points, and --memory leaves room for {most}: give fewer, or raise --memory"
+    )))
+}
 
 /// Where clutter lies, on a level plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,6 +107,16 @@ impl Clutter {
     /// # Errors
     /// [`SceneError`] for an area that is empty or not finite, no points, or more than 67 million.
     pub fn points(&self, seed: u64, index: u32) -> Result<Vec<Scatterer>, SceneError> {
+        self.points_within(seed, index, MOST_POINTS)
+    }
+
+    /// [`Self::points`], at most so many of them.
+    pub(crate) fn points_within(
+        &self,
+        seed: u64,
+        index: u32,
+        most: f64,
+    ) -> Result<Vec<Scatterer>, SceneError> {
         let area_m2 = self.area.square_metres();
         let ordered = match &self.area {
             Area::Rectangle(e) => e.x_m.1 > e.x_m.0 && e.y_m.1 > e.y_m.0,
@@ -118,6 +138,7 @@ impl Clutter {
                 "clutter of {count} points over {area_m2} m²; from 1 to {MOST_POINTS} are possible"
             )));
         }
+        check_points("clutter", count, most)?;
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(CLUTTER + u64::from(index));
         // Real and imaginary part have half the power each.

@@ -1,8 +1,9 @@
 //! What reflects.
 //!
 //! A scatterer's amplitude is the square root of its radar cross section in square metres, with the phase
-//! of its reflection: 1 is 1 m². The engine hands it on unscaled for a scatterer at the scene's
-//! reference point, so a 1 m² point there reads 1 in a focused image, whatever the radar.
+//! of its reflection: 1 is 1 m². A point reads that in a focused image, times the mean over pulses, weighted by the
+//! slow-time window, of what antennas, spreading and shadows leave of it ([`super::engine`]): 1 for a radar without a
+//! beam and without spreading.
 //!
 //! [`Clutter`], [`Picture`] and [`Building`] make points of what is more than a point.
 
@@ -18,6 +19,7 @@ use glam::{DQuat, DVec3};
 use num_complex::Complex64;
 
 pub use building::Building;
+pub(crate) use clutter::MOST_POINTS;
 pub use clutter::{Area, Clutter, Density};
 pub use picture::{Picture, Placement};
 

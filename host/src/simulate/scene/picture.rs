@@ -29,7 +29,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::SceneError;
-use super::clutter::MOST_POINTS;
+use super::clutter::{MOST_POINTS, check_points};
 use crate::geometry::Extent;
 use crate::io::npy;
 use crate::simulate::Scatterer;
@@ -39,6 +39,9 @@ const PICTURE: u64 = u64::from_be_bytes(*b"picture\0");
 
 /// Most pixels of a PNG file.
 const MOST_PIXELS: u64 = 1 << 28;
+
+/// Deflate, which PNG packs by, makes 258 bytes of 2 bits at the most.
+const MOST_UNPACKING: u64 = 1032;
 
 /// Largest array of brightnesses that is read, bytes: as many values as points are possible.
 const MOST_BYTES: u64 = 8 << 26;
@@ -129,6 +132,17 @@ impl Picture {
         seed: u64,
         index: u32,
     ) -> Result<Vec<Scatterer>, SceneError> {
+        self.points_within(placement, seed, index, MOST_POINTS)
+    }
+
+    /// [`Self::points`], at most so many of them.
+    pub(crate) fn points_within(
+        &self,
+        placement: &Placement,
+        seed: u64,
+        index: u32,
+        most: f64,
+    ) -> Result<Vec<Scatterer>, SceneError> {
         let Extent { x_m, y_m } = placement.extent;
         let (width, depth) = (x_m.1 - x_m.0, y_m.1 - y_m.0);
         let lengths = [width, depth, placement.spacing_m];
@@ -147,6 +161,7 @@ impl Picture {
                 "a picture of {across} x {along} points; {MOST_POINTS} are possible: give a wider spacing"
             )));
         }
+        check_points("a picture", across * along, most)?;
         let (dx, dy) = (width / across, depth / along);
         let white_m2 = 10f64.powf(placement.white_sigma0_db / 10.0) * dx * dy;
         let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -224,6 +239,14 @@ fn read_png(path: &Path) -> Result<Picture, String> {
             ));
         }
     };
+    // Checked before memory is taken: a file may say anything.
+    let packed = path.metadata().map_err(|e| e.to_string())?.len();
+    let size = rows as u64 * columns as u64 * bytes as u64;
+    if size > packed.saturating_mul(MOST_UNPACKING) {
+        return Err(format!(
+            "a PNG of {packed} bytes cannot hold the {rows} x {columns} pixels that it says: it is damaged"
+        ));
+    }
     let mut data = vec![0; rows * columns * bytes];
     let frame = reader.next_frame(&mut data).map_err(|e| e.to_string())?;
     if frame.line_size != columns * bytes {
@@ -363,6 +386,16 @@ mod tests {
                 .contains(".png and .npy")
         );
         assert!(read("a.png", b"not").is_err());
+        // A header that asks for a gigabyte.
+        let mut claims = png_file(1, png::BitDepth::Eight, png::ColorType::Grayscale, &[1, 2]);
+        claims[16..24].copy_from_slice(&[0, 0, 0x40, 0, 0, 0, 0x40, 0]);
+        let crc = crc32fast::hash(&claims[12..29]).to_be_bytes();
+        claims[29..33].copy_from_slice(&crc);
+        let error = read("a.png", &claims).unwrap_err().to_string();
+        assert!(
+            error.contains("cannot hold the 16384 x 16384 pixels"),
+            "{error}"
+        );
         assert!(Picture::read(Path::new("nowhere.png")).is_err());
         assert!(Picture::new(2, 3, vec![0.0; 5]).is_err());
         let negative = Picture::new(1, 2, vec![0.0, -1.0]).unwrap_err().to_string();

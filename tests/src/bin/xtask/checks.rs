@@ -43,6 +43,8 @@ pub(crate) fn cargo(arguments: &[&str]) -> Command {
 
 pub(crate) fn fmt(runner: &mut Runner) {
     runner.check("format", &mut cargo(&["fmt", "--all", "--check"]));
+    let fuzz = ["fmt", "--manifest-path", "tests/fuzz/Cargo.toml", "--check"];
+    runner.check("format, fuzzing programs", &mut cargo(&fuzz));
 }
 
 pub(crate) fn clippy(runner: &mut Runner) {
@@ -55,6 +57,18 @@ pub(crate) fn clippy(runner: &mut Runner) {
             "-D",
             "warnings",
         ]),
+    );
+    // Without the fuzzer itself, for which a C++ compiler would be needed.
+    runner.check(
+        "clippy, fuzzing programs",
+        cargo(&["clippy", "--manifest-path", "tests/fuzz/Cargo.toml"])
+            .args([
+                "--target-dir",
+                "target",
+                "--no-default-features",
+                "--locked",
+            ])
+            .args(["--", "-D", "warnings"]),
     );
     for (name, features) in CLIPPY {
         runner.check(

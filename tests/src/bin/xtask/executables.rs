@@ -19,7 +19,7 @@ const LONGEST: [&str; 12] = [
     "link_gotcha",
     "firmware",
     "module_budgets",
-    "fuzz",
+    "fuzz_targets",
     "cli_bad_input",
     "cli_memory",
     "link_emulated",

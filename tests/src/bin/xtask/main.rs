@@ -1,7 +1,9 @@
 //! `cargo xtask`: every test there is, and the parts of it one by one.
+#![forbid(unsafe_code)]
 
 mod checks;
 mod executables;
+mod fuzz;
 mod log;
 mod module;
 mod prerequisites;
@@ -24,6 +26,8 @@ Usage: cargo xtask COMMAND
   deny       licences, sources, bans and (when its database can be reached) advisories
   unit       the tests of core, host and tests, doc tests included
   firmware   the firmware under QEMU against the host, and the core's bits on other machines
+  fuzz TARGET SECONDS
+             fuzz a reader, guided by coverage; needs a nightly Rust and a C++ compiler
   module     build the application for the emulated board: target/module/float and fixed
   module-report
              measure the module and write firmware/REPORT.md; with --check compare it
@@ -38,6 +42,7 @@ fn main() -> ExitCode {
         [] => "help",
         [one] => one.as_str(),
         [one, option] if one == "module-report" && option == "--check" => "module-report --check",
+        [one, target, seconds] if one == "fuzz" => return fuzz::run(target, seconds),
         _ => {
             eprintln!("one command at a time\n\n{HELP}");
             return ExitCode::from(2);

@@ -82,6 +82,14 @@ pub(crate) struct Tune {
     #[arg(long, value_name = "W", default_value_t = Window::default())]
     pub(crate) slow_window: Window,
 
+    /// Write the values found into the description, which otherwise stays as it is, comments and all
+    #[arg(long)]
+    pub(crate) write: bool,
+
+    /// Write the description with the values found beside it, under a new name
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath, conflicts_with = "write")]
+    pub(crate) write_to: Option<PathBuf>,
+
     /// Folder for tune.json and pictures: the measure over each key, and the image as described and as tuned
     #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = super::output())]
     pub(crate) out: Option<PathBuf>,

@@ -14,12 +14,14 @@ use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, power};
 use subaperture::io::product::{self, Product};
 use subaperture::phase_history::PhaseHistory;
+use subaperture::planner::forecast;
 use subaperture::plot::{self, Orientation, Panel};
 use subaperture::support::RecordedLooks;
 use subaperture::survey::Survey;
 
-use crate::args::Focus;
-use crate::config::{Session, former};
+use crate::ahead::Ahead;
+use crate::args::{Focus, Mode};
+use crate::config::{DEFAULT_ERROR_DB, Session, former};
 use crate::{interrupt, messages, text};
 
 /// Forms the image and writes its folder, complete or not at all.
@@ -73,6 +75,22 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         memory_bytes: session.memory_bytes,
         monitor: &progress,
     };
+    let settings = forecast::Settings {
+        error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
+        sub_cpi: typed.sub_cpi,
+        is_thesis: typed.mode == Some(Mode::Thesis),
+    };
+    let ahead = Ahead::of_image(
+        session,
+        &typed.writing,
+        &*former,
+        &task,
+        &settings,
+        &typed.out,
+    )?;
+    if ahead.announce(session, &typed.writing)? {
+        return Ok(());
+    }
     let checking = typed.check.map(|count| check::Plan::new(&task, count));
     let checking = checking.transpose()?;
     let misses = match typed.allow_error {
@@ -155,12 +173,15 @@ fn deliver(
 ) -> anyhow::Result<()> {
     interrupt::check()?;
     let writing = session.progress("writing");
-    let quicklook = plot::quicklook(&Panel {
-        scale: typed.look.scale(),
-        colours: typed.look.colours(),
-        orientation: record.orientation,
-        ..Panel::new(image, record.grid, title.as_str())
-    })?;
+    let quicklook = plot::quicklook_within(
+        &Panel {
+            scale: typed.look.scale(),
+            colours: typed.look.colours(),
+            orientation: record.orientation,
+            ..Panel::new(image, record.grid, title.as_str())
+        },
+        session.memory.picture_bytes,
+    )?;
     let metadata = record.to_json(&title);
     Product {
         image,

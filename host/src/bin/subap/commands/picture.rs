@@ -30,15 +30,18 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
     let about = &stored.metadata["picture"];
     let name = typed.image.display().to_string();
     let title = about["title"].as_str().unwrap_or(&name);
-    let picture = plot::quicklook(&Panel {
-        scale: typed.look.scale(),
-        colours: typed.look.colours(),
-        orientation: Orientation {
-            look: direction(&about["look"]),
-            north: direction(&about["north"]),
+    let picture = plot::quicklook_within(
+        &Panel {
+            scale: typed.look.scale(),
+            colours: typed.look.colours(),
+            orientation: Orientation {
+                look: direction(&about["look"]),
+                north: direction(&about["north"]),
+            },
+            ..Panel::new(&stored.image, &stored.grid, title)
         },
-        ..Panel::new(&stored.image, &stored.grid, title)
-    })?;
+        session.memory.picture_bytes,
+    )?;
     let bytes = picture.len() as u64;
     write_atomically(&typed.out, bytes, |file| file.write_all(&picture))?;
     drawing.finish();

@@ -1,15 +1,18 @@
 //! `subap tune`: unknown geometry found by the sharpness of the image.
 
 mod pictures;
+mod written;
 
 use std::time::Instant;
 
 use anyhow::Context;
 use serde_json::json;
 use subaperture::focus::FormError;
-use subaperture::io::recording::RecordingFile;
+use subaperture::io::recording::{RecordingFile, Take};
 use subaperture::phase_history::Recorded;
-use subaperture::tune::{Measure, Order, Search, Sight, TuneError, Tuned, merit, search};
+use subaperture::tune::{
+    Measure, Model, Order, Problem, Scan, Search, Sight, TuneError, Tuned, Verdict, determine,
+};
 
 use crate::args::{Tune, Vary};
 use crate::config::{Session, record_of_run};
@@ -33,6 +36,7 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     if let Some(grid) = &typed.grid {
         session.check_grid(grid, 1)?;
     }
+    written::check(typed)?;
     let mut claims = session.claims(&typed.writing, &[&typed.recording]);
     if let Some(folder) = &typed.out {
         let own = ["tune.json", "map.png", "image.png"].map(str::to_owned);
@@ -70,10 +74,14 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     };
     let intervals: Vec<_> = keys.iter().map(|vary| vary.axis).collect();
     let progress = session.progress("tuning");
-    let windows = [typed.window, typed.slow_window];
-    let found = search(&intervals, wanted, &progress, |values| {
-        let history = varied.history(values)?;
-        merit(&history, &sight, windows, session.memory_bytes, &progress)
+    let found = determine(&Problem {
+        model: &varied,
+        intervals: &intervals,
+        search: wanted,
+        sight: &sight,
+        windows: [typed.window, typed.slow_window],
+        memory_bytes: session.memory_bytes,
+        monitor: &progress,
     });
     progress.finish();
     let found = found.map_err(|error| match error {
@@ -95,8 +103,12 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
             "best": best,
             "width": scan.width,
             "at_end": scan.at_end,
+            "error_95": scan.error,
+            "verdict": scan.verdict,
+            "rivals": scan.rivals,
             "scan": scan.points,
         })).collect::<Vec<_>>(),
+        "without_parts": found.without_parts,
         "inputs": recording.inputs()?,
     });
     if let Some(folder) = &typed.out {
@@ -110,10 +122,43 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
             [&recording.history(session.memory_bytes), &Ok(tuned)],
         )?;
     }
+    let values: Vec<(&str, String)> = keys
+        .iter()
+        .zip(&found.best)
+        .map(|(vary, &best)| (vary.key.as_str(), vary.text(rounded(vary, best))))
+        .collect();
+    if !session.json() {
+        report(typed, &found, start)?;
+    }
+    let open: Vec<&str> = keys
+        .iter()
+        .zip(&found.scans)
+        .filter(|(_, scan)| !matches!(scan.verdict, Verdict::Determined | Verdict::Unknown))
+        .map(|(vary, _)| vary.key.as_str())
+        .collect();
+    if !open.is_empty() && (typed.write || typed.write_to.is_some()) {
+        anyhow::bail!(
+            "{}: not determined, so nothing was written: widen or narrow the interval, take another --grid or \
+             --measure, or points of known place (--at); to take it nonetheless, write the line yourself",
+            open.join(", ")
+        );
+    }
+    let file = written::write(typed, &recording, &values)?;
     if session.json() {
         return text::say_json("tune", record);
     }
-    report(typed, &found, start)
+    text::say(match file {
+        Some(file) => format!("written to {}", file.display()),
+        None => format!(
+            "to use it: add --write, or {}",
+            values
+                .iter()
+                .map(|(key, value)| format!("--set {key}=\"{value}\""))
+                .collect::<Vec<_>>()
+                .join(" ")
+        ),
+    })?;
+    Ok(())
 }
 
 /// A recording whose keys take values.
@@ -146,6 +191,12 @@ impl Varied<'_> {
     }
 }
 
+impl Model for Varied<'_> {
+    fn take(&self, values: &[f64], pulses: Option<&[usize]>) -> Result<Take, FormError> {
+        Ok(self.set(values)?.take(self.memory_bytes, pulses)?)
+    }
+}
+
 /// The measure and its unit, as the user knows it.
 fn measure_name(typed: &Tune) -> String {
     match typed.grid {
@@ -170,34 +221,64 @@ fn rounded(vary: &Vary, value: f64) -> f64 {
     format!("{value:.digits$}").parse().unwrap_or(value)
 }
 
+/// What is to be thought of a finding, in words.
+fn thought(scan: &Scan, with_unit: &dyn Fn(f64) -> String) -> String {
+    match scan.verdict {
+        Verdict::Determined => String::new(),
+        Verdict::AtEnd => "NOT DETERMINED: at an end of its interval: widen it".to_owned(),
+        Verdict::Open => {
+            "NOT DETERMINED: parts of the aperture say otherwise, all over the interval".to_owned()
+        }
+        Verdict::Ambiguous => {
+            let others: Vec<String> = scan.rivals.iter().take(4).map(|&v| with_unit(v)).collect();
+            format!(
+                "NOT DETERMINED: as good within the noise is {}",
+                others.join(" or ")
+            )
+        }
+        Verdict::Unknown => {
+            "error not known: too few pulses, or an interval of two values".to_owned()
+        }
+    }
+}
+
 fn report(typed: &Tune, found: &Tuned, start: Instant) -> anyhow::Result<()> {
     let rows: Vec<Vec<String>> = typed
         .vary
         .iter()
         .zip(found.best.iter().zip(&found.scans))
         .map(|(vary, (&best, scan))| {
-            // Digits down to a hundredth of the width, or of the step.
-            let fine = scan.width.unwrap_or(vary.axis.step) / 100.0;
+            // Digits down to a tenth of the error, else a hundredth of the width or of the step.
+            let fine = match scan.error {
+                Some(error) => error / 10.0,
+                None => scan.width.unwrap_or(vary.axis.step) / 100.0,
+            };
             let digits = (-fine.log10()).ceil().clamp(0.0, 9.0) as usize;
+            let with_unit = |value: f64| {
+                format!("{value:.digits$} {}", vary.unit)
+                    .trim_end()
+                    .to_owned()
+            };
+            let known = matches!(scan.verdict, Verdict::Determined | Verdict::Ambiguous);
             vec![
                 vary.key.clone(),
-                format!("{best:.digits$} {}", vary.unit)
-                    .trim_end()
-                    .to_owned(),
+                with_unit(best),
+                match scan.error.filter(|_| known) {
+                    Some(error) => format!("+- {}", with_unit(error)),
+                    None => String::new(),
+                },
                 match scan.width {
-                    Some(width) => format!("{width:.digits$} {}", vary.unit)
-                        .trim_end()
-                        .to_owned(),
+                    Some(width) => with_unit(width),
                     None => "not within the interval".to_owned(),
                 },
-                match scan.at_end {
-                    true => "at an end of its interval: widen it".to_owned(),
-                    false => String::new(),
-                },
+                thought(scan, &with_unit),
             ]
         })
         .collect();
-    text::say(text::table(&["key", "best", "width", ""], &rows))?;
+    text::say(text::table(
+        &["key", "best", "95 %", "width of peak", ""],
+        &rows,
+    ))?;
     text::say(format!(
         "{} {:.6} after {} images in {}",
         measure_name(typed),
@@ -205,12 +286,5 @@ fn report(typed: &Tune, found: &Tuned, start: Instant) -> anyhow::Result<()> {
         found.evaluations,
         text::duration(start.elapsed())
     ))?;
-    let settings: Vec<String> = typed
-        .vary
-        .iter()
-        .zip(&found.best)
-        .map(|(vary, &best)| format!("{} = \"{}\"", vary.key, vary.text(rounded(vary, best))))
-        .collect();
-    text::say(settings.join("\n"))?;
     Ok(())
 }

@@ -11,9 +11,11 @@ use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::power;
 use subaperture::io::product::{self, Product};
 use subaperture::phase_history::PhaseHistory;
+use subaperture::planner::forecast::Settings;
 use subaperture::plot::{self, Panel, ShownAxis};
 use subaperture::survey::Survey;
 
+use crate::ahead::Ahead;
 use crate::args::Velocity;
 use crate::config::{DEFAULT_ERROR_DB, Session, command_line, record_of_run};
 use crate::{interrupt, messages, text};
@@ -37,13 +39,30 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     };
     let weights = Weights::new(collection, typed.window, typed.slow_window);
     let progress = session.progress("focusing");
-    let formed = former.form(&Task {
+    let task = Task {
         history: &history,
         grid: &grid,
         weights: &weights,
         memory_bytes: session.memory_bytes,
         monitor: &progress,
-    })?;
+    };
+    let settings = Settings {
+        error_db: former.error_db,
+        sub_cpi: None,
+        is_thesis: false,
+    };
+    let ahead = Ahead::of_image(
+        session,
+        &typed.writing,
+        &former,
+        &task,
+        &settings,
+        &typed.out,
+    )?;
+    if ahead.announce(session, &typed.writing)? {
+        return Ok(());
+    }
+    let formed = former.form(&task)?;
     progress.finish();
 
     let peak = formed.image.peak().filter(|peak| power(peak.value) > 0.0);
@@ -89,10 +108,13 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     interrupt::check()?;
     let DVec3 { x, y, z } = typed.at;
     let title = format!("{}, from x {x} m, y {y} m, z {z} m", survey.name);
-    let quicklook = plot::quicklook(&Panel {
-        axes: ["v_x (m/s)", "v_y (m/s)"].map(ShownAxis::plain),
-        ..Panel::new(&formed.image, &grid, title)
-    })?;
+    let quicklook = plot::quicklook_within(
+        &Panel {
+            axes: ["v_x (m/s)", "v_y (m/s)"].map(ShownAxis::plain),
+            ..Panel::new(&formed.image, &grid, title)
+        },
+        session.memory.picture_bytes,
+    )?;
     Product {
         image: &formed.image,
         metadata: &metadata,

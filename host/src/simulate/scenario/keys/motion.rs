@@ -71,8 +71,8 @@ pub(crate) const TRACK_FILE: Key = Key::new(
     "file",
     Kind::Path,
     Need::Required("\"track.csv\""),
-    "The recorded track: a CSV with columns time_s, x_m, y_m, z_m and, if known, roll_deg, \
-     pitch_deg, yaw_deg; or a NovAtel log, whose first record is at time 0.",
+    "The recorded track: a CSV with columns time_s, x_m, y_m, z_m (or time_ms, x_mm, x_cm and so on) and, if known, \
+     roll_deg, pitch_deg, yaw_deg; an export of OptiTrack's Motive; or a NovAtel log, whose first record is at time 0.",
 );
 
 pub(crate) const TRACK_RECORD: Key = Key::new(

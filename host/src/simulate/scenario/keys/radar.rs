@@ -117,7 +117,8 @@ pub(crate) static RADAR: Section = Section {
             "spreading",
             Kind::Flag,
             Need::Default("false"),
-            "Whether echoes weaken with range, (R0 / R)^2 in amplitude, R0 the reference's range.",
+            "Whether echoes weaken with range, (R0 / R)^2 in amplitude, R0 the reference's range in the \
+             middle pulse, number P/2 of P from 0.",
         ),
     ],
 };
@@ -188,32 +189,32 @@ pub(crate) static PULSE: Section = Section {
     ],
 };
 
-const NAME: Key = Key::new(
+pub(crate) const NAME: Key = Key::new(
     "name",
     Kind::Text,
     Need::Optional("\"left\""),
     "A name for channels and errors. If left out, T or R and its number from 1.",
 );
-const OFFSET: Key = Key::new(
+pub(crate) const OFFSET: Key = Key::new(
     "offset",
     Kind::Vector(Dimension::Length),
     Need::Default("\"0, 0, 0 m\""),
     "Its phase centre on the body, body axes.",
 );
-const BORESIGHT: Key = Key::new(
+pub(crate) const BORESIGHT: Key = Key::new(
     "boresight",
     Kind::Vector(Dimension::Ratio),
     Need::Default("\"0, 1, 0\""),
     "Where it looks, body axes: to the left by default.",
 );
-const UP: Key = Key::new(
+pub(crate) const UP: Key = Key::new(
     "up",
     Kind::Vector(Dimension::Ratio),
     Need::Default("\"0, 0, 1\""),
     "The beam's elevation axis, body axes: azimuth is turned about it. Only its part orthogonal to the \
      boresight counts.",
 );
-const PATTERN: Key = Key::new(
+pub(crate) const PATTERN: Key = Key::new(
     "pattern",
     Kind::Choice(&["isotropic", "gaussian", "aperture"]),
     Need::Default("\"isotropic\""),
@@ -221,14 +222,14 @@ const PATTERN: Key = Key::new(
 );
 /// Half-power widths end where the beam would no longer be one.
 const WIDTH: Bounds = Bounds::Within(1e-5, PI, "0.001 to 180 deg");
-const AZIMUTH: Key = Key::new(
+pub(crate) const AZIMUTH: Key = Key::new(
     "azimuth",
     Kind::Quantity(Dimension::Angle, WIDTH),
     Need::Required("\"20 deg\""),
     "Full half-power width in azimuth.",
 )
 .when(&["gaussian", "aperture"]);
-const ELEVATION: Key = Key::new(
+pub(crate) const ELEVATION: Key = Key::new(
     "elevation",
     Kind::Quantity(Dimension::Angle, WIDTH),
     Need::Required("\"40 deg\""),

@@ -16,8 +16,9 @@ pub(crate) static SCENE: Section = Section {
             "reference",
             Kind::Vector(Dimension::Length),
             Need::Optional("\"0, 0, 0 m\""),
-            "The point that phases and amplitudes are referred to: 1 m^2 there reads 1 in an image. If \
-             left out, the scene's origin, unless reference_range is given.",
+            "The point that phases and amplitudes are referred to: without a beam, 1 m^2 reads 1 in an \
+             image, there if echoes weaken with range, else anywhere. If left out, the scene's origin, \
+             unless reference_range is given.",
         ),
         Key::new(
             "reference_range",

@@ -107,11 +107,11 @@ fn warn(report: &Report, error_db: f64, num_pixels: u64) {
             report.pixels_outside
         ));
     }
-    if report.kernel_db > error_db {
+    if report.predicted_db > error_db {
         messages::bound_missed(format!(
-            "reading the maps adds {:.1} dB, above the --error-db {error_db} asked: their bins are \
-             too coarse for it",
-            report.kernel_db
+            "the predicted error is {:.1} dB, above the --error-db {error_db} asked; reading the maps between \
+             their bins makes {:.1} dB of it",
+            report.predicted_db, report.kernel_db
         ));
     }
 }

@@ -48,7 +48,8 @@ impl Record<'_> {
             "image": {
                 "file": "image.npy",
                 "type": "complex64, C order, [rows, columns]",
-                "scale": "a unit scatterer on a pixel reads 1; phase refers to the pixel's own path",
+                "scale": "a unit scatterer on a pixel, seen alike by all pulses, reads 1; under a beam the weighted \
+                          mean of its amplitude over the pulses; phase refers to the pixel's own path",
             },
             "grid": grid(self.grid),
             "frame": frame(self.frame),
@@ -88,6 +89,7 @@ pub(super) fn settings(
             "patch_m": typed.patch,
             "velocity_m_s": typed.velocity.map(|v| v.to_array()),
             "channel": typed.input.channel,
+            "set": typed.input.set.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>(),
             "check": typed.check,
             "no_keystone": typed.no_keystone,
             "no_src": typed.no_src,

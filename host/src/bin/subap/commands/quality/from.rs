@@ -61,6 +61,15 @@ impl fmt::Display for About {
     }
 }
 
+/// The settings that the image's recordings were opened with.
+fn settings(recorded: &serde_json::Value) -> Vec<(String, String)> {
+    let texts = recorded.as_array().into_iter().flatten();
+    texts
+        .filter_map(|text| text.as_str()?.split_once('='))
+        .map(|(key, value)| (key.to_owned(), value.to_owned()))
+        .collect()
+}
+
 impl<'a> From<'a> {
     /// Opens the recordings.
     pub(super) fn open(
@@ -77,6 +86,7 @@ impl<'a> From<'a> {
         let recorded = session.open(&Input {
             paths: typed.from.clone(),
             channel: given["channel"].as_str().map(str::to_owned),
+            set: settings(&given["set"]),
         })?;
         let num_pulses = recorded.collection().pulses.len() as u64;
         if let Some(formed_of) = metadata["collection"]["num_pulses"].as_u64()

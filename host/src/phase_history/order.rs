@@ -1,0 +1,83 @@
+//! Angles under which antennas go around a scene: the order of pulses whose times nobody knows.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use super::Pulse;
+
+/// Area swept, of the arms' squares summed, below which it is rounding.
+const LEAST_SWEPT: f64 = 1e-12;
+
+/// From the point that a pulse refers to, to the middle of its antennas.
+fn arm(pulse: &Pulse) -> DVec3 {
+    (pulse.transmitter_m + pulse.receiver_m) / 2.0 - pulse.reference_m
+}
+
+/// The normal of the plane in which the antennas of `runs` go around what they refer to, so that most of
+/// their way is anti-clockwise about it.
+fn axis(runs: &[&[Pulse]]) -> Option<DVec3> {
+    let mut areas = Vec::with_capacity(runs.len());
+    let mut square = 0.0;
+    for run in runs {
+        let mut area = DVec3::ZERO;
+        for pair in run.windows(2) {
+            area += arm(&pair[0]).cross(arm(&pair[1]));
+            square += arm(&pair[0]).length_squared();
+        }
+        areas.push(area);
+    }
+    let largest = |a: &DVec3, b: &DVec3| if b.length() > a.length() { *b } else { *a };
+    let side = areas.iter().copied().reduce(|a, b| largest(&a, &b))?;
+    // Ways there and back share a plane, though their areas cancel.
+    let aligned = |area: &DVec3| if area.dot(side) < 0.0 { -*area } else { *area };
+    let sum: DVec3 = areas.iter().map(aligned).sum();
+    if sum.length().is_nan() || sum.length() <= LEAST_SWEPT * square {
+        return None;
+    }
+    let normal = sum.normalize();
+    let way: f64 = areas.iter().map(|area| area.dot(normal)).sum();
+    Some(if way < 0.0 { -normal } else { normal })
+}
+
+/// Angles of all pulses of `runs`, one run after another, in the plane in which the antennas go around the
+/// points they refer to and in the direction in which most do, radians from the middle of the widest gap on.
+///
+/// `None` where there is no such plane: antennas that stand still, or go straight to or from the point.
+pub(super) fn travelled_angles(runs: &[&[Pulse]]) -> Option<Vec<f64>> {
+    let normal = axis(runs)?;
+    let across = normal.any_orthonormal_vector();
+    let up = normal.cross(across);
+    let pulses = runs.iter().flat_map(|run| run.iter());
+    let mut angles: Vec<f64> = pulses
+        .map(|p| arm(p).dot(up).atan2(arm(p).dot(across)))
+        .collect();
+    let mut sorted = angles.clone();
+    sorted.sort_by(f64::total_cmp);
+    let (first, last) = (*sorted.first()?, *sorted.last()?);
+    let mut widest_rad = first + TAU - last;
+    let mut start_rad = last + widest_rad / 2.0;
+    for pair in sorted.windows(2) {
+        if pair[1] - pair[0] > widest_rad {
+            widest_rad = pair[1] - pair[0];
+            start_rad = pair[0] + widest_rad / 2.0;
+        }
+    }
+    for angle in &mut angles {
+        *angle = (*angle - start_rad).rem_euclid(TAU);
+    }
+    Some(angles)
+}
+
+/// Place of every pulse in the order of its angle; pulses of one angle as they come. `None` as
+/// [`travelled_angles`].
+pub(crate) fn ranks_by_angle(pulses: &[Pulse]) -> Option<Vec<usize>> {
+    let angles = travelled_angles(&[pulses])?;
+    let mut order: Vec<usize> = (0..pulses.len()).collect();
+    order.sort_by(|&a, &b| angles[a].total_cmp(&angles[b]));
+    let mut ranks = vec![0; pulses.len()];
+    for (rank, n) in order.into_iter().enumerate() {
+        ranks[n] = rank;
+    }
+    Some(ranks)
+}

@@ -1,0 +1,255 @@
+//! Motion while the samples of a pulse are taken, one after another.
+//!
+//! A linear sweep passes its frequencies in turn, and a stepped radar sets its carriers in turn: sample `k` is
+//! taken at `s = (k - K/2) sample_s` seconds after sample `K/2`, whose geometry is the pulse's. Meanwhile the
+//! antennas go on along
+//!
+//! ```text
+//! T(s) = transmitter_m + transmitter_m_s s + transmitter_m_s2 s^2 / 2,    R(s) likewise
+//! ```
+//!
+//! so that the path to `p` at that sample is `|p - T(s)| + |p - R(s)|`. Phases are referred to the reference
+//! point at the sample's own moment ([`Sweep::reference_m_s`]) or to one path for all samples.
+//!
+//! **What it does.** With `r'` and `r''` the derivatives of the relative path by `k` and `d = k - K/2`, the phase
+//! of a scatterer is, in turns,
+//!
+//! ```text
+//! -f_k r_k / c = -(f_c r + d (step r + f_c r') + d^2 (step r' + f_c r'' / 2) + d^3 step r'' / 2) / c
+//! ```
+//!
+//! The term in `d` shifts the range profile by `f_c r' / step`: range and Doppler are coupled. The term in `d^2` blurs
+//! it. At the reference point `r'` and `r''` are zero; elsewhere they grow with the angle between the lines of sight.
+//!
+//! Neglected: that the wave to `p` leaves and arrives sooner or later than that to the reference, by the difference
+//! of delays, which moves the path by less than `2 v / c` of its difference from the reference's; and what of the
+//! track a parabola over the sweep leaves.
+
+use glam::DVec3;
+
+use super::Pulse;
+
+/// How the antennas move while the samples of a pulse are taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sweep {
+    /// Time from sample to sample, seconds; negative where higher frequencies come first, 0 where all samples are
+    /// taken at once.
+    pub sample_s: f64,
+    /// Velocity of the transmitter at sample `K/2`, metres a second.
+    pub transmitter_m_s: DVec3,
+    /// Its acceleration, metres a second squared.
+    pub transmitter_m_s2: DVec3,
+    /// Velocity of the receiver at sample `K/2`, metres a second.
+    pub receiver_m_s: DVec3,
+    /// Its acceleration, metres a second squared.
+    pub receiver_m_s2: DVec3,
+    /// Velocity of the reference point (zero in a scene at rest), if every sample's phase is referred to the path by
+    /// way of it at the sample's own moment; `None` if all are referred to the pulse's reference path.
+    pub reference_m_s: Option<DVec3>,
+}
+
+/// A path and how it changes from sample to sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PathTerms {
+    /// Path at sample `K/2`, metres.
+    pub path_m: f64,
+    /// Its first derivative, metres a sample.
+    pub rate_m: f64,
+    /// Its second derivative, metres a sample squared.
+    pub bend_m: f64,
+}
+
+impl Sweep {
+    /// All samples taken at once: a radar that stands still while a pulse lasts, or a pulse that is short.
+    pub const AT_ONCE: Self = Self {
+        sample_s: 0.0,
+        transmitter_m_s: DVec3::ZERO,
+        transmitter_m_s2: DVec3::ZERO,
+        receiver_m_s: DVec3::ZERO,
+        receiver_m_s2: DVec3::ZERO,
+        reference_m_s: None,
+    };
+
+    /// Whether it is of numbers.
+    pub fn is_finite(&self) -> bool {
+        let vectors = [
+            self.transmitter_m_s,
+            self.transmitter_m_s2,
+            self.receiver_m_s,
+            self.receiver_m_s2,
+            self.reference_m_s.unwrap_or_default(),
+        ];
+        self.sample_s.is_finite() && vectors.iter().all(|v| v.is_finite())
+    }
+
+    /// Whether paths are the same for all samples of the pulse.
+    pub fn is_at_once(&self) -> bool {
+        let still = [
+            self.transmitter_m_s,
+            self.transmitter_m_s2,
+            self.receiver_m_s,
+            self.receiver_m_s2,
+            self.reference_m_s.unwrap_or_default(),
+        ];
+        self.sample_s == 0.0 || still.iter().all(|&v| v == DVec3::ZERO)
+    }
+}
+
+impl Pulse {
+    /// Two-way path to `point` at the moment that is `after` samples after sample `K/2`, metres.
+    pub fn path_after_m(&self, point: DVec3, after: f64) -> f64 {
+        let [transmitter_m, receiver_m] = self.antennas_after_m(after);
+        (point - transmitter_m).length() + (point - receiver_m).length()
+    }
+
+    /// Path to `point` relative to the one that the phase of that sample is compensated to, metres; at sample
+    /// `K/2` the same as [`Self::relative_path_m`].
+    pub fn relative_path_after_m(&self, point: DVec3, after: f64) -> f64 {
+        if self.sweep.sample_s == 0.0 {
+            return self.relative_path_m(point);
+        }
+        self.path_after_m(point, after) - self.reference_path_m - self.reference_drift_m(after)
+    }
+
+    /// Transmitter and receiver at the moment that is `after` samples after sample `K/2`, metres.
+    pub fn antennas_after_m(&self, after: f64) -> [DVec3; 2] {
+        let sweep = &self.sweep;
+        let s = after * sweep.sample_s;
+        [
+            self.transmitter_m + s * (sweep.transmitter_m_s + 0.5 * s * sweep.transmitter_m_s2),
+            self.receiver_m + s * (sweep.receiver_m_s + 0.5 * s * sweep.receiver_m_s2),
+        ]
+    }
+
+    /// How much longer the reference path is at that sample than at sample `K/2`, metres.
+    pub fn reference_drift_m(&self, after: f64) -> f64 {
+        let Some(velocity_m_s) = self.sweep.reference_m_s else {
+            return 0.0;
+        };
+        let moved_m = velocity_m_s * (after * self.sweep.sample_s);
+        self.path_after_m(self.reference_m + moved_m, after) - self.path_m(self.reference_m)
+    }
+
+    /// The path to a point that is at `point` at sample `K/2` and moves at `velocity_m_s`, with its derivatives by
+    /// the sample's index. Metres; of the path itself, not relative to the reference's.
+    pub fn path_terms(&self, point: DVec3, velocity_m_s: DVec3) -> PathTerms {
+        let sweep = &self.sweep;
+        let leg = |antenna_m: DVec3, antenna_m_s: DVec3, antenna_m_s2: DVec3| {
+            let sight = point - antenna_m;
+            let range_m = sight.length();
+            // A point at the antenna's phase centre has no direction, and no rate.
+            if sweep.sample_s == 0.0 || range_m == 0.0 {
+                return [range_m, 0.0, 0.0];
+            }
+            let towards = velocity_m_s - antenna_m_s;
+            let rate = sight.dot(towards) / range_m;
+            let bend = (towards.length_squared() - rate * rate - sight.dot(antenna_m_s2)) / range_m;
+            [range_m, rate, bend]
+        };
+        let out = leg(
+            self.transmitter_m,
+            sweep.transmitter_m_s,
+            sweep.transmitter_m_s2,
+        );
+        let back = if self.transmitter_m == self.receiver_m
+            && sweep.transmitter_m_s == sweep.receiver_m_s
+            && sweep.transmitter_m_s2 == sweep.receiver_m_s2
+        {
+            out
+        } else {
+            leg(self.receiver_m, sweep.receiver_m_s, sweep.receiver_m_s2)
+        };
+        PathTerms {
+            path_m: out[0] + back[0],
+            rate_m: (out[1] + back[1]) * sweep.sample_s,
+            bend_m: (out[2] + back[2]) * sweep.sample_s * sweep.sample_s,
+        }
+    }
+
+    /// The path that phases are referred to, with its derivatives by the sample's index.
+    pub fn reference_terms(&self) -> PathTerms {
+        let mut terms = match self.sweep.reference_m_s {
+            Some(velocity_m_s) => self.path_terms(self.reference_m, velocity_m_s),
+            None => PathTerms::default(),
+        };
+        terms.path_m = self.reference_path_m;
+        terms
+    }
+}
+
+impl std::ops::Sub for PathTerms {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self {
+            path_m: self.path_m - other.path_m,
+            rate_m: self.rate_m - other.rate_m,
+            bend_m: self.bend_m - other.bend_m,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A transmitter at (0, -4, 3) that flies along x at 2 m/s and climbs at 1 m/s^2, a receiver at rest at
+    /// (0, -5, 0), 10 ms a sample, referred to the origin.
+    fn pulse(reference_m_s: Option<DVec3>) -> Pulse {
+        Pulse {
+            time_s: 0.0,
+            transmitter_m: DVec3::new(0.0, -4.0, 3.0),
+            receiver_m: DVec3::new(0.0, -5.0, 0.0),
+            reference_m: DVec3::ZERO,
+            reference_path_m: 10.0,
+            start_hz: 1e9,
+            step_hz: 1e6,
+            sweep: Sweep {
+                sample_s: 0.01,
+                transmitter_m_s: DVec3::new(2.0, 0.0, 0.0),
+                transmitter_m_s2: DVec3::new(0.0, 0.0, 1.0),
+                reference_m_s,
+                ..Sweep::AT_ONCE
+            },
+        }
+    }
+
+    #[test]
+    fn paths_follow_the_antennas() {
+        // 50 samples are half a second: the transmitter is at (1, -4, 3.125). To (1, 2, 0), by Pythagoras.
+        let point = DVec3::new(1.0, 2.0, 0.0);
+        let back_m = (1.0f64 + 49.0).sqrt();
+        let expected_m = (36.0f64 + 3.125 * 3.125).sqrt() + back_m;
+        let fixed = pulse(None);
+        assert!((fixed.path_after_m(point, 50.0) - expected_m).abs() < 1e-14);
+        let relative_m = fixed.relative_path_after_m(point, 50.0);
+        assert!((relative_m - (expected_m - 10.0)).abs() < 1e-14);
+        // The reference is followed: from (1, -4, 3.125) to the origin, and 5 m back.
+        let followed = pulse(Some(DVec3::ZERO));
+        let reference_m = (17.0f64 + 3.125 * 3.125).sqrt() + 5.0;
+        let relative_m = followed.relative_path_after_m(point, 50.0);
+        assert!((relative_m - (expected_m - reference_m)).abs() < 1e-14);
+        assert!(followed.relative_path_after_m(DVec3::ZERO, 50.0).abs() < 1e-14);
+        assert_eq!(
+            followed.relative_path_after_m(point, 0.0),
+            followed.relative_path_m(point)
+        );
+    }
+
+    #[test]
+    fn terms_are_the_derivatives() {
+        let pulse = pulse(Some(DVec3::new(0.3, -0.2, 0.1)));
+        let (point, velocity) = (DVec3::new(1.0, 2.0, 0.5), DVec3::new(-1.0, 0.5, 0.0));
+        let path_m = |after: f64| pulse.path_after_m(point + velocity * (0.01 * after), after);
+        let check = |terms: PathTerms, path_m: &dyn Fn(f64) -> f64| {
+            // Central differences of a sample: the next term is 1e-6 of a path of some 10 m, by 1 m/s a sample.
+            let (before, at, after) = (path_m(-1.0), path_m(0.0), path_m(1.0));
+            assert!((terms.path_m - at).abs() < 1e-14);
+            assert!((terms.rate_m - (after - before) / 2.0).abs() < 1e-7);
+            assert!((terms.bend_m - (after - 2.0 * at + before)).abs() < 1e-9);
+        };
+        check(pulse.path_terms(point, velocity), &path_m);
+        let drift_m = |after: f64| pulse.reference_path_m + pulse.reference_drift_m(after);
+        check(pulse.reference_terms(), &drift_m);
+    }
+}

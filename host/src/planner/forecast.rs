@@ -1,0 +1,295 @@
+//! How long an image will take: a part of the same work, measured on this machine.
+//!
+//! The very former forms the middle of the image from pulses in the middle of the recording, in larger and larger parts
+//! until one takes [`LONG_ENOUGH_S`] or [`MOST_S`] have passed. What that part took, times the operations of the whole
+//! over those of the part by the formers' own accounts ([`super::cost`]), is the estimate:
+//!
+//! ```text
+//! time = measured time * operations(whole) / operations(part)
+//! ```
+//!
+//! Counts are not times: what a part of a large image keeps in caches the whole may not. Checked on recordings of every former
+//! (`tests/forecast.rs`): within a factor of 2.
+
+use std::ops::Range;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use num_complex::Complex32;
+
+use super::cost::{Cost, Work};
+use super::radar::{self, RadarPlan};
+use crate::focus::{FormError, ImageFormer, Misses, Monitor, Task, Weights};
+use crate::geometry::{Axis, ImageGrid};
+use crate::phase_history::{Collection, PhaseHistory, ReadError};
+
+/// A part that takes so long is large enough.
+const LONG_ENOUGH_S: f64 = 0.3;
+
+/// No part takes longer: one that does is stopped, and its time is that of what it did.
+const MOST_S: f64 = 1.5;
+
+/// Operations of the first part.
+const FIRST_OPERATIONS: f64 = 1e7;
+
+/// Most samples of a part: reading more takes time itself.
+const MOST_SAMPLES: usize = 1 << 22;
+
+/// Samples read at a time.
+const BLOCK_SAMPLES: usize = 1 << 17;
+
+/// Fewest pulses of a part, if there are so many.
+const FEWEST_PULSES: usize = 64;
+
+/// What is to be formed, as far as its operations depend on it.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Bound on the error, dB.
+    pub error_db: f64,
+    /// Pulses a sub-CPI, if given.
+    pub sub_cpi: Option<usize>,
+    /// Whether it is the thesis's mode.
+    pub is_thesis: bool,
+}
+
+/// An estimate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Forecast {
+    /// Of the whole work, seconds.
+    pub seconds: f64,
+    /// That the part measured took, seconds.
+    pub measured_s: f64,
+}
+
+/// What a former called `name` takes, by its account.
+///
+/// `None` of a former without one, or where the collection does not suit it.
+pub fn cost(
+    name: &str,
+    collection: &Collection,
+    grid: &ImageGrid,
+    settings: &Settings,
+    memory_bytes: u64,
+) -> Option<Cost> {
+    let work = Work {
+        frequencies: collection.num_samples,
+        pulses: collection.pulses.len(),
+        pixels: grid.num_pixels(),
+    };
+    match name {
+        "exact" => Some(Cost::exact(&work)),
+        "bp" | "velocity" => Some(Cost::backprojection(&work, settings.error_db)),
+        "rdbp" if settings.is_thesis => {
+            let sub_cpi = settings.sub_cpi.unwrap_or(crate::crosscheck::SUB_CPI);
+            Some(Cost::thesis(&work, sub_cpi.min(work.pulses)))
+        }
+        _ => {
+            let request = radar::Request {
+                grid,
+                error_db: settings.error_db,
+                memory_bytes: memory_bytes / 2,
+                thesis_sub_cpi: crate::crosscheck::SUB_CPI,
+                beamwidth_rad: None,
+                power: None,
+            };
+            let plan = RadarPlan::new(collection, &request).ok()?;
+            plan.costs.into_iter().find(|cost| cost.algorithm == name)
+        }
+    }
+}
+
+/// Measures a part of `task` and says how long all of it will take. `None` where the former has no account of its
+/// operations, or its part could not be formed: then the whole says why.
+///
+/// # Errors
+/// [`FormError::Cancelled`].
+pub fn forecast(
+    former: &dyn ImageFormer,
+    task: &Task,
+    settings: &Settings,
+) -> Result<Option<Forecast>, FormError> {
+    let collection = task.history.collection();
+    let count = |collection: &Collection, grid: &ImageGrid| {
+        let cost = cost(former.name(), collection, grid, settings, task.memory_bytes);
+        cost.map(|cost| cost.operations).filter(|n| *n > 0.0)
+    };
+    let Some(whole) = count(collection, task.grid) else {
+        return Ok(None);
+    };
+    let (all, width) = (collection.pulses.len(), collection.num_samples.max(1));
+    let mut pulses = all.min((MOST_SAMPLES / width).max(FEWEST_PULSES));
+    let mut side = (FIRST_OPERATIONS / whole).sqrt().min(1.0);
+    let begun = Instant::now();
+    loop {
+        let part = Part::new(task.history, pulses);
+        let grid = middle_of(task.grid, side);
+        let Some(operations) = count(&part.collection, &grid) else {
+            return Ok(None);
+        };
+        let weights = Weights {
+            fast: task.weights.fast.clone(),
+            slow: task.weights.slow[part.pulses()].to_vec(),
+        };
+        let until = Until {
+            task,
+            deadline: Instant::now() + Duration::from_secs_f64(MOST_S),
+            fraction: Mutex::new(0.0),
+        };
+        let start = Instant::now();
+        let part_task = Task {
+            history: &part,
+            grid: &grid,
+            weights: &weights,
+            monitor: &until,
+            ..*task
+        };
+        // How well is no matter here.
+        let formed = former.form_asked(&part_task, Misses::Allowed);
+        let measured_s = start.elapsed().as_secs_f64();
+        let done = match formed {
+            Ok(_) => 1.0,
+            Err(FormError::Cancelled) if task.monitor.cancelled() => {
+                return Err(FormError::Cancelled);
+            }
+            Err(FormError::Cancelled) => until.done(),
+            Err(_) => return Ok(None),
+        };
+        let is_whole = side >= 1.0 && pulses == all;
+        if measured_s >= LONG_ENOUGH_S || is_whole || begun.elapsed().as_secs_f64() > MOST_S {
+            // What was stopped before it told of any progress says only that it is long.
+            let seconds = measured_s / done.max(1e-3) * whole / operations;
+            return Ok(Some(Forecast {
+                seconds,
+                measured_s,
+            }));
+        }
+        let more = (LONG_ENOUGH_S * 1.5 / measured_s.max(1e-4)).min(64.0);
+        if side < 1.0 {
+            side = (side * more.sqrt()).min(1.0);
+        } else {
+            pulses = all.min((pulses as f64 * more) as usize + 1);
+        }
+    }
+}
+
+/// How long it takes to read all of so many pulses of `width` samples, by reading some of them here and there.
+///
+/// # Errors
+/// Those of `read`.
+pub fn reading<E>(
+    num_pulses: usize,
+    width: usize,
+    read: impl Fn(Range<usize>, &mut [Complex32]) -> Result<(), E>,
+) -> Result<Forecast, E> {
+    let block = (BLOCK_SAMPLES / width.max(1)).clamp(1, num_pulses.max(1));
+    let mut samples = vec![Complex32::ZERO; block * width];
+    let (begun, mut done) = (Instant::now(), 0);
+    let blocks = num_pulses.div_ceil(block);
+    // A prime stride, so that neighbours are not read one after the other.
+    for index in (0..blocks).map(|i| i * 7919 % blocks) {
+        let first = index * block;
+        let pulses = first..num_pulses.min(first + block);
+        done += pulses.len();
+        let samples = &mut samples[..pulses.len() * width];
+        read(pulses, samples)?;
+        if begun.elapsed().as_secs_f64() > LONG_ENOUGH_S {
+            break;
+        }
+    }
+    let measured_s = begun.elapsed().as_secs_f64();
+    Ok(Forecast {
+        seconds: measured_s * num_pulses as f64 / done.max(1) as f64,
+        measured_s,
+    })
+}
+
+/// Pulses in the middle of a history.
+struct Part<'a> {
+    history: &'a dyn PhaseHistory,
+    collection: Collection,
+    first: usize,
+}
+
+impl<'a> Part<'a> {
+    fn new(history: &'a dyn PhaseHistory, count: usize) -> Self {
+        let whole = history.collection();
+        let first = (whole.pulses.len() - count) / 2;
+        Self {
+            history,
+            collection: Collection {
+                pulses: whole.pulses[first..first + count].to_vec(),
+                name: whole.name.clone(),
+                ..*whole
+            },
+            first,
+        }
+    }
+
+    fn pulses(&self) -> Range<usize> {
+        self.first..self.first + self.collection.pulses.len()
+    }
+}
+
+impl PhaseHistory for Part<'_> {
+    fn collection(&self) -> &Collection {
+        &self.collection
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        let within = self.first + pulses.start..self.first + pulses.end;
+        self.history.read(within, samples)
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.history.held_bytes()
+    }
+}
+
+/// The middle of a grid, `side` of each of its sides.
+fn middle_of(grid: &ImageGrid, side: f64) -> ImageGrid {
+    let middle = |axis: Axis| {
+        let count =
+            ((axis.count as f64 * side).ceil() as usize).clamp(axis.count.min(2), axis.count);
+        let first = (axis.count - count) / 2;
+        Axis {
+            start: axis.at(first),
+            count,
+            ..axis
+        }
+    };
+    ImageGrid {
+        rows: middle(grid.rows),
+        columns: middle(grid.columns),
+        ..*grid
+    }
+}
+
+/// Stops work at a time, and keeps how far it was.
+struct Until<'a> {
+    task: &'a Task<'a>,
+    deadline: Instant,
+    fraction: Mutex<f64>,
+}
+
+impl Until<'_> {
+    fn done(&self) -> f64 {
+        *self
+            .fraction
+            .lock()
+            .unwrap_or_else(|held| held.into_inner())
+    }
+}
+
+impl Monitor for Until<'_> {
+    fn progress(&self, fraction: f64) {
+        let mut most = self
+            .fraction
+            .lock()
+            .unwrap_or_else(|held| held.into_inner());
+        *most = most.max(fraction);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.task.monitor.cancelled() || Instant::now() > self.deadline
+    }
+}

@@ -1,0 +1,296 @@
+//! Several recordings as one aperture: the order in which they are named changes nothing, and none counts twice.
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use subaperture::focus::bp::Backprojection;
+use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::phase_history::{
+    Aperture, Collection, InputFile, PhaseHistory, Pulse, ReadError, Recorded, Sweep,
+};
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Scatterer, Simulated};
+
+/// A recording that knows when it began.
+struct Started(Recorded, Option<i64>);
+
+impl PhaseHistory for Started {
+    fn collection(&self) -> &Collection {
+        self.0.collection()
+    }
+
+    fn read(
+        &self,
+        pulses: std::ops::Range<usize>,
+        samples: &mut [Complex32],
+    ) -> Result<(), ReadError> {
+        self.0.read(pulses, samples)
+    }
+
+    fn start_ns(&self) -> Option<i64> {
+        self.1
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        self.0.inputs()
+    }
+}
+
+/// Antenna of pulse `n` of 120 around the origin, `from` degrees on: an eighth of a degree each.
+fn around(from_deg: f64, n: usize) -> DVec3 {
+    let angle = (from_deg + n as f64 / 8.0).to_radians();
+    DVec3::new(7000.0 * angle.cos(), 7000.0 * angle.sin(), 7000.0)
+}
+
+/// Pulses at `antennas`, a millisecond apart, of two points.
+fn recorded(name: &str, antennas: &[DVec3], timed: bool) -> (Collection, Vec<Complex32>) {
+    let pulses = antennas.iter().enumerate().map(|(n, &antenna)| Pulse {
+        time_s: n as f64 * 1e-3,
+        transmitter_m: antenna,
+        receiver_m: antenna,
+        reference_m: DVec3::ZERO,
+        reference_path_m: 2.0 * antenna.length(),
+        start_hz: 9.3e9,
+        step_hz: 5e6,
+        sweep: Sweep::AT_ONCE,
+    });
+    let collection = Collection {
+        name: name.to_owned(),
+        num_samples: 16,
+        pulses: pulses.collect(),
+        frame: SceneFrame::Local,
+        extent: None,
+        timed,
+    };
+    let point = |x, y| Scatterer {
+        position_m: DVec3::new(x, y, 0.0),
+        amplitude: Complex64::ONE,
+    };
+    let points = vec![point(1.0, 0.5), point(-2.0, 1.5)];
+    let simulated = Simulated::new(collection.clone(), points, None);
+    let mut samples = vec![Complex32::ZERO; antennas.len() * 16];
+    simulated.read(0..antennas.len(), &mut samples).unwrap();
+    (collection, samples)
+}
+
+type Part = (Collection, Vec<Complex32>, Option<i64>);
+
+fn join(parts: &[&Part]) -> Result<Aperture, ReadError> {
+    let boxed = parts.iter().map(|(collection, samples, start_ns)| {
+        let recorded = Recorded::new(collection.clone(), samples.clone()).unwrap();
+        Box::new(Started(recorded, *start_ns)) as Box<dyn PhaseHistory>
+    });
+    Aperture::join(boxed.collect())
+}
+
+fn image(history: &dyn PhaseHistory) -> Vec<Complex32> {
+    let grid: ImageGrid = "x=-4:4:0.25,y=-4:4:0.25,z=0".parse().unwrap();
+    let weights = Weights::new(history.collection(), Window::None, Window::default());
+    let task = Task {
+        history,
+        grid: &grid,
+        weights: &weights,
+        memory_bytes: 1 << 28,
+        monitor: &Silent,
+    };
+    let former = Backprojection { error_db: -60.0 };
+    former.form(&task).unwrap().image.pixels
+}
+
+fn antennas(aperture: &Aperture) -> Vec<DVec3> {
+    let pulses = &aperture.collection().pulses;
+    pulses.iter().map(|p| p.transmitter_m).collect()
+}
+
+/// Every order of three.
+const ORDERS: [[usize; 3]; 6] = [
+    [0, 1, 2],
+    [0, 2, 1],
+    [1, 0, 2],
+    [1, 2, 0],
+    [2, 0, 1],
+    [2, 1, 0],
+];
+
+fn check_orders(parts: &[Part; 3], expected: &[DVec3]) {
+    let mut first: Option<Vec<Complex32>> = None;
+    for order in ORDERS {
+        let aperture = join(&order.map(|i| &parts[i])).unwrap();
+        assert_eq!(antennas(&aperture), expected, "{order:?}");
+        let got = image(&aperture);
+        match &first {
+            None => first = Some(got),
+            Some(first) => assert!(*first == got, "{order:?}: other bits"),
+        }
+    }
+}
+
+#[test]
+fn recordings_without_times_are_in_the_order_of_their_angles() {
+    // Across the half turn at which the arc tangent leaps, and either way around.
+    for (way, start_deg) in [(1.0, 175.0), (-1.0, 3.0)] {
+        let at = |n: usize| {
+            let angle = (start_deg + way * n as f64 / 8.0).to_radians();
+            DVec3::new(7000.0 * angle.cos(), 7000.0 * angle.sin(), 7000.0)
+        };
+        let all: Vec<DVec3> = (0..120).map(at).collect();
+        let parts = [0..40, 40..80, 80..120].map(|range| {
+            let (collection, samples) = recorded("degree", &all[range], false);
+            (collection, samples, None)
+        });
+        check_orders(&parts, &all);
+        let joined = join(&[&parts[2], &parts[0], &parts[1]]).unwrap();
+        let collection = joined.collection();
+        assert!(!collection.timed);
+        // Numbered through.
+        assert!((0..120).all(|n| collection.pulses[n].time_s == n as f64));
+    }
+}
+
+#[test]
+fn times_count_from_the_earliest_start() {
+    let all: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
+    // The middle stretch began first, by its clock.
+    let seconds = 1_000_000_000;
+    let stretch = |range: std::ops::Range<usize>, start_ns| {
+        let (collection, samples) = recorded("stretch", &all[range], true);
+        (collection, samples, start_ns)
+    };
+    let parts = [
+        stretch(0..40, Some(1_700_000_000 * seconds + 2 * seconds)),
+        stretch(40..80, Some(1_700_000_000 * seconds)),
+        stretch(80..120, Some(1_700_000_000 * seconds + seconds)),
+    ];
+    let expected: Vec<DVec3> = [&all[40..80], &all[80..], &all[..40]].concat();
+    check_orders(&parts, &expected);
+    let joined = join(&[&parts[0], &parts[1], &parts[2]]).unwrap();
+    let pulses = &joined.collection().pulses;
+    for (n, pulse) in pulses.iter().enumerate() {
+        let expected_s = (n / 40) as f64 + (n % 40) as f64 * 1e-3;
+        assert!((pulse.time_s - expected_s).abs() < 1e-12, "{n}");
+    }
+    // Starts that only some know tell nothing: by angle then, and without times.
+    let unknown = [
+        stretch(0..40, None),
+        stretch(40..80, Some(7)),
+        stretch(80..120, None),
+    ];
+    check_orders(&unknown, &all);
+    assert!(
+        !join(&[&unknown[1], &unknown[0]])
+            .unwrap()
+            .collection()
+            .timed
+    );
+}
+
+#[test]
+fn pulses_that_take_turns_are_interleaved() {
+    let all: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
+    let (whole, samples) = recorded("whole", &all, true);
+    let turn = |which: usize| {
+        let mut part = whole.clone();
+        part.pulses = whole
+            .pulses
+            .iter()
+            .skip(which)
+            .step_by(3)
+            .copied()
+            .collect();
+        let rows = samples.chunks(16).skip(which).step_by(3);
+        (part, rows.flatten().copied().collect(), None)
+    };
+    let parts = [turn(0), turn(1), turn(2)];
+    check_orders(&parts, &all);
+    let joined = join(&[&parts[1], &parts[2], &parts[0]]).unwrap();
+    for range in [0..120, 7..8, 3..50] {
+        let mut got = vec![Complex32::ZERO; range.len() * 16];
+        joined.read(range.clone(), &mut got).unwrap();
+        assert_eq!(got, samples[range.start * 16..range.end * 16]);
+    }
+    let recorded = Recorded::new(whole, samples).unwrap();
+    assert!(image(&joined) == image(&recorded));
+}
+
+#[test]
+fn one_recording_is_put_in_order_too() {
+    let all: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
+    let (whole, samples) = recorded("whole", &all, true);
+    let shuffled: Vec<usize> = (0..120).map(|n| n * 49 % 120).collect();
+    let mut part = whole.clone();
+    part.pulses = shuffled.iter().map(|&n| whole.pulses[n]).collect();
+    let rows = shuffled
+        .iter()
+        .flat_map(|&n| samples[n * 16..(n + 1) * 16].to_vec());
+    let joined = join(&[&(part, rows.collect(), None)]).unwrap();
+    assert_eq!(joined.collection().name, "whole");
+    assert_eq!(antennas(&joined), all);
+    assert!(image(&joined) == image(&Recorded::new(whole, samples).unwrap()));
+}
+
+#[test]
+fn passes_without_times_share_the_window_of_their_angles() {
+    // Two passes, one higher: the window of both is that of each. A flat top in the middle of the
+    // second pass's way would be what a window by index gives.
+    let low: Vec<DVec3> = (0..60).map(|n| around(20.0, n)).collect();
+    let high: Vec<DVec3> = low.iter().map(|at| at + DVec3::Z * 100.0).collect();
+    let [low, high] = [low, high].map(|antennas| {
+        let (collection, samples) = recorded("pass", &antennas, false);
+        (collection, samples, None)
+    });
+    let joined = join(&[&high, &low]).unwrap();
+    let weights = Weights::new(joined.collection(), Window::None, Window::default());
+    let one = Window::default().weights(120);
+    let heights = joined.collection().pulses.iter().map(|p| p.transmitter_m.z);
+    for height in [7000.0, 7100.0] {
+        let of_pass: Vec<f64> = heights
+            .clone()
+            .zip(&weights.slow)
+            .filter_map(|(z, &weight)| (z == height).then_some(weight))
+            .collect();
+        assert_eq!(of_pass.len(), 60);
+        for (n, weight) in of_pass.iter().enumerate() {
+            // Two pulses of one angle are neighbours in the window, in either order.
+            assert!([one[2 * n], one[2 * n + 1]].contains(weight), "{n}");
+        }
+    }
+}
+
+#[test]
+fn a_recording_named_twice_is_refused() {
+    let all: Vec<DVec3> = (0..120).map(|n| around(20.0, n)).collect();
+    let refused = |a: &Part, b: &Part, parts: [&str; 3]| {
+        let text = join(&[a, b]).err().unwrap().to_string();
+        for part in parts {
+            assert!(text.contains(part), "{text}");
+        }
+    };
+    for timed in [false, true] {
+        let (collection, samples) = recorded("one", &all, timed);
+        let one = (collection, samples, None);
+        refused(
+            &one,
+            &one,
+            ["one and one", "share 120 pulses", "counts once"],
+        );
+        // The last twenty again at the head of another.
+        let mut other = one.clone();
+        other.0.name = "other".to_owned();
+        other.0.pulses.drain(..100);
+        other.1.drain(..100 * 16);
+        refused(
+            &other,
+            &one,
+            ["share 20 pulses", "other", "pulse 100 of one"],
+        );
+    }
+    // A second later a radar that stands still sends the same pulse anew.
+    let (collection, samples) = recorded("one", &all, true);
+    let one = (collection, samples, Some(0));
+    let mut later = one.clone();
+    later.2 = Some(1_000_000_000);
+    assert_eq!(
+        join(&[&later, &one]).unwrap().collection().pulses.len(),
+        240
+    );
+}

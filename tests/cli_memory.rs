@@ -1,0 +1,198 @@
+//! `--memory` holds: the most that the process takes at any time, as the system counts it, stays below, or the work is
+//! refused with what it needs.
+
+use std::fs;
+use std::path::Path;
+
+use subaperture_tests::subap::{command, listing, run};
+
+/// Few pulses, so that large images are quick.
+const SCENARIO: &str = r#"
+name = "a few pulses"
+
+[scene]
+x = "-30, 30 m"
+y = "-30, 30 m"
+
+[[scene.point]]
+position = "1, 2, 0 m"
+
+[radar]
+kind = "ideal"
+pulses = 16
+pri = "10 ms"
+centre = "10 GHz"
+bandwidth = "150 MHz"
+samples = 64
+
+[platform]
+kind = "linear"
+position = "0, -900, 400 m"
+velocity = "20, 0, 0 m/s"
+"#;
+
+const MIB: f64 = 1024.0 * 1024.0;
+
+fn workplace() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scene.toml"), SCENARIO).unwrap();
+    run(folder.path(), "simulate scene.toml -o scene.cphd").succeeded();
+    folder
+}
+
+/// Runs `line` within `mib` and returns the most that it took, MiB; `None` if it was refused for its memory.
+#[track_caller]
+fn peak_mib(at: &Path, line: &str, mib: u32) -> Option<f64> {
+    let words = format!("{line} --threads 2 --memory {mib}M -v");
+    let ran = run(at, &words);
+    if ran.code != Some(0) {
+        ran.failed(1, &["memory"]);
+        println!("{mib:4} MiB: refused: {line}");
+        return None;
+    }
+    let marker = " of memory at the most";
+    let told = ran
+        .stderr
+        .lines()
+        .find_map(|line| line.strip_suffix(marker));
+    let told = told.unwrap_or_else(|| panic!("no peak in {ran:?}"));
+    let (number, unit) = told.trim_start_matches("note: ").split_once(' ').unwrap();
+    let peak = number.parse::<f64>().unwrap()
+        * match unit {
+            "KiB" => 1024.0 / MIB,
+            "MiB" => 1.0,
+            "GiB" => 1024.0,
+            _ => panic!("{unit}"),
+        };
+    println!("{mib:4} MiB: {peak:6.1} MiB taken: {line}");
+    assert!(peak <= f64::from(mib), "{line}: {peak} MiB of {mib}");
+    Some(peak)
+}
+
+/// Asserts that `line` stays within each of `budgets`, and that the last is enough.
+#[track_caller]
+fn holds(at: &Path, line: &str, budgets: &[u32]) {
+    let peaks: Vec<_> = budgets.iter().map(|&mib| peak_mib(at, line, mib)).collect();
+    assert!(peaks[peaks.len() - 1].is_some(), "{line}: always refused");
+}
+
+#[test]
+fn every_former_stays_within_its_budget() {
+    let folder = workplace();
+    // 11.5 MB of pixels.
+    let grid = "--grid x=-30:30:0.05,y=-30:30:0.05 --allow-error --force";
+    for former in [
+        "bp",
+        "rdbp",
+        "rdbp --mode thesis --sub-cpi 8",
+        "ffbp",
+        "pfa",
+        "rda",
+        "omega-k",
+    ] {
+        let grid = match former.contains("thesis") {
+            true => grid.replace(" --allow-error", ""),
+            false => grid.to_owned(),
+        };
+        let line = format!("focus scene.cphd --out out -a {former} {grid}");
+        holds(folder.path(), &line, &[32, 44, 96, 512]);
+    }
+    // 40 bytes a pixel more.
+    let line = "focus scene.cphd --out out -a exact --grid x=-30:30:0.1,y=-30:30:0.1";
+    holds(folder.path(), line, &[32, 44, 96]);
+}
+
+#[test]
+fn velocities_qualities_and_comparisons_stay_within_their_budgets() {
+    let folder = workplace();
+    let at = folder.path();
+    let line = "velocity scene.cphd --at 1,2 --vx=-30:30:0.1 --vy=-30:30:0.1 --out v";
+    holds(at, line, &[32, 64]);
+    run(
+        at,
+        "focus scene.cphd --out image --grid x=-30:30:0.1,y=-30:30:0.1",
+    )
+    .succeeded();
+    holds(
+        at,
+        "quality image --against image --plots q",
+        &[32, 64, 128],
+    );
+    holds(at, "compare image/image.npy image/image.npy", &[26, 44]);
+    holds(at, "picture image -o p.png", &[26, 44, 128]);
+    holds(at, "info scene.cphd", &[26]);
+}
+
+#[test]
+fn a_simulation_stays_within_its_budget() {
+    let folder = workplace();
+    let at = folder.path();
+    let clutter = "\n[[scene.clutter]]\nkind = \"rectangle\"\nx = \"-30, 30 m\"\ny = \"-30, 30 m\"\nsigma0 = \"-20 dB\"\n";
+    for (name, count) in [("some", 20_000), ("many", 300_000), ("most", 20_000_000)] {
+        let text = format!("{SCENARIO}{clutter}count = {count}\n");
+        fs::write(at.join(format!("{name}.toml")), text).unwrap();
+    }
+    holds(at, "simulate some.toml -o a.cphd --echoes a", &[32, 64]);
+    holds(at, "simulate many.toml -o b.cphd", &[32, 64, 128]);
+    // 67 million points are possible, and take 2.7 GB as they are: refused before they are made.
+    assert_eq!(peak_mib(at, "simulate most.toml -o c.cphd", 64), None);
+    let long = "simulate scene.toml -o d.cphd --set radar.pri=1us --set radar.pulses";
+    holds(at, &format!("{long}=20000"), &[32, 64, 128]);
+    assert_eq!(peak_mib(at, &format!("{long}=10000000"), 64), None);
+    assert_eq!(
+        peak_mib(
+            at,
+            "simulate scene.toml -o e.cphd --set radar.samples=16777216",
+            64
+        ),
+        None
+    );
+    assert!(!at.join("c.cphd").exists() && !at.join("e.cphd").exists());
+}
+
+#[test]
+fn less_than_the_program_takes_is_refused_and_more_than_there_is_cut() {
+    let folder = workplace();
+    let at = folder.path();
+    let line = "focus scene.cphd --out out --grid x=-3:3:0.5,y=-3:3:0.5 --threads 2";
+    for size in ["1M", "16M", "25M"] {
+        run(at, &format!("{line} --memory {size}")).failed(2, &["--memory", "26.0 MiB"]);
+    }
+    let before = listing(at);
+    let ran = run(at, &format!("{line} --memory 4000T"));
+    assert!(ran.stderr.contains("more than this machine has"), "{ran:?}");
+    ran.succeeded();
+    assert!(listing(at).len() > before.len());
+}
+
+#[test]
+fn a_limit_on_the_address_space_never_aborts() {
+    let folder = workplace();
+    let at = folder.path();
+    let program = command(at, [""; 0]).get_program().to_owned();
+    let mut ended = [0; 2];
+    for limit_mib in [20, 40, 60, 80, 100, 140, 200, 300, 500, 800] {
+        let line =
+            "focus scene.cphd --out out --force --grid x=-30:30:0.1,y=-30:30:0.1 --threads 2";
+        let script = format!("ulimit -v {}; exec \"$0\" {line}", limit_mib * 1024);
+        let output = std::process::Command::new("sh")
+            .args(["-c", &script])
+            .arg(&program)
+            .current_dir(at)
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        println!("{limit_mib} MiB: {:?} {told}", output.status.code());
+        // Below what the loader needs the system says so itself, by 127 or a signal of its own.
+        if told.contains("error while loading") || told.contains("cannot allocate memory in static")
+        {
+            continue;
+        }
+        match output.status.code() {
+            Some(0) => ended[0] += 1,
+            Some(1) => ended[1] += 1,
+            other => panic!("{limit_mib} MiB: {other:?}: {told}"),
+        }
+    }
+    assert!(ended[0] > 0 && ended[1] > 0, "{ended:?}");
+}

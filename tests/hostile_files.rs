@@ -1,0 +1,229 @@
+//! Files made to take time or memory out of proportion to their length, and numbers that cannot be.
+
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use num_complex::Complex32;
+use serde_json::{Value, json};
+use subaperture::image::Image;
+use subaperture::io::cphd::CphdInfo;
+use subaperture::io::product::{self, Product};
+use subaperture::simulate::scenario::Scenario;
+
+/// Longest that reading a file of some megabytes may take: seconds on a busy machine, for which a file that takes
+/// time by the square of its length would need minutes.
+const LIMIT: Duration = Duration::from_secs(2);
+
+/// A document around what is said of the channels.
+fn cphd_xml(attributes: &str, data: &str, parameters: &str, rest: &str) -> String {
+    format!(
+        "<CPHD xmlns=\"http://api.nsgreg.nga.mil/schema/cphd/1.1.0\"{attributes}>\
+         <Global><DomainType>FX</DomainType><SGN>-1</SGN></Global>\
+         <SceneCoordinates><IARP><ECF><X>6378137</X><Y>0</Y><Z>0</Z></ECF></IARP>\
+         <ReferenceSurface><Planar><uIAX><X>0</X><Y>1</Y><Z>0</Z></uIAX>\
+         <uIAY><X>0</X><Y>0</Y><Z>1</Z></uIAY></Planar></ReferenceSurface>\
+         <ImageArea><X1Y1><X>-10</X><Y>-20</Y></X1Y1><X2Y2><X>30</X><Y>40</Y></X2Y2></ImageArea></SceneCoordinates>\
+         <Data><SignalArrayFormat>CF8</SignalArrayFormat><NumBytesPVP>160</NumBytesPVP>{data}</Data>\
+         <Channel><RefChId>c0</RefChId>{parameters}</Channel>{rest}</CPHD>"
+    )
+}
+
+fn channel(n: usize) -> String {
+    format!(
+        "<Channel><Identifier>c{n}</Identifier><NumVectors>1</NumVectors><NumSamples>1</NumSamples>\
+         <SignalArrayByteOffset>0</SignalArrayByteOffset><PVPArrayByteOffset>0</PVPArrayByteOffset></Channel>"
+    )
+}
+
+fn read(xml: &str) -> Result<CphdInfo, String> {
+    assert!(
+        xml.len() <= 8 << 20,
+        "{} bytes are more than are read",
+        xml.len()
+    );
+    let start = Instant::now();
+    let info = CphdInfo::from_xml(xml).map_err(|error| error.to_string());
+    let took = start.elapsed();
+    println!("{} bytes in {took:?}", xml.len());
+    assert!(took < LIMIT, "{} bytes took {took:?}", xml.len());
+    info
+}
+
+/// Before, each channel's parameters were searched for from the first on: 6 s for 4000.
+#[test]
+fn many_channels_take_time_in_proportion() {
+    const CHANNELS: usize = 25_000;
+    let data: String = (0..CHANNELS).map(channel).collect();
+    let parameters: String = (0..CHANNELS)
+        .rev()
+        .map(|n| format!("<Parameters><Identifier>c{n}</Identifier><FxC>{n}</FxC></Parameters>"))
+        .collect();
+    let info = read(&cphd_xml("", &data, &parameters, "")).unwrap();
+    assert_eq!(info.channels.len(), CHANNELS);
+    assert!((0..CHANNELS).all(|n| info.channels[n].fx_c_hz == Some(n as f64)));
+}
+
+/// Of two of one identifier the first counts, as it always did.
+#[test]
+fn the_first_of_parameters_of_one_channel_counts() {
+    let parameters = "<Parameters><FxC>9</FxC></Parameters>\
+                      <Parameters><Identifier>c0</Identifier><FxC>1</FxC></Parameters>\
+                      <Parameters><Identifier>c0</Identifier><FxC>2</FxC></Parameters>";
+    let info = read(&cphd_xml("", &channel(0), parameters, "")).unwrap();
+    assert_eq!(info.channels[0].fx_c_hz, Some(1.0));
+}
+
+/// Before, the parser compared each with every other: 7 s for 40 000.
+#[test]
+fn many_attributes_are_refused_at_once() {
+    let attributes: String = (0..200_000).map(|n| format!(" a{n}=\"=>\"")).collect();
+    let error = read(&cphd_xml(&attributes, &channel(0), "", "")).unwrap_err();
+    assert!(
+        error.contains("byte 0: more than 100 attributes of one element"),
+        "{error}"
+    );
+    // Hundreds of elements may have some, and text and comments any number of signs.
+    let some: String = (0..50).map(|n| format!(" a{n}='x>y'")).collect();
+    let many = format!(
+        "<a{some}>{}</a><!-- <{} --><![CDATA[<{}]]>",
+        "=".repeat(500),
+        "=".repeat(500),
+        "=".repeat(500)
+    );
+    read(&cphd_xml("", &channel(0), "", &many.repeat(100))).unwrap();
+}
+
+/// Before, every element copied the namespaces of those around it: gigabytes for a megabyte.
+#[test]
+fn many_namespaces_are_refused_at_once() {
+    let begin: String = (0..20_000)
+        .map(|n| format!("<a xmlns:n{n}=\"u\">"))
+        .collect();
+    let deep = begin + &"</a>".repeat(20_000);
+    let error = read(&cphd_xml("", &channel(0), "", &deep)).unwrap_err();
+    assert!(
+        error.contains("more than 100 declarations of namespaces"),
+        "{error}"
+    );
+}
+
+/// Nothing here calls itself for every level.
+#[test]
+fn deep_elements_are_no_matter() {
+    let deep = "<a>".repeat(500_000) + &"</a>".repeat(500_000);
+    read(&cphd_xml("", &channel(0), "", &deep)).unwrap();
+}
+
+#[test]
+fn a_list_of_channels_for_a_person_is_short() {
+    let data: String = (0..5000).map(channel).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.cphd");
+    let xml = cphd_xml("", &data, "", "<PVP></PVP>");
+    let header = |at: usize| {
+        format!(
+            "CPHD/1.1.0\nXML_BLOCK_SIZE := {}\nXML_BLOCK_BYTE_OFFSET := {at}\nPVP_BLOCK_SIZE := 8\n\
+             PVP_BLOCK_BYTE_OFFSET := {at}\nSIGNAL_BLOCK_SIZE := 8\nSIGNAL_BLOCK_BYTE_OFFSET := {at}\n\x0c\n",
+            xml.len()
+        )
+    };
+    let at = header(1000).len();
+    let mut whole = header(1000).replace(":= 1000\n", &format!(":= {at:04}\n"));
+    whole += &xml;
+    fs::write(&path, whole).unwrap();
+    let error = subaperture::io::cphd::Cphd::open(&path, Some("none"), u64::MAX);
+    let error = error.err().unwrap().to_string();
+    assert!(error.len() < 1000, "{} bytes", error.len());
+}
+
+fn product_with(folder: &Path, grid: &Value) -> Result<product::StoredProduct, String> {
+    let image = Image {
+        rows: 2,
+        columns: 3,
+        pixels: vec![Complex32::ONE; 6],
+    };
+    let product = Product {
+        image: &image,
+        metadata: &json!({ "grid": grid }),
+        quicklook: b"none",
+    };
+    product.write(folder).unwrap();
+    product::read(folder).map_err(|error| error.to_string())
+}
+
+/// Before, all of these were read, and pixels lay anywhere.
+#[test]
+fn a_products_grid_that_cannot_be_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = json!({
+        "kind": "cartesian",
+        "origin_m": [0.0, 1.0, 2.0],
+        "x_axis": [1.0, 0.0, 0.0],
+        "y_axis": [0.0, 1.0, 0.0],
+        "columns": { "start": 0.0, "step": 0.5, "count": 3 },
+        "rows": { "start": 0.0, "step": 0.5, "count": 2 },
+    });
+    product_with(folder.path(), &good).unwrap();
+    for (pointer, value, part) in [
+        (
+            "/x_axis",
+            json!([2.0, 0.0, 0.0]),
+            "not orthogonal unit vectors",
+        ),
+        (
+            "/y_axis",
+            json!([1.0, 0.0, 0.0]),
+            "not orthogonal unit vectors",
+        ),
+        (
+            "/y_axis",
+            json!([0.0, 1e200, 1e200]),
+            "not orthogonal unit vectors",
+        ),
+        (
+            "/x_axis",
+            json!([0.0, 0.0, 0.0]),
+            "not orthogonal unit vectors",
+        ),
+        (
+            "/origin_m",
+            json!([1e300, 0.0, 0.0]),
+            "more than 1e9 m away",
+        ),
+        ("/columns/start", json!(-1e10), "its columns run from"),
+        ("/rows/step", json!(1e308), "its rows run from"),
+        ("/columns/step", json!(1e10), "its columns run from"),
+    ] {
+        let mut grid = good.clone();
+        *grid.pointer_mut(pointer).unwrap() = value;
+        let error = product_with(folder.path(), &grid).unwrap_err();
+        assert!(
+            error.contains("image.json") && error.contains(part),
+            "{pointer}: {error}"
+        );
+    }
+}
+
+/// Before, what was meant by each was searched for: 10 s for 3 megabytes.
+#[test]
+fn many_unknown_keys_are_told_at_once() {
+    let keys: String = (0..300_000).map(|n| format!("k{n} = 1\n")).collect();
+    let start = Instant::now();
+    let error = Scenario::new("a.toml", format!("[scene]\n{keys}"), ".").experiment();
+    let took = start.elapsed();
+    println!("{took:?}");
+    assert!(took < LIMIT, "{took:?}");
+    assert!(error.unwrap_err().to_string().contains("unknown key"));
+}
+
+#[test]
+fn metadata_of_any_length_are_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("image.json");
+    fs::File::create(&path).unwrap().set_len(1 << 40).unwrap();
+    let start = Instant::now();
+    let error = product::read(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("more than 4194304 bytes"), "{error}");
+    assert!(start.elapsed() < LIMIT);
+}

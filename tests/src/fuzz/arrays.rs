@@ -1,0 +1,214 @@
+//! NumPy arrays, alone and in archives, and pictures of a scene.
+
+use num_complex::Complex32;
+use subaperture::image::Image;
+use subaperture::io::npy::{self, Array, ArrayWriter, Values};
+use subaperture::simulate::scene::Picture;
+
+use super::MEMORY_BYTES;
+use super::scratch::with_files;
+
+pub(super) const WORDS: &[&str] = &[
+    "'descr': ",
+    "'fortran_order': ",
+    "'shape': ",
+    "'<c8'",
+    "'<c16'",
+    "'<f4'",
+    "'|i1'",
+    "'<u8'",
+    "True",
+    "False",
+    "(1,)",
+    "()",
+    "(2, 3)",
+    "PK\x03\x04",
+    "PK\x01\x02",
+    "PK\x05\x06",
+    "PK\x06\x06",
+    "PK\x06\x07",
+    ".npy",
+];
+
+/// `numpy.save` of values of a kind, by the format's description.
+fn array(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+    let header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n");
+    let mut file = b"\x93NUMPY\x01\x00".to_vec();
+    file.extend((header.len() as u16).to_le_bytes());
+    file.extend(header.as_bytes());
+    file.extend(data);
+    file
+}
+
+/// An image of 3 x 4.
+pub(super) fn image_bytes() -> Vec<u8> {
+    let image = Image {
+        rows: 3,
+        columns: 4,
+        pixels: (0..12).map(|i| Complex32::cis(i as f32)).collect(),
+    };
+    let mut bytes = Vec::new();
+    npy::write_to(&mut bytes, &image).expect("a vector takes every byte");
+    bytes
+}
+
+pub(super) fn npy_seeds() -> Vec<Vec<u8>> {
+    let mut real = Vec::new();
+    let mut writer = ArrayWriter::new(&mut real, &[2, 3]).expect("a vector takes every byte");
+    writer
+        .put(&[0.5f64, 1.0, 2.0, -1.0, 3.5, 1e9])
+        .expect("six values");
+    writer.finish().expect("six values");
+    vec![
+        image_bytes(),
+        real,
+        array("<i2", "(2, 2)", &[1, 0, 2, 0, 255, 255, 0, 128]),
+        array("|u1", "(3,)", &[1, 2, 3]),
+        array("<c16", "(1,)", &[7; 16]),
+        array("<f4", "()", &1.5f32.to_le_bytes()),
+    ]
+}
+
+/// An archive whose members are stored.
+pub(super) fn stored(members: &[(&str, &[u8])]) -> Vec<u8> {
+    let (mut file, mut directory) = (Vec::new(), Vec::new());
+    for (name, data) in members {
+        let at = (file.len() as u32).to_le_bytes();
+        let size = (data.len() as u32).to_le_bytes();
+        let crc = crc32fast::hash(data).to_le_bytes();
+        let length = (name.len() as u16).to_le_bytes();
+        // Version 2.0, no flags, stored, midnight of 1 January 1980.
+        let about = [
+            &[20, 0, 0, 0, 0, 0, 0, 0, 0x21, 0][..],
+            &crc,
+            &size,
+            &size,
+            &length,
+            &[0, 0],
+        ]
+        .concat();
+        file.extend([b"PK\x03\x04", &about[..], name.as_bytes(), data].concat());
+        directory.extend(
+            [
+                b"PK\x01\x02\x14\0",
+                &about[..],
+                &[0; 10],
+                &at,
+                name.as_bytes(),
+            ]
+            .concat(),
+        );
+    }
+    let count = (members.len() as u16).to_le_bytes();
+    let size = (directory.len() as u32).to_le_bytes();
+    let at = (file.len() as u32).to_le_bytes();
+    let end = [
+        b"PK\x05\x06\0\0\0\0",
+        &count[..],
+        &count,
+        &size,
+        &at,
+        &[0, 0],
+    ]
+    .concat();
+    [file, directory, end].concat()
+}
+
+/// A member of the archive of seeds.
+const MEMBER: &str = "a";
+
+pub(super) fn npz_seeds() -> Vec<Vec<u8>> {
+    let one = array("<f8", "(2,)", &[0; 16]);
+    let plain = stored(&[("a.npy", &one), ("b.npy", &image_bytes())]);
+    // As `numpy.savez_compressed` has it: the same, deflated.
+    let mut deflate = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::best());
+    std::io::Write::write_all(&mut deflate, &one).expect("a vector takes every byte");
+    let packed = deflate.finish().expect("a vector takes every byte");
+    let mut archive = stored(&[("a.npy", &packed)]);
+    let crc = crc32fast::hash(&one).to_le_bytes();
+    let directory = 30 + 5 + packed.len();
+    for (at, size_at, method_at) in [
+        (14, 22, 8),
+        (directory + 16, directory + 24, directory + 10),
+    ] {
+        archive[at..at + 4].copy_from_slice(&crc);
+        archive[size_at..size_at + 4].copy_from_slice(&(one.len() as u32).to_le_bytes());
+        archive[method_at] = 8;
+    }
+    vec![plain, archive]
+}
+
+/// What an array is, in words; its values are as many as its shape says.
+fn describe(array: &Array) -> String {
+    let count: usize = array.shape.iter().product();
+    let (kind, values) = match &array.values {
+        Values::Real(values) => ("real", values.len()),
+        Values::Complex(values) => ("complex", values.len()),
+    };
+    assert_eq!(count, values, "an array of another size than its shape's");
+    format!("{kind} of {} dimensions", array.shape.len())
+}
+
+pub(super) fn npy(bytes: &[u8]) -> String {
+    with_files(&[("input.npy", bytes)], |folder| {
+        let path = folder.join("input.npy");
+        let any = match Array::read(&path, None, MEMORY_BYTES) {
+            Ok(array) => describe(&array),
+            Err(error) => error.to_string(),
+        };
+        let image = match npy::read(&path) {
+            Ok(image) => {
+                assert_eq!(image.pixels.len(), image.rows * image.columns);
+                let mut again = Vec::new();
+                npy::write_to(&mut again, &image).expect("a vector takes every byte");
+                // The values are the file's end; its header may be written in another way.
+                let values = 8 * image.pixels.len();
+                assert_eq!(again[again.len() - values..], bytes[bytes.len() - values..]);
+                "an image".to_owned()
+            }
+            Err(error) => error.to_string(),
+        };
+        format!("{any}; {image}")
+    })
+}
+
+pub(super) fn npz(bytes: &[u8]) -> String {
+    with_files(&[("input.npz", bytes)], |folder| {
+        let path = folder.join("input.npz");
+        let read = |name| match Array::read(&path, Some(name), MEMORY_BYTES) {
+            Ok(array) => describe(&array),
+            Err(error) => error.to_string(),
+        };
+        format!("{}; {}", read(MEMBER), read("b.npy"))
+    })
+}
+
+pub(super) fn picture_seeds() -> Vec<Vec<u8>> {
+    [(png::BitDepth::Eight, 6), (png::BitDepth::Sixteen, 12)]
+        .map(|(depth, length)| {
+            let mut out = Vec::new();
+            let mut encoder = png::Encoder::new(&mut out, 3, 2);
+            encoder.set_color(png::ColorType::Grayscale);
+            encoder.set_depth(depth);
+            let mut writer = encoder.write_header().expect("a vector takes every byte");
+            let data: Vec<u8> = (0..length).map(|i| i * 20).collect();
+            writer.write_image_data(&data).expect("six pixels");
+            writer.finish().expect("six pixels");
+            out
+        })
+        .to_vec()
+}
+
+/// A file of deflate holds 1032 times its bytes at most; of each a pixel, its brightness, and room to grow.
+pub(super) fn picture_bytes(input_bytes: usize) -> usize {
+    (4 << 20) + 8 * 1032 * input_bytes
+}
+
+pub(super) fn picture(bytes: &[u8]) -> String {
+    with_files(&[("input.png", bytes)], |folder| {
+        match Picture::read(&folder.join("input.png")) {
+            Ok(_) => "a picture".to_owned(),
+            Err(error) => error.to_string(),
+        }
+    })
+}

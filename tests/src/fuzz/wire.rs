@@ -1,0 +1,228 @@
+//! Frames of the link, in both directions, and maps and chips put together of them.
+
+use subaperture_core::cfar::{Cfar, Reach};
+use subaperture_core::link::{
+    ChipAssembly, ChipGrid, Command, Configuration, Damage, Encoder, Encoding, MapAssembly,
+    Receiver, Refusal, Report, State, Status, detections, max_frame_bytes, max_received_bytes,
+    write_complex32s, write_f32s,
+};
+
+use crate::link_scene;
+
+/// Most samples of a message here.
+const SAMPLES: usize = 40;
+
+/// Commands of a whole conversation, with everything that there is to say.
+pub(super) fn commands() -> Vec<u8> {
+    let scene = link_scene::scene();
+    let mut encoder = Encoder::new();
+    let mut buffer = vec![0; max_frame_bytes(SAMPLES)];
+    let mut wire = Vec::new();
+    let mut say = |command: &Command<'_>| {
+        wire.extend(
+            encoder
+                .encode(command, &mut buffer)
+                .expect("a short command"),
+        );
+    };
+    say(&Command::Hello);
+    say(&Command::Configure(Configuration {
+        id: 5,
+        setup: scene.setup,
+    }));
+    let mut bytes = [0; 8 * SAMPLES];
+    let weights = write_f32s(&scene.weights, &mut bytes).expect("few weights");
+    say(&Command::Weights { first: 0, weights });
+    let count = scene.patches.len() as u16;
+    for (index, &patch) in (0..).zip(&scene.patches) {
+        say(&Command::Patch {
+            index,
+            count,
+            patch,
+        });
+    }
+    say(&Command::Chip(ChipGrid {
+        patch: 0,
+        origin_m: [1.5, -3.125, 0.5],
+        column_step_m: [0.25, 0.0, 0.0],
+        row_step_m: [0.0, 0.25, 0.0],
+        num_columns: 6,
+        num_rows: 5,
+    }));
+    let reach = |guard, training| Reach { guard, training };
+    say(&Command::Detect(Cfar {
+        range: reach(1, 2),
+        doppler: reach(1, 1),
+        false_alarm_probability: 0.01,
+    }));
+    say(&Command::Start { run: 3, first: 0 });
+    for (pulse, samples) in scene.pulses.iter().zip(&scene.samples).take(9) {
+        let samples = write_complex32s(samples, &mut bytes).expect("a short pulse");
+        say(&Command::Pulse {
+            pulse: *pulse,
+            encoding: Encoding::Complex32,
+            samples,
+        });
+    }
+    for command in [Command::Status, Command::Stop, Command::Abort] {
+        say(&command);
+    }
+    wire
+}
+
+/// What a module says to them.
+fn reports() -> Vec<u8> {
+    super::station::Bench::new().hear(&commands())
+}
+
+pub(super) fn seeds() -> Vec<Vec<u8>> {
+    let mut encoder = Encoder::new();
+    let mut buffer = vec![0; max_frame_bytes(SAMPLES)];
+    let mut rare = Vec::new();
+    let status = Status {
+        state: State::Done,
+        configuration: 1,
+        run: 2,
+        next_pulse: 3,
+        accept_through: 4,
+        maps: 5,
+        link: Default::default(),
+        pulses: Default::default(),
+    };
+    for report in [
+        Report::Status(status),
+        Report::Refused {
+            sequence: 9,
+            what: Refusal::PulseLength {
+                expected: 3,
+                got: 4,
+            },
+        },
+        Report::Log { text: "a line" },
+    ] {
+        rare.extend(
+            encoder
+                .encode(&report, &mut buffer)
+                .expect("a short report"),
+        );
+    }
+    vec![commands(), reports(), rare]
+}
+
+/// What comes of one frame, in words that do not depend on how its bytes were split.
+fn heard(words: &mut Vec<String>, received: Result<(u32, String), Damage>) {
+    words.push(match received {
+        Ok((sequence, message)) => format!("{sequence} {message}"),
+        Err(damage) => damage.to_string(),
+    });
+}
+
+/// What was read and written again is read the same: a frame of it, by the core's own writer.
+macro_rules! again {
+    ($kind:ty, $message:expr) => {{
+        let mut wire = vec![0; max_frame_bytes(8 * SAMPLES)];
+        let mut encoder = Encoder::new();
+        let mut bytes = encoder
+            .encode($message, &mut wire)
+            .expect("it came in a frame");
+        let mut buffer = vec![0; max_received_bytes(8 * SAMPLES)];
+        let mut receiver = Receiver::new(&mut buffer);
+        let frame = receiver.receive::<$kind>(&mut bytes).expect("a frame");
+        // By what it prints: a NaN is no other NaN's equal.
+        let read = format!("{:?}", frame.expect("it is whole").message);
+        assert_eq!(read, format!("{:?}", $message));
+    }};
+}
+
+/// Reads commands in pieces of this length.
+fn hear_commands(wire: &[u8], piece: usize) -> Vec<String> {
+    let mut buffer = vec![0; max_received_bytes(SAMPLES)];
+    let mut receiver = Receiver::new(&mut buffer);
+    let mut words = Vec::new();
+    for mut bytes in wire.chunks(piece) {
+        while let Some(frame) = receiver.receive::<Command<'_>>(&mut bytes) {
+            if let Ok(frame) = &frame {
+                again!(Command<'_>, &frame.message);
+            }
+            heard(
+                &mut words,
+                frame.map(|f| (f.sequence, format!("{:?}", f.message))),
+            );
+        }
+    }
+    words
+}
+
+/// Reads reports in pieces of this length, and puts maps and chips together.
+fn hear_reports(wire: &[u8], piece: usize) -> Vec<String> {
+    let mut buffer = vec![0; max_received_bytes(SAMPLES)];
+    let mut receiver = Receiver::new(&mut buffer);
+    let (mut room, mut chip_room) = (vec![0; 4096], vec![0; 1024]);
+    let (mut map, mut chip) = (
+        MapAssembly::new(&mut room),
+        ChipAssembly::new(&mut chip_room),
+    );
+    let mut words = Vec::new();
+    for mut bytes in wire.chunks(piece) {
+        while let Some(frame) = receiver.receive::<Report<'_>>(&mut bytes) {
+            if let Ok(frame) = &frame {
+                let report = &frame.message;
+                again!(Report<'_>, report);
+                if let Report::Detections { list, .. } = report {
+                    assert!(detections(list).len() <= list.len());
+                }
+                if let Ok(Some(map)) = map.take(report) {
+                    let patch = &map.header.patch;
+                    let width = patch.num_range_bins();
+                    let rows = map
+                        .rows()
+                        .map(|row| assert_eq!(row.values().count(), width));
+                    assert_eq!(rows.count(), patch.num_doppler_bins());
+                    words.push("a map".to_owned());
+                }
+                if let Ok(Some(chip)) = chip.take(report) {
+                    let grid = chip.grid;
+                    let pixels = usize::from(grid.num_columns) * usize::from(grid.num_rows);
+                    assert_eq!(chip.bytes.len(), 8 * pixels);
+                    words.push("a chip".to_owned());
+                }
+            }
+            heard(
+                &mut words,
+                frame.map(|f| (f.sequence, format!("{:?}", f.message))),
+            );
+        }
+    }
+    words
+}
+
+/// The names of what came, for telling inputs apart.
+fn names(words: &[String]) -> String {
+    let name = |word: &String| -> String {
+        let word = word.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ');
+        word.split(['(', '{', ' '])
+            .next()
+            .unwrap_or_default()
+            .to_owned()
+    };
+    let mut names: Vec<String> = words.iter().map(name).collect();
+    names.dedup();
+    names.truncate(12);
+    names.join(" ")
+}
+
+pub(super) fn read(bytes: &[u8]) -> String {
+    let commands = hear_commands(bytes, bytes.len().max(1));
+    assert_eq!(
+        commands,
+        hear_commands(bytes, 7),
+        "it depends on how bytes are split"
+    );
+    let reports = hear_reports(bytes, bytes.len().max(1));
+    assert_eq!(
+        reports,
+        hear_reports(bytes, 5),
+        "it depends on how bytes are split"
+    );
+    format!("{}; {}", names(&commands), names(&reports))
+}

@@ -1,0 +1,73 @@
+//! `unsafe` is in the firmware alone, and every place of it says why it is sound.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use subaperture_tests::subap::root;
+
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() && !path.ends_with("target") {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+}
+
+/// Code of a line without its comment; texts have no slashes here.
+fn code(line: &str) -> &str {
+    line.split("//").next().unwrap_or_default()
+}
+
+/// Whether the line, or what stands above it without a gap, says why.
+fn has_reason(lines: &[&str], n: usize) -> bool {
+    let above = lines[..=n]
+        .iter()
+        .rev()
+        .take_while(|line| !line.trim().is_empty());
+    // Of a block within an expression the reason stands above the expression; further up is another's.
+    above.take(6).any(|line| line.contains("SAFETY:"))
+}
+
+#[test]
+fn every_unsafe_has_its_reason() {
+    let mut files = Vec::new();
+    sources(&root().join("firmware"), &mut files);
+    let mut sites = 0;
+    for path in files {
+        let text = fs::read_to_string(&path).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        for (n, line) in lines.iter().enumerate() {
+            let is_site = code(line)
+                .split(|c: char| !c.is_alphanumeric() && c != '_')
+                .any(|word| word == "unsafe");
+            if is_site {
+                sites += 1;
+                assert!(
+                    has_reason(&lines, n),
+                    "{}:{}: no reason for {line}",
+                    path.display(),
+                    n + 1
+                );
+            }
+        }
+    }
+    println!("{sites} places");
+    assert!(sites > 10, "the search finds nothing");
+}
+
+/// The compiler refuses it elsewhere.
+#[test]
+fn nothing_else_may_be_unsafe() {
+    for path in [
+        "core/src/lib.rs",
+        "host/src/lib.rs",
+        "host/src/bin/subap/main.rs",
+        "tests/src/lib.rs",
+    ] {
+        let text = fs::read_to_string(root().join(path)).unwrap();
+        assert!(text.contains("\n#![forbid(unsafe_code)]\n"), "{path}");
+    }
+}
