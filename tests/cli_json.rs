@@ -31,6 +31,9 @@ fn object(folder: &Path, line: &str, schema: &str) -> Value {
 
 const GRID: &str = "--grid x=-5:5:0.5,y=-5:5:0.5";
 
+/// Fine enough for quality to measure the point in the middle.
+const FINE: &str = "--grid x=-5:5:0.25,y=-5:5:0.25";
+
 #[test]
 fn every_command_prints_one_object() {
     let folder = tempfile::tempdir().unwrap();
@@ -45,7 +48,7 @@ fn every_command_prints_one_object() {
         object(folder, "info scene.cphd", "subaperture-info")["num_pulses"],
         1040
     );
-    let line = format!("focus scene.cphd -a bp {GRID} --check 20 --out image");
+    let line = format!("focus scene.cphd -a bp {FINE} --check 20 --out image");
     let got = object(folder, &line, "subaperture-image");
     assert_eq!(
         (&got["folder"], &got["check"]["num_pixels"]),
@@ -76,7 +79,7 @@ fn every_command_prints_one_object() {
     );
     run(
         folder,
-        &format!("focus scene.cphd -a exact {GRID} --out exact"),
+        &format!("focus scene.cphd -a exact {FINE} --out exact"),
     )
     .succeeded();
     let got = object(folder, "compare image exact", "subaperture-comparison");
@@ -103,7 +106,7 @@ fn every_command_prints_one_object() {
     assert!(got["costs"].is_array());
     let got = object(
         folder,
-        &format!("plan module --ram 512K scene.cphd {GRID}"),
+        &format!("plan module --ram 512K scene.cphd {FINE}"),
         "subaperture-module-plan",
     );
     assert!(got["ram"].is_object());

@@ -343,7 +343,7 @@ fn parse_numbers(key: &str, value: &str) -> Result<Vec<f64>, GridError> {
 fn near_enough(key: &str, value_m: f64) -> Result<f64, GridError> {
     if value_m.abs() > FARTHEST_M {
         return Err(GridError(format!(
-            "{key}: {value_m} m is too far away: coordinates may be at most {FARTHEST_M:e} m"
+            "{key}: {value_m:e} m is too far away: coordinates may be at most {FARTHEST_M:e} m"
         )));
     }
     Ok(value_m)
@@ -368,7 +368,7 @@ mod tests {
     fn units_are_understood() {
         let grid = |text: &str| text.parse::<ImageGrid>();
         let plain = grid("x=-50:50:0.5,y=1000:2000:2,z=3,cx=10,yaw=30").unwrap();
-        let united = grid("x=-50:50:50cm,y=1:2km:2m,z=3m,cx=0.01km,yaw=30deg").unwrap();
+        let united = grid("x=-50m:50m:50cm,y=1:2km:2m,z=3m,cx=0.01km,yaw=30deg").unwrap();
         assert_eq!(united.columns, plain.columns);
         // "1:2km:2m": what has no unit takes that to its right.
         assert_eq!(united.rows, plain.rows);
