@@ -222,7 +222,7 @@ fn files_and_sections_that_do_not_fit_are_told() {
     let refuse = |from: &str, to: &str| {
         assert!(TEXT.contains(from), "{from}");
         let file = RecordingFile::new("scan.toml", TEXT.replace(from, to), folder.path());
-        file.history(u64::MAX).err().expect("refused").to_string()
+        file.history(u64::MAX).expect_err("refused").to_string()
     };
     for (from, to, line, part) in [
         (
@@ -286,7 +286,7 @@ fn files_and_sections_that_do_not_fit_are_told() {
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() - SAMPLES * 4 * 3]).unwrap();
     let error = RecordingFile::new("scan.toml", TEXT, folder.path()).history(u64::MAX);
-    let error = error.err().expect("refused").to_string();
+    let error = error.expect_err("refused").to_string();
     assert!(
         error.contains("scan2.bin holds 31 sweeps") && error.contains("7 are over"),
         "{error}"

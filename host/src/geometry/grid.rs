@@ -320,7 +320,7 @@ fn parse_number(key: &str, text: &str) -> Result<f64, GridError> {
 /// takes that to its right.
 fn parse_numbers(key: &str, value: &str) -> Result<Vec<f64>, GridError> {
     let parts: Vec<&str> = value.split(':').map(str::trim).collect();
-    let has_unit = |part: &&str| {
+    let has_unit = |part: &str| {
         let digits = part.trim_start_matches(['+', '-', '.']);
         digits.starts_with(|c: char| c.is_ascii_digit()) && part.parse::<f64>().is_err()
     };

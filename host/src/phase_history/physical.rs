@@ -91,7 +91,8 @@ mod tests {
             sweep: Sweep::AT_ONCE,
         };
         assert_eq!(good.fault(1000), None);
-        let faults: [(fn(&mut Pulse), &str); 10] = [
+        type Spoil = fn(&mut Pulse);
+        let faults: [(Spoil, &str); 10] = [
             (|p| p.start_hz = 5e245, "5e245 Hz"),
             (|p| p.start_hz = -9e9, "-9e9 Hz"),
             (|p| p.start_hz = f64::NAN, "NaN Hz"),

@@ -104,11 +104,14 @@ pub(super) fn sweeps_a_pulse(recording: &Values) -> usize {
     (recording.count("transmitters") as usize).saturating_mul(recording.count("average") as usize)
 }
 
+/// Arrays in a row, each with the number of its first sweep.
+type InARow = Vec<(Arc<Array>, usize)>;
+
 /// Puts files in a row. Of several, each has to hold whole pulses: what is left of one is not the beginning of the next.
 fn joined(
     source: &Source,
     pieces: Vec<(PathBuf, Arc<Array>, usize)>,
-) -> Result<(Vec<(Arc<Array>, usize)>, usize), Found> {
+) -> Result<(InARow, usize), Found> {
     let recording = source.recording;
     let a_pulse = sweeps_a_pulse(recording);
     let mut num_sweeps = 0;
