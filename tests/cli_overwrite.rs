@@ -148,7 +148,7 @@ fn every_command_replaces_only_what_subap_wrote() {
     let folder = workplace();
     let at = folder.path();
     let focus = format!("focus scene.cphd {GRID} -a bp");
-    let wide = focus.replace(GRID, "--grid x=-14:14:0.5,y=-14:14:0.5");
+    let wide = focus.replace(GRID, "--grid x=-14:14:0.4,y=-14:14:0.4");
     run(at, &format!("{wide} --out image")).succeeded();
     run(at, "simulate scene.toml --echoes raw").succeeded();
     let velocity = "velocity scene.cphd --at 1,2 --vx=-1:1:0.5 --vy=-1:1:0.5 --out v";
@@ -370,7 +370,7 @@ fn names_that_are_no_utf8_cost_nothing() {
     fs::copy(at.join("scene.toml"), at.join(odd_toml)).unwrap();
     let image = OsStr::from_bytes(b"im\xe4ge");
     let words = |line: &[&'static str]| line.iter().map(|w| OsStr::new(*w)).collect::<Vec<_>>();
-    let grid = ["--grid", "x=-14:14:0.5,y=-14:14:0.5"];
+    let grid = ["--grid", "x=-14:14:0.4,y=-14:14:0.4"];
     let ran = |mut line: Vec<&OsStr>, rest: &[&'static str]| -> Ran {
         line.extend(words(rest));
         command(at, line).output().unwrap().into()

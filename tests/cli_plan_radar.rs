@@ -11,7 +11,7 @@ fn a_pass_is_planned_in_words_and_in_json() {
     for part in [
         "0.7495 m",
         "0.5766",
-        "149.90 km",
+        "149.9 km",
         "lobe 1 of 52 pulses",
         "11.53 m",
         "-21.",

@@ -161,7 +161,7 @@ fn bad_requests_say_what_is_wrong() {
         ),
         ("quality a --at 0,0 --against b", 1, vec!["different size"]),
         ("quality a --at 7.5,0", 1, vec!["too close to the border"]),
-        ("quality t.cphd", 1, vec!["t.cphd", "not a NumPy"]),
+        ("quality t.cphd", 1, vec!["t.cphd", "no image"]),
     ] {
         run(at, line).failed(code, &parts);
     }

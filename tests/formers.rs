@@ -381,7 +381,7 @@ fn memory_is_refused_before_it_is_taken() {
     }
     // A budget that fits little gives the same image as one that fits all.
     let exact = bench.form(&Exact);
-    let tight = bench.try_form(&Exact, 300_000, &Silent).unwrap().image;
+    let tight = bench.try_form(&Exact, 500_000, &Silent).unwrap().image;
     assert_eq!(exact, tight);
 }
 
