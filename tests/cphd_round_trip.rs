@@ -267,9 +267,10 @@ fn nothing_is_left_behind_and_an_old_file_stays() {
     }
     let recorded = Scene::default().recorded();
     let channels = [Channel::new("1", &recorded)];
-    let nowhere = folder.path().join("absent/a.cphd");
+    // A file where a folder ought to be.
+    let nowhere = path.join("a.cphd");
     let error = write(&nowhere, &channels, &WriteOptions::default(), &Silent).unwrap_err();
-    assert!(error.to_string().contains("absent"), "{error}");
+    assert!(error.to_string().contains("a.cphd"), "{error}");
     // A folder is in the way of the rename.
     let taken = folder.path().join("taken");
     std::fs::create_dir(&taken).unwrap();
