@@ -40,7 +40,7 @@ use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
 use super::exact::{LANES, add_pulse};
-use super::{FormError, Formed, Task, rounding, sweep};
+use super::{FormError, Formed, ImageFormer, Task, rounding, sweep};
 use crate::geometry::ImageGrid;
 use crate::image::power;
 use crate::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
@@ -122,18 +122,19 @@ pub(super) fn misses(predicted_db: f64, bound_db: Option<f64>) -> bool {
     bound_db.is_some_and(|bound_db| predicted_db.is_nan() || predicted_db > bound_db)
 }
 
-/// Forms an image by `form`, which returns it with its planned error, under the contract.
+/// Forms an image of `former`'s by `form`, which returns it with its planned error, under the contract.
 ///
 /// # Errors
 /// Those of `form`; [`FormError::NotFinite`]; [`FormError::BoundMissed`].
-pub(super) fn keep(
+pub(super) fn keep<F: ImageFormer + ?Sized>(
+    former: &F,
     task: &Task,
-    asked: Asked,
-    follows_sweeps: bool,
-    form: impl FnOnce(&Task) -> Result<Formed, FormError>,
+    misses: Misses,
+    form: impl FnOnce(&Task, &Asked) -> Result<Formed, FormError>,
 ) -> Result<Formed, FormError> {
     task.check()?;
-    let swept = match follows_sweeps {
+    let asked = former.asked(misses);
+    let swept = match former.follows_sweeps() {
         true => 0.0,
         false => sweep::residual(task.history.collection(), task.grid),
     };
@@ -143,10 +144,11 @@ pub(super) fn keep(
             .to_owned()
     })?;
     let sampled = Sampled::new(task);
-    let mut formed = form(&Task {
+    let sampled_task = Task {
         history: &sampled,
         ..*task
-    })?;
+    };
+    let mut formed = form(&sampled_task, &asked)?;
     check_finite(&formed, task.grid)?;
     let planned_db = match swept > 0.0 {
         true => rounding::total_db(&[10f64.powf(formed.predicted_error_db / 20.0), swept]),
@@ -169,13 +171,14 @@ pub(super) fn keep(
 }
 
 /// [`keep`] of an image whose pixels are no places at rest, so that there is no sum to compare them with: by the plan alone.
-pub(super) fn keep_planned(
+pub(super) fn keep_planned<F: ImageFormer + ?Sized>(
+    former: &F,
     task: &Task,
-    asked: Asked,
-    form: impl FnOnce(&Task) -> Result<Formed, FormError>,
+    misses: Misses,
 ) -> Result<Formed, FormError> {
     task.check()?;
-    let mut formed = form(task)?;
+    let asked = former.asked(misses);
+    let mut formed = former.form_planned(task, &asked)?;
     check_finite(&formed, task.grid)?;
     formed.expect(asked.bound_db, formed.predicted_error_db);
     Ok(formed)

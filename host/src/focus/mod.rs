@@ -235,6 +235,14 @@ pub trait ImageFormer: Sync {
         false
     }
 
+    /// The bound, and what to do where it is missed.
+    fn asked(&self, misses: Misses) -> Asked {
+        Asked {
+            bound_db: self.bound_db(),
+            misses,
+        }
+    }
+
     /// Forms the image of `task` with its planned error, once `asked` has agreed to that: what [`Self::form`]
     /// and [`Self::form_best`] call, which look after the rest of the contract.
     ///
@@ -264,12 +272,8 @@ pub trait ImageFormer: Sync {
     /// # Errors
     /// [`FormError`].
     fn form_asked(&self, task: &Task, misses: Misses) -> Result<Formed, FormError> {
-        let asked = Asked {
-            bound_db: self.bound_db(),
-            misses,
-        };
-        accuracy::keep(task, asked, self.follows_sweeps(), |task| {
-            self.form_planned(task, &asked)
+        accuracy::keep(self, task, misses, |task, asked| {
+            self.form_planned(task, asked)
         })
     }
 }

@@ -129,11 +129,7 @@ impl ImageFormer for VelocityPlane {
     }
 
     fn form_asked(&self, task: &Task, misses: Misses) -> Result<Formed, FormError> {
-        let asked = Asked {
-            bound_db: self.bound_db(),
-            misses,
-        };
-        accuracy::keep_planned(task, asked, |task| self.form_planned(task, &asked))
+        accuracy::keep_planned(self, task, misses)
     }
 
     fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {

@@ -95,12 +95,8 @@ impl OmegaK {
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        let asked = Asked {
-            bound_db: self.bound_db(),
-            misses: Misses::Allowed,
-        };
-        accuracy::keep(task, asked, self.follows_sweeps(), |task| {
-            self.form_steps(task, &asked, observe)
+        accuracy::keep(self, task, Misses::Allowed, |task, asked| {
+            self.form_steps(task, asked, observe)
         })
     }
 
