@@ -17,13 +17,13 @@
 //! defined, turned as the track's.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
 
 use super::track_axes::TrackAxes;
-use super::track_csv::TrackCsvError;
+use super::track_csv::{TrackCsvError, each_line};
 use crate::simulate::track::Fix;
 
 /// Bytes a line may have: a take of many markers has wide lines.
@@ -52,7 +52,7 @@ pub fn read(path: &Path, body: Option<&str>, axes: TrackAxes) -> Result<Vec<Fix>
 /// # Errors
 /// As [`read`].
 pub fn read_from(
-    mut stream: impl BufRead,
+    stream: impl BufRead,
     path: &Path,
     body: Option<&str>,
     axes: TrackAxes,
@@ -60,64 +60,35 @@ pub fn read_from(
     let mut headers: Vec<Vec<String>> = Vec::new();
     let mut columns: Option<Columns> = None;
     let mut fixes = Vec::new();
-    let (mut line, mut bytes) = (0, Vec::new());
-    loop {
-        line += 1;
-        let refused = |what: String| TrackCsvError::Line {
-            path: path.to_owned(),
-            line,
-            what,
-        };
-        bytes.clear();
-        let read = stream
-            .by_ref()
-            .take(LONGEST_LINE)
-            .read_until(b'\n', &mut bytes);
-        let count = read.map_err(|source| TrackCsvError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        if count == 0 {
-            break;
-        }
-        if count as u64 == LONGEST_LINE {
-            return Err(refused(format!(
-                "{LONGEST_LINE} bytes or more; not a track"
-            )));
-        }
-        let Ok(text) = std::str::from_utf8(&bytes) else {
-            return Err(refused("not text".to_owned()));
-        };
+    let lines = each_line(stream, path, LONGEST_LINE, |text| {
         let cells: Vec<&str> = text
-            .trim_start_matches('\u{feff}')
             .trim_end_matches(['\r', '\n'])
             .split(',')
             .map(|cell| cell.trim().trim_matches('"'))
             .collect();
         match &columns {
             Some(_) if cells.iter().all(|cell| cell.is_empty()) => {}
-            Some(columns) => fixes.extend(columns.fix(&cells, axes).map_err(refused)?),
-            None if cells[0] == "Frame" => {
-                columns = Some(Columns::of(&headers, &cells, body).map_err(refused)?);
-            }
+            Some(columns) => fixes.extend(columns.fix(&cells, axes)?),
+            None if cells[0] == "Frame" => columns = Some(Columns::of(&headers, &cells, body)?),
             None => {
                 if headers.is_empty() && cells[0] != "Format Version" {
-                    return Err(refused(
+                    return Err(
                         "a Motive export begins with 'Format Version'; for columns of your own use kind = \"csv\"".to_owned(),
-                    ));
+                    );
                 }
                 if headers.len() == MOST_HEADERS {
-                    return Err(refused(
-                        "no line begins with 'Frame' so far: not a table of a take".to_owned(),
-                    ));
+                    return Err(
+                        "no line begins with 'Frame' so far: not a table of a take".to_owned()
+                    );
                 }
                 headers.push(cells.into_iter().map(str::to_owned).collect());
             }
         }
-    }
+        Ok(())
+    })?;
     let whole = |what: &str| TrackCsvError::Line {
         path: path.to_owned(),
-        line: line.saturating_sub(1).max(1),
+        line: lines.max(1),
         what: what.to_owned(),
     };
     match columns {

@@ -77,46 +77,20 @@ pub fn read(path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
 ///
 /// # Errors
 /// As [`read`].
-pub fn read_from(mut stream: impl BufRead, path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
+pub fn read_from(stream: impl BufRead, path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
     let mut columns = None;
     let mut fixes = Vec::new();
-    let mut text = Vec::new();
-    let mut line = 0;
-    loop {
-        line += 1;
-        let refused = |what: String| TrackCsvError::Line {
-            path: path.to_owned(),
-            line,
-            what,
-        };
-        text.clear();
-        let mut limited = stream.by_ref().take(LONGEST_LINE);
-        let read = limited.read_until(b'\n', &mut text);
-        let count = read.map_err(|source| TrackCsvError::Io {
-            path: path.to_owned(),
-            source,
-        })?;
-        if count as u64 == LONGEST_LINE {
-            return Err(refused(format!(
-                "{LONGEST_LINE} bytes or more; not a track"
-            )));
-        }
-        if count == 0 {
-            break;
-        }
-        let Ok(row) = std::str::from_utf8(&text) else {
-            return Err(refused("not text".to_owned()));
-        };
-        // A spreadsheet may put a byte order mark before the first name.
-        let row = row.trim_start_matches('\u{feff}').trim();
+    each_line(stream, path, LONGEST_LINE, |row| {
+        let row = row.trim();
         if row.is_empty() || row.starts_with('#') {
-            continue;
+            return Ok(());
         }
         match &columns {
-            None => columns = Some(Columns::parse(row).map_err(refused)?),
-            Some(columns) => fixes.push(columns.fix(row).map_err(refused)?),
+            None => columns = Some(Columns::parse(row)?),
+            Some(columns) => fixes.push(columns.fix(row)?),
         }
-    }
+        Ok(())
+    })?;
     if columns.is_none() {
         return Err(TrackCsvError::Line {
             path: path.to_owned(),
@@ -125,6 +99,44 @@ pub fn read_from(mut stream: impl BufRead, path: &Path) -> Result<Vec<Fix>, Trac
         });
     }
     Ok(fixes)
+}
+
+/// Calls `take` with every line of a track's file, less a byte order mark, which a spreadsheet may put before the
+/// first; returns their number.
+///
+/// # Errors
+/// [`TrackCsvError`] with the line, of one of `longest` bytes or more or that is not text, or with what `take` says of it.
+pub(super) fn each_line(
+    mut stream: impl BufRead,
+    path: &Path,
+    longest: u64,
+    mut take: impl FnMut(&str) -> Result<(), String>,
+) -> Result<u64, TrackCsvError> {
+    let mut bytes = Vec::new();
+    let mut line = 0;
+    loop {
+        bytes.clear();
+        let mut limited = stream.by_ref().take(longest);
+        let read = limited.read_until(b'\n', &mut bytes);
+        let count = read.map_err(|source| TrackCsvError::Io {
+            path: path.to_owned(),
+            source,
+        })?;
+        if count == 0 {
+            return Ok(line);
+        }
+        line += 1;
+        let taken = match std::str::from_utf8(&bytes) {
+            _ if count as u64 == longest => Err(format!("{longest} bytes or more; not a track")),
+            Err(_) => Err("not text".to_owned()),
+            Ok(text) => take(text.trim_start_matches('\u{feff}')),
+        };
+        taken.map_err(|what| TrackCsvError::Line {
+            path: path.to_owned(),
+            line,
+            what,
+        })?;
+    }
 }
 
 /// Where each value is in a row.
