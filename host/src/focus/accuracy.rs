@@ -17,7 +17,7 @@
 //!
 //! **What becomes of the image.** Neither holds where terms cancel: beside a bright scatterer that the grid leaves out, errors
 //! cancel less than its side lobes do. No plan knows the scene, so every image is looked at: as the pulses are
-//! read, the exact sum at [`SAMPLED_PIXELS`] of its pixels is kept besides ([`Exact`](super::exact::Exact)'s; a small part of the
+//! read, the exact sum at 64 of its pixels is kept besides ([`Exact`](super::exact::Exact)'s; a small part of the
 //! work), and with `s^2` the mean square error there and `M` the image's mean square
 //!
 //! ```text
@@ -26,7 +26,7 @@
 //!
 //! `C` is what a mean of so few squares scatters by: 1 where all pixels are sampled (128 or fewer), 1.6 where the image is as a plan
 //! takes it, 2 where it errs by more than that, and 10 where errors may sit in few pixels: where `s^2 / M` is 6 dB above the plan's, or the grid is dark, `M` less than 0.3 of the terms'
-//! powers `T` ([`Sums::terms`]), which is what noise would show. A bound missed in this way is an error too, after the work.
+//! powers `T`, which is what noise would show. A bound missed in this way is an error too, after the work.
 //! A prediction of -3 dB or more says that the image is worth nothing, not how far it errs.
 //!
 //! Accuracy: `tests/random_formers.rs` measures every former against the sum over thousands of random

@@ -1,7 +1,7 @@
 //! How long an image will take: a part of the same work, measured on this machine.
 //!
 //! The very former forms the middle of the image from pulses in the middle of the recording, in larger and larger parts
-//! until one takes [`LONG_ENOUGH_S`] or [`MOST_S`] have passed. What that part took, times the operations of the whole
+//! until one takes 0.3 s or 1.5 s have passed. What that part took, times the operations of the whole
 //! over those of the part by the formers' own accounts ([`super::cost`]), is the estimate:
 //!
 //! ```text

@@ -26,7 +26,7 @@
 //! Neglected: the kernel's error, once a level and direction; the range profiles' ([`super::bp`]); the
 //! track's departure from its fit where slow time is decimated: positions themselves
 //! are used up to there, so that only its part that differs across the patch counts; and what becomes of the phase beyond the data's
-//! ends and of antennas that turn quickly. Each has its share of the bound ([`Shares`]), and every decimation is held to
+//! ends and of antennas that turn quickly. Each has its share of the bound, and every decimation is held to
 //! them on the patch and the pulses it is made of, before it is made (`patch_history`): one that would cost more is
 //! made by a smaller factor or not at all. A track on which slow time cannot be decimated (jitter, antennas in turn, a patch around the
 //! antennas) so costs what plain backprojection does, and errs no more.

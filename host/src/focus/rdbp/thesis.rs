@@ -29,8 +29,8 @@
 //! turn resamples what was sampled once a pulse, so it needs a path rate within `lambda / 2` a pulse.
 //!
 //! Accuracy on Table 4.1 against [`crate::focus::exact`]: see the tests and `subap demo`. Predicted: what resampling and
-//! the straight path leave of a term's phase and amplitude, evaluated at some pixels, frequencies and sub-CPIs
-//! ([`Reading`]), and linear reading of the map in both directions, `(2 pi x)^2 / sqrt(120)` of a component at
+//! the straight path leave of a term's phase and amplitude, evaluated at some pixels, frequencies and sub-CPIs,
+//! and linear reading of the map in both directions, `(2 pi x)^2 / sqrt(120)` of a component at
 //! `x` cycles a bin. It is the worst pixel's and sub-CPI's.
 //!
 //! Memory: the map, `P M * 10 K` complex float32, and weights of `K M^2` float32.

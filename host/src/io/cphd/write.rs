@@ -105,10 +105,10 @@ pub fn write(
     Ok(beside.commit()?)
 }
 
-/// Size of the file that [`write`] makes.
+/// Size of the file that [`write()`] makes.
 ///
 /// # Errors
-/// As [`write`], but for those of reading and writing.
+/// As [`write()`], but for those of reading and writing.
 pub fn file_bytes(channels: &[Channel], options: &WriteOptions) -> Result<u64, WriteError> {
     check_texts(channels, options)?;
     let entries = prepare(channels, options)?;
