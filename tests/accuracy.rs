@@ -162,8 +162,9 @@ fn the_thesiss_mode_says_what_it_does() {
         let measured = error_db(&formed.image, &exact.image);
         let predicted = formed.predicted_error_db;
         println!("{pulses} pulses: {measured:.1} dB, predicted {predicted:.1} dB");
-        // The worst pixel and sub-CPI decide; the mean of all is within 6 dB.
-        assert!(measured <= predicted + 1.0 && measured >= predicted - 7.0);
+        // The worst pixel and sub-CPI decide: of an error that grows as the product of both offsets from a patch's
+        // middle, the mean square is 1/9 of the corner's, -9.5 dB.
+        assert!(measured <= predicted + 1.0 && measured >= predicted - 9.6);
     }
 }
 

@@ -77,9 +77,12 @@ fn a_file_is_locked_while_it_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     fs::create_dir(at.join("deep")).unwrap();
-    // Some seconds, one pulse at a time.
+    // Many seconds, one pulse at a time.
+    let scenario = subaperture::simulate::scenario::examples::text("stripmap").unwrap();
+    fs::write(at.join("long.toml"), scenario).unwrap();
+    let long = "simulate long.toml -o deep/a.cphd --set radar.pri=10us --set radar.pulses=300000";
     let line = "simulate --preset table-4-1 -o deep/a.cphd";
-    let mut first = command(at, line.split_whitespace())
+    let mut first = command(at, long.split_whitespace())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()

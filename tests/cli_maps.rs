@@ -131,11 +131,11 @@ fn what_is_missing_is_told() {
     );
     ran.succeeded();
     assert!(ran.stderr.contains("a.maps breaks off"), "{ran:?}");
-    let ran = run(
-        folder.path(),
-        "focus --from-maps a.maps --out coarse --error-db -120",
-    );
-    assert!(ran.succeeded().contains("coarse"));
+    let line = "focus --from-maps a.maps --out coarse --error-db -120";
+    run(folder.path(), line).failed(1, &["the predicted error is", "--allow-error"]);
+    let ran = run(folder.path(), &format!("{line} --allow-error"));
+    ran.failed(3, &["the predicted error is"]);
+    assert!(ran.stdout.contains("coarse"));
     // Longer kernels need more room about a pixel than the patches were planned with.
     assert!(
         ran.stderr.contains("larger error with --error-db"),

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use subaperture::focus::exact::Exact;
 use subaperture::focus::maps::{MapsTask, Report, form};
-use subaperture::focus::{FormError, ImageFormer, Monitor, Silent, Task, Weights};
+use subaperture::focus::{FormError, ImageFormer, Misses, Monitor, Silent, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::maps::{MapFile, MapWriter};
@@ -103,6 +103,7 @@ impl<'a> Bench<'a> {
             maps: &maps,
             grid: &self.grid,
             error_db,
+            misses: Misses::Allowed,
             memory_bytes,
             monitor,
         };

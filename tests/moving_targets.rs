@@ -256,10 +256,14 @@ fn the_command_line_moves_too() {
     let grid = "--grid x=-4:4:0.5,y=-4:4:0.5";
     run(&format!("focus s.cphd -o still -q {grid}")).succeeded();
     run(&format!("focus s.cphd -o zero -q --velocity 0,0 {grid}")).succeeded();
+    // 0.01 m/s away from the radar shift a scatterer by 0.5 m: those of the scene stay in the grid.
     run(&format!(
-        "focus s.cphd -o fast -q --velocity 5,-1.5,0 {grid}"
+        "focus s.cphd -o fast -q --velocity 0.5,-0.01,0 {grid}"
     ))
     .succeeded();
+    // A metre a second takes them all out of it.
+    run(&format!("focus s.cphd -o dark --velocity 5,-1.5,0 {grid}"))
+        .failed(1, &["the grid is dark", "--error-db"]);
     let bytes = |name: &str| std::fs::read(folder.path().join(name).join("image.npy")).unwrap();
     assert!(bytes("still") == bytes("zero") && bytes("still") != bytes("fast"));
     let json = |name: &str| -> serde_json::Value {
@@ -267,7 +271,7 @@ fn the_command_line_moves_too() {
         serde_json::from_slice(&text).unwrap()
     };
     let velocity = &json("fast")["settings"]["given"]["velocity_m_s"];
-    assert_eq!(*velocity, serde_json::json!([5.0, -1.5, 0.0]));
+    assert_eq!(*velocity, serde_json::json!([0.5, -0.01, 0.0]));
 
     // The scatterer at the scene's centre stands still.
     let line = "velocity s.cphd --at 0,0 --vx -2:2.1:0.25 --vy -0.08:0.081:0.005 -o plane";

@@ -26,7 +26,9 @@
 //!
 //! `C` is what a mean of so few squares scatters by: 1 where all pixels are sampled (128 or fewer), 1.6 where the image is as a plan
 //! takes it, 2 where it errs by more than that, and 10 where errors may sit in few pixels: where `s^2 / M` is 6 dB above the plan's, or the grid is dark, `M` less than 0.3 of the terms'
-//! powers `T`, which is what noise would show. A bound missed in this way is an error too, after the work.
+//! powers `T`, which is what noise would show. Where a bound is missed in this way, the image is formed once more with a plan
+//! for that much less ([`ImageFormer::planning_for`]; `planned_for_db` in the settings), twice the work and more; one that
+//! is missed then is an error too, after the work.
 //! A prediction of -3 dB or more says that the image is worth nothing, not how far it errs.
 //!
 //! Accuracy: `tests/random_formers.rs` measures every former against the sum over thousands of random
@@ -132,8 +134,89 @@ pub(super) fn keep<F: ImageFormer + ?Sized>(
     misses: Misses,
     form: impl FnOnce(&Task, &Asked) -> Result<Formed, FormError>,
 ) -> Result<Formed, FormError> {
-    task.check()?;
     let asked = former.asked(misses);
+    attempt(former, task, &asked, form)?.judge(&asked)
+}
+
+/// [`keep`]; where the plan was kept and the scene makes more of it than was asked, once more with a plan for so much
+/// less ([`ImageFormer::planning_for`]).
+///
+/// # Errors
+/// As [`keep`].
+pub(super) fn keep_replanning<F: ImageFormer + ?Sized>(
+    former: &F,
+    task: &Task,
+    misses: Misses,
+) -> Result<Formed, FormError> {
+    let asked = former.asked(misses);
+    let first = attempt(former, task, &asked, |task, asked| {
+        former.form_planned(task, asked)
+    })?;
+    let next = first.next_plan_db(&asked);
+    let Some((next_db, stricter)) = next.and_then(|db| Some((db, former.planning_for(db)?))) else {
+        return first.judge(&asked);
+    };
+    let missed = first.judge(&asked).map(drop);
+    let second = attempt(&*stricter, task, &stricter.asked(misses), |task, asked| {
+        stricter.form_planned(task, asked)
+    });
+    match (second, missed) {
+        // No such plan: what the first one's miss says is what can be done.
+        (Err(FormError::BoundMissed { .. }), Err(missed)) => Err(missed),
+        (Err(error), _) => Err(error),
+        (Ok(mut second), _) => {
+            let settings = &mut second.formed.settings;
+            settings.insert("planned_for_db".to_owned(), next_db.into());
+            second.judge(&asked)
+        }
+    }
+}
+
+/// An image, and what is known of its error, dB.
+struct Attempt {
+    formed: Formed,
+    planned_db: f64,
+    /// At the sampled pixels.
+    measured_db: f64,
+    num_sampled: usize,
+}
+
+impl Attempt {
+    /// What to plan for so that the bound is kept, the scene making as much of that plan as of this one; `None` if the bound is kept, or
+    /// missed by the plan itself.
+    fn next_plan_db(&self, asked: &Asked) -> Option<f64> {
+        let bound_db = asked.bound_db?;
+        let is_of_scene = self.planned_db <= bound_db && self.measured_db > bound_db;
+        let next_db = bound_db + self.planned_db - self.measured_db - 1.0;
+        (is_of_scene && next_db.is_finite()).then_some(next_db)
+    }
+
+    /// The image with its prediction, if it is what was asked for or misses are allowed.
+    fn judge(mut self, asked: &Asked) -> Result<Formed, FormError> {
+        let (planned_db, measured_db) = (self.planned_db, self.measured_db);
+        self.formed
+            .expect(asked.bound_db, planned_db.max(measured_db));
+        let settings = &mut self.formed.settings;
+        settings.insert("planned_error_db".to_owned(), planned_db.into());
+        asked.check(self.formed.predicted_error_db, || {
+            format!(
+                "the former plans {planned_db:.1} dB, and its error at {} pixels is more: the grid is dark, beside \
+                 something bright that it leaves out; include that in --grid, or plan for less with --error-db {:.0}",
+                self.num_sampled,
+                asked.bound_db.unwrap_or(0.0) + planned_db - measured_db - 1.0
+            )
+        })?;
+        Ok(self.formed)
+    }
+}
+
+fn attempt<F: ImageFormer + ?Sized>(
+    former: &F,
+    task: &Task,
+    asked: &Asked,
+    form: impl FnOnce(&Task, &Asked) -> Result<Formed, FormError>,
+) -> Result<Attempt, FormError> {
+    task.check()?;
     let swept = match former.follows_sweeps() {
         true => 0.0,
         false => sweep::residual(task.history.collection(), task.grid),
@@ -148,26 +231,19 @@ pub(super) fn keep<F: ImageFormer + ?Sized>(
         history: &sampled,
         ..*task
     };
-    let mut formed = form(&sampled_task, &asked)?;
+    let formed = form(&sampled_task, asked)?;
     check_finite(&formed, task.grid)?;
     let planned_db = match swept > 0.0 {
         true => rounding::total_db(&[10f64.powf(formed.predicted_error_db / 20.0), swept]),
         false => formed.predicted_error_db,
     };
     let measured_db = sampled.error_db(&formed, planned_db);
-    formed.expect(asked.bound_db, planned_db.max(measured_db));
-    formed
-        .settings
-        .insert("planned_error_db".to_owned(), planned_db.into());
-    asked.check(formed.predicted_error_db, || {
-        let pixels = sampled.pixels.len();
-        format!(
-            "the former plans {planned_db:.1} dB, and its error at {pixels} pixels is more: the grid is dark, beside \
-             something bright that it leaves out; include that in --grid, or plan for less with --error-db {:.0}",
-            asked.bound_db.unwrap_or(0.0) + planned_db - measured_db - 1.0
-        )
-    })?;
-    Ok(formed)
+    Ok(Attempt {
+        formed,
+        planned_db,
+        measured_db,
+        num_sampled: sampled.pixels.len(),
+    })
 }
 
 /// [`keep`] of an image whose pixels are no places at rest, so that there is no sum to compare them with: by the plan alone.

@@ -75,6 +75,10 @@ impl ImageFormer for Backprojection {
         true
     }
 
+    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        Some(Box::new(Self { error_db }))
+    }
+
     fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
         backproject(task, self.error_db, asked, |_, point| (point, DVec3::ZERO))
     }

@@ -272,8 +272,11 @@ pub trait ImageFormer: Sync {
     /// # Errors
     /// [`FormError`].
     fn form_asked(&self, task: &Task, misses: Misses) -> Result<Formed, FormError> {
-        accuracy::keep(self, task, misses, |task, asked| {
-            self.form_planned(task, asked)
-        })
+        accuracy::keep_replanning(self, task, misses)
+    }
+
+    /// The same former, planning for an error of `error_db`; `None` if it has no way to make its errors smaller.
+    fn planning_for(&self, _error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        None
     }
 }

@@ -12,9 +12,8 @@ use std::collections::BTreeMap;
 use num_complex::Complex32;
 use subaperture_core::stream::MapHeader;
 
-use crate::focus::FormError;
-use crate::focus::Silent;
 use crate::focus::maps::{MapsTask, form};
+use crate::focus::{FormError, Misses, Silent};
 use crate::geometry::ImageGrid;
 use crate::image::Image;
 use crate::maps::{Closing, Maps, OwnedMap, Run};
@@ -107,6 +106,7 @@ impl RunningImage {
             maps: &some,
             grid: &self.grid,
             error_db: self.error_db,
+            misses: Misses::Allowed,
             // Beside the sum, and the image that is handed out.
             memory_bytes: self
                 .memory_bytes

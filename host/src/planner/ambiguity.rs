@@ -25,7 +25,7 @@ use std::f64::consts::{PI, TAU};
 
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rustfft::FftPlanner;
+use subaperture_fft as fft;
 
 use crate::geometry::Axis;
 use crate::quantity::{hertz, seconds};
@@ -104,11 +104,7 @@ impl Ambiguity {
         let count = waveform.samples.len();
         let reach = count.saturating_sub(1);
         let length = fast_length(2 * count.max(1));
-        let mut planner = FftPlanner::<f64>::new();
-        let (forward, inverse) = (
-            planner.plan_fft_forward(length),
-            planner.plan_fft_inverse(length),
-        );
+        let (forward, inverse) = (fft::forward(length), fft::inverse(length));
         let energy: f64 = waveform.samples.iter().map(Complex64::norm_sqr).sum();
         let mut spectrum = vec![Complex64::ZERO; length];
         spectrum[..count].copy_from_slice(&waveform.samples);

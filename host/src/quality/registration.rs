@@ -16,7 +16,7 @@
 //! (`tests/quality.rs`). Memory: 48 bytes a pixel. Pixels that are not finite count as the mean.
 
 use num_complex::Complex64;
-use rustfft::FftDirection;
+use subaperture_fft::FftDirection;
 
 use super::transform::{signed, transform};
 use super::{PairError, check_sizes};

@@ -33,7 +33,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
+use subaperture_fft::{self as fft, Fft};
 
 use super::{Echoes, ReceiveError, collection_of, in_blocks};
 use crate::SPEED_OF_LIGHT_M_S;
@@ -125,7 +125,7 @@ impl<E: Echoes> Compressed<E> {
         Ok(Self {
             echoes,
             collection,
-            fft: FftPlanner::new().plan_fft_forward(num_samples),
+            fft: fft::forward(num_samples),
             first_bin,
             filter,
             centre_hz,

@@ -64,7 +64,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
+use subaperture_fft::{self as fft, Fft};
 
 use super::{EchoCollection, EchoPulse, Echoes, ReceiveError, collection_of, in_blocks};
 use crate::SPEED_OF_LIGHT_M_S;
@@ -244,7 +244,6 @@ impl<E: Echoes> Deskewed<E> {
         // Delays up to half the sampling rate's, and the shift, must not come round.
         let zeros = (sample_rate_hz * (sample_rate_hz / chirp_hz_s.abs() + drift_s)).ceil();
         let length = fast_length(num_samples + (zeros as usize).min(3 * num_samples));
-        let mut planner = FftPlanner::new();
         let step_hz = chirp_hz_s.abs() / sample_rate_hz;
         let sample_s = chirp_hz_s.signum() / sample_rate_hz;
         let fade = edge.fade(sample_rate_hz, num_samples);
@@ -263,8 +262,8 @@ impl<E: Echoes> Deskewed<E> {
             fade,
             first,
             common_delay_s,
-            forward: planner.plan_fft_forward(length),
-            inverse: planner.plan_fft_inverse(length),
+            forward: fft::forward(length),
+            inverse: fft::inverse(length),
         })
     }
 

@@ -24,7 +24,7 @@ use std::sync::Arc;
 
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
+use subaperture_fft::{self as fft, Fft};
 
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::phase_history::{Collection, PhaseHistory, ReadError, check_finite};
@@ -118,7 +118,7 @@ impl Profiles {
             axis,
             profiles,
             first_step: first_step as i64,
-            fft: FftPlanner::new().plan_fft_forward(bins),
+            fft: fft::forward(bins),
         })
     }
 }

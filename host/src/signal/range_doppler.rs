@@ -17,7 +17,7 @@
 use std::sync::Arc;
 
 use num_complex::Complex32;
-use rustfft::{Fft, FftPlanner};
+use subaperture_fft::{self as fft, Fft};
 
 use super::scaled_dft::{ScaledDft, Shape};
 use crate::phase_history::Band;
@@ -51,7 +51,7 @@ impl RangeDopplerMapper {
             spacing: -1.0 / doppler_bins as f64,
         };
         let dft = ScaledDft::new(&scales, shape, |_, m| slow[m]);
-        let range_fft = FftPlanner::new().plan_fft_inverse(range_bins);
+        let range_fft = fft::inverse(range_bins);
         let norm = 1.0 / (fast.iter().sum::<f64>() * slow.iter().sum::<f64>());
         let scratch = dft
             .scratch_length()

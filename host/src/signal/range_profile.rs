@@ -22,7 +22,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use num_complex::Complex32;
-use rustfft::{Fft, FftPlanner};
+use subaperture_fft::{self as fft, Fft};
 
 use super::fast_length::fast_length;
 
@@ -45,7 +45,7 @@ impl RangeProfiler {
         };
         Self {
             weights: window.iter().enumerate().map(emphasised).collect(),
-            fft: FftPlanner::new().plan_fft_inverse(length),
+            fft: fft::inverse(length),
         }
     }
 

@@ -24,7 +24,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use num_complex::{Complex32, Complex64};
-use rustfft::{Fft, FftPlanner};
+use subaperture_fft::{self as fft, Fft};
 
 use super::fast_length::fast_length;
 use super::phase::narrow;
@@ -75,13 +75,8 @@ impl ScaledDft {
             spacing,
         } = shape;
         let length = fast_length(inputs + outputs - 1);
-        let mut planner = FftPlanner::new();
-        let (forward, inverse) = (
-            planner.plan_fft_forward(length),
-            planner.plan_fft_inverse(length),
-        );
-        let mut plan64 = FftPlanner::<f64>::new();
-        let forward64 = plan64.plan_fft_forward(length);
+        let (forward, inverse) = (fft::forward(length), fft::inverse(length));
+        let forward64 = fft::forward(length);
         let chirp = |scale: f64, i: f64| Complex64::cis(PI * scale * spacing * i * i);
         let mut before = Vec::with_capacity(scales.len() * inputs);
         let mut kernel = Vec::with_capacity(scales.len() * length);

@@ -2,8 +2,8 @@
 
 use num_complex::Complex32;
 use serde_json::json;
-use subaperture::focus::Silent;
 use subaperture::focus::maps::{MapsTask, default_grid, form};
+use subaperture::focus::{Misses, Silent};
 use subaperture::geometry::SceneFrame;
 use subaperture::io::maps::{MapFile, MapWriter};
 use subaperture::maps::{Arithmetic, Closing, Maps, OwnedMap, Run};
@@ -139,7 +139,7 @@ fn bits(map: &OwnedMap) -> String {
 
 /// An image of a few pixels: finite, or an error.
 fn image(file: &MapFile) -> String {
-    let wide = match default_grid(file) {
+    let wide = match default_grid(file, -50.0) {
         Ok(grid) => grid,
         Err(error) => return error.to_string(),
     };
@@ -150,6 +150,7 @@ fn image(file: &MapFile) -> String {
         maps: file,
         grid: &grid,
         error_db: -50.0,
+        misses: Misses::Allowed,
         memory_bytes: MEMORY_BYTES,
         monitor: &Silent,
     };

@@ -10,7 +10,7 @@ use subaperture::io::npy;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::planner::forecast::{Forecast, Settings, cost, forecast};
 
-use crate::args::Writing;
+use crate::args::Rehearsal;
 use crate::config::Session;
 use crate::{messages, text};
 
@@ -36,7 +36,7 @@ impl Ahead {
     /// An image by `former`, into the folder `out`. Measures only what may be long, unless it is asked for.
     pub(crate) fn of_image(
         session: &Session,
-        writing: &Writing,
+        rehearsal: &Rehearsal,
         former: &dyn ImageFormer,
         task: &Task,
         settings: &Settings,
@@ -50,7 +50,7 @@ impl Ahead {
             _ => 1,
         };
         let rough = 49.0 * pixels as f64 * pulses as f64 * samples as f64;
-        let measure = writing.dry_run || rough > MANY_OPERATIONS;
+        let measure = rehearsal.dry_run || rough > MANY_OPERATIONS;
         let (mut time, mut buffers_bytes) = (None, 8 * pixels);
         if measure {
             time = forecast(former, task, settings)?;
@@ -89,8 +89,12 @@ impl Ahead {
     }
 
     /// Says it: whether that is all that was asked for.
-    pub(crate) fn announce(&self, session: &Session, writing: &Writing) -> anyhow::Result<bool> {
-        if writing.dry_run {
+    pub(crate) fn announce(
+        &self,
+        session: &Session,
+        rehearsal: &Rehearsal,
+    ) -> anyhow::Result<bool> {
+        if rehearsal.dry_run {
             if session.json() {
                 text::say_json("forecast", self.to_json(session))?;
             } else {

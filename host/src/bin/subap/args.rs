@@ -9,6 +9,7 @@ use std::path::PathBuf;
 
 use clap::{Args as Group, CommandFactory, Parser, Subcommand, ValueEnum, ValueHint};
 use glam::DVec3;
+use subaperture::focus::Misses;
 use subaperture::geometry::{Axis, Extent, ImageGrid};
 use subaperture::link::Place;
 use subaperture::signal::window::Window;
@@ -137,7 +138,11 @@ pub(crate) struct Writing {
     /// Replace files that subap did not write; never an input of the same run [default: only its own]
     #[arg(long)]
     pub(crate) force: bool,
+}
 
+/// Whether to do it, or to say what it would take.
+#[derive(Clone, Copy, Debug, Group)]
+pub(crate) struct Rehearsal {
     /// Say what it will take (time, memory, disk), from a short measured part of the work, and do nothing
     #[arg(long)]
     pub(crate) dry_run: bool,
@@ -170,7 +175,7 @@ pub(crate) struct Focus {
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
         "paths", "channel", "set", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
-        "window", "slow_window", "check"
+        "window", "slow_window", "check", "dry_run"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
 
@@ -239,6 +244,19 @@ pub(crate) struct Focus {
 
     #[command(flatten)]
     pub(crate) writing: Writing,
+
+    #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
+}
+
+impl Focus {
+    /// Whether the image may be worse than asked.
+    pub(crate) fn misses(&self) -> Misses {
+        match self.allow_error {
+            true => Misses::Allowed,
+            false => Misses::Refused,
+        }
+    }
 }
 
 /// Image formers by name.
@@ -310,6 +328,9 @@ pub(crate) struct Velocity {
 
     #[command(flatten)]
     pub(crate) writing: Writing,
+
+    #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
 }
 
 /// `subap link`.
@@ -438,6 +459,9 @@ pub(crate) struct Simulate {
 
     #[command(flatten)]
     pub(crate) writing: Writing,
+
+    #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
 }
 
 /// Domains of a CPHD's signal arrays.

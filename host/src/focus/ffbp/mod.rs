@@ -86,6 +86,10 @@ impl ImageFormer for FastFactorised {
         Some(self.error_db)
     }
 
+    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        Some(Box::new(Self { error_db }))
+    }
+
     fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
         let (taps, shares) = self.shares(task.grid);
         let plan = Plan { shares };

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::gather::{PatchMaps, patches};
 use super::kernels::Kernels;
+use super::{arithmetic_error, probe};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::focus::FormError;
 use crate::focus::rdbp::SubCpi;
@@ -16,18 +17,20 @@ use crate::survey::default_grid::round_to_two_digits;
 const STEP_M: f64 = 0.5;
 
 /// A horizontal grid at the patches' mean height, at half the resolution along x and y. It covers the
-/// box about the squares, one about each patch's centre, that lie wholly within all of its maps.
+/// box about the squares, one about each patch's centre, that lie wholly within all of its maps and on which the straight
+/// line of paths is predicted to keep `error_db`, with the kernels that are chosen for it.
 ///
 /// # Errors
 /// [`FormError::Unsuited`] if there are no maps, or they resolve nothing.
-pub fn default_grid(maps: &dyn Maps) -> Result<ImageGrid, FormError> {
+pub fn default_grid(maps: &dyn Maps, error_db: f64) -> Result<ImageGrid, FormError> {
+    let allowed = line_share(maps, error_db);
     let patches = patches(maps)?;
     let mut low = DVec3::INFINITY;
     let mut high = DVec3::NEG_INFINITY;
     let (mut low_cycles_m, mut high_cycles_m) = (low, high);
     for patch in &patches {
         let centre = DVec3::from(patch.patch.centre_m);
-        let half_m = half_side_m(maps, patch);
+        let half_m = accurate_half_side_m(maps, patch, half_side_m(maps, patch), allowed);
         low = low.min(centre - half_m);
         high = high.max(centre + half_m);
         for &index in &patch.maps {
@@ -91,6 +94,33 @@ fn half_side_m(maps: &dyn Maps, patch: &PatchMaps) -> f64 {
         (path_m / (x.0.abs() + y.0.abs())).min(rate_m / (x.1.abs() + y.1.abs()))
     });
     sides.fold(f64::INFINITY, f64::min)
+}
+
+/// What the line of paths may leave for an image to keep `error_db`, radians: what the kernels and the module's arithmetic
+/// do not take. Infinite where these alone exceed it: no smaller grid would help.
+fn line_share(maps: &dyn Maps, error_db: f64) -> f64 {
+    let others = Kernels::for_bound(&maps.run().setup, error_db).error;
+    let others = others.hypot(arithmetic_error(maps));
+    let bound = 10f64.powf(error_db / 20.0);
+    match bound > others {
+        true => (bound * bound - others * others).sqrt(),
+        false => f64::INFINITY,
+    }
+}
+
+/// The half side, `half_m` or less, of a square on which the line leaves `allowed` or less in every map that is probed.
+/// What it leaves grows at least as fast as the side, so that one step of proportion suffices.
+fn accurate_half_side_m(maps: &dyn Maps, patch: &PatchMaps, half_m: f64, allowed: f64) -> f64 {
+    let centre = DVec3::from(patch.patch.centre_m);
+    let places = || (-2..=2).map(|i| f64::from(i) / 2.0 * half_m);
+    let points: Vec<DVec3> = places()
+        .flat_map(|y| places().map(move |x| centre + DVec3::new(x, y, 0.0)))
+        .collect();
+    let left = probe(maps, patch, |_| points.clone());
+    match left > allowed {
+        true => half_m * allowed / left,
+        false => half_m,
+    }
 }
 
 /// Spatial frequencies of a map at its ends in slow time and in frequency, cycles a metre.

@@ -51,7 +51,7 @@ use self::kernels::Kernels;
 use super::budget::Budget;
 use super::rdbp::SubCpi;
 use super::rdbp::sub_cpi::Datum;
-use super::{FormError, Formed, Monitor, accuracy};
+use super::{Asked, FormError, Formed, Misses, Monitor, accuracy};
 use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::ImageGrid;
 use crate::maps::{Arithmetic, Maps, OwnedMap};
@@ -67,8 +67,10 @@ pub struct MapsTask<'a> {
     pub maps: &'a dyn Maps,
     /// The pixels wanted.
     pub grid: &'a ImageGrid,
-    /// Bound on the error that reading the maps adds, relative RMS, dB (negative).
+    /// Bound on the relative RMS error of the image, dB (negative).
     pub error_db: f64,
+    /// Whether the image may be worse.
+    pub misses: Misses,
     /// Bytes that image and maps may take together.
     pub memory_bytes: u64,
     /// Told of progress, asked whether to go on.
@@ -161,7 +163,15 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
         report.maps_missing = report.maps_missing.saturating_add(missing);
         let members = &order[start..end];
         start = end;
-        model_error = model_error.max(probe(task, &kernels, patch, members));
+        let probes = some_of(task.grid, members);
+        let taps = kernels.range.taps();
+        let left = probe(task.maps, patch, |header| {
+            // Pixels outside of the gate are not read.
+            let places = Places::new(&task.maps.run().setup, header);
+            let inside = |&point: &DVec3| places.of(point).is_within(taps, header);
+            probes.iter().copied().filter(inside).collect()
+        });
+        model_error = model_error.max(left);
         let mut sums = vec![Sum::default(); members.len()];
         for &index in &patch.maps {
             if !members.is_empty() {
@@ -184,15 +194,23 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
             }
         }
     }
-    let arithmetic = match task.maps.run().arithmetic {
-        Arithmetic::Fixed => FIXED,
-        Arithmetic::Float => FLOAT,
-    };
     // The plan's prediction holds kernels too.
     let own_error = model_error
         .hypot(kernels.error)
         .max(planned_error(task.maps));
-    report.predicted_db = 20.0 * own_error.hypot(arithmetic).log10();
+    report.predicted_db = 20.0 * own_error.hypot(arithmetic_error(task.maps)).log10();
+    let asked = Asked {
+        bound_db: Some(task.error_db),
+        misses: task.misses,
+    };
+    asked.check(report.predicted_db, || {
+        format!(
+            "reading the maps between their bins leaves {:.1} dB, the straight line of paths {:.1} dB towards the edges \
+             of --grid: use a smaller one",
+            report.kernel_db,
+            20.0 * model_error.log10()
+        )
+    })?;
     let mut formed = Formed::on(task.grid, pixels, report.predicted_db, json!(report));
     formed.expect(Some(task.error_db), report.predicted_db);
     accuracy::check_finite(&formed, task.grid)?;
@@ -206,31 +224,39 @@ fn planned_error(maps: &dyn Maps) -> f64 {
     planned_db.map_or(0.0, |planned_db| 10f64.powf(planned_db / 20.0))
 }
 
-/// RMS over a patch's pixels of the phase that the line of paths leaves in the worst of its maps, radians.
-fn probe(task: &MapsTask, kernels: &Kernels, patch: &PatchMaps, members: &[usize]) -> f64 {
-    let columns = task.grid.columns.count;
-    let point = |pixel: usize| task.grid.position_m(pixel / columns, pixel % columns);
-    let last = members.len().saturating_sub(1);
-    let spread = (0..PROBED_PIXELS).map(|i| i * last / (PROBED_PIXELS - 1));
-    let probes: Vec<DVec3> = match members {
-        [] => Vec::new(),
-        _ => spread.map(|i| point(members[i])).collect(),
+/// What the module's arithmetic adds, relative RMS.
+fn arithmetic_error(maps: &dyn Maps) -> f64 {
+    match maps.run().arithmetic {
+        Arithmetic::Fixed => FIXED,
+        Arithmetic::Float => FLOAT,
+    }
+}
+
+/// Some of a patch's pixels `members` of a grid, evenly.
+fn some_of(grid: &ImageGrid, members: &[usize]) -> Vec<DVec3> {
+    let columns = grid.columns.count;
+    let Some(last) = members.len().checked_sub(1) else {
+        return Vec::new();
     };
-    let headers = task.maps.headers();
-    let setup = &task.maps.run().setup;
+    (0..PROBED_PIXELS)
+        .map(|i| members[i * last / (PROBED_PIXELS - 1)])
+        .map(|pixel| grid.position_m(pixel / columns, pixel % columns))
+        .collect()
+}
+
+/// RMS over `points` of the phase that the line of paths leaves in the worst of a patch's maps, radians; the points of each
+/// map by its header.
+fn probe(maps: &dyn Maps, patch: &PatchMaps, points: impl Fn(&MapHeader) -> Vec<DVec3>) -> f64 {
+    let headers = maps.headers();
     let step = patch.maps.len().div_ceil(PROBED_MAPS).max(1);
     let chosen = (0..patch.maps.len()).filter(|i| i % step == 0 || i + 1 == patch.maps.len());
     chosen
         .map(|i| {
             let at = |i: usize| patch.maps.get(i).map(|&map| &headers[map]);
             let header = &headers[patch.maps[i]];
-            let places = Places::new(setup, header);
-            // Pixels outside of the gate are not read.
-            let inside =
-                |&&point: &&DVec3| places.of(point).is_within(kernels.range.taps(), header);
-            let probes: Vec<DVec3> = probes.iter().filter(inside).copied().collect();
             let before = i.checked_sub(1).and_then(at);
-            model::error(setup, header, [before, at(i + 1)], &probes)
+            let setup = &maps.run().setup;
+            model::error(setup, header, [before, at(i + 1)], &points(header))
         })
         .fold(0.0, f64::max)
 }

@@ -46,8 +46,8 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use num_complex::Complex32;
-use rustfft::{Fft, FftPlanner};
 use serde_json::json;
+use subaperture_fft::{self as fft, Fft};
 
 use super::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
 use super::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy, rounding};
@@ -162,7 +162,7 @@ impl Spreader {
                 .map(|j| (1.0 / kernel.spectrum(place(j))) as f32)
                 .collect(),
             kernel,
-            fft: FftPlanner::new().plan_fft_inverse(length),
+            fft: fft::inverse(length),
         }
     }
 }

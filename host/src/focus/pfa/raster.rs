@@ -16,7 +16,7 @@
 use glam::DVec2;
 use num_complex::Complex32;
 use rayon::prelude::*;
-use rustfft::FftPlanner;
+use subaperture_fft as fft;
 
 use super::plane::{Band, Extent};
 use crate::focus::FormError;
@@ -214,9 +214,8 @@ impl<const W: usize> Raster<W> {
             values,
         } = self;
         let (kept_rows, kept_columns) = (rows.kept(W), columns.kept(W));
-        let mut planner = FftPlanner::new();
         // Along rows, emphasised both ways.
-        let fft = planner.plan_fft_inverse(columns.length);
+        let fft = fft::inverse(columns.length);
         let (row_emphasis, column_emphasis) = (rows.emphasis(&kernel), columns.emphasis(&kernel));
         let mut half = vec![Complex32::ZERO; rows.count * kept_columns];
         half.par_chunks_exact_mut(kept_columns)
@@ -242,7 +241,7 @@ impl<const W: usize> Raster<W> {
             );
         drop(values);
         // Along columns; the result is stored column by column.
-        let fft = planner.plan_fft_inverse(rows.length);
+        let fft = fft::inverse(rows.length);
         let mut image = vec![Complex32::ZERO; kept_columns * kept_rows];
         image
             .par_chunks_exact_mut(kept_rows)

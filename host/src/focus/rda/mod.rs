@@ -49,8 +49,8 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use num_complex::Complex32;
-use rustfft::{Fft, FftPlanner};
 use serde_json::json;
+use subaperture_fft::{self as fft, Fft};
 
 use super::rdbp::shared_band;
 use super::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
@@ -214,7 +214,7 @@ impl RangeDopplerStage {
                 .map(|k| (1.0 / kernel.spectrum(place(k))) as f32)
                 .collect(),
             kernel,
-            fft: FftPlanner::new().plan_fft_inverse(length),
+            fft: fft::inverse(length),
         }
     }
 }

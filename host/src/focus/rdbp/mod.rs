@@ -87,6 +87,13 @@ impl ImageFormer for RangeDoppler {
         self.mode == Mode::Precise
     }
 
+    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        match self.mode {
+            Mode::Precise => Some(Box::new(Self { error_db, ..*self })),
+            Mode::Thesis(_) => None,
+        }
+    }
+
     fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
         let thesis_sub_cpi = self.sub_cpi.unwrap_or(thesis::SUB_CPI);
         match self.mode {

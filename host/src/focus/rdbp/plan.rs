@@ -169,19 +169,31 @@ impl Plan {
                 .max(0.0)
                 .sqrt(),
         };
-        let rectangles = patch::rectangles(grid, best.patch);
-        let mut sub_cpis = Vec::new();
-        let mut model_error = 0.0f64;
-        for pulses in sub_cpi::cut(num_pulses, &breaks, best.length) {
-            let worst = probe.halve_until(allowed, &rectangles, pulses, &mut sub_cpis);
-            model_error = model_error.max(worst);
-        }
+        let mut smaller = patches.into_iter().skip_while(|&patch| patch != best.patch);
+        let mut patch = smaller.next().unwrap_or(best.patch);
+        let (sub_cpis, model_error) = loop {
+            let rectangles = patch::rectangles(grid, patch);
+            let mut sub_cpis = Vec::new();
+            let mut model_error = 0.0f64;
+            for pulses in sub_cpi::cut(num_pulses, &breaks, best.length) {
+                let worst = probe.halve_until(allowed, &rectangles, pulses, &mut sub_cpis);
+                model_error = model_error.max(worst);
+            }
+            if model_error <= allowed {
+                break (sub_cpis, model_error);
+            }
+            // A pulse alone has something to model too, where its samples are taken at different places.
+            match smaller.next() {
+                Some(next) => patch = next,
+                None => break (sub_cpis, model_error),
+            }
+        };
         let rounding = ARITHMETIC.hypot(rounding::sum(sub_cpis.len()));
         Ok(Self {
             band,
             sub_cpi_length: sub_cpis.iter().map(SubCpi::num_pulses).max().unwrap_or(0),
             sub_cpis,
-            patch: best.patch,
+            patch,
             taps: best.taps,
             pulses_a_sample: probe.pulses_a_sample,
             predicted_db: rounding::total_db(&[model_error, kernel_error, rounding]),
@@ -217,7 +229,8 @@ impl Choice {
 }
 
 /// Sub-CPI lengths to try: a quarter longer each time, evened out so that all sub-CPIs are full. One
-/// pulse has no path to model, so any bound that the kernel keeps can be met.
+/// pulse has no path to model, so any bound that the kernel keeps can be met, unless its samples are taken at different
+/// places.
 pub(crate) fn lengths(num_pulses: usize) -> Vec<usize> {
     let mut lengths = Vec::new();
     let mut length = 1;

@@ -36,7 +36,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
+use subaperture_fft::{self as fft, Fft};
 
 use super::patch::{self, Rectangle};
 use super::plan::Plan;
@@ -251,7 +251,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
                 .map(range_weight)
                 .collect(),
             stages,
-            range_fft: FftPlanner::new().plan_fft_inverse(length),
+            range_fft: fft::inverse(length),
             norm: task.weights.normalisation(),
             centre_cycles_m: cycles_m,
             range_bins_m: length as f64 * band.step_hz / SPEED_OF_LIGHT_M_S,

@@ -40,8 +40,8 @@ use std::ops::Range;
 
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use rustfft::FftPlanner;
 use serde_json::json;
+use subaperture_fft as fft;
 
 use super::sub_cpi::{self, CentreState};
 use crate::SPEED_OF_LIGHT_M_S;
@@ -143,9 +143,8 @@ pub(super) fn form(
     let scales = band.scales();
     let fast: Vec<f32> = task.weights.fast.iter().map(|&w| w as f32).collect();
     let norm = task.weights.normalisation();
-    let mut planner = FftPlanner::new();
-    let doppler_fft = planner.plan_fft_inverse(doppler_length);
-    let range_fft = planner.plan_fft_inverse(range_length);
+    let doppler_fft = fft::inverse(doppler_length);
+    let range_fft = fft::inverse(range_length);
     let cycles_m = band.centre_hz() / SPEED_OF_LIGHT_M_S;
     let range_bins_m = range_length as f64 * band.step_hz / SPEED_OF_LIGHT_M_S;
 

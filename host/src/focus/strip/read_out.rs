@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_4, TAU};
 
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use rustfft::FftPlanner;
+use subaperture_fft as fft;
 
 use super::{ImageAxis, Strip, TAPS, stationary_phase_error};
 use crate::focus::FormError;
@@ -18,7 +18,7 @@ pub(super) fn compress(strip: &Strip, ranges: &[Complex32]) -> Result<Vec<Comple
     let axes = &strip.axes;
     let (num_bins, num_ranges) = (axes.num_bins, axes.range.count);
     let length = axes.along_length;
-    let fft = FftPlanner::new().plan_fft_inverse(length);
+    let fft = fft::inverse(length);
     let mut image = vec![Complex32::ZERO; num_ranges * axes.along.count];
     let scratch = || {
         let work = vec![Complex32::ZERO; length];

@@ -2,7 +2,7 @@
 
 use num_complex::Complex32;
 use rayon::prelude::*;
-use rustfft::FftPlanner;
+use subaperture_fft as fft;
 
 use super::Strip;
 use crate::SPEED_OF_LIGHT_M_S;
@@ -18,7 +18,7 @@ pub(super) fn along_track(strip: &Strip) -> Result<Vec<Complex32>, FormError> {
     let samples = on_the_line(strip)?;
     let axes = &strip.axes;
     let num_pulses = strip.track.num_pulses;
-    let fft = FftPlanner::new().plan_fft_forward(axes.period);
+    let fft = fft::forward(axes.period);
     let mut spectrum = vec![Complex32::ZERO; axes.wavenumbers.len() * axes.num_bins];
     let scratch = || {
         let work = vec![Complex32::ZERO; axes.period];

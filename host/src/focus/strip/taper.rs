@@ -3,15 +3,29 @@
 //! A reference `exp(j kappa sqrt(r^2 + u^2))` without ends has a smooth spectrum, and every direction
 //! `sin(theta) = kx / kappa` of that spectrum stands for one place `u = r tan(theta)`. A band of
 //! directions that is cut sharply would ring all over `u`; one that falls off as the integral of a Kaiser
-//! window of half-width `delta` (in `kx`) rings no farther than `beta / delta`. The fall lies outside the
-//! directions that are needed, with its middle `delta` off, which is `delta r / (kappa cos^3 theta)` in
-//! `u`: far enough if `delta^2 >= beta kappa cos^3(theta) / r`.
+//! window rings about the end only. The natural unit of `kx` there is `sqrt(kappa cos^3(theta) / r)`: a direction's
+//! neighbours within it are in phase. In that unit the fall begins [`GAP`] beyond the directions that are needed and is `2`
+//! [`HALF_FALL`] wide. What it leaves at a place that is seen at the very end of the needed directions, and what it takes:
+//!
+//! | `beta` | gap | half of the fall | together | left, dB |
+//! |---|---|---|---|---|
+//! | 12 | 0 | 3.46 | 6.9 | -42 |
+//! | 12 | 0 | 4.9 | 9.8 | -58 |
+//! | 8 | 3 | 2 | 7 | -58 |
+//! | 10 | 3 | 2.5 | 8 | -69 |
+//! | 10 | 4 | 2.25 | 8.5 | -77 |
+//! | 14 | 3 | 3 | 9 | -81 |
+//!
+//! (`|integral of (T - 1) exp(j k^2 / 2)| / sqrt(2 pi)` over that end, by quadrature.)
 
 use crate::signal::window::bessel_i0;
 
-/// Shape of the Kaiser window. Measured on Table 4.1 of Schone 2020, whose pixels reach the ends: with 8
-/// the image of [`crate::focus::omega_k`] errs by -75 dB, with 12 by -86 dB.
-pub(super) const BETA: f64 = 12.0;
+/// Shape of the Kaiser window.
+pub(super) const BETA: f64 = 10.0;
+/// From the directions needed to the fall, in units of `sqrt(kappa cos^3(theta) / r)`.
+const GAP: f64 = 4.0;
+/// Half of the fall, in the same.
+const HALF_FALL: f64 = 2.25;
 
 /// Values of the step that are kept.
 const STEPS: usize = 2048;
@@ -21,6 +35,8 @@ const STEPS: usize = 2048;
 pub(super) struct Taper {
     /// Sines of the directions needed, least and most.
     pub(super) needed: [f64; 2],
+    /// From there to the falls.
+    gap: [f64; 2],
     /// Widths of the falls at either end.
     pub(super) fall: [f64; 2],
     /// The rise from 0 to 1 in even steps.
@@ -30,9 +46,9 @@ pub(super) struct Taper {
 impl Taper {
     /// 1 over `needed`, for the nearest range and smallest wavenumber with product `range_waves`.
     pub(super) fn new(needed: [f64; 2], range_waves: f64) -> Self {
-        let fall = needed.map(|sine| {
+        let unit = needed.map(|sine| {
             let cosine = (1.0 - sine * sine).max(0.0).sqrt();
-            2.0 * (BETA * cosine.powi(3) / range_waves).sqrt()
+            (cosine.powi(3) / range_waves).sqrt()
         });
         let mut sum = 0.0;
         let mut step = vec![0.0];
@@ -42,12 +58,18 @@ impl Taper {
             step.push(sum);
         }
         step.iter_mut().for_each(|value| *value /= sum);
-        Self { needed, fall, step }
+        Self {
+            needed,
+            gap: unit.map(|unit| GAP * unit),
+            fall: unit.map(|unit| 2.0 * HALF_FALL * unit),
+            step,
+        }
     }
 
     /// Sines of the first and last direction that is not zero.
     pub(super) fn ends(&self) -> [f64; 2] {
-        [self.needed[0] - self.fall[0], self.needed[1] + self.fall[1]]
+        let beyond = |i: usize| self.gap[i] + self.fall[i];
+        [self.needed[0] - beyond(0), self.needed[1] + beyond(1)]
     }
 
     /// The weight of the direction `sine`.
@@ -83,8 +105,9 @@ mod tests {
         let [first, last] = taper.ends();
         assert_eq!((taper.at(first), taper.at(last)), (0.0, 0.0));
         // The integral of an even window is a half in its middle.
-        assert!((taper.at(0.3 + taper.fall[1] / 2.0) - 0.5).abs() < 1e-12);
-        // 2 sqrt(12 (1 - 0.04)^1.5 / 2000).
-        assert!((taper.fall[0] - 0.150_24).abs() < 1e-5);
+        assert!((taper.at(last - taper.fall[1] / 2.0) - 0.5).abs() < 1e-12);
+        // 4.5 and 8.5 sqrt((1 - 0.04)^1.5 / 2000).
+        assert!((taper.fall[0] - 0.097_59).abs() < 1e-5);
+        assert!((-0.2 - first - 0.184_34).abs() < 1e-5);
     }
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use num_complex::Complex32;
-use rustfft::{Fft, FftPlanner};
+use subaperture_fft::{self as fft, Fft};
 
 use super::conventions::{Domain, Sgn};
 use super::header::Block;
@@ -161,7 +161,7 @@ impl Cphd {
 
         let arrival = vectors.bins.map(|bins| Arrival {
             bins,
-            fft: FftPlanner::new().plan_fft_forward(stored_samples),
+            fft: fft::forward(stored_samples),
             shifts: vectors.shifts,
         });
         let collection = Collection {
@@ -473,7 +473,10 @@ impl Vectors {
     fn set_accelerations(&mut self) {
         const NEIGHBOURS: usize = 2;
         for i in 0..self.pulses.len() {
-            let [first, end] = [i.saturating_sub(NEIGHBOURS), self.pulses.len().min(i + NEIGHBOURS + 1)];
+            let [first, end] = [
+                i.saturating_sub(NEIGHBOURS),
+                self.pulses.len().min(i + NEIGHBOURS + 1),
+            ];
             let near = &self.pulses[first..end];
             let rise = |pair: &[Pulse]| pair[1].time_s > pair[0].time_s;
             if near.iter().any(|pulse| pulse.sweep.sample_s == 0.0) || !near.windows(2).all(rise) {
@@ -483,7 +486,9 @@ impl Vectors {
             let weights = slope_weights(&times_s, i - first);
             let slope = |of: fn(&Sweep) -> DVec3| -> DVec3 {
                 let terms = near.iter().zip(&weights);
-                terms.map(|(pulse, &weight)| of(&pulse.sweep) * weight).sum()
+                terms
+                    .map(|(pulse, &weight)| of(&pulse.sweep) * weight)
+                    .sum()
             };
             let transmitter_m_s2 = slope(|sweep| sweep.transmitter_m_s);
             let receiver_m_s2 = slope(|sweep| sweep.receiver_m_s);

@@ -15,7 +15,7 @@
 use std::sync::Arc;
 
 use num_complex::{Complex32, Complex64};
-use rustfft::Fft;
+use subaperture_fft::Fft;
 
 /// Bands are compared with bins to this part of a bin, well above the rounding of FX1 and FX2
 /// (1e-6 Hz at 10 GHz) and below what would change the set meant.

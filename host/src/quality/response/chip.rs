@@ -10,7 +10,7 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
-use rustfft::FftDirection;
+use subaperture_fft::FftDirection;
 
 use super::super::{
     transform::{signed, transform},

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use num_complex::Complex64;
-use rustfft::{Fft, FftPlanner};
+use subaperture_fft::{self as fft, Fft};
 
 use super::Experiment;
 use crate::SPEED_OF_LIGHT_M_S;
@@ -55,7 +55,7 @@ impl Pulsed {
         }
         Ok(Some(Self {
             spectrum,
-            inverse: FftPlanner::new().plan_fft_inverse(num_samples),
+            inverse: fft::inverse(num_samples),
         }))
     }
 

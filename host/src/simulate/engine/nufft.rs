@@ -23,7 +23,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use num_complex::Complex64;
-use rustfft::{Fft, FftPlanner};
+use subaperture_fft::{self as fft, Fft};
 
 use super::chunk::{LANES, Lanes};
 use crate::signal::fast_length::fast_length;
@@ -71,7 +71,7 @@ impl Nufft {
     pub(super) fn new(samples: usize) -> Self {
         let length = fast_length(2 * samples.max(TAPS));
         let kernel = KaiserBessel::new(TAPS);
-        let inverse = FftPlanner::new().plan_fft_inverse(length);
+        let inverse = fft::inverse(length);
         let middle = (samples / 2) as i64;
         let shape = (0..samples as i64)
             .map(|k| {

@@ -9,7 +9,7 @@
 //! ```
 
 use num_complex::Complex64;
-use rustfft::FftPlanner;
+use subaperture_fft as fft;
 
 use super::PulseShape;
 use crate::signal::phase::phasor;
@@ -48,9 +48,7 @@ impl PulseShape {
                     let t = i as f64 / rate_hz;
                     samples[i % count] += phasor(0.5 * chirp_hz_s * t * (t - duration_s));
                 }
-                FftPlanner::new()
-                    .plan_fft_forward(count)
-                    .process(&mut samples);
+                fft::forward(count).process(&mut samples);
                 samples
             }
             Self::PhaseCode { phases_rad, chip_s } => (0..count)

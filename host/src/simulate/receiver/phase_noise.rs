@@ -142,7 +142,7 @@ mod tests {
         let bands = [2e3, 5e3, 2e4, 5e4, 2e5];
         let mut measured = [0.0; 5];
         let seeds = 16;
-        let fft = rustfft::FftPlanner::new().plan_fft_forward(count);
+        let fft = subaperture_fft::forward(count);
         for seed in 0..seeds {
             let oscillator = Oscillator::new(&noise, seed).unwrap();
             let moment = Moment {

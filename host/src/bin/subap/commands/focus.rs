@@ -9,7 +9,7 @@ use std::time::Instant;
 use anyhow::Context;
 use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
-use subaperture::focus::{FormError, Misses, Task, Weights};
+use subaperture::focus::{FormError, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, power};
 use subaperture::io::product::{self, Product};
@@ -82,29 +82,20 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     let ahead = Ahead::of_image(
         session,
-        &typed.writing,
+        &typed.rehearsal,
         &*former,
         &task,
         &settings,
         &typed.out,
     )?;
-    if ahead.announce(session, &typed.writing)? {
+    if ahead.announce(session, &typed.rehearsal)? {
         return Ok(());
     }
     let checking = typed.check.map(|count| check::Plan::new(&task, count));
     let checking = checking.transpose()?;
-    let misses = match typed.allow_error {
-        true => Misses::Allowed,
-        false => Misses::Refused,
-    };
     let formed = former
-        .form_asked(&task, misses)
-        .map_err(|error| match error {
-            FormError::BoundMissed { .. } => anyhow::anyhow!(
-                "{error}: raise --error-db, or take the best there is with --allow-error"
-            ),
-            error => error.into(),
-        })?;
+        .form_asked(&task, typed.misses())
+        .map_err(with_advice)?;
     progress.finish();
     pass_on_warnings(&formed.settings);
     if formed.bound_missed {
@@ -161,6 +152,18 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         text::say(check.to_string())?;
     }
     Ok(())
+}
+
+/// `error`, with what the command line can do about a missed bound.
+fn with_advice(error: FormError) -> anyhow::Error {
+    match error {
+        FormError::BoundMissed { .. } => {
+            anyhow::anyhow!(
+                "{error}: raise --error-db, or take the best there is with --allow-error"
+            )
+        }
+        error => error.into(),
+    }
 }
 
 /// Writes the folder and says so.

@@ -47,7 +47,7 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
             .iter()
             .map(|(id, recording)| Channel::new(id.clone(), recording))
             .collect();
-        if ahead(session, typed, &channels, &recordings)?.announce(session, &typed.writing)? {
+        if ahead(session, typed, &channels, &recordings)?.announce(session, &typed.rehearsal)? {
             return Ok(());
         }
         if let Some(folder) = &typed.echoes {
@@ -63,7 +63,7 @@ pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
         claims.file(out, Kind::Collection)?;
         let simulated = preset.simulate(&variation(typed));
         let channels = [Channel::new("1", &simulated)];
-        if ahead(session, typed, &channels, &[])?.announce(session, &typed.writing)? {
+        if ahead(session, typed, &channels, &[])?.announce(session, &typed.rehearsal)? {
             return Ok(());
         }
         let written = write(session, typed, out, &channels)?;
@@ -205,7 +205,7 @@ fn ahead(
     let first = channels[0].history.collection();
     let pulses = |channel: &Channel| channel.history.collection().pulses.len() as u64;
     let all: u64 = channels.iter().map(pulses).sum();
-    let measure = typed.writing.dry_run || all * first.num_samples as u64 > MANY_SAMPLES;
+    let measure = typed.rehearsal.dry_run || all * first.num_samples as u64 > MANY_SAMPLES;
     let mut disk = Vec::new();
     let mut parts: Vec<Forecast> = Vec::new();
     if let Some(out) = &typed.out {

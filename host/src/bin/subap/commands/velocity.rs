@@ -53,13 +53,13 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     };
     let ahead = Ahead::of_image(
         session,
-        &typed.writing,
+        &typed.rehearsal,
         &former,
         &task,
         &settings,
         &typed.out,
     )?;
-    if ahead.announce(session, &typed.writing)? {
+    if ahead.announce(session, &typed.rehearsal)? {
         return Ok(());
     }
     let formed = former.form(&task)?;

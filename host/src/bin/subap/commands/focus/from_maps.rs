@@ -11,7 +11,7 @@ use subaperture::maps::Maps;
 use subaperture::plot::Orientation;
 
 use super::record::Record;
-use super::{brightest, deliver};
+use super::{brightest, deliver, with_advice};
 use crate::args::Focus;
 use crate::config::{DEFAULT_ERROR_DB, Session};
 use crate::messages;
@@ -34,27 +34,28 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
             maps.headers().len()
         ));
     }
+    let planned = maps.run().provenance.get("error_db");
+    let planned = planned.and_then(serde_json::Value::as_f64);
+    let error_db = typed.error_db.or(planned).unwrap_or(DEFAULT_ERROR_DB);
     let grid = match typed.grid {
         Some(grid) => grid,
         None => {
-            let grid = default_grid(&maps)?;
+            let grid = default_grid(&maps, error_db)?;
             session.check_grid(&grid, 1)?;
             Product::prepare(&typed.out, grid.num_pixels())?;
             grid
         }
     };
-    let planned = maps.run().provenance.get("error_db");
-    let planned = planned.and_then(serde_json::Value::as_f64);
-    let error_db = typed.error_db.or(planned).unwrap_or(DEFAULT_ERROR_DB);
     let progress = session.progress("focusing");
     let task = MapsTask {
         maps: &maps,
         grid: &grid,
         error_db,
+        misses: typed.misses(),
         memory_bytes: session.memory_bytes,
         monitor: &progress,
     };
-    let (formed, report) = form(&task)?;
+    let (formed, report) = form(&task).map_err(with_advice)?;
     progress.finish();
     warn(&report, error_db, grid.num_pixels());
     for (key, value) in &formed.settings {
