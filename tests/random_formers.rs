@@ -24,13 +24,15 @@ use subaperture::phase_history::{PhaseHistory, Recorded};
 use subaperture_tests::random_case::{Case, draw, exact_sum, history, shrink};
 
 /// The formers that are held to the contract here.
-const CHECKED: &[&str] = &["exact", "bp", "rdbp", "thesis", "ffbp"];
+const CHECKED: &[&str] = &[
+    "exact", "bp", "rdbp", "thesis", "ffbp", "omega-k", "rda", "pfa",
+];
 
 /// Formers that must take every case of a smooth track with the scene in view.
 const NEVER_REFUSE: &[&str] = &["exact", "bp", "rdbp", "ffbp"];
 
 /// Cases where nothing else is asked for.
-const CASES: u64 = 2500;
+const CASES: u64 = 1000;
 
 /// How far above its prediction a measured error may lie, dB: both are root means over pixels and terms, of
 /// samples that are few in small cases.

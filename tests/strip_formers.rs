@@ -174,7 +174,7 @@ fn stripmap() {
             window,
             [&OMEGA_K, &RDA, &RDA_WITHOUT_SRC],
         );
-        assert!(omega_k < -85.0, "{omega_k}");
+        assert!(omega_k < -95.0, "{omega_k}");
         assert!(rda < -75.0 && without < -35.0, "{rda} {without}");
     }
 }
@@ -189,7 +189,7 @@ fn rail() {
         Window::None,
         [&OMEGA_K, &RDA],
     );
-    assert!(omega_k < -80.0 && rda < -45.0, "{omega_k} {rda}");
+    assert!(omega_k < -85.0 && rda < -45.0, "{omega_k} {rda}");
 }
 
 #[test]
@@ -202,7 +202,7 @@ fn table_4_1() {
         Window::None,
         [&OMEGA_K, &RDA],
     );
-    assert!(omega_k < -82.0 && rda < -80.0, "{omega_k} {rda}");
+    assert!(omega_k < -95.0 && rda < -80.0, "{omega_k} {rda}");
 }
 
 #[test]
@@ -215,7 +215,7 @@ fn squint() {
         Window::None,
         [&OMEGA_K, &RDA, &RDA_WITHOUT_SRC],
     );
-    assert!(omega_k < -85.0 && rda < -20.0, "{omega_k} {rda}");
+    assert!(omega_k < -100.0 && rda < -20.0, "{omega_k} {rda}");
     assert!(without > -5.0, "{without}");
 }
 
@@ -329,7 +329,7 @@ fn any_plane_and_either_kind_of_grid() {
     ] {
         let [omega_k, rda] =
             errors_db("plane", &history, grid, Window::default(), [&OMEGA_K, &RDA]);
-        assert!(omega_k < -80.0 && rda < -75.0, "{omega_k} {rda}");
+        assert!(omega_k < -100.0 && rda < -75.0, "{omega_k} {rda}");
     }
 }
 
@@ -347,7 +347,7 @@ fn slow_time_that_is_sampled_too_coarsely_is_as_ambiguous_as_it_is() {
     let history = radar.over_many([40.0, 10.0]);
     let grid = "x=-60:60:0.57,y=-10:10:1.9";
     let [omega_k] = errors_db("coarse", &history, grid, Window::None, [&OMEGA_K]);
-    assert!(omega_k < -80.0, "{omega_k}");
+    assert!(omega_k < -95.0, "{omega_k}");
 }
 
 #[test]
@@ -376,7 +376,7 @@ fn small_deviations_are_compensated_and_large_ones_refused() {
         let grid = grid.parse().unwrap();
         let formed = try_form(&history, &grid, Window::None, former, 1 << 30, &Silent).unwrap();
         let predicted_db = formed.predicted_error_db;
-        assert!((-60.0..-40.0).contains(&predicted_db), "{predicted_db}");
+        assert!((-64.0..-40.0).contains(&predicted_db), "{predicted_db}");
     }
 
     // A circle of 3 km: 2.4 m off the line at the ends of 240 m.
@@ -580,8 +580,7 @@ fn what_a_former_holds_on_its_way_is_what_it_says() {
 
 #[test]
 fn a_scatterer_in_a_corner_errs_as_predicted() {
-    // Seen from the aperture's far end, a near corner is where the band of directions ends: measured -58 dB
-    // alone in the picture, and -85 dB among 41 scatterers spread over it.
+    // Seen from the aperture's far end, a near corner is where the band of directions ends.
     let preset = Preset::Table41.simulate(&Variation::default());
     for (x, y) in [(39.0, 39.0), (-39.5, -39.5), (0.0, 0.0), (39.9, -39.9)] {
         let scatterer = Scatterer {
@@ -589,8 +588,10 @@ fn a_scatterer_in_a_corner_errs_as_predicted() {
             amplitude: Complex64::ONE,
         };
         let history = Simulated::new(preset.collection().clone(), vec![scatterer], None);
-        let grid = "x=-40:40:1.97,y=-40:40:1.91";
+        // As fine as the resolution: a coarser grid may show the side lobes alone.
+        let grid = "x=-40:40:0.61,y=-40:40:0.67";
         // Within 3 dB of the prediction.
-        errors_db("corner", &history, grid, Window::None, [&OMEGA_K, &RDA]);
+        let [omega_k, rda] = errors_db("corner", &history, grid, Window::None, [&OMEGA_K, &RDA]);
+        assert!(omega_k < -100.0 && rda < -80.0, "{omega_k} {rda}");
     }
 }

@@ -112,7 +112,8 @@ fn every_key_makes_a_scenario_and_is_read() {
                 if *variant == "novatel" {
                     text = text.replace("track.csv", "track.log");
                     // The log lies near 0 N, 0 E; on the Earth a scene has to say where it is.
-                    text = text.replace("[scene.origin]\n", "[scene.origin]\nlatitude = \"0 deg\"\n");
+                    text =
+                        text.replace("[scene.origin]\n", "[scene.origin]\nlatitude = \"0 deg\"\n");
                 }
                 let scenario = Scenario::new("all.toml", &text, folder.path());
                 if let Err(error) = scenario.experiment() {
