@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use subaperture_tests::subap::{Ran, command, listing, run};
 
-/// Table 4.1's radar over three pixels of dark ground between its scatterers, of which an error is large relative
-/// to the image: there is next to nothing to which it could be small.
-const DARK: &str = "focus scene.cphd -a bp --grid x=11:14:1,y=11:14:1 --check 9";
+/// All pulses of Table 4.1 as one sub-CPI: paths are no straight lines for so long.
+const LONG: &str =
+    "focus scene.cphd -a rdbp --sub-cpi 1040 --grid x=-40:40:4,y=-40:40:4 --check 99";
 
 /// A folder with `scene.cphd` in it.
 fn scene() -> tempfile::TempDir {
@@ -29,26 +29,29 @@ fn a_bound_missed_is_an_exit_status_of_its_own() {
     let folder = scene();
     // Refused unless it is allowed, and then nothing is left.
     let before = listing(folder.path());
-    run(folder.path(), &format!("{DARK} --out dark")).failed(1, &["error: ", "--allow-error"]);
+    run(folder.path(), &format!("{LONG} --out long")).failed(1, &["error: ", "--allow-error"]);
     assert_eq!(listing(folder.path()), before);
-    let ran = run(folder.path(), &format!("{DARK} --out dark --allow-error"));
+    let ran = run(folder.path(), &format!("{LONG} --out long --allow-error"));
     ran.failed(
         3,
         &[
             "warning: the predicted error is ",
-            "warning: the error measured on 9 pixels is ",
+            "warning: the error measured on 99 pixels is ",
             "--error-db -60",
         ],
     );
     // Done all the same, and the record says so too, in the same words.
-    let record = json(&folder.path().join("dark/image.json"));
+    let record = json(&folder.path().join("long/image.json"));
     let warnings = record["warnings"].as_array().unwrap();
     let told = warnings
         .iter()
         .map(|warning| format!("warning: {}\n", warning.as_str().unwrap()));
     assert_eq!(told.collect::<String>(), ran.stderr);
     // A former that has no bound.
-    let line = format!("{} --out exact -a exact", DARK.replace("-a bp", ""));
+    let line = format!(
+        "{} --out exact -a exact",
+        LONG.replace("-a rdbp --sub-cpi 1040", "")
+    );
     let ran = run(folder.path(), &line);
     ran.succeeded();
     assert!(ran.is_untroubled(), "{ran:?}");
@@ -88,7 +91,7 @@ fn quiet_hides_no_result_and_no_warning() {
     let folder = scene();
     let ran = run(
         folder.path(),
-        &format!("{DARK} -q --allow-error --out dark"),
+        &format!("{LONG} -q --allow-error --out long"),
     );
     assert_eq!(ran.code, Some(3), "{ran:?}");
     assert!(
@@ -98,7 +101,7 @@ fn quiet_hides_no_result_and_no_warning() {
     assert_eq!(ran.stdout.lines().count(), 1, "{ran:?}");
     assert!(
         ran.stdout
-            .starts_with("error against the exact sum on 9 pixels: ")
+            .starts_with("error against the exact sum on 99 pixels: ")
     );
     let grid = "--grid x=-2:2:1,y=-2:2:1";
     let ran = run(folder.path(), &format!("demo -q --out demo {grid}"));
@@ -440,7 +443,7 @@ fn signalled(folder: &Path, line: &str, signal: &str) -> (Ran, Duration) {
     let mut stderr = child.stderr.take().unwrap();
     let (mut told, mut byte) = (Vec::new(), [0]);
     // Said after the signals' handler is in place.
-    while !String::from_utf8_lossy(&told).contains(" of memory\n") {
+    while !String::from_utf8_lossy(&told).contains(" for the work\n") {
         assert_eq!(stderr.read(&mut byte).unwrap(), 1, "ended early: {told:?}");
         told.push(byte[0]);
     }

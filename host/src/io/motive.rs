@@ -210,17 +210,18 @@ impl Columns {
                 self.count
             ));
         }
-        let number = |column: usize, what: &str| match cells[column].parse::<f64>() {
+        let cell = |column: usize| cells.get(column).copied().unwrap_or_default();
+        let number = |column: usize, what: &str| match cell(column).parse::<f64>() {
             Ok(value) if value.abs() <= FARTHEST => Ok(value),
             _ => Err(format!(
                 "{what} (column {}) is '{}'; a number is expected",
                 column + 1,
-                cells[column]
+                cell(column)
             )),
         };
         let time_s = number(1, "Time")?;
         let all = self.position.iter().chain(self.rotation.iter().flatten());
-        let empty = all.filter(|column| cells[**column].is_empty()).count();
+        let empty = all.filter(|column| cell(**column).is_empty()).count();
         let wanted = 3 + self.rotation.map_or(0, |_| 4);
         if empty == wanted {
             return Ok(None);
@@ -352,5 +353,14 @@ mod tests {
                 .contains("several rigid bodies")
         );
         assert!(fixes("", None).is_err());
+    }
+
+    #[test]
+    fn a_last_value_that_is_missing_is_an_empty_one() {
+        let take = "Format Version,1.23,Length Units,Meters\n,Type,Rigid Body,Rigid Body,Rigid Body\n,Name,r,r,r\n\
+            ,ID,1,1,1\n,,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z\n0,0.5,1,2,3\n1,1.0,,\n";
+        assert_eq!(fixes(take, None).unwrap().len(), 1);
+        let error = fixes(&take.replace("1,1.0,,", "1,1.0,1,2"), None).unwrap_err();
+        assert!(error.contains("line 8: Z (column 5) is '';"), "{error}");
     }
 }

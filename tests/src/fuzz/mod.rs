@@ -67,7 +67,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 16] = [
+pub static TARGETS: [Target; 17] = [
     Target {
         name: "cphd",
         read: recordings::cphd,
@@ -172,6 +172,14 @@ pub static TARGETS: [Target; 16] = [
         seeds: tracks::csv_seeds,
         repair: as_it_is,
         words: tracks::CSV_WORDS,
+        most_bytes: in_proportion,
+    },
+    Target {
+        name: "motive",
+        read: tracks::motive,
+        seeds: tracks::motive_seeds,
+        repair: as_it_is,
+        words: tracks::MOTIVE_WORDS,
         most_bytes: in_proportion,
     },
     Target {

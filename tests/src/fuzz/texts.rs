@@ -110,14 +110,7 @@ pub(super) fn scenario(bytes: &[u8]) -> String {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return "not text".to_owned();
     };
-    // What may ask for millions of points; what they are made of is not read from files.
-    if ["clutter", "picture", "building"]
-        .iter()
-        .any(|word| text.contains(word))
-    {
-        return "large".to_owned();
-    }
-    match Scenario::new("input.toml", text, "/nowhere").experiment() {
+    match Scenario::new("input.toml", text, "/nowhere").experiment_within(MEMORY_BYTES) {
         Ok(experiment) => record(&experiment),
         Err(error) => error
             .faults

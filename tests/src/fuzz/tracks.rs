@@ -1,11 +1,12 @@
-//! Tracks: NovAtel's logs and comma-separated values.
+//! Tracks: NovAtel's logs, comma-separated values and Motive's takes.
 
 use std::path::Path;
 
 use glam::DVec3;
 use subaperture::geometry::SceneFrame;
 use subaperture::io::novatel::{self, Damage, Source};
-use subaperture::io::track_csv;
+use subaperture::io::track_axes::TrackAxes;
+use subaperture::io::{motive, track_csv};
 use subaperture::simulate::body::Trajectory;
 use subaperture::simulate::track::{Fix, Recorded};
 
@@ -42,6 +43,54 @@ pub(super) const CSV_WORDS: &[&str] = &[
     "#",
     "\u{feff}",
 ];
+
+pub(super) const MOTIVE_WORDS: &[&str] = &[
+    "Format Version",
+    "Length Units",
+    "Millimeters",
+    "Meters",
+    "Rotation Type",
+    "Quaternion",
+    "Coordinate Space",
+    "Global",
+    "Rigid Body",
+    "Rotation",
+    "Position",
+    "Frame",
+    "Time (Seconds)",
+    ",",
+    "\n",
+    "\"",
+];
+
+pub(super) fn motive_seeds() -> Vec<Vec<u8>> {
+    let take = |units: &str, rotation: &str, letters: &str, rows: &str| {
+        let columns = letters.split(',').count();
+        let every = |word: &str| format!(",{word}").repeat(columns);
+        let names = every("radar");
+        let [bodies, numbers] = ["Rigid Body", "1"].map(every);
+        format!(
+            "Format Version,1.23,Take Name,walk,Rotation Type,Quaternion,Length Units,{units},Coordinate Space,Global\n\
+             \n,Type{bodies}\n,Name{names}\n,ID{numbers}\n,{rotation}\nFrame,Time (Seconds),{letters}\n{rows}"
+        )
+        .into_bytes()
+    };
+    let turned = format!("{}{}", ",Rotation".repeat(4), ",Position".repeat(3));
+    vec![
+        take(
+            "Millimeters",
+            &turned,
+            "X,Y,Z,W,X,Y,Z",
+            "0,0.0,0,0,0,1,100,1500,-20\n1,0.01,,,,,,,\n2,0.02,0,0.38268343,0,0.92387953,110,1500,-20\n",
+        ),
+        take(
+            "Meters",
+            &",Position".repeat(3),
+            "X,Y,Z",
+            "0,0.0,0.1,1.5,-0.2\r\n1,0.01,0.11,1.5,-0.2\r\n2,0.02,0.12,1.6,-0.2\r\n",
+        ),
+    ]
+}
 
 pub(super) fn novatel_seeds() -> Vec<Vec<u8>> {
     let header = "COM1,0,58.5,FINESTEERING,2209,502061.000,02000020,18bc,16809";
@@ -139,6 +188,18 @@ pub(super) fn novatel(bytes: &[u8]) -> String {
         };
     }
     outcome
+}
+
+pub(super) fn motive(bytes: &[u8]) -> String {
+    let read = |body| motive::read_from(bytes, Path::new("take.csv"), body, TrackAxes::y_up());
+    match (read(None), read(Some("radar"))) {
+        (Ok(only), Ok(named)) => {
+            assert_eq!(only, named, "the only body is the one that is named");
+            follow(&only)
+        }
+        (Ok(fixes), Err(_)) | (Err(_), Ok(fixes)) => follow(&fixes),
+        (Err(error), Err(_)) => error.to_string(),
+    }
 }
 
 pub(super) fn csv(bytes: &[u8]) -> String {

@@ -2,6 +2,7 @@
 
 use std::process::{Command, Stdio};
 
+use crate::prerequisites::deny as deny_path;
 use crate::runner::Runner;
 
 /// The firmware's package and the target it is built for.
@@ -101,13 +102,22 @@ pub(crate) fn doc(runner: &mut Runner) {
 }
 
 pub(crate) fn deny(runner: &mut Runner) {
+    // Called by its own name it takes no word "deny".
+    let deny = |checks: &[&str]| {
+        let mut command = Command::new(deny_path().unwrap_or_else(|| "cargo-deny".into()));
+        command
+            .arg("check")
+            .args(checks)
+            .current_dir(super::python::root());
+        command
+    };
     runner.check(
         "dependencies: bans, licences, sources",
-        &mut cargo(&["deny", "check", "bans", "licenses", "sources"]),
+        &mut deny(&["bans", "licenses", "sources"]),
     );
     let name = "dependencies: advisories";
     if advisories_reachable() {
-        runner.check(name, &mut cargo(&["deny", "check", "advisories"]));
+        runner.check(name, &mut deny(&["advisories"]));
     } else {
         runner.skip(name, "the RustSec database on github.com cannot be reached");
     }

@@ -4,12 +4,16 @@
 //! that half of a machine's processors would stand idle. Those known to take longest begin first.
 
 use std::collections::VecDeque;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::sync::Mutex;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
+
+/// No executable takes half of this on a slow machine: one that does waits for something that never comes.
+const LIMIT: Duration = Duration::from_secs(1200);
 
 /// Begin first, longest first: whatever starts late and takes long is waited for alone.
 const LONGEST: [&str; 12] = [
@@ -114,14 +118,9 @@ fn run(one: &Executable, prepare: &impl Fn(&mut Command)) -> Run {
         .arg("--show-output")
         .stdin(Stdio::null());
     prepare(&mut command);
-    let (output, succeeded) = match command.output() {
-        Ok(done) => {
-            let text = [done.stdout, done.stderr].concat();
-            (
-                String::from_utf8_lossy(&text).into_owned(),
-                done.status.success(),
-            )
-        }
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let (output, succeeded) = match command.spawn() {
+        Ok(child) => finish(child, LIMIT),
         Err(error) => (
             format!("cannot start {}: {error}\n", one.path.display()),
             false,
@@ -134,10 +133,77 @@ fn run(one: &Executable, prepare: &impl Fn(&mut Command)) -> Run {
     }
 }
 
+/// What `child`, whose outputs are piped, prints, and whether it succeeds; one that takes longer than `limit` is killed.
+fn finish(mut child: Child, limit: Duration) -> (String, bool) {
+    let streams = [
+        gather(child.stdout.take().expect("stdout is piped")),
+        gather(child.stderr.take().expect("stderr is piped")),
+    ];
+    let status = wait(&mut child, limit);
+    // What it started and left behind may hold the streams open.
+    let patience = Instant::now();
+    while !streams.iter().all(|stream| stream.1.is_finished())
+        && (status.is_some() || patience.elapsed() < Duration::from_secs(1))
+    {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let bytes = streams.map(|(bytes, _)| bytes.lock().expect("no reader panics").clone());
+    let mut text = String::from_utf8_lossy(&bytes.concat()).into_owned();
+    if status.is_none() {
+        text += &format!("\nkilled: not done after {} s\n", limit.as_secs());
+    }
+    (text, status.is_some_and(|status| status.success()))
+}
+
+/// Reads a stream to its end on a thread of its own.
+fn gather(
+    mut stream: impl Read + Send + 'static,
+) -> (Arc<Mutex<Vec<u8>>>, std::thread::JoinHandle<()>) {
+    let bytes = Arc::new(Mutex::new(Vec::new()));
+    let shared = Arc::clone(&bytes);
+    let reader = std::thread::spawn(move || {
+        let mut part = [0; 1 << 14];
+        while let Ok(count @ 1..) = stream.read(&mut part) {
+            let mut bytes = shared.lock().expect("no reader panics");
+            bytes.extend_from_slice(&part[..count]);
+        }
+    });
+    (bytes, reader)
+}
+
+/// The child's status; `None` if it was killed at the limit.
+fn wait(child: &mut Child, limit: Duration) -> Option<ExitStatus> {
+    let start = Instant::now();
+    while start.elapsed() < limit {
+        if let Ok(Some(status)) = child.try_wait() {
+            return Some(status);
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let _ = child.kill();
+    let _ = child.wait();
+    None
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn what_never_ends_is_killed_and_said_to_be() {
+        let run = |line: &str, limit: Duration| {
+            let mut command = Command::new("sh");
+            let command = command.args(["-c", line]).stdin(Stdio::null());
+            command.stdout(Stdio::piped()).stderr(Stdio::piped());
+            finish(command.spawn().unwrap(), limit)
+        };
+        let (text, succeeded) = run("echo begun; sleep 60", Duration::from_millis(300));
+        assert!(!succeeded && text.starts_with("begun\n") && text.contains("killed"));
+        let (text, succeeded) = run("echo one; echo two >&2", LIMIT);
+        assert!(succeeded && text == "one\ntwo\n", "{text}");
+        assert!(!run("exit 3", LIMIT).1);
+    }
 
     #[test]
     fn only_test_executables_are_run() {

@@ -1,5 +1,6 @@
 //! Finds out what this machine lacks, and installs it or says how.
 
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use crate::python;
@@ -38,7 +39,8 @@ pub(crate) const BROWSER: [Need; 1] = [Need::Chromium];
 enum Source {
     Debian(&'static [&'static str]),
     Rustup([&'static str; 3]),
-    CargoInstall(&'static str),
+    /// Built by cargo into [`tools`].
+    Tool(&'static str),
 }
 
 impl Need {
@@ -53,7 +55,7 @@ impl Need {
             Self::QemuRiscv => works("qemu-system-riscv32", &["--version"]),
             Self::Python => python::interpreter().is_some(),
             Self::Chromium => works("chromium", &["--version"]),
-            Self::CargoDeny => works("cargo", &["deny", "--version"]),
+            Self::CargoDeny => deny().is_some(),
         }
     }
 
@@ -68,7 +70,7 @@ impl Need {
             Self::Clippy => Source::Rustup(["component", "add", "clippy"]),
             Self::FirmwareTarget => Source::Rustup(["target", "add", FIRMWARE_TARGET]),
             Self::OtherTarget(target) => Source::Rustup(["target", "add", target]),
-            Self::CargoDeny => Source::CargoInstall("cargo-deny"),
+            Self::CargoDeny => Source::Tool("cargo-deny"),
         }
     }
 }
@@ -96,9 +98,13 @@ pub(crate) fn ensure(needs: &[Need]) -> Result<(), String> {
         match need.source() {
             Source::Debian(_) => {}
             Source::Rustup(arguments) => run("rustup", &arguments)?,
-            Source::CargoInstall(name) => {
+            Source::Tool(name) => {
                 println!("{name} is missing; building it takes some minutes, once");
-                run("cargo", &["install", "--locked", "--quiet", name])?;
+                let tools = tools();
+                let root = tools.to_string_lossy();
+                // What runs for seconds need not be optimised for minutes.
+                let arguments = ["install", "--locked", "--quiet", "--debug", "--root"];
+                run("cargo", &[&arguments[..], &[&root, name]].concat())?;
             }
         }
     }
@@ -120,6 +126,19 @@ pub(crate) fn ensure_if_possible(needs: &[Need]) {
             eprintln!("{what_to_do}\n{need:?}: going on without it");
         }
     }
+}
+
+/// Where tools are built that are missing: nothing of the user's is changed for them.
+fn tools() -> PathBuf {
+    python::root().join("target/tools")
+}
+
+/// cargo-deny, as installed or as built here.
+pub(crate) fn deny() -> Option<PathBuf> {
+    let own = tools().join("bin/cargo-deny");
+    [PathBuf::from("cargo-deny"), own]
+        .into_iter()
+        .find(|path| works(&path.to_string_lossy(), &["--version"]))
 }
 
 fn install_packages(packages: &[&str]) -> Result<(), String> {
