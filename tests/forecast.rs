@@ -132,3 +132,32 @@ fn a_dry_run_says_time_memory_and_disk_and_leaves_nothing() {
         "{ran:?}"
     );
 }
+
+#[test]
+fn a_search_is_told_by_one_of_its_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let text = subaperture::simulate::scenario::examples::text("stepped").unwrap();
+    std::fs::write(at.join("s.toml"), text).unwrap();
+    run(at, "simulate s.toml --echoes raw --set radar.pulses=40").succeeded();
+    let before = listing(at);
+    let line = "tune raw/recording.toml --vary recording.range_bias=-0.5:0.6:0.1m --dry-run";
+    // 11 values, 5 halvings with 2 neighbours each, and a scan of 11 and some.
+    let said = run(at, &format!("{line} --at 2,16,0"));
+    let said = said.succeeded();
+    assert!(said.contains("about 36 images of 1 points"), "{said}");
+    assert!(said.contains("time             about "), "{said}");
+    // Of an image two rounds more, in turn.
+    let grid = "--grid x=-4:4:0.5,y=2:18:0.5";
+    let ran = run(at, &format!("{line} {grid} --json"));
+    let told: serde_json::Value = serde_json::from_str(ran.succeeded()).unwrap();
+    assert!(told["time_s"].as_f64().unwrap() > 0.0, "{told}");
+    assert!(
+        told["work"]
+            .as_str()
+            .unwrap()
+            .contains("images of 16 x 32 pixels"),
+        "{told}"
+    );
+    assert_eq!(listing(at), before);
+}

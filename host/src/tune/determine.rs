@@ -1,10 +1,12 @@
 //! A search over a recording's geometry that cannot be led astray by what its pixels show.
 
+use std::time::{Duration, Instant};
+
 use glam::DVec3;
 
 use super::anchor::shift_m;
 use super::measure::{Sight, merit, merits};
-use super::{Axis, Order, Search, TuneError, Tuned, Verdict, search, search_from};
+use super::{Axis, Order, Search, TuneError, Tuned, Verdict, expected, search, search_from};
 use crate::focus::bp::Backprojection;
 use crate::focus::{FormError, ImageFormer, Monitor, Task, Weights};
 use crate::geometry::ImageGrid;
@@ -136,6 +138,38 @@ pub fn determine(problem: &Problem) -> Result<Tuned, TuneError<FormError>> {
         at = tuned.best;
         round += 1;
     }
+}
+
+/// About how many images [`determine`] makes, two rounds of it, and how long one takes: measured at the intervals' middles.
+///
+/// # Errors
+/// [`FormError`], as of that image.
+pub fn rehearse(problem: &Problem) -> Result<(usize, Duration), FormError> {
+    let &Problem {
+        intervals,
+        search,
+        sight,
+        windows,
+        memory_bytes,
+        monitor,
+        ..
+    } = problem;
+    let start = Instant::now();
+    let middles: Vec<f64> = intervals
+        .iter()
+        .map(|axis| axis.at(axis.count / 2))
+        .collect();
+    let take = problem.model.take(&middles, None)?;
+    merits(&take.history, sight, windows, memory_bytes, monitor)?;
+    let turns = Search {
+        order: Order::InTurn,
+        ..search
+    };
+    let again = match sight {
+        Sight::Grid(..) => 2 * expected(intervals, turns),
+        Sight::Points(_) => 0,
+    };
+    Ok((expected(intervals, search) + again, start.elapsed()))
 }
 
 /// Where the image of a take is brightest.

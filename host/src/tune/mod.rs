@@ -39,7 +39,7 @@ use std::collections::BTreeMap;
 
 use crate::focus::Monitor;
 
-pub use determine::{Model, Problem, determine};
+pub use determine::{Model, Problem, determine, rehearse};
 pub use measure::{Measure, PARTS, Sight, UnknownMeasure, merit, merits};
 
 /// The interval of a parameter: `count` values from `start` on, `step` apart.
@@ -175,17 +175,11 @@ fn search_from<E, V: Into<Views>>(
         !intervals.is_empty() && intervals.iter().all(|axis| axis.count > 0),
         "nothing to search"
     );
-    let coarse: usize = match search.order {
-        Order::Product => intervals.iter().map(|axis| axis.count).product(),
-        Order::InTurn => 2 * intervals.iter().map(|axis| axis.count).sum::<usize>(),
-    };
-    let neighbours = 3usize.pow(intervals.len() as u32) - 1;
-    let scans: usize = intervals.iter().map(|axis| axis.count + 4).sum();
     let mut trials = Trials {
         merit,
         known: BTreeMap::new(),
         monitor,
-        expected: coarse + search.refinements * neighbours + scans,
+        expected: expected(intervals, search),
     };
     let (mut best, grid) = match search.order {
         Order::Product => trials.product(intervals)?,
@@ -234,6 +228,18 @@ fn search_from<E, V: Into<Views>>(
         without_parts,
         evaluations: trials.known.len(),
     })
+}
+
+/// Evaluations that a search makes, about: a climb may be longer, and what was tried is not tried again.
+fn expected(intervals: &[Axis], search: Search) -> usize {
+    let counts = intervals.iter().map(|axis| axis.count);
+    let coarse = match search.order {
+        Order::Product => counts.product(),
+        Order::InTurn => 2 * counts.sum::<usize>(),
+    };
+    let neighbours = 3usize.pow(intervals.len() as u32) - 1;
+    let scans: usize = intervals.iter().map(|axis| axis.count + 4).sum();
+    coarse + search.refinements * neighbours + scans
 }
 
 /// Values and their merit.

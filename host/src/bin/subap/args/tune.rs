@@ -96,6 +96,9 @@ pub(crate) struct Tune {
 
     #[command(flatten)]
     pub(crate) writing: super::Writing,
+
+    #[command(flatten)]
+    pub(crate) rehearsal: super::Rehearsal,
 }
 
 /// A key and its values.

@@ -9,11 +9,14 @@ use anyhow::Context;
 use serde_json::json;
 use subaperture::focus::FormError;
 use subaperture::io::recording::{RecordingFile, Take};
-use subaperture::phase_history::Recorded;
+use subaperture::phase_history::{PhaseHistory, Recorded};
+use subaperture::planner::forecast::Forecast;
 use subaperture::tune::{
     Measure, Model, Order, Problem, Scan, Search, Sight, TuneError, Tuned, Verdict, determine,
+    rehearse,
 };
 
+use crate::ahead::Ahead;
 use crate::args::{Tune, Vary};
 use crate::config::{Session, record_of_run};
 use crate::failure::Usage;
@@ -74,7 +77,7 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     };
     let intervals: Vec<_> = keys.iter().map(|vary| vary.axis).collect();
     let progress = session.progress("tuning");
-    let found = determine(&Problem {
+    let problem = Problem {
         model: &varied,
         intervals: &intervals,
         search: wanted,
@@ -82,7 +85,14 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         windows: [typed.window, typed.slow_window],
         memory_bytes: session.memory_bytes,
         monitor: &progress,
-    });
+    };
+    if typed.rehearsal.dry_run {
+        let ahead = ahead(session, &problem)?;
+        progress.finish();
+        ahead.announce(session, &typed.rehearsal)?;
+        return Ok(());
+    }
+    let found = determine(&problem);
     progress.finish();
     let found = found.map_err(|error| match error {
         TuneError::Failed(error) => anyhow::Error::new(error),
@@ -159,6 +169,34 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         ),
     })?;
     Ok(())
+}
+
+/// What the search will take, by one of its images.
+fn ahead(session: &Session, problem: &Problem) -> anyhow::Result<Ahead> {
+    let (images, each) = rehearse(problem)?;
+    let (pixels, looked_at) = match problem.sight {
+        Sight::Grid(grid, _) => {
+            let (columns, rows) = (grid.columns.count, grid.rows.count);
+            (grid.num_pixels(), format!("{columns} x {rows} pixels"))
+        }
+        Sight::Points(points) => (points.len() as u64, format!("{} points", points.len())),
+    };
+    // The samples, and the image with that of a part.
+    let middle = problem.intervals.iter().map(|axis| axis.at(axis.count / 2));
+    let take = problem.model.take(&middle.collect::<Vec<f64>>(), None)?;
+    let held_bytes = take.history.held_bytes() + 16 * pixels;
+    let time = Forecast {
+        seconds: images as f64 * each.as_secs_f64(),
+        measured_s: each.as_secs_f64(),
+    };
+    let what = format!("about {images} images of {looked_at}");
+    Ok(Ahead::of_files(
+        session,
+        what,
+        held_bytes,
+        Some(time),
+        Vec::new(),
+    ))
 }
 
 /// A recording whose keys take values.
