@@ -32,7 +32,7 @@ const CHECKED: &[&str] = &[
 const NEVER_REFUSE: &[&str] = &["exact", "bp", "rdbp", "ffbp"];
 
 /// Cases where nothing else is asked for.
-const CASES: u64 = 1000;
+const CASES: u64 = 600;
 
 /// How far above its prediction a measured error may lie, dB: both are root means over pixels and terms, of
 /// samples that are few in small cases.
