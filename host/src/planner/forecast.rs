@@ -1,11 +1,11 @@
 //! How long an image will take: a part of the same work, measured on this machine.
 //!
 //! The very former forms the middle of the image from pulses in the middle of the recording, in larger and larger parts
-//! until one takes 0.3 s or 1.5 s have passed. What that part took, times the operations of the whole
-//! over those of the part by the formers' own accounts ([`super::cost`]), is the estimate:
+//! until one takes 0.3 s or 1.5 s have passed. With the operations of the parts and of the whole by the formers' own accounts
+//! ([`super::cost`]), and `slope` the time of an operation more from the last part but one to the last, the estimate is
 //!
 //! ```text
-//! time = measured time * operations(whole) / operations(part)
+//! time = time(part) + slope * (operations(whole) - operations(part))
 //! ```
 //!
 //! Counts are not times: what a part of a large image keeps in caches the whole may not. Checked on recordings of every former
@@ -28,6 +28,9 @@ const LONG_ENOUGH_S: f64 = 0.3;
 
 /// No part takes longer: one that does is stopped, and its time is that of what it did.
 const MOST_S: f64 = 1.5;
+
+/// Time of an operation more over that of a part's in the mean, at the least: differences of short times say little.
+const LEAST_SLOPE: f64 = 0.25;
 
 /// Operations of the first part.
 const FIRST_OPERATIONS: f64 = 1e7;
@@ -120,6 +123,7 @@ pub fn forecast(
     let mut pulses = all.min((MOST_SAMPLES / width).max(FEWEST_PULSES));
     let mut side = (FIRST_OPERATIONS / whole).sqrt().min(1.0);
     let begun = Instant::now();
+    let mut smaller = None;
     loop {
         let part = Part::new(task.history, pulses);
         let grid = middle_of(task.grid, side);
@@ -155,15 +159,26 @@ pub fn forecast(
             Err(_) => return Ok(None),
         };
         let is_whole = side >= 1.0 && pulses == all;
-        if measured_s >= LONG_ENOUGH_S || is_whole || begun.elapsed().as_secs_f64() > MOST_S {
+        let is_enough = measured_s >= LONG_ENOUGH_S && smaller.is_some();
+        if is_enough || is_whole || done < 1.0 || begun.elapsed().as_secs_f64() > MOST_S {
             // What was stopped before it told of any progress says only that it is long.
-            let seconds = measured_s / done.max(1e-3) * whole / operations;
+            let seconds = measured_s / done.max(1e-3);
+            // What a part takes beside its operations, to plan and to begin, it took before too.
+            let mean = seconds / operations;
+            let slope = match smaller {
+                Some((before, took_s)) if before < operations => {
+                    (seconds - took_s) / (operations - before)
+                }
+                _ => mean,
+            };
+            let more_s = (whole - operations) * slope.clamp(LEAST_SLOPE * mean, mean);
             return Ok(Some(Forecast {
-                seconds,
+                seconds: seconds + more_s,
                 measured_s,
             }));
         }
-        let more = (LONG_ENOUGH_S * 1.5 / measured_s.max(1e-4)).min(64.0);
+        smaller = Some((operations, measured_s));
+        let more = (LONG_ENOUGH_S * 1.5 / measured_s.max(1e-4)).clamp(4.0, 64.0);
         if side < 1.0 {
             side = (side * more.sqrt()).min(1.0);
         } else {
