@@ -98,9 +98,17 @@ impl Array {
                 header.order, header.shape
             )));
         };
-        let count = sizes.iter().fold(1u128, |product, &size| {
-            product.saturating_mul(u128::from(size))
+        // Without zeros, so that no product of some of the sizes is too large for whoever reads the shape.
+        let product = sizes.iter().fold(1u128, |product, &size| {
+            product.saturating_mul(u128::from(size.max(1)))
         });
+        if product > usize::MAX as u128 {
+            return Err(unsuited(format!(
+                "has shape {}: no machine holds so many values",
+                header.shape
+            )));
+        }
+        let count = if sizes.contains(&0) { 0 } else { product };
         let needed = count.saturating_mul(8);
         if needed > u128::from(memory_bytes) {
             return Err(unsuited(format!(
@@ -251,10 +259,14 @@ mod tests {
             (file(">i2", "(1,)", &[0, 0]), "type '>i2'"),
             (file("<U8", "(1,)", &[0; 32]), "numbers are expected"),
             (
-                file("<f8", "(1000000000000,1000000000000)", &[]),
+                file("<f8", "(1000000,1000000000000)", &[]),
                 "raise --memory",
             ),
             (file("<f8", "(126,)", &[]), "raise --memory"),
+            (
+                file("<f8", "(65536,65,6553655553655,6536,0)", &[]),
+                "no machine",
+            ),
             (file("<f8", "(2,)", &[0; 15]), "failed to fill whole buffer"),
             (file("<f8", "(x,)", &[]), "shape (x,)"),
         ] {
