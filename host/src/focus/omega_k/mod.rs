@@ -106,7 +106,7 @@ impl OmegaK {
         asked: &Asked,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        let strip = Strip::new(task, &Stolt)?;
+        let strip = Strip::new(task, &Stolt, asked)?;
         let prediction = strip.prediction();
         let planned_db = prediction.total_db(&[rounding::path_phase_rad(task)]);
         asked.check(planned_db, || {

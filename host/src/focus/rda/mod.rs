@@ -123,7 +123,7 @@ impl RangeDopplerAlgorithm {
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
         let method = self.expansion(task.history.collection())?;
-        let strip = Strip::new(task, &method)?;
+        let strip = Strip::new(task, &method, asked)?;
         let prediction = strip.prediction();
         let planned_db = prediction.total_db(&[rounding::path_phase_rad(task)]);
         asked.check(planned_db, || {

@@ -57,7 +57,7 @@ use super::budget::Budget;
 use super::probes::probes;
 use super::rdbp::shared_band;
 use super::straight_track::StraightTrack;
-use super::{FormError, Formed, Task};
+use super::{Asked, FormError, Formed, Task};
 use crate::geometry::ImageGrid;
 use crate::phase_history::Collection;
 use crate::signal::fast_length::fast_length;
@@ -187,21 +187,31 @@ impl<'a> Strip<'a> {
     ///
     /// # Errors
     /// [`FormError::Memory`] if the image is too large, [`FormError::Unsuited`] if the pulses stand still, the band changes,
-    /// or pixels lie too near.
-    pub(super) fn new(task: &'a Task<'a>, method: &dyn RangeMethod) -> Result<Self, FormError> {
+    /// or pixels lie too near; [`FormError::BoundMissed`] if the track alone misses what is `asked`: the line is looked at
+    /// only then, for that may take long.
+    pub(super) fn new(
+        task: &'a Task<'a>,
+        method: &dyn RangeMethod,
+        asked: &Asked,
+    ) -> Result<Self, FormError> {
         // Before every pixel is looked at: there may be far too many.
         Budget::for_task(task, 8)?;
         let collection = task.history.collection();
         let fitted = Fitted::new(collection, task.grid, method)?;
-        let prediction = prediction::predict(
-            collection,
-            task.weights,
-            task.grid,
-            &fitted.track,
-            fitted.reference,
-            &fitted.axes,
-            method,
-        );
+        let mut prediction = Prediction {
+            track: prediction::of_track(
+                collection,
+                task.weights,
+                task.grid,
+                &fitted.track,
+                fitted.reference,
+                &fitted.axes.wavenumbers,
+            ),
+            line: 0.0,
+        };
+        asked.check(20.0 * prediction.track.log10(), || prediction.limit(""))?;
+        prediction.line =
+            prediction::of_line(task.weights, task.grid, &fitted.track, &fitted.axes, method);
         Ok(Self {
             task,
             track: fitted.track,

@@ -75,37 +75,46 @@ impl Prediction {
     }
 }
 
-/// Predicts the error of `method` over `grid`, with motion compensated to `reference`.
-pub(super) fn predict(
+/// What the track's deviations leave over `grid`, with motion compensated to `reference`.
+pub(super) fn of_track(
     collection: &Collection,
     weights: &Weights,
     grid: &ImageGrid,
     track: &StraightTrack,
     reference: DVec3,
-    axes: &Axes,
-    method: &dyn RangeMethod,
-) -> Prediction {
-    let points = probes(grid);
+    wavenumbers: &[f64],
+) -> f64 {
     let slow = Shares::new(&weights.slow);
     let fast = Shares::new(&weights.fast);
-    let squares = axes.wavenumbers.iter().map(|kappa| kappa * kappa);
+    let squares = wavenumbers.iter().map(|kappa| kappa * kappa);
     let rms_wavenumber = fast.worst(squares).sqrt();
     let excess_m: Vec<f64> = (collection.pulses.iter().enumerate())
         .map(|(n, pulse)| track.excess_path_m(n, pulse, reference))
         .collect();
-    let of_track = points.par_iter().map(|&point| {
+    let points = probes(grid);
+    let errors = points.par_iter().map(|&point| {
         let left = collection.pulses.iter().zip(&excess_m).enumerate();
         slow.worst(left.map(|(n, (pulse, excess_m))| {
             let left_m = track.excess_path_m(n, pulse, point) - excess_m;
             turned(rms_wavenumber * left_m / 2.0)
         }))
     });
+    errors.reduce(|| 0.0, f64::max).sqrt()
+}
+
+/// What `method` leaves on a straight track over `grid`.
+pub(super) fn of_line(
+    weights: &Weights,
+    grid: &ImageGrid,
+    track: &StraightTrack,
+    axes: &Axes,
+    method: &dyn RangeMethod,
+) -> f64 {
+    let slow = Shares::new(&weights.slow);
     let line = Line::new(axes, weights, track, method);
-    let of_line = points.iter().map(|&point| line.at(point, track, &slow));
-    Prediction {
-        track: of_track.reduce(|| 0.0, f64::max).sqrt(),
-        line: of_line.fold(0.0, f64::max).sqrt(),
-    }
+    let points = probes(grid);
+    let errors = points.iter().map(|&point| line.at(point, track, &slow));
+    errors.fold(0.0, f64::max).sqrt()
 }
 
 /// Places along the track, `middle - half cos(pi i / (OFFSETS - 1))`.
