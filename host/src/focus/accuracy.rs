@@ -21,12 +21,12 @@
 //! work), and with `s^2` the mean square error there and `M` the image's mean square
 //!
 //! ```text
-//! predicted^2 = max(planned^2, C s^2 / M)
+//! predicted^2 = max(planned^2, C s^2 / M + e^2 T / M)
 //! ```
 //!
+//! with `T` the terms' powers and `e` the rounding of the sum's own phases.
 //! `C` is what a mean of so few squares scatters by: 1 where all pixels are sampled (128 or fewer), 1.6 where the image is as a plan
-//! takes it, 2 where it errs by more than that, and 10 where errors may sit in few pixels: where `s^2 / M` is 6 dB above the plan's, or the grid is dark, `M` less than 0.3 of the terms'
-//! powers `T`, which is what noise would show. Where a bound is missed in this way, the image is formed once more with a plan
+//! takes it, 2 where it errs by more than that, and 10 where errors may sit in few pixels: where `s^2 / M` is 6 dB above the plan's, or the grid is dark, `M` less than 0.3 of `T`, which is what noise would show. Where a bound is missed in this way, the image is formed once more with a plan
 //! for that much less ([`ImageFormer::planning_for`]; `planned_for_db` in the settings), twice the work and more; one that
 //! is missed then is an error too, after the work.
 //! A grid that is coarser than the resolution may show a lone scatterer by its side lobes only, which are what the ends of the band and
@@ -393,10 +393,13 @@ impl<'a> Sampled<'a> {
             // A former that left pulses out has no image of them all.
             return f64::INFINITY;
         }
+        // The sum's phases are rounded too. Terms do not share that, so that it is small relative to their powers, not to
+        // what is left of them.
+        let own = rounding::path_phase_rad(self.task).powi(2) * sums.terms * norm * norm / mean;
         // Of an image of zeros where there should be zeros, nothing is wrong.
-        match error == 0.0 {
+        match error == 0.0 && !own.is_finite() {
             true => LEAST_DB,
-            false => 10.0 * relative.log10(),
+            false => 10.0 * (relative + own).log10(),
         }
     }
 }
