@@ -26,9 +26,10 @@
 //!
 //! with `T` the terms' powers and `e` the rounding of the sum's own phases.
 //! `C` is what a mean of so few squares scatters by: 1 where all pixels are sampled (128 or fewer), 1.6 where the image is as a plan
-//! takes it, 2 where it errs by more than that, and 10 where errors may sit in few pixels: where `s^2 / M` is 6 dB above the plan's, or the grid is dark, `M` less than 0.3 of `T`, which is what noise would show. Where a bound is missed in this way, the image is formed once more with a plan
-//! for that much less ([`ImageFormer::planning_for`]; `planned_for_db` in the settings), twice the work and more; one that
-//! is missed then is an error too, after the work.
+//! takes it, 2 where it errs by more than that, and 10 where errors may sit in few pixels: where `s^2 / M` is 6 dB above the
+//! plan's, or the grid is dark, `M` less than 0.3 of `T`, which is what noise would show. Where a bound is missed in this
+//! way, the image is formed once more with a plan for that much less ([`ImageFormer::planning_for`]; `planned_for_db` in
+//! the settings), twice the work and more; one that is missed then is an error too, after the work.
 //! A grid that is coarser than the resolution may show a lone scatterer by its side lobes only, which are what the ends of the band and
 //! of the aperture make; errors that are larger there are larger in it, with the range-Doppler algorithm by up to 14 dB.
 //! A prediction of -3 dB or more says that the image is worth nothing, not how far it errs.
@@ -184,20 +185,24 @@ struct Attempt {
 }
 
 impl Attempt {
-    /// What to plan for so that the bound is kept, the scene making as much of that plan as of this one; `None` if the bound is kept, or
-    /// missed by the plan itself.
+    /// What to plan for so that `bound_db` is kept, the scene making as much of that plan as of this one.
+    fn plan_for_db(&self, bound_db: f64) -> f64 {
+        bound_db + self.planned_db - self.measured_db - 1.0
+    }
+
+    /// That, if the bound is missed, and not by the plan itself.
     fn next_plan_db(&self, asked: &Asked) -> Option<f64> {
         let bound_db = asked.bound_db?;
         let is_of_scene = self.planned_db <= bound_db && self.measured_db > bound_db;
-        let next_db = bound_db + self.planned_db - self.measured_db - 1.0;
+        let next_db = self.plan_for_db(bound_db);
         (is_of_scene && next_db.is_finite()).then_some(next_db)
     }
 
     /// The image with its prediction, if it is what was asked for or misses are allowed.
     fn judge(mut self, asked: &Asked) -> Result<Formed, FormError> {
-        let (planned_db, measured_db) = (self.planned_db, self.measured_db);
+        let planned_db = self.planned_db;
         self.formed
-            .expect(asked.bound_db, planned_db.max(measured_db));
+            .expect(asked.bound_db, planned_db.max(self.measured_db));
         let settings = &mut self.formed.settings;
         settings.insert("planned_error_db".to_owned(), planned_db.into());
         asked.check(self.formed.predicted_error_db, || {
@@ -205,7 +210,7 @@ impl Attempt {
                 "the former plans {planned_db:.1} dB, and its error at {} pixels is more: the grid is dark, beside \
                  something bright that it leaves out; include that in --grid, or plan for less with --error-db {:.0}",
                 self.num_sampled,
-                asked.bound_db.unwrap_or(0.0) + planned_db - measured_db - 1.0
+                self.plan_for_db(asked.bound_db.unwrap_or(0.0))
             )
         })?;
         Ok(self.formed)

@@ -140,11 +140,22 @@ pub fn determine(problem: &Problem) -> Result<Tuned, TuneError<FormError>> {
     }
 }
 
-/// About how many images [`determine`] makes, two rounds of it, and how long one takes: measured at the intervals' middles.
+/// What [`determine`] will take, about.
+#[derive(Clone, Copy, Debug)]
+pub struct Expected {
+    /// Images that it makes.
+    pub images: usize,
+    /// Time of one.
+    pub each: Duration,
+    /// Bytes that the recording holds.
+    pub held_bytes: u64,
+}
+
+/// Measures an image at the intervals' middles, and counts with two rounds more where pixels follow the scene.
 ///
 /// # Errors
 /// [`FormError`], as of that image.
-pub fn rehearse(problem: &Problem) -> Result<(usize, Duration), FormError> {
+pub fn rehearse(problem: &Problem) -> Result<Expected, FormError> {
     let &Problem {
         intervals,
         search,
@@ -169,7 +180,11 @@ pub fn rehearse(problem: &Problem) -> Result<(usize, Duration), FormError> {
         Sight::Grid(..) => 2 * expected(intervals, turns),
         Sight::Points(_) => 0,
     };
-    Ok((expected(intervals, search) + again, start.elapsed()))
+    Ok(Expected {
+        images: expected(intervals, search) + again,
+        each: start.elapsed(),
+        held_bytes: take.history.held_bytes(),
+    })
 }
 
 /// Where the image of a take is brightest.

@@ -39,7 +39,7 @@ use std::collections::BTreeMap;
 
 use crate::focus::Monitor;
 
-pub use determine::{Model, Problem, determine, rehearse};
+pub use determine::{Expected, Model, Problem, determine, rehearse};
 pub use measure::{Measure, PARTS, Sight, UnknownMeasure, merit, merits};
 
 /// The interval of a parameter: `count` values from `start` on, `step` apart.

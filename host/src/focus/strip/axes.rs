@@ -99,7 +99,7 @@ impl Axes {
             sine(reach_m[1], range_m[0]).max(sine(reach_m[1], range_m[1])),
         ];
         let taper = Taper::new(needed, range_m[0] * least);
-        let ends = taper.ends();
+        let ends = taper.ends;
         let steepest = ends[0].abs().max(ends[1].abs());
         if !(range_m[0] > 0.0 && least > 0.0 && steepest < LARGEST_SINE) {
             return Err(FormError::Unsuited(format!(

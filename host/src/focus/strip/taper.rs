@@ -35,8 +35,8 @@ const STEPS: usize = 2048;
 pub(super) struct Taper {
     /// Sines of the directions needed, least and most.
     pub(super) needed: [f64; 2],
-    /// From there to the falls.
-    gap: [f64; 2],
+    /// Sines of the first and last direction that is not zero.
+    pub(super) ends: [f64; 2],
     /// Widths of the falls at either end.
     pub(super) fall: [f64; 2],
     /// The rise from 0 to 1 in even steps.
@@ -58,23 +58,19 @@ impl Taper {
             step.push(sum);
         }
         step.iter_mut().for_each(|value| *value /= sum);
+        let fall = unit.map(|unit| 2.0 * HALF_FALL * unit);
+        let beyond = |i: usize| GAP * unit[i] + fall[i];
         Self {
             needed,
-            gap: unit.map(|unit| GAP * unit),
-            fall: unit.map(|unit| 2.0 * HALF_FALL * unit),
+            ends: [needed[0] - beyond(0), needed[1] + beyond(1)],
+            fall,
             step,
         }
     }
 
-    /// Sines of the first and last direction that is not zero.
-    pub(super) fn ends(&self) -> [f64; 2] {
-        let beyond = |i: usize| self.gap[i] + self.fall[i];
-        [self.needed[0] - beyond(0), self.needed[1] + beyond(1)]
-    }
-
     /// The weight of the direction `sine`.
     pub(super) fn at(&self, sine: f64) -> f64 {
-        let [first, last] = self.ends();
+        let [first, last] = self.ends;
         self.rise((sine - first) / self.fall[0]) * self.rise((last - sine) / self.fall[1])
     }
 
@@ -102,7 +98,7 @@ mod tests {
         for sine in [-0.2, 0.0, 0.11, 0.3] {
             assert_eq!(taper.at(sine), 1.0);
         }
-        let [first, last] = taper.ends();
+        let [first, last] = taper.ends;
         assert_eq!((taper.at(first), taper.at(last)), (0.0, 0.0));
         // The integral of an even window is a half in its middle.
         assert!((taper.at(last - taper.fall[1] / 2.0) - 0.5).abs() < 1e-12);

@@ -2,7 +2,7 @@
 
 use std::process::{Command, Stdio};
 
-use crate::prerequisites::deny as deny_path;
+use crate::prerequisites::cargo_deny;
 use crate::runner::Runner;
 
 /// The firmware's package and the target it is built for.
@@ -104,7 +104,7 @@ pub(crate) fn doc(runner: &mut Runner) {
 pub(crate) fn deny(runner: &mut Runner) {
     // Called by its own name it takes no word "deny".
     let deny = |checks: &[&str]| {
-        let mut command = Command::new(deny_path().unwrap_or_else(|| "cargo-deny".into()));
+        let mut command = Command::new(cargo_deny().unwrap_or_else(|| "cargo-deny".into()));
         command
             .arg("check")
             .args(checks)

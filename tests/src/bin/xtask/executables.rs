@@ -15,6 +15,9 @@ use serde_json::Value;
 /// No executable takes half of this on a slow machine: one that does waits for something that never comes.
 const LIMIT: Duration = Duration::from_secs(1200);
 
+/// How long the outputs of one that has ended are read on.
+const PATIENCE: Duration = Duration::from_secs(2);
+
 /// Begin first, longest first: whatever starts late and takes long is waited for alone.
 const LONGEST: [&str; 13] = [
     "golden",
@@ -141,11 +144,9 @@ fn finish(mut child: Child, limit: Duration) -> (String, bool) {
         gather(child.stderr.take().expect("stderr is piped")),
     ];
     let status = wait(&mut child, limit);
-    // What it started and left behind may hold the streams open.
-    let patience = Instant::now();
-    while !streams.iter().all(|stream| stream.1.is_finished())
-        && (status.is_some() || patience.elapsed() < Duration::from_secs(1))
-    {
+    // All that it printed is read at once; what it started and left behind may hold the streams open for ever.
+    let ended = Instant::now();
+    while !streams.iter().all(|(_, reader)| reader.is_finished()) && ended.elapsed() < PATIENCE {
         std::thread::sleep(Duration::from_millis(5));
     }
     let bytes = streams.map(|(bytes, _)| bytes.lock().expect("no reader panics").clone());
@@ -201,6 +202,9 @@ mod tests {
         };
         let (text, succeeded) = run("echo begun; sleep 60", Duration::from_millis(300));
         assert!(!succeeded && text.starts_with("begun\n") && text.contains("killed"));
+        // Nor is what was left behind waited for.
+        let (text, succeeded) = run("sleep 60 & echo begun", LIMIT);
+        assert!(succeeded && text == "begun\n", "{text}");
         let (text, succeeded) = run("echo one; echo two >&2", LIMIT);
         assert!(succeeded && text == "one\ntwo\n", "{text}");
         assert!(!run("exit 3", LIMIT).1);

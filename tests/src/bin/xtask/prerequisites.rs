@@ -55,7 +55,7 @@ impl Need {
             Self::QemuRiscv => works("qemu-system-riscv32", &["--version"]),
             Self::Python => python::interpreter().is_some(),
             Self::Chromium => works("chromium", &["--version"]),
-            Self::CargoDeny => deny().is_some(),
+            Self::CargoDeny => cargo_deny().is_some(),
         }
     }
 
@@ -134,7 +134,7 @@ fn tools() -> PathBuf {
 }
 
 /// cargo-deny, as installed or as built here.
-pub(crate) fn deny() -> Option<PathBuf> {
+pub(crate) fn cargo_deny() -> Option<PathBuf> {
     let own = tools().join("bin/cargo-deny");
     [PathBuf::from("cargo-deny"), own]
         .into_iter()

@@ -9,11 +9,11 @@ use anyhow::Context;
 use serde_json::json;
 use subaperture::focus::FormError;
 use subaperture::io::recording::{RecordingFile, Take};
-use subaperture::phase_history::{PhaseHistory, Recorded};
+use subaperture::phase_history::Recorded;
 use subaperture::planner::forecast::Forecast;
 use subaperture::tune::{
-    Measure, Model, Order, Problem, Scan, Search, Sight, TuneError, Tuned, Verdict, determine,
-    rehearse,
+    Expected, Measure, Model, Order, Problem, Scan, Search, Sight, TuneError, Tuned, Verdict,
+    determine, rehearse,
 };
 
 use crate::ahead::Ahead;
@@ -173,7 +173,11 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
 
 /// What the search will take, by one of its images.
 fn ahead(session: &Session, problem: &Problem) -> anyhow::Result<Ahead> {
-    let (images, each) = rehearse(problem)?;
+    let Expected {
+        images,
+        each,
+        held_bytes,
+    } = rehearse(problem)?;
     let (pixels, looked_at) = match problem.sight {
         Sight::Grid(grid, _) => {
             let (columns, rows) = (grid.columns.count, grid.rows.count);
@@ -182,9 +186,7 @@ fn ahead(session: &Session, problem: &Problem) -> anyhow::Result<Ahead> {
         Sight::Points(points) => (points.len() as u64, format!("{} points", points.len())),
     };
     // The samples, and the image with that of a part.
-    let middle = problem.intervals.iter().map(|axis| axis.at(axis.count / 2));
-    let take = problem.model.take(&middle.collect::<Vec<f64>>(), None)?;
-    let held_bytes = take.history.held_bytes() + 16 * pixels;
+    let held_bytes = held_bytes + 16 * pixels;
     let time = Forecast {
         seconds: images as f64 * each.as_secs_f64(),
         measured_s: each.as_secs_f64(),
