@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use serde_json::Value;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::{ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::ImageGrid;
@@ -12,9 +13,23 @@ use subaperture::signal::window::Window;
 use subaperture_tests::emulated::application;
 use subaperture_tests::error_db;
 use subaperture_tests::link_recording::{recording, write_recording};
-use subaperture_tests::subap::run;
+use subaperture_tests::subap::{listing, run};
 
 const GRID: &str = "x=-6:6:0.5,y=-6:6:0.5,z=0";
+
+/// What `line` with `--dry-run` says, which leaves nothing.
+fn told(folder: &Path, line: &str) -> Value {
+    let before = listing(folder);
+    let ran = run(folder, &format!("{line} --dry-run --json"));
+    let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    assert_eq!(listing(folder), before, "{line}");
+    assert!(
+        told["time_s"].as_f64().unwrap() > 0.0 && told["memory_bytes"].as_u64().unwrap() > 0,
+        "{told}"
+    );
+    println!("{line}: {told}");
+    told
+}
 
 /// `subap link` and `subap focus --from-maps`.
 fn image(folder: &Path, arithmetic: &str, elf: &Path) -> Image {
@@ -23,14 +38,32 @@ fn image(folder: &Path, arithmetic: &str, elf: &Path) -> Image {
          --slow-window none --firmware {}",
         elf.display()
     );
+    let ahead = told(folder, &line);
     let ran = run(folder, &line);
     println!("{}", ran.succeeded());
+    // To the byte but for names, weights and counters, which are few.
+    let file = folder
+        .join(format!("{arithmetic}.maps"))
+        .metadata()
+        .unwrap();
+    let disk_bytes = ahead["disk"][0]["bytes"].as_u64().unwrap();
+    assert!(
+        (disk_bytes..disk_bytes + 8192).contains(&file.len()),
+        "{disk_bytes} bytes told, {}",
+        file.len()
+    );
     assert!(ran.stdout.contains("bit by bit, 0 not"), "{ran:?}");
     assert!(ran.is_untroubled(), "{ran:?}");
     let line = format!("focus --from-maps {arithmetic}.maps --grid {GRID} --out {arithmetic}");
+    let ahead = told(folder, &line);
     let ran = run(folder, &line);
     ran.succeeded();
     assert!(ran.is_untroubled(), "nothing is missing: {ran:?}");
+    let file = folder.join(arithmetic).join("image.npy");
+    assert_eq!(
+        ahead["disk"][0]["bytes"].as_u64(),
+        Some(file.metadata().unwrap().len())
+    );
     npy::read(&folder.join(arithmetic).join("image.npy")).unwrap()
 }
 

@@ -1,7 +1,7 @@
 //! How `subap` talks: what goes where, what `-q` hides, exit statuses, progress off a terminal, signals.
 
 use std::fs;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -413,23 +413,28 @@ fn a_result_that_cannot_be_printed_is_a_failure() {
 #[test]
 fn progress_is_told_off_a_terminal_too() {
     let folder = scene();
-    // 160 000 pixels by 266 240 samples: some seconds on any machine of today.
-    let line = "focus scene.cphd -a exact --grid x=-20:20:0.1,y=-20:20:0.1 --out";
-    let ran = run(folder.path(), &format!("{line} told"));
-    ran.succeeded();
-    let lines: Vec<&str> = ran
-        .stderr
-        .lines()
-        .filter(|line| line.starts_with("focusing: "))
-        .collect();
-    assert!(!lines.is_empty(), "{ran:?}");
-    assert!(
-        lines
-            .iter()
-            .any(|line| line.contains(" %, ") && line.ends_with(" left")),
-        "{lines:?}"
-    );
-    let ran = run(folder.path(), &format!("{line} quiet -q"));
+    let line = |step: f64, rest: &str| {
+        format!("focus scene.cphd -a exact --grid x=-20:20:{step},y=-20:20:{step} --out {rest}")
+    };
+    // 1 000 000 pixels by 266 240 samples: half a minute or more on any machine of today, of which those seconds are
+    // taken until it has told.
+    let mut child = command(folder.path(), line(0.04, "told").split(' '))
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let mut told = Vec::new();
+    for line in lines.map_while(Result::ok) {
+        let is_last =
+            line.starts_with("focusing: ") && line.contains(" %, ") && line.ends_with(" left");
+        told.push(line);
+        if is_last {
+            child.kill().unwrap();
+        }
+    }
+    assert!(!child.wait().unwrap().success(), "{told:?}");
+    let ran = run(folder.path(), &line(0.2, "quiet -q"));
     assert_eq!((ran.succeeded(), ran.stderr.as_str()), ("", ""));
 }
 

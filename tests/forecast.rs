@@ -103,6 +103,8 @@ fn a_dry_run_says_time_memory_and_disk_and_leaves_nothing() {
         format!("focus scene.cphd {grid} --out deep/image -a exact"),
         "velocity scene.cphd --at 1,2 --vx=-9:9:0.05 --vy=-9:9:0.05 --out v".to_owned(),
         "simulate --preset table-4-1 -o deep/a.cphd".to_owned(),
+        "demo --grid x=-3:3:0.3,y=-3:3:0.3 --out demo".to_owned(),
+        "reproduce --out gallery".to_owned(),
     ] {
         let ran = run(at, &format!("{line} --dry-run"));
         let said = ran.succeeded();
@@ -123,12 +125,61 @@ fn a_dry_run_says_time_memory_and_disk_and_leaves_nothing() {
         &format!("focus scene.cphd {grid} --out image --dry-run"),
     );
     assert!(ran.succeeded().contains("4.9 MiB in image"), "{ran:?}");
+    // Its points would be measured on chips formed of the recording.
+    run(
+        at,
+        "focus scene.cphd --grid x=-9:9:0.3,y=-9:9:0.3 --out small",
+    )
+    .succeeded();
+    let before = listing(at);
+    let ran = run(
+        at,
+        "quality small --from scene.cphd --at 1,2 --at 3,4 --plots plots --dry-run",
+    );
+    let said = ran.succeeded();
+    assert!(said.contains("2 chips of 1040 pulses"), "{said}");
+    assert!(said.contains("time             about "), "{said}");
+    assert_eq!(listing(at), before);
+    run(at, "quality small --dry-run").failed(2, &["--from"]);
     // What a file takes is known to the byte.
     let ran = run(at, "simulate --preset table-4-1 -o again.cphd --dry-run");
     let mib = at.join("scene.cphd").metadata().unwrap().len() as f64 / 1024.0 / 1024.0;
     assert!(
         ran.succeeded()
             .contains(&format!("{mib:.1} MiB in again.cphd")),
+        "{ran:?}"
+    );
+}
+
+#[test]
+fn items_take_what_they_are_told_to() {
+    if is_busy() {
+        println!("skipped: the machine is busy with other work, so that times tell nothing");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    // Cuts of images, a second or two.
+    let line = "reproduce --only s-4-4 --json";
+    let mut best = f64::INFINITY;
+    for i in 0..TRIES {
+        let ran = run(at, &format!("{line} --out {i} --dry-run"));
+        let told: serde_json::Value = serde_json::from_str(ran.succeeded()).unwrap();
+        let told_s = told["time_s"].as_f64().unwrap();
+        let start = Instant::now();
+        run(at, &format!("{line} --out {i}")).succeeded();
+        let taken_s = start.elapsed().as_secs_f64();
+        println!("{told_s:.2} s told, {taken_s:.2} s taken");
+        best = best.min((told_s / taken_s).max(taken_s / told_s));
+        if best < 2.0 {
+            break;
+        }
+    }
+    assert!(best < 2.0, "off by {best:.1}");
+    // What is there is not made again.
+    let ran = run(at, "reproduce --only s-4-4 --out 0 --dry-run");
+    assert!(
+        ran.succeeded().contains("0 items to make, 1 there already"),
         "{ran:?}"
     );
 }

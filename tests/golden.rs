@@ -13,12 +13,12 @@
 //! That the maps are right is shown by `stream_float.rs` and `core_fixed.rs`; here they are only the same.
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use subaperture_core::selftest::{FixedStreamSelfTest, FloatStreamSelfTest, SelfTest};
 use subaperture_core::stream::{BlockFloat, MapSamples, PatchMap};
-use subaperture_tests::firmware::finish;
+use subaperture_tests::firmware::{self, Build, finish};
 
 /// Which map is kept: the second patch, off the origin, of the second sub-CPI of the first run.
 const KEPT: usize = 3;
@@ -98,7 +98,7 @@ fn compare(name: &str, text: &str) {
 fn cortex_m7_computes_the_same_bits() {
     let lines = Machine {
         target: "thumbv7em-none-eabihf",
-        options: &["--features", "no-panic"],
+        features: "no-panic",
         // The log is the second line.
         emulator: &["qemu-system-arm", "-M", "mps2-an500", "-serial", "null"],
     }
@@ -115,11 +115,7 @@ fn cortex_m7_computes_the_same_bits() {
 fn cortex_m0_computes_the_same_bits() {
     let lines = Machine {
         target: "thumbv6m-none-eabi",
-        options: &[
-            "--no-default-features",
-            "--features",
-            "board-microbit,no-panic",
-        ],
+        features: "board-microbit,no-panic",
         emulator: &["qemu-system-arm", "-M", "microbit"],
     }
     .run("stream_selftest");
@@ -136,7 +132,7 @@ fn cortex_m0_computes_the_same_bits() {
 fn riscv_computes_the_same_bits() {
     let lines = Machine {
         target: "riscv32imafc-unknown-none-elf",
-        options: &[],
+        features: "",
         emulator: &["qemu-system-riscv32", "-M", "virt", "-bios", "none"],
     }
     .run("stream_selftest");
@@ -148,7 +144,7 @@ fn riscv_computes_the_same_bits() {
 fn aarch64_computes_the_same_bits() {
     let machine = Machine {
         target: "aarch64-unknown-linux-musl",
-        options: &[],
+        features: "",
         emulator: &["qemu-aarch64"],
     };
     let Some(lines) = machine.run("stream_selftest") else {
@@ -194,8 +190,8 @@ fn stack(line: &str) -> [u32; 2] {
 
 struct Machine {
     target: &'static str,
-    /// Cargo's, beside the target.
-    options: &'static [&'static str],
+    /// Of the firmware's package.
+    features: &'static str,
     emulator: &'static [&'static str],
 }
 
@@ -213,7 +209,11 @@ impl Machine {
                 return None;
             }
         }
-        Some(self.emulate(&self.build(program)))
+        let build = Build {
+            target: self.target,
+            ..Build::bin(program, self.features)
+        };
+        Some(self.emulate(&firmware::build(&build)))
     }
 
     fn is_installed(&self) -> bool {
@@ -223,34 +223,6 @@ impl Machine {
             .output()
             .expect("rustc runs");
         Path::new(String::from_utf8_lossy(&output.stdout).trim()).is_dir()
-    }
-
-    /// In a target folder of its own: cargo locks each.
-    fn build(&self, program: &str) -> PathBuf {
-        let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("golden");
-        let mut command = Command::new(env!("CARGO"));
-        command
-            .current_dir(workspace)
-            .args(["build", "--package", "subaperture-firmware", "--locked"])
-            .args(["--profile", "firmware", "--bin", program])
-            .args(self.options)
-            .args(["--target", self.target, "--target-dir"])
-            .arg(&folder);
-        if self.target.ends_with("-musl") {
-            // The linker that comes with Rust, and its own C library: no toolchain of the target is needed.
-            let name = self.target.to_uppercase().replace('-', "_");
-            command
-                .env(format!("CARGO_TARGET_{name}_LINKER"), "rust-lld")
-                .env(
-                    format!("CARGO_TARGET_{name}_RUSTFLAGS"),
-                    "-C link-self-contained=yes",
-                );
-        }
-        let output = command.output().expect("cargo runs");
-        let stderr = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "{stderr}");
-        folder.join(self.target).join("firmware").join(program)
     }
 
     fn emulate(&self, elf: &Path) -> Vec<String> {

@@ -24,8 +24,10 @@ pub struct Build<'a> {
     pub kind: &'a str,
     /// Its name.
     pub program: &'a str,
-    /// Features, separated by commas. With `board-h743` the default board is left out.
+    /// Features, separated by commas. With another board the default one is left out.
     pub features: &'a str,
+    /// What it is compiled for.
+    pub target: &'a str,
     /// `firmware`, or another of the workspace's profiles.
     pub profile: &'a str,
 }
@@ -37,6 +39,7 @@ impl<'a> Build<'a> {
             kind: "--bin",
             program,
             features,
+            target: TARGET,
             profile: "firmware",
         }
     }
@@ -80,17 +83,23 @@ pub fn try_build(build: &Build<'_>) -> Result<PathBuf, String> {
     let output = cargo(build, &folder).map_err(|error| format!("cargo does not start: {error}"))?;
     let stderr = String::from_utf8_lossy(&output.stderr);
     if stderr.contains("can't find crate for `core`") {
-        return Err(format!("the target is missing: rustup target add {TARGET}"));
+        return Err(format!(
+            "the target is missing: rustup target add {}",
+            build.target
+        ));
     }
     if !output.status.success() {
         return Err(stderr.into_owned());
     }
-    let built = folder.join(TARGET).join(build.profile);
+    let built = folder.join(build.target).join(build.profile);
     let built = match build.kind {
         "--example" => built.join("examples").join(build.program),
         _ => built.join(build.program),
     };
-    let name = format!("{}-{}-{}", build.program, build.profile, build.features);
+    let mut name = format!("{}-{}-{}", build.program, build.profile, build.features);
+    if build.target != TARGET {
+        name = format!("{name}-{}", build.target);
+    }
     let elf = place.join(name.replace(',', "-"));
     copy_if_other(&built, &elf)?;
     Ok(elf)
@@ -108,16 +117,28 @@ pub fn build(build: &Build<'_>) -> PathBuf {
 }
 
 fn cargo(build: &Build<'_>, folder: &Path) -> std::io::Result<Output> {
-    let other_board = build.features.contains("board-h743");
-    Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+    let other_board = build.features.contains("board-");
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command
         .current_dir(workspace())
         .args(["build", "--quiet", "--package", "subaperture-firmware"])
-        .args(["--locked", "--target", TARGET, "--profile", build.profile])
+        .args(["--locked", "--target", build.target])
+        .args(["--profile", build.profile])
         .args([build.kind, build.program, "--features", build.features])
         .args(other_board.then_some("--no-default-features"))
         .arg("--target-dir")
-        .arg(folder)
-        .output()
+        .arg(folder);
+    if build.target.ends_with("-musl") {
+        // The linker that comes with Rust, and its own C library: no toolchain of the target is needed.
+        let name = build.target.to_uppercase().replace('-', "_");
+        command
+            .env(format!("CARGO_TARGET_{name}_LINKER"), "rust-lld")
+            .env(
+                format!("CARGO_TARGET_{name}_RUSTFLAGS"),
+                "-C link-self-contained=yes",
+            );
+    }
+    command.output()
 }
 
 /// The bytes of both are compared, so that what watches the copy sees it change only when it does; the new
@@ -130,6 +151,9 @@ fn copy_if_other(from: &Path, to: &Path) -> Result<(), String> {
     }
     let beside = to.with_extension("new");
     fs::write(&beside, bytes).map_err(|error| told(&beside, error))?;
+    // Programs of this machine's own kind are started.
+    let mode = fs::metadata(from).map_err(|error| told(from, error))?;
+    fs::set_permissions(&beside, mode.permissions()).map_err(|error| told(&beside, error))?;
     fs::rename(&beside, to).map_err(|error| told(to, error))
 }
 

@@ -26,6 +26,7 @@ mod job;
 mod keep;
 mod line;
 mod place;
+mod rehearsal;
 mod run;
 mod running_image;
 mod session;
@@ -39,6 +40,7 @@ pub use counts::Counts;
 pub use emulator::Emulator;
 pub use job::{Job, PulseSource};
 pub use place::{Module, Place, PlaceError};
+pub use rehearsal::rehearse;
 pub use running_image::{MOST_WAITING, RunningImage};
 pub use session::{
     Buffers, Ending, Identity, LinkError, MapSink, Outcome, Session, Settings, SinkError, Watch,

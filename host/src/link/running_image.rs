@@ -10,7 +10,7 @@
 use std::collections::BTreeMap;
 
 use num_complex::Complex32;
-use subaperture_core::stream::MapHeader;
+use subaperture_core::stream::{MapHeader, Patch};
 
 use crate::focus::maps::{MapsTask, form};
 use crate::focus::{FormError, Misses, Silent};
@@ -53,6 +53,13 @@ impl RunningImage {
             sum: vec![Complex32::ZERO; grid.num_pixels() as usize],
             weight_sum: 0.0,
         }
+    }
+
+    /// Bytes that it may take for maps of `patches`.
+    pub fn held_bytes(grid: &ImageGrid, patches: &[Patch]) -> u64 {
+        let samples: u64 = patches.iter().map(|patch| patch.map_len() as u64).sum();
+        let pixel_bytes = 2 * size_of::<Complex32>() as u64;
+        grid.num_pixels() * pixel_bytes + MOST_WAITING as u64 * 16 * samples
     }
 
     /// Takes a map.

@@ -13,6 +13,7 @@ mod aperture;
 mod order;
 pub(crate) mod physical;
 mod recorded;
+mod stretch;
 mod sweep;
 mod track_error;
 
@@ -29,6 +30,7 @@ use crate::quantity::bytes;
 pub use aperture::Aperture;
 pub(crate) use order::ranks_by_angle;
 pub use recorded::Recorded;
+pub use stretch::Stretch;
 pub use sweep::{PathTerms, Sweep};
 pub use track_error::TrackError;
 

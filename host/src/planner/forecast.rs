@@ -11,6 +11,7 @@
 //! Counts are not times: what a part of a large image keeps in caches the whole may not. Checked on recordings of every former
 //! (`tests/forecast.rs`): within a factor of 2.
 
+use std::iter::Sum;
 use std::ops::Range;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -19,9 +20,10 @@ use num_complex::Complex32;
 
 use super::cost::{Cost, Work};
 use super::radar::{self, RadarPlan};
+use crate::focus::maps::{self, MapsTask};
 use crate::focus::{FormError, ImageFormer, Misses, Monitor, Task, Weights};
 use crate::geometry::{Axis, ImageGrid};
-use crate::phase_history::{Collection, PhaseHistory, ReadError};
+use crate::phase_history::{Collection, PhaseHistory, Stretch};
 
 /// A part that takes so long is large enough.
 const LONG_ENOUGH_S: f64 = 0.3;
@@ -62,6 +64,22 @@ pub struct Forecast {
     pub seconds: f64,
     /// That the part measured took, seconds.
     pub measured_s: f64,
+}
+
+impl Sum for Forecast {
+    /// Of work done one after another.
+    fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
+        parts.fold(
+            Self {
+                seconds: 0.0,
+                measured_s: 0.0,
+            },
+            |sum, part| Self {
+                seconds: sum.seconds + part.seconds,
+                measured_s: sum.measured_s + part.measured_s,
+            },
+        )
+    }
 }
 
 /// What a former called `name` takes, by its account.
@@ -116,49 +134,113 @@ pub fn forecast(
         let cost = cost(former.name(), collection, grid, settings, task.memory_bytes);
         cost.map(|cost| cost.operations).filter(|n| *n > 0.0)
     };
-    let Some(whole) = count(collection, task.grid) else {
+    let Some(operations) = count(collection, task.grid) else {
         return Ok(None);
     };
     let (all, width) = (collection.pulses.len(), collection.num_samples.max(1));
-    let mut pulses = all.min((MOST_SAMPLES / width).max(FEWEST_PULSES));
-    let mut side = (FIRST_OPERATIONS / whole).sqrt().min(1.0);
+    let whole = Whole {
+        operations,
+        pulses: all,
+        few_pulses: all.min((MOST_SAMPLES / width).max(FEWEST_PULSES)),
+    };
+    grow(&whole, task.monitor, |size| {
+        let first = (all - size.pulses) / 2;
+        let part = Stretch::new(task.history, first..first + size.pulses);
+        let grid = middle_of(task.grid, size.side);
+        let operations = count(part.collection(), &grid)?;
+        let form = move |monitor: &dyn Monitor| {
+            let weights = Weights {
+                fast: task.weights.fast.clone(),
+                slow: task.weights.slow[part.pulses()].to_vec(),
+            };
+            let part_task = Task {
+                history: &part,
+                grid: &grid,
+                weights: &weights,
+                monitor,
+                ..*task
+            };
+            // How well is no matter here.
+            former.form_asked(&part_task, Misses::Allowed).map(drop)
+        };
+        Some((operations, form))
+    })
+}
+
+/// As [`forecast`], of an image of a module's maps: from fewer pixels all over the grid.
+///
+/// # Errors
+/// [`FormError::Cancelled`].
+pub fn forecast_of_maps(task: &MapsTask) -> Result<Option<Forecast>, FormError> {
+    // Every map is read once, and every pixel looks into as many; what one look takes is the same everywhere.
+    let whole = Whole {
+        operations: task.grid.num_pixels() as f64 * task.maps.headers().len() as f64,
+        pulses: 1,
+        few_pulses: 1,
+    };
+    grow(&whole, task.monitor, |size| {
+        let grid = coarser(task.grid, size.side);
+        let operations = grid.num_pixels() as f64 * task.maps.headers().len() as f64;
+        let form = move |monitor: &dyn Monitor| {
+            let part_task = MapsTask {
+                grid: &grid,
+                misses: Misses::Allowed,
+                monitor,
+                ..*task
+            };
+            maps::form(&part_task).map(drop)
+        };
+        Some((operations, form))
+    })
+}
+
+/// How much of a work.
+#[derive(Clone, Copy)]
+struct Size {
+    /// Of each of the grid's sides.
+    side: f64,
+    pulses: usize,
+}
+
+/// All of a work.
+struct Whole {
+    operations: f64,
+    pulses: usize,
+    /// Pulses of its first parts: more are taken once a part has all pixels.
+    few_pulses: usize,
+}
+
+/// Measures larger and larger parts of a work. `part` says how many operations a part has, and what does it.
+fn grow<F: FnOnce(&dyn Monitor) -> Result<(), FormError>>(
+    whole: &Whole,
+    monitor: &dyn Monitor,
+    part: impl Fn(Size) -> Option<(f64, F)>,
+) -> Result<Option<Forecast>, FormError> {
+    let mut size = Size {
+        side: (FIRST_OPERATIONS / whole.operations).sqrt().min(1.0),
+        pulses: whole.few_pulses,
+    };
     let begun = Instant::now();
     let mut smaller = None;
     loop {
-        let part = Part::new(task.history, pulses);
-        let grid = middle_of(task.grid, side);
-        let Some(operations) = count(&part.collection, &grid) else {
+        let Some((operations, form)) = part(size) else {
             return Ok(None);
         };
-        let weights = Weights {
-            fast: task.weights.fast.clone(),
-            slow: task.weights.slow[part.pulses()].to_vec(),
-        };
         let until = Until {
-            task,
+            monitor,
             deadline: Instant::now() + Duration::from_secs_f64(MOST_S),
             fraction: Mutex::new(0.0),
         };
         let start = Instant::now();
-        let part_task = Task {
-            history: &part,
-            grid: &grid,
-            weights: &weights,
-            monitor: &until,
-            ..*task
-        };
-        // How well is no matter here.
-        let formed = former.form_asked(&part_task, Misses::Allowed);
+        let formed = form(&until);
         let measured_s = start.elapsed().as_secs_f64();
         let done = match formed {
-            Ok(_) => 1.0,
-            Err(FormError::Cancelled) if task.monitor.cancelled() => {
-                return Err(FormError::Cancelled);
-            }
+            Ok(()) => 1.0,
+            Err(FormError::Cancelled) if monitor.cancelled() => return Err(FormError::Cancelled),
             Err(FormError::Cancelled) => until.done(),
             Err(_) => return Ok(None),
         };
-        let is_whole = side >= 1.0 && pulses == all;
+        let is_whole = size.side >= 1.0 && size.pulses == whole.pulses;
         let is_enough = measured_s >= LONG_ENOUGH_S && smaller.is_some();
         if is_enough || is_whole || done < 1.0 || begun.elapsed().as_secs_f64() > MOST_S {
             // What was stopped before it told of any progress says only that it is long.
@@ -171,7 +253,7 @@ pub fn forecast(
                 }
                 _ => mean,
             };
-            let more_s = (whole - operations) * slope.clamp(LEAST_SLOPE * mean, mean);
+            let more_s = (whole.operations - operations) * slope.clamp(LEAST_SLOPE * mean, mean);
             return Ok(Some(Forecast {
                 seconds: seconds + more_s,
                 measured_s,
@@ -179,10 +261,10 @@ pub fn forecast(
         }
         smaller = Some((operations, measured_s));
         let more = (LONG_ENOUGH_S * 1.5 / measured_s.max(1e-4)).clamp(4.0, 64.0);
-        if side < 1.0 {
-            side = (side * more.sqrt()).min(1.0);
+        if size.side < 1.0 {
+            size.side = (size.side * more.sqrt()).min(1.0);
         } else {
-            pulses = all.min((pulses as f64 * more) as usize + 1);
+            size.pulses = whole.pulses.min((size.pulses as f64 * more) as usize + 1);
         }
     }
 }
@@ -218,48 +300,6 @@ pub fn reading<E>(
     })
 }
 
-/// Pulses in the middle of a history.
-struct Part<'a> {
-    history: &'a dyn PhaseHistory,
-    collection: Collection,
-    first: usize,
-}
-
-impl<'a> Part<'a> {
-    fn new(history: &'a dyn PhaseHistory, count: usize) -> Self {
-        let whole = history.collection();
-        let first = (whole.pulses.len() - count) / 2;
-        Self {
-            history,
-            collection: Collection {
-                pulses: whole.pulses[first..first + count].to_vec(),
-                name: whole.name.clone(),
-                ..*whole
-            },
-            first,
-        }
-    }
-
-    fn pulses(&self) -> Range<usize> {
-        self.first..self.first + self.collection.pulses.len()
-    }
-}
-
-impl PhaseHistory for Part<'_> {
-    fn collection(&self) -> &Collection {
-        &self.collection
-    }
-
-    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
-        let within = self.first + pulses.start..self.first + pulses.end;
-        self.history.read(within, samples)
-    }
-
-    fn held_bytes(&self) -> u64 {
-        self.history.held_bytes()
-    }
-}
-
 /// The middle of a grid, `side` of each of its sides.
 fn middle_of(grid: &ImageGrid, side: f64) -> ImageGrid {
     let middle = |axis: Axis| {
@@ -279,9 +319,28 @@ fn middle_of(grid: &ImageGrid, side: f64) -> ImageGrid {
     }
 }
 
+/// A grid of fewer pixels that covers the same, `side` of each of its sides' pixels.
+fn coarser(grid: &ImageGrid, side: f64) -> ImageGrid {
+    let fewer = |axis: Axis| {
+        let count =
+            ((axis.count as f64 * side).ceil() as usize).clamp(axis.count.min(2), axis.count);
+        let steps = axis.count.saturating_sub(1) as f64 / count.saturating_sub(1).max(1) as f64;
+        Axis {
+            step: axis.step * steps.max(1.0),
+            count,
+            ..axis
+        }
+    };
+    ImageGrid {
+        rows: fewer(grid.rows),
+        columns: fewer(grid.columns),
+        ..*grid
+    }
+}
+
 /// Stops work at a time, and keeps how far it was.
 struct Until<'a> {
-    task: &'a Task<'a>,
+    monitor: &'a dyn Monitor,
     deadline: Instant,
     fraction: Mutex<f64>,
 }
@@ -305,6 +364,6 @@ impl Monitor for Until<'_> {
     }
 
     fn cancelled(&self) -> bool {
-        self.task.monitor.cancelled() || Instant::now() > self.deadline
+        self.monitor.cancelled() || Instant::now() > self.deadline
     }
 }

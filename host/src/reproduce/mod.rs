@@ -16,6 +16,7 @@
 //! An item that is there already, made by the same version with the same inputs, is not made again:
 //! an interrupted run goes on where it stopped. The page is written anew after every item.
 
+mod expect;
 mod items;
 mod page;
 mod store;
@@ -32,6 +33,7 @@ use crate::quality::PairError;
 use crate::simulate::RecordError;
 use crate::simulate::scenario::ScenarioError;
 
+pub use expect::{Expected, expect};
 pub use items::items;
 
 /// One figure or table of a thesis.
@@ -43,6 +45,8 @@ pub struct Item {
     pub source: &'static str,
     /// What it shows.
     pub title: &'static str,
+    /// The time it takes over that of [`expect`]'s image, about.
+    pub work: f64,
     /// Makes it again.
     pub reproduce: fn(&Context) -> Result<Finding, ItemError>,
 }

@@ -136,6 +136,7 @@ mod tests {
             id: "x-1",
             source: "A & B",
             title: "a < b",
+            work: 1.0,
             reproduce: |_| Ok(Finding::default()),
         };
         let finding = Finding {

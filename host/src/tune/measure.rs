@@ -1,7 +1,6 @@
 //! Figures of merit of an image: what a search makes as large as it can.
 
 use std::fmt;
-use std::ops::Range;
 use std::str::FromStr;
 
 use num_complex::Complex32;
@@ -11,7 +10,7 @@ use crate::focus::bp::Backprojection;
 use crate::focus::{FormError, ImageFormer, Monitor, Task, Weights};
 use crate::geometry::{Axis, ImageGrid};
 use crate::image::{Image, power};
-use crate::phase_history::{Collection, PhaseHistory, ReadError};
+use crate::phase_history::{PhaseHistory, Stretch};
 use crate::quality::statistics::{Region, Statistics};
 use crate::signal::window::Window;
 
@@ -96,24 +95,6 @@ pub fn merit(
 /// Contiguous parts of the aperture that [`merits`] leaves out, one at a time.
 pub const PARTS: usize = 8;
 
-/// A run of pulses of a history.
-struct Stretch<'a> {
-    history: &'a dyn PhaseHistory,
-    first: usize,
-    collection: Collection,
-}
-
-impl PhaseHistory for Stretch<'_> {
-    fn collection(&self) -> &Collection {
-        &self.collection
-    }
-
-    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
-        self.history
-            .read(pulses.start + self.first..pulses.end + self.first, samples)
-    }
-}
-
 /// The merit of a history's image as [`merit`], and those of its images without each of [`PARTS`] parts of the
 /// aperture. An image being a sum over pulses, all cost what the one does. Fewer pulses than twice the parts have the
 /// one merit only.
@@ -151,14 +132,7 @@ pub fn merits(
     let mut parts: Vec<(Vec<Complex32>, f64)> = Vec::with_capacity(PARTS);
     for part in 0..PARTS {
         let range = part * count / PARTS..(part + 1) * count / PARTS;
-        let stretch = Stretch {
-            history,
-            first: range.start,
-            collection: Collection {
-                pulses: collection.pulses[range.clone()].to_vec(),
-                ..collection.clone()
-            },
-        };
+        let stretch = Stretch::new(history, range.clone());
         let weights = Weights {
             fast: weights.fast.clone(),
             slow: weights.slow[range].to_vec(),

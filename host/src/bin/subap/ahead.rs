@@ -72,8 +72,8 @@ impl Ahead {
         })
     }
 
-    /// Files whose content is made as it is written: so many bytes in `disk`, in `time`.
-    pub(crate) fn of_files(
+    /// `what`, which holds so many bytes beside what every command does, and leaves so many in `disk`.
+    pub(crate) fn new(
         session: &Session,
         what: String,
         held_bytes: u64,

@@ -175,7 +175,7 @@ pub(crate) struct Focus {
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
         "paths", "channel", "set", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
-        "window", "slow_window", "check", "dry_run"
+        "window", "slow_window", "check"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
 
@@ -386,6 +386,9 @@ pub(crate) struct Link {
     pub(crate) picture: Option<PathBuf>,
 
     #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
+
+    #[command(flatten)]
     pub(crate) writing: Writing,
 }
 
@@ -515,6 +518,7 @@ pub(crate) struct Compare {
 
 /// `subap quality`.
 #[derive(Debug, Group)]
+#[command(mut_arg("dry_run", |dry_run| dry_run.requires("from")))]
 pub(crate) struct Quality {
     /// Folder of a product (image.json and image.npy), its image.json, or complex64 .npy, measured in pixels
     #[arg(value_name = "IMAGE", value_hint = ValueHint::AnyPath)]
@@ -560,6 +564,9 @@ pub(crate) struct Quality {
     pub(crate) plots: Option<PathBuf>,
 
     #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
+
+    #[command(flatten)]
     pub(crate) writing: Writing,
 }
 
@@ -574,6 +581,9 @@ pub(crate) struct Demo {
     /// [default: the scene's 80 x 80 m and some margin]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,
+
+    #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
 
     #[command(flatten)]
     pub(crate) writing: Writing,
@@ -597,6 +607,9 @@ pub(crate) struct Reproduce {
     /// List the items and do nothing else
     #[arg(long)]
     pub(crate) list: bool,
+
+    #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
 
     #[command(flatten)]
     pub(crate) writing: Writing,

@@ -122,6 +122,21 @@ const PIXELS_A_TASK: usize = 256;
 /// Bytes a pixel: image, patch, order, sum.
 const PIXEL_BYTES: u64 = 8 + 4 + 8 + size_of::<Sum>() as u64;
 
+/// Bytes that [`form`] takes: the maps' index, the image with what its pixels need, and a map.
+fn taken_bytes(task: &MapsTask) -> [u128; 3] {
+    let maps = task.maps.headers().iter().map(OwnedMap::bytes);
+    [
+        task.maps.held_bytes().into(),
+        u128::from(task.grid.num_pixels()) * u128::from(PIXEL_BYTES),
+        maps.max().unwrap_or(0).into(),
+    ]
+}
+
+/// Bytes that [`form`] takes in all.
+pub fn memory_bytes(task: &MapsTask) -> u128 {
+    taken_bytes(task).iter().sum()
+}
+
 /// Forms the image.
 ///
 /// # Errors
@@ -129,16 +144,15 @@ const PIXEL_BYTES: u64 = 8 + 4 + 8 + size_of::<Sum>() as u64;
 pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
     let patches = patches(task.maps)?;
     let mut budget = Budget::new(task.memory_bytes);
-    let held_bytes = task.maps.held_bytes();
-    budget.take("the maps' index", held_bytes.into(), "raise --memory")?;
+    let [index, image, map] = taken_bytes(task);
+    budget.take("the maps' index", index, "raise --memory")?;
     budget.take(
         "the image",
-        u128::from(task.grid.num_pixels()) * u128::from(PIXEL_BYTES),
+        image,
         "use a smaller or coarser --grid, or raise --memory",
     )?;
+    budget.take("a map", map, "raise --memory")?;
     let headers = task.maps.headers();
-    let largest = headers.iter().map(OwnedMap::bytes).max().unwrap_or(0);
-    budget.take("a map", largest.into(), "raise --memory")?;
 
     let kernels = Kernels::for_bound(&task.maps.run().setup, task.error_db);
     let (order, ends) = by_patch(task.grid, &patches);

@@ -33,7 +33,8 @@
 //! Majewski 1995, chapter 3); -60 dB at 1/22 of it. [`PolarFormat`] predicts
 //! what the worst of its pixels has to expect, evaluated with the true paths.
 //!
-//! Neglected: that residual; the kernels' images (below the bound asked).
+//! Neglected: that residual; the kernels' images (below the bound asked). A grid around an antenna, whose pixels' places the raster does
+//! not hold, is refused.
 //!
 //! Cost: `W^2` complex multiply-adds a sample, two transforms, `W^2` and [`FIT_PULSES`] paths a pixel:
 //! it does not grow with pulses times pixels. Memory: three rasters of about `(2 D W_K)^2` values, `D` the grid's
@@ -44,6 +45,8 @@
 
 mod plane;
 mod raster;
+
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -191,12 +194,25 @@ impl PolarFormat {
         let spectrum = raster.transform();
         task.monitor.progress(0.8);
         let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
+        let beyond = AtomicBool::new(false);
         add_to_each(task, &mut pixels, |point| {
             let place_m = plane.place(point) - extent.centre_m;
+            if !place_m.abs().cmple(extent.half_m).all() {
+                beyond.store(true, Ordering::Relaxed);
+            }
             spectrum.at(place_m) * phasor32(spectrum.carrier.dot(place_m))
         });
         if task.monitor.cancelled() {
             return Err(FormError::Cancelled);
+        }
+        // The extent is that of some of the pixels. Of all it is where paths are anywhere near linear; beside an antenna they have
+        // a cusp.
+        if beyond.into_inner() {
+            return Err(FormError::Unsuited(
+                "linear paths put some pixels beyond all others: the grid lies around an antenna; leave that out of --grid, or \
+                 use --algorithm bp"
+                    .to_owned(),
+            ));
         }
         task.monitor.progress(1.0);
 

@@ -267,7 +267,7 @@ pub(super) fn samples(
     arithmetic: Arithmetic,
 ) -> Parsed<OwnedSamples> {
     let count = header.patch.map_len();
-    if fields.0.len() as u64 != samples_bytes(header, arithmetic) {
+    if fields.0.len() as u64 != samples_bytes(&header.patch, arithmetic) {
         return Err("its length is not that of its bins".to_owned());
     }
     Ok(match arithmetic {

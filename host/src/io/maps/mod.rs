@@ -46,7 +46,7 @@ pub use read::MapFile;
 pub use write::MapWriter;
 
 use glam::DVec3;
-use subaperture_core::stream::{BlockFloat, Capacity, MapHeader, Setup};
+use subaperture_core::stream::{BlockFloat, Capacity, MapHeader, Patch, Setup};
 
 use crate::maps::Arithmetic;
 #[cfg(doc)]
@@ -101,9 +101,17 @@ fn section_crc(tag: [u8; 4], length: u64) -> crc32fast::Hasher {
     crc
 }
 
+/// Bytes of the file of so many sub-CPIs' maps of these patches, but for names, weights and what is known at the end.
+pub fn file_bytes(num_sub_cpis: u64, patches: &[Patch], arithmetic: Arithmetic) -> u64 {
+    let header = HEADER_BYTES as u64;
+    // Itself, and its line of the index.
+    let map = |patch| SECTION_BYTES + header + samples_bytes(patch, arithmetic) + 8 + header;
+    let sub_cpi: u64 = patches.iter().map(map).sum();
+    PREAMBLE_BYTES + num_sub_cpis * sub_cpi + 2 * SECTION_BYTES + TRAILER_BYTES
+}
+
 /// Bytes of a map's samples.
-fn samples_bytes(header: &MapHeader, arithmetic: Arithmetic) -> u64 {
-    let patch = &header.patch;
+fn samples_bytes(patch: &Patch, arithmetic: Arithmetic) -> u64 {
     match arithmetic {
         Arithmetic::Float => 8 * patch.map_len() as u64,
         Arithmetic::Fixed => {

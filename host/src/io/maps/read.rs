@@ -207,7 +207,7 @@ impl Maps for MapFile {
             ))
         };
         let arithmetic = self.run.arithmetic;
-        let length = HEADER_BYTES as u64 + samples_bytes(expected, arithmetic);
+        let length = HEADER_BYTES as u64 + samples_bytes(&expected.patch, arithmetic);
         let section = match self.source.section(place)? {
             Found::Whole(section) if section.tag == MAP && section.length == length => section,
             _ => return Err(damaged("is not where the index says")),

@@ -12,6 +12,7 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     id: "c-2-10",
     source: "Chim 2018, (2.10)",
     title: "The ambiguity function of a linear sweep",
+    work: 0.83,
     reproduce: ambiguity,
 }];
 

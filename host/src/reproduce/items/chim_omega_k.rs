@@ -20,6 +20,7 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     id: "c-3-3",
     source: "Chim 2018, Fig. 3.3",
     title: "The Omega-K algorithm, step by step",
+    work: 3.5,
     reproduce: omega_k,
 }];
 

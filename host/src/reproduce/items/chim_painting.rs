@@ -16,6 +16,7 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     id: "c-3-4",
     source: "Chim 2018, Fig. 3.4",
     title: "Backprojection paints arcs",
+    work: 0.86,
     reproduce: painting,
 }];
 

@@ -23,12 +23,14 @@ pub(super) const ITEMS: [Item; 2] = [
         id: "c-3-1",
         source: "Chim 2018, Fig. 3.1",
         title: "The range-Doppler algorithm, step by step",
+        work: 3.9,
         reproduce: long_aperture,
     },
     Item {
         id: "c-3-2",
         source: "Chim 2018, Fig. 3.2",
         title: "The azimuth FFT of a short aperture all but focuses",
+        work: 0.97,
         reproduce: short_aperture,
     },
 ];

@@ -21,6 +21,7 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     id: "c-2-22",
     source: "Chim 2018, (2.22) and (3.1)",
     title: "The residual video phase of a de-chirped sweep",
+    work: 0.26,
     reproduce: residual_phase,
 }];
 

@@ -27,6 +27,7 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     id: "c-4-5",
     source: "Chim 2018, 4.5",
     title: "Resolutions of the L-band radar on a truck",
+    work: 0.72,
     reproduce: resolutions,
 }];
 

@@ -23,6 +23,7 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     id: "c-5-13",
     source: "Chim 2018, 5.6 and Fig. 5.13",
     title: "A range profile by stepped carriers",
+    work: 0.28,
     reproduce: profile,
 }];
 

@@ -20,12 +20,14 @@ pub(super) const ITEMS: [Item; 2] = [
         id: "s-table-5-1",
         source: "Schone 2020, Table 5.1",
         title: "Time that sub-CPIs save",
+        work: 49.0,
         reproduce: times,
     },
     Item {
         id: "s-5-2",
         source: "Schone 2020, section 5.2",
         title: "Memory that sub-CPIs take",
+        work: 3.0,
         reproduce: memory,
     },
 ];

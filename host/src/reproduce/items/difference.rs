@@ -12,6 +12,7 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     id: "s-4-10",
     source: "Schone 2020, Figs 4.7, 4.8 and 4.10",
     title: "The percent difference of both backprojections",
+    work: 35.0,
     reproduce,
 }];
 

@@ -30,7 +30,7 @@ pub(super) const POINT_SCALE: Scale = Scale::Fixed {
 const BLOCK_PULSES: usize = 64;
 
 /// Table 4.1 with one unit scatterer.
-pub(super) fn lone_scatterer(position_m: DVec3) -> Simulated {
+pub(in crate::reproduce) fn lone_scatterer(position_m: DVec3) -> Simulated {
     let preset = Preset::Table41.simulate(&Variation::default());
     let scatterer = Scatterer {
         position_m,
@@ -84,7 +84,7 @@ pub(super) fn thesis_with(sub_cpi: usize, options: Thesis) -> RangeDoppler {
 }
 
 /// Traditional backprojection.
-pub(super) fn backprojection() -> Backprojection {
+pub(in crate::reproduce) fn backprojection() -> Backprojection {
     Backprojection { error_db: ERROR_DB }
 }
 
@@ -111,7 +111,12 @@ pub(super) fn like_the_thesis(collection: &Collection, pulses: usize) -> Option<
 }
 
 /// Pixels from `-half_m` to `half_m` about a point.
-pub(super) fn grid_about(centre: DVec3, half_x_m: f64, half_y_m: f64, step_m: f64) -> ImageGrid {
+pub(in crate::reproduce) fn grid_about(
+    centre: DVec3,
+    half_x_m: f64,
+    half_y_m: f64,
+    step_m: f64,
+) -> ImageGrid {
     let axis = |middle: f64, half_m: f64| {
         let reach = (half_m / step_m).round();
         Axis {

@@ -21,6 +21,7 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     id: "s-4-11",
     source: "Schone 2020, Fig. 4.11",
     title: "Long sub-CPIs on a large scene, and finer Doppler",
+    work: 31.0,
     reproduce,
 }];
 

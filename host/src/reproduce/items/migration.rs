@@ -15,18 +15,21 @@ pub(super) const ITEMS: [Item; 3] = [
         id: "s-table-2-1",
         source: "Schone 2020, Table 2.1",
         title: "A target that migrates through range",
+        work: 0.098,
         reproduce: table,
     },
     Item {
         id: "s-2-2",
         source: "Schone 2020, Fig. 2.2",
         title: "Range migration, and the range-Doppler map that it blurs",
+        work: 1.2,
         reproduce: unfocused,
     },
     Item {
         id: "s-2-3",
         source: "Schone 2020, Fig. 2.3",
         title: "Keystone undoes range migration",
+        work: 0.91,
         reproduce: focused,
     },
 ];

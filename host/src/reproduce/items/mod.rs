@@ -19,6 +19,8 @@ mod migration;
 mod moving;
 mod point;
 
+pub(super) use forming::{backprojection, grid_about, lone_scatterer};
+
 use super::Item;
 
 /// All items, in the order of the page.

@@ -17,18 +17,21 @@ pub(super) const ITEMS: [Item; 3] = [
         id: "s-4-12",
         source: "Schone 2020, Fig. 4.12",
         title: "A moving target, imaged as if it stood still",
+        work: 2.4,
         reproduce: smeared,
     },
     Item {
         id: "s-4-13",
         source: "Schone 2020, Fig. 4.13",
         title: "A moving target at its own velocity, and at many",
+        work: 6.0,
         reproduce: focused,
     },
     Item {
         id: "s-4-14",
         source: "Schone 2020, Fig. 4.14",
         title: "A fast target needs Keystone",
+        work: 1.9,
         reproduce: fast,
     },
 ];

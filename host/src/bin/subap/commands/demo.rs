@@ -14,17 +14,19 @@ use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
-use subaperture::focus::{FormError, ImageFormer, Task, Weights};
+use subaperture::focus::{FormError, ImageFormer, Silent, Task, Weights};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Comparison, Image};
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::product::{self, Product};
 use subaperture::phase_history::PhaseHistory;
+use subaperture::planner::forecast;
 use subaperture::plot::{self, Colours, Panel, Scale};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
 use subaperture::survey::Survey;
 
+use crate::ahead::Ahead;
 use crate::args::Demo;
 use crate::config::{Session, record_of_run};
 use crate::failure::InterruptedAmidFiles;
@@ -59,6 +61,8 @@ struct Way {
     folder: &'static str,
     title: &'static str,
     former: Box<dyn ImageFormer>,
+    /// What its work depends on.
+    settings: forecast::Settings,
     /// Relative RMS error that must not be exceeded, dB.
     bound_db: Option<f64>,
 }
@@ -74,21 +78,36 @@ struct Outcome {
 }
 
 fn ways() -> Vec<Way> {
-    let range_doppler = |mode, pulses| {
-        let sub_cpi = Some(pulses);
-        Box::new(RangeDoppler {
-            mode,
-            error_db: ERROR_DB,
-            sub_cpi,
-            patch_m: None,
-        }) as Box<dyn ImageFormer>
+    let settings = forecast::Settings {
+        error_db: ERROR_DB,
+        sub_cpi: None,
+        is_thesis: false,
     };
     let way = |folder, title, former, bound_db| Way {
         folder,
         title,
         former,
+        settings,
         bound_db,
     };
+    let range_doppler = |folder, title, mode, pulses, bound_db| Way {
+        folder,
+        title,
+        former: Box::new(RangeDoppler {
+            mode,
+            error_db: ERROR_DB,
+            sub_cpi: Some(pulses),
+            patch_m: None,
+        }),
+        settings: forecast::Settings {
+            sub_cpi: Some(pulses),
+            is_thesis: matches!(mode, Mode::Thesis(_)),
+            ..settings
+        },
+        bound_db,
+    };
+    let thesis = Mode::Thesis(Thesis::default());
+    let precise = Mode::Precise;
     vec![
         way(
             "bp",
@@ -96,28 +115,20 @@ fn ways() -> Vec<Way> {
             Box::new(Backprojection { error_db: ERROR_DB }),
             Some(ERROR_DB),
         ),
-        way(
-            "thesis-40",
-            "rdbp thesis, 26 x 40",
-            range_doppler(Mode::Thesis(Thesis::default()), 40),
-            None,
-        ),
-        way(
+        range_doppler("thesis-40", "rdbp thesis, 26 x 40", thesis, 40, None),
+        range_doppler(
             "precise-40",
             "rdbp precise, 26 x 40",
-            range_doppler(Mode::Precise, 40),
+            precise,
+            40,
             Some(-60.0),
         ),
-        way(
-            "thesis-130",
-            "rdbp thesis, 8 x 130",
-            range_doppler(Mode::Thesis(Thesis::default()), 130),
-            None,
-        ),
-        way(
+        range_doppler("thesis-130", "rdbp thesis, 8 x 130", thesis, 130, None),
+        range_doppler(
             "precise-130",
             "rdbp precise, 8 x 130",
-            range_doppler(Mode::Precise, 130),
+            precise,
+            130,
             Some(-45.0),
         ),
         way(
@@ -154,6 +165,21 @@ fn ways() -> Vec<Way> {
     ]
 }
 
+/// What is compared with.
+fn oracle() -> Way {
+    Way {
+        folder: "exact",
+        title: "exact",
+        former: Box::new(Exact),
+        settings: forecast::Settings {
+            error_db: ERROR_DB,
+            sub_cpi: None,
+            is_thesis: false,
+        },
+        bound_db: None,
+    }
+}
+
 /// Simulates, focuses, compares, and writes everything under the folder.
 pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     let start = Instant::now();
@@ -179,27 +205,29 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     let weights = Weights::new(collection, Window::default(), Window::default());
     // A former counts its own image.
     let other_bytes = grid.num_pixels() * (IMAGES - 1) * 8;
+    let task = Task {
+        history: &simulated,
+        grid: &grid,
+        weights: &weights,
+        memory_bytes: session.memory_bytes - other_bytes,
+        monitor: &Silent,
+    };
+    if typed.rehearsal.dry_run {
+        ahead(session, typed, &task)?.announce(session, &typed.rehearsal)?;
+        return Ok(());
+    }
     let form = |way: &Way| {
         let progress = session.progress(way.title);
         let begun = Instant::now();
         // The demonstration measures every image's error and shows it.
         let formed = way.former.form_best(&Task {
-            history: &simulated,
-            grid: &grid,
-            weights: &weights,
-            memory_bytes: session.memory_bytes - other_bytes,
             monitor: &progress,
+            ..task
         });
         (formed, begun.elapsed())
     };
 
-    let oracle = Way {
-        folder: "exact",
-        title: "exact",
-        former: Box::new(Exact),
-        bound_db: None,
-    };
-    let (exact, exact_taken) = form(&oracle);
+    let (exact, exact_taken) = form(&oracle());
     let exact = exact?;
     let mut outcomes = Vec::new();
     for mut way in ways() {
@@ -260,6 +288,31 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         ))?;
     }
     Ok(())
+}
+
+/// What all the images will take.
+fn ahead(session: &Session, typed: &Demo, task: &Task) -> anyhow::Result<Ahead> {
+    let progress = session.progress("measuring parts");
+    let task = Task {
+        monitor: &progress,
+        ..*task
+    };
+    let (mut parts, mut count) = (Vec::new(), 0);
+    for way in std::iter::once(oracle()).chain(ways()) {
+        count += 1;
+        // A former that cannot leaves its image out.
+        parts.extend(forecast::forecast(&*way.former, &task, &way.settings)?);
+    }
+    progress.finish();
+    let (columns, rows) = (task.grid.columns.count, task.grid.rows.count);
+    let image_bytes = 8 * task.grid.num_pixels();
+    Ok(Ahead::new(
+        session,
+        format!("{count} images of {columns} x {rows} pixels"),
+        task.history.held_bytes() + IMAGES * image_bytes,
+        Some(parts.into_iter().sum()),
+        vec![(typed.out.clone(), IMAGES * image_bytes)],
+    ))
 }
 
 impl Outcome {

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use serde_json::{Map, Value, json};
 use subaperture::focus::{Monitor, Weights};
 use subaperture::geometry::ImageGrid;
-use subaperture::io::maps::{MOST_MAPS, MapWriter};
+use subaperture::io::maps::{self, MOST_MAPS, MapWriter};
 use subaperture::io::ours::Kind;
 use subaperture::link::{
     self, Buffers, Counts, Ending, HostCore, Identity, Job, LinkError, MapSink, Outcome, Place,
@@ -21,6 +21,7 @@ use subaperture::survey::Survey;
 use subaperture_core::link::{self as wire, AssembledMap, Encoding};
 
 use self::picture::Picture;
+use crate::ahead::Ahead;
 use crate::args::Link;
 use crate::commands::focus::record::grid as grid_record;
 use crate::commands::plan::gaps;
@@ -120,6 +121,24 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
         })
     };
     let mut work = job()?;
+    if typed.rehearsal.dry_run {
+        let time = link::rehearse(&mut module, &work, &history, &mut watch)?;
+        watch.bar.finish();
+        let what = format!(
+            "{num_maps} maps of {} pulses by the module at {}; lost ones come on top",
+            work.pulses.len(),
+            typed.place
+        );
+        let file_bytes = maps::file_bytes(plan.num_sub_cpis as u64, &plan.patches, arithmetic);
+        let picture_bytes = match &typed.picture {
+            Some(_) => link::RunningImage::held_bytes(&grid, &plan.patches),
+            None => 0,
+        };
+        let held_bytes = history.held_bytes() + picture_bytes;
+        let disk = vec![(typed.out.clone(), file_bytes)];
+        Ahead::new(session, what, held_bytes, time, disk).announce(session, &typed.rehearsal)?;
+        return Ok(());
+    }
     let run = Run {
         name: survey.name.clone(),
         setup: plan.setup,

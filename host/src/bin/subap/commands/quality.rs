@@ -74,8 +74,19 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
         return Err(Usage(what.to_owned()).into());
     }
     let basis = Basis::new(&source, typed.window);
+    let (settings, targets) = targets(typed, &source, &basis)?;
+    let from = match typed.from.is_empty() {
+        true => None,
+        false => Some(From::open(session, typed, &source)?),
+    };
+    if let (Some(from), true) = (&from, typed.rehearsal.dry_run) {
+        measuring.finish();
+        from.ahead(&targets, &settings)?
+            .announce(session, &typed.rehearsal)?;
+        return Ok(());
+    }
     let statistics = statistics(typed, &source)?;
-    let points = points(session, typed, &source, &basis)?;
+    let points = points(from.as_ref(), &source, &basis, targets, &settings)?;
     interrupt::check()?;
     let against = match &typed.against {
         None => None,
@@ -125,22 +136,17 @@ fn statistics(typed: &Quality, source: &Source) -> anyhow::Result<Statistics> {
     Ok(Statistics::of(&source.image, &region))
 }
 
-fn points(
-    session: &Session,
+/// What the points are measured with, and which they are.
+fn targets<'a>(
     typed: &Quality,
     source: &Source,
-    basis: &Basis,
-) -> anyhow::Result<Vec<Point>> {
-    let looks = basis.looks();
-    let from = match typed.from.is_empty() {
-        true => None,
-        false => Some(From::open(session, typed, source)?),
-    };
+    basis: &'a Basis,
+) -> anyhow::Result<(Settings<'a>, Vec<Target>)> {
     // Of a recording's own chips the image need only tell the place.
     let settings = Settings {
         line_of_sight_rad: typed.line_of_sight.map(f64::to_radians),
         carrier: source.carrier,
-        looks: looks.filter(|_| from.is_none()),
+        looks: basis.looks().filter(|_| typed.from.is_empty()),
         ..Settings::default()
     };
     let near = typed.at.iter().map(|at| {
@@ -154,18 +160,28 @@ fn points(
     if targets.is_empty() {
         targets.push(Target::Brightest);
     }
+    Ok((settings, targets))
+}
+
+fn points(
+    from: Option<&From>,
+    source: &Source,
+    basis: &Basis,
+    targets: Vec<Target>,
+    settings: &Settings,
+) -> anyhow::Result<Vec<Point>> {
     let measured = targets.into_iter().map(|target| {
-        let Some(from) = &from else {
-            let response = measure(&source.image, &source.grid, target, &settings)
+        let Some(from) = from else {
+            let response = measure(&source.image, &source.grid, target, settings)
                 .map_err(|error| source.explain(error))?;
             return Ok(Point {
-                theory: theory::of_cuts(basis, &response, &source.grid, looks),
+                theory: theory::of_cuts(basis, &response, &source.grid, basis.looks()),
                 theory_as_lit: Vec::new(),
                 formed: None,
                 response,
             });
         };
-        from.point(target, &settings)
+        from.point(target, settings)
     });
     measured.collect()
 }

@@ -6,12 +6,17 @@ use std::time::Instant;
 
 use anyhow::{Context as _, bail};
 use serde_json::{Value, json};
-use subaperture::reproduce::{Context, Item, Step, items, names, run as run_items};
+use subaperture::reproduce::{Context, Item, Step, expect, items, names, run as run_items};
 
+use crate::ahead::Ahead;
 use crate::args::Reproduce;
 use crate::config::{Session, record_of_run};
 use crate::failure::Usage;
 use crate::{messages, text};
+
+/// What an item leaves, its part of the page included, and what it holds: the most of any, rounded up.
+const ITEM_BYTES: u64 = 1 << 20;
+const ITEM_HELD_BYTES: u64 = 64 << 20;
 
 /// Makes the items and the page.
 pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
@@ -39,6 +44,12 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
         monitor: &progress,
         gotcha: &gotcha,
     };
+    if typed.rehearsal.dry_run {
+        let ahead = ahead(session, typed, &chosen, &context)?;
+        progress.finish();
+        ahead.announce(session, &typed.rehearsal)?;
+        return Ok(());
+    }
     let mut agreeing = 0;
     let mut verdicts = Vec::new();
     let outcome = run_items(&chosen, &typed.out, &context, |step| match step {
@@ -76,6 +87,28 @@ pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
         text::duration(start.elapsed())
     ))?;
     Ok(())
+}
+
+/// What the items will take.
+fn ahead(
+    session: &Session,
+    typed: &Reproduce,
+    chosen: &[Item],
+    context: &Context,
+) -> anyhow::Result<Ahead> {
+    let expected = expect(chosen, &typed.out, context)?;
+    let what = format!(
+        "{} items to make, {} there already",
+        expected.to_make, expected.there
+    );
+    let disk_bytes = expected.to_make as u64 * ITEM_BYTES;
+    Ok(Ahead::new(
+        session,
+        what,
+        ITEM_HELD_BYTES,
+        Some(expected.time),
+        vec![(typed.out.clone(), disk_bytes)],
+    ))
 }
 
 /// The recordings of GOTCHA named: files, and of a folder every `.mat` in it, by their names.

@@ -226,10 +226,11 @@ fn ahead(
         }
     }
     let times = all as f64 / first.pulses.len() as f64;
-    let time = measure.then(|| Forecast {
-        seconds: parts.iter().map(|part| part.seconds * times).sum(),
-        measured_s: parts.iter().map(|part| part.measured_s).sum(),
+    let parts = parts.into_iter().map(|part| Forecast {
+        seconds: part.seconds * times,
+        ..part
     });
+    let time = measure.then(|| parts.sum());
     let held = channels.iter().map(|channel| channel.history.held_bytes());
     let what = format!(
         "{} pulses of {} frequencies, {} in all",
@@ -240,7 +241,7 @@ fn ahead(
             count => format!("{count} channels"),
         }
     );
-    Ok(Ahead::of_files(session, what, held.sum(), time, disk))
+    Ok(Ahead::new(session, what, held.sum(), time, disk))
 }
 
 /// How the file is written.

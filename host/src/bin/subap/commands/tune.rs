@@ -192,7 +192,7 @@ fn ahead(session: &Session, problem: &Problem) -> anyhow::Result<Ahead> {
         measured_s: each.as_secs_f64(),
     };
     let what = format!("about {images} images of {looked_at}");
-    Ok(Ahead::of_files(
+    Ok(Ahead::new(
         session,
         what,
         held_bytes,

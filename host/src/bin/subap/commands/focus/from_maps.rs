@@ -4,14 +4,17 @@ use std::path::Path;
 use std::time::Instant;
 
 use serde_json::json;
-use subaperture::focus::maps::{MapsTask, Report, default_grid, form};
+use subaperture::focus::maps::{MapsTask, Report, default_grid, form, memory_bytes};
 use subaperture::io::maps::MapFile;
+use subaperture::io::npy;
 use subaperture::io::product::{self, Product};
 use subaperture::maps::Maps;
+use subaperture::planner::forecast::forecast_of_maps;
 use subaperture::plot::Orientation;
 
 use super::record::Record;
 use super::{brightest, deliver, with_advice};
+use crate::ahead::Ahead;
 use crate::args::Focus;
 use crate::config::{DEFAULT_ERROR_DB, Session};
 use crate::messages;
@@ -55,6 +58,17 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         memory_bytes: session.memory_bytes,
         monitor: &progress,
     };
+    if typed.rehearsal.dry_run {
+        let (columns, rows) = (grid.columns.count, grid.rows.count);
+        let num_maps = maps.headers().len();
+        let what = format!("{num_maps} maps onto {columns} x {rows} pixels");
+        let held_bytes = memory_bytes(&task) as u64;
+        let disk = vec![(typed.out.clone(), npy::file_bytes(grid.num_pixels()))];
+        let time = forecast_of_maps(&task)?;
+        progress.finish();
+        Ahead::new(session, what, held_bytes, time, disk).announce(session, &typed.rehearsal)?;
+        return Ok(());
+    }
     let (formed, report) = form(&task).map_err(with_advice)?;
     progress.finish();
     warn(&report, error_db, grid.num_pixels());

@@ -12,6 +12,7 @@ use subaperture::focus::moving::Moving;
 use subaperture::focus::{ImageFormer, Task, Weights};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::phase_history::{Aperture, PhaseHistory};
+use subaperture::planner::forecast::{self, Forecast};
 use subaperture::quality::response::{Settings, Target, brightest, measure};
 use subaperture::signal::window::Window;
 use subaperture::support::{Looks, measured_gains};
@@ -19,6 +20,7 @@ use subaperture::support::{Looks, measured_gains};
 use super::Point;
 use super::source::Source;
 use super::theory::{self, Basis};
+use crate::ahead::{Ahead, reading};
 use crate::args::{Input, Quality};
 use crate::config::Session;
 use crate::failure::Usage;
@@ -30,6 +32,7 @@ const HALF: usize = 48;
 /// Multiplications up to which the exact sum is taken, and backprojection with this bound beyond.
 const EXACT_WORK: f64 = 4e9;
 const ERROR_DB: f64 = -80.0;
+const BACKPROJECTION: Backprojection = Backprojection { error_db: ERROR_DB };
 
 /// A recording to form chips of, as the image was formed.
 pub(super) struct From<'a> {
@@ -38,6 +41,15 @@ pub(super) struct From<'a> {
     recorded: Aperture,
     velocity_m_s: Option<DVec3>,
     windows: [Window; 2],
+}
+
+/// A chip to form.
+struct Chip {
+    /// Its middle.
+    target: Target,
+    grid: ImageGrid,
+    looks: Looks,
+    former: &'static dyn ImageFormer,
 }
 
 /// How a chip was formed.
@@ -119,17 +131,30 @@ impl<'a> From<'a> {
         })
     }
 
-    /// Forms a chip around a target and measures it.
-    pub(super) fn point(&self, target: Target, settings: &Settings) -> anyhow::Result<Point> {
+    /// Where the scene moves with the image's velocity, if it has one.
+    fn moving(&self) -> anyhow::Result<Option<Moving<'_>>> {
         let first_s = self.recorded.collection().pulses[0].time_s;
         let moving = self
             .velocity_m_s
-            .map(|v| Moving::new(&self.recorded, v, first_s));
-        let moving = moving.transpose()?;
-        let history: &dyn PhaseHistory = match &moving {
+            .map(|velocity| Moving::new(&self.recorded, velocity, first_s));
+        Ok(moving.transpose()?)
+    }
+
+    /// The recording as the image was formed of it.
+    fn history<'h>(&'h self, moving: Option<&'h Moving<'h>>) -> &'h dyn PhaseHistory {
+        match moving {
             Some(moving) => moving,
             None => &self.recorded,
-        };
+        }
+    }
+
+    /// The chip around a target.
+    fn chip(
+        &self,
+        history: &dyn PhaseHistory,
+        target: Target,
+        settings: &Settings,
+    ) -> anyhow::Result<Chip> {
         let collection = history.collection();
         let [fast, slow] = self.windows;
         let looks = Looks::new(collection, fast, slow);
@@ -160,15 +185,73 @@ impl<'a> From<'a> {
             columns,
             ..*coarse
         };
-
         let work = collection.pulses.len() as f64
             * collection.num_samples as f64
             * grid.num_pixels() as f64;
-        let backprojection = Backprojection { error_db: ERROR_DB };
-        let former: &dyn ImageFormer = match work < EXACT_WORK {
-            true => &Exact,
-            false => &backprojection,
-        };
+        Ok(Chip {
+            target: Target::Near {
+                column_value,
+                row_value,
+            },
+            grid,
+            looks,
+            former: match work < EXACT_WORK {
+                true => &Exact,
+                false => &BACKPROJECTION,
+            },
+        })
+    }
+
+    /// What it takes to form and measure the chips of `targets`.
+    pub(super) fn ahead(&self, targets: &[Target], settings: &Settings) -> anyhow::Result<Ahead> {
+        let moving = self.moving()?;
+        let history = self.history(moving.as_ref());
+        let collection = history.collection();
+        let [fast, slow] = self.windows;
+        let weights = Weights::new(collection, fast, slow);
+        let progress = self.session.progress("measuring a part");
+        let mut parts = Vec::new();
+        for target in targets {
+            let chip = self.chip(history, *target, settings)?;
+            let task = Task {
+                history,
+                grid: &chip.grid,
+                weights: &weights,
+                memory_bytes: self.session.memory_bytes,
+                monitor: &progress,
+            };
+            let asked = forecast::Settings {
+                error_db: ERROR_DB,
+                sub_cpi: None,
+                is_thesis: false,
+            };
+            parts.push(forecast::forecast(chip.former, &task, &asked)?);
+            // The beam is measured from all echoes.
+            parts.push(Some(reading(history)?));
+        }
+        progress.finish();
+        let what = format!(
+            "{} chips of {} pulses, measured",
+            targets.len(),
+            collection.pulses.len()
+        );
+        let held_bytes = history.held_bytes() + self.source.grid.num_pixels() * 8;
+        let time: Option<Forecast> = parts.into_iter().sum();
+        Ok(Ahead::new(self.session, what, held_bytes, time, Vec::new()))
+    }
+
+    /// Forms a chip around a target and measures it.
+    pub(super) fn point(&self, target: Target, settings: &Settings) -> anyhow::Result<Point> {
+        let moving = self.moving()?;
+        let history = self.history(moving.as_ref());
+        let collection = history.collection();
+        let [fast, slow] = self.windows;
+        let Chip {
+            target,
+            grid,
+            looks,
+            former,
+        } = self.chip(history, target, settings)?;
         let progress = self.session.progress("forming a chip");
         let weights = Weights::new(collection, fast, slow);
         let task = Task {
@@ -185,6 +268,8 @@ impl<'a> From<'a> {
         progress.finish();
 
         // The peak lies within a pixel of the image's brightest, or two where that is noise.
+        let coarse = &self.source.grid;
+        let ImageGrid { rows, columns, .. } = grid;
         let reach =
             (2.0 * coarse.rows.step / rows.step).max(2.0 * coarse.columns.step / columns.step);
         let fine = Settings {
@@ -192,11 +277,7 @@ impl<'a> From<'a> {
             looks: Some(&looks),
             ..*settings
         };
-        let near = Target::Near {
-            column_value,
-            row_value,
-        };
-        let response = measure(&image, &grid, near, &fine)?;
+        let response = measure(&image, &grid, target, &fine)?;
         let place_m = DVec3::from(response.position_m);
         let progress = self.session.progress("measuring the beam");
         let gains = measured_gains(history, place_m, fast, &progress)?;

@@ -2,19 +2,17 @@
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
+use std::sync::Once;
 
 use crate::python;
-
-const FIRMWARE_TARGET: &str = "thumbv7em-none-eabihf";
 
 /// Something a command of ours cannot do without.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Need {
     Rustfmt,
     Clippy,
-    FirmwareTarget,
-    /// A target that the streaming core's bits are compared on.
-    OtherTarget(&'static str),
+    /// The standard library of a target.
+    Target(&'static str),
     Qemu,
     QemuUser,
     QemuRiscv,
@@ -23,17 +21,22 @@ pub(crate) enum Need {
     CargoDeny,
 }
 
-/// Without these the tests on other machines are skipped.
-pub(crate) const OTHER_MACHINES: [Need; 5] = [
-    Need::OtherTarget("thumbv6m-none-eabi"),
-    Need::OtherTarget("aarch64-unknown-linux-musl"),
-    Need::OtherTarget("riscv32imafc-unknown-none-elf"),
-    Need::QemuUser,
-    Need::QemuRiscv,
+/// Targets and emulators that the streaming core's bits are compared on: without them those tests are skipped.
+pub(crate) const OTHER_TARGETS: [Need; 3] = [
+    Need::Target("thumbv6m-none-eabi"),
+    Need::Target("aarch64-unknown-linux-musl"),
+    Need::Target("riscv32imafc-unknown-none-elf"),
 ];
+pub(crate) const OTHER_EMULATORS: [Need; 2] = [Need::QemuUser, Need::QemuRiscv];
 
-/// Without this the gallery's page is not opened in a browser.
-pub(crate) const BROWSER: [Need; 1] = [Need::Chromium];
+/// Of what installers print, what is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Talk {
+    /// All, as they go along.
+    Shown,
+    /// That of those that failed: something else is shown meanwhile.
+    OfFailure,
+}
 
 /// How a missing need is met.
 enum Source {
@@ -44,12 +47,14 @@ enum Source {
 }
 
 impl Need {
+    /// What the firmware is built for.
+    pub(crate) const FIRMWARE_TARGET: Self = Self::Target("thumbv7em-none-eabihf");
+
     fn is_met(self) -> bool {
         match self {
             Self::Rustfmt => works("cargo", &["fmt", "--version"]),
             Self::Clippy => works("cargo", &["clippy", "--version"]),
-            Self::FirmwareTarget => target_installed(FIRMWARE_TARGET),
-            Self::OtherTarget(target) => target_installed(target),
+            Self::Target(target) => target_installed(target),
             Self::Qemu => works("qemu-system-arm", &["--version"]),
             Self::QemuUser => works("qemu-aarch64", &["--version"]),
             Self::QemuRiscv => works("qemu-system-riscv32", &["--version"]),
@@ -68,8 +73,7 @@ impl Need {
             Self::Chromium => Source::Debian(&["chromium"]),
             Self::Rustfmt => Source::Rustup(["component", "add", "rustfmt"]),
             Self::Clippy => Source::Rustup(["component", "add", "clippy"]),
-            Self::FirmwareTarget => Source::Rustup(["target", "add", FIRMWARE_TARGET]),
-            Self::OtherTarget(target) => Source::Rustup(["target", "add", target]),
+            Self::Target(target) => Source::Rustup(["target", "add", target]),
             Self::CargoDeny => Source::Tool("cargo-deny"),
         }
     }
@@ -79,7 +83,7 @@ impl Need {
 ///
 /// # Errors
 /// What the user has to run, or what could not be installed.
-pub(crate) fn ensure(needs: &[Need]) -> Result<(), String> {
+pub(crate) fn ensure(needs: &[Need], talk: Talk) -> Result<(), String> {
     let missing: Vec<Need> = needs
         .iter()
         .copied()
@@ -92,19 +96,19 @@ pub(crate) fn ensure(needs: &[Need]) -> Result<(), String> {
         }
     }
     if !packages.is_empty() {
-        install_packages(&packages)?;
+        install_packages(&packages, talk)?;
     }
     for need in &missing {
         match need.source() {
             Source::Debian(_) => {}
-            Source::Rustup(arguments) => run("rustup", &arguments)?,
+            Source::Rustup(arguments) => run("rustup", &arguments, talk)?,
             Source::Tool(name) => {
                 println!("{name} is missing; building it takes some minutes, once");
                 let tools = tools();
                 let root = tools.to_string_lossy();
                 // What runs for seconds need not be optimised for minutes.
                 let arguments = ["install", "--locked", "--quiet", "--debug", "--root"];
-                run("cargo", &[&arguments[..], &[&root, name]].concat())?;
+                run("cargo", &[&arguments[..], &[&root, name]].concat(), talk)?;
             }
         }
     }
@@ -120,9 +124,13 @@ pub(crate) fn ensure(needs: &[Need]) -> Result<(), String> {
 }
 
 /// Meets what can be met of `needs`, and says what could not.
-pub(crate) fn ensure_if_possible(needs: &[Need]) {
+pub(crate) fn ensure_if_possible(needs: &[Need], talk: Talk) {
+    // All at once; if that fails, each on its own.
+    if ensure(needs, Talk::OfFailure).is_ok() {
+        return;
+    }
     for need in needs {
-        if let Err(what_to_do) = ensure(&[*need]) {
+        if let Err(what_to_do) = ensure(&[*need], talk) {
             eprintln!("{what_to_do}\n{need:?}: going on without it");
         }
     }
@@ -141,7 +149,7 @@ pub(crate) fn cargo_deny() -> Option<PathBuf> {
         .find(|path| works(&path.to_string_lossy(), &["--version"]))
 }
 
-fn install_packages(packages: &[&str]) -> Result<(), String> {
+fn install_packages(packages: &[&str], talk: Talk) -> Result<(), String> {
     let by_hand = format!("sudo apt-get install --yes {}", packages.join(" "));
     if !works("apt-get", &["--version"]) {
         return Err(format!(
@@ -162,12 +170,15 @@ fn install_packages(packages: &[&str]) -> Result<(), String> {
     let apt = |arguments: &[&str]| {
         let noninteractive = ["DEBIAN_FRONTEND=noninteractive", "apt-get", "--quiet"];
         let words = [&prefix[1..], &noninteractive, arguments].concat();
-        run(prefix[0], &words)
+        run(prefix[0], &words, talk)
     };
     // A package list that is out of date or incomplete may still do, so only the installation counts.
-    if let Err(error) = apt(&["update"]) {
-        eprintln!("{error}");
-    }
+    static UPDATED: Once = Once::new();
+    UPDATED.call_once(|| {
+        if let Err(error) = apt(&["update"]) {
+            eprintln!("{error}");
+        }
+    });
     let install = ["install", "--yes", "--no-install-recommends"];
     apt(&[&install, packages].concat()).map_err(|error| format!("{error}; run\n    {by_hand}"))
 }
@@ -193,10 +204,23 @@ fn run_quietly(program: &str, arguments: &[&str]) -> Option<String> {
     Some(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 
-fn run(program: &str, arguments: &[&str]) -> Result<(), String> {
+fn run(program: &str, arguments: &[&str], talk: Talk) -> Result<(), String> {
     let line = format!("{program} {}", arguments.join(" "));
     println!("==> {line}");
-    match Command::new(program).args(arguments).status() {
+    let mut command = Command::new(program);
+    command.args(arguments);
+    let status = match talk {
+        Talk::Shown => command.status(),
+        Talk::OfFailure => command.stdin(Stdio::null()).output().map(|output| {
+            if !output.status.success() {
+                for stream in [&output.stdout, &output.stderr] {
+                    eprint!("{}", String::from_utf8_lossy(stream));
+                }
+            }
+            output.status
+        }),
+    };
+    match status {
         Ok(status) if status.success() => Ok(()),
         Ok(_) => Err(format!("failed: {line}")),
         Err(error) => Err(format!("cannot start {line}: {error}")),

@@ -48,7 +48,7 @@ pub(crate) fn fmt(runner: &mut Runner) {
     runner.check("format, fuzzing programs", &mut cargo(&fuzz));
 }
 
-pub(crate) fn clippy(runner: &mut Runner) {
+pub(crate) fn clippy_host(runner: &mut Runner) {
     runner.check(
         "clippy, host",
         cargo(&["clippy", "--workspace", "--exclude", "subaperture-firmware"]).args([
@@ -71,6 +71,9 @@ pub(crate) fn clippy(runner: &mut Runner) {
             ])
             .args(["--", "-D", "warnings"]),
     );
+}
+
+pub(crate) fn clippy_firmware(runner: &mut Runner) {
     for (name, features) in CLIPPY {
         runner.check(
             name,
@@ -83,13 +86,16 @@ pub(crate) fn clippy(runner: &mut Runner) {
     }
 }
 
-pub(crate) fn doc(runner: &mut Runner) {
+pub(crate) fn doc_host(runner: &mut Runner) {
     runner.check(
         "documentation",
         cargo(&["doc", "--workspace", "--exclude", "subaperture-firmware"])
             .args(["--no-deps", "--locked"])
             .env("RUSTDOCFLAGS", "-D warnings"),
     );
+}
+
+pub(crate) fn doc_firmware(runner: &mut Runner) {
     for (name, features) in DOC {
         runner.check(
             name,

@@ -18,21 +18,22 @@ const LIMIT: Duration = Duration::from_secs(1200);
 /// How long the outputs of one that has ended are read on.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Begin first, longest first: whatever starts late and takes long is waited for alone.
+/// Begin first, longest first: whatever starts late and takes long is waited for alone. Those that build firmware, one at a time
+/// over all processes, stand apart, so that they do not wait for each other.
 const LONGEST: [&str; 13] = [
     "golden",
-    "cli_link",
     "random_formers",
-    "module_budgets",
     "tune_certainty",
-    "firmware",
-    "cli_messages",
-    "link_gotcha",
+    "cli_link",
     "cli_overwrite",
+    "module_budgets",
     "fuzz_targets",
     "more_formers",
-    "link_emulated",
+    "firmware",
     "sweep_motion",
+    "link_gotcha",
+    "link_emulated",
+    "cli_messages",
 ];
 
 /// A test executable.

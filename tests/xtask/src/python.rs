@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// What is installed, one requirement a line; also the mark of a finished environment.
-const REQUIREMENTS: &str = include_str!("../../../requirements.txt");
+const REQUIREMENTS: &str = include_str!("../../requirements.txt");
 
 /// The repository's root.
 pub(crate) fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .expect("the tests package lies in the workspace")
+        .ancestors()
+        .nth(2)
+        .expect("the package lies in the folder of tests")
 }
 
 /// A Python of at least 3.11 (sarkit needs it) that can make environments.

@@ -1,0 +1,154 @@
+//! `cargo xtask`: every test there is, and the parts of it one by one.
+#![forbid(unsafe_code)]
+
+mod checks;
+mod executables;
+mod log;
+mod prerequisites;
+mod python;
+mod runner;
+mod suite;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::thread;
+
+use prerequisites::{Need, Talk, ensure, ensure_if_possible};
+use runner::Runner;
+
+const HELP: &str = "\
+Usage: cargo xtask COMMAND
+
+  test       install what is missing, then run everything below
+  fmt        rustfmt, checking only
+  clippy     clippy on the host and on the firmware's target, warnings are errors
+  doc        rustdoc, warnings are errors
+  deny       licences, sources, bans and (when its database can be reached) advisories
+  unit       the tests of core, host and tests, doc tests included
+  firmware   the firmware under QEMU against the host, and the core's bits on other machines
+  fuzz TARGET SECONDS
+             fuzz a reader, guided by coverage; needs a nightly Rust and a C++ compiler
+  module     build the application for the emulated board: target/module/float and fixed
+  module-report
+             measure the module and write firmware/REPORT.md; with --check compare it
+
+'cargo xtask test' is what continuous integration runs. It may install Rust targets, Debian
+packages (as root or with passwordless sudo), cargo-deny, and sarkit in target/venv unless
+SUBAPERTURE_PYTHON names a Python that has it.";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let mut runner = Runner::new();
+    let done = match words[..] {
+        [] | ["help" | "--help" | "-h"] => {
+            println!("{HELP}");
+            return ExitCode::SUCCESS;
+        }
+        ["module"] | ["module-report"] | ["module-report", "--check"] => {
+            let needs: &[Need] = match words[0] {
+                "module" => &[Need::FIRMWARE_TARGET],
+                _ => &[Need::FIRMWARE_TARGET, Need::Qemu],
+            };
+            match ensure(needs, Talk::Shown) {
+                Ok(()) => return with_the_library(&words),
+                error => error,
+            }
+        }
+        ["fuzz", _, _] => return with_the_library(&words),
+        ["fmt"] => ensure(&[Need::Rustfmt], Talk::Shown).map(|()| checks::fmt(&mut runner)),
+        ["clippy"] => ensure(&[Need::Clippy, Need::FIRMWARE_TARGET], Talk::Shown).map(|()| {
+            checks::clippy_host(&mut runner);
+            checks::clippy_firmware(&mut runner);
+        }),
+        ["doc"] => ensure(&[Need::FIRMWARE_TARGET], Talk::Shown).map(|()| {
+            checks::doc_host(&mut runner);
+            checks::doc_firmware(&mut runner);
+        }),
+        ["deny"] => ensure(&[Need::CargoDeny], Talk::Shown).map(|()| checks::deny(&mut runner)),
+        ["unit"] => {
+            let python = python(Talk::Shown);
+            unit(&mut runner, python);
+            Ok(())
+        }
+        ["firmware"] => ensure(&[Need::FIRMWARE_TARGET, Need::Qemu], Talk::Shown).map(|()| {
+            ensure_if_possible(&prerequisites::OTHER_TARGETS, Talk::Shown);
+            ensure_if_possible(&prerequisites::OTHER_EMULATORS, Talk::Shown);
+            suite::firmware(&mut runner);
+        }),
+        ["test"] => test(&mut runner),
+        _ => {
+            eprintln!("unknown command '{}'\n\n{HELP}", words.join(" "));
+            return ExitCode::from(2);
+        }
+    };
+    if let Err(what_to_do) = done {
+        eprintln!("{what_to_do}");
+        return ExitCode::FAILURE;
+    }
+    runner.finish()
+}
+
+/// Everything. What waits for the network is installed while this machine compiles.
+fn test(runner: &mut Runner) -> Result<(), String> {
+    // Of Rust itself nothing is changed while it is in use.
+    ensure(
+        &[Need::Rustfmt, Need::Clippy, Need::FIRMWARE_TARGET],
+        Talk::Shown,
+    )?;
+    ensure_if_possible(&prerequisites::OTHER_TARGETS, Talk::Shown);
+    let installation = thread::spawn(|| {
+        let tested = ensure(&[Need::Qemu, Need::CargoDeny], Talk::OfFailure);
+        let others = [prerequisites::OTHER_EMULATORS.as_slice(), &[Need::Chromium]].concat();
+        ensure_if_possible(&others, Talk::OfFailure);
+        tested.map(|()| python(Talk::OfFailure))
+    });
+    checks::fmt(runner);
+    checks::clippy_host(runner);
+    checks::doc_host(runner);
+    checks::clippy_firmware(runner);
+    checks::doc_firmware(runner);
+    let python = installation.join().expect("installing does not panic")?;
+    checks::deny(runner);
+    // The firmware's test is one of these.
+    unit(runner, python);
+    Ok(())
+}
+
+/// A Python with sarkit, or why there is none.
+fn python(talk: Talk) -> Result<PathBuf, String> {
+    match python::named() {
+        Some(python) => Ok(python),
+        None => ensure(&[Need::Python], talk).and_then(|()| python::ensure_venv()),
+    }
+}
+
+/// The tests, with sarkit where it can be had: without it they still run, but that counts as a failure.
+fn unit(runner: &mut Runner, python: Result<PathBuf, String>) {
+    let python = python.inspect_err(|error| {
+        eprintln!("{error}");
+        runner.fail(
+            "Python with sarkit",
+            "let pip reach PyPI, or set SUBAPERTURE_PYTHON to a Python that imports sarkit",
+        );
+    });
+    suite::all(runner, python.ok().as_deref());
+}
+
+/// Does what the library is needed for.
+fn with_the_library(words: &[&str]) -> ExitCode {
+    let run = ["run", "--quiet", "--package", "subaperture-tests"];
+    let mut command = checks::cargo(&run);
+    command.args(["--bin", "tasks", "--"]).args(words);
+    match command.status() {
+        Ok(status) if status.success() => ExitCode::SUCCESS,
+        Ok(status) => status
+            .code()
+            .and_then(|code| u8::try_from(code).ok())
+            .map_or(ExitCode::FAILURE, ExitCode::from),
+        Err(error) => {
+            eprintln!("cannot start cargo: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
