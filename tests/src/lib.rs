@@ -1,4 +1,4 @@
-//! Shared by the integration tests and `xtask`.
+//! Shared by the integration tests.
 #![forbid(unsafe_code)]
 
 pub mod emulated;

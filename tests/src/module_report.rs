@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use crate::firmware::{
-    Build, INSTRUCTION_TIME, emulate, flash_bytes, sections, try_build, workspace,
-};
+use subaperture_xtask::root;
+
+use crate::firmware::{Build, INSTRUCTION_TIME, emulate, flash_bytes, sections, try_build};
 
 /// What the module is built for: name, features.
 pub const CONFIGURATIONS: [(&str, &str); 4] = [
@@ -139,7 +139,7 @@ fn regions(elf: &Path) -> [(&'static str, u64); 3] {
 
 /// Where the report is.
 pub fn place() -> PathBuf {
-    workspace().join("firmware/REPORT.md")
+    root().join("firmware/REPORT.md")
 }
 
 /// Measures all configurations.

@@ -6,12 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
 
-/// The workspace's root.
-pub fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .parent()
-        .expect("the tests package lies in the workspace")
-}
+pub use subaperture_xtask::root;
 
 /// The program, built on first use with the profile of the tests.
 pub fn program() -> &'static Path {

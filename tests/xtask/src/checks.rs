@@ -2,16 +2,14 @@
 
 use std::process::{Command, Stdio};
 
+use subaperture_xtask::firmware::TARGET;
+use subaperture_xtask::root;
+
 use crate::prerequisites::cargo_deny;
 use crate::runner::Runner;
 
 /// The firmware's package and the target it is built for.
-const FIRMWARE: [&str; 4] = [
-    "--package",
-    "subaperture-firmware",
-    "--target",
-    "thumbv7em-none-eabihf",
-];
+const FIRMWARE: [&str; 4] = ["--package", "subaperture-firmware", "--target", TARGET];
 
 /// What the firmware is looked at with: both boards, every feature with at least one of them.
 const CLIPPY: [(&str, &str); 4] = [
@@ -38,7 +36,7 @@ const DOC: [(&str, &str); 2] = [
 /// `cargo` as the one that runs us.
 pub(crate) fn cargo(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    command.args(arguments).current_dir(super::python::root());
+    command.args(arguments).current_dir(root());
     command
 }
 
@@ -111,10 +109,7 @@ pub(crate) fn deny(runner: &mut Runner) {
     // Called by its own name it takes no word "deny".
     let deny = |checks: &[&str]| {
         let mut command = Command::new(cargo_deny().unwrap_or_else(|| "cargo-deny".into()));
-        command
-            .arg("check")
-            .args(checks)
-            .current_dir(super::python::root());
+        command.arg("check").args(checks).current_dir(root());
         command
     };
     runner.check(

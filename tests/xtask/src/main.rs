@@ -13,6 +13,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::thread;
 
+use subaperture_xtask::firmware::module;
+
 use prerequisites::{Need, Talk, ensure, ensure_if_possible};
 use runner::Runner;
 
@@ -45,12 +47,15 @@ fn main() -> ExitCode {
             println!("{HELP}");
             return ExitCode::SUCCESS;
         }
-        ["module"] | ["module-report"] | ["module-report", "--check"] => {
-            let needs: &[Need] = match words[0] {
-                "module" => &[Need::FIRMWARE_TARGET],
-                _ => &[Need::FIRMWARE_TARGET, Need::Qemu],
-            };
-            match ensure(needs, Talk::Shown) {
+        ["module"] => match ensure(&[Need::FIRMWARE_TARGET], Talk::Shown).and_then(|()| module()) {
+            Ok([float, fixed]) => {
+                println!("{}\n{}", float.display(), fixed.display());
+                return ExitCode::SUCCESS;
+            }
+            Err(error) => Err(error),
+        },
+        ["module-report"] | ["module-report", "--check"] => {
+            match ensure(&[Need::FIRMWARE_TARGET, Need::Qemu], Talk::Shown) {
                 Ok(()) => return with_the_library(&words),
                 error => error,
             }

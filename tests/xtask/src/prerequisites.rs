@@ -4,6 +4,8 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Once;
 
+use subaperture_xtask::{firmware, root};
+
 use crate::python;
 
 /// Something a command of ours cannot do without.
@@ -48,7 +50,7 @@ enum Source {
 
 impl Need {
     /// What the firmware is built for.
-    pub(crate) const FIRMWARE_TARGET: Self = Self::Target("thumbv7em-none-eabihf");
+    pub(crate) const FIRMWARE_TARGET: Self = Self::Target(firmware::TARGET);
 
     fn is_met(self) -> bool {
         match self {
@@ -138,7 +140,7 @@ pub(crate) fn ensure_if_possible(needs: &[Need], talk: Talk) {
 
 /// Where tools are built that are missing: nothing of the user's is changed for them.
 fn tools() -> PathBuf {
-    python::root().join("target/tools")
+    root().join("target/tools")
 }
 
 /// cargo-deny, as installed or as built here.

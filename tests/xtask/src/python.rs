@@ -4,16 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use subaperture_xtask::root;
+
 /// What is installed, one requirement a line; also the mark of a finished environment.
 const REQUIREMENTS: &str = include_str!("../../requirements.txt");
-
-/// The repository's root.
-pub(crate) fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .ancestors()
-        .nth(2)
-        .expect("the package lies in the folder of tests")
-}
 
 /// A Python of at least 3.11 (sarkit needs it) that can make environments.
 pub(crate) fn interpreter() -> Option<&'static str> {

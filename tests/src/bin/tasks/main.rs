@@ -1,4 +1,4 @@
-//! The tasks of `cargo xtask` that need the library itself: fuzzing, and the module's programs.
+//! The tasks of `cargo xtask` that need the library itself: fuzzing, and the module's report.
 #![forbid(unsafe_code)]
 
 mod fuzz;
@@ -11,7 +11,6 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match words[..] {
         ["fuzz", target, seconds] => fuzz::run(target, seconds),
-        ["module"] => module::build(),
         ["module-report"] => module::report(false),
         ["module-report", "--check"] => module::report(true),
         _ => {

@@ -1,25 +1,9 @@
-//! The module's programs, and the report of what they cost.
+//! The report of what the module costs.
 
 use std::fs;
 use std::process::ExitCode;
 
-use subaperture_tests::{firmware, module_report};
-
-/// Builds the application in both arithmetics.
-pub(crate) fn build() -> ExitCode {
-    match firmware::module() {
-        Ok(elfs) => {
-            for elf in elfs {
-                println!("{}", elf.display());
-            }
-            ExitCode::SUCCESS
-        }
-        Err(error) => {
-            eprintln!("{error}");
-            ExitCode::FAILURE
-        }
-    }
-}
+use subaperture_tests::module_report;
 
 /// Writes the report, or compares it with the one that is there.
 pub(crate) fn report(check: bool) -> ExitCode {
