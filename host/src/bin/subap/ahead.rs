@@ -140,9 +140,8 @@ impl Ahead {
             "time",
             match self.time {
                 Some(time) => format!(
-                    "about {} by {} threads, estimated from {:.1} s of the same work",
+                    "about {}, estimated from {:.1} s of the same work",
                     duration(time.seconds),
-                    session.threads,
                     time.measured_s
                 ),
                 None => "not known: no part of this work could be measured".to_owned(),
