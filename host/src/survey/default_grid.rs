@@ -96,6 +96,9 @@ impl Survey {
                 .map_err(|error| NoDefaultGrid(error.0))
         };
         let grid = ImageGrid::horizontal(axis(0, extent.x_m)?, axis(1, extent.y_m)?, 0.0);
+        if let Some(fault) = grid.fault() {
+            return Err(NoDefaultGrid(fault.0));
+        }
         let cropped = (kept != pixels).then(|| {
             format!(
                 "the scene's {:.1} x {:.1} m would take {x:.0} x {y:.0} pixels at steps that do not fold ({} x {} m); the \

@@ -63,8 +63,20 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("seed.maps");
     let mut seeds = Vec::new();
-    for arithmetic in [Arithmetic::Float, Arithmetic::Fixed] {
-        let (run, maps) = run_and_maps(arithmetic);
+    // The last one as far away as antennas may be and pixels may not.
+    for (arithmetic, height_m) in [
+        (Arithmetic::Float, 0.0),
+        (Arithmetic::Fixed, 0.0),
+        (Arithmetic::Float, 2e9),
+    ] {
+        let (run, mut maps) = run_and_maps(arithmetic);
+        for header in maps.iter_mut().map(|map| &mut map.header) {
+            header.patch.centre_m[2] += height_m;
+            for node in &mut header.nodes {
+                node.transmitter_m[2] += height_m;
+                node.receiver_m[2] += height_m;
+            }
+        }
         write(
             &path,
             &run,

@@ -18,8 +18,9 @@ use crate::{messages, text};
 const LONG_S: f64 = 10.0;
 const LARGE_BYTES: u64 = 1 << 30;
 
-/// Operations from which on work may be long: measuring a part of less would only delay it.
-const MANY_OPERATIONS: f64 = 5e9;
+/// Operations a thread from which on work may be long, some 5 s: measuring a part of less, which takes up to a second, would
+/// only delay it.
+const MANY_OPERATIONS: f64 = 1e10;
 
 /// A piece of work to come.
 pub(crate) struct Ahead {
@@ -45,12 +46,14 @@ impl Ahead {
         let collection = task.history.collection();
         let (grid, pulses) = (task.grid, collection.pulses.len());
         let pixels = grid.num_pixels();
-        let samples = match former.name() {
-            "exact" => collection.num_samples,
-            _ => 1,
+        // Roughly, for each pixel and pulse.
+        let operations = match former.name() {
+            "exact" => 2.0 * collection.num_samples as f64,
+            "bp" | "velocity" => 49.0,
+            _ => 5.0,
         };
-        let rough = 49.0 * pixels as f64 * pulses as f64 * samples as f64;
-        let measure = rehearsal.dry_run || rough > MANY_OPERATIONS;
+        let rough = operations * pixels as f64 * pulses as f64;
+        let measure = rehearsal.dry_run || rough > MANY_OPERATIONS * session.threads as f64;
         let (mut time, mut buffers_bytes) = (None, 8 * pixels);
         if measure {
             time = forecast(former, task, settings)?;

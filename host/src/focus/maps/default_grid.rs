@@ -21,7 +21,7 @@ const STEP_M: f64 = 0.5;
 /// line of paths is predicted to keep `error_db`, with the kernels that are chosen for it.
 ///
 /// # Errors
-/// [`FormError::Unsuited`] if there are no maps, or they resolve nothing.
+/// [`FormError::Unsuited`] if there are no maps, they resolve nothing, or lie where no grid may.
 pub fn default_grid(maps: &dyn Maps, error_db: f64) -> Result<ImageGrid, FormError> {
     let allowed = line_share(maps, error_db);
     let patches = patches(maps)?;
@@ -55,11 +55,18 @@ pub fn default_grid(maps: &dyn Maps, error_db: f64) -> Result<ImageGrid, FormErr
     let band = high_cycles_m - low_cycles_m;
     let heights = patches.iter().map(|patch| patch.patch.centre_m[2]);
     let z_m = heights.sum::<f64>() / patches.len() as f64;
-    Ok(ImageGrid::horizontal(
+    let grid = ImageGrid::horizontal(
         axis("x", low.x, high.x, band.x)?,
         axis("y", low.y, high.y, band.y)?,
         z_m,
-    ))
+    );
+    // Antennas and patches may lie farther away than pixels.
+    match grid.fault() {
+        Some(fault) => Err(FormError::Unsuited(format!(
+            "no default grid: {fault}: are the patches' places in metres?"
+        ))),
+        None => Ok(grid),
+    }
 }
 
 /// Path and path rate gradients along x and y at a map's centre.
