@@ -63,18 +63,17 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("seed.maps");
     let mut seeds = Vec::new();
-    // The last one as far away as antennas may be and pixels may not.
-    for (arithmetic, height_m) in [
-        (Arithmetic::Float, 0.0),
-        (Arithmetic::Fixed, 0.0),
-        (Arithmetic::Float, 2e9),
+    // The last one's patches are apart, in the mean where no pixels may be.
+    for (arithmetic, apart_m) in [
+        (Arithmetic::Float, [0.0, 0.0]),
+        (Arithmetic::Fixed, [0.0, 0.0]),
+        (Arithmetic::Float, [30.0, 4e9]),
     ] {
         let (run, mut maps) = run_and_maps(arithmetic);
         for header in maps.iter_mut().map(|map| &mut map.header) {
-            header.patch.centre_m[2] += height_m;
-            for node in &mut header.nodes {
-                node.transmitter_m[2] += height_m;
-                node.receiver_m[2] += height_m;
+            match header.patch_index {
+                0 => header.patch.centre_m[1] += apart_m[0],
+                _ => header.patch.centre_m[2] += apart_m[1],
             }
         }
         write(
@@ -151,9 +150,13 @@ fn bits(map: &OwnedMap) -> String {
 
 /// An image of a few pixels: finite, or an error.
 fn image(file: &MapFile) -> String {
-    let wide = match default_grid(file, -50.0) {
-        Ok(grid) => grid,
-        Err(error) => return error.to_string(),
+    // Few pulses of small patches have no grid of their own; then one about the seeds' first patch.
+    let (wide, found) = match default_grid(file, -50.0) {
+        Ok(grid) => (grid, "a grid".to_owned()),
+        Err(error) => (
+            "x=2:4:0.5,y=-3:-1:0.5,z=0.5".parse().expect("a grid"),
+            error.to_string(),
+        ),
     };
     assert!(wide.fault().is_none(), "{:?} of {wide:?}", wide.fault());
     let mut grid = wide;
@@ -170,8 +173,8 @@ fn image(file: &MapFile) -> String {
         Ok((formed, _)) => {
             let finite = formed.image.pixels.iter().all(|z| z.is_finite());
             assert!(finite, "an image that is not finite");
-            "an image".to_owned()
+            format!("{found}; an image")
         }
-        Err(error) => error.to_string(),
+        Err(error) => format!("{found}; {error}"),
     }
 }

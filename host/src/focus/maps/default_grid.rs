@@ -47,8 +47,8 @@ pub fn default_grid(maps: &dyn Maps, error_db: f64) -> Result<ImageGrid, FormErr
         let half = ((high_m - low_m) / 2.0 / step).floor() * step;
         Axis::from_range(middle - half, middle + half, step).map_err(|_| {
             FormError::Unsuited(format!(
-                "no default grid: the maps do not resolve {name}; give one, for example \
-                 --grid x=-50:50:0.5,y=-50:50:0.5,z=0"
+                "no default grid: what the maps hold is not larger along {name} than what they resolve; give one, for \
+                 example --grid x=-50:50:0.5,y=-50:50:0.5,z=0"
             ))
         })
     };
@@ -63,7 +63,8 @@ pub fn default_grid(maps: &dyn Maps, error_db: f64) -> Result<ImageGrid, FormErr
     // Antennas and patches may lie farther away than pixels.
     match grid.fault() {
         Some(fault) => Err(FormError::Unsuited(format!(
-            "no default grid: {fault}: are the patches' places in metres?"
+            "no default grid: {}: are the patches' places in metres?",
+            fault.0
         ))),
         None => Ok(grid),
     }
