@@ -64,7 +64,7 @@ fn image(folder: &Path, arithmetic: &str, elf: &Path) -> Image {
         ahead["disk"][0]["bytes"].as_u64(),
         Some(file.metadata().unwrap().len())
     );
-    npy::read(&folder.join(arithmetic).join("image.npy")).unwrap()
+    npy::read(&file).unwrap()
 }
 
 #[test]

@@ -30,11 +30,7 @@ fn within_a_factor_of_two(former: &dyn ImageFormer, grid: &str) {
         memory_bytes: 1 << 30,
         monitor: &Silent,
     };
-    let settings = Settings {
-        error_db: -60.0,
-        sub_cpi: None,
-        is_thesis: false,
-    };
+    let settings = Settings::within(-60.0);
     let mut best = f64::INFINITY;
     for _ in 0..TRIES {
         let told = forecast(former, &task, &settings)

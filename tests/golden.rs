@@ -19,6 +19,7 @@ use std::process::{Command, Stdio};
 use subaperture_core::selftest::{FixedStreamSelfTest, FloatStreamSelfTest, SelfTest};
 use subaperture_core::stream::{BlockFloat, MapSamples, PatchMap};
 use subaperture_tests::firmware::{self, Build, finish};
+use subaperture_xtask::target_installed;
 
 /// Which map is kept: the second patch, off the origin, of the second sub-CPI of the first run.
 const KEPT: usize = 3;
@@ -201,7 +202,7 @@ impl Machine {
         let emulator = self.emulator[0];
         let version = Command::new(emulator).arg("--version").output();
         for (found, what) in [
-            (self.is_installed(), self.target),
+            (target_installed(self.target), self.target),
             (version.is_ok(), emulator),
         ] {
             if !found {
@@ -214,15 +215,6 @@ impl Machine {
             ..Build::bin(program, self.features)
         };
         Some(self.emulate(&firmware::build(&build)))
-    }
-
-    fn is_installed(&self) -> bool {
-        let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-        let output = Command::new(rustc)
-            .args(["--print", "target-libdir", "--target", self.target])
-            .output()
-            .expect("rustc runs");
-        Path::new(String::from_utf8_lossy(&output.stdout).trim()).is_dir()
     }
 
     fn emulate(&self, elf: &Path) -> Vec<String> {

@@ -12,7 +12,7 @@ pub use subaperture_xtask::root;
 pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
-        let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+        let mut cargo = subaperture_xtask::cargo();
         cargo
             .args([
                 // The packages that are tested together: another selection has other features of
@@ -26,7 +26,6 @@ pub fn program() -> &'static Path {
                 "subap",
             ])
             .args(["--message-format", "json-render-diagnostics"])
-            .current_dir(root())
             .stderr(Stdio::inherit());
         // The dev profile keeps debug assertions on and release does not.
         if !cfg!(debug_assertions) {

@@ -57,9 +57,9 @@ impl RunningImage {
 
     /// Bytes that it may take for maps of `patches`.
     pub fn held_bytes(grid: &ImageGrid, patches: &[Patch]) -> u64 {
-        let samples: u64 = patches.iter().map(|patch| patch.map_len() as u64).sum();
+        let sub_cpi: u64 = patches.iter().map(OwnedMap::bytes).sum();
         let pixel_bytes = 2 * size_of::<Complex32>() as u64;
-        grid.num_pixels() * pixel_bytes + MOST_WAITING as u64 * 16 * samples
+        grid.num_pixels() * pixel_bytes + MOST_WAITING as u64 * sub_cpi
     }
 
     /// Takes a map.

@@ -2,7 +2,7 @@
 
 use num_complex::Complex32;
 use subaperture_core::Sc16;
-use subaperture_core::stream::{BlockFloat, MapHeader, MapSamples, PatchMap, power_of_two};
+use subaperture_core::stream::{BlockFloat, MapHeader, MapSamples, Patch, PatchMap, power_of_two};
 
 /// A map and its samples, bit by bit as the module sent them.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,17 +84,17 @@ impl OwnedMap {
         }
     }
 
-    /// Bytes that the values of a map of `header` take, as they are and as complex numbers.
-    pub fn bytes(header: &MapHeader) -> u64 {
+    /// Bytes that the values of a map of `patch` take, as they are and as complex numbers.
+    pub fn bytes(patch: &Patch) -> u64 {
         // At most 8 a sample either way, and the complex numbers beside them for a moment.
-        16 * header.patch.map_len() as u64
+        16 * patch.map_len() as u64
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use subaperture_core::stream::{Node, Patch};
+    use subaperture_core::stream::Node;
 
     #[test]
     fn values_are_those_of_the_view() {

@@ -57,6 +57,17 @@ pub struct Settings {
     pub is_thesis: bool,
 }
 
+impl Settings {
+    /// Those of a former that chooses everything by its bound, dB.
+    pub fn within(error_db: f64) -> Self {
+        Self {
+            error_db,
+            sub_cpi: None,
+            is_thesis: false,
+        }
+    }
+}
+
 /// An estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forecast {
@@ -300,11 +311,15 @@ pub fn reading<E>(
     })
 }
 
+/// `side` of the elements of an axis; two where it has as many.
+fn fewer(count: usize, side: f64) -> usize {
+    ((count as f64 * side).ceil() as usize).clamp(count.min(2), count)
+}
+
 /// The middle of a grid, `side` of each of its sides.
 fn middle_of(grid: &ImageGrid, side: f64) -> ImageGrid {
     let middle = |axis: Axis| {
-        let count =
-            ((axis.count as f64 * side).ceil() as usize).clamp(axis.count.min(2), axis.count);
+        let count = fewer(axis.count, side);
         let first = (axis.count - count) / 2;
         Axis {
             start: axis.at(first),
@@ -321,9 +336,8 @@ fn middle_of(grid: &ImageGrid, side: f64) -> ImageGrid {
 
 /// A grid of fewer pixels that covers the same, `side` of each of its sides' pixels.
 fn coarser(grid: &ImageGrid, side: f64) -> ImageGrid {
-    let fewer = |axis: Axis| {
-        let count =
-            ((axis.count as f64 * side).ceil() as usize).clamp(axis.count.min(2), axis.count);
+    let wider = |axis: Axis| {
+        let count = fewer(axis.count, side);
         let steps = axis.count.saturating_sub(1) as f64 / count.saturating_sub(1).max(1) as f64;
         Axis {
             step: axis.step * steps.max(1.0),
@@ -332,8 +346,8 @@ fn coarser(grid: &ImageGrid, side: f64) -> ImageGrid {
         }
     };
     ImageGrid {
-        rows: fewer(grid.rows),
-        columns: fewer(grid.columns),
+        rows: wider(grid.rows),
+        columns: wider(grid.columns),
         ..*grid
     }
 }

@@ -33,10 +33,10 @@ const DOC: [(&str, &str); 2] = [
     ("documentation, firmware, STM32H743", "board-h743"),
 ];
 
-/// `cargo` as the one that runs us.
+/// The cargo that runs us, with `arguments`.
 pub(crate) fn cargo(arguments: &[&str]) -> Command {
-    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    command.args(arguments).current_dir(root());
+    let mut command = subaperture_xtask::cargo();
+    command.args(arguments);
     command
 }
 

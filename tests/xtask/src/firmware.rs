@@ -2,9 +2,9 @@
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
-use crate::root;
+use crate::target_folder;
 
 /// What the firmware is compiled for.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
@@ -45,12 +45,6 @@ impl<'a> Build<'a> {
     }
 }
 
-/// Where builds go: `target`, or what `CARGO_TARGET_DIR` says.
-pub fn target_folder() -> PathBuf {
-    std::env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| root().join("target"), |folder| root().join(folder))
-}
-
 /// Builds a program, in a target folder of the firmware's own, and copies its ELF to a place that the next
 /// build with other features leaves alone. One build at a time, over all processes.
 ///
@@ -80,10 +74,10 @@ pub fn try_build(build: &Build<'_>) -> Result<PathBuf, String> {
         "--example" => built.join("examples").join(build.program),
         _ => built.join(build.program),
     };
-    let mut name = format!("{}-{}-{}", build.program, build.profile, build.features);
-    if build.target != TARGET {
-        name = format!("{name}-{}", build.target);
-    }
+    let name = format!(
+        "{}-{}-{}-{}",
+        build.program, build.profile, build.features, build.target
+    );
     let elf = place.join(name.replace(',', "-"));
     copy_if_other(&built, &elf)?;
     Ok(elf)
@@ -102,9 +96,8 @@ pub fn build(build: &Build<'_>) -> PathBuf {
 
 fn cargo(build: &Build<'_>, folder: &Path) -> std::io::Result<Output> {
     let other_board = build.features.contains("board-");
-    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    let mut command = crate::cargo();
     command
-        .current_dir(root())
         .args(["build", "--quiet", "--package", "subaperture-firmware"])
         .args(["--locked", "--target", build.target])
         .args(["--profile", build.profile])

@@ -1,9 +1,10 @@
-//! Building the firmware, for `cargo xtask` and for the tests.
+//! What `cargo xtask` and the tests share: where things are, cargo, and building the firmware.
 #![forbid(unsafe_code)]
 
 pub mod firmware;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// The repository's root.
 ///
@@ -14,4 +15,29 @@ pub fn root() -> &'static Path {
         .ancestors()
         .nth(2)
         .expect("the package lies in the folder of tests")
+}
+
+/// Where builds go: `target`, or what `CARGO_TARGET_DIR` says.
+pub fn target_folder() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR")
+        .map_or_else(|| root().join("target"), |folder| root().join(folder))
+}
+
+/// The cargo that runs us, in the repository's root.
+pub fn cargo() -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.current_dir(root());
+    command
+}
+
+/// Whether the compiler in use has the standard library of `target`, with or without rustup.
+pub fn target_installed(target: &str) -> bool {
+    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
+    let output = Command::new(rustc)
+        .args(["--print", "target-libdir", "--target", target])
+        .output();
+    output.is_ok_and(|output| {
+        let folder = String::from_utf8_lossy(&output.stdout);
+        output.status.success() && Path::new(folder.trim()).is_dir()
+    })
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Once;
 
-use subaperture_xtask::{firmware, root};
+use subaperture_xtask::{firmware, root, target_installed};
 
 use crate::python;
 
@@ -183,12 +183,6 @@ fn install_packages(packages: &[&str], talk: Talk) -> Result<(), String> {
     });
     let install = ["install", "--yes", "--no-install-recommends"];
     apt(&[&install, packages].concat()).map_err(|error| format!("{error}; run\n    {by_hand}"))
-}
-
-/// Whether the compiler in use has the standard library of `target`, with or without rustup.
-fn target_installed(target: &str) -> bool {
-    let target = ["--print", "target-libdir", "--target", target];
-    run_quietly("rustc", &target).is_some_and(|dir| std::path::Path::new(dir.trim()).is_dir())
 }
 
 fn works(program: &str, arguments: &[&str]) -> bool {

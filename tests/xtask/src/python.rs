@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use subaperture_xtask::root;
+use subaperture_xtask::{root, target_folder};
 
 /// What is installed, one requirement a line; also the mark of a finished environment.
 const REQUIREMENTS: &str = include_str!("../../requirements.txt");
@@ -48,8 +48,7 @@ fn has_sarkit(python: &Path) -> Result<(), String> {
 
 /// Makes the environment unless a finished one is there; returns its interpreter.
 pub(crate) fn ensure_venv() -> Result<PathBuf, String> {
-    let target = std::env::var_os("CARGO_TARGET_DIR")
-        .map_or_else(|| root().join("target"), |dir| root().join(dir));
+    let target = target_folder();
     let venv = target.join("venv");
     let python = venv.join("bin/python");
     let mark = venv.join("requirements.txt");

@@ -124,7 +124,8 @@ const PIXEL_BYTES: u64 = 8 + 4 + 8 + size_of::<Sum>() as u64;
 
 /// Bytes that [`form`] takes: the maps' index, the image with what its pixels need, and a map.
 fn taken_bytes(task: &MapsTask) -> [u128; 3] {
-    let maps = task.maps.headers().iter().map(OwnedMap::bytes);
+    let headers = task.maps.headers().iter();
+    let maps = headers.map(|header| OwnedMap::bytes(&header.patch));
     [
         task.maps.held_bytes().into(),
         u128::from(task.grid.num_pixels()) * u128::from(PIXEL_BYTES),

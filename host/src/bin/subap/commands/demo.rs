@@ -77,19 +77,23 @@ struct Outcome {
     taken: Duration,
 }
 
-fn ways() -> Vec<Way> {
-    let settings = forecast::Settings {
-        error_db: ERROR_DB,
-        sub_cpi: None,
-        is_thesis: false,
-    };
-    let way = |folder, title, former, bound_db| Way {
+/// A way whose former chooses everything by its bound.
+fn way(
+    folder: &'static str,
+    title: &'static str,
+    former: Box<dyn ImageFormer>,
+    bound_db: Option<f64>,
+) -> Way {
+    Way {
         folder,
         title,
         former,
-        settings,
+        settings: forecast::Settings::within(ERROR_DB),
         bound_db,
-    };
+    }
+}
+
+fn ways() -> Vec<Way> {
     let range_doppler = |folder, title, mode, pulses, bound_db| Way {
         folder,
         title,
@@ -102,7 +106,7 @@ fn ways() -> Vec<Way> {
         settings: forecast::Settings {
             sub_cpi: Some(pulses),
             is_thesis: matches!(mode, Mode::Thesis(_)),
-            ..settings
+            ..forecast::Settings::within(ERROR_DB)
         },
         bound_db,
     };
@@ -167,17 +171,7 @@ fn ways() -> Vec<Way> {
 
 /// What is compared with.
 fn oracle() -> Way {
-    Way {
-        folder: "exact",
-        title: "exact",
-        former: Box::new(Exact),
-        settings: forecast::Settings {
-            error_db: ERROR_DB,
-            sub_cpi: None,
-            is_thesis: false,
-        },
-        bound_db: None,
-    }
+    way("exact", "exact", Box::new(Exact), None)
 }
 
 /// Simulates, focuses, compares, and writes everything under the folder.

@@ -46,11 +46,7 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
         memory_bytes: session.memory_bytes,
         monitor: &progress,
     };
-    let settings = Settings {
-        error_db: former.error_db,
-        sub_cpi: None,
-        is_thesis: false,
-    };
+    let settings = Settings::within(former.error_db);
     let ahead = Ahead::of_image(
         session,
         &typed.rehearsal,

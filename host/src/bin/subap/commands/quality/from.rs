@@ -210,25 +210,24 @@ impl<'a> From<'a> {
         let [fast, slow] = self.windows;
         let weights = Weights::new(collection, fast, slow);
         let progress = self.session.progress("measuring a part");
-        let mut parts = Vec::new();
-        for target in targets {
-            let chip = self.chip(history, *target, settings)?;
-            let task = Task {
-                history,
-                grid: &chip.grid,
-                weights: &weights,
-                memory_bytes: self.session.memory_bytes,
-                monitor: &progress,
-            };
-            let asked = forecast::Settings {
-                error_db: ERROR_DB,
-                sub_cpi: None,
-                is_thesis: false,
-            };
-            parts.push(forecast::forecast(chip.former, &task, &asked)?);
-            // The beam is measured from all echoes.
-            parts.push(Some(reading(history)?));
-        }
+        // One may refuse where it lies; else they have as many pixels each, and take as long.
+        let chips = targets
+            .iter()
+            .map(|target| self.chip(history, *target, settings));
+        let chips: Vec<Chip> = chips.collect::<Result<_, _>>()?;
+        let chip = &chips[0];
+        let task = Task {
+            history,
+            grid: &chip.grid,
+            weights: &weights,
+            memory_bytes: self.session.memory_bytes,
+            monitor: &progress,
+        };
+        let asked = forecast::Settings::within(ERROR_DB);
+        let forming = forecast::forecast(chip.former, &task, &asked)?;
+        // The beam is measured from all echoes.
+        let beam = reading(history)?;
+        let one = forming.map(|forming| [forming, beam].into_iter().sum());
         progress.finish();
         let what = format!(
             "{} chips of {} pulses, measured",
@@ -236,7 +235,10 @@ impl<'a> From<'a> {
             collection.pulses.len()
         );
         let held_bytes = history.held_bytes() + self.source.grid.num_pixels() * 8;
-        let time: Option<Forecast> = parts.into_iter().sum();
+        let time = one.map(|one: Forecast| Forecast {
+            seconds: one.seconds * targets.len() as f64,
+            ..one
+        });
         Ok(Ahead::new(self.session, what, held_bytes, time, Vec::new()))
     }
 
