@@ -3,10 +3,11 @@
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture::focus::bp::Backprojection;
-use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::monitor::Silent;
 use subaperture::phase_history::{
-    Aperture, Collection, InputFile, PhaseHistory, Pulse, ReadError, Recorded, Sweep,
+    Aperture, Collection, InputFile, PhaseHistory, Pulse, ReadError, Recorded, Sweep, Weights,
 };
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Scatterer, Simulated};

@@ -4,11 +4,12 @@ use std::path::Path;
 
 use serde_json::Value;
 use subaperture::focus::exact::Exact;
-use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::npy;
-use subaperture::phase_history::PhaseHistory;
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture_tests::emulated::application;
 use subaperture_tests::error_db;

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use proptest::prelude::*;
-use subaperture::focus::Silent;
 use subaperture::io::cphd::{Channel, Cphd, Domain, Sgn, WriteOptions, write};
+use subaperture::monitor::Silent;
 use subaperture::phase_history::PhaseHistory;
 
 use crate::cphd_by_hand::ByHand;

@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use num_complex::Complex32;
-use subaperture::focus::{Monitor, Silent};
 use subaperture::geometry::SceneFrame;
 use subaperture::io::cphd::{
     Channel, Cphd, Domain, Polarization, Sgn, WriteError, WriteOptions, write,
 };
+use subaperture::monitor::{Monitor, Silent};
 use subaperture::phase_history::{Collection, PhaseHistory, ReadError, Recorded};
 
 use crate::cphd_scene::{Scene, TRACK, bits, read_all, relative_rms};

@@ -8,8 +8,8 @@ use std::process::Command;
 use std::sync::Arc;
 
 use glam::DVec3;
-use subaperture::focus::Silent;
 use subaperture::io::cphd::{Channel, Domain, Sgn, WriteOptions, write};
+use subaperture::monitor::Silent;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::simulate::{Preset, Variation};
 use subaperture_tests::experiment::{FLIGHT, IDEAL, Line, antenna, experiment, five_points};

@@ -5,15 +5,16 @@ use std::path::Path;
 use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
-use subaperture::crosscheck::crosscheck;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
 use subaperture::focus::rdbp::{Mode, RangeDoppler};
-use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::open::{Options, open_all};
-use subaperture::phase_history::{Aperture, PhaseHistory};
+use subaperture::monitor::Silent;
+use subaperture::onboard::crosscheck::crosscheck;
+use subaperture::phase_history::{Aperture, PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 
 /// Both degrees of the recording as one aperture, if at hand.

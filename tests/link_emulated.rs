@@ -7,8 +7,8 @@
 use std::io;
 use std::time::Duration;
 
-use subaperture::focus::Silent;
-use subaperture::link::{
+use subaperture::monitor::Silent;
+use subaperture::onboard::link::{
     Buffers, Emulator, Ending, HostCore, LinkError, Module, Outcome, Session, Settings, Transport,
     Verified,
 };

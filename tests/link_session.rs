@@ -7,8 +7,8 @@
 
 use std::time::Duration;
 
-use subaperture::focus::Silent;
-use subaperture::link::{
+use subaperture::monitor::Silent;
+use subaperture::onboard::link::{
     Buffers, Counts, Ending, HostCore, LinkError, Outcome, Session, Settings, Verified, Watch,
 };
 use subaperture::phase_history::Recorded;

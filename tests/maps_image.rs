@@ -4,15 +4,16 @@
 use std::path::Path;
 
 use subaperture::focus::exact::Exact;
-use subaperture::focus::maps::{MapsTask, Report, form};
-use subaperture::focus::{FormError, ImageFormer, Misses, Monitor, Silent, Task, Weights};
+use subaperture::focus::{FormError, ImageFormer, Misses, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
-use subaperture::io::maps::{MapFile, MapWriter};
 use subaperture::io::open::{Options, open_all};
-use subaperture::maps::{Arithmetic, Closing, OwnedMap, Run};
-use subaperture::module::{ModulePlan, PlanError, Request, Room};
-use subaperture::phase_history::{Aperture, PhaseHistory, Recorded};
+use subaperture::monitor::{Monitor, Silent};
+use subaperture::onboard::image::{MapsTask, Report, form};
+use subaperture::onboard::maps::{Arithmetic, Closing, OwnedMap, Run};
+use subaperture::onboard::maps_file::{MapFile, MapWriter};
+use subaperture::onboard::plan::{ModulePlan, PlanError, Request, Room};
+use subaperture::phase_history::{Aperture, PhaseHistory, Recorded, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Simulated, Variation};
 use subaperture_tests::error_db;
@@ -273,7 +274,7 @@ fn threads_change_nothing_and_faults_are_told() {
     other.iter_mut().for_each(|map| map.header.weight_sum = 0.0);
     told(&other, 1 << 30, &Silent, &["patch 0", "positive sum"]);
     let mut other = bench.maps.clone();
-    let subaperture::maps::OwnedSamples::Float(samples) = &mut other[1].samples else {
+    let subaperture::onboard::maps::OwnedSamples::Float(samples) = &mut other[1].samples else {
         unreachable!()
     };
     samples[3].re = f32::NAN;

@@ -11,13 +11,15 @@ use subaperture::focus::exact::Exact;
 use subaperture::focus::moving::{Moving, VelocityPlane, velocity_resolution_m_s};
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
-use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::image::Image;
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
-use subaperture_tests::{error_db, subap::run};
+use subaperture_tests::error_db;
+use subaperture_tests::subap::run;
 
 /// Two-way path to where a target that left `start` at time 0 is in a pulse, less the reference.
 fn path_m(pulse: &Pulse, start: DVec3, velocity: DVec3) -> f64 {

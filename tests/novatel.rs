@@ -5,8 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 use subaperture::geometry::SceneFrame;
 use subaperture::io::novatel::{self, Damage, Source};
-use subaperture::simulate::body::Trajectory;
-use subaperture::simulate::track::Recorded;
+use subaperture::track::{Recorded, Trajectory};
 
 /// 115 s of a walk with a ProPak6, 20 records a second.
 fn recording() -> Option<novatel::Log> {

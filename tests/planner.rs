@@ -3,9 +3,10 @@
 use glam::DVec3;
 use num_complex::Complex64;
 use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
-use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
-use subaperture::phase_history::{Collection, PhaseHistory};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture::planner::grating::{self, Lobe, Pass};
 use subaperture::planner::{Parameters, RadarPlan, Request};
 use subaperture::signal::window::Window;

@@ -1,7 +1,7 @@
 //! Every former's point response against theory: that of the windowed band, computed apart from all formers.
 //!
 //! Table 4.1 of Schone 2020 is within the domain of all of them: 1.5 degrees of aperture seen broadside, 2 %
-//! of bandwidth, a straight track. Theory there is a separable response ([`subaperture::quality::theory`]),
+//! of bandwidth, a straight track. Theory there is a separable response ([`subaperture::resolution::theory`]),
 //! neglecting
 //! - that the aperture's ends see the band turned by 0.75 degrees, which blurs the end of the band along x by
 //!   `0.5 B / f_0` = 1 % of the band of 1.7 cycles a metre at the frequencies' ends, second order in the width;
@@ -18,11 +18,12 @@ use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDoppler};
-use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
-use subaperture::phase_history::{PhaseHistory, Recorded};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{PhaseHistory, Recorded, Weights};
 use subaperture::quality::response::{Response, Settings, SideLobes, Target, measure};
-use subaperture::quality::theory::expected;
+use subaperture::resolution::theory::expected;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
 

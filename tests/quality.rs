@@ -8,10 +8,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use subaperture::focus::exact::Exact;
 use subaperture::focus::rdbp::{Mode, RangeDoppler};
-use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
-use subaperture::phase_history::PhaseHistory;
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::quality::PairError;
 use subaperture::quality::coherence::coherence;
 use subaperture::quality::difference::percent_difference;
@@ -19,7 +20,7 @@ use subaperture::quality::registration::offset;
 use subaperture::quality::response::{
     Carrier, Direction, Response, ResponseError, Settings, Target, UPSAMPLING, measure,
 };
-use subaperture::quality::theory::{Expected, expected};
+use subaperture::resolution::theory::{Expected, expected};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
 
@@ -240,7 +241,11 @@ fn the_size_of_pixels_changes_nothing() {
 #[test]
 fn pixels_that_fold_are_refused() {
     let history = Preset::Table41.simulate(&Variation::default());
-    let looks = subaperture::support::Looks::new(history.collection(), Window::None, Window::None);
+    let looks = subaperture::resolution::support::Looks::new(
+        history.collection(),
+        Window::None,
+        Window::None,
+    );
     let settings = Settings {
         looks: Some(&looks),
         ..Settings::default()
@@ -309,7 +314,7 @@ fn a_line_of_sight_is_measured_along_and_across() {
     );
     // Where the product has half its power each factor has 1 / sqrt 2 of it.
     let weights = Window::Hamming.weights(Made::LINES);
-    let power = |x: f64| subaperture::quality::theory::transform(&weights, x).powi(2);
+    let power = |x: f64| subaperture::resolution::theory::transform(&weights, x).powi(2);
     let half = (0..20_000)
         .map(|i| f64::from(i) * 1e-4)
         .find(|&x| power(x) < 0.5f64.sqrt())

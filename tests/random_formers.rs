@@ -19,8 +19,9 @@ use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
-use subaperture::focus::{FormError, ImageFormer, Silent, Task, Weights};
-use subaperture::phase_history::{PhaseHistory, Recorded};
+use subaperture::focus::{FormError, ImageFormer, Task};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{PhaseHistory, Recorded, Weights};
 use subaperture_tests::random_case::{Case, draw, exact_sum, history, shrink};
 
 /// The formers that are held to the contract here.

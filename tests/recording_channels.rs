@@ -7,11 +7,12 @@ use std::path::Path;
 use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::SPEED_OF_LIGHT_M_S;
-use subaperture::focus::{FormError, Silent};
+use subaperture::autofocus::{Axis, Model, Order, Problem, Search, Sight, Verdict, determine};
+use subaperture::focus::FormError;
 use subaperture::io::recording::{RecordingFile, Take};
+use subaperture::monitor::Silent;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::signal::window::Window;
-use subaperture::tune::{Axis, Model, Order, Problem, Search, Sight, Verdict, determine};
 
 const TURNS: usize = 4;
 const STOPS: usize = 12;

@@ -8,16 +8,17 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::SPEED_OF_LIGHT_M_S;
+use subaperture::autofocus::{Axis, Measure, Order, Search, Sight, Tuned, merit, search};
 use subaperture::focus::bp::Backprojection;
-use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::open::{Options, open};
 use subaperture::io::recording::{RecordingFile, examples};
-use subaperture::phase_history::{PhaseHistory, Recorded};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{PhaseHistory, Recorded, Weights};
 use subaperture::quality::response::{Settings, Target, measure};
 use subaperture::signal::window::Window;
-use subaperture::tune::{Axis, Measure, Order, Search, Sight, Tuned, merit, search};
 
 /// A folder of real files, or `None` with a message.
 fn real_folder(name: &str, file: &str) -> Option<PathBuf> {

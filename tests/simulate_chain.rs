@@ -7,14 +7,15 @@ use std::sync::Arc;
 use glam::DVec3;
 use num_complex::Complex64;
 use subaperture::focus::exact::Exact;
-use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::{Comparison, Image};
 use subaperture::io::cphd::{Channel, Cphd, WriteOptions, write};
-use subaperture::phase_history::{Band, PhaseHistory, TrackError};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{Band, PhaseHistory, TrackError, Weights};
+use subaperture::radar::{Motion, Pattern, PhaseNoise, PulseShape, Receiver, Waveform};
 use subaperture::receive::{Deskewed, Skew};
 use subaperture::signal::window::Window;
-use subaperture::simulate::radar::{Motion, Pattern, PhaseNoise, PulseShape, Receiver, Waveform};
 use subaperture::simulate::{Experiment, Pair};
 use subaperture_tests::experiment::{
     FLIGHT, IDEAL, Line, PAIR, antenna, definition, difference_db, experiment, five_points, fmcw,

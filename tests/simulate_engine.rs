@@ -8,11 +8,11 @@ use glam::{DQuat, DVec3};
 use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use subaperture::radar::{Antenna, Motion, Pattern};
 use subaperture::simulate::Scatterer;
-use subaperture::simulate::body::{Pose, Trajectory};
 use subaperture::simulate::engine::{Engine, Method, Scratch, Sweep, View};
-use subaperture::simulate::radar::{Antenna, Motion, Pattern};
 use subaperture::simulate::scene::{Block, Corner, Mover, Scene};
+use subaperture::track::{Pose, Trajectory};
 
 const C: f64 = 299_792_458.0;
 

@@ -7,12 +7,13 @@ use std::sync::Arc;
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture::phase_history::{Band, PhaseHistory};
+use subaperture::radar::{
+    Clock, Converter, Interferer, LinkBudget, PhaseNoise, Receiver, Reference, ThermalNoise,
+    Waveform,
+};
 use subaperture::receive::{Compressed, Echoes, Filter};
 use subaperture::signal::window::Window;
-use subaperture::simulate::radar::{
-    Clock, Converter, Interferer, LinkBudget, PhaseNoise, Receiver, ThermalNoise, Waveform,
-};
-use subaperture::simulate::{Experiment, Reference};
+use subaperture::simulate::Experiment;
 use subaperture_tests::experiment::{
     FLIGHT, IDEAL, Line, PAIR, experiment, five_points, fmcw, point, pulsed, read_whole,
 };

@@ -1,7 +1,7 @@
 //! The memory of the streaming core is what its documentation and the plan for a module say.
 
-use subaperture::maps::Arithmetic;
-use subaperture::module::RamBudget;
+use subaperture::onboard::maps::Arithmetic;
+use subaperture::onboard::plan::RamBudget;
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
 use subaperture_core::stream::{

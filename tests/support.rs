@@ -9,11 +9,11 @@ use std::fmt::Write;
 
 use glam::DVec3;
 use num_complex::Complex64;
-use subaperture::focus::Silent;
 use subaperture::geometry::SceneFrame;
+use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep};
+use subaperture::resolution::support::{Looks, RecordedLooks, measured_gains};
 use subaperture::signal::window::Window;
-use subaperture::support::{Looks, RecordedLooks, measured_gains};
 
 const C_M_S: f64 = 299_792_458.0;
 const TAYLOR: Window = Window::Taylor { side_lobe_db: 35.0 };

@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 use subaperture::geometry::{Extent, SceneFrame};
 use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Sweep};
+use subaperture::resolution::survey::{MOST_PIXELS, Survey};
 use subaperture::simulate::scenario::{Scenario, examples};
-use subaperture::survey::{MOST_PIXELS, Survey};
 
 const C_M_S: f64 = 299_792_458.0;
 

@@ -12,15 +12,16 @@ use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::rdbp::{Mode, RangeDoppler};
 use subaperture::focus::sweep::residual;
-use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, Extent, ImageGrid};
 use subaperture::image::Image;
 use subaperture::io::cphd::{Channel, Cphd, WriteOptions, write};
-use subaperture::phase_history::{Band, PhaseHistory};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{Band, PhaseHistory, Weights};
+use subaperture::radar::{Motion, Reference, Waveform};
 use subaperture::signal::window::Window;
-use subaperture::simulate::body::Trajectory;
-use subaperture::simulate::radar::{Motion, Waveform};
-use subaperture::simulate::{Experiment, Reference, Scatterer};
+use subaperture::simulate::{Experiment, Scatterer};
+use subaperture::track::Trajectory;
 use subaperture_tests::experiment::{
     Line, PAIR, antenna, difference_db, experiment, five_points, fmcw, point, read_whole,
 };
@@ -390,7 +391,7 @@ fn vibrations_and_offsets_survive_a_file() {
     #[derive(Clone, Copy, Debug)]
     struct Shaking;
     impl Trajectory for Shaking {
-        fn pose(&self, time_s: f64) -> subaperture::simulate::body::Pose {
+        fn pose(&self, time_s: f64) -> subaperture::track::Pose {
             let up_m = 0.01 * (TAU * 1.8 * time_s).sin();
             let line = Line {
                 start_m: DVec3::new(-1.8, 0.0, 1.0 + up_m),

@@ -8,12 +8,13 @@ use std::path::Path;
 
 use glam::DVec3;
 use subaperture::SPEED_OF_LIGHT_M_S;
-use subaperture::focus::{FormError, Silent};
-use subaperture::io::recording::{RecordingFile, Take};
-use subaperture::signal::window::Window;
-use subaperture::tune::{
+use subaperture::autofocus::{
     Axis, Measure, Model, Order, Problem, Search, Sight, Tuned, Verdict, determine,
 };
+use subaperture::focus::FormError;
+use subaperture::io::recording::{RecordingFile, Take};
+use subaperture::monitor::Silent;
+use subaperture::signal::window::Window;
 
 /// Random numbers of the test's own: splitmix64.
 struct Random(u64);

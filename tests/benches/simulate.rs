@@ -9,11 +9,11 @@ use glam::{DQuat, DVec3};
 use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use subaperture::radar::{Antenna, Motion, Pattern};
 use subaperture::simulate::Scatterer;
-use subaperture::simulate::body::{Pose, Trajectory};
 use subaperture::simulate::engine::{Engine, Method, Scratch, Sweep, View};
-use subaperture::simulate::radar::{Antenna, Motion, Pattern};
 use subaperture::simulate::scene::Scene;
+use subaperture::track::{Pose, Trajectory};
 
 const TURNS: usize = 5;
 const PULSES: usize = 8;

@@ -8,7 +8,7 @@ use std::process::Child;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use subaperture::link::{self, Place, Transport};
+use subaperture::onboard::link::{self, Place, Transport};
 
 use crate::faults::Device;
 use crate::firmware;

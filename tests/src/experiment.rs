@@ -7,13 +7,13 @@ use glam::{DQuat, DVec3};
 use num_complex::{Complex32, Complex64};
 use subaperture::geometry::{Extent, SceneFrame};
 use subaperture::phase_history::{Band, Collection, PhaseHistory};
-use subaperture::simulate::body::{Pose, Trajectory};
-use subaperture::simulate::engine::Method;
-use subaperture::simulate::radar::{
-    Antenna, Motion, Pattern, PulseShape, Radar, Receiver, Waveform,
+use subaperture::radar::{
+    Antenna, Motion, Pattern, PulseShape, Radar, Receiver, Reference, Waveform,
 };
+use subaperture::simulate::engine::Method;
 use subaperture::simulate::scene::Scene;
-use subaperture::simulate::{Experiment, Pair, Reference, Scatterer};
+use subaperture::simulate::{Experiment, Pair, Scatterer};
+use subaperture::track::{Pose, Trajectory};
 
 /// A straight track with a sway across it.
 #[derive(Clone, Copy, Debug)]

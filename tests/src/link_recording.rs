@@ -5,8 +5,8 @@ use std::path::Path;
 
 use glam::DVec3;
 use num_complex::Complex64;
-use subaperture::focus::Silent;
 use subaperture::io::cphd::{Channel, WriteOptions, write};
+use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Pulse};
 use subaperture::simulate::{Preset, Scatterer, Simulated, Variation};
 

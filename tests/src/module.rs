@@ -7,7 +7,7 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use subaperture::link::Transport;
+use subaperture::onboard::link::Transport;
 use subaperture_core::Complex32;
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};

@@ -2,11 +2,12 @@
 
 use num_complex::Complex32;
 use serde_json::json;
-use subaperture::focus::maps::{MapsTask, default_grid, form};
-use subaperture::focus::{Misses, Silent};
+use subaperture::focus::Misses;
 use subaperture::geometry::SceneFrame;
-use subaperture::io::maps::{MapFile, MapWriter};
-use subaperture::maps::{Arithmetic, Closing, Maps, OwnedMap, Run};
+use subaperture::monitor::Silent;
+use subaperture::onboard::image::{MapsTask, default_grid, form};
+use subaperture::onboard::maps::{Arithmetic, Closing, Maps, OwnedMap, Run};
+use subaperture::onboard::maps_file::{MapFile, MapWriter};
 use subaperture_core::stream::{Patch, Setup};
 
 use super::MEMORY_BYTES;

@@ -9,13 +9,14 @@ use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDoppler};
-use subaperture::focus::{ImageFormer, Silent, Task, Weights};
+use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Extent, ImageGrid, SceneFrame};
 use subaperture::io::cphd::{Channel, Cphd, CphdInfo, Domain, Sgn, WriteOptions, write};
 use subaperture::io::gotcha;
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep, Weights};
+use subaperture::resolution::survey::Survey;
 use subaperture::signal::window::Window;
-use subaperture::survey::Survey;
 
 use super::scratch::with_files;
 use super::{MEMORY_BYTES, choice};

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::io;
 use std::time::Duration;
 
-use subaperture::link::{Buffers, Counts, Session, Settings, Transport, Watch};
+use subaperture::onboard::link::{Buffers, Counts, Session, Settings, Transport, Watch};
 use subaperture_core::link::{Encoder, Encoding, Refusal, Report, State, Status, max_frame_bytes};
 use subaperture_core::stream::FloatEngine;
 use subaperture_firmware::station::Station;

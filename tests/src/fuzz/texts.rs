@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use num_complex::Complex32;
+use subaperture::describe::DescriptionError;
 use subaperture::geometry::ImageGrid;
 use subaperture::io::recording::{self, RecordingFile};
-use subaperture::link::Place;
-use subaperture::phase_history::PhaseHistory;
+use subaperture::onboard::link::Place;
+use subaperture::phase_history::{PhaseHistory, ReadError};
 use subaperture::simulate::scenario::{self, Scenario};
 use subaperture::simulate::{Experiment, Pair};
 
@@ -223,14 +224,12 @@ pub(super) fn recording(bytes: &[u8]) -> String {
         let file = RecordingFile::new("input.toml", text, folder);
         match file.history(MEMORY_BYTES) {
             Ok(history) => examine(&history, bytes),
-            Err(error) => match &error {
-                subaperture::phase_history::ReadError::Description(error) => error
-                    .faults
-                    .iter()
-                    .map(|fault| fault.message.as_str())
-                    .collect(),
-                other => other.to_string(),
-            },
+            Err(ReadError::Description(error)) => {
+                let error = error.downcast_ref::<DescriptionError>();
+                let faults = &error.expect("what is wrong with the text").faults;
+                faults.iter().map(|fault| fault.message.as_str()).collect()
+            }
+            Err(other) => other.to_string(),
         }
     })
 }

@@ -7,8 +7,7 @@ use subaperture::geometry::SceneFrame;
 use subaperture::io::novatel::{self, Damage, Source};
 use subaperture::io::track_axes::TrackAxes;
 use subaperture::io::{motive, track_csv};
-use subaperture::simulate::body::Trajectory;
-use subaperture::simulate::track::{Fix, Recorded};
+use subaperture::track::{Fix, Recorded, Trajectory};
 
 pub(super) const NOVATEL_WORDS: &[&str] = &[
     "#INSPVAA",

@@ -3,9 +3,8 @@
 use std::f64::consts::TAU;
 
 use num_complex::{Complex32, Complex64};
-use subaperture::focus::Weights;
 use subaperture::geometry::SceneFrame;
-use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep};
+use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep, Weights};
 
 use super::draw::Random;
 use super::{Case, LIGHT_M_S};

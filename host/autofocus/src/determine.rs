@@ -1,0 +1,232 @@
+//! A search over a recording's geometry that cannot be led astray by what its pixels show.
+
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+
+use super::anchor::shift_m;
+use super::measure::{Sight, merit, merits};
+use super::{Axis, Order, Search, TuneError, Tuned, Verdict, expected, search, search_from};
+use subaperture_focus::bp::Backprojection;
+use subaperture_focus::{FormError, ImageFormer, Task};
+use subaperture_io::recording::Take;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::{PhaseHistory, Weights};
+use subaperture_signal::window::Window;
+
+/// A recording whose geometry depends on parameters.
+pub trait Model {
+    /// The recording with these values of the parameters; of these pulses ([`Take::pulses`]) if some are given, else of
+    /// those that it chooses with these values.
+    ///
+    /// # Errors
+    /// [`FormError`].
+    fn take(&self, values: &[f64], pulses: Option<&[usize]>) -> Result<Take, FormError>;
+}
+
+/// What is searched, and by what.
+pub struct Problem<'a> {
+    /// The recording.
+    pub model: &'a dyn Model,
+    /// The parameters' intervals.
+    pub intervals: &'a [Axis],
+    /// How the search goes.
+    pub search: Search,
+    /// What is looked at.
+    pub sight: &'a Sight,
+    /// Windows over fast and slow time.
+    pub windows: [Window; 2],
+    /// Bytes that images and samples may take.
+    pub memory_bytes: u64,
+    /// Told of progress, asked whether to go on.
+    pub monitor: &'a dyn Monitor,
+}
+
+/// Searches on the same content, at most.
+const ROUNDS: usize = 4;
+
+/// Error of the image in which the brightest point is looked for, dB.
+const ERROR_DB: f64 = -30.0;
+
+/// Finds the values of the largest merit, with their errors.
+///
+/// Points of known place are searched as they are. For the sharpness of an image the search on the pixels given is a
+/// first guess; from there on the pulses are those chosen at the guess, and the pixels follow the brightest point as
+/// `anchor.rs` says. Where that leads elsewhere, it is done again from there, until it stays.
+///
+/// # Errors
+/// [`TuneError`].
+///
+/// # Panics
+/// As [`search`].
+pub fn determine(problem: &Problem) -> Result<Tuned, TuneError<FormError>> {
+    let &Problem {
+        model,
+        intervals,
+        windows,
+        memory_bytes,
+        monitor,
+        ..
+    } = problem;
+    let Sight::Grid(given, measure) = problem.sight else {
+        return search(intervals, problem.search, monitor, |values| {
+            let take = model.take(values, None)?;
+            merits(&take.history, problem.sight, windows, memory_bytes, monitor)
+        });
+    };
+    let portion = |number: usize| Portion {
+        monitor,
+        from: number as f64 / (ROUNDS + 1) as f64,
+        length: 1.0 / (ROUNDS + 1) as f64,
+    };
+    let first = search(intervals, problem.search, &portion(0), |values| {
+        let take = model.take(values, None)?;
+        merit(&take.history, problem.sight, windows, memory_bytes, monitor)
+    })?;
+    let mut evaluations = first.evaluations;
+    let mut at = first.best;
+    let turns = Search {
+        order: Order::InTurn,
+        ..problem.search
+    };
+    let mut round = 1;
+    loop {
+        let anchor = model.take(&at, None).map_err(TuneError::Failed)?;
+        let brightest_m = brightest(problem, given, &anchor).map_err(TuneError::Failed)?;
+        let place = |take: &Take| (take.history.collection().pulses.clone(), take.bias_path_m);
+        let (from, from_bias_m) = place(&anchor);
+        let mut tuned = search_from(intervals, turns, Some(&at), &portion(round), |values| {
+            let take = model.take(values, Some(&anchor.pulses))?;
+            let (to, to_bias_m) = place(&take);
+            let moved_m = shift_m(given, brightest_m, (&from, from_bias_m), (&to, to_bias_m));
+            let grid = ImageGrid {
+                origin_m: given.origin_m + moved_m,
+                ..*given
+            };
+            merits(
+                &take.history,
+                &Sight::Grid(grid, *measure),
+                windows,
+                memory_bytes,
+                monitor,
+            )
+        })?;
+        evaluations += tuned.evaluations;
+        let finest =
+            |axis: &Axis| axis.step / f64::from(1u32 << problem.search.refinements.min(30));
+        let stays = tuned
+            .scans
+            .iter()
+            .zip(intervals)
+            .zip(tuned.best.iter().zip(&at))
+            .all(|((scan, axis), (best, at))| {
+                let error = scan.error.unwrap_or(0.0);
+                (best - at).abs() <= (0.5 * error).max(2.0 * finest(axis))
+            });
+        if stays || round == ROUNDS {
+            if !stays {
+                // Each place looks best from another: none is found.
+                for scan in &mut tuned.scans {
+                    scan.verdict = Verdict::Open;
+                }
+            }
+            tuned.grid = first.grid;
+            tuned.evaluations = evaluations;
+            monitor.progress(1.0);
+            return Ok(tuned);
+        }
+        at = tuned.best;
+        round += 1;
+    }
+}
+
+/// What [`determine`] will take, about.
+#[derive(Clone, Copy, Debug)]
+pub struct Expected {
+    /// Images that it makes.
+    pub images: usize,
+    /// Time of one.
+    pub each: Duration,
+    /// Bytes that the recording holds.
+    pub held_bytes: u64,
+}
+
+/// Measures an image at the intervals' middles, and counts with two rounds more where pixels follow the scene.
+///
+/// # Errors
+/// [`FormError`], as of that image.
+pub fn rehearse(problem: &Problem) -> Result<Expected, FormError> {
+    let &Problem {
+        intervals,
+        search,
+        sight,
+        windows,
+        memory_bytes,
+        monitor,
+        ..
+    } = problem;
+    let start = Instant::now();
+    let middles: Vec<f64> = intervals
+        .iter()
+        .map(|axis| axis.at(axis.count / 2))
+        .collect();
+    let take = problem.model.take(&middles, None)?;
+    merits(&take.history, sight, windows, memory_bytes, monitor)?;
+    let turns = Search {
+        order: Order::InTurn,
+        ..search
+    };
+    let again = match sight {
+        Sight::Grid(..) => 2 * expected(intervals, turns),
+        Sight::Points(_) => 0,
+    };
+    Ok(Expected {
+        images: expected(intervals, search) + again,
+        each: start.elapsed(),
+        held_bytes: take.history.held_bytes(),
+    })
+}
+
+/// Where the image of a take is brightest.
+fn brightest(problem: &Problem, grid: &ImageGrid, take: &Take) -> Result<DVec3, FormError> {
+    let history = &take.history;
+    let [fast, slow] = problem.windows;
+    let task = Task {
+        history,
+        grid,
+        weights: &Weights::new(history.collection(), fast, slow),
+        memory_bytes: problem.memory_bytes,
+        monitor: &Portion {
+            monitor: problem.monitor,
+            from: 0.0,
+            length: 0.0,
+        },
+    };
+    let former = Backprojection { error_db: ERROR_DB };
+    let peak = former.form_best(&task)?.image.peak();
+    Ok(peak.map_or(
+        grid.position_m(grid.rows.count / 2, grid.columns.count / 2),
+        |peak| grid.position_m(peak.row, peak.column),
+    ))
+}
+
+/// A part of the work; one without length tells nothing of its progress.
+struct Portion<'a> {
+    monitor: &'a dyn Monitor,
+    from: f64,
+    length: f64,
+}
+
+impl Monitor for Portion<'_> {
+    fn progress(&self, fraction: f64) {
+        if self.length > 0.0 {
+            self.monitor
+                .progress(self.from + self.length * fraction.min(1.0));
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.monitor.cancelled()
+    }
+}

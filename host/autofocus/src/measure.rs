@@ -1,0 +1,236 @@
+//! Figures of merit of an image: what a search makes as large as it can.
+
+use std::fmt;
+use std::str::FromStr;
+
+use num_complex::Complex32;
+
+use super::Views;
+use subaperture_focus::bp::Backprojection;
+use subaperture_focus::{FormError, ImageFormer, Task};
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::image::{Image, power};
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::{PhaseHistory, Stretch, Weights};
+use subaperture_quality::statistics::{Region, Statistics};
+use subaperture_signal::window::Window;
+
+use glam::DVec3;
+
+/// What is measured of an image; see [`subaperture_quality::statistics`] for the formulas.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Measure {
+    /// Entropy of power, negated. Counts all that is in the image: of a scene with many points.
+    #[default]
+    Entropy,
+    /// Sum of squared power: counts the brightest points. Of a scene with few.
+    Sharpness,
+    /// Contrast of amplitude: between both.
+    Contrast,
+    /// Power of the brightest pixel.
+    Peak,
+}
+
+/// What is looked at.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sight {
+    /// The image on a grid, by a measure.
+    Grid(ImageGrid, Measure),
+    /// Points of known positions, calibration reflectors: the sum of the image's power there. As sharp in
+    /// range and cross-range as the image itself, where focus alone hardly tells a shift.
+    Points(Vec<DVec3>),
+}
+
+/// Error that backprojection may have, dB: far below what moves a maximum.
+const ERROR_DB: f64 = -40.0;
+
+/// Tells nothing but when to stop.
+struct Quiet<'a>(&'a dyn Monitor);
+
+impl Monitor for Quiet<'_> {
+    fn progress(&self, _fraction: f64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
+}
+
+/// The merit of a history's image, formed by backprojection with the windows `fast` and `slow`; negative infinity of
+/// a dark one. Powers depend on the image's scale, the other figures do not.
+///
+/// # Errors
+/// [`FormError`].
+pub fn merit(
+    history: &dyn PhaseHistory,
+    sight: &Sight,
+    [fast, slow]: [Window; 2],
+    memory_bytes: u64,
+    monitor: &dyn Monitor,
+) -> Result<f64, FormError> {
+    let weights = Weights::new(history.collection(), fast, slow);
+    let quiet = Quiet(monitor);
+    let form = |grid: &ImageGrid| {
+        let task = Task {
+            history,
+            grid,
+            weights: &weights,
+            memory_bytes,
+            monitor: &quiet,
+        };
+        let former = Backprojection { error_db: ERROR_DB };
+        // A search looks at dark places too.
+        former.form_best(&task).map(|formed| formed.image)
+    };
+    let mut pixels = Vec::new();
+    match sight {
+        Sight::Grid(grid, _) => pixels = form(grid)?.pixels,
+        Sight::Points(points) => {
+            for point in points {
+                pixels.extend(form(&pixel(*point))?.pixels);
+            }
+        }
+    }
+    Ok(figure(sight, pixels))
+}
+
+/// Contiguous parts of the aperture that [`merits`] leaves out, one at a time.
+pub const PARTS: usize = 8;
+
+/// The merit of a history's image as [`merit`], and those of its images without each of [`PARTS`] parts of the
+/// aperture. An image being a sum over pulses, all cost what the one does. Fewer pulses than twice the parts have the
+/// one merit only.
+///
+/// # Errors
+/// [`FormError`].
+pub fn merits(
+    history: &dyn PhaseHistory,
+    sight: &Sight,
+    windows: [Window; 2],
+    memory_bytes: u64,
+    monitor: &dyn Monitor,
+) -> Result<Views, FormError> {
+    let collection = history.collection();
+    let count = collection.pulses.len();
+    if count < 2 * PARTS {
+        return merit(history, sight, windows, memory_bytes, monitor).map(Views::from);
+    }
+    let weights = Weights::new(collection, windows[0], windows[1]);
+    let total_weight: f64 = weights.slow.iter().sum();
+    let grids: Vec<ImageGrid> = match sight {
+        Sight::Grid(grid, _) => vec![*grid],
+        Sight::Points(points) => points.iter().map(|point| pixel(*point)).collect(),
+    };
+    let num_pixels: u64 = grids.iter().map(ImageGrid::num_pixels).sum();
+    let held = num_pixels.saturating_mul(8 * (PARTS as u64 + 2));
+    let left = memory_bytes.checked_sub(held).ok_or(FormError::Memory {
+        what: "tuning",
+        needed_bytes: held.into(),
+        budget_bytes: memory_bytes,
+        advice: "raise --memory, or use a smaller or coarser --grid",
+    })?;
+    let quiet = Quiet(monitor);
+    let mut whole = vec![Complex32::ZERO; num_pixels as usize];
+    let mut parts: Vec<(Vec<Complex32>, f64)> = Vec::with_capacity(PARTS);
+    for part in 0..PARTS {
+        let range = part * count / PARTS..(part + 1) * count / PARTS;
+        let stretch = Stretch::new(history, range.clone());
+        let weights = Weights {
+            fast: weights.fast.clone(),
+            slow: weights.slow[range].to_vec(),
+        };
+        let weight = weights.slow.iter().sum::<f64>() / total_weight;
+        let mut pixels = Vec::with_capacity(num_pixels as usize);
+        for grid in &grids {
+            let task = Task {
+                history: &stretch,
+                grid,
+                weights: &weights,
+                memory_bytes: left,
+                monitor: &quiet,
+            };
+            let former = Backprojection { error_db: ERROR_DB };
+            pixels.extend(former.form_best(&task)?.image.pixels);
+        }
+        // Each image is normalised by its own weights; the sum of all is by theirs.
+        for (sum, pixel) in whole.iter_mut().zip(&mut pixels) {
+            *pixel *= weight as f32;
+            *sum += *pixel;
+        }
+        parts.push((pixels, weight));
+    }
+    let mut views = vec![figure(sight, whole.clone())];
+    for (pixels, weight) in parts {
+        let scale = 1.0 / (1.0 - weight as f32);
+        let rest = whole
+            .iter()
+            .zip(&pixels)
+            .map(|(all, part)| (all - part) * scale);
+        views.push(figure(sight, rest.collect()));
+    }
+    Ok(Views(views))
+}
+
+/// The grid of a single pixel.
+fn pixel(point: DVec3) -> ImageGrid {
+    let at = |start| Axis {
+        start,
+        step: 1.0,
+        count: 1,
+    };
+    ImageGrid::horizontal(at(point.x), at(point.y), point.z)
+}
+
+/// The figure of merit of an image's pixels.
+fn figure(sight: &Sight, pixels: Vec<Complex32>) -> f64 {
+    let figure = match sight {
+        Sight::Grid(grid, measure) => {
+            let image = Image {
+                rows: grid.rows.count,
+                columns: grid.columns.count,
+                pixels,
+            };
+            let figures = Statistics::of(&image, &Region::whole(&image));
+            match measure {
+                Measure::Entropy => figures.entropy.map(|entropy| -entropy),
+                Measure::Sharpness => figures.sharpness,
+                Measure::Contrast => figures.amplitude_contrast,
+                Measure::Peak => image.peak().map(|peak| power(peak.value)),
+            }
+        }
+        Sight::Points(_) => {
+            let sum: f64 = pixels.iter().map(|&pixel| power(pixel)).sum();
+            (sum > 0.0).then_some(sum)
+        }
+    };
+    figure.unwrap_or(f64::NEG_INFINITY)
+}
+
+/// A measure's name is not one of the known ones.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("measure '{0}': write entropy, sharpness, contrast or peak")]
+pub struct UnknownMeasure(String);
+
+impl FromStr for Measure {
+    type Err = UnknownMeasure;
+
+    fn from_str(text: &str) -> Result<Self, UnknownMeasure> {
+        match text {
+            "entropy" => Ok(Self::Entropy),
+            "sharpness" => Ok(Self::Sharpness),
+            "contrast" => Ok(Self::Contrast),
+            "peak" => Ok(Self::Peak),
+            _ => Err(UnknownMeasure(text.to_owned())),
+        }
+    }
+}
+
+impl fmt::Display for Measure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Entropy => "entropy",
+            Self::Sharpness => "sharpness",
+            Self::Contrast => "contrast",
+            Self::Peak => "peak",
+        })
+    }
+}

@@ -1,0 +1,400 @@
+//! Keys of everything that moves: `[platform]`, its perturbations and navigation, `[[scene.mover]]`.
+
+use crate::schema::{Bounds, Key, Kind, Need, Presence, Section};
+use subaperture_model::units::Dimension;
+
+const POSITION_DOC: &str = "Where it is at the moment that 'at' says.";
+const AT_DOC: &str = "When it is there: at time 0, or in the middle of the collection.";
+pub const POSITION: Key = Key::new(
+    "position",
+    Kind::Vector(Dimension::Length),
+    Need::Required("\"0, -5, 3 km\""),
+    POSITION_DOC,
+);
+pub const VELOCITY: Key = Key::new(
+    "velocity",
+    Kind::Vector(Dimension::Speed),
+    Need::Required("\"100, 0, 0 m/s\""),
+    "Its velocity there; of a profile, before its pieces.",
+);
+pub const AT: Key = Key::new(
+    "at",
+    Kind::Choice(&["start", "middle"]),
+    Need::Default("\"middle\""),
+    AT_DOC,
+);
+pub const CENTRE: Key = Key::new(
+    "centre",
+    Kind::Vector(Dimension::Length),
+    Need::Required("\"0, 0, 3 km\""),
+    "Centre of the circle, at the track's height.",
+)
+.when(&["circular"]);
+const RADIUS_DOC: &str = "Radius of the circle, length of the arm.";
+const SPEED_DOC: &str = "Speed along the way.";
+pub const BEARING: Key = Key::new(
+    "bearing",
+    Kind::Quantity(Dimension::Angle, Bounds::Any),
+    Need::Default("\"-90 deg\""),
+    "Where on the circle it is at the moment that 'at' says: angle from x towards y.",
+)
+.when(&["circular"]);
+pub const TURN: Key = Key::new(
+    "turn",
+    Kind::Choice(&["left", "right"]),
+    Need::Default("\"left\""),
+    "Which way it turns: left is counterclockwise seen from above.",
+)
+.when(&["circular"]);
+pub const POINTS: Key = Key::new(
+    "points",
+    Kind::Rows(
+        &[
+            Dimension::Time,
+            Dimension::Length,
+            Dimension::Length,
+            Dimension::Length,
+        ],
+        2,
+    ),
+    Need::Required("[\"0 s, -3, -5000, 3000 m\", \"60 ms, 3, -5000, 3000 m\"]"),
+    "Times and the points that are passed then: straight pieces, or of a spline a smooth curve.",
+);
+pub const START: Key = Key::new(
+    "start",
+    Kind::Quantity(Dimension::Time, Bounds::Any),
+    Need::Default("\"0 s\""),
+    "When it starts.",
+);
+
+pub const TRACK_FILE: Key = Key::new(
+    "file",
+    Kind::Path,
+    Need::Required("\"track.csv\""),
+    "The recorded track: a CSV with columns time_s, x_m, y_m, z_m (or time_ms, x_mm, x_cm and so on) and, if known, \
+     roll_deg, pitch_deg, yaw_deg; an export of OptiTrack's Motive; or a NovAtel log, whose first record is at time 0.",
+);
+
+pub const TRACK_RECORD: Key = Key::new(
+    "record",
+    Kind::Choice(&["inspvax", "inspva", "bestpos"]),
+    Need::Default("\"inspvax\""),
+    "Which records of the log are the track; bestpos has no attitude.",
+);
+
+pub const TRACK_SKIP_DAMAGED: Key = Key::new(
+    "skip_damaged",
+    Kind::Flag,
+    Need::Default("false"),
+    "Whether lines of the log that are damaged are passed over.",
+);
+
+pub static PLATFORM: Section = Section {
+    path: "platform",
+    presence: Presence::Always,
+    when: &[],
+    selector: "kind",
+    doc: "How the radar moves. Where nothing else is said it heads where it goes; a fixed one has the \
+          scene's axes, an arm's x axis is along the arm.",
+    keys: &[
+        Key::new(
+            "kind",
+            Kind::Choice(&[
+                "linear",
+                "circular",
+                "rail",
+                "arc",
+                "waypoints",
+                "spline",
+                "csv",
+                "novatel",
+                "fixed",
+            ]),
+            Need::Required("\"linear\""),
+            "A straight line, a level circle, a carriage on a rail, a swinging arm, points passed at \
+             given times (straight or smooth), a recorded track, or a place.",
+        ),
+        POSITION.when(&["linear", "fixed"]),
+        VELOCITY.when(&["linear"]),
+        AT.when(&["linear", "circular"]),
+        CENTRE,
+        Key::new(
+            "pivot",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"0, -20, 2 m\""),
+            "The arm's pivot, at the antenna's height.",
+        )
+        .when(&["arc"]),
+        Key::new(
+            "radius",
+            Kind::Quantity(Dimension::Length, Bounds::Positive),
+            Need::Required("\"5 km\""),
+            RADIUS_DOC,
+        )
+        .when(&["circular", "arc"]),
+        Key::new(
+            "speed",
+            Kind::Quantity(Dimension::Speed, Bounds::Positive),
+            Need::Required("\"100 m/s\""),
+            SPEED_DOC,
+        )
+        .when(&["circular", "rail"]),
+        BEARING,
+        TURN,
+        Key::new(
+            "from",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"-3, -5000, 3000 m\""),
+            "Where the rail starts.",
+        )
+        .when(&["rail"]),
+        Key::new(
+            "to",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"3, -5000, 3000 m\""),
+            "Where the rail ends.",
+        )
+        .when(&["rail"]),
+        Key::new(
+            "from_angle",
+            Kind::Quantity(Dimension::Angle, Bounds::Any),
+            Need::Required("\"60 deg\""),
+            "One end of the swing: angle from x towards y.",
+        )
+        .when(&["arc"]),
+        Key::new(
+            "to_angle",
+            Kind::Quantity(Dimension::Angle, Bounds::Any),
+            Need::Required("\"120 deg\""),
+            "The other end of the swing.",
+        )
+        .when(&["arc"]),
+        Key::new(
+            "rate",
+            Kind::Quantity(Dimension::AngularRate, Bounds::Positive),
+            Need::Required("\"10 deg/s\""),
+            "Rate of the swing.",
+        )
+        .when(&["arc"]),
+        START.when(&["rail", "arc"]),
+        POINTS.when(&["waypoints", "spline"]),
+        TRACK_FILE.when(&["csv", "novatel"]),
+        TRACK_RECORD.when(&["novatel"]),
+        TRACK_SKIP_DAMAGED.when(&["novatel"]),
+    ],
+};
+
+pub static PERTURBATION: Section = Section {
+    path: "platform.perturbation",
+    presence: Presence::Many,
+    when: &[],
+    selector: "kind",
+    doc: "What disturbs the platform's way.",
+    keys: &[
+        Key::new(
+            "kind",
+            Kind::Choice(&["sway", "vibration", "acceleration", "wobble"]),
+            Need::Required("\"sway\""),
+            "Smooth random displacement, a sinusoidal one, a constant acceleration that sets in, or a \
+             sinusoidal turn of the body.",
+        ),
+        Key::new(
+            "rms",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"2, 2, 1 cm\""),
+            "RMS displacement, scene axes.",
+        )
+        .when(&["sway"]),
+        Key::new(
+            "correlation",
+            Kind::Quantity(Dimension::Time, Bounds::Positive),
+            Need::Required("\"500 ms\""),
+            "Time after which the displacement has little to do with what it was.",
+        )
+        .when(&["sway"]),
+        Key::new(
+            "amplitude",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"0, 0, 1 mm\""),
+            "Amplitude, scene axes.",
+        )
+        .when(&["vibration"]),
+        Key::new(
+            "frequency",
+            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
+            Need::Required("\"20 Hz\""),
+            "Frequency.",
+        )
+        .when(&["vibration"]),
+        Key::new(
+            "acceleration",
+            Kind::Vector(Dimension::Acceleration),
+            Need::Required("\"0, 0.1, 0 m/s^2\""),
+            "The acceleration, scene axes.",
+        )
+        .when(&["acceleration"]),
+        Key::new(
+            "from",
+            Kind::Quantity(Dimension::Time, Bounds::Any),
+            Need::Default("\"0 s\""),
+            "When it sets in.",
+        )
+        .when(&["acceleration"]),
+        Key::new(
+            "angles",
+            Kind::Vector(Dimension::Angle),
+            Need::Required("\"2, 1, 1 deg\""),
+            "Amplitudes of roll, pitch and yaw.",
+        )
+        .when(&["wobble"]),
+        Key::new(
+            "period",
+            Kind::Quantity(Dimension::Time, Bounds::Positive),
+            Need::Required("\"5 s\""),
+            "Period.",
+        )
+        .when(&["wobble"]),
+        Key::new(
+            "phase",
+            Kind::Quantity(Dimension::Angle, Bounds::Any),
+            Need::Default("\"0 deg\""),
+            "Phase at time 0.",
+        )
+        .when(&["vibration", "wobble"]),
+    ],
+};
+
+const NO_LENGTH: Need = Need::Default("\"0, 0, 0 m\"");
+const NO_ANGLE: Need = Need::Default("\"0, 0, 0 deg\"");
+
+pub static NAVIGATION: Section = Section {
+    path: "navigation",
+    presence: Presence::Optional,
+    when: &[],
+    selector: "",
+    doc: "Errors of the track that the recording tells; if there is no such section, it tells the true \
+          one.",
+    keys: &[
+        Key::new(
+            "bias",
+            Kind::Vector(Dimension::Length),
+            NO_LENGTH,
+            "Constant error of position, scene axes.",
+        ),
+        Key::new(
+            "drift",
+            Kind::Vector(Dimension::Length),
+            NO_LENGTH,
+            "RMS of the slow drift of position, scene axes.",
+        ),
+        Key::new(
+            "noise",
+            Kind::Vector(Dimension::Length),
+            NO_LENGTH,
+            "RMS of a fix's noise, scene axes.",
+        ),
+        Key::new(
+            "fix_rate",
+            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
+            Need::Default("\"10 Hz\""),
+            "Fixes a second.",
+        ),
+        Key::new(
+            "attitude_bias",
+            Kind::Vector(Dimension::Angle),
+            NO_ANGLE,
+            "Constant error of roll, pitch and yaw.",
+        ),
+        Key::new(
+            "attitude_drift",
+            Kind::Vector(Dimension::Angle),
+            NO_ANGLE,
+            "RMS of the slow drift of roll, pitch and yaw.",
+        ),
+        Key::new(
+            "drift_time",
+            Kind::Quantity(Dimension::Time, Bounds::Positive),
+            Need::Default("\"60 s\""),
+            "Correlation time of both drifts.",
+        ),
+    ],
+};
+
+pub static MOVER: Section = Section {
+    path: "scene.mover",
+    presence: Presence::Many,
+    when: &[],
+    selector: "kind",
+    doc: "A point in motion.",
+    keys: &[
+        Key::new(
+            "kind",
+            Kind::Choice(&["linear", "circular", "waypoints", "profile"]),
+            Need::Required("\"linear\""),
+            "A straight line, a level circle, straight pieces between points passed at given times, or \
+             pieces of constant acceleration.",
+        ),
+        Key::new(
+            "position",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"10, 5, 0 m\""),
+            POSITION_DOC,
+        )
+        .when(&["linear", "profile"]),
+        Key::new(
+            "velocity",
+            Kind::Vector(Dimension::Speed),
+            Need::Required("\"0, 8, 0 m/s\""),
+            "Its velocity there; of a profile, before its pieces.",
+        )
+        .when(&["linear", "profile"]),
+        AT.when(&["linear", "circular"]),
+        CENTRE,
+        Key::new(
+            "radius",
+            Kind::Quantity(Dimension::Length, Bounds::Positive),
+            Need::Required("\"20 m\""),
+            RADIUS_DOC,
+        )
+        .when(&["circular"]),
+        Key::new(
+            "speed",
+            Kind::Quantity(Dimension::Speed, Bounds::Positive),
+            Need::Required("\"5 m/s\""),
+            SPEED_DOC,
+        )
+        .when(&["circular"]),
+        BEARING,
+        TURN,
+        POINTS.when(&["waypoints"]),
+        START.when(&["profile"]),
+        Key::new(
+            "pieces",
+            Kind::Rows(
+                &[
+                    Dimension::Time,
+                    Dimension::Acceleration,
+                    Dimension::Acceleration,
+                    Dimension::Acceleration,
+                ],
+                1,
+            ),
+            Need::Required("[\"20 ms, 0, 2, 0 m/s^2\", \"20 ms, 0, -2, 0 m/s^2\"]"),
+            "Durations and accelerations, one after another from 'start' on, at 'position' with \
+             'velocity'.",
+        )
+        .when(&["profile"]),
+        Key::new(
+            "cross_section",
+            Kind::Quantity(Dimension::CrossSection, Bounds::NotNegative),
+            Need::Default("\"1 m^2\""),
+            "Radar cross section.",
+        ),
+        Key::new(
+            "phase",
+            Kind::Quantity(Dimension::Angle, Bounds::Any),
+            Need::Default("\"0 deg\""),
+            "Phase of its reflection.",
+        ),
+    ],
+};

@@ -1,0 +1,45 @@
+//! `[scene]`: from its keys to where it is.
+
+use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
+use subaperture_model::radar::Reference;
+
+use crate::error::Found;
+use crate::values::Values;
+
+/// The frame whose origin `[scene.origin]` gives.
+pub fn frame(origin: &Values) -> SceneFrame {
+    let origin = Geodetic {
+        latitude_deg: origin.number("latitude").to_degrees(),
+        longitude_deg: origin.number("longitude").to_degrees(),
+        height_m: origin.number("height"),
+    };
+    let [east, north, _] = origin.east_north_up();
+    SceneFrame::Earth {
+        origin_ecf_m: origin.to_ecf_m(),
+        x_axis_ecf: east,
+        y_axis_ecf: north,
+    }
+}
+
+/// The extent in x and y, if it is given.
+pub fn extent(values: &Values) -> Result<Option<Extent>, Found> {
+    match (values.optional_interval("x"), values.optional_interval("y")) {
+        (Some(x_m), Some(y_m)) => Ok(Some(Extent { x_m, y_m })),
+        (None, None) => Ok(None),
+        (Some(_), None) => Err(values.fault("x", "there is x but no y: give both")),
+        (None, Some(_)) => Err(values.fault("y", "there is y but no x: give both")),
+    }
+}
+
+/// What phases are referred to, if it is given.
+pub fn reference(values: &Values) -> Result<Option<Reference>, Found> {
+    let point = values.optional_vector("reference");
+    match (point, values.optional_number("reference_range")) {
+        (Some(_), Some(_)) => Err(values.fault(
+            "reference_range",
+            "give either reference or reference_range, not both",
+        )),
+        (None, Some(range_m)) => Ok(Some(Reference::Range(range_m))),
+        (point, None) => Ok(point.map(Reference::Point)),
+    }
+}

@@ -1,0 +1,380 @@
+//! Checks the tree against the table of keys: names, kinds, units, bounds, what is missing.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+
+use super::error::{At, Found};
+use super::schema::{Key, Kind, Need, Presence, Schema, Section};
+use super::tree::{Node, Raw, Table, parse_setting};
+use super::values::{Given, Value, Values};
+use subaperture_model::nearest::nearest;
+use subaperture_model::units::{Dimension, example_row, parse_row};
+
+/// Unknown keys that are looked into; far more than are told.
+const MOST_FOUND: usize = 1000;
+
+/// The values of the section at `path` and of all within. What is wrong is added to `faults`; the values
+/// are complete only if nothing was.
+pub(crate) fn resolve(
+    schema: &Schema,
+    section: &'static Section,
+    table: &Table,
+    at: &At,
+    faults: &mut Vec<Found>,
+) -> Values {
+    let selected = selected(section, table);
+    let suits = |when: &[&str]| match &selected {
+        // With a selector that is wrong itself, nothing more can be said.
+        _ if when.is_empty() => Some(true),
+        None => None,
+        Some(value) => Some(when.contains(&value.as_str())),
+    };
+    let children: Vec<&'static Section> = schema.within(section.path).collect();
+
+    for (name, (key_at, node)) in table {
+        let when = match (
+            section.key(name),
+            children.iter().find(|child| child.name() == name),
+        ) {
+            (Some(key), _) => key.when,
+            (None, Some(child)) if !is_slip(section, name, node) => child.when,
+            (None, _) => {
+                // What was meant by each of a million is not worth the time.
+                if faults.len() < MOST_FOUND {
+                    faults.push(Found::new(key_at, unknown(schema, section, name, node)));
+                }
+                continue;
+            }
+        };
+        if suits(when) == Some(false) {
+            faults.push(Found::new(
+                key_at,
+                format!(
+                    "'{name}' says nothing with {} = \"{}\": leave it out, or choose {}",
+                    section.selector,
+                    selected.as_deref().unwrap_or_default(),
+                    Kind::Choice(when).words()
+                ),
+            ));
+        }
+    }
+
+    let mut values = Values {
+        section,
+        at: at.clone(),
+        keys: BTreeMap::new(),
+        within: BTreeMap::new(),
+    };
+    for key in section.keys {
+        if suits(key.when) != Some(true) {
+            continue;
+        }
+        let checked = match table.get(key.name) {
+            Some((_, node)) => value(key, node).map(|value| (value, node.at.clone())),
+            None => match key.need {
+                Need::Optional(_) => continue,
+                Need::Default(text) => {
+                    let node = parse_setting(text, 0);
+                    let value = value(key, &node).map_err(|found| found.message);
+                    Ok((value.expect("defaults are sound"), at.clone()))
+                }
+                Need::Required(example) => Err(Found::new(
+                    at,
+                    format!(
+                        "{} needs '{}', {}: write for example {} = {example}",
+                        section.header(),
+                        key.name,
+                        first_sentence(key.doc),
+                        key.name
+                    ),
+                )),
+            },
+        };
+        match checked {
+            Ok((value, at)) => {
+                let taken = Cell::new(false);
+                values.keys.insert(key.name, Given { value, at, taken });
+            }
+            Err(found) => faults.push(found),
+        }
+    }
+    for child in children {
+        let given = table
+            .get(child.name())
+            .filter(|(_, node)| !is_slip(section, child.name(), node))
+            .map(|(key_at, node)| (key_at, node));
+        if given.is_none() && suits(child.when) != Some(true) {
+            continue;
+        }
+        let found = sections(schema, child, given, at, faults);
+        values.within.insert(child.name(), found);
+    }
+    values
+}
+
+/// The selector's value as it is given, or its default; `None` if it is neither.
+fn selected(section: &Section, table: &Table) -> Option<String> {
+    let key = section.key(section.selector)?;
+    let checked = match (table.get(key.name), key.need) {
+        (Some((_, node)), _) => value(key, node),
+        (None, Need::Default(text)) => value(key, &parse_setting(text, 0)),
+        (None, _) => return None,
+    };
+    match checked {
+        Ok(Value::Text(text)) => Some(text),
+        _ => None,
+    }
+}
+
+/// All sections of one name.
+fn sections(
+    schema: &Schema,
+    section: &'static Section,
+    given: Option<(&At, &Node)>,
+    parent_at: &At,
+    faults: &mut Vec<Found>,
+) -> Vec<Values> {
+    let one = |node: &Node, faults: &mut Vec<Found>| match &node.raw {
+        Raw::Table(table) => Some(resolve(schema, section, table, &node.at, faults)),
+        other => {
+            faults.push(Found::new(
+                &node.at,
+                format!(
+                    "'{}' is {}: write a section {}",
+                    section.name(),
+                    other.name(),
+                    section.header()
+                ),
+            ));
+            None
+        }
+    };
+    match (section.presence, given) {
+        (Presence::Always, None) => {
+            vec![resolve(schema, section, &Table::new(), parent_at, faults)]
+        }
+        (_, None) => Vec::new(),
+        (
+            Presence::Many,
+            Some((
+                _,
+                Node {
+                    raw: Raw::Array(items),
+                    ..
+                },
+            )),
+        ) => items.iter().filter_map(|item| one(item, faults)).collect(),
+        (Presence::Many, Some((key_at, node))) => {
+            faults.push(Found::new(
+                if matches!(node.raw, Raw::Table(_)) {
+                    key_at
+                } else {
+                    &node.at
+                },
+                format!(
+                    "'{}' can come several times: write {} with two brackets",
+                    section.name(),
+                    section.header()
+                ),
+            ));
+            Vec::new()
+        }
+        (_, Some((_, node))) => one(node, faults).into_iter().collect(),
+    }
+}
+
+/// Whether a name of a section within is a key of this one misspelt: `pulse = 32`, where both `pulses` and
+/// `[radar.pulse]` are known.
+fn is_slip(section: &Section, name: &str, node: &Node) -> bool {
+    let keys = section.keys.iter().map(|key| key.name);
+    !matches!(node.raw, Raw::Table(_) | Raw::Array(_)) && nearest(name, keys).is_some()
+}
+
+fn unknown(schema: &Schema, section: &'static Section, name: &str, node: &Node) -> String {
+    let own = section.keys.iter().map(|key| key.name);
+    let inner = schema
+        .within(section.path)
+        .map(|within| within.name())
+        .filter(|inner| *inner != name);
+    if let Some(meant) = nearest(name, own.clone().chain(inner)) {
+        return format!("unknown key '{name}': did you mean '{meant}'?");
+    }
+    // A key may have slipped into the wrong section.
+    let has = |other: &&Section| other.key(name).is_some() && !matches!(node.raw, Raw::Table(_));
+    let elsewhere: Vec<String> = schema
+        .sections
+        .iter()
+        .copied()
+        .filter(has)
+        .map(Section::header)
+        .collect();
+    if !elsewhere.is_empty() {
+        return format!(
+            "unknown key '{name}' in {}; {} knows it",
+            section.header(),
+            elsewhere.join(" or ")
+        );
+    }
+    let known: Vec<&str> = own
+        .chain(schema.within(section.path).map(Section::name))
+        .collect();
+    format!(
+        "unknown key '{name}': {} has {}",
+        section.header(),
+        known.join(", ")
+    )
+}
+
+fn first_sentence(doc: &str) -> String {
+    let sentence = doc.split(['.', ':', ';']).next().unwrap_or_default();
+    let mut letters = sentence.chars();
+    let first: String = letters
+        .next()
+        .into_iter()
+        .flat_map(char::to_lowercase)
+        .collect();
+    first + letters.as_str()
+}
+
+/// A key's value from what the text has.
+fn value(key: &Key, node: &Node) -> Result<Value, Found> {
+    let fail = |message: String| Found::new(&node.at, message);
+    let wrong = |wanted: &str| {
+        fail(format!(
+            "'{}' is {} and {wanted} is wanted: write for example {} = {}",
+            key.name,
+            node.raw.name(),
+            key.name,
+            key.example()
+        ))
+    };
+    match key.kind {
+        Kind::Text | Kind::Path => match &node.raw {
+            Raw::Text(text) if text.trim().is_empty() => Err(fail(format!(
+                "'{}' is empty: write for example {}",
+                key.name,
+                key.example()
+            ))),
+            Raw::Text(text) => Ok(Value::Text(text.clone())),
+            _ => Err(wrong("a text in quotes")),
+        },
+        Kind::Paths => {
+            let one = |node: &Node| match &node.raw {
+                Raw::Text(text) if !text.trim().is_empty() => Ok(text.clone()),
+                _ => Err(Found::new(
+                    &node.at,
+                    format!(
+                        "'{}' wants texts that are not empty: write for example {}",
+                        key.name,
+                        key.example()
+                    ),
+                )),
+            };
+            match &node.raw {
+                Raw::Array(items) if !items.is_empty() => items
+                    .iter()
+                    .map(one)
+                    .collect::<Result<_, _>>()
+                    .map(Value::Texts),
+                Raw::Text(_) => one(node).map(|text| Value::Texts(vec![text])),
+                _ => Err(wrong("a text in quotes, or an array of them,")),
+            }
+        }
+        Kind::Choice(words) => match &node.raw {
+            Raw::Text(text) if words.contains(&text.as_str()) => Ok(Value::Text(text.clone())),
+            Raw::Text(text) => {
+                let meant = nearest(text, words.iter().copied())
+                    .map(|word| format!(" (did you mean \"{word}\"?)"))
+                    .unwrap_or_default();
+                Err(fail(format!(
+                    "'{}' has no \"{text}\"{meant}: choose {}",
+                    key.name,
+                    key.kind.words()
+                )))
+            }
+            _ => Err(wrong("a word in quotes")),
+        },
+        Kind::Flag => match node.raw {
+            Raw::Flag(flag) => Ok(Value::Flag(flag)),
+            _ => Err(wrong("true or false")),
+        },
+        Kind::Count(from, to) => match node.raw {
+            Raw::Integer(Some(count)) => match u64::try_from(count) {
+                Ok(count) if (from..=to).contains(&count) => Ok(Value::Count(count)),
+                _ => Err(fail(format!(
+                    "'{}' is {count} and must be a {}",
+                    key.name,
+                    key.kind.words()
+                ))),
+            },
+            Raw::Integer(None) => Err(fail(format!(
+                "'{}' is too large: write a {}",
+                key.name,
+                key.kind.words()
+            ))),
+            _ => Err(wrong("a whole number without a unit")),
+        },
+        Kind::Quantity(dimension, bounds) => {
+            let number = match (&node.raw, dimension) {
+                (Raw::Integer(Some(n)), Dimension::Ratio) => *n as f64,
+                (Raw::Float(number), Dimension::Ratio) if number.is_finite() => *number,
+                (Raw::Text(text), _) => dimension.parse(text).map_err(fail)?,
+                (Raw::Integer(_) | Raw::Float(_), _) => {
+                    return Err(unitless(key, node, &[dimension]));
+                }
+                _ => return Err(wrong(dimension.name())),
+            };
+            match bounds.refuse(number) {
+                None => Ok(Value::Number(number)),
+                Some(wanted) => Err(fail(format!("'{}' must be {wanted}", key.name))),
+            }
+        }
+        Kind::Vector(dimension) => numbers(key, node, &[dimension; 3]).map(Value::Numbers),
+        Kind::Interval(dimension) => {
+            let ends = numbers(key, node, &[dimension; 2])?;
+            if ends[0] < ends[1] {
+                Ok(Value::Numbers(ends))
+            } else {
+                Err(fail(format!(
+                    "'{}' ends before it begins: write the smaller first",
+                    key.name
+                )))
+            }
+        }
+        Kind::Rows(dimensions, least) => match &node.raw {
+            Raw::Array(items) if items.len() >= least => {
+                let rows = items.iter().map(|item| numbers(key, item, dimensions));
+                rows.collect::<Result<_, _>>().map(Value::Rows)
+            }
+            Raw::Array(items) => Err(fail(format!(
+                "'{}' has {} and needs {least} or more",
+                key.name,
+                items.len()
+            ))),
+            _ => Err(wrong("an array of texts")),
+        },
+    }
+}
+
+/// A text with a row of quantities.
+fn numbers(key: &Key, node: &Node, dimensions: &[Dimension]) -> Result<Vec<f64>, Found> {
+    match &node.raw {
+        Raw::Text(text) => {
+            parse_row(text, dimensions).map_err(|message| Found::new(&node.at, message))
+        }
+        _ => Err(unitless(key, node, dimensions)),
+    }
+}
+
+/// For a number or an array without units.
+fn unitless(key: &Key, node: &Node, dimensions: &[Dimension]) -> Found {
+    Found::new(
+        &node.at,
+        format!(
+            "'{}' is {} without a unit: write a text such as {}",
+            key.name,
+            node.raw.name(),
+            example_row(dimensions)
+        ),
+    )
+}

@@ -1,0 +1,243 @@
+//! A description's text as a tree of values that know where they came from, with settings laid over it.
+
+use std::collections::BTreeMap;
+
+use toml::de::{DeTable, DeValue};
+
+use super::error::{At, Found};
+
+/// A value.
+#[derive(Clone, Debug)]
+pub(crate) enum Raw {
+    Text(String),
+    /// Too large for 64 bits if `None`.
+    Integer(Option<i64>),
+    Float(f64),
+    Flag(bool),
+    Date,
+    Array(Vec<Node>),
+    Table(Table),
+}
+
+/// A value and where it is.
+#[derive(Clone, Debug)]
+pub(crate) struct Node {
+    pub raw: Raw,
+    pub at: At,
+}
+
+/// Entries of a table with the places of their keys.
+pub(crate) type Table = BTreeMap<String, (At, Node)>;
+
+impl Raw {
+    /// With its article, for errors.
+    pub(crate) fn name(&self) -> &'static str {
+        match self {
+            Self::Text(_) => "a text",
+            Self::Integer(_) => "a whole number",
+            Self::Float(_) => "a number",
+            Self::Flag(_) => "true or false",
+            Self::Date => "a date",
+            Self::Array(_) => "an array",
+            Self::Table(_) => "a table",
+        }
+    }
+}
+
+/// Parses TOML; the first error of its syntax, if there is one.
+pub(crate) fn parse(text: &str) -> Result<Table, Found> {
+    let place = |span: Option<std::ops::Range<usize>>| At::Text(span.unwrap_or(0..0));
+    let parsed = DeTable::parse(text).map_err(|error| {
+        Found::new(
+            &place(error.span()),
+            format!("not TOML: {}", error.message()),
+        )
+    })?;
+    Ok(table(parsed.get_ref(), None))
+}
+
+/// The value of a setting: TOML where it is some, else a text without its quotes.
+pub(crate) fn parse_setting(text: &str, index: usize) -> Node {
+    let at = At::Setting(index);
+    match DeValue::parse(text) {
+        Ok(value) => Node {
+            raw: raw(value.get_ref(), Some(&at)),
+            at,
+        },
+        Err(_) => Node {
+            raw: Raw::Text(text.to_owned()),
+            at,
+        },
+    }
+}
+
+/// Spans count from the text's start; a setting's own are of no use, and `setting` takes their place.
+fn table(source: &DeTable, setting: Option<&At>) -> Table {
+    let place = |span| setting.cloned().unwrap_or(At::Text(span));
+    let entries = source.iter().map(|(key, value)| {
+        let node = Node {
+            raw: raw(value.get_ref(), setting),
+            at: place(value.span()),
+        };
+        (key.get_ref().to_string(), (place(key.span()), node))
+    });
+    entries.collect()
+}
+
+fn raw(source: &DeValue, setting: Option<&At>) -> Raw {
+    match source {
+        DeValue::String(text) => Raw::Text(text.to_string()),
+        DeValue::Integer(digits) => {
+            Raw::Integer(i64::from_str_radix(digits.as_str(), digits.radix()).ok())
+        }
+        DeValue::Float(digits) => Raw::Float(digits.as_str().parse().unwrap_or(f64::NAN)),
+        DeValue::Boolean(flag) => Raw::Flag(*flag),
+        DeValue::Datetime(_) => Raw::Date,
+        DeValue::Array(items) => Raw::Array(
+            items
+                .iter()
+                .map(|item| Node {
+                    raw: raw(item.get_ref(), setting),
+                    at: setting.cloned().unwrap_or(At::Text(item.span())),
+                })
+                .collect(),
+        ),
+        DeValue::Table(entries) => Raw::Table(table(entries, setting)),
+    }
+}
+
+/// One step of a setting's key: a name and, of an array of tables, an index.
+pub(crate) type Step = (String, Option<usize>);
+
+/// `scene.point[1].position`.
+pub(crate) fn parse_path(path: &str) -> Result<Vec<Step>, String> {
+    path.split('.')
+        .map(|word| {
+            let (name, index) = match word.split_once('[') {
+                None => (word, None),
+                Some((name, rest)) => {
+                    let index = rest
+                        .strip_suffix(']')
+                        .and_then(|digits| digits.parse().ok());
+                    let Some(index) = index else {
+                        return Err(format!("'{word}': write an index as {name}[0]"));
+                    };
+                    (name, Some(index))
+                }
+            };
+            let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+            if name.is_empty() || !name.chars().all(plain) {
+                return Err(format!(
+                    "'{path}' is not a key: write names parted by points, as radar.pri or \
+                     scene.point[0].position"
+                ));
+            }
+            Ok((name.to_owned(), index))
+        })
+        .collect()
+}
+
+/// Puts a setting's value at its key, making sections on the way where there are none.
+pub(crate) fn lay_over(root: &mut Table, path: &[Step], value: Node) -> Result<(), Found> {
+    let at = value.at.clone();
+    let fail = |message: String| Err(Found::new(&at, message));
+    let Some(((name, None), sections)) = path.split_last() else {
+        return fail("a key has no index: only sections that come several times have".to_owned());
+    };
+    let mut table = root;
+    for (section, index) in sections {
+        let empty = || Node {
+            raw: Raw::Table(Table::new()),
+            at: at.clone(),
+        };
+        let entry = table.entry(section.clone()).or_insert_with(|| {
+            let node = match index {
+                None => empty(),
+                Some(_) => Node {
+                    raw: Raw::Array(Vec::new()),
+                    at: at.clone(),
+                },
+            };
+            (at.clone(), node)
+        });
+        let node = match (&mut entry.1, index) {
+            (node, None) => node,
+            (
+                Node {
+                    raw: Raw::Array(items),
+                    ..
+                },
+                Some(index),
+            ) => {
+                if *index == items.len() {
+                    items.push(empty());
+                }
+                let count = items.len();
+                match items.get_mut(*index) {
+                    Some(item) => item,
+                    None => {
+                        return fail(format!(
+                            "there are {count} [[{section}]]: write an index from 0 to {count}"
+                        ));
+                    }
+                }
+            }
+            _ => return fail(format!("'{section}' comes once: leave out the index")),
+        };
+        table = match &mut node.raw {
+            Raw::Table(table) => table,
+            Raw::Array(_) => {
+                return fail(format!(
+                    "'{section}' comes several times: write {section}[0]"
+                ));
+            }
+            _ => return fail(format!("'{section}' is no section")),
+        };
+    }
+    table.insert(name.clone(), (at, value));
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_find_their_place() {
+        let mut root = parse("a = 1\n[[s.p]]\nx = 2\n").unwrap();
+        let mut set = |path: &str, value: &str| {
+            let steps = parse_path(path).map_err(|message| Found::new(&At::Setting(0), message))?;
+            lay_over(&mut root, &steps, parse_setting(value, 0))
+        };
+        set("a", "5 km").unwrap();
+        set("s.p[0].x", "3").unwrap();
+        set("s.p[1].x", "[1, 2]").unwrap();
+        set("new.deep.key", "true").unwrap();
+        for (path, part) in [
+            ("s.p.x", "write p[0]"),
+            ("s.p[5].x", "from 0 to 2"),
+            ("s[0].p", "leave out the index"),
+            ("a.b", "no section"),
+            ("a[0]", "no index"),
+            ("s.p[x].x", "write an index as p[0]"),
+            ("", "is not a key"),
+            ("a..b", "is not a key"),
+        ] {
+            let error = set(path, "1").unwrap_err();
+            assert!(error.message.contains(part), "{path}: {}", error.message);
+        }
+        assert!(matches!(&root["a"].1.raw, Raw::Text(text) if text == "5 km"));
+        let Raw::Table(s) = &root["s"].1.raw else {
+            panic!("no table")
+        };
+        let Raw::Array(points) = &s["p"].1.raw else {
+            panic!("no array")
+        };
+        assert_eq!(points.len(), 2);
+        let Raw::Table(first) = &points[0].raw else {
+            panic!("no table")
+        };
+        assert!(matches!(first["x"].1.raw, Raw::Integer(Some(3))));
+        assert!(root.contains_key("new"));
+    }
+}

@@ -1,0 +1,239 @@
+//! The matched filter as a plain sum: the slow oracle of every other former.
+//!
+//! ```text
+//! I(p) = sum_n sum_k w_slow[n] w_fast[k] z[n][k] exp(+j 2 pi f_k (path_n(p) - reference_path_n) / c)
+//! ```
+//!
+//! (Schone 2020, section 1.2), normalised as in [`super`], in float64, with each pulse's own positions
+//! and frequencies, and each sample's own if they move meanwhile. Nothing is neglected: no interpolation, no
+//! expansion of range. The sum over `k` is a polynomial in `exp(j 2 pi step path / c)`, evaluated by Horner's rule; its rounding error
+//! grows as `num_samples * 1e-16`, far below float32 samples.
+//!
+//! Where samples of a pulse are taken one after another in motion, each has a path of its own, and no such polynomial
+//! is there: a square root or two, a sine and a cosine for each.
+//!
+//! Cost: one complex multiply-add (8 operations) a pixel, pulse and frequency; with motion between samples some 20
+//! times as much. Memory: 16 bytes a pixel beside the image, and a block of pulses.
+//!
+//! Accuracy: tests compare it with closed forms; everything else is compared with it. Predicted is the
+//! rounding of the pixels to float32, and of paths in float64, which counts from a million kilometres on at 10 GHz.
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
+
+use super::budget::Budget;
+use super::{Asked, FormError, Formed, ImageFormer, Monitor, Task, Weights, rounding};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::phase_history::{PhaseHistory, Pulse};
+use subaperture_signal::phase::{narrow, phasor, widen};
+
+/// The exact sum.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Exact;
+
+/// Pixels summed side by side: enough to hide the latency of Horner's chain.
+pub(super) const LANES: usize = 16;
+
+impl ImageFormer for Exact {
+    fn name(&self) -> &'static str {
+        "exact"
+    }
+
+    fn bound_db(&self) -> Option<f64> {
+        None
+    }
+
+    fn follows_sweeps(&self) -> bool {
+        true
+    }
+
+    fn form_planned(&self, task: &Task, _asked: &Asked) -> Result<Formed, FormError> {
+        // Points, float64 sums and the image itself.
+        let budget = Budget::for_task(task, 24 + 16 + 8)?;
+        let columns = task.grid.columns.count;
+        let points: Vec<DVec3> = (0..task.grid.num_pixels() as usize)
+            .map(|i| task.grid.position_m(i / columns, i % columns))
+            .collect();
+        let sums = sum_at(task.history, task.weights, &points, budget, task.monitor)?;
+        let pixels = sums.into_iter().map(narrow).collect();
+        let planned_db =
+            rounding::total_db(&[rounding::LARGEST_FLOAT32, rounding::path_phase_rad(task)]);
+        Ok(Formed::new(task, pixels, planned_db, serde_json::json!({})))
+    }
+}
+
+impl Exact {
+    /// The image's value at each of `points` (scene frame, metres), in float64.
+    ///
+    /// # Errors
+    /// As [`ImageFormer::form`].
+    pub fn at_points(
+        history: &dyn PhaseHistory,
+        weights: &Weights,
+        points: &[DVec3],
+        memory_bytes: u64,
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<Complex64>, FormError> {
+        sum_at(history, weights, points, Budget::new(memory_bytes), monitor)
+    }
+}
+
+fn sum_at(
+    history: &dyn PhaseHistory,
+    weights: &Weights,
+    points: &[DVec3],
+    mut budget: Budget,
+    monitor: &dyn Monitor,
+) -> Result<Vec<Complex64>, FormError> {
+    let collection = history.collection();
+    let num_samples = collection.num_samples;
+    let num_pulses = collection.pulses.len();
+    let pulse_bytes = 8 * num_samples as u64;
+    // Blocks of at most 16 pulses keep the progress bar moving and Ctrl-C prompt.
+    let block = budget.take_block("a pulse", pulse_bytes, num_pulses.min(16), "raise --memory")?;
+    let mut samples = vec![Complex32::ZERO; block * num_samples];
+    let mut sums = vec![Complex64::ZERO; points.len()];
+    for first in (0..num_pulses).step_by(block) {
+        let pulses = first..(first + block).min(num_pulses);
+        let samples = &mut samples[..pulses.len() * num_samples];
+        history.read(pulses.clone(), samples)?;
+        let rows: Vec<_> = pulses
+            .clone()
+            .zip(samples.chunks_exact(num_samples))
+            .collect();
+        sums.par_chunks_mut(LANES)
+            .zip(points.par_chunks(LANES))
+            .for_each(|(sums, points)| {
+                if monitor.cancelled() {
+                    return;
+                }
+                for &(n, row) in &rows {
+                    add_pulse(
+                        &collection.pulses[n],
+                        weights.slow[n],
+                        &weights.fast,
+                        row,
+                        points,
+                        sums,
+                    );
+                }
+            });
+        if monitor.cancelled() {
+            return Err(FormError::Cancelled);
+        }
+        monitor.progress(pulses.end as f64 / num_pulses as f64);
+    }
+    let norm = weights.normalisation();
+    sums.iter_mut().for_each(|z| *z *= norm);
+    Ok(sums)
+}
+
+/// Adds one pulse to at most [`LANES`] pixels.
+pub(super) fn add_pulse(
+    pulse: &Pulse,
+    slow: f64,
+    fast: &[f64],
+    row: &[Complex32],
+    points: &[DVec3],
+    sums: &mut [Complex64],
+) {
+    if !pulse.sweep.is_at_once() {
+        return add_sweep(pulse, slow, fast, row, points, sums);
+    }
+    let mut start = [Complex64::ZERO; LANES];
+    let (mut step_re, mut step_im) = ([0.0; LANES], [0.0; LANES]);
+    for (lane, &point) in points.iter().enumerate() {
+        let delay_s = pulse.relative_path_m(point) / SPEED_OF_LIGHT_M_S;
+        start[lane] = phasor(pulse.start_hz * delay_s) * slow;
+        let step = phasor(pulse.step_hz * delay_s);
+        (step_re[lane], step_im[lane]) = (step.re, step.im);
+    }
+    let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
+    for (z, w) in row.iter().zip(fast).rev() {
+        let (z_re, z_im) = (f64::from(z.re) * w, f64::from(z.im) * w);
+        for lane in 0..LANES {
+            let (a, b) = (re[lane], im[lane]);
+            re[lane] = a * step_re[lane] - b * step_im[lane] + z_re;
+            im[lane] = a * step_im[lane] + b * step_re[lane] + z_im;
+        }
+    }
+    for (lane, sum) in sums.iter_mut().enumerate() {
+        *sum += start[lane] * Complex64::new(re[lane], im[lane]);
+    }
+}
+
+/// Adds one pulse whose samples were taken one after another.
+fn add_sweep(
+    pulse: &Pulse,
+    slow: f64,
+    fast: &[f64],
+    row: &[Complex32],
+    points: &[DVec3],
+    sums: &mut [Complex64],
+) {
+    for (k, (&z, w)) in row.iter().zip(fast).enumerate() {
+        let after = k as f64 - (row.len() / 2) as f64;
+        let reference_m = pulse.reference_path_m + pulse.reference_drift_m(after);
+        let cycles_m = pulse.frequency_hz(k) / SPEED_OF_LIGHT_M_S;
+        let value = widen(z) * (w * slow);
+        for (&point, sum) in points.iter().zip(sums.iter_mut()) {
+            let path_m = pulse.path_after_m(point, after) - reference_m;
+            *sum += value * phasor(cycles_m * path_m);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use subaperture_model::geometry::SceneFrame;
+    use subaperture_model::monitor::Silent;
+    use subaperture_model::phase_history::{Collection, Recorded, Sweep};
+    use subaperture_signal::window::Window;
+
+    /// Radar at 100 m on the x axis, pulses repeated in place: the image along x is the transform of
+    /// the fast-time window, a Dirichlet kernel, with the carrier's phase.
+    #[test]
+    fn a_still_radar_sees_a_dirichlet_kernel() {
+        let (num_samples, num_pulses, start_hz, step_hz) = (32usize, 3usize, 1e9, 2e6);
+        let pulse = Pulse {
+            time_s: 0.0,
+            transmitter_m: DVec3::new(100.0, 0.0, 0.0),
+            receiver_m: DVec3::new(100.0, 0.0, 0.0),
+            reference_m: DVec3::ZERO,
+            reference_path_m: 200.0,
+            start_hz,
+            step_hz,
+            sweep: Sweep::AT_ONCE,
+        };
+        let collection = Collection {
+            name: "still".to_owned(),
+            num_samples,
+            pulses: vec![pulse; num_pulses],
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        };
+        // A unit scatterer at the reference point: every sample is 1.
+        let samples = vec![Complex32::ONE; num_samples * num_pulses];
+        let history = Recorded::new(collection.clone(), samples).unwrap();
+        let weights = Weights::new(&collection, Window::None, Window::None);
+        let xs: Vec<f64> = (0..40).map(|i| f64::from(i) * 0.37 - 7.0).collect();
+        let points: Vec<DVec3> = xs.iter().map(|&x| DVec3::new(x, 0.0, 0.0)).collect();
+        let got = Exact::at_points(&history, &weights, &points, 1 << 20, &Silent).unwrap();
+        for (x, z) in xs.iter().zip(got) {
+            // path - reference = -2 x; sum_k exp(j 2 pi (start + k step) (-2 x) / c) / K.
+            let turn = -2.0 * x / SPEED_OF_LIGHT_M_S;
+            let half = std::f64::consts::PI * step_hz * turn;
+            let kernel = if half == 0.0 {
+                1.0
+            } else {
+                (half * num_samples as f64).sin() / (half.sin() * num_samples as f64)
+            };
+            let middle_hz = start_hz + step_hz * (num_samples as f64 - 1.0) / 2.0;
+            let expected = Complex64::cis(std::f64::consts::TAU * middle_hz * turn) * kernel;
+            assert!((z - expected).norm() < 1e-12, "{x}: {z} {expected}");
+        }
+    }
+}

@@ -1,0 +1,394 @@
+//! Fast factorised backprojection: patches within patches, each with no more pulses and frequencies
+//! than it needs.
+//!
+//! Compensated to a patch's centre `q`, the phase history of the patch's own pixels varies slowly: by
+//! `2 pi f (path_n(p) - path_n(q)) / c`, over frequency as the patch is deep, over slow time as it is
+//! wide. Of a patch half as large, half of the pulses and half of the frequencies say all. So
+//!
+//! ```text
+//! y[n][k]   = z[n][k] exp(+j 2 pi f_k (path_n(q) - reference_path_n) / c)        compensate to q
+//! y'[i][l]  = sum_n sum_k h(n / q_n - i) h(k / q_k - l) y[n][k]                  decimate
+//! ```
+//!
+//! and the same again from each patch to its four quarters, with their own centres, until a patch has a
+//! few pixels and few pulses; there plain backprojection ends it. `h` is the interpolation kernel
+//! ([`WindowedSinc`]) of the pixels' own phase, `exp(j phase(n)) = sum_i h(n / q_n - i) exp(j
+//! phase(i q_n))`, which is all that the sum over pulses and frequencies needs; it makes no matter what lies outside
+//! the patch. At the ends, `h` reaches past the data: decimated histories are by `W` longer,
+//! and there the antennas continue on the fitted track (`track`).
+//!
+//! This is the quadtree form (S. Xiao, D. Munson, S. Basu and Y. Bresler, 2000) of fast backprojection,
+//! not the one that merges images of sub-apertures (Ulander, Hellsten and Stenstroem, 2003): a merge
+//! interpolates complex images in two dimensions, `W^2` operations a value, where decimation is
+//! separable, `2 W`, and its error is the kernel's alone. It is also [`super::rdbp`]'s patch compensation,
+//! over several levels.
+//!
+//! Neglected: the kernel's error, once a level and direction; the range profiles' ([`super::bp`]); the
+//! track's departure from its fit where slow time is decimated: positions themselves
+//! are used up to there, so that only its part that differs across the patch counts; and what becomes of the phase beyond the data's
+//! ends and of antennas that turn quickly. Each has its share of the bound, and every decimation is held to
+//! them on the patch and the pulses it is made of, before it is made (`patch_history`): one that would cost more is
+//! made by a smaller factor or not at all. A track on which slow time cannot be decimated (jitter, antennas in turn, a patch around the
+//! antennas) so costs what plain backprojection does, and errs no more.
+//!
+//! Cost: for `N x N` pixels, `N` pulses and `N` frequencies, about `6 W` real operations a sample and level,
+//! `log2(N / 16)` levels of `N^2` samples or more, and some `4 W` pulses a pixel at the end: `N^2 log N`
+//! where backprojection takes `N^3`. The kernel's reach makes small histories grow, so it pays from some
+//! hundreds of pixels and pulses on.
+//!
+//! Memory: a stretch of pulses, and at most four times as much again a thread; the image.
+//!
+//! Accuracy: the bound asked for, against [`super::exact`], in `tests/more_formers.rs`.
+
+mod patch_history;
+mod track;
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DVec3;
+use num_complex::Complex32;
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::budget::Budget;
+use super::rdbp::patch::{self, PatchSize, Rectangle};
+use super::rdbp::{shared_band, sub_cpi};
+use super::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
+use subaperture_model::geometry::ImageGrid;
+use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
+
+use patch_history::{PatchHistory, Refiner, Scratch};
+use track::Track;
+
+/// Patches a side that the image is cut into first: work for threads.
+const FIRST_PATCHES: usize = 4;
+/// Pixels a side at which a patch is not cut further.
+const LEAF_PIXELS: usize = 16;
+/// Pixels a side at which a patch of few pulses is not: it takes half a megabyte.
+const LARGEST_LEAF_PIXELS: usize = 128;
+/// Copies of a stretch of pulses that a thread's patches within patches may take: each is at most 0.8
+/// of the one before.
+const SCRATCH_COPIES: u64 = 4;
+
+/// Fast factorised backprojection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FastFactorised {
+    /// Bound on the relative RMS error of the image, dB (negative).
+    pub error_db: f64,
+}
+
+impl ImageFormer for FastFactorised {
+    fn name(&self) -> &'static str {
+        "ffbp"
+    }
+
+    fn bound_db(&self) -> Option<f64> {
+        Some(self.error_db)
+    }
+
+    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        Some(Box::new(Self { error_db }))
+    }
+
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
+        let (taps, shares) = self.shares(task.grid);
+        let plan = Plan { shares };
+        match taps {
+            6 => plan.form::<6>(task, asked),
+            8 => plan.form::<8>(task, asked),
+            10 => plan.form::<10>(task, asked),
+            12 => plan.form::<12>(task, asked),
+            14 => plan.form::<14>(task, asked),
+            _ => plan.form::<16>(task, asked),
+        }
+    }
+}
+
+/// The relative RMS errors that the bound allows each cause.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shares {
+    /// One decimation of slow time.
+    slow: f64,
+    /// The recorded antennas' departure from the fitted.
+    track: f64,
+    /// Range profiles.
+    profile: f64,
+    /// Kernels over frequency, once a level.
+    fast: f64,
+    /// Levels of patches within patches.
+    levels: f64,
+    /// Whether kernels are good enough to decimate at all.
+    decimate: bool,
+}
+
+/// Shares of the error's power.
+const SLOW: f64 = 0.45;
+const FAST: f64 = 0.2;
+const TRACK: f64 = 0.1;
+const PROFILE: f64 = 0.25;
+
+/// RMS error of a kernel's weights, read from their table.
+const TABLE: f64 = 2e-6;
+
+/// Relative RMS error of `taps` taps over frequency, once.
+fn kernel_error(taps: usize) -> f64 {
+    WindowedSinc::new(taps, 0.25).error(0.25).hypot(TABLE)
+}
+
+impl FastFactorised {
+    /// Taps of the kernels within the error bound, and levels of patches within patches.
+    pub fn taps_and_levels(&self, grid: &ImageGrid) -> (usize, usize) {
+        let (taps, shares) = self.shares(grid);
+        (taps, shares.levels as usize)
+    }
+
+    fn shares(&self, grid: &ImageGrid) -> (usize, Shares) {
+        let target = 10f64.powf((self.error_db - MARGIN_DB) / 20.0);
+        let side = grid.rows.count.max(grid.columns.count);
+        let levels = (side as f64 / LEAF_PIXELS as f64).log2().max(0.0).ceil() + 1.0;
+        let fits = TAPS
+            .into_iter()
+            .find(|&taps| kernel_error(taps) <= target * (FAST / levels).sqrt());
+        let taps = fits.unwrap_or(TAPS[TAPS.len() - 1]);
+        let shares = Shares {
+            slow: target * (SLOW / levels).sqrt(),
+            track: target * TRACK.sqrt(),
+            profile: target * PROFILE.sqrt(),
+            fast: kernel_error(taps),
+            levels,
+            decimate: fits.is_some(),
+        };
+        (taps, shares)
+    }
+}
+
+impl Shares {
+    /// What it comes to, dB, for `num_pulses` pulses and errors of the arithmetic.
+    fn planned_db(&self, num_pulses: usize, arithmetic: f64) -> f64 {
+        let decimations = match self.decimate {
+            true => self
+                .track
+                .hypot(self.levels.sqrt() * self.slow.hypot(self.fast)),
+            false => 0.0,
+        };
+        rounding::total_db(&[
+            decimations,
+            self.profile,
+            rounding::sum(num_pulses),
+            // Float32 weights and sums of a level in both directions.
+            (2.0 * self.levels).sqrt() * rounding::sum(TAPS[TAPS.len() - 1]),
+            // Transforms and phases of profiles, as `RangeProfiler::rounding` for the longest.
+            4e-7,
+            arithmetic,
+        ])
+    }
+}
+
+/// What the bound comes to.
+struct Plan {
+    shares: Shares,
+}
+
+impl Plan {
+    fn form<const W: usize>(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
+        let mut budget = Budget::for_task(task, 8)?;
+        let collection = task.history.collection();
+        let num_samples = shared_band(collection)?.count;
+        let size = PatchSize {
+            rows: first_side(task.grid.rows.count),
+            columns: first_side(task.grid.columns.count),
+        };
+        let rectangles = patch::rectangles(task.grid, size);
+        budget.take(
+            "patches",
+            patch::account_bytes(&rectangles).into(),
+            "raise --memory",
+        )?;
+        // A stretch and one thread's copies; whatever the number of threads, so that sums are the same.
+        let pulse_bytes = 8 * num_samples as u64 + PatchHistory::PULSE_BYTES;
+        let longest = budget.take_block(
+            "a stretch of pulses",
+            pulse_bytes * (1 + SCRATCH_COPIES),
+            collection.pulses.len(),
+            "raise --memory",
+        )?;
+        let threads = rayon::current_num_threads();
+        let more = match threads {
+            1 => 0,
+            _ => {
+                let copies = pulse_bytes * SCRATCH_COPIES * longest as u64;
+                (budget.left_bytes() / copies.max(1)).min(threads as u64 - 1) as usize
+            }
+        };
+        let num_pulses = collection.pulses.len();
+        let arithmetic = rounding::path_phase_rad(task).hypot(rounding::band_phase_rad(task));
+        let planned_db = self.shares.planned_db(num_pulses, arithmetic);
+        asked.check(planned_db, || {
+            "kernels and float32 sums leave no less: use --algorithm bp or exact".to_owned()
+        })?;
+        let highest_hz = rounding::highest_hz(task);
+        let patches: Vec<(DVec3, f64)> = rectangles
+            .iter()
+            .map(|rectangle| {
+                let centre = rectangle.centre_m(task.grid);
+                let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)];
+                let radii =
+                    corners.map(|(r, c)| rectangle.point_m(task.grid, r, c).distance(centre));
+                (centre, radii.into_iter().fold(0.0, f64::max))
+            })
+            .collect();
+        let phase_rad = |track: &Track| {
+            let last = (track.pulses().len() - 1) as f64;
+            let antennas = [0.0, 0.5, 1.0].map(|part| track.at(part * last));
+            let each = patches.iter().map(|&(centre, radius_m)| {
+                let distances = antennas.iter().flatten().map(|at| at.distance(centre));
+                track.phase_rad(
+                    highest_hz,
+                    radius_m,
+                    distances.fold(f64::INFINITY, f64::min),
+                )
+            });
+            each.fold(0.0, f64::max)
+        };
+        let mut tracks = Vec::new();
+        for pulses in sub_cpi::cut(num_pulses, &sub_cpi::breaks(collection), longest) {
+            let allowed = self.shares.track;
+            track::fit_all(&collection.pulses, pulses, allowed, &phase_rad, &mut tracks);
+        }
+        let refiner = Refiner::<W>::new(task.grid, self.shares);
+        let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
+        let mut add_all = || self.add_all(task, &tracks, &refiner, &rectangles, &mut pixels);
+        if more + 1 < threads {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(more + 1)
+                .build();
+            pool.map_err(|e| FormError::Unsuited(format!("cannot start threads: {e}")))?
+                .install(&mut add_all)?;
+        } else {
+            add_all()?;
+        }
+        let settings = json!({
+            "stretches": tracks.len(),
+            "levels": self.shares.levels,
+            "kernel_taps": W,
+        });
+        Ok(Formed::new(task, pixels, planned_db, settings))
+    }
+
+    fn add_all<const W: usize>(
+        &self,
+        task: &Task,
+        tracks: &[Track],
+        refiner: &Refiner<W>,
+        rectangles: &[Rectangle],
+        pixels: &mut [Complex32],
+    ) -> Result<(), FormError> {
+        let parts = (tracks.len() * rectangles.len()) as f64;
+        let done = AtomicUsize::new(0);
+        for track in tracks {
+            let top = self.read(task, track)?;
+            let patches = patch::split(pixels, task.grid.columns.count, rectangles);
+            rectangles.par_iter().zip(patches).for_each_init(
+                Scratch::default,
+                |scratch, (&rectangle, mut patch)| {
+                    let mut descent = Descent {
+                        task,
+                        refiner,
+                        track,
+                        target: Target {
+                            origin: rectangle,
+                            patch: &mut patch,
+                        },
+                        scratch,
+                    };
+                    descent.descend(&top, rectangle);
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    task.monitor.progress(done as f64 / parts);
+                },
+            );
+            if task.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+        }
+        Ok(())
+    }
+
+    /// The samples of a stretch, weighted.
+    fn read(&self, task: &Task, track: &Track) -> Result<PatchHistory, FormError> {
+        let collection = task.history.collection();
+        let mut top = PatchHistory::of_pulses(collection, track.pulses());
+        task.history.read(track.pulses(), top.samples_mut())?;
+        let norm = task.weights.normalisation();
+        let fast: Vec<f32> = task.weights.fast.iter().map(|&w| w as f32).collect();
+        let rows = top.samples_mut().par_chunks_exact_mut(fast.len());
+        rows.zip(track.pulses()).for_each(|(row, n)| {
+            let slow = (task.weights.slow[n] * norm) as f32;
+            row.iter_mut().zip(&fast).for_each(|(z, w)| *z *= w * slow);
+        });
+        Ok(top)
+    }
+}
+
+/// Pixels a side of a first patch.
+fn first_side(count: usize) -> usize {
+    count.div_ceil(FIRST_PATCHES).max(LEAF_PIXELS)
+}
+
+/// The pixels of a first patch.
+pub(super) struct Target<'a, 'b> {
+    origin: Rectangle,
+    patch: &'a mut [&'b mut [Complex32]],
+}
+
+/// The way from a first patch to its leaves.
+struct Descent<'a, 'b, 'c, const W: usize> {
+    task: &'a Task<'a>,
+    refiner: &'a Refiner<'a, W>,
+    track: &'a Track,
+    target: Target<'b, 'c>,
+    scratch: &'a mut Scratch,
+}
+
+impl<const W: usize> Descent<'_, '_, '_, W> {
+    /// Adds what `parent` says of `rectangle` to the image, from the patch's own, smaller history if
+    /// there is one.
+    fn descend(&mut self, parent: &PatchHistory, rectangle: Rectangle) {
+        if self.task.monitor.cancelled() {
+            return;
+        }
+        let mut own = self.scratch.levels.pop().unwrap_or_default();
+        let smaller = self.refiner.refine(parent, self.track, rectangle, &mut own);
+        let history = if smaller { &own } else { parent };
+        let side = rectangle.size.rows.max(rectangle.size.columns);
+        let few_pulses = history.num_pulses() <= 4 * W || !self.refiner.decimates();
+        if side <= LEAF_PIXELS || (few_pulses && side <= LARGEST_LEAF_PIXELS) {
+            let leaf = &mut self.scratch.leaf;
+            self.refiner
+                .image(history, rectangle, &mut self.target, leaf);
+        } else {
+            for quarter in quarters(rectangle) {
+                self.descend(history, quarter);
+            }
+        }
+        self.scratch.levels.push(own);
+    }
+}
+
+/// Four parts of a rectangle, or two or one where a side is a single pixel.
+fn quarters(whole: Rectangle) -> impl Iterator<Item = Rectangle> {
+    let halves = |first: usize, count: usize| {
+        let half = count / 2;
+        [(first, half), (first + half, count - half)]
+    };
+    let columns = halves(whole.column, whole.size.columns);
+    halves(whole.row, whole.size.rows)
+        .into_iter()
+        .flat_map(move |(row, rows)| {
+            columns.map(|(column, columns)| Rectangle {
+                row,
+                column,
+                size: PatchSize { rows, columns },
+            })
+        })
+        .filter(|part| part.size.rows > 0 && part.size.columns > 0)
+}

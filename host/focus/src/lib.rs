@@ -1,0 +1,280 @@
+//! Image formers: phase history in, complex image out.
+//!
+//! Every former computes, or approximates, the matched filter of Schone 2020 (section 1.2): for a
+//! pixel at `p`
+//!
+//! ```text
+//! I(p) = sum_n sum_k w_slow[n] w_fast[k] z[n][k] exp(+j 2 pi f_k (path_n(p) - reference_path_n) / c)
+//!        / (sum_n w_slow[n]  sum_k w_fast[k])
+//! ```
+//!
+//! so that a unit scatterer on a pixel, seen alike by all pulses, reads 1 whatever the window, and the formers
+//! differ only in speed and error. One that an antenna's beam, spreading or a shadow lets pulse `n` see with amplitude
+//! `g_n` reads `sum_n w_slow[n] g_n / sum_n w_slow[n]`: insert its samples, whose phases the sum takes away. So in
+//! strip maps a point reads less the less of the track lights it; a recording does not tell `g_n`, so the
+//! sum cannot divide by it. [`exact`] is the sum itself and the oracle of all others; [`accuracy`] says what error
+//! means, and sees that it is predicted and that a bound asked for is kept.
+#![forbid(unsafe_code)]
+
+pub mod accuracy;
+pub mod bp;
+pub mod budget;
+pub mod exact;
+pub mod ffbp;
+pub mod forecast;
+pub mod moving;
+pub mod omega_k;
+pub mod pfa;
+mod pixels;
+mod probes;
+pub mod rda;
+pub mod rdbp;
+mod rounding;
+pub mod straight_track;
+pub mod strip;
+pub mod sweep;
+
+use num_complex::Complex32;
+
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::image::Image;
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::{PhaseHistory, Pulse, ReadError, Weights};
+use subaperture_model::quantity::bytes;
+
+pub use accuracy::{Asked, Misses};
+
+/// What a former plans below the error bound it is given, dB.
+///
+/// What a grid holds decides how a plan's error shows in its image ([`accuracy`]). Measured on a sample of pixels
+/// it scatters besides, for a few bright reflectors can hold most of the image's power: by 3 dB either way on
+/// random thousands of pixels of the GOTCHA scene. This margin keeps nearly all of it within the bound.
+pub const MARGIN_DB: f64 = 4.0;
+
+/// One image to form.
+#[derive(Clone, Copy)]
+pub struct Task<'a> {
+    /// Where the pulses come from.
+    pub history: &'a dyn PhaseHistory,
+    /// The pixels wanted.
+    pub grid: &'a ImageGrid,
+    /// Windows over fast and slow time.
+    pub weights: &'a Weights,
+    /// Bytes that the image, the samples in hand and all scratch may take together.
+    pub memory_bytes: u64,
+    /// Told of progress, asked whether to go on.
+    pub monitor: &'a dyn Monitor,
+}
+
+impl Task<'_> {
+    /// Refuses a task without pulses, samples or pixels, of which no former could say anything, and geometry that is
+    /// not of numbers.
+    fn check(&self) -> Result<(), FormError> {
+        let collection = self.history.collection();
+        self.check_not_empty()?;
+        let is_number = |p: &Pulse| {
+            let places = p.transmitter_m.is_finite() && p.receiver_m.is_finite();
+            let numbers = [p.reference_path_m, p.start_hz, p.step_hz];
+            places && numbers.iter().all(|x| x.is_finite()) && p.sweep.is_finite()
+        };
+        match collection.pulses.iter().position(|p| !is_number(p)) {
+            None => Ok(()),
+            Some(n) => Err(FormError::Unsuited(format!(
+                "pulse {n} (from 0) has an antenna, a reference path or a frequency that is not a finite number: \
+                 repair or drop it"
+            ))),
+        }
+    }
+
+    fn check_not_empty(&self) -> Result<(), FormError> {
+        let collection = self.history.collection();
+        let what = if collection.pulses.is_empty() {
+            "the collection holds no pulses"
+        } else if collection.num_samples == 0 {
+            "the collection's pulses hold no samples"
+        } else if self.grid.num_pixels() == 0 {
+            "the grid holds no pixels"
+        } else {
+            return Ok(());
+        };
+        Err(FormError::Unsuited(format!("{what}: there is no image")))
+    }
+}
+
+/// A formed image and what it was formed with.
+#[derive(Clone, Debug)]
+pub struct Formed {
+    /// The image, rows and columns as the grid's.
+    pub image: Image,
+    /// Predicted relative RMS error, dB, as [`accuracy`] defines it.
+    pub predicted_error_db: f64,
+    /// Whether that is above the bound asked.
+    pub bound_missed: bool,
+    /// Every setting that was chosen, given or planned, for the record; the prediction and its bound
+    /// among them.
+    pub settings: serde_json::Map<String, serde_json::Value>,
+}
+
+impl Formed {
+    /// An image on the task's grid from its pixels, row-major, planned to err by `planned_db`; `settings` is a
+    /// JSON object.
+    fn new(
+        task: &Task,
+        pixels: Vec<Complex32>,
+        planned_db: f64,
+        settings: serde_json::Value,
+    ) -> Self {
+        Self::on(task.grid, pixels, planned_db, settings)
+    }
+
+    /// An image on `grid` from its pixels, row-major, planned to err by `planned_db`; `settings` is a JSON object.
+    pub fn on(
+        grid: &ImageGrid,
+        pixels: Vec<Complex32>,
+        planned_db: f64,
+        settings: serde_json::Value,
+    ) -> Self {
+        let serde_json::Value::Object(settings) = settings else {
+            unreachable!("settings are an object")
+        };
+        let image = Image {
+            rows: grid.rows.count,
+            columns: grid.columns.count,
+            pixels,
+        };
+        let mut formed = Self {
+            image,
+            predicted_error_db: planned_db,
+            bound_missed: false,
+            settings,
+        };
+        formed.expect(None, planned_db);
+        formed
+    }
+
+    /// Notes the error to expect, and the bound it is to keep.
+    pub fn expect(&mut self, bound_db: Option<f64>, predicted_db: f64) {
+        self.predicted_error_db = predicted_db;
+        self.bound_missed = accuracy::misses(predicted_db, bound_db);
+        let mut note = |key: &str, value: serde_json::Value| {
+            self.settings.insert(key.to_owned(), value);
+        };
+        note("predicted_error_db", predicted_db.into());
+        if let Some(bound_db) = bound_db {
+            note("error_db", bound_db.into());
+            note("bound_missed", self.bound_missed.into());
+        }
+    }
+}
+
+/// Why no image was formed.
+#[derive(Debug, thiserror::Error)]
+pub enum FormError {
+    /// Pulses could not be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The work does not fit the budget.
+    #[error("{what} needs {} of the {} allowed: {advice}", bytes(*needed_bytes), bytes((*budget_bytes).into()))]
+    Memory {
+        /// What asked for it.
+        what: &'static str,
+        /// Bytes needed at the least.
+        needed_bytes: u128,
+        /// Bytes allowed.
+        budget_bytes: u64,
+        /// What to change.
+        advice: &'static str,
+    },
+    /// The collection or the settings do not suit this former.
+    #[error("{0}")]
+    Unsuited(String),
+    /// The image would err, or errs, by more than was asked.
+    #[error(
+        "the predicted error is {predicted_db:.1} dB, above the {bound_db} dB asked: {limit}; or allow a larger \
+         error"
+    )]
+    BoundMissed {
+        /// Predicted relative RMS error, dB.
+        predicted_db: f64,
+        /// Bound asked, dB.
+        bound_db: f64,
+        /// What limits it, and what to do.
+        limit: String,
+    },
+    /// A pixel of the image is NaN or infinite.
+    #[error(
+        "pixel ({row}, {column}) of the image, at {position_m:?} m, is not a finite number: a position, a frequency \
+         or a sample of the recording is beyond what can be computed with; repair it"
+    )]
+    NotFinite {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// Its place in the scene frame.
+        position_m: [f64; 3],
+    },
+    /// The monitor asked to stop.
+    #[error("interrupted")]
+    Cancelled,
+}
+
+/// An algorithm that forms images.
+pub trait ImageFormer: Sync {
+    /// The name used on the command line and in metadata.
+    fn name(&self) -> &'static str;
+
+    /// The bound that its images are to keep ([`accuracy`]), dB; `None` if it has none.
+    fn bound_db(&self) -> Option<f64>;
+
+    /// Whether it takes each sample at its own moment, where antennas move while a pulse lasts. If not, what
+    /// that leaves ([`sweep::residual`]) is part of the planned error.
+    fn follows_sweeps(&self) -> bool {
+        false
+    }
+
+    /// The bound, and what to do where it is missed.
+    fn asked(&self, misses: Misses) -> Asked {
+        Asked {
+            bound_db: self.bound_db(),
+            misses,
+        }
+    }
+
+    /// Forms the image of `task` with its planned error, once `asked` has agreed to that: what [`Self::form`]
+    /// and [`Self::form_best`] call, which look after the rest of the contract.
+    ///
+    /// # Errors
+    /// [`FormError`].
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError>;
+
+    /// Forms the image of `task` within the bound.
+    ///
+    /// # Errors
+    /// [`FormError`].
+    fn form(&self, task: &Task) -> Result<Formed, FormError> {
+        self.form_asked(task, Misses::Refused)
+    }
+
+    /// Forms the image of `task` as well as can be: a bound that is missed is noted in
+    /// [`Formed::bound_missed`].
+    ///
+    /// # Errors
+    /// [`FormError`], [`FormError::BoundMissed`] never.
+    fn form_best(&self, task: &Task) -> Result<Formed, FormError> {
+        self.form_asked(task, Misses::Allowed)
+    }
+
+    /// [`Self::form`] or [`Self::form_best`].
+    ///
+    /// # Errors
+    /// [`FormError`].
+    fn form_asked(&self, task: &Task, misses: Misses) -> Result<Formed, FormError> {
+        accuracy::keep_replanning(self, task, misses)
+    }
+
+    /// The same former, planning for an error of `error_db`; `None` if it has no way to make its errors smaller.
+    fn planning_for(&self, _error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        None
+    }
+}

@@ -1,0 +1,227 @@
+//! Polar format: the whole aperture as samples of the scene's two-dimensional spectrum.
+//!
+//! With every pulse referred to a centre `q`, the path to a nearby point is linear in its place,
+//! `path_n(p) - path_n(q) = g_n . (p - q)`, `g_n = u_t + u_r` (unit vectors from the antennas to `q`),
+//! and the matched filter becomes
+//!
+//! ```text
+//! a[n][k] = w_slow[n] w_fast[k] z[n][k] exp(+j 2 pi f_k (path_n(q) - reference_path_n) / c)
+//! I(p)    = sum_n sum_k a[n][k] exp(+j 2 pi K_nk . p'),      K_nk = f_k g_n / c
+//! ```
+//!
+//! a Fourier sum over samples that lie on a polar raster (hence the name), `K` projected onto the
+//! grid's plane. The textbook's way resamples that raster to a rectangular one; it then needs the
+//! density of the samples as a weight, and approximates a filter with a *uniform* spectrum. The exact
+//! sum that all formers here are held to weighs every *sample* alike, and spreading each sample onto
+//! the rectangular raster with a kernel whose transform is divided out of the image (`raster`)
+//! computes just that, with no density to estimate. So that is done.
+//!
+//! **Distortion.** `p' = p - q` only at the centre. Elsewhere the curved wave front displaces and
+//! defocuses. The displacement is corrected: `p'` is the place at which the linear paths fit the true
+//! ones best over the aperture, in least squares over [`FIT_PULSES`] pulses.
+//!
+//! **Residual.** What the fit leaves cannot be corrected. At offsets `x` across and `y` along the line
+//! of sight, range `R`, half angle `theta_m`, monostatic, straight track: a two-way path of
+//!
+//! ```text
+//! e(theta) = (y^2 - x^2) theta^2 / R
+//! ```
+//!
+//! less its mean, so an RMS phase of `(2 pi / lambda) |y^2 - x^2| theta_m^2 / R * 2 / (3 sqrt 5)`, which
+//! is the relative RMS error. A quadratic phase of `pi / 2` at the aperture's ends, the usual limit, is
+//! reached at a radius of `2 rho sqrt(R / lambda)` with `rho` the resolution across range (Carrara, Goodman and
+//! Majewski 1995, chapter 3); -60 dB at 1/22 of it. [`PolarFormat`] predicts
+//! what the worst of its pixels has to expect, evaluated with the true paths.
+//!
+//! Neglected: that residual; the kernels' images (below the bound asked). A grid around an antenna, whose pixels' places the raster does
+//! not hold, is refused.
+//!
+//! Cost: `W^2` complex multiply-adds a sample, two transforms, `W^2` and [`FIT_PULSES`] paths a pixel:
+//! it does not grow with pulses times pixels. Memory: three rasters of about `(2 D W_K)^2` values, `D` the grid's
+//! extent and `W_K` the spectrum's, in each direction.
+//!
+//! Accuracy: `tests/more_formers.rs`, near the centre against the bound and far from it against the
+//! formula above.
+
+mod plane;
+mod raster;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::DVec3;
+use num_complex::Complex32;
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::budget::Budget;
+use super::pixels::add_to_each;
+use super::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::phase_history::Collection;
+use subaperture_signal::kaiser_bessel::KaiserBessel;
+use subaperture_signal::phase::{narrow, phasor, phasor32};
+
+pub use plane::FIT_PULSES;
+use plane::Plane;
+pub use raster::RasterSize;
+use raster::{Raster, Track};
+
+/// Pulses spread at a time.
+const BLOCK_PULSES: usize = 256;
+
+/// The polar format algorithm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PolarFormat {
+    /// Bound on the relative RMS error of the image, dB (negative). The kernels keep it; whether the
+    /// wave front's curvature does depends on the grid.
+    pub error_db: f64,
+    /// Where the paths are linearised; the middle of the grid if not given.
+    pub centre_m: Option<DVec3>,
+}
+
+impl ImageFormer for PolarFormat {
+    fn name(&self) -> &'static str {
+        "pfa"
+    }
+
+    fn bound_db(&self) -> Option<f64> {
+        Some(self.error_db)
+    }
+
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
+        match self.taps() {
+            4 => self.form_with::<4>(task, asked),
+            _ => self.form_with::<6>(task, asked),
+        }
+    }
+}
+
+impl PolarFormat {
+    /// How large its raster is for the pixels of `grid`.
+    ///
+    /// # Errors
+    /// [`FormError::Unsuited`] if no memory would hold it.
+    pub fn raster_size(
+        &self,
+        collection: &Collection,
+        grid: &ImageGrid,
+    ) -> Result<RasterSize, FormError> {
+        let plane = Plane::new(collection, grid, self.centre_m);
+        RasterSize::new(
+            plane.spectrum(collection),
+            plane.image_extent(grid),
+            self.taps(),
+        )
+    }
+
+    /// Taps of the kernels within the error bound, 4 or 6.
+    fn taps(&self) -> usize {
+        // Spreading and reading, in two directions each.
+        let target = 10f64.powf((self.error_db - MARGIN_DB) / 20.0);
+        if 2.0 * KaiserBessel::new(4).error(0.25) <= target {
+            4
+        } else {
+            6
+        }
+    }
+
+    fn form_with<const W: usize>(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
+        let collection = task.history.collection();
+        let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
+        let mut budget = Budget::for_task(task, 8)?;
+        let plane = Plane::new(collection, task.grid, self.centre_m);
+        let extent = plane.image_extent(task.grid);
+        let mut raster = Raster::<W>::new(plane.spectrum(collection), extent, &mut budget)?;
+        let residual = plane.residual(collection, task.weights, task.grid);
+        let planned_db =
+            rounding::total_db(&[residual, raster.error(), rounding::path_phase_rad(task)]);
+        asked.check(planned_db, || {
+            if residual > raster.error() {
+                "paths over so large a grid are not linear in the place: use a smaller --grid, or --algorithm \
+                 rdbp"
+                    .to_owned()
+            } else {
+                "that is what its kernels can do: use --algorithm rdbp or bp".to_owned()
+            }
+        })?;
+        let block = budget.take_block(
+            "a pulse",
+            8 * num_samples as u64,
+            num_pulses.min(BLOCK_PULSES),
+            "raise --memory",
+        )?;
+        let mut samples = vec![Complex32::ZERO; block * num_samples];
+        let norm = task.weights.normalisation();
+
+        for first in (0..num_pulses).step_by(block) {
+            let pulses = first..(first + block).min(num_pulses);
+            let samples = &mut samples[..pulses.len() * num_samples];
+            task.history.read(pulses.clone(), samples)?;
+            let tracks: Vec<Track> = samples
+                .par_chunks_exact_mut(num_samples)
+                .zip(pulses.clone())
+                .map(|(row, n)| {
+                    let pulse = &collection.pulses[n];
+                    let gradient = plane.gradient(pulse);
+                    let path_m =
+                        pulse.relative_path_m(plane.centre_m) + gradient.dot(extent.centre_m);
+                    let delay_s = path_m / SPEED_OF_LIGHT_M_S;
+                    let mut turn = phasor(pulse.start_hz * delay_s) * (task.weights.slow[n] * norm);
+                    let step = phasor(pulse.step_hz * delay_s);
+                    for (z, w) in row.iter_mut().zip(&task.weights.fast) {
+                        *z *= narrow(turn * w);
+                        turn *= step;
+                    }
+                    let cycles = gradient / SPEED_OF_LIGHT_M_S;
+                    Track {
+                        start: cycles * pulse.start_hz,
+                        step: cycles * pulse.step_hz,
+                    }
+                })
+                .collect();
+            raster.spread(&tracks, samples);
+            if task.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            // The rest is transforms and reading.
+            task.monitor
+                .progress(0.6 * pulses.end as f64 / num_pulses as f64);
+        }
+        drop(samples);
+
+        let raster_size = raster.size();
+        let spectrum = raster.transform();
+        task.monitor.progress(0.8);
+        let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
+        let beyond = AtomicBool::new(false);
+        add_to_each(task, &mut pixels, |point| {
+            let place_m = plane.place(point) - extent.centre_m;
+            if !place_m.abs().cmple(extent.half_m).all() {
+                beyond.store(true, Ordering::Relaxed);
+            }
+            spectrum.at(place_m) * phasor32(spectrum.carrier.dot(place_m))
+        });
+        if task.monitor.cancelled() {
+            return Err(FormError::Cancelled);
+        }
+        // The extent is that of some of the pixels. Of all it is where paths are anywhere near linear; beside an antenna they have
+        // a cusp.
+        if beyond.into_inner() {
+            return Err(FormError::Unsuited(
+                "linear paths put some pixels beyond all others: the grid lies around an antenna; leave that out of --grid, or \
+                 use --algorithm bp"
+                    .to_owned(),
+            ));
+        }
+        task.monitor.progress(1.0);
+
+        let settings = json!({
+            "centre_m": plane.centre_m.to_array(),
+            "raster": raster_size,
+            "kernel_taps": W,
+            "curvature_error_db": 20.0 * residual.max(1e-15).log10(),
+        });
+        Ok(Formed::new(task, pixels, planned_db, settings))
+    }
+}

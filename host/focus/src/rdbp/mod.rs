@@ -1,0 +1,140 @@
+//! Sub-CPI range-Doppler backprojection: the aperture in short pieces, each turned into a
+//! range-Doppler map, every pixel read from the map at its own range and Doppler.
+//!
+//! Schone 2020, chapter 3, in two modes:
+//!
+//! - [`Mode::Thesis`], as written there: sinc-resampled Keystone, zero-padded Doppler and range
+//!   transforms, bilinear reading ([`thesis`]). Long sub-CPIs give grating lobes. [`Thesis`] has what the
+//!   thesis varies.
+//! - [`Mode::Precise`], the default ([`precise`]): the phase history of every patch of pixels is first
+//!   motion-compensated to the patch's centre with each pulse's own position, Keystone is an exact
+//!   scaled transform, and maps are read with a Kaiser-Bessel kernel on a grid twice as fine as
+//!   Nyquist's. The quadratic phase that made the grating lobes is common to the patch, and gone with
+//!   the compensation; what varies across the patch sets how long a sub-CPI may be ([`Plan`]).
+
+pub mod patch;
+pub mod plan;
+pub mod precise;
+pub mod sub_cpi;
+pub mod thesis;
+
+use serde_json::json;
+
+use super::budget::Budget;
+use super::{Asked, FormError, Formed, ImageFormer, Task};
+
+use subaperture_model::phase_history::{Band, Collection};
+
+pub use patch::PatchSize;
+pub use plan::{Plan, Request};
+pub use sub_cpi::SubCpi;
+pub use thesis::Thesis;
+
+/// Doppler bins for each cycle a pulse, for sub-CPIs that last `duration_pulses`: twice Nyquist's at the highest
+/// frequency, where Doppler is scaled most.
+fn bins_per_cycle(band: &Band, duration_pulses: f64) -> f64 {
+    let highest = band.frequency_hz(band.count - 1) / band.centre_hz();
+    2.0 * duration_pulses * highest.max(1.0)
+}
+
+/// The frequency axis, which both modes need to be the same for all pulses.
+pub fn shared_band(collection: &Collection) -> Result<Band, FormError> {
+    collection.band().ok_or_else(|| {
+        FormError::Unsuited(
+            "the frequency axis changes from pulse to pulse; use --algorithm bp".to_owned(),
+        )
+    })
+}
+
+/// How maps are made and read.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Mode {
+    /// Patch compensation, scaled transform, Kaiser-Bessel kernel.
+    #[default]
+    Precise,
+    /// As the thesis has it.
+    Thesis(Thesis),
+}
+
+/// Sub-CPI range-Doppler backprojection.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RangeDoppler {
+    /// How maps are made and read.
+    pub mode: Mode,
+    /// Bound on the relative RMS error of the image, dB (negative). The thesis's mode does not plan by it: it
+    /// takes 40 pulses a sub-CPI, as its chapter 4, unless told otherwise, and has a bound of its own to be held to
+    /// ([`Thesis::error_db`]).
+    pub error_db: f64,
+    /// Pulses a sub-CPI; planned if not given.
+    pub sub_cpi: Option<usize>,
+    /// Side of a patch, metres; planned if not given. The thesis's mode has no patches.
+    pub patch_m: Option<f64>,
+}
+
+impl ImageFormer for RangeDoppler {
+    fn name(&self) -> &'static str {
+        "rdbp"
+    }
+
+    fn bound_db(&self) -> Option<f64> {
+        match self.mode {
+            Mode::Precise => Some(self.error_db),
+            Mode::Thesis(thesis) => thesis.error_db,
+        }
+    }
+
+    fn follows_sweeps(&self) -> bool {
+        self.mode == Mode::Precise
+    }
+
+    fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
+        match self.mode {
+            Mode::Precise => Some(Box::new(Self { error_db, ..*self })),
+            Mode::Thesis(_) => None,
+        }
+    }
+
+    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
+        let thesis_sub_cpi = self.sub_cpi.unwrap_or(thesis::SUB_CPI);
+        match self.mode {
+            Mode::Thesis(options) => thesis::form(task, thesis_sub_cpi, options, asked),
+            Mode::Precise => {
+                let request = Request {
+                    error_db: self.error_db,
+                    sub_cpi: self.sub_cpi,
+                    patch_m: self.patch_m,
+                    // Half, so that samples and further threads have room too.
+                    memory_bytes: Budget::for_task(task, 8)?.left_bytes() / 2,
+                };
+                let plan = Plan::new(task.history.collection(), task.grid, &request)?;
+                asked.check(plan.predicted_db, || {
+                    let sizes =
+                        "sub-CPIs and patches of these sizes, or float32 sums, leave no less";
+                    format!("{sizes}: {}", self.advice())
+                })?;
+                let pixels = precise::form(task, &plan)?;
+                let settings = json!({
+                    "mode": "precise",
+                    "sub_cpi_pulses": plan.sub_cpi_length,
+                    "sub_cpis": plan.sub_cpis.len(),
+                    "patch_rows": plan.patch.rows,
+                    "patch_columns": plan.patch.columns,
+                    "kernel_taps": plan.taps,
+                });
+                Ok(Formed::new(task, pixels, plan.predicted_db, settings))
+            }
+        }
+    }
+}
+
+impl RangeDoppler {
+    /// What brings the error down: sizes of the plan's choice, else another former.
+    fn advice(&self) -> &'static str {
+        match (self.sub_cpi.is_some(), self.patch_m.is_some()) {
+            (true, true) => "leave out --sub-cpi and --patch, or use --algorithm bp",
+            (true, false) => "leave out --sub-cpi, or use --algorithm bp",
+            (false, true) => "leave out --patch, or use --algorithm bp",
+            (false, false) => "use --algorithm bp",
+        }
+    }
+}

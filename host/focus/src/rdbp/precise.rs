@@ -1,0 +1,460 @@
+//! The precise mode: patch by patch, sub-CPI by sub-CPI.
+//!
+//! For a patch with centre `q` and a sub-CPI of `M` pulses, with `r_m(q) = path_m(q) -
+//! reference_path_m`, `u_m = m - (M - 1) / 2` and `f_c` the frequency of sample `K/2`:
+//!
+//! ```text
+//! y[k][m]   = w_fast[k] w_slow[m] z[m][k] exp(+j 2 pi f_k r_m(q) / c)           compensate to q
+//! Y[k][d]   = sum_m y[k][m] exp(+j 2 pi (f_k / f_c) u_m nu_d)                    Keystone and Doppler
+//! map[d][l] = sum_k Y[k][d] exp(+j 2 pi (k - K/2) l / L)                         range
+//! I(p)     += exp(+j 2 pi f_c a(p) / c) map at (nu = b(p) f_c / c, l = a(p) L step / c)
+//! ```
+//!
+//! where `a(p) + b(p) u_m` is the path to `p` relative to `q` ([`super::sub_cpi`]). If the path were
+//! exactly that line, the sum over sub-CPIs would be the exact one: Keystone leaves no range
+//! migration and no edge of the sub-CPI is resampled.
+//!
+//! `nu_d` and `l` are spaced at half of Nyquist's step (`f_c / 2M f_max`, `L >= 2K`) and read with a
+//! Kaiser-Bessel kernel whose roll-off is divided out of the weights before the transforms. Doppler
+//! bins cover the patch's own band only. Range repeats with `c / step`, as the exact sum does.
+//!
+//! **Motion from sample to sample** ([`subaperture_model::phase_history::Sweep`]). Sample `k` is taken `kappa (k - K/2)` pulses after
+//! its pulse, so its slow time is `u_m + kappa (k - K/2)`: compensation takes the path at that moment, and the
+//! Doppler transform has a centre of its own at each frequency. Nothing else changes, and nothing is neglected but
+//! what of the path is no straight line in that time, as from pulse to pulse. Sub-CPIs last longer by a sweep.
+//!
+//! Neglected: the path's curvature across the patch (planned, [`super::plan`]) and the kernel's images.
+//!
+//! Cost for each patch and sub-CPI: `M K` complex multiplies to compensate, `2 K` transforms of
+//! `M + D`, `D` transforms of `2 K`, and `W^2 + 40` operations or so a pixel. Memory: tables of
+//! `K (2 M + 2 D)`, a map of `D * 2 K` complex float32 a thread, a block of pulses, the image.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
+use subaperture_fft as fft;
+use subaperture_fft::Fft;
+
+use super::patch::{self, Rectangle};
+use super::plan::Plan;
+use super::sub_cpi::SubCpi;
+use crate::budget::Budget;
+use crate::exact::add_pulse;
+use crate::{FormError, Task};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::phase_history::Collection;
+use subaperture_signal::fast_length::fast_length;
+use subaperture_signal::kaiser_bessel::KaiserBessel;
+use subaperture_signal::phase::{narrow, phasor, phasor32};
+use subaperture_signal::scaled_dft::{ScaledDft, Shape};
+
+/// Pulses held at once, at most: enough for threads to have work between reads.
+const BLOCK_PULSES: usize = 4096;
+
+pub(super) fn form(task: &Task, plan: &Plan) -> Result<Vec<Complex32>, FormError> {
+    match plan.taps {
+        4 => form_with::<4>(task, plan),
+        _ => form_with::<6>(task, plan),
+    }
+}
+
+fn form_with<const W: usize>(task: &Task, plan: &Plan) -> Result<Vec<Complex32>, FormError> {
+    let num_samples = plan.band.count;
+    let mut budget = Budget::for_task(task, 8)?;
+
+    let rectangles = patch::rectangles(task.grid, plan.patch);
+    budget.take(
+        "patches",
+        patch::account_bytes(&rectangles).into(),
+        "use a larger --patch, or raise --memory",
+    )?;
+    let mapper = Mapper::<W>::new(task, plan, &rectangles, &mut budget)?;
+    // A map a thread, in at most half of what is left: with little memory, fewer threads work.
+    let threads = rayon::current_num_threads();
+    let workers = budget.take_block(
+        "a range-Doppler map",
+        mapper.scratch_bytes(plan.sub_cpi_length),
+        threads,
+        "use a smaller --patch or --sub-cpi, or raise --memory",
+    )?;
+    let block = budget.take_block(
+        "a sub-CPI",
+        (plan.sub_cpi_length * num_samples * 8) as u64,
+        BLOCK_PULSES
+            .div_ceil(plan.sub_cpi_length)
+            .min(plan.sub_cpis.len()),
+        "use a smaller --sub-cpi, or raise --memory",
+    )?;
+    let mut samples = vec![Complex32::ZERO; block * plan.sub_cpi_length * num_samples];
+    let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
+
+    let mut add_all = || add_blocks(task, plan, &mapper, &rectangles, &mut samples, &mut pixels);
+    if workers < threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(workers).build();
+        pool.map_err(|e| FormError::Unsuited(format!("cannot start {workers} threads: {e}")))?
+            .install(&mut add_all)?;
+    } else {
+        add_all()?;
+    }
+    Ok(pixels)
+}
+
+/// Adds all sub-CPIs to all patches, as many sub-CPIs at a time as `samples` holds.
+fn add_blocks<const W: usize>(
+    task: &Task,
+    plan: &Plan,
+    mapper: &Mapper<W>,
+    rectangles: &[Rectangle],
+    samples: &mut [Complex32],
+    pixels: &mut [Complex32],
+) -> Result<(), FormError> {
+    let num_samples = plan.band.count;
+    let block = samples.len() / (plan.sub_cpi_length * num_samples);
+    let num_blocks = plan.sub_cpis.len().div_ceil(block);
+    for (index, sub_cpis) in plan.sub_cpis.chunks(block).enumerate() {
+        let pulses = sub_cpis[0].pulses.start..sub_cpis[sub_cpis.len() - 1].pulses.end;
+        let samples = &mut samples[..pulses.len() * num_samples];
+        task.history.read(pulses.clone(), samples)?;
+        let done = AtomicUsize::new(0);
+        let patches = patch::split(pixels, task.grid.columns.count, rectangles);
+        rectangles.par_iter().zip(patches).for_each_init(
+            || mapper.scratch(plan.sub_cpi_length),
+            |scratch, (rectangle, mut patch)| {
+                for sub_cpi in sub_cpis {
+                    if task.monitor.cancelled() {
+                        return;
+                    }
+                    let first = (sub_cpi.pulses.start - pulses.start) * num_samples;
+                    let rows = &samples[first..first + sub_cpi.num_pulses() * num_samples];
+                    mapper.add(sub_cpi, rows, rectangle, &mut patch, scratch);
+                }
+                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                let part = done as f64 / rectangles.len() as f64;
+                task.monitor
+                    .progress((index as f64 + part) / num_blocks as f64);
+            },
+        );
+        if task.monitor.cancelled() {
+            return Err(FormError::Cancelled);
+        }
+    }
+    Ok(())
+}
+
+/// Doppler processing for sub-CPIs of one length.
+struct DopplerStage {
+    dft: ScaledDft,
+    /// Bin of zero Doppler, and bins per cycle a pulse.
+    centre: f64,
+    bins_per_cycle: f64,
+}
+
+/// Everything that does not change from map to map.
+struct Mapper<'a, const W: usize> {
+    task: &'a Task<'a>,
+    collection: &'a Collection,
+    kernel: KaiserBessel,
+    /// Fast-time window over the kernel's spectrum.
+    range_weights: Vec<f32>,
+    stages: BTreeMap<usize, DopplerStage>,
+    range_fft: Arc<dyn Fft<f32>>,
+    norm: f64,
+    centre_cycles_m: f64,
+    range_bins_m: f64,
+}
+
+/// One thread's buffers.
+struct Scratch {
+    /// Compensated samples, frequency by frequency, `M` each.
+    slow: Vec<Complex32>,
+    /// The map, Doppler bin by Doppler bin, `L + W - 1` range values each, the first repeated.
+    map: Vec<Complex32>,
+    fft: Vec<Complex32>,
+}
+
+impl<'a, const W: usize> Mapper<'a, W> {
+    fn new(
+        task: &'a Task<'a>,
+        plan: &Plan,
+        rectangles: &[Rectangle],
+        budget: &mut Budget,
+    ) -> Result<Self, FormError> {
+        let band = &plan.band;
+        let kernel = KaiserBessel::new(W);
+        let length = fast_length(2 * band.count);
+        let centre = band.count / 2;
+        let range_weight = |(k, w): (usize, &f64)| {
+            (w / kernel.spectrum((k as f64 - centre as f64) / length as f64)) as f32
+        };
+        let scales = band.scales();
+        let cycles_m = band.centre_hz() / SPEED_OF_LIGHT_M_S;
+
+        let mut spans: BTreeMap<usize, f64> = BTreeMap::new();
+        for sub_cpi in &plan.sub_cpis {
+            if task.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            let widest = rectangles
+                .par_iter()
+                .map(|rectangle| widest_rate_m(task, sub_cpi, rectangle))
+                .reduce(|| 0.0, f64::max);
+            let span = spans.entry(sub_cpi.num_pulses()).or_insert(0.0);
+            *span = span.max(widest * cycles_m);
+        }
+        let mut stages = BTreeMap::new();
+        for (inputs, span) in spans {
+            let drift = plan.pulses_a_sample.unwrap_or(0.0);
+            let sweep_pulses = drift.abs() * band.count as f64;
+            let bins_per_cycle = super::bins_per_cycle(band, inputs as f64 + sweep_pulses);
+            // A tenth and a bin more than was seen at the sampled points, and the kernel's reach.
+            let reach = (span * 1.1 * bins_per_cycle).ceil() as usize + 1 + W / 2;
+            let outputs = 2 * reach + 1;
+            let bytes = u128::from(ScaledDft::table_bytes(band.count, inputs, outputs));
+            budget.take(
+                "Doppler tables",
+                bytes,
+                "use a smaller --patch or --sub-cpi",
+            )?;
+            let shape = Shape {
+                inputs,
+                input_centre: (inputs as f64 - 1.0) / 2.0,
+                input_drift: drift,
+                outputs,
+                output_centre: reach as f64,
+                spacing: 1.0 / bins_per_cycle,
+            };
+            let weight = |k: usize, m: usize| {
+                let u = scales[k] * (m as f64 - shape.centre_of(k, band.count));
+                1.0 / kernel.spectrum(u / bins_per_cycle)
+            };
+            let dft = ScaledDft::new(&scales, shape, weight);
+            stages.insert(
+                inputs,
+                DopplerStage {
+                    dft,
+                    centre: reach as f64,
+                    bins_per_cycle,
+                },
+            );
+        }
+        Ok(Self {
+            task,
+            collection: task.history.collection(),
+            range_weights: task
+                .weights
+                .fast
+                .iter()
+                .enumerate()
+                .map(range_weight)
+                .collect(),
+            stages,
+            range_fft: fft::inverse(length),
+            norm: task.weights.normalisation(),
+            centre_cycles_m: cycles_m,
+            range_bins_m: length as f64 * band.step_hz / SPEED_OF_LIGHT_M_S,
+            kernel,
+        })
+    }
+
+    fn row_length(&self) -> usize {
+        self.range_fft.len() + W - 1
+    }
+
+    fn scratch_lengths(&self, sub_cpi_length: usize) -> [usize; 3] {
+        let bins = self
+            .stages
+            .values()
+            .map(|s| s.dft.shape().outputs)
+            .max()
+            .unwrap_or(0);
+        let dft = self
+            .stages
+            .values()
+            .map(|s| s.dft.scratch_length())
+            .max()
+            .unwrap_or(0);
+        [
+            sub_cpi_length * self.range_weights.len(),
+            bins * self.row_length(),
+            dft.max(self.range_fft.get_inplace_scratch_len()),
+        ]
+    }
+
+    fn scratch_bytes(&self, sub_cpi_length: usize) -> u64 {
+        8 * self.scratch_lengths(sub_cpi_length).iter().sum::<usize>() as u64
+    }
+
+    fn scratch(&self, sub_cpi_length: usize) -> Scratch {
+        let [slow, map, fft] = self
+            .scratch_lengths(sub_cpi_length)
+            .map(|n| vec![Complex32::ZERO; n]);
+        Scratch { slow, map, fft }
+    }
+
+    /// Adds one sub-CPI, `samples` pulse by pulse, to one patch.
+    fn add(
+        &self,
+        sub_cpi: &SubCpi,
+        samples: &[Complex32],
+        rectangle: &Rectangle,
+        patch: &mut [&mut [Complex32]],
+        scratch: &mut Scratch,
+    ) {
+        let stage = &self.stages[&sub_cpi.num_pulses()];
+        self.compensate(sub_cpi, samples, rectangle, &mut scratch.slow);
+        self.map(stage, sub_cpi.num_pulses(), scratch);
+        self.read(stage, sub_cpi, samples, rectangle, &scratch.map, patch);
+    }
+
+    /// Phase of every sample referred to the patch's centre; windows applied; transposed to
+    /// frequency-major.
+    fn compensate(
+        &self,
+        sub_cpi: &SubCpi,
+        samples: &[Complex32],
+        rectangle: &Rectangle,
+        slow: &mut [Complex32],
+    ) {
+        let num_samples = self.range_weights.len();
+        let num_pulses = sub_cpi.num_pulses();
+        let centre = rectangle.centre_m(self.task.grid);
+        for (m, (n, row)) in sub_cpi
+            .pulses
+            .clone()
+            .zip(samples.chunks_exact(num_samples))
+            .enumerate()
+        {
+            let pulse = &self.collection.pulses[n];
+            if !pulse.sweep.is_at_once() {
+                let slow_weight = self.task.weights.slow[n] * self.norm;
+                let column = slow[m..].iter_mut().step_by(num_pulses);
+                for (k, ((out, z), w)) in column.zip(row).zip(&self.range_weights).enumerate() {
+                    let after = k as f64 - (num_samples / 2) as f64;
+                    let path_m = pulse.relative_path_after_m(centre, after);
+                    let turns = pulse.frequency_hz(k) * (path_m / SPEED_OF_LIGHT_M_S);
+                    *out = z * narrow(phasor(turns) * slow_weight) * w;
+                }
+                continue;
+            }
+            let delay_s = pulse.relative_path_m(centre) / SPEED_OF_LIGHT_M_S;
+            let mut turn =
+                phasor(pulse.start_hz * delay_s) * (self.task.weights.slow[n] * self.norm);
+            let step = phasor(pulse.step_hz * delay_s);
+            let column = slow[m..].iter_mut().step_by(num_pulses);
+            for ((out, z), w) in column.zip(row).zip(&self.range_weights) {
+                *out = z * narrow(turn) * w;
+                turn *= step;
+            }
+        }
+    }
+
+    /// Keystone and Doppler, then range.
+    fn map(&self, stage: &DopplerStage, num_pulses: usize, scratch: &mut Scratch) {
+        let (num_samples, length) = (self.range_weights.len(), self.range_fft.len());
+        let row_length = self.row_length();
+        let Scratch { slow, map, fft } = scratch;
+        let map = &mut map[..stage.dft.shape().outputs * row_length];
+        map.fill(Complex32::ZERO);
+        for k in 0..num_samples {
+            let place = (k + length - num_samples / 2) % length;
+            let row = &slow[k * num_pulses..(k + 1) * num_pulses];
+            stage
+                .dft
+                .transform(k, row, fft, |d, value| map[d * row_length + place] = value);
+        }
+        for row in map.chunks_exact_mut(row_length) {
+            self.range_fft.process_with_scratch(&mut row[..length], fft);
+            // Range repeats; value by value, for a row may be shorter than the kernel.
+            for i in 0..W - 1 {
+                row[length + i] = row[i];
+            }
+        }
+    }
+
+    /// Reads the map at every pixel's range and Doppler.
+    fn read(
+        &self,
+        stage: &DopplerStage,
+        sub_cpi: &SubCpi,
+        samples: &[Complex32],
+        rectangle: &Rectangle,
+        map: &[Complex32],
+        patch: &mut [&mut [Complex32]],
+    ) {
+        let grid = self.task.grid;
+        let datum = sub_cpi.datum(rectangle.centre_m(grid));
+        let length = self.range_fft.len();
+        let row_length = self.row_length();
+        let last_bin = stage.dft.shape().outputs - W;
+        for (row, pixels) in patch.iter_mut().enumerate() {
+            for (column, pixel) in pixels.iter_mut().enumerate() {
+                let point = grid.position_m(rectangle.row + row, rectangle.column + column);
+                let (path_m, rate_m) = sub_cpi.line(&datum, point);
+
+                let doppler = rate_m * self.centre_cycles_m * stage.bins_per_cycle + stage.centre;
+                let whole = doppler.floor();
+                let first_bin = whole - (W / 2 - 1) as f64;
+                if !(first_bin >= 0.0 && first_bin <= last_bin as f64) {
+                    *pixel += self.sum(sub_cpi, samples, point);
+                    continue;
+                }
+                let doppler_weights = self.kernel.weights::<W>((doppler - whole) as f32);
+
+                let range = path_m * self.range_bins_m;
+                let whole = range.floor();
+                let range_weights = self.kernel.weights::<W>((range - whole) as f32);
+                let first = (whole as i64 - (W / 2 - 1) as i64).rem_euclid(length as i64) as usize;
+
+                let mut sum = Complex32::ZERO;
+                for (d, doppler_weight) in doppler_weights.into_iter().enumerate() {
+                    let start = (first_bin as usize + d) * row_length + first;
+                    let values = &map[start..start + W];
+                    let mut line = Complex32::ZERO;
+                    for (value, weight) in values.iter().zip(range_weights) {
+                        line += value * weight;
+                    }
+                    sum += line * doppler_weight;
+                }
+                *pixel += sum * phasor32(path_m * self.centre_cycles_m);
+            }
+        }
+    }
+
+    /// A pixel whose Doppler lies outside the map, near the antennas between the places at which rates were looked
+    /// at: the sum itself.
+    fn sum(&self, sub_cpi: &SubCpi, samples: &[Complex32], point: DVec3) -> Complex32 {
+        let weights = self.task.weights;
+        let mut sums = [Complex64::ZERO];
+        let rows = samples.chunks_exact(weights.fast.len());
+        for (n, row) in sub_cpi.pulses.clone().zip(rows) {
+            let pulse = &self.collection.pulses[n];
+            add_pulse(
+                pulse,
+                weights.slow[n],
+                &weights.fast,
+                row,
+                &[point],
+                &mut sums,
+            );
+        }
+        narrow(sums[0] * self.norm)
+    }
+}
+
+/// Largest path rate over a patch, metres a pulse, at 5 x 5 of its points.
+fn widest_rate_m(task: &Task, sub_cpi: &SubCpi, rectangle: &Rectangle) -> f64 {
+    let datum = sub_cpi.datum(rectangle.centre_m(task.grid));
+    let fractions = [0.0, 0.25, 0.5, 0.75, 1.0];
+    let mut widest = 0.0f64;
+    for row in fractions {
+        for column in fractions {
+            let point = rectangle.point_m(task.grid, row, column);
+            widest = widest.max(sub_cpi.line(&datum, point).1.abs());
+        }
+    }
+    widest
+}

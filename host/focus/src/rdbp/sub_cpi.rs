@@ -1,0 +1,303 @@
+//! The aperture cut into sub-CPIs, and each one's model of the path to a point.
+//!
+//! Over a sub-CPI of `M` pulses the path to a point, relative to that of a nearby centre, is taken as
+//! a straight line in slow time,
+//!
+//! ```text
+//! path_m(p) - path_m(centre) = a(p) + b(p) u_m,   u_m = m - (M - 1) / 2
+//! ```
+//!
+//! The line is read off at two places, `u = -u_g` and `u = +u_g` with `u_g^2 = mean(u_m^2) =
+//! (M^2 - 1) / 12`. For a path that is quadratic in slow time, that line is the least-squares one (the
+//! two places are the nodes of Gauss's rule for the uniform weight on the pulses), so the remainder has
+//! no mean and no slope and is 3.5 dB below that of a Taylor expansion about the centre, which the
+//! thesis uses (Schone 2020, (2.18)). The antennas at these places come from a quadratic fit to all
+//! positions of the sub-CPI, so a measured track's jitter is averaged (S 4.2). Of a single pulse whose samples are taken
+//! one after another, the places are those of the sweep, `K kappa / sqrt(12)` before and after its middle.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use subaperture_model::phase_history::{Collection, Pulse};
+
+/// A stretch of pulses processed as one range-Doppler map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SubCpi {
+    /// Pulse indices.
+    pub pulses: Range<usize>,
+    nodes: [Node; 2],
+    half_spacing: f64,
+}
+
+/// Antennas at one place of the fitted track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Node {
+    transmitter_m: DVec3,
+    receiver_m: DVec3,
+    monostatic: bool,
+}
+
+impl Node {
+    fn path_m(&self, point: DVec3) -> f64 {
+        let out_m = (point - self.transmitter_m).length();
+        if self.monostatic {
+            2.0 * out_m
+        } else {
+            out_m + (point - self.receiver_m).length()
+        }
+    }
+}
+
+/// Paths from the two nodes to a patch's centre: what `a` and `b` are relative to.
+#[derive(Clone, Copy, Debug)]
+pub struct Datum([f64; 2]);
+
+impl SubCpi {
+    /// Fits the track over `pulses` (at least one).
+    pub fn new(collection: &Collection, pulses: Range<usize>) -> Self {
+        let track = &collection.pulses[pulses.clone()];
+        let monostatic = track.iter().all(|p| p.transmitter_m == p.receiver_m);
+        let transmitter = QuadraticFit::new(track, |p| p.transmitter_m);
+        let receiver = QuadraticFit::new(track, |p| p.receiver_m);
+        let m = track.len() as f64;
+        let half_spacing = ((m * m - 1.0) / 12.0).sqrt();
+        let node = |u: f64| Node {
+            transmitter_m: transmitter.at(u),
+            receiver_m: receiver.at(u),
+            monostatic,
+        };
+        if let ([pulse], false) = (track, track[0].sweep.is_at_once()) {
+            let half_samples = collection.num_samples as f64 / 12f64.sqrt();
+            let node = |after: f64| {
+                let [transmitter_m, receiver_m] = pulse.antennas_after_m(after);
+                Node {
+                    transmitter_m,
+                    receiver_m,
+                    monostatic: monostatic && transmitter_m == receiver_m,
+                }
+            };
+            return Self {
+                pulses,
+                nodes: [node(-half_samples), node(half_samples)],
+                half_spacing: half_samples * pulses_a_sample(collection),
+            };
+        }
+        Self {
+            pulses,
+            nodes: [node(-half_spacing), node(half_spacing)],
+            half_spacing,
+        }
+    }
+
+    /// From transmitter and receiver at the nodes of a sub-CPI of `num_pulses`, at least one, early and late.
+    pub fn from_nodes(num_pulses: usize, nodes: [[DVec3; 2]; 2]) -> Self {
+        let m = num_pulses as f64;
+        let node = |[transmitter_m, receiver_m]: [DVec3; 2]| Node {
+            transmitter_m,
+            receiver_m,
+            monostatic: transmitter_m == receiver_m,
+        };
+        Self {
+            pulses: 0..num_pulses,
+            nodes: nodes.map(node),
+            half_spacing: ((m * m - 1.0) / 12.0).sqrt(),
+        }
+    }
+
+    /// Number of pulses.
+    pub fn num_pulses(&self) -> usize {
+        self.pulses.len()
+    }
+
+    /// The datum of a patch with this centre.
+    pub fn datum(&self, centre: DVec3) -> Datum {
+        Datum(self.nodes.map(|node| node.path_m(centre)))
+    }
+
+    /// Path offset `a` in metres and its rate `b` in metres a pulse.
+    pub fn line(&self, datum: &Datum, point: DVec3) -> (f64, f64) {
+        let early = self.nodes[0].path_m(point) - datum.0[0];
+        let late = self.nodes[1].path_m(point) - datum.0[1];
+        let rate = if self.half_spacing != 0.0 {
+            (late - early) / (2.0 * self.half_spacing)
+        } else {
+            0.0
+        };
+        ((early + late) / 2.0, rate)
+    }
+}
+
+/// Least-squares quadratic through positions at `u_m`, on orthogonal polynomials
+/// `1, u, u^2 - mean(u^2)`.
+struct QuadraticFit {
+    coefficients: [DVec3; 3],
+    mean_square: f64,
+}
+
+impl QuadraticFit {
+    fn new(track: &[Pulse], position: impl Fn(&Pulse) -> DVec3) -> Self {
+        let m = track.len() as f64;
+        let mean_square = (m * m - 1.0) / 12.0;
+        // Relative to one position, so that the sums keep their digits far from the origin.
+        let origin = position(&track[0]);
+        let mut sums = [DVec3::ZERO; 3];
+        let mut norms = [0.0; 3];
+        for (i, pulse) in track.iter().enumerate() {
+            let u = i as f64 - (m - 1.0) / 2.0;
+            for (j, p) in [1.0, u, u * u - mean_square].into_iter().enumerate() {
+                sums[j] += (position(pulse) - origin) * p;
+                norms[j] += p * p;
+            }
+        }
+        let mut coefficients = [DVec3::ZERO; 3];
+        for j in 0..track.len().min(3) {
+            coefficients[j] = sums[j] / norms[j];
+        }
+        coefficients[0] += origin;
+        Self {
+            coefficients,
+            mean_square,
+        }
+    }
+
+    fn at(&self, u: f64) -> DVec3 {
+        let [c0, c1, c2] = self.coefficients;
+        c0 + c1 * u + c2 * (u * u - self.mean_square)
+    }
+}
+
+/// Position and velocity of the antennas at the centre of a stretch of pulses, from the same fit: what
+/// the thesis's mode needs. Velocities are in metres a pulse.
+pub(super) struct CentreState {
+    /// Transmitter, position and velocity.
+    pub transmitter: (DVec3, DVec3),
+    /// Receiver, position and velocity.
+    pub receiver: (DVec3, DVec3),
+    /// Reference path in metres and its rate in metres a pulse.
+    pub reference_path: (f64, f64),
+}
+
+impl CentreState {
+    /// Fits the track over `pulses` (at least one).
+    pub(super) fn new(collection: &Collection, pulses: Range<usize>) -> Self {
+        let track = &collection.pulses[pulses];
+        let state = |position: &dyn Fn(&Pulse) -> DVec3| {
+            let fit = QuadraticFit::new(track, position);
+            (fit.at(0.0), fit.coefficients[1])
+        };
+        let reference = state(&|p| DVec3::new(p.reference_path_m, 0.0, 0.0));
+        Self {
+            transmitter: state(&|p| p.transmitter_m),
+            receiver: state(&|p| p.receiver_m),
+            reference_path: (reference.0.x, reference.1.x),
+        }
+    }
+
+    /// Path of `point` relative to the reference, metres, and its rate, metres a pulse
+    /// (Schone 2020, (5.1): the velocity projected on the line of sight).
+    pub(super) fn path_and_rate(&self, point: DVec3) -> (f64, f64) {
+        let leg = |(position, velocity): (DVec3, DVec3)| {
+            let sight = position - point;
+            let range = sight.length();
+            // A point at the antenna's centre has no direction, and no rate.
+            let rate = if range > 0.0 {
+                sight.dot(velocity) / range
+            } else {
+                0.0
+            };
+            (range, rate)
+        };
+        let (out, back) = (leg(self.transmitter), leg(self.receiver));
+        (
+            out.0 + back.0 - self.reference_path.0,
+            out.1 + back.1 - self.reference_path.1,
+        )
+    }
+}
+
+/// Cuts `num_pulses` into sub-CPIs of `length` pulses, never across one of `breaks` (indices of first
+/// pulses after a gap). What does not fill a sub-CPI makes a shorter last one: no pulse is dropped.
+pub fn cut(num_pulses: usize, breaks: &[usize], length: usize) -> Vec<Range<usize>> {
+    let mut ranges = Vec::new();
+    let ends = breaks.iter().copied().chain([num_pulses]);
+    let mut start = 0;
+    for end in ends {
+        while start < end {
+            let stop = (start + length.max(1)).min(end);
+            ranges.push(start..stop);
+            start = stop;
+        }
+    }
+    ranges
+}
+
+/// How far the antennas go from sample to sample as a part of how far they go from pulse to pulse: `kappa`. By least
+/// squares over all steps that are no gap; 0 if they stand.
+pub fn pulses_a_sample(collection: &Collection) -> f64 {
+    let gaps = breaks(collection);
+    let (mut product, mut square) = (0.0, 0.0);
+    for (pair, n) in collection.pulses.windows(2).zip(1..) {
+        if gaps.binary_search(&n).is_ok() {
+            continue;
+        }
+        let [a, b] = [&pair[0], &pair[1]];
+        let mut add = |step_m: DVec3, early: DVec3, late: DVec3| {
+            let sample_m = 0.5 * (early * a.sweep.sample_s + late * b.sweep.sample_s);
+            product += sample_m.dot(step_m);
+            square += step_m.length_squared();
+        };
+        add(
+            b.transmitter_m - a.transmitter_m,
+            a.sweep.transmitter_m_s,
+            b.sweep.transmitter_m_s,
+        );
+        add(
+            b.receiver_m - a.receiver_m,
+            a.sweep.receiver_m_s,
+            b.sweep.receiver_m_s,
+        );
+    }
+    if square > 0.0 { product / square } else { 0.0 }
+}
+
+/// Indices of pulses at which an antenna's step from the pulse before is more than five times its median
+/// step: gaps in the track, and joints between recordings. Jitter does not reach so far, and smaller
+/// gaps are left to the plan, which shortens the sub-CPIs that they spoil.
+pub fn breaks(collection: &Collection) -> Vec<usize> {
+    let pulses = &collection.pulses;
+    let steps = |position: fn(&Pulse) -> DVec3| -> Vec<f64> {
+        pulses
+            .windows(2)
+            .map(|pair| position(&pair[0]).distance(position(&pair[1])))
+            .collect()
+    };
+    let mut breaks = Vec::new();
+    for steps in [steps(|p| p.transmitter_m), steps(|p| p.receiver_m)] {
+        let mut sorted = steps.clone();
+        sorted.sort_by(f64::total_cmp);
+        let Some(&median) = sorted.get(sorted.len() / 2) else {
+            continue;
+        };
+        let far = steps
+            .iter()
+            .zip(1..)
+            .filter(|&(&step, _)| step > 5.0 * median);
+        breaks.extend(far.map(|(_, n)| n));
+    }
+    breaks.sort_unstable();
+    breaks.dedup();
+    breaks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_pulse_is_dropped_and_no_gap_is_crossed() {
+        assert_eq!(cut(10, &[], 4), [0..4, 4..8, 8..10]);
+        assert_eq!(cut(10, &[5], 4), [0..4, 4..5, 5..9, 9..10]);
+        assert_eq!(cut(1040, &[], 40).len(), 26);
+    }
+}

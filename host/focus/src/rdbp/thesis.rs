@@ -1,0 +1,339 @@
+//! The thesis's mode: Schone 2020, chapter 3, with the upsampling of chapter 4.
+//!
+//! For each sub-CPI of `M` pulses: slow time resampled by sinc weights ([`SincKeystone`]), Doppler
+//! transform padded to `P M` (`P` = 16 unless told otherwise), range transform padded to `10 K`, then for every pixel its path `a` and
+//! path rate `b` at the sub-CPI's centre from the fitted position and velocity (4.2, (5.1)), a bilinear
+//! reading of the map, and the conjugate of the phase in (3.15):
+//!
+//! ```text
+//! I(p) += exp(+j 2 pi f_c a / c) exp(-j 2 pi nu (M-1)/2) map(nu = b f_c / c, a)
+//! ```
+//!
+//! The second factor is the thesis's Doppler-dependent term; it stands because (3.11) counts pulses from
+//! the sub-CPI's start. Here slow time is rotated by `M/2` whole pulses before the transform, which
+//! takes all of the factor but half a pulse (for even `M`) out of the map: bilinear reading across it
+//! would quadruple the interpolation error for nothing.
+//!
+//! Neglected: the quadratic and higher motion of a pixel within a sub-CPI, which the thesis ignores
+//! after (3.13). It makes grating lobes when sub-CPIs are long; they are this mode's to show. Also the
+//! sub-CPI's edges ([`SincKeystone`]) and bilinear reading (-48 dB at an upsampling of 10).
+//!
+//! Reading Doppler linearly weights slow time by `sinc^2(x / P)`, `x = u / M` from -1/2 to 1/2, in the mean
+//! over places between bins. What that lacks of a constant, `(pi x / P)^2 / 3`, fills the array's nulls
+//! too: lobe `k` has at least `1 / (6 P^2 k^2)`, -40 dB for the first at `P = 4` and -64 dB at 16, however
+//! short the sub-CPI. On recordings compensated to the scene's centre this is all there is near the centre
+//! (Figure 4.11).
+//!
+//! Without Keystone, a point that comes nearer by `v` smears over `v M PRI` in range within a sub-CPI:
+//! nothing on a stationary scene, all of the focus of a fast target (S 4.3, Figure 4.14). Keystone in
+//! turn resamples what was sampled once a pulse, so it needs a path rate within `lambda / 2` a pulse.
+//!
+//! Accuracy on Table 4.1 against [`crate::exact`]: see the tests and `subap demo`. Predicted: what resampling and
+//! the straight path leave of a term's phase and amplitude, evaluated at some pixels, frequencies and sub-CPIs,
+//! and linear reading of the map in both directions, `(2 pi x)^2 / sqrt(120)` of a component at
+//! `x` cycles a bin. It is the worst pixel's and sub-CPI's.
+//!
+//! Memory: the map, `P M * 10 K` complex float32, and weights of `K M^2` float32.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
+use serde_json::json;
+use subaperture_fft as fft;
+
+use super::sub_cpi::{self, CentreState};
+use crate::budget::Budget;
+use crate::pixels::add_to_each;
+use crate::{Asked, FormError, Formed, Task, rounding};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::phase_history::Band;
+use subaperture_signal::fast_length::fast_length;
+use subaperture_signal::phase::{phasor, phasor32};
+use subaperture_signal::sinc_keystone::{SincKeystone, sinc};
+
+/// Pulses a sub-CPI where nothing else is asked for (Figure 4.1).
+pub const SUB_CPI: usize = 40;
+/// Upsampling of the range axis (5.2).
+const RANGE_PADDING: usize = 10;
+/// Finest upsampling of the Doppler axis: bilinear reading is then at float32's rounding.
+const MOST_DOPPLER_PADDING: usize = 1024;
+
+/// What the thesis varies beside the sub-CPI's length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Thesis {
+    /// Whether slow time is resampled; if not, it goes to the Doppler transform as it is.
+    pub keystone: bool,
+    /// Doppler bins for every pulse of a sub-CPI, at least 1; made more where that transforms faster.
+    pub doppler_padding: usize,
+    /// Bound on the relative RMS error of the image, dB (negative), to hold the method to. It plans nothing
+    /// by it, so there is none unless one is asked for.
+    pub error_db: Option<f64>,
+}
+
+impl Default for Thesis {
+    /// With Keystone, and the finer of the two paddings of Figure 4.11.
+    fn default() -> Self {
+        Self {
+            keystone: true,
+            doppler_padding: 16,
+            error_db: None,
+        }
+    }
+}
+
+/// The image.
+pub(super) fn form(
+    task: &Task,
+    sub_cpi_length: usize,
+    options: Thesis,
+    asked: &Asked,
+) -> Result<Formed, FormError> {
+    let collection = task.history.collection();
+    let band = super::shared_band(collection)?;
+    if sub_cpi_length == 0 {
+        return Err(FormError::Unsuited(
+            "a sub-CPI needs at least one pulse".to_owned(),
+        ));
+    }
+    let Thesis {
+        keystone,
+        doppler_padding,
+        error_db: _,
+    } = options;
+    if !(1..=MOST_DOPPLER_PADDING).contains(&doppler_padding) {
+        return Err(FormError::Unsuited(format!(
+            "Doppler cannot be padded {doppler_padding} times: give 1 to {MOST_DOPPLER_PADDING}"
+        )));
+    }
+    let (num_samples, num_pulses) = (band.count, collection.pulses.len());
+    let longest = sub_cpi_length.min(num_pulses);
+    let doppler_length = fast_length(doppler_padding * longest);
+    let range_length = fast_length(RANGE_PADDING * num_samples);
+
+    let mut budget = Budget::for_task(task, 8)?;
+    let advice = "use a smaller --sub-cpi, --mode precise, or raise --memory";
+    let map_values = doppler_length as u128 * (range_length + num_samples) as u128;
+    budget.take("a range-Doppler map", map_values * 8, advice)?;
+    if keystone {
+        let weight_bytes = 2 * u128::from(SincKeystone::bytes(num_samples, longest));
+        budget.take("Keystone weights", weight_bytes, advice)?;
+    }
+    budget.take("a sub-CPI", (longest * num_samples) as u128 * 8, advice)?;
+
+    let sub_cpis = sub_cpi::cut(num_pulses, &sub_cpi::breaks(collection), sub_cpi_length);
+    let linear = |cycles_a_bin: f64| (TAU * cycles_a_bin).powi(2) / 120f64.sqrt();
+    let planned_db = rounding::total_db(&[
+        Reading {
+            task,
+            band: &band,
+            keystone,
+        }
+        .worst(&sub_cpis),
+        // The band's edge; slow time is evenly filled, and the mean of x^4 over it a fifth.
+        linear(num_samples as f64 / 2.0 / range_length as f64),
+        linear(longest as f64 / 2.0 / doppler_length as f64) / 5f64.sqrt(),
+    ]);
+    asked.check(planned_db, || {
+        "the thesis's method on sub-CPIs of this length: use a smaller --sub-cpi, or --mode precise".to_owned()
+    })?;
+
+    let scales = band.scales();
+    let fast: Vec<f32> = task.weights.fast.iter().map(|&w| w as f32).collect();
+    let norm = task.weights.normalisation();
+    let doppler_fft = fft::inverse(doppler_length);
+    let range_fft = fft::inverse(range_length);
+    let cycles_m = band.centre_hz() / SPEED_OF_LIGHT_M_S;
+    let range_bins_m = range_length as f64 * band.step_hz / SPEED_OF_LIGHT_M_S;
+
+    let mut samples = vec![Complex32::ZERO; longest * num_samples];
+    let mut doppler = vec![Complex32::ZERO; num_samples * doppler_length];
+    let mut map = vec![Complex32::ZERO; doppler_length * range_length];
+    let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
+    let mut resampler: Option<(usize, SincKeystone)> = None;
+
+    for (index, pulses) in sub_cpis.iter().enumerate() {
+        let m = pulses.len();
+        let samples = &mut samples[..m * num_samples];
+        task.history.read(pulses.clone(), samples)?;
+        for (n, row) in pulses.clone().zip(samples.chunks_exact_mut(num_samples)) {
+            let slow = (task.weights.slow[n] * norm) as f32;
+            row.iter_mut().zip(&fast).for_each(|(z, w)| *z *= w * slow);
+        }
+        if task.monitor.cancelled() {
+            return Err(FormError::Cancelled);
+        }
+        if keystone && resampler.as_ref().is_none_or(|(length, _)| *length != m) {
+            resampler = Some((m, SincKeystone::new(&scales, m)));
+        }
+        let resampler = resampler.as_ref().map(|(_, resampler)| resampler);
+
+        doppler
+            .par_chunks_exact_mut(doppler_length)
+            .enumerate()
+            .for_each_init(
+                || vec![Complex32::ZERO; doppler_fft.get_inplace_scratch_len().max(2 * m)],
+                |scratch, (k, row)| {
+                    let (slow, resampled) = scratch.split_at_mut(m);
+                    for (z, pulse) in slow.iter_mut().zip(samples.chunks_exact(num_samples)) {
+                        *z = pulse[k];
+                    }
+                    match resampler {
+                        Some(resampler) => resampler.resample(k, slow, resampled),
+                        None => resampled[..m].copy_from_slice(slow),
+                    }
+                    row.fill(Complex32::ZERO);
+                    for (i, z) in resampled[..m].iter().enumerate() {
+                        row[(i + doppler_length - m / 2) % doppler_length] = *z;
+                    }
+                    doppler_fft.process_with_scratch(row, scratch);
+                },
+            );
+        map.par_chunks_exact_mut(range_length)
+            .enumerate()
+            .for_each_init(
+                || vec![Complex32::ZERO; range_fft.get_inplace_scratch_len()],
+                |scratch, (d, row)| {
+                    row.fill(Complex32::ZERO);
+                    for (k, values) in doppler.chunks_exact(doppler_length).enumerate() {
+                        row[(k + range_length - num_samples / 2) % range_length] = values[d];
+                    }
+                    range_fft.process_with_scratch(row, scratch);
+                },
+            );
+
+        let state = CentreState::new(collection, pulses.clone());
+        // Slow time was rotated by whole pulses; for even M half a pulse is left.
+        let left_over = (m as f64 - 1.0) / 2.0 - (m / 2) as f64;
+        add_to_each(task, &mut pixels, |point| {
+            let (path_m, rate_m) = state.path_and_rate(point);
+            let nu = rate_m * cycles_m;
+            let value = bilinear(
+                &map,
+                [doppler_length, range_length],
+                [nu * doppler_length as f64, path_m * range_bins_m],
+            );
+            value * phasor32(path_m * cycles_m - nu * left_over)
+        });
+        if task.monitor.cancelled() {
+            return Err(FormError::Cancelled);
+        }
+        task.monitor
+            .progress((index + 1) as f64 / sub_cpis.len() as f64);
+    }
+
+    let settings = json!({
+        "mode": "thesis",
+        "keystone": keystone,
+        "doppler_padding": doppler_padding,
+        "sub_cpi_pulses": longest,
+        "sub_cpis": sub_cpis.len(),
+        "doppler_length": doppler_length,
+        "range_length": range_length,
+    });
+    Ok(Formed::new(task, pixels, planned_db, settings))
+}
+
+/// Reads `map` (rows of `lengths[1]`, both axes periodic) at a place in bins.
+fn bilinear(map: &[Complex32], lengths: [usize; 2], place: [f64; 2]) -> Complex32 {
+    let split = |x: f64, length: usize| {
+        let whole = x.floor();
+        let first = (whole as i64).rem_euclid(length as i64) as usize;
+        (first, (first + 1) % length, (x - whole) as f32)
+    };
+    let (d0, d1, d) = split(place[0], lengths[0]);
+    let (r0, r1, r) = split(place[1], lengths[1]);
+    let line = |row: usize| {
+        let values = &map[row * lengths[1]..(row + 1) * lengths[1]];
+        values[r0] + (values[r1] - values[r0]) * r
+    };
+    let (low, high) = (line(d0), line(d1));
+    low + (high - low) * d
+}
+
+/// Sub-CPIs that are looked at, at most.
+const PROBED_SUB_CPIS: usize = 8;
+
+/// What a pixel makes of the samples.
+struct Reading<'a> {
+    task: &'a Task<'a>,
+    band: &'a Band,
+    keystone: bool,
+}
+
+impl Reading<'_> {
+    /// Relative RMS error of the terms of the worst of some pixels in some of `sub_cpis`, were maps read
+    /// without error.
+    fn worst(&self, sub_cpis: &[Range<usize>]) -> f64 {
+        let step = sub_cpis.len().div_ceil(PROBED_SUB_CPIS).max(1);
+        let some: Vec<&Range<usize>> = sub_cpis
+            .iter()
+            .step_by(step)
+            .chain(sub_cpis.last())
+            .collect();
+        let last = self.band.count - 1;
+        let mut frequencies = vec![0, last / 4, last / 2, last - last / 4, last];
+        frequencies.dedup();
+        some.par_iter()
+            .map(|pulses| self.error(pulses, &frequencies))
+            .reduce(|| 0.0, f64::max)
+    }
+
+    /// Of one sub-CPI: `sum_i W[i][m] exp(j 2 pi nu u_i)`, which is what sample `m` is multiplied by, against
+    /// what it ought to be.
+    fn error(&self, pulses: &Range<usize>, frequencies: &[usize]) -> f64 {
+        let collection = self.task.history.collection();
+        let m = pulses.len();
+        let centre = (m as f64 - 1.0) / 2.0;
+        let state = CentreState::new(collection, pulses.clone());
+        let cycles_m = self.band.centre_hz() / SPEED_OF_LIGHT_M_S;
+        let grid = self.task.grid;
+        let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
+        let mut points: Vec<_> = [0, rows / 2, rows]
+            .into_iter()
+            .flat_map(|row| [0, columns / 2, columns].map(|column| (row, column)))
+            .collect();
+        points.dedup();
+        let mut sums = vec![0.0; points.len()];
+        let mut row = vec![0.0; m];
+        for &k in frequencies {
+            let frequency_hz = self.band.frequency_hz(k);
+            let scale = frequency_hz / self.band.centre_hz();
+            let states: Vec<_> = points
+                .iter()
+                .map(|&(row, column)| {
+                    let point = grid.position_m(row, column);
+                    (point, state.path_and_rate(point))
+                })
+                .collect();
+            let mut taken = vec![Complex64::ZERO; m * points.len()];
+            for i in 0..m {
+                for (place, weight) in row.iter_mut().enumerate() {
+                    *weight = if self.keystone {
+                        sinc((i as f64 - centre) / scale + centre - place as f64)
+                    } else {
+                        f64::from(u8::from(i == place))
+                    };
+                }
+                for (taken, (_, (_, rate_m))) in taken.chunks_exact_mut(m).zip(&states) {
+                    let turn = phasor(rate_m * cycles_m * (i as f64 - centre));
+                    for (taken, weight) in taken.iter_mut().zip(&row) {
+                        *taken += turn * weight;
+                    }
+                }
+            }
+            for ((sum, taken), (point, (path_m, _))) in
+                sums.iter_mut().zip(taken.chunks_exact(m)).zip(&states)
+            {
+                for (n, taken) in pulses.clone().zip(taken) {
+                    let left_m = path_m - collection.pulses[n].relative_path_m(*point);
+                    let turn = phasor(left_m * frequency_hz / SPEED_OF_LIGHT_M_S);
+                    *sum += (taken * turn - 1.0).norm_sqr();
+                }
+            }
+        }
+        let count = (m * frequencies.len()) as f64;
+        (sums.into_iter().fold(0.0, f64::max) / count).sqrt()
+    }
+}

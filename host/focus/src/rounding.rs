@@ -1,0 +1,85 @@
+//! What the arithmetic itself costs, relative: the least error that a former may predict.
+
+use std::f64::consts::TAU;
+
+use super::Task;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+
+/// RMS rounding of a float32, relative: half a unit in the last place over the root of 3, in the mean over
+/// mantissas.
+pub(super) const FLOAT32: f64 = 3e-8;
+
+/// The largest rounding of a float32, relative: half a unit in the last place of a mantissa of 1.
+pub(super) const LARGEST_FLOAT32: f64 = 6e-8;
+
+/// RMS phase error, radians, of paths computed in float64 from the task's positions: a few roundings of the
+/// largest number on the way.
+pub(super) fn path_phase_rad(task: &Task) -> f64 {
+    let collection = task.history.collection();
+    let grid = task.grid;
+    let corners = [
+        (0, 0),
+        (0, grid.columns.count.saturating_sub(1)),
+        (grid.rows.count.saturating_sub(1), 0),
+    ];
+    let scene_m = corners
+        .map(|(row, column)| grid.position_m(row, column).length())
+        .into_iter()
+        .fold(0.0, f64::max);
+    let last = collection.num_samples.saturating_sub(1);
+    let turns = collection.pulses.iter().map(|pulse| {
+        let paths_m = pulse.transmitter_m.length() + pulse.receiver_m.length() + 2.0 * scene_m;
+        let highest_hz = pulse.start_hz.abs().max(pulse.frequency_hz(last).abs());
+        (paths_m + pulse.reference_path_m.abs()) * highest_hz / SPEED_OF_LIGHT_M_S
+    });
+    TAU * turns.fold(0.0, f64::max) * f64::EPSILON
+}
+
+/// RMS phase, radians, by which pulses' frequencies differ from the first pulse's, for a former that takes them
+/// all as that: at most, over the task's grid.
+pub(super) fn band_phase_rad(task: &Task) -> f64 {
+    let collection = task.history.collection();
+    let grid = task.grid;
+    let last = collection.num_samples.saturating_sub(1);
+    let Some(first) = collection.pulses.first() else {
+        return 0.0;
+    };
+    let corners = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(row, column)| {
+        grid.position_m(
+            row * (grid.rows.count - 1),
+            column * (grid.columns.count - 1),
+        )
+    });
+    let squares = collection.pulses.iter().map(|pulse| {
+        let off = |k: usize| (pulse.frequency_hz(k) - first.frequency_hz(k)).abs();
+        let off_hz = off(0).max(off(last));
+        if off_hz == 0.0 {
+            return 0.0;
+        }
+        let paths_m = corners.map(|point| pulse.relative_path_m(point).abs());
+        let turns = off_hz * paths_m.into_iter().fold(0.0, f64::max) / SPEED_OF_LIGHT_M_S;
+        (TAU * turns).powi(2)
+    });
+    (squares.sum::<f64>() / collection.pulses.len() as f64).sqrt()
+}
+
+/// The highest frequency of any sample, hertz.
+pub(super) fn highest_hz(task: &Task) -> f64 {
+    let collection = task.history.collection();
+    let last = collection.num_samples.saturating_sub(1);
+    let each = collection.pulses.iter();
+    each.map(|p| p.start_hz.abs().max(p.frequency_hz(last).abs()))
+        .fold(0.0, f64::max)
+}
+
+/// RMS rounding of a sum of `terms` float32 values taken one after another, relative to the sum: each partial
+/// sum is rounded once, a third of the squares' sum for one that grows evenly.
+pub(super) fn sum(terms: usize) -> f64 {
+    FLOAT32 * (1.0 + terms as f64 / 3.0).sqrt()
+}
+
+/// dB of a root of summed squares.
+pub(super) fn total_db(errors: &[f64]) -> f64 {
+    let squares: f64 = errors.iter().map(|error| error * error).sum();
+    10.0 * squares.log10()
+}

@@ -1,0 +1,238 @@
+//! Axes of the two-dimensional spectrum and of the image over place along the track and range.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::RangeMethod;
+use super::taper::{BETA, Taper};
+use crate::FormError;
+use crate::straight_track::StraightTrack;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::phase_history::Band;
+
+/// Taps of every kernel: -107 dB in one dimension ([`subaperture_signal::kaiser_bessel`]).
+pub(crate) const TAPS: usize = 6;
+
+/// The largest sine of an angle off broadside, its fall included: beyond it a range changes so much with
+/// an angle that transforms grow out of bounds.
+const LARGEST_SINE: f64 = 0.985;
+
+/// Longest transform over slow time: more would not fit any memory.
+const LONGEST: f64 = 1e9;
+
+/// An evenly spaced axis of the image, `first + i step`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ImageAxis {
+    /// Value of element 0, metres.
+    pub(crate) first_m: f64,
+    /// Step, metres: half of Nyquist's.
+    pub(crate) step_m: f64,
+    /// Number of elements.
+    pub(crate) count: usize,
+    /// Wavenumber that the image is brought down by, rad/m.
+    pub(crate) carrier: f64,
+}
+
+impl ImageAxis {
+    /// Value of element `i`, metres.
+    pub(crate) fn at(&self, i: usize) -> f64 {
+        self.first_m + i as f64 * self.step_m
+    }
+}
+
+/// What the stages work on.
+#[derive(Clone, Debug)]
+pub(crate) struct Axes {
+    /// Two-way wavenumber `4 pi f_k / c` of every frequency, rad/m.
+    pub(crate) wavenumbers: Vec<f64>,
+    /// Closest ranges of all pixels, least and most, metres.
+    pub(crate) range_m: [f64; 2],
+    /// Pixels' places along the track from the pulses', least and most, metres.
+    pub(super) reach_m: [f64; 2],
+    /// Directions covered.
+    pub(super) taper: Taper,
+    /// Length of the slow-time transform, pulses.
+    pub(super) period: usize,
+    /// Step of the wavenumber along the track, rad/m.
+    pub(super) along_wavenumber_step: f64,
+    /// Index of the first wavenumber along the track that is kept; the spectrum repeats every `period`.
+    pub(super) first_bin: i64,
+    /// Number of wavenumbers along the track that are kept.
+    pub(super) num_bins: usize,
+    /// Length of the transform back to the track.
+    pub(super) along_length: usize,
+    /// Place of the image's first column in that transform, from `x = 0`.
+    pub(super) first_along: i64,
+    /// Along the track.
+    pub(super) along: ImageAxis,
+    /// Closest range.
+    pub(crate) range: ImageAxis,
+}
+
+impl Axes {
+    /// Axes for the pixels of `grid`.
+    ///
+    /// # Errors
+    /// [`FormError::Unsuited`] if pixels lie too close to the track, or too far ahead or behind.
+    pub(super) fn new(
+        track: &StraightTrack,
+        band: &Band,
+        grid: &ImageGrid,
+        method: &dyn RangeMethod,
+    ) -> Result<Self, FormError> {
+        let wavenumber = |f_hz: f64| 4.0 * PI * f_hz / SPEED_OF_LIGHT_M_S;
+        let wavenumbers: Vec<f64> = (0..band.count)
+            .map(|k| wavenumber(band.frequency_hz(k)))
+            .collect();
+        let (least, most) = (wavenumbers[0], wavenumbers[band.count - 1]);
+        let (along_m, range_m) = pixel_bounds(track, grid);
+        let reach_m = [
+            along_m[0] - track.along_m(track.num_pulses - 1),
+            along_m[1] - track.along_m(0),
+        ];
+        let sine = |u_m: f64, r_m: f64| u_m / r_m.hypot(u_m);
+        let needed = [
+            sine(reach_m[0], range_m[0]).min(sine(reach_m[0], range_m[1])),
+            sine(reach_m[1], range_m[0]).max(sine(reach_m[1], range_m[1])),
+        ];
+        let taper = Taper::new(needed, range_m[0] * least);
+        let ends = taper.ends;
+        let steepest = ends[0].abs().max(ends[1].abs());
+        if !(range_m[0] > 0.0 && least > 0.0 && steepest < LARGEST_SINE) {
+            return Err(FormError::Unsuited(format!(
+                "pixels from {:.3} m from the track's line on, seen up to {:.0} degrees off \
+                 broadside, are too near for a frequency-domain former: use --algorithm bp, or a \
+                 --grid farther away or narrower",
+                range_m[0],
+                needed[0].abs().max(needed[1].abs()).asin().to_degrees()
+            )));
+        }
+
+        // Where the reference ends, and a period that keeps its repetitions off the pixels.
+        let tangent = |s: f64| s / (1.0 - s * s).sqrt();
+        let spread_m = 2.0 * BETA / (taper.fall[0].min(taper.fall[1]) * least);
+        let end_m = |s: f64| (range_m[0] * tangent(s), range_m[1] * tangent(s));
+        let (low_a, low_b) = end_m(ends[0]);
+        let (high_a, high_b) = end_m(ends[1]);
+        let (low_m, high_m) = (low_a.min(low_b) - spread_m, high_a.max(high_b) + spread_m);
+        let period_m = (reach_m[1] - low_m).max(high_m - reach_m[0]);
+        let pulses = (period_m / track.spacing_m).ceil() + 1.0;
+        let along_low = (least * ends[0]).min(most * ends[0]);
+        let along_high = (least * ends[1]).max(most * ends[1]);
+        let bins = (along_high - along_low) * pulses * track.spacing_m / TAU;
+        if !(pulses < LONGEST && bins < LONGEST) {
+            return Err(FormError::Unsuited(format!(
+                "{pulses:.1e} pulses {:.3e} m apart would have to be transformed at once: use \
+                 --algorithm bp, or a smaller --grid",
+                track.spacing_m
+            )));
+        }
+        let period = super::fast_length((pulses as usize).max(track.num_pulses));
+        let period_m = period as f64 * track.spacing_m;
+        let along_wavenumber_step = TAU / period_m;
+        let first_bin = (along_low / along_wavenumber_step).floor() as i64;
+        let last_bin = (along_high / along_wavenumber_step).ceil() as i64;
+        let num_bins = (last_bin - first_bin + 1) as usize;
+        let along_length = super::fast_length((2 * num_bins).max(2 * TAPS));
+        let along_step_m = period_m / along_length as f64;
+        let margin = TAPS as i64 / 2 + 1;
+        let first_along = (along_m[0] / along_step_m).floor() as i64 - margin;
+        let last_along = (along_m[1] / along_step_m).ceil() as i64 + margin;
+        let along = ImageAxis {
+            first_m: first_along as f64 * along_step_m,
+            step_m: along_step_m,
+            count: (last_along - first_along + 1) as usize,
+            carrier: (first_bin + num_bins as i64 / 2) as f64 * along_wavenumber_step,
+        };
+        Ok(Self {
+            range: range_axis(method, [least, most], ends, range_m)?,
+            wavenumbers,
+            range_m,
+            reach_m,
+            taper,
+            period,
+            along_wavenumber_step,
+            first_bin,
+            num_bins,
+            along_length,
+            first_along,
+            along,
+        })
+    }
+
+    /// Middle of the swath, metres.
+    pub(crate) fn reference_range_m(&self) -> f64 {
+        (self.range_m[0] + self.range_m[1]) / 2.0
+    }
+
+    /// Sines of the directions that pixels are seen in, least and most.
+    pub(crate) fn needed_sines(&self) -> [f64; 2] {
+        self.taper.needed
+    }
+
+    /// Wavenumber along the track of bin `q` of those kept, rad/m.
+    pub(super) fn along_wavenumber(&self, q: usize) -> f64 {
+        (self.first_bin + q as i64) as f64 * self.along_wavenumber_step
+    }
+}
+
+/// The axis of closest range: as wide as the method's range wavenumbers ask for.
+fn range_axis(
+    method: &dyn RangeMethod,
+    wavenumbers: [f64; 2],
+    ends: [f64; 2],
+    range_m: [f64; 2],
+) -> Result<ImageAxis, FormError> {
+    // Extremes lie at the ends of the directions or at broadside.
+    let broadside = 0f64.clamp(ends[0], ends[1]);
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for kappa in wavenumbers {
+        for sine in [ends[0], ends[1], broadside] {
+            let value = method.range_wavenumber(kappa, kappa * sine);
+            if !value.is_finite() {
+                return Err(FormError::Unsuited(
+                    "the band is too wide for an expansion about its centre at these angles: use \
+                     --algorithm omega-k or bp"
+                        .to_owned(),
+                ));
+            }
+            low = low.min(value);
+            high = high.max(value);
+        }
+    }
+    // Two percent for extremes between, and something to stand on where one frequency is all.
+    let width = (1.02 * (high - low)).max(1e-4 * high.abs());
+    let step_m = PI / width;
+    let margin = TAPS as f64 / 2.0 + 1.0;
+    let samples = ((range_m[1] - range_m[0]) / step_m).ceil() + 2.0 * margin + 1.0;
+    if samples >= LONGEST {
+        return Err(FormError::Unsuited(format!(
+            "{samples:.1e} range bins are too many: use a smaller --grid"
+        )));
+    }
+    Ok(ImageAxis {
+        first_m: range_m[0] - margin * step_m,
+        step_m,
+        count: samples as usize,
+        carrier: (low + high) / 2.0,
+    })
+}
+
+/// Least and most place along the track and closest range over all pixels, metres.
+fn pixel_bounds(track: &StraightTrack, grid: &ImageGrid) -> ([f64; 2], [f64; 2]) {
+    let none = [f64::INFINITY, f64::NEG_INFINITY];
+    let widen = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+    (0..grid.rows.count)
+        .into_par_iter()
+        .map(|row| {
+            let pixels = (0..grid.columns.count).map(|column| grid.position_m(row, column));
+            pixels.fold((none, none), |(along, range), point: DVec3| {
+                let (x, r) = track.along_and_range_m(point);
+                (widen(along, [x, x]), widen(range, [r, r]))
+            })
+        })
+        .reduce(|| (none, none), |a, b| (widen(a.0, b.0), widen(a.1, b.1)))
+}

@@ -1,0 +1,278 @@
+//! The error to expect of a frequency-domain former, before it begins.
+//!
+//! The image is linear in the samples: for pixel `p` a former sums `w_k v_n z[n][k] h~(p, n, k)`, and the exact sum
+//! has `h = exp(j kappa_k path_n(p) / 2)` for `h~`. Whatever the samples are, the error of the image is that of
+//! `h~ / h - 1`, and its relative RMS over pulses and frequencies, weighted as samples are, is the relative RMS error of
+//! the image (by Parseval, if the image covers what scatters). It has two parts.
+//!
+//! **Track.** `h~` knows the pulse on the line, moved there by the difference of paths to one point. What is left,
+//! `exp(j kappa (excess_n(p) - excess_n(q)) / 2)`, is evaluated for all pulses at points all over the
+//! grid, corners and edges among them ([`probes`]).
+//!
+//! **Line.** On the line `h~` is a sum over the wavenumbers along the track that the former keeps,
+//!
+//! ```text
+//! h~(r, u; kappa) = sum_q T(kx_q / kappa) A(kappa, kx_q; r) exp(j phase(kappa, kx_q; r)) exp(j kx_q u)
+//! ```
+//!
+//! with the taper `T` of the ends, the stationary phase's amplitude and bracket `A`, and the method's own phase,
+//! `r kr` for omega-K and its expansion for the range-Doppler algorithm. It is evaluated as it stands, at
+//! [`FREQUENCIES`] frequencies, [`RANGES`] ranges and [`OFFSETS`] places along the track from the first to the last
+//! at which a pulse sees a pixel, so that ends, repetitions over slow time and neglected terms are all in it.
+//!
+//! Beside them stand the kernels, -107 dB in each of three axes, and float32: [`FLOOR`].
+
+use std::f64::consts::{FRAC_PI_4, PI, TAU};
+
+use glam::DVec3;
+use num_complex::Complex64;
+use rayon::prelude::*;
+
+use super::{Axes, RangeMethod, stationary_phase_error};
+use crate::probes::{Shares, probes, turned};
+use crate::rounding;
+use crate::straight_track::StraightTrack;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::phase_history::{Collection, Weights};
+
+/// Frequencies from the first to the last.
+const FREQUENCIES: usize = 9;
+/// Ranges from the nearest to the farthest.
+const RANGES: usize = 5;
+/// Places along the track, denser towards both ends, where the band of directions rings.
+const OFFSETS: usize = 65;
+/// Most pulses over which a pixel's error on the line is averaged.
+const PULSES: usize = 16_384;
+/// Three kernels (-107 dB each) with their tables (-114 dB), and float32.
+const FLOOR: f64 = 1.0e-5;
+
+/// What to expect, relative RMS of the worst pixel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Prediction {
+    /// Of the track's deviations from a line.
+    pub(crate) track: f64,
+    /// Of a straight track.
+    pub(crate) line: f64,
+}
+
+impl Prediction {
+    /// Of all together, dB: the two may add up in phase. `others` are errors beside them.
+    pub(crate) fn total_db(&self, others: &[f64]) -> f64 {
+        rounding::total_db(&[&[self.track + self.line, FLOOR], others].concat())
+    }
+
+    /// What limits it, and what to do: `line` says so of a straight track.
+    pub(crate) fn limit(&self, line: &str) -> String {
+        if self.line > self.track {
+            return line.to_owned();
+        }
+        format!(
+            "the track is not straight and even, and moving each pulse to a line for the middle of the grid leaves an \
+             error of {:.0} dB at its worst corner: use --algorithm rdbp or bp, or a smaller --grid",
+            20.0 * self.track.log10()
+        )
+    }
+}
+
+/// What the track's deviations leave over `grid`, with motion compensated to `reference`.
+pub(super) fn of_track(
+    collection: &Collection,
+    weights: &Weights,
+    grid: &ImageGrid,
+    track: &StraightTrack,
+    reference: DVec3,
+    wavenumbers: &[f64],
+) -> f64 {
+    let slow = Shares::new(&weights.slow);
+    let fast = Shares::new(&weights.fast);
+    let squares = wavenumbers.iter().map(|kappa| kappa * kappa);
+    let rms_wavenumber = fast.worst(squares).sqrt();
+    let excess_m: Vec<f64> = (collection.pulses.iter().enumerate())
+        .map(|(n, pulse)| track.excess_path_m(n, pulse, reference))
+        .collect();
+    let points = probes(grid);
+    let errors = points.par_iter().map(|&point| {
+        let left = collection.pulses.iter().zip(&excess_m).enumerate();
+        slow.worst(left.map(|(n, (pulse, excess_m))| {
+            let left_m = track.excess_path_m(n, pulse, point) - excess_m;
+            turned(rms_wavenumber * left_m / 2.0)
+        }))
+    });
+    errors.reduce(|| 0.0, f64::max).sqrt()
+}
+
+/// What `method` leaves on a straight track over `grid`.
+pub(super) fn of_line(
+    weights: &Weights,
+    grid: &ImageGrid,
+    track: &StraightTrack,
+    axes: &Axes,
+    method: &dyn RangeMethod,
+) -> f64 {
+    let slow = Shares::new(&weights.slow);
+    let line = Line::new(axes, weights, track, method);
+    let points = probes(grid);
+    let errors = points.iter().map(|&point| line.at(point, track, &slow));
+    errors.fold(0.0, f64::max).sqrt()
+}
+
+/// Places along the track, `middle - half cos(pi i / (OFFSETS - 1))`.
+#[derive(Clone, Copy)]
+struct Offsets {
+    middle_m: f64,
+    half_m: f64,
+}
+
+impl Offsets {
+    fn at(&self, i: usize) -> f64 {
+        self.middle_m - self.half_m * (PI * i as f64 / (OFFSETS - 1) as f64).cos()
+    }
+
+    /// The index of a place, between whole ones.
+    fn index(&self, place_m: f64) -> f64 {
+        let cosine = ((self.middle_m - place_m) / self.half_m).clamp(-1.0, 1.0);
+        cosine.acos() / PI * (OFFSETS - 1) as f64
+    }
+}
+
+/// Mean square errors on the line, over places along the track and ranges.
+struct Line {
+    offsets: Offsets,
+    ranges_m: Vec<f64>,
+    /// For each range, for each place.
+    errors: Vec<Vec<f64>>,
+}
+
+impl Line {
+    fn new(
+        axes: &Axes,
+        weights: &Weights,
+        track: &StraightTrack,
+        method: &dyn RangeMethod,
+    ) -> Self {
+        let [first_m, last_m] = axes.reach_m;
+        let offsets = Offsets {
+            middle_m: (first_m + last_m) / 2.0,
+            half_m: (last_m - first_m) / 2.0,
+        };
+        let [near_m, far_m] = axes.range_m;
+        let mut ranges_m: Vec<f64> = (0..RANGES)
+            .map(|i| near_m + (far_m - near_m) * i as f64 / (RANGES - 1) as f64)
+            .collect();
+        ranges_m.dedup();
+        // Bands of frequencies, each one's weight on its middle.
+        let count = axes.wavenumbers.len();
+        let mut chosen: Vec<usize> = (0..FREQUENCIES)
+            .map(|i| i * (count - 1) / (FREQUENCIES - 1))
+            .collect();
+        chosen.dedup();
+        let near = |k: usize| {
+            let distance = |i: &usize| chosen[*i].abs_diff(k);
+            (0..chosen.len()).min_by_key(distance).unwrap_or(0)
+        };
+        let mut shares = vec![0.0; chosen.len()];
+        let sum: f64 = weights.fast.iter().sum();
+        for (k, weight) in weights.fast.iter().enumerate() {
+            shares[near(k)] += weight / sum;
+        }
+        let jobs: Vec<(f64, f64, f64)> = ranges_m
+            .iter()
+            .flat_map(|&range_m| {
+                let each = chosen.iter().zip(&shares);
+                each.map(move |(&k, &share)| (range_m, axes.wavenumbers[k], share))
+            })
+            .collect();
+        let all: Vec<Vec<f64>> = jobs
+            .par_iter()
+            .map(|&(range_m, kappa, share)| {
+                let of_one = along(axes, track, method, range_m, kappa, offsets);
+                of_one.into_iter().map(|error| error * share).collect()
+            })
+            .collect();
+        let errors = all.chunks(chosen.len()).map(|of_range| {
+            let at = |i: usize| of_range.iter().map(|errors| errors[i]).sum::<f64>();
+            (0..OFFSETS).map(at).collect()
+        });
+        Self {
+            offsets,
+            errors: errors.collect(),
+            ranges_m,
+        }
+    }
+
+    /// Of a pixel: the mean over pulses, at the worse of the ranges about its own.
+    fn at(&self, point: DVec3, track: &StraightTrack, slow: &Shares) -> f64 {
+        let (along_m, range_m) = track.along_and_range_m(point);
+        let after = self.ranges_m.partition_point(|&r| r < range_m);
+        let about = after.saturating_sub(1)..=after.min(self.ranges_m.len() - 1);
+        let (mut sums, mut shares) = ([0.0; 2], [0.0; 2]);
+        let every = track.num_pulses.div_ceil(PULSES);
+        let worst: Vec<f64> = (0..OFFSETS)
+            .map(|i| {
+                let of_ranges = self.errors[about.clone()].iter().map(|errors| errors[i]);
+                of_ranges.fold(0.0, f64::max)
+            })
+            .collect();
+        for n in (0..track.num_pulses).step_by(every) {
+            let index = self.offsets.index(along_m - track.along_m(n));
+            let i = (index as usize).min(OFFSETS - 2);
+            let t = index - i as f64;
+            let error = worst[i] * (1.0 - t) + worst[i + 1] * t;
+            for j in 0..2 {
+                sums[j] += slow.0[n][j] * error;
+                shares[j] += slow.0[n][j];
+            }
+        }
+        (sums[0] / shares[0]).max(sums[1] / shares[1])
+    }
+}
+
+/// `|h~ / h - 1|^2` at one range and frequency, over places along the track.
+fn along(
+    axes: &Axes,
+    track: &StraightTrack,
+    method: &dyn RangeMethod,
+    range_m: f64,
+    kappa: f64,
+    offsets: Offsets,
+) -> Vec<f64> {
+    let kx_step = axes.along_wavenumber_step;
+    let steps: Vec<Complex64> = (0..OFFSETS)
+        .map(|i| Complex64::cis(kx_step * offsets.at(i)))
+        .collect();
+    let mut turns: Vec<Complex64> = (0..OFFSETS)
+        .map(|i| Complex64::cis(axes.along_wavenumber(0) * offsets.at(i)))
+        .collect();
+    let mut sums = vec![Complex64::ZERO; OFFSETS];
+    let reference_m = axes.reference_range_m();
+    for q in 0..axes.num_bins {
+        let kx = axes.along_wavenumber(q);
+        let taper = axes.taper.at(kx / kappa);
+        if taper != 0.0 {
+            let kr = (kappa * kappa - kx * kx).sqrt();
+            let phase_rad = method.phase_rad(kappa, kx, range_m, reference_m);
+            let value = Complex64::cis(phase_rad)
+                * stationary_phase_error(reference_m * kr)
+                * (taper * kappa / (kr * kr.sqrt()));
+            for (sum, turn) in sums.iter_mut().zip(&turns) {
+                *sum += value * turn;
+            }
+        }
+        for (turn, step) in turns.iter_mut().zip(&steps) {
+            *turn *= step;
+        }
+    }
+    let constant = Complex64::cis(FRAC_PI_4) * TAU.sqrt() * range_m.sqrt()
+        / (axes.period as f64 * track.spacing_m);
+    let carrier = axes.range.carrier;
+    let bracket =
+        stationary_phase_error(range_m * carrier) / stationary_phase_error(reference_m * carrier);
+    sums.into_iter()
+        .enumerate()
+        .map(|(i, sum)| {
+            let path_m = range_m.hypot(offsets.at(i));
+            let exact = Complex64::cis(kappa * path_m);
+            (sum * constant * bracket * exact.conj() - 1.0).norm_sqr()
+        })
+        .collect()
+}

@@ -1,0 +1,247 @@
+//! What the items of Chim 2018 on image formers share: his L-band radar on a straight track, and maps of
+//! what formers hold on their way.
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+
+use crate::{Context, ItemError, Picture};
+use subaperture_focus::exact::Exact;
+use subaperture_focus::{ImageFormer, Task};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::image::{Comparison, Image};
+use subaperture_model::phase_history::{Band, PhaseHistory, Weights};
+use subaperture_planner::Parameters;
+use subaperture_plot::{Colours, Heat, Panel, PlotError, heat, quicklook};
+use subaperture_signal::range_profile::RangeProfiler;
+use subaperture_signal::window::Window;
+use subaperture_simulate::{Scatterer, Simulated};
+
+use super::forming::POINT_SCALE;
+
+/// Range bins for each frequency: fine enough for a peak between bins by a parabola.
+const RANGE_PADDING: f64 = 8.0;
+
+/// The radar of 4.5, 1.7 to 2.0 GHz, on a straight track along x at `y = -range_m`, `aperture_m` long,
+/// and unit scatterers at `(x, y)` of a plane.
+pub(super) fn l_band(
+    range_m: f64,
+    aperture_m: f64,
+    spacing_m: f64,
+    places_m: &[(f64, f64)],
+) -> Result<Simulated, ItemError> {
+    let mut pass = Parameters {
+        carrier_hz: 1.85e9,
+        bandwidth_hz: 300e6,
+        num_frequencies: 128,
+        range_m,
+        velocity_m_s: 1.0,
+        prf_hz: 1.0 / spacing_m,
+        scene_m: [range_m, range_m],
+        ..Parameters::default()
+    };
+    pass.num_pulses = pass.pulses_over(aperture_m) + 1;
+    let collection = pass
+        .collection()
+        .map_err(|error| ItemError::Measure(error.to_string()))?;
+    let scatterers = places_m.iter().map(|&(x, y)| Scatterer {
+        position_m: DVec3::new(x, y, 0.0),
+        amplitude: Complex64::ONE,
+    });
+    Ok(Simulated::new(collection, scatterers.collect(), None))
+}
+
+/// A task over `history` with a window over frequency, given to `work`.
+pub(super) fn with_task<T>(
+    context: &Context,
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+    fast: Window,
+    work: impl FnOnce(&Task) -> T,
+) -> T {
+    let weights = Weights::new(history.collection(), fast, Window::None);
+    work(&Task {
+        history,
+        grid,
+        weights: &weights,
+        memory_bytes: context.memory_bytes,
+        monitor: context.monitor,
+    })
+}
+
+/// Relative RMS error of `former` against the exact sum, dB.
+pub(super) fn error_db(
+    context: &Context,
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+    former: &dyn ImageFormer,
+) -> Result<f64, ItemError> {
+    with_task(context, history, grid, Window::None, |task| {
+        let image = former.form_best(task)?.image;
+        let exact = Exact.form(task)?.image;
+        let comparison = Comparison::between(&image, &exact)
+            .map_err(|error| ItemError::Measure(error.to_string()))?;
+        Ok(comparison.error_db.unwrap_or(f64::NAN))
+    })
+}
+
+/// The band of a recording whose pulses share one.
+pub(super) fn band(history: &dyn PhaseHistory) -> Result<Band, ItemError> {
+    let missing = || ItemError::Measure("pulses do not share a band".to_owned());
+    history.collection().band().ok_or_else(missing)
+}
+
+/// Range profiles of rows of samples referred to the range `reference_m`: powers `[row][range]` over
+/// `shown_m`, and their axis.
+pub(super) fn profiles(
+    rows: &[Complex32],
+    band: &Band,
+    window: Window,
+    reference_m: f64,
+    shown_m: (f64, f64),
+) -> (Vec<f32>, Axis) {
+    let profiler = RangeProfiler::new(&window.weights(band.count), RANGE_PADDING);
+    let length = profiler.length();
+    let step = band.unambiguous_path_m() / 2.0 / length as f64;
+    let bin = |range_m: f64| ((range_m - reference_m) / step).round() as i64;
+    let (first, last) = (bin(shown_m.0), bin(shown_m.1));
+    let axis = Axis {
+        start: reference_m + first as f64 * step,
+        step,
+        count: (last - first + 1) as usize,
+    };
+    let mut profile = vec![Complex32::ZERO; length + 1];
+    let mut scratch = vec![Complex32::ZERO; profiler.scratch_length()];
+    let mut powers = Vec::with_capacity(rows.len() / band.count * axis.count);
+    for row in rows.chunks_exact(band.count) {
+        profiler.profile(row, &mut profile, &mut scratch);
+        let bins = (first..=last).map(|i| i.rem_euclid(length as i64) as usize);
+        powers.extend(bins.map(|i| profile[i].norm_sqr()));
+    }
+    (powers, axis)
+}
+
+/// Place of the largest power of a row within `reach` of `near`: of a parabola through three levels.
+pub(super) fn ridge(row: &[f32], axis: &Axis, near: f64, reach: f64) -> f64 {
+    let inside = |i: &usize| (axis.at(*i) - near).abs() <= reach;
+    let inner = (1..axis.count - 1).filter(inside);
+    let Some(peak) = inner.max_by(|&a, &b| row[a].total_cmp(&row[b])) else {
+        return f64::NAN;
+    };
+    let [a, b, c] = [peak - 1, peak, peak + 1].map(|i| f64::from(row[i]).ln());
+    axis.at(peak) + axis.step * 0.5 * (a - c) / (a - 2.0 * b + c)
+}
+
+/// The matrix with rows and columns exchanged.
+pub(super) fn transposed(values: &[Complex32], columns: usize) -> Vec<Complex32> {
+    let rows = values.len() / columns;
+    (0..values.len())
+        .map(|i| values[i % rows * columns + i / rows])
+        .collect()
+}
+
+/// Frequency along the track, cycles a metre, of an axis in rad/m.
+pub(super) fn cycles(axis: &Axis) -> Axis {
+    Axis {
+        start: axis.start / std::f64::consts::TAU,
+        step: axis.step / std::f64::consts::TAU,
+        count: axis.count,
+    }
+}
+
+/// Two-way wavenumber of the middle of a band, rad/m.
+pub(super) fn centre_wavenumber(band: &Band) -> f64 {
+    2.0 * std::f64::consts::TAU * band.centre_hz() / SPEED_OF_LIGHT_M_S
+}
+
+/// What a map shows beside its values.
+pub(super) struct Map<'a> {
+    pub(super) name: &'a str,
+    pub(super) caption: &'a str,
+    /// Labels across and up.
+    pub(super) labels: [&'a str; 2],
+    pub(super) rows: Axis,
+    pub(super) columns: Axis,
+}
+
+impl Map<'_> {
+    /// Powers, 50 dB from the largest down.
+    pub(super) fn levels(&self, powers: &[f32]) -> Result<Picture, PlotError> {
+        let peak = powers.iter().copied().fold(0.0, f32::max);
+        // Where there is nothing at all, 100 dB down.
+        let level = |p: &f32| 10.0 * (p / peak).max(1e-10).log10();
+        let values: Vec<f32> = powers.iter().map(level).collect();
+        self.values(&values, (-50.0, 0.0), "dB")
+    }
+
+    /// Values as they are.
+    pub(super) fn values(
+        &self,
+        values: &[f32],
+        range: (f64, f64),
+        unit: &str,
+    ) -> Result<Picture, PlotError> {
+        // Pixels are square: those of the shorter axis are repeated until the picture is not too long.
+        let (rows, row_times) = repeated(&self.rows, self.columns.count);
+        let (columns, column_times) = repeated(&self.columns, self.rows.count);
+        let value = |i: usize| {
+            let (row, column) = (
+                i / columns.count / row_times,
+                i % columns.count / column_times,
+            );
+            values[row * self.columns.count + column]
+        };
+        let values: Vec<f32> = (0..rows.count * columns.count).map(value).collect();
+        let png = heat(&Heat {
+            values: &values,
+            rows,
+            columns,
+            title: self.caption.to_owned(),
+            across_label: self.labels[0].to_owned(),
+            up_label: self.labels[1].to_owned(),
+            unit: unit.to_owned(),
+            range,
+            colours: Colours::default(),
+            proportional: false,
+        })?;
+        Ok(Picture {
+            name: self.name.to_owned(),
+            caption: self.caption.to_owned(),
+            png,
+        })
+    }
+}
+
+/// `axis` with every element as often as it takes to be two thirds of `other`.
+fn repeated(axis: &Axis, other: usize) -> (Axis, usize) {
+    let times = (2 * other).div_ceil(3 * axis.count).max(1);
+    let step = axis.step / times as f64;
+    let repeated = Axis {
+        start: axis.start - axis.step / 2.0 + step / 2.0,
+        step,
+        count: axis.count * times,
+    };
+    (repeated, times)
+}
+
+/// A focused image of unit scatterers.
+pub(super) fn focused(
+    image: &Image,
+    grid: &ImageGrid,
+    caption: &str,
+) -> Result<Picture, PlotError> {
+    Ok(Picture {
+        name: "image".to_owned(),
+        caption: caption.to_owned(),
+        png: quicklook(&Panel {
+            scale: POINT_SCALE,
+            ..Panel::new(image, grid, caption)
+        })?,
+    })
+}
+
+/// Root of the mean square.
+pub(super) fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v * v, count + 1.0));
+    (sum / f64::max(count, 1.0)).sqrt()
+}

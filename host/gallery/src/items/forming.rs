@@ -1,0 +1,223 @@
+//! What several items do alike: scenes recorded, and formed by one former or another.
+
+use glam::{DVec2, DVec3};
+use num_complex::{Complex32, Complex64};
+
+use crate::{Context, ItemError, Picture};
+use subaperture_focus::bp::Backprojection;
+use subaperture_focus::rdbp::{Mode, RangeDoppler, Thesis};
+use subaperture_focus::{FormError, ImageFormer, Task};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::image::Image;
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::{Collection, PhaseHistory, Recorded, Weights};
+use subaperture_plot::{Panel, PlotError, Scale, panels};
+use subaperture_signal::window::Window;
+use subaperture_simulate::experiment::{Experiment, Pair};
+use subaperture_simulate::scenario::{Scenario, ScenarioError};
+use subaperture_simulate::{Preset, Scatterer, Simulated, Variation};
+
+/// Error bound of formers that have one, dB.
+pub(super) const ERROR_DB: f64 = -60.0;
+
+/// All images of points alike: a unit scatterer at the top.
+pub(super) const POINT_SCALE: Scale = Scale::Fixed {
+    top_db: 0.0,
+    span_db: 60.0,
+};
+
+/// Pulses held at once while a scene is recorded.
+const BLOCK_PULSES: usize = 64;
+
+/// Table 4.1 with one unit scatterer.
+pub(crate) fn lone_scatterer(position_m: DVec3) -> Simulated {
+    let preset = Preset::Table41.simulate(&Variation::default());
+    let scatterer = Scatterer {
+        position_m,
+        amplitude: Complex64::ONE,
+    };
+    Simulated::new(preset.collection().clone(), vec![scatterer], None)
+}
+
+/// The experiment that a text of this folder describes.
+pub(super) fn experiment(name: &str, text: &str) -> Result<Experiment, ScenarioError> {
+    Scenario::new(format!("{name}.toml"), text, ".").experiment()
+}
+
+/// Everything that the experiment's only pair of antennas records, so that it is simulated once.
+pub(super) fn record(context: &Context, experiment: &Experiment) -> Result<Recorded, ItemError> {
+    let pair = Pair {
+        transmitter: 0,
+        receiver: 0,
+    };
+    hold(context, &experiment.record(pair)?)
+}
+
+/// A phase history as a recording in memory.
+pub(super) fn hold(context: &Context, history: &dyn PhaseHistory) -> Result<Recorded, ItemError> {
+    let collection = history.collection().clone();
+    let (num_pulses, width) = (collection.pulses.len(), collection.num_samples);
+    let mut samples = vec![Complex32::ZERO; num_pulses * width];
+    for (block, samples) in samples.chunks_mut(BLOCK_PULSES * width).enumerate() {
+        if context.monitor.cancelled() {
+            return Err(FormError::Cancelled.into());
+        }
+        let first = block * BLOCK_PULSES;
+        history.read(first..first + samples.len() / width, samples)?;
+    }
+    Ok(Recorded::new(collection, samples)?)
+}
+
+/// The thesis's former with its Doppler padded as it does most.
+pub(super) fn thesis(sub_cpi: usize) -> RangeDoppler {
+    thesis_with(sub_cpi, Thesis::default())
+}
+
+/// The thesis's former.
+pub(super) fn thesis_with(sub_cpi: usize, options: Thesis) -> RangeDoppler {
+    RangeDoppler {
+        mode: Mode::Thesis(options),
+        error_db: ERROR_DB,
+        sub_cpi: Some(sub_cpi),
+        patch_m: None,
+    }
+}
+
+/// Traditional backprojection.
+pub(crate) fn backprojection() -> Backprojection {
+    Backprojection { error_db: ERROR_DB }
+}
+
+/// Pulses that span as much of `sqrt(lambda R)` as `pulses` of the thesis's 30,000 of GOTCHA.
+///
+/// Phases within a sub-CPI of length `D`, and the grating lobes that they make, depend on
+/// `D / sqrt(lambda R)` only. The thesis resolves 0.25 m at about 10 km and 9.6 GHz (S 5.2), which takes an
+/// aperture of `lambda R / (2 * 0.25 m)`, 625 m.
+pub(super) fn like_the_thesis(collection: &Collection, pulses: usize) -> Option<usize> {
+    let thesis_reach_m = (SPEED_OF_LIGHT_M_S / 9.6e9 * 10e3).sqrt();
+    let thesis_aperture_m = thesis_reach_m.powi(2) / (2.0 * 0.25);
+    let part = pulses as f64 / 30_000.0 * thesis_aperture_m / thesis_reach_m;
+
+    let all = &collection.pulses;
+    let middle = all.get(all.len() / 2)?;
+    let range_m = middle.transmitter_m.distance(middle.reference_m);
+    let reach_m = (SPEED_OF_LIGHT_M_S / collection.band()?.centre_hz() * range_m).sqrt();
+    let steps = all
+        .windows(2)
+        .map(|pair| pair[0].transmitter_m.distance(pair[1].transmitter_m));
+    let spacing_m = steps.sum::<f64>() / (all.len() - 1) as f64;
+    // One pulse would be backprojection.
+    Some(((part * reach_m / spacing_m).round() as usize).max(2))
+}
+
+/// Pixels from `-half_m` to `half_m` about a point.
+pub(crate) fn grid_about(centre: DVec3, half_x_m: f64, half_y_m: f64, step_m: f64) -> ImageGrid {
+    let axis = |middle: f64, half_m: f64| {
+        let reach = (half_m / step_m).round();
+        Axis {
+            start: middle - reach * step_m,
+            step: step_m,
+            count: 2 * reach as usize + 1,
+        }
+    };
+    ImageGrid::horizontal(axis(centre.x, half_x_m), axis(centre.y, half_y_m), centre.z)
+}
+
+/// The pixel nearest to a point, if it is on the grid.
+pub(super) fn pixel_at(grid: &ImageGrid, point: DVec2) -> Option<usize> {
+    let nearest = |axis: &Axis, value: f64| {
+        let index = ((value - axis.start) / axis.step).round();
+        (0.0..axis.count as f64)
+            .contains(&index)
+            .then_some(index as usize)
+    };
+    let (row, column) = (
+        nearest(&grid.rows, point.y)?,
+        nearest(&grid.columns, point.x)?,
+    );
+    Some(row * grid.columns.count + column)
+}
+
+/// One of the images that an item forms, for its part of the bar.
+struct Share<'a> {
+    whole: &'a dyn Monitor,
+    /// Its place among all, and their number.
+    place: [usize; 2],
+}
+
+impl Monitor for Share<'_> {
+    fn progress(&self, fraction: f64) {
+        let [index, count] = self.place.map(|n| n as f64);
+        self.whole.progress((index + fraction) / count);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.whole.cancelled()
+    }
+}
+
+/// The image, unweighted. It is the first of `place`, counted from 0, of the second.
+pub(super) fn form(
+    context: &Context,
+    place: [usize; 2],
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+    former: &dyn ImageFormer,
+) -> Result<Image, FormError> {
+    form_weighted(context, place, history, grid, former, Window::None)
+}
+
+/// [`form`] with a window over frequencies and pulses.
+pub(super) fn form_weighted(
+    context: &Context,
+    place: [usize; 2],
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+    former: &dyn ImageFormer,
+    window: Window,
+) -> Result<Image, FormError> {
+    let weights = Weights::new(history.collection(), window, window);
+    let task = Task {
+        history,
+        grid,
+        weights: &weights,
+        memory_bytes: context.memory_bytes,
+        monitor: &Share {
+            whole: context.monitor,
+            place,
+        },
+    };
+    // The theses' methods are shown with the errors they have.
+    Ok(former.form_best(&task)?.image)
+}
+
+/// Images side by side, a unit scatterer at the top.
+pub(super) fn side_by_side(
+    name: &str,
+    caption: &str,
+    images: &[(&str, &Image, &ImageGrid)],
+) -> Result<Picture, PlotError> {
+    side_by_side_at(name, caption, POINT_SCALE, images)
+}
+
+/// Images side by side, all with the same levels.
+pub(super) fn side_by_side_at(
+    name: &str,
+    caption: &str,
+    scale: Scale,
+    images: &[(&str, &Image, &ImageGrid)],
+) -> Result<Picture, PlotError> {
+    let shown: Vec<Panel> = images
+        .iter()
+        .map(|&(title, image, grid)| Panel {
+            scale,
+            ..Panel::new(image, grid, title)
+        })
+        .collect();
+    Ok(Picture {
+        name: name.to_owned(),
+        caption: caption.to_owned(),
+        png: panels(&shown, 2)?,
+    })
+}

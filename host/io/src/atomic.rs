@@ -1,0 +1,237 @@
+//! A file written beside its place and then renamed into it: complete, or not at all.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::lock::KEPT_SUFFIX;
+use super::place::Place;
+use super::unfinished::{self, Thing};
+
+/// Why nothing was written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The operating system refused.
+    #[error("cannot write {}: {source}{}", path.display(), advice(source, *needed_bytes))]
+    Io {
+        /// What was to be written.
+        path: PathBuf,
+        /// Size of it all, 0 if not known.
+        needed_bytes: u64,
+        /// Cause.
+        source: io::Error,
+    },
+    /// The disk is too full to begin.
+    #[error(
+        "cannot write {}: {needed_bytes} bytes are needed and {free_bytes} are free there; free some \
+         or write elsewhere",
+        path.display()
+    )]
+    NoSpace {
+        /// What was to be written.
+        path: PathBuf,
+        /// Size of it.
+        needed_bytes: u64,
+        /// Bytes free.
+        free_bytes: u64,
+    },
+    /// Something is in the way.
+    #[error("cannot write {}: {what}", path.display())]
+    Blocked {
+        /// What was to be written.
+        path: PathBuf,
+        /// What is in the way.
+        what: &'static str,
+    },
+    /// Another run is writing it.
+    #[error(
+        "cannot write {}: another run ({holder}) is writing it; wait for it to end, or write elsewhere",
+        path.display()
+    )]
+    Locked {
+        /// What was to be written.
+        path: PathBuf,
+        /// Who holds the lock.
+        holder: String,
+    },
+    /// It is read by the same run.
+    #[error("cannot write {}: {}; name another file", path.display(), same(path, input))]
+    IsInput {
+        /// What was to be written.
+        path: PathBuf,
+        /// The input, by its own name.
+        input: PathBuf,
+    },
+    /// It is named twice.
+    #[error("cannot write {}: it is named twice, for two outputs", path.display())]
+    Twice {
+        /// What was to be written.
+        path: PathBuf,
+    },
+    /// Something stands there that this program did not write.
+    #[error(
+        "cannot write {}: it is there already, and {what}; name another, or replace it with --force",
+        path.display()
+    )]
+    NotOurs {
+        /// What was to be written.
+        path: PathBuf,
+        /// How that shows.
+        what: &'static str,
+    },
+}
+
+fn same(path: &Path, input: &Path) -> String {
+    match path == input {
+        true => "it is an input of this run".to_owned(),
+        false => format!(
+            "it is the same file as {}, an input of this run",
+            input.display()
+        ),
+    }
+}
+
+fn advice(source: &io::Error, needed_bytes: u64) -> String {
+    let full = matches!(
+        source.kind(),
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
+    );
+    let closed = matches!(
+        source.kind(),
+        io::ErrorKind::PermissionDenied
+            | io::ErrorKind::ReadOnlyFilesystem
+            | io::ErrorKind::NotFound
+    );
+    match (full, needed_bytes) {
+        (false, _) if closed => "; choose a folder that exists and can be written to".to_owned(),
+        (false, _) => String::new(),
+        (true, 0) => "; free some space or write elsewhere".to_owned(),
+        (true, bytes) => format!("; {bytes} bytes are needed: free some or write elsewhere"),
+    }
+}
+
+/// Writes one file, complete or not at all: `write` fills a file beside it, which is forced to disk
+/// and then renamed to `path`. `needed_bytes` is for the message of a full disk; 0 if not known.
+/// A symbolic link is followed; missing folders are made.
+///
+/// # Errors
+/// [`WriteError`]; then `path` is as it was and nothing is left beside it.
+pub fn write_atomically<T>(
+    path: &Path,
+    needed_bytes: u64,
+    write: impl FnOnce(&mut File) -> io::Result<T>,
+) -> Result<T, WriteError> {
+    let mut beside = Beside::create(path, needed_bytes, ".part")?;
+    let value = write(beside.file()).map_err(|source| beside.failed(source))?;
+    beside.commit()?;
+    Ok(value)
+}
+
+/// A hidden file in the folder of its target, which is locked meanwhile. Gone when dropped, unless committed.
+#[derive(Debug)]
+pub struct Beside {
+    file: File,
+    // Before the place: when dropped, the file goes before the lock and the folder.
+    hidden: Hidden,
+    place: Place,
+    /// As the user calls it.
+    path: PathBuf,
+    needed_bytes: u64,
+}
+
+impl Beside {
+    /// Begins a file that is to become `path`. A symbolic link is followed, missing folders are made. The hidden
+    /// file's name ends in `suffix`.
+    ///
+    /// # Errors
+    /// If the folder cannot be written to, has less than `needed_bytes` free, `path` exists and is not a file, or
+    /// another process is writing it.
+    pub fn create(path: &Path, needed_bytes: u64, suffix: &str) -> Result<Self, WriteError> {
+        let place = Place::of_file(path)?;
+        check_room(path, place.folder(), needed_bytes)?;
+        let hidden = place.folder().join(place.lock.hidden_name(suffix));
+        let file = File::create_new(&hidden).map_err(|source| WriteError::Io {
+            path: path.to_owned(),
+            needed_bytes,
+            source,
+        })?;
+        // What is kept of a killed run is kept of one that ends at once too.
+        if suffix != KEPT_SUFFIX {
+            unfinished::begin(Thing::File(hidden.clone()));
+        }
+        Ok(Self {
+            file,
+            hidden: Hidden(hidden),
+            place,
+            path: path.to_owned(),
+            needed_bytes,
+        })
+    }
+
+    /// The file to be filled.
+    pub fn file(&mut self) -> &mut File {
+        &mut self.file
+    }
+
+    /// The error of writing it.
+    pub fn failed(&self, source: io::Error) -> WriteError {
+        WriteError::Io {
+            path: self.path.clone(),
+            needed_bytes: self.needed_bytes,
+            source,
+        }
+    }
+
+    /// Forces the file to disk and renames it into place.
+    ///
+    /// # Errors
+    /// Then the target is as it was.
+    pub fn commit(self) -> Result<(), WriteError> {
+        let moved = self.file.sync_all().and_then(|()| {
+            let _moving = unfinished::commit();
+            fs::rename(&self.hidden.0, &self.place.path)?;
+            sync_folder(self.place.folder())
+        });
+        moved.map_err(|source| self.failed(source))
+    }
+}
+
+/// A hidden file, removed when dropped, if it is still there.
+#[derive(Debug)]
+struct Hidden(PathBuf);
+
+impl Drop for Hidden {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.0);
+        unfinished::end(&self.0);
+    }
+}
+
+/// Bytes free where `path` is to be written, as an ordinary user sees it; `None` where the system cannot tell.
+pub fn free_bytes(path: &Path) -> Option<u64> {
+    let path = std::path::absolute(path).ok()?;
+    let place = path.ancestors().find(|place| place.is_dir())?;
+    fs4::available_space(place).ok()
+}
+
+/// Refuses what is larger than the room in `folder`, as an ordinary user sees it. Where the system cannot tell, writing
+/// will.
+pub fn check_room(path: &Path, folder: &Path, needed_bytes: u64) -> Result<(), WriteError> {
+    match fs4::available_space(folder) {
+        Ok(free_bytes) if free_bytes < needed_bytes => Err(WriteError::NoSpace {
+            path: path.to_owned(),
+            needed_bytes,
+            free_bytes,
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Forces a folder's names to disk, where the system can.
+pub fn sync_folder(folder: &Path) -> io::Result<()> {
+    #[cfg(unix)]
+    File::open(folder)?.sync_all()?;
+    #[cfg(not(unix))]
+    let _ = folder;
+    Ok(())
+}

@@ -1,0 +1,146 @@
+//! What a run is going to write, claimed before the work: nothing that it reads, nothing that somebody else wrote, nothing
+//! that another run is writing.
+//!
+//! An output may replace what this program wrote ([`super::ours`]), an empty file, or nothing. It never replaces an
+//! input of the same run, by whatever name: that is asked of the system, not of the path. Anything else it replaces only if
+//! that is forced. Claims are locks: another process that claims the same is refused until these are dropped, or
+//! their process ends in whatever way.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::atomic::WriteError;
+use super::input::same_path;
+use super::ours::{Kind, objection};
+use super::place::Place;
+use subaperture_describe::named_files;
+
+/// The outputs of one run.
+#[derive(Debug)]
+pub struct Claims {
+    inputs: Vec<PathBuf>,
+    forced: bool,
+    /// Of every output its place, and of a folder the names in it.
+    held: Vec<(Place, Vec<String>)>,
+}
+
+impl Claims {
+    /// Those of a run that reads `inputs`, and the files that descriptions among them name. If `forced`, whatever stands
+    /// in the way may be replaced, but for inputs.
+    pub fn new<P: AsRef<Path>>(inputs: &[P], forced: bool) -> Self {
+        let mut all: Vec<PathBuf> = Vec::new();
+        for path in inputs.iter().map(AsRef::as_ref) {
+            all.push(path.to_owned());
+            if path.extension().is_some_and(|end| end == "toml") {
+                all.extend(named_files(path));
+            }
+            // Of a product.
+            if path.is_dir() {
+                all.extend(["image.npy", "image.json"].map(|name| path.join(name)));
+            }
+        }
+        Self {
+            inputs: all,
+            forced,
+            held: Vec::new(),
+        }
+    }
+
+    /// Claims a file.
+    ///
+    /// # Errors
+    /// [`WriteError`].
+    pub fn file(&mut self, path: &Path, kind: Kind) -> Result<(), WriteError> {
+        let place = Place::of_file(path)?;
+        self.check(path, &place.path, kind)?;
+        self.hold(path, place, Vec::new())
+    }
+
+    /// Claims files of these names in a folder, which is made with the first of them. Whatever else lies there stays.
+    ///
+    /// # Errors
+    /// [`WriteError`].
+    pub fn folder<S: AsRef<str>>(
+        &mut self,
+        folder: &Path,
+        names: impl IntoIterator<Item = S>,
+    ) -> Result<(), WriteError> {
+        let place = Place::of_folder(folder)?;
+        let mut held = Vec::new();
+        for name in names {
+            let name = name.as_ref();
+            self.check(
+                &folder.join(name),
+                &place.path.join(name),
+                Kind::of_name(name),
+            )?;
+            held.push(name.to_owned());
+        }
+        self.hold(folder, place, held)
+    }
+
+    /// Refuses what may not be replaced; `called` is the user's name for `path`.
+    fn check(&self, called: &Path, path: &Path, kind: Kind) -> Result<(), WriteError> {
+        if let Some(input) = self.inputs.iter().find(|input| same_path(input, path)) {
+            return Err(WriteError::IsInput {
+                path: called.to_owned(),
+                input: input.clone(),
+            });
+        }
+        match fs::metadata(path) {
+            Ok(about) if about.is_dir() => {
+                return Err(WriteError::Blocked {
+                    path: called.to_owned(),
+                    what: "a folder of that name is in the way",
+                });
+            }
+            Ok(_) if self.forced => return Ok(()),
+            Ok(_) => {}
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+            Err(source) => return Err(failed(called, source)),
+        }
+        match objection(path, kind) {
+            Ok(None) => Ok(()),
+            Ok(Some(what)) => Err(WriteError::NotOurs {
+                path: called.to_owned(),
+                what,
+            }),
+            Err(source) => Err(failed(called, source)),
+        }
+    }
+
+    fn hold(&mut self, called: &Path, place: Place, names: Vec<String>) -> Result<(), WriteError> {
+        let files = |place: &Place, names: &[String]| -> Vec<PathBuf> {
+            match names {
+                [] => vec![place.path.clone()],
+                _ => names.iter().map(|name| place.path.join(name)).collect(),
+            }
+        };
+        let own = files(&place, &names);
+        for (other, names) in &self.held {
+            if files(other, names).iter().any(|file| own.contains(file)) {
+                return Err(WriteError::Twice {
+                    path: called.to_owned(),
+                });
+            }
+        }
+        self.held.push((place, names));
+        Ok(())
+    }
+}
+
+impl Drop for Claims {
+    /// Last first: a folder that was made for a later output may lie in one that was made for an earlier.
+    fn drop(&mut self) {
+        while self.held.pop().is_some() {}
+    }
+}
+
+fn failed(path: &Path, source: io::Error) -> WriteError {
+    WriteError::Io {
+        path: path.to_owned(),
+        needed_bytes: 0,
+        source,
+    }
+}

@@ -1,0 +1,329 @@
+//! What the XML block says, as far as image formation and its record need it.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+use super::conventions::{Domain, Sgn, SignalFormat};
+use super::pvp::Layout;
+use super::xml::{Element, MetadataError, check_plain};
+use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
+
+/// The surface on which image coordinates are defined. [`CphdInfo::frame`] is a plane for both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReferenceSurface {
+    /// The plane of `uIAX` and `uIAY` through the IARP.
+    Planar,
+    /// Constant height above the ellipsoid. The frame is its tangent plane at the IARP, x along
+    /// `uIAXLL`, y along the part of `uIAYLL` normal to x. A surface point at distance `d` lies
+    /// about `d^2 / 12.8e6` m below it: 8 cm at 1 km.
+    Hae,
+}
+
+/// One channel, as listed in the XML.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChannelInfo {
+    /// `Identifier`.
+    pub id: String,
+    /// Number of vectors (pulses).
+    pub num_vectors: u64,
+    /// Samples in each vector, as stored.
+    pub num_samples: u64,
+    /// Transmitted polarisation, such as `V`.
+    pub tx_polarization: Option<String>,
+    /// Received polarisation.
+    pub rcv_polarization: Option<String>,
+    /// Centre of the band, hertz.
+    pub fx_c_hz: Option<f64>,
+    /// Width of the band, hertz.
+    pub fx_bw_hz: Option<f64>,
+    /// Whether all vectors share one SRP.
+    pub srp_fixed: Option<bool>,
+    /// Bytes from the beginning of the PVP block.
+    pub(super) pvp_offset: u64,
+    /// Bytes from the beginning of the signal block.
+    pub(super) signal_offset: u64,
+}
+
+/// Channels named in a message.
+const MOST_NAMED: usize = 20;
+
+/// The metadata of a CPHD file. Text is as in the file; what the standard requires but image
+/// formation can do without is `None` where a file lacks it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CphdInfo {
+    /// Version, such as `1.1.0`.
+    pub version: String,
+    /// Radar platform.
+    pub collector_name: Option<String>,
+    /// Transmitting platform, if another.
+    pub illuminator_name: Option<String>,
+    /// Name of the collection.
+    pub core_name: Option<String>,
+    /// `MONOSTATIC` or `BISTATIC`.
+    pub collect_type: Option<String>,
+    /// `SPOTLIGHT`, `STRIPMAP` or `DYNAMIC STRIPMAP`.
+    pub mode_type: Option<String>,
+    /// The radar's own name of its mode.
+    pub mode_id: Option<String>,
+    /// Classification banner.
+    pub classification: Option<String>,
+    /// To whom the file may be given.
+    pub release_info: Option<String>,
+    /// Domain of the stored samples. Those delivered are always FX.
+    pub domain: Domain,
+    /// Sign of the stored samples. Those delivered have -1.
+    pub sgn: Sgn,
+    /// Date and time to which all times refer, ISO 8601.
+    pub collection_start: Option<String>,
+    /// First and last transmit time, seconds.
+    pub tx_time_s: Option<(f64, f64)>,
+    /// Lowest and highest frequency of all channels, hertz.
+    pub fx_band_hz: Option<(f64, f64)>,
+    /// Earliest and latest time of arrival of all channels, seconds after the SRP's.
+    pub toa_swath_s: Option<(f64, f64)>,
+    /// Scene frame: origin at the IARP, x and y along `uIAX` and `uIAY`.
+    pub frame: SceneFrame,
+    /// The IARP by latitude, longitude and height, computed from its ECF position.
+    pub iarp: Geodetic,
+    /// Kind of reference surface.
+    pub surface: ReferenceSurface,
+    /// Image area in the scene frame.
+    pub image_area: Extent,
+    /// Storage format of samples.
+    pub signal_format: SignalFormat,
+    /// Name of the compression, if the signal arrays are compressed; they cannot be read then.
+    pub compression: Option<String>,
+    /// Identifier of the reference channel.
+    pub ref_channel: String,
+    /// All channels, in the order of the file.
+    pub channels: Vec<ChannelInfo>,
+}
+
+impl CphdInfo {
+    /// Parses the XML block of a CPHD file, or an XML file of the same content. Where the per-vector
+    /// parameters lie is left to [`super::Cphd::open`] to check.
+    ///
+    /// # Errors
+    /// [`MetadataError`] names the first element that is missing or wrong.
+    pub fn from_xml(xml: &str) -> Result<Self, MetadataError> {
+        parse(xml).map(|(info, _)| info)
+    }
+
+    /// The channel of that identifier, or the reference channel for `None`.
+    pub(super) fn channel(&self, id: Option<&str>) -> Result<&ChannelInfo, String> {
+        let wanted = id.unwrap_or(&self.ref_channel);
+        self.channels
+            .iter()
+            .find(|c| c.id == wanted)
+            .ok_or_else(|| {
+                // A list for a person; thousands are no help.
+                let known = self.channels.iter().take(MOST_NAMED);
+                let known: Vec<&str> = known.map(|c| c.id.as_str()).collect();
+                let more = match self.channels.len() {
+                    count if count > MOST_NAMED => format!(" and {} more", count - MOST_NAMED),
+                    _ => String::new(),
+                };
+                let origin = if id.is_some() {
+                    ""
+                } else {
+                    " (from CPHD/Channel/RefChId)"
+                };
+                format!(
+                    "no channel '{wanted}'{origin}; choose one of: {}{more}",
+                    known.join(", ")
+                )
+            })
+    }
+}
+
+/// The metadata and where each per-vector parameter lies.
+pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError>), MetadataError> {
+    check_plain(xml)?;
+    let document = roxmltree::Document::parse(xml)
+        .map_err(|e| MetadataError(format!("not well formed: {e}; copy the file again")))?;
+    let root = Element::root(document.root_element());
+    if root.name() != "CPHD" {
+        return Err(root.fault("the root element of a CPHD file is CPHD"));
+    }
+    let version = root.namespace().rsplit('/').next().unwrap_or_default();
+
+    let global = root.child("Global")?;
+    let domain = global.child("DomainType")?;
+    let domain = match &*domain.text() {
+        "FX" => Domain::Fx,
+        "TOA" => Domain::Toa,
+        other => return Err(domain.fault(format!("'{other}' is neither FX nor TOA"))),
+    };
+    let sgn = global.child("SGN")?;
+    let sgn = match &*sgn.text() {
+        "-1" => Sgn::Minus,
+        "+1" | "1" => Sgn::Plus,
+        other => return Err(sgn.fault(format!("'{other}' is neither -1 nor +1"))),
+    };
+    let optional_pair = |parent: Option<Element>, first, second| -> Result<_, MetadataError> {
+        parent.map(|e| e.pair(first, second)).transpose()
+    };
+    let timeline = global.optional("Timeline");
+    let collection_start = timeline
+        .as_ref()
+        .and_then(|t| t.optional_text("CollectionStart"));
+
+    let scene = root.child("SceneCoordinates")?;
+    let (frame, iarp, surface) = scene_frame(&scene)?;
+    let image_area = image_area(&scene.child("ImageArea")?)?;
+
+    let data = root.child("Data")?;
+    let format = data.child("SignalArrayFormat")?;
+    let signal_format = match &*format.text() {
+        "CI2" => SignalFormat::Ci2,
+        "CI4" => SignalFormat::Ci4,
+        "CF8" => SignalFormat::Cf8,
+        other => return Err(format.fault(format!("'{other}' is none of CI2, CI4, CF8"))),
+    };
+    let channel_node = root.child("Channel")?;
+    // By identifier, the first of each: a search for every channel would be quadratic in them.
+    let mut parameters: HashMap<String, Element> = HashMap::new();
+    for entry in channel_node.children("Parameters") {
+        if let Some(id) = entry.optional_text("Identifier") {
+            parameters.entry(id).or_insert(entry);
+        }
+    }
+    let channels: Vec<ChannelInfo> = data
+        .children("Channel")
+        .map(|entry| channel_info(&entry, &parameters))
+        .collect::<Result<_, _>>()?;
+    if channels.is_empty() {
+        return Err(data.fault("no element Channel: the file holds no phase history"));
+    }
+
+    let collection = root.optional("CollectionID");
+    let of_collection = |name| collection.as_ref().and_then(|c| c.optional_text(name));
+    let mode = collection.as_ref().and_then(|c| c.optional("RadarMode"));
+    let info = CphdInfo {
+        version: version.to_owned(),
+        collector_name: of_collection("CollectorName"),
+        illuminator_name: of_collection("IlluminatorName"),
+        core_name: of_collection("CoreName"),
+        collect_type: of_collection("CollectType"),
+        mode_type: mode.as_ref().and_then(|m| m.optional_text("ModeType")),
+        mode_id: mode.as_ref().and_then(|m| m.optional_text("ModeID")),
+        classification: of_collection("Classification"),
+        release_info: of_collection("ReleaseInfo"),
+        domain,
+        sgn,
+        collection_start,
+        tx_time_s: optional_pair(timeline, "TxTime1", "TxTime2")?,
+        fx_band_hz: optional_pair(global.optional("FxBand"), "FxMin", "FxMax")?,
+        toa_swath_s: optional_pair(global.optional("TOASwath"), "TOAMin", "TOAMax")?,
+        frame,
+        iarp,
+        surface,
+        image_area,
+        signal_format,
+        compression: data.optional_text("SignalCompressionID"),
+        ref_channel: channel_node.child("RefChId")?.text().into_owned(),
+        channels,
+    };
+    let layout = root
+        .child("PVP")
+        .and_then(|pvp| Layout::parse(&pvp, &data.child("NumBytesPVP")?));
+    Ok((info, layout))
+}
+
+fn channel_info(
+    entry: &Element,
+    all: &HashMap<String, Element>,
+) -> Result<ChannelInfo, MetadataError> {
+    let id = entry.child("Identifier")?.text().into_owned();
+    let parameters = all.get(&id);
+    let number = |name| -> Result<Option<f64>, MetadataError> {
+        let element = parameters.and_then(|p| p.optional(name));
+        element.map(|e| e.number()).transpose()
+    };
+    let polarization = parameters.and_then(|p| p.optional("Polarization"));
+    let of_polarization = |name| polarization.as_ref().and_then(|p| p.optional_text(name));
+    let positive = |name| -> Result<u64, MetadataError> {
+        let element = entry.child(name)?;
+        match element.count()? {
+            0 => Err(element.fault("0: the channel is empty")),
+            n => Ok(n),
+        }
+    };
+    Ok(ChannelInfo {
+        num_vectors: positive("NumVectors")?,
+        num_samples: positive("NumSamples")?,
+        tx_polarization: of_polarization("TxPol"),
+        rcv_polarization: of_polarization("RcvPol"),
+        fx_c_hz: number("FxC")?,
+        fx_bw_hz: number("FxBW")?,
+        srp_fixed: parameters
+            .and_then(|p| p.optional("SRPFixed"))
+            .map(|e| matches!(&*e.text(), "true" | "1")),
+        pvp_offset: entry.child("PVPArrayByteOffset")?.count()?,
+        signal_offset: entry.child("SignalArrayByteOffset")?.count()?,
+        id,
+    })
+}
+
+/// Axes further than this from orthonormal are an error; closer ones are taken as they are, so that
+/// a file written by this crate reads back to the same frame.
+const AXIS_TOLERANCE: f64 = 1e-6;
+
+fn scene_frame(scene: &Element) -> Result<(SceneFrame, Geodetic, ReferenceSurface), MetadataError> {
+    let iarp_node = scene.child("IARP")?.child("ECF")?;
+    let origin = iarp_node.xyz()?;
+    let iarp = Geodetic::from_ecf_m(origin);
+    if !(iarp.latitude_deg.is_finite() && origin.length() > 1e6) {
+        return Err(iarp_node.fault("not a place near the Earth's surface"));
+    }
+    let surface = scene.child("ReferenceSurface")?;
+    let (x, y, kind) = if let Some(planar) = surface.optional("Planar") {
+        let x = planar.child("uIAX")?.xyz()?;
+        let y = planar.child("uIAY")?.xyz()?;
+        let error = (x.length() - 1.0)
+            .abs()
+            .max((y.length() - 1.0).abs())
+            .max(x.dot(y).abs());
+        // A NaN cannot be here: numbers are finite; but squares may overflow.
+        if error.is_nan() || error > AXIS_TOLERANCE {
+            return Err(planar.fault(format!(
+                "uIAX and uIAY are not orthogonal unit vectors (off by {error:.1e})"
+            )));
+        }
+        (x, y, ReferenceSurface::Planar)
+    } else if let Some(hae) = surface.optional("HAE") {
+        let axis = |name| -> Result<DVec3, MetadataError> {
+            let (d_latitude, d_longitude) = hae.child(name)?.pair("Lat", "Lon")?;
+            Ok(iarp.direction(d_latitude, d_longitude).normalize_or_zero())
+        };
+        let (x, along_y) = (axis("uIAXLL")?, axis("uIAYLL")?);
+        let y = (along_y - x * x.dot(along_y)).normalize_or_zero();
+        // Parallel axes leave rounding only, far from unit length before normalising.
+        if x.cross(along_y).length() < AXIS_TOLERANCE || y == DVec3::ZERO {
+            return Err(hae.fault("uIAXLL and uIAYLL do not span a surface"));
+        }
+        (x, y, ReferenceSurface::Hae)
+    } else {
+        return Err(surface.fault("neither Planar nor HAE"));
+    };
+    let frame = SceneFrame::Earth {
+        origin_ecf_m: origin,
+        x_axis_ecf: x,
+        y_axis_ecf: y,
+    };
+    Ok((frame, iarp, kind))
+}
+
+fn image_area(area: &Element) -> Result<Extent, MetadataError> {
+    let (x1, y1) = area.child("X1Y1")?.pair("X", "Y")?;
+    let (x2, y2) = area.child("X2Y2")?.pair("X", "Y")?;
+    if x1 < x2 && y1 < y2 {
+        Ok(Extent {
+            x_m: (x1, x2),
+            y_m: (y1, y2),
+        })
+    } else {
+        Err(area.fault("X1Y1 is not below X2Y2 in both coordinates"))
+    }
+}

@@ -1,0 +1,121 @@
+//! CPHD 1.1.0 (NGA.STND.0068): phase history with its geometry, read and written. Versions 1.0.x are
+//! read too, since they lay out the same blocks.
+//!
+//! A file is a text header, an XML block, a block of per-vector parameters (PVP) and a block of
+//! samples, all binary values big endian. Names in this module are the standard's: a *vector* is a
+//! pulse, *SRP* the point to which its phase is compensated, *TOA* the two-way delay past the SRP.
+//!
+//! # Signal model
+//! For a scatterer whose echo arrives `dTOA` after that of the SRP, the standard has
+//! `Phase(fx) = SGN fx dTOA` cycles, so sample `k` of an FX vector is
+//! `exp(SGN j 2 pi fx dTOA)` at `fx = SC0 + k SCSS`. With `SGN = -1` that is this crate's own
+//! convention; samples with `SGN = +1` are conjugated at this door, which is exact.
+//!
+//! In the TOA domain, sample `s` lies at `toa = SC0 + s SCSS` and the response of the scatterer
+//! peaks at `toa = dTOA` with `Phase = SGN fx_C dTOA`, `fx_C = (FX1 + FX2) / 2`. Hence
+//!
+//! ```text
+//! s(toa) = integral over FX1..FX2 of S(fx) exp(-SGN j 2 pi (fx - fx_C) toa) d fx / (FX2 - FX1)
+//! ```
+//!
+//! since inserting `S(fx) = exp(SGN j 2 pi fx dTOA)` leaves `exp(SGN j 2 pi fx_C dTOA)` times a
+//! kernel with its maximum at `toa = dTOA`. [`Cphd`] turns TOA vectors into FX vectors by the inverse
+//! transform, in float64: see there for the frequency grid. The scaling, which the standard leaves
+//! open, makes a unit scatterer read 1 in either domain.
+//!
+//! # Motion within a vector
+//! A vector has one time and one position of each antenna, and no times of its samples. But `aFRR1` and `aFRR2` tell
+//! how an echo whose delay changes otherwise than the SRP's is shifted and blurred over the band, as linear frequency
+//! modulation does: `aFRR2 = 2 / (c rate)`, `aFRR1 = fx_C aFRR2`, `rate` that of the sweep, hertz a second. So sample `k`
+//! was taken `(k - K/2) SCSS / rate` after the vector's time, and the antennas moved by `TxVel` and `RcvVel`
+//! meanwhile: [`Sweep`](subaperture_model::phase_history::Sweep). The SRP's own echo has phase 0 at every frequency, whatever moved, so
+//! phases follow the SRP. Zeros, which say that nothing is given, are read as samples taken at once.
+//!
+//! # What is neglected
+//! - `TDTropoSRP` and `TDIonoSRP` are the atmosphere's part of the SRP's own delay, to which the phase
+//!   is compensated together with the geometric one. A scatterer's delay holds nearly the same
+//!   part, so it cancels: the reference path is `|TxPos - SRPPos| + |RcvPos - SRPPos|`. Neglected is
+//!   the change of that delay across the scene, about 0.3 mm of path for each metre of path in air
+//!   (refractivity 300e-6 at sea level).
+//! - Antenna patterns, noise levels, support arrays and dwell polynomials are not read.
+//! - Times: [`subaperture_model::phase_history::Pulse::time_s`] is `TxTime`.
+//!
+//! # Accuracy
+//! FX samples written by [`write()`] read back to the same bits, positions to 2 nm (float64 in ECF), TOA
+//! samples to a relative RMS error below 1.2e-7: `tests/cphd_round_trip.rs`. The files pass sarkit's
+//! `cphdcheck` without failure or warning: `tests/cphd_sarkit.rs`. Excepted is motion exactly along
+//! the line of sight, where the standard's equations for `TwistAngle`, `SlopeAngle` and
+//! `LayoverAngle` are 0/0: they are written as 0 and fail the check.
+//!
+//! # Example
+//! Two pulses of a unit scatterer at the SRP, on the equator: every sample is 1.
+//!
+//! ```
+//! use glam::DVec3;
+//! use num_complex::Complex32;
+//! use subaperture_model::monitor::Silent;
+//! use subaperture_model::geometry::SceneFrame;
+//! use subaperture_io::cphd::{Channel, Cphd, WriteOptions, write};
+//! use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep};
+//!
+//! let pulse = |time_s: f64| {
+//!     let antenna = DVec3::new(100.0 * time_s, -4000.0, 3000.0);
+//!     Pulse {
+//!         time_s,
+//!         transmitter_m: antenna,
+//!         receiver_m: antenna,
+//!         reference_m: DVec3::ZERO,
+//!         reference_path_m: 2.0 * antenna.length(),
+//!         start_hz: 9.6e9,
+//!         step_hz: 1e6,
+//!         sweep: Sweep::AT_ONCE,
+//!     }
+//! };
+//! let collection = Collection {
+//!     name: "example".to_owned(),
+//!     num_samples: 3,
+//!     pulses: vec![pulse(0.0), pulse(0.01)],
+//!     frame: SceneFrame::Earth {
+//!         origin_ecf_m: DVec3::new(6_378_137.0, 0.0, 0.0),
+//!         x_axis_ecf: DVec3::Y,
+//!         y_axis_ecf: DVec3::Z,
+//!     },
+//!     extent: None,
+//!     timed: true,
+//! };
+//! let ones = Recorded::new(collection, vec![Complex32::ONE; 6])?;
+//! let folder = tempfile::tempdir()?;
+//! let path = folder.path().join("example.cphd");
+//! write(&path, &[Channel::new("1", &ones)], &WriteOptions::default(), &Silent)?;
+//!
+//! let cphd = Cphd::open(&path, None, 1 << 20)?;
+//! let mut samples = vec![Complex32::ZERO; 3];
+//! cphd.read(1..2, &mut samples)?;
+//! assert_eq!(samples, [Complex32::ONE; 3]);
+//! assert!((cphd.collection().pulses[0].reference_path_m - 10_000.0).abs() < 1e-8);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod conventions;
+mod describe;
+mod header;
+mod metadata;
+mod preamble;
+mod prepare;
+mod pvp;
+mod read;
+mod reference_geometry;
+mod request;
+mod signal;
+mod source;
+mod start;
+mod toa;
+mod write;
+mod xml;
+
+pub use conventions::{Domain, Polarization, Sgn, SignalFormat};
+pub use metadata::{ChannelInfo, CphdInfo, ReferenceSurface};
+pub use read::Cphd;
+pub use request::{Channel, WriteError, WriteOptions};
+pub use write::{file_bytes, write};
+pub use xml::MetadataError;

@@ -1,0 +1,83 @@
+//! What is asked of the writer, and why it may refuse.
+
+use super::conventions::{Domain, Polarization, Sgn};
+use crate::atomic;
+use subaperture_model::phase_history::{PhaseHistory, ReadError};
+
+/// A channel to be written.
+pub struct Channel<'a> {
+    /// Identifier, unique in the file.
+    pub id: String,
+    /// Its pulses, in the order of time.
+    pub history: &'a dyn PhaseHistory,
+    /// Polarisation transmitted.
+    pub tx_polarization: Polarization,
+    /// Polarisation received.
+    pub rcv_polarization: Polarization,
+}
+
+impl<'a> Channel<'a> {
+    /// A channel of unspecified polarisation.
+    pub fn new(id: impl Into<String>, history: &'a dyn PhaseHistory) -> Self {
+        Self {
+            id: id.into(),
+            history,
+            tx_polarization: Polarization::default(),
+            rcv_polarization: Polarization::default(),
+        }
+    }
+}
+
+/// How to write, and what to say of the collection.
+#[derive(Clone, Debug)]
+pub struct WriteOptions {
+    /// Domain of the samples. FX reads back to the same bits; TOA to float32 rounding.
+    pub domain: Domain,
+    /// Sign of phase with delay.
+    pub sgn: Sgn,
+    /// Radar platform.
+    pub collector_name: String,
+    /// Name of the collection; that of the first channel's collection if `None`.
+    pub core_name: Option<String>,
+    /// The radar's own name of its mode.
+    pub mode_id: Option<String>,
+    /// Classification banner.
+    pub classification: String,
+    /// To whom the file may be given.
+    pub release_info: String,
+    /// Date and time of the collection's start, UTC, as `YYYY-MM-DDThh:mm:ss.ssssssZ`.
+    pub collection_start: String,
+}
+
+impl Default for WriteOptions {
+    /// FX, SGN -1, unclassified and unrestricted, by "Subaperture", at an unknown date (1970).
+    fn default() -> Self {
+        Self {
+            domain: Domain::Fx,
+            sgn: Sgn::Minus,
+            collector_name: "Subaperture".to_owned(),
+            core_name: None,
+            mode_id: None,
+            classification: "UNCLASSIFIED".to_owned(),
+            release_info: "UNRESTRICTED".to_owned(),
+            collection_start: "1970-01-01T00:00:00.000000Z".to_owned(),
+        }
+    }
+}
+
+/// Why no file was written. None is left behind.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The file could not be written.
+    #[error(transparent)]
+    Write(#[from] atomic::WriteError),
+    /// The pulses could not be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The collection or the options cannot be expressed in CPHD.
+    #[error("{0}")]
+    Unsuited(String),
+    /// The monitor asked to stop.
+    #[error("interrupted")]
+    Cancelled,
+}

@@ -1,0 +1,333 @@
+//! Phase history as CPHD 1.1.0 files.
+
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::Arc;
+
+use num_complex::Complex32;
+use subaperture_fft as fft;
+use subaperture_fft::Fft;
+
+use super::conventions::{Domain, Sgn};
+use super::describe::{self, Entry};
+use super::header::{self, SECTION_END, Sizes};
+use super::prepare::Prepared;
+use super::pvp::record_bytes;
+use super::request::{Channel, WriteError, WriteOptions};
+use super::signal;
+use super::source::CHUNK_BYTES;
+use super::toa::Transform;
+use crate::atomic::{self, Beside};
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::check_finite;
+
+/// Writes `channels` to `path`, complete or not at all: beside it first, then renamed over it.
+///
+/// Samples are CF8. In the FX domain they read back to the same bits. In the TOA domain there are at
+/// least 1.25 times as many, over one period `1 / step_hz` of delay around the SRP's, so that
+/// nothing is lost but float32 rounding. The first channel is the reference channel.
+///
+/// What CPHD asks for and a [`PhaseHistory`](subaperture_model::phase_history::PhaseHistory) does not have:
+/// - `TxTime` is the pulse's time and `RcvTime` that plus the delay of the SRP's echo; `TxPos` and
+///   `RcvPos` are the pulse's positions, taken to be valid at those times.
+/// - Velocities are those within the sweep, where samples are taken one after another ([`Sweep`](subaperture_model::phase_history::Sweep)),
+///   else central differences of positions over those times, one-sided at the ends.
+/// - `aFRR1` and `aFRR2` give the rate of such a sweep, as they do for a pulse of linear frequency modulation. Phases
+///   have to follow the reference point then.
+/// - `SRPPos` is the reference point. Where `reference_path_m` differs from its path by more than
+///   20 nm, the SRP is moved along the bisector until it does not, since the SRP's path is the
+///   only one that CPHD knows; `SRPFixed` is then false.
+/// - `CollectType` is `MONOSTATIC` if transmitter and receiver are at most 1 mrad apart as seen from
+///   the SRP, in every pulse of the reference channel.
+/// - `ModeType` is `SPOTLIGHT` if all pulses share their reference point, else `STRIPMAP`; dwell is
+///   given as the whole collection for all of the image area.
+/// - `TOA1` to `TOA2` are 0.8 of the unambiguous delay; an absent extent becomes the square that this
+///   swath covers.
+/// - `RefVectorIndex` is the vector nearest the middle at which the reference geometry is well
+///   conditioned. Motion exactly along the line of sight spans no slant plane: twist, slope and
+///   layover are written as 0, and sarkit's `cphdcheck`, whose equations give 0 / 0, reports these
+///   three. For a platform at rest, or a single pulse, it reports side of track and Doppler cone
+///   angle (written as L and 90) as well. Such files are sound in all else.
+/// - `ImageGrid` is a proposal at range resolution.
+/// - If all channels know the true positions of their antennas, these are added parameters
+///   (`AddedPVP`) of their own, `TxPosTrue` and `RcvPosTrue`, in ECF.
+///
+/// Memory: 256 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
+///
+/// # Errors
+/// [`WriteError`]; among the unsuited are a local scene frame, times that do not rise, and pulses
+/// compensated to a path that no scene point has (such as 0).
+pub fn write(
+    path: impl AsRef<Path>,
+    channels: &[Channel],
+    options: &WriteOptions,
+    monitor: &dyn Monitor,
+) -> Result<(), WriteError> {
+    let path = path.as_ref();
+    check_texts(channels, options)?;
+    let entries = prepare(channels, options)?;
+    let xml = describe::document(&entries, options);
+    let (sizes, layout) = lay_out(&entries, &xml, options)?;
+
+    let failed = |source| {
+        WriteError::Write(atomic::WriteError::Io {
+            path: path.to_owned(),
+            needed_bytes: layout.file_bytes,
+            source,
+        })
+    };
+    let mut beside = Beside::create(path, layout.file_bytes, ".part")?;
+    let mut out = Output {
+        file: beside.file(),
+        written: 0,
+    };
+    let fixed = (|| -> io::Result<()> {
+        out.put(layout.header.as_bytes())?;
+        out.pad_to(layout.xml_offset)?;
+        out.put(xml.as_bytes())?;
+        out.put(SECTION_END)?;
+        out.pad_to(layout.pvp_offset)?;
+        for entry in &entries {
+            write_records(&mut out, &entry.prepared)?;
+        }
+        out.pad_to(layout.signal_offset)
+    })();
+    fixed.map_err(failed)?;
+    let total = sizes.signal as f64;
+    for entry in &entries {
+        write_signal(entry, options, monitor, |bytes, done| {
+            out.put(bytes).map_err(failed)?;
+            monitor.progress((entry.signal_offset + done) as f64 / total);
+            Ok(())
+        })?;
+    }
+    Ok(beside.commit()?)
+}
+
+/// Size of the file that [`write()`] makes.
+///
+/// # Errors
+/// As [`write()`], but for those of reading and writing.
+pub fn file_bytes(channels: &[Channel], options: &WriteOptions) -> Result<u64, WriteError> {
+    check_texts(channels, options)?;
+    let entries = prepare(channels, options)?;
+    let xml = describe::document(&entries, options);
+    Ok(lay_out(&entries, &xml, options)?.1.file_bytes)
+}
+
+fn lay_out(
+    entries: &[Entry],
+    xml: &str,
+    options: &WriteOptions,
+) -> Result<(Sizes, header::Layout), WriteError> {
+    let last = &entries[entries.len() - 1];
+    let sizes = Sizes {
+        xml: xml.len() as u64,
+        pvp: last.pvp_offset + last.prepared.pvp_bytes(),
+        signal: last.signal_offset + signal_bytes(&last.prepared)?,
+    };
+    let layout = header::lay_out(&sizes, &options.classification, &options.release_info);
+    Ok((sizes, layout.ok_or_else(too_large)?))
+}
+
+fn too_large() -> WriteError {
+    WriteError::Unsuited("the file would have more than 2^63 bytes".to_owned())
+}
+
+fn signal_bytes(prepared: &Prepared) -> Result<u64, WriteError> {
+    (prepared.records.len() as u64)
+        .checked_mul(prepared.stored_samples as u64)
+        .and_then(|n| n.checked_mul(8))
+        .filter(|&n| n < 1 << 60)
+        .ok_or_else(too_large)
+}
+
+fn prepare<'a>(
+    channels: &'a [Channel<'a>],
+    options: &WriteOptions,
+) -> Result<Vec<Entry<'a>>, WriteError> {
+    let Some(first) = channels.first() else {
+        return Err(WriteError::Unsuited("no channel to write".to_owned()));
+    };
+    let frame = first.history.collection().frame;
+    let mut entries: Vec<Entry> = Vec::new();
+    let (mut pvp_offset, mut signal_offset) = (0, 0);
+    let known = |channel: &Channel| channel.history.true_antennas().is_some();
+    let with_truth = channels.iter().all(known);
+    for channel in channels {
+        let collection = channel.history.collection();
+        let truth = channel.history.true_antennas().filter(|_| with_truth);
+        let prepared = Prepared::new(collection, truth, options.domain)?;
+        if !collection.frame.agrees_with(&frame) {
+            return Err(WriteError::Unsuited(format!(
+                "channel '{}' has another scene frame than channel '{}': a CPHD file has one",
+                channel.id, first.id
+            )));
+        }
+        let (pvp, signal) = (prepared.pvp_bytes(), signal_bytes(&prepared)?);
+        entries.push(Entry {
+            channel,
+            prepared,
+            pvp_offset,
+            signal_offset,
+        });
+        pvp_offset += pvp;
+        signal_offset = signal_offset
+            .checked_add(signal)
+            .filter(|&n: &u64| n < 1 << 62)
+            .ok_or_else(too_large)?;
+    }
+    Ok(entries)
+}
+
+/// Texts go into XML and, two of them, into the header's lines: no control characters, and nothing
+/// that trimming would change in what is looked up.
+fn check_texts(channels: &[Channel], options: &WriteOptions) -> Result<(), WriteError> {
+    let core_name = options.core_name.as_deref().unwrap_or_default();
+    let mode_id = options.mode_id.as_deref().unwrap_or_default();
+    let texts = [
+        ("collector_name", options.collector_name.as_str()),
+        ("core_name", core_name),
+        ("mode_id", mode_id),
+        ("classification", &options.classification),
+        ("release_info", &options.release_info),
+    ];
+    let ids = channels.iter().map(|c| ("channel id", c.id.as_str()));
+    let names = channels
+        .iter()
+        .map(|c| ("collection name", c.history.collection().name.as_str()));
+    for (what, text) in texts.into_iter().chain(ids).chain(names) {
+        let odd = |c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}');
+        if text.contains(odd) || text.trim() != text {
+            return Err(WriteError::Unsuited(format!(
+                "{what} {text:?}: remove control characters and white space around it"
+            )));
+        }
+    }
+    let mut seen = BTreeSet::new();
+    for channel in channels {
+        if channel.id.is_empty() || !seen.insert(&channel.id) {
+            return Err(WriteError::Unsuited(format!(
+                "channel id '{}' is empty or used twice",
+                channel.id
+            )));
+        }
+    }
+    let start = options.collection_start.as_bytes();
+    let shape = b"0000-00-00T00:00:00";
+    let digits_fit = start.len() > shape.len()
+        && shape.iter().zip(start).all(|(&s, &c)| match s {
+            b'0' => c.is_ascii_digit(),
+            _ => c == s,
+        });
+    let rest = options.collection_start.get(shape.len()..).unwrap_or("");
+    let fraction = rest.strip_suffix('Z').map(|f| f.strip_prefix('.'));
+    let fraction_fits = match fraction {
+        Some(None) => rest == "Z",
+        Some(Some(f)) => !f.is_empty() && f.bytes().all(|c| c.is_ascii_digit()),
+        None => false,
+    };
+    if !(digits_fit && fraction_fits) {
+        return Err(WriteError::Unsuited(format!(
+            "collection_start '{}': write YYYY-MM-DDThh:mm:ss.ssssssZ",
+            options.collection_start
+        )));
+    }
+    Ok(())
+}
+
+/// Counts what has been written, to pad up to the next block.
+struct Output<'a> {
+    file: &'a mut File,
+    written: u64,
+}
+
+impl Output<'_> {
+    fn put(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.file.write_all(bytes)?;
+        self.written += bytes.len() as u64;
+        Ok(())
+    }
+
+    fn pad_to(&mut self, offset: u64) -> io::Result<()> {
+        let count = offset
+            .checked_sub(self.written)
+            .expect("blocks do not overlap");
+        self.put(&vec![0; count as usize])
+    }
+}
+
+fn write_records(out: &mut Output, prepared: &Prepared) -> io::Result<()> {
+    let at_once = CHUNK_BYTES / record_bytes(prepared.with_truth()) as usize;
+    let mut bytes = Vec::new();
+    for records in prepared.records.chunks(at_once) {
+        bytes.clear();
+        for record in records {
+            record.encode(&mut bytes);
+        }
+        out.put(&bytes)?;
+    }
+    Ok(())
+}
+
+/// Reads, converts and hands over the samples of a channel, a few MiB at a time, with the number of
+/// bytes done.
+fn write_signal(
+    entry: &Entry,
+    options: &WriteOptions,
+    monitor: &dyn Monitor,
+    mut put: impl FnMut(&[u8], u64) -> Result<(), WriteError>,
+) -> Result<(), WriteError> {
+    let history = entry.channel.history;
+    let collection = history.collection();
+    let (width, stored) = (collection.num_samples, entry.prepared.stored_samples);
+    let num_pulses = collection.pulses.len();
+    let at_once = (4 * CHUNK_BYTES / (8 * stored)).clamp(1, num_pulses);
+    let mut samples = vec![Complex32::ZERO; at_once * width];
+    let mut transform = (options.domain == Domain::Toa).then(|| {
+        let fft: Arc<dyn Fft<f64>> = fft::inverse(stored);
+        Transform::new(entry.prepared.bins, fft)
+    });
+    let mut arrivals = vec![Complex32::ZERO; if transform.is_some() { stored } else { 0 }];
+    let mut bytes = Vec::new();
+    let mut done = 0;
+    for start in (0..num_pulses).step_by(at_once) {
+        if monitor.cancelled() {
+            return Err(WriteError::Cancelled);
+        }
+        let pulses = start..(start + at_once).min(num_pulses);
+        let samples = &mut samples[..pulses.len() * width];
+        history.read(pulses.clone(), samples)?;
+        check_finite(&collection.name, start, width, samples)?;
+        bytes.clear();
+        match &mut transform {
+            None => {
+                conjugate_if(options.sgn, samples);
+                signal::encode(samples, &mut bytes);
+            }
+            Some(transform) => {
+                for (pulse, fx) in pulses.clone().zip(samples.chunks_exact(width)) {
+                    let record = &entry.prepared.records[pulse];
+                    let shift = record.sc0 / (stored as f64 * record.scss);
+                    transform.arrival(fx, shift, &mut arrivals);
+                    conjugate_if(options.sgn, &mut arrivals);
+                    check_finite(&collection.name, pulse, stored, &arrivals)?;
+                    signal::encode(&arrivals, &mut bytes);
+                }
+            }
+        }
+        done += bytes.len() as u64;
+        put(&bytes, done)?;
+    }
+    Ok(())
+}
+
+fn conjugate_if(sgn: Sgn, samples: &mut [Complex32]) {
+    if sgn == Sgn::Plus {
+        for z in samples {
+            *z = z.conj();
+        }
+    }
+}

@@ -1,0 +1,355 @@
+//! The AFRL GOTCHA volumetric data set: MATLAB v5 files, read.
+//!
+//! A file is one degree of azimuth: a structure `data` with `fp` (frequency x pulse, complex
+//! single, K x N), `freq` (K, hertz), and per pulse the antenna's `x`, `y`, `z` and `r0`, its range
+//! to scene centre (N each, metres). Fields `th`, `phi` and `af` (autofocus) are not used: the first
+//! two follow from the position, and `af` does not sharpen the released images.
+//!
+//! The recording's phase is `-4 pi f (R - r0) / c` (Casteel et al. 2007; confirmed by focusing), so
+//! it is this library's already: transmitter and receiver at (x, y, z), reference at the origin. The
+//! frame is local; the scene's extent is not recorded.
+//!
+//! **Reference path.** What the phase is compensated to is the range before it was stored. `r0` is stored as
+//! float32, which near 10 km knows steps of 1 mm, and x, y and z are, in steps of half of one. Their
+//! roundings are of one size, but not of one effect: `R(p) - R(0)` of a rounded position is wrong by the
+//! rounding times the *difference* of two lines of sight, 1 % at 100 m from the centre, and `R(p) - r0` by
+//! all of both, 0.12 rad RMS at 9.6 GHz and new in every pulse. So the reference path is `2 |(x, y, z)|`
+//! where `r0` is that, to the roundings; where it is something else, in any pulse, it is `2 r0` in all.
+//!
+//! `freq` is stored as float32, which near 9.6 GHz knows only multiples of 1024 Hz. Start and step
+//! are therefore those of the straight line fitted by least squares; a sample further from it than
+//! four such multiples, or a quarter of the step, means frequencies that are not equally spaced, and
+//! is an error. So is a band below [`MIN_FREQUENCY_HZ`], which is one in GHz or MHz.
+//! Rounding (296 Hz rms) leaves start and step of K = 424 samples with standard deviations of
+//! 29 Hz and 0.12 Hz: a phase of less than 0.0001 rad over 100 m of path.
+//!
+//! Times are not recorded. [`Pulse::time_s`] is the index of the pulse, as if the PRI were 1 s: good
+//! for order, not for velocity.
+//!
+//! Memory: the file, its unpacked data if it is packed, and its samples are held at once.
+//! [`needed_bytes`] tells the need of the released files before anything is read; MATLAB may store
+//! numbers in fewer bytes, so it is checked again when the samples' number is known.
+
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use super::input::Stamp;
+use super::matlab::{Array, Content, MatError, find_variable};
+use subaperture_model::geometry::SceneFrame;
+use subaperture_model::phase_history::{
+    Collection, InputFile, Pulse, ReadError, Recorded, Sweep, check_finite,
+};
+
+/// Bands that start below are taken to be in another unit than hertz.
+pub const MIN_FREQUENCY_HZ: f64 = 1e6;
+
+/// Bytes that [`read`] holds at its peak for an unpacked file of this size (the released ones are):
+/// the file itself, its samples and geometry.
+pub fn needed_bytes(file_bytes: u64) -> u64 {
+    file_bytes.saturating_mul(2).saturating_add(1 << 20)
+}
+
+/// Reads one file whole, holding at most `memory_bytes`. [`PhaseHistory::inputs`](subaperture_model::phase_history::PhaseHistory::inputs) of the
+/// result gives its CRC-32.
+///
+/// # Errors
+/// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not such a file, naming the field at fault;
+/// [`ReadError::NotFinite`] for a NaN or infinite sample; [`ReadError::Memory`].
+pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Recorded, ReadError> {
+    let path = path.as_ref();
+    let io = |source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let mut file = File::open(path).map_err(io)?;
+    let metadata = file.metadata().map_err(io)?;
+    let stamp = Stamp::of(&file).map_err(io)?;
+    if !metadata.is_file() {
+        return Err(malformed(path, "not a regular file"));
+    }
+    let memory = |needed_bytes| ReadError::Memory {
+        path: path.to_owned(),
+        needed_bytes,
+        allowed_bytes: memory_bytes,
+    };
+    let needed = needed_bytes(metadata.len());
+    if needed > memory_bytes {
+        return Err(memory(needed));
+    }
+    let mut bytes = Vec::new();
+    usize::try_from(metadata.len())
+        .ok()
+        .and_then(|len| bytes.try_reserve_exact(len).ok())
+        .ok_or_else(|| memory(needed))?;
+    file.by_ref()
+        .take(metadata.len())
+        .read_to_end(&mut bytes)
+        .map_err(io)?;
+    stamp.check(&file, path)?;
+    let input = InputFile {
+        path: path.to_owned(),
+        bytes: bytes.len() as u64,
+        crc32: format!("{:08x}", crc32fast::hash(&bytes)),
+    };
+    let (mut collection, samples) = parse(bytes, memory_bytes).map_err(|error| match error {
+        MatError::Malformed(what) => malformed(path, &what),
+        MatError::Memory(needed) => memory(needed),
+    })?;
+    collection.name = path
+        .file_stem()
+        .unwrap_or(path.as_os_str())
+        .to_string_lossy()
+        .into_owned();
+    // Here and not in `Recorded` alone, which knows no path.
+    check_finite(
+        &path.display().to_string(),
+        0,
+        collection.num_samples,
+        &samples,
+    )?;
+    Ok(Recorded::new(collection, samples)?.with_inputs(vec![input]))
+}
+
+fn malformed(path: &Path, what: &str) -> ReadError {
+    ReadError::Malformed {
+        path: path.to_owned(),
+        what: what.to_owned(),
+    }
+}
+
+/// Takes the file's bytes, so that they are gone when the samples are returned.
+fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>), MatError> {
+    if file.is_empty() {
+        return Err(MatError::Malformed("the file is empty".to_owned()));
+    }
+    let data = find_variable(&file, "data", memory_bytes)?.map_err(|others| {
+        let found = match others.as_slice() {
+            [] => "none".to_owned(),
+            some => some.join(", "),
+        };
+        MatError::Malformed(format!(
+            "not a GOTCHA file: a structure 'data' with fp, freq, x, y, z and r0 is expected; \
+             variables found: {found}"
+        ))
+    })?;
+    let unpacked_bytes = match &data {
+        Cow::Borrowed(_) => 0,
+        Cow::Owned(bytes) => bytes.len(),
+    };
+    let held_bytes = (file.len() + unpacked_bytes) as u64;
+    let data = Array::parse(&data, "data")?;
+    let Content::Structure(fields) = &data.content else {
+        return Err(MatError::Malformed(format!(
+            "'data' is {}; a 1 x 1 structure with fp, freq, x, y, z and r0 is expected",
+            data.describe()
+        )));
+    };
+    let fields = Fields(fields);
+    let (samples, num_samples, num_pulses) = fields.samples(held_bytes, memory_bytes)?;
+    let (start_hz, step_hz) = fit_line(&fields.values("freq", num_samples, "rows")?)?;
+    let per_pulse = |name| fields.values(name, num_pulses, "columns");
+    let (x, y, z, r0) = (
+        per_pulse("x")?,
+        per_pulse("y")?,
+        per_pulse("z")?,
+        per_pulse("r0")?,
+    );
+    if let Some(n) = r0.iter().position(|&r| r <= 0.0) {
+        return Err(MatError::Malformed(format!(
+            "data.r0 of pulse {n} is {}; a range in metres must be positive",
+            r0[n]
+        )));
+    }
+    let antenna = |n: usize| DVec3::new(x[n], y[n], z[n]);
+    let by_position = (0..num_pulses).all(|n| is_range_of(r0[n], antenna(n)));
+    let pulse = |n: usize| {
+        let antenna = antenna(n);
+        let range_m = if by_position { antenna.length() } else { r0[n] };
+        Pulse {
+            time_s: n as f64,
+            transmitter_m: antenna,
+            receiver_m: antenna,
+            reference_m: DVec3::ZERO,
+            reference_path_m: 2.0 * range_m,
+            start_hz,
+            step_hz,
+            sweep: Sweep::AT_ONCE,
+        }
+    };
+    let pulses: Vec<Pulse> = (0..num_pulses).map(pulse).collect();
+    let fault = |(n, pulse): (usize, &Pulse)| pulse.fault(num_samples).map(|what| (n, what));
+    if let Some((n, what)) = pulses.iter().enumerate().find_map(fault) {
+        return Err(MatError::Malformed(format!("pulse {n}: {what}")));
+    }
+    let collection = Collection {
+        name: String::new(),
+        num_samples,
+        pulses,
+        frame: SceneFrame::Local,
+        extent: None,
+        timed: false,
+    };
+    Ok((collection, samples))
+}
+
+/// Whether `range_m` and the length of `antenna_m` are one number, each rounded when it was stored. Twice the
+/// largest rounding is allowed; of the released files half of that is used.
+fn is_range_of(range_m: f64, antenna_m: DVec3) -> bool {
+    let length_m = antenna_m.length();
+    let of_position = antenna_m.abs() / length_m;
+    let rounded = antenna_m.to_array().map(largest_rounding);
+    let allowed_m = largest_rounding(range_m) + of_position.dot(DVec3::from(rounded));
+    (range_m - length_m).abs() <= 2.0 * allowed_m
+}
+
+/// Half the step of float32 at `value` if float32 knows it, and of float64 if not.
+fn largest_rounding(value: f64) -> f64 {
+    let (value, single) = (value.abs(), value.abs() as f32);
+    if f64::from(single) == value {
+        (f64::from(single.next_up()) - value) / 2.0
+    } else {
+        (value.next_up() - value) / 2.0
+    }
+}
+
+/// The fields of `data`.
+struct Fields<'a>(&'a [(String, &'a [u8])]);
+
+impl<'a> Fields<'a> {
+    fn array(&self, name: &str) -> Result<Array<'a>, MatError> {
+        let Some((_, bytes)) = self.0.iter().find(|(n, _)| n == name) else {
+            let names: Vec<&str> = self.0.iter().map(|(n, _)| n.as_str()).take(20).collect();
+            return Err(MatError::Malformed(format!(
+                "data.{name} is missing; fields found: {}",
+                names.join(", ")
+            )));
+        };
+        Array::parse(bytes, &format!("data.{name}"))
+    }
+
+    /// `fp`, which in MATLAB's order is pulse-major; samples a pulse; pulses. With `held_bytes` held
+    /// already, they and all vectors must fit `memory_bytes`.
+    fn samples(
+        &self,
+        held_bytes: u64,
+        memory_bytes: u64,
+    ) -> Result<(Vec<Complex32>, usize, usize), MatError> {
+        let array = self.array("fp")?;
+        let (
+            &[num_samples, num_pulses],
+            Content::Numeric {
+                real,
+                imaginary: Some(imaginary),
+            },
+        ) = (array.dimensions.as_slice(), &array.content)
+        else {
+            return Err(MatError::Malformed(format!(
+                "data.fp is {}; a complex matrix, frequencies x pulses, is expected",
+                array.describe()
+            )));
+        };
+        if num_pulses == 0 || num_samples < 2 {
+            return Err(MatError::Malformed(format!(
+                "data.fp is {num_samples} x {num_pulses}: no image comes of {num_pulses} pulses of \
+                 {num_samples} frequencies (at least 1 of 2)"
+            )));
+        }
+        // Of each sample, each frequency, and each pulse with its x, y, z and r0.
+        let own_bytes = real.len() * size_of::<Complex32>()
+            + num_samples * size_of::<f64>()
+            + num_pulses * (size_of::<Pulse>() + 4 * size_of::<f64>());
+        let needed = held_bytes + own_bytes as u64;
+        if needed > memory_bytes {
+            return Err(MatError::Memory(needed));
+        }
+        let mut samples = Vec::new();
+        samples
+            .try_reserve_exact(real.len())
+            .map_err(|_| MatError::Memory(needed))?;
+        samples.extend(
+            real.iter()
+                .zip(imaginary.iter())
+                .map(|(re, im)| Complex32::new(re as f32, im as f32)),
+        );
+        Ok((samples, num_samples, num_pulses))
+    }
+
+    /// A vector of `count` finite numbers, as a row or a column.
+    fn values(&self, name: &str, count: usize, of_fp: &str) -> Result<Vec<f64>, MatError> {
+        let array = self.array(name)?;
+        let Content::Numeric {
+            real,
+            imaginary: None,
+        } = array.content
+        else {
+            return Err(MatError::Malformed(format!(
+                "data.{name} is {}; real numbers are expected",
+                array.describe()
+            )));
+        };
+        if real.len() != count || !array.dimensions.contains(&count) {
+            return Err(MatError::Malformed(format!(
+                "data.{name} is {}; data.fp has {count} {of_fp}, so {count} values are expected",
+                array.describe_shape()
+            )));
+        }
+        let values: Vec<f64> = real.iter().collect();
+        match values.iter().position(|v| !v.is_finite()) {
+            None => Ok(values),
+            Some(i) => Err(MatError::Malformed(format!(
+                "data.{name}: value {i} is {}; it must be finite",
+                values[i]
+            ))),
+        }
+    }
+}
+
+/// Start and step of the least squares line through equally spaced frequencies.
+fn fit_line(hz: &[f64]) -> Result<(f64, f64), MatError> {
+    let mean_index = (hz.len() - 1) as f64 / 2.0;
+    let mean_hz = hz.iter().sum::<f64>() / hz.len() as f64;
+    let (mut slope, mut spread) = (0.0, 0.0);
+    for (k, f) in hz.iter().enumerate() {
+        let d = k as f64 - mean_index;
+        slope += d * (f - mean_hz);
+        spread += d * d;
+    }
+    let step_hz = slope / spread;
+    let start_hz = mean_hz - mean_index * step_hz;
+    if !(step_hz > 0.0 && start_hz > 0.0) {
+        return Err(MatError::Malformed(format!(
+            "data.freq starts at {start_hz} Hz with a step of {step_hz} Hz; positive, ascending \
+             frequencies in hertz are expected"
+        )));
+    }
+    if start_hz < MIN_FREQUENCY_HZ {
+        return Err(MatError::Malformed(format!(
+            "data.freq starts at {start_hz}; hertz are expected, and no radar's band lies below \
+             {MIN_FREQUENCY_HZ} Hz: multiply them if they are in GHz or MHz"
+        )));
+    }
+    let residual = |(k, f): (usize, &f64)| (f - (start_hz + k as f64 * step_hz)).abs();
+    let residuals = hz.iter().enumerate().map(residual);
+    let worst = residuals.fold(0.0, |a: f64, b| a.max(b));
+    let most = max_residual_hz(hz.iter().fold(0.0, |a: f64, &b| a.max(b)), step_hz);
+    if worst > most {
+        return Err(MatError::Malformed(format!(
+            "data.freq is not equally spaced: a sample is {worst:.0} Hz off the straight line \
+             (at most {most:.0} Hz)"
+        )));
+    }
+    Ok((start_hz, step_hz))
+}
+
+/// Furthest that a recorded frequency may lie from the fitted line: four steps of float32 at the
+/// largest one (4096 Hz at 9.6 GHz), and no more than a quarter of the line's own step.
+fn max_residual_hz(largest_hz: f64, step_hz: f64) -> f64 {
+    let largest = largest_hz as f32;
+    let float_step_hz = f64::from(largest.next_up()) - f64::from(largest);
+    (4.0 * float_step_hz).min(step_hz / 4.0)
+}

@@ -1,0 +1,79 @@
+//! Input files: whether two names are one file, and whether a file was changed while it was read.
+
+use std::fs::{self, File, Metadata};
+use std::io;
+use std::path::Path;
+use std::time::SystemTime;
+
+use subaperture_model::phase_history::ReadError;
+
+/// Whether two are the same file, by whatever names. Where the system does not tell, they are taken to be.
+pub fn same_file(a: &Metadata, b: &Metadata) -> bool {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        (a.dev(), a.ino()) == (b.dev(), b.ino())
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = (a, b);
+        true
+    }
+}
+
+/// Whether two paths lead to the same file: by hard links, symbolic links, or in other letters.
+pub fn same_path(a: &Path, b: &Path) -> bool {
+    #[cfg(unix)]
+    if let (Ok(a), Ok(b)) = (fs::metadata(a), fs::metadata(b)) {
+        return same_file(&a, &b);
+    }
+    match (fs::canonicalize(a), fs::canonicalize(b)) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    }
+}
+
+/// Size and time of last change of an open file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    bytes: u64,
+    modified: Option<SystemTime>,
+}
+
+impl Stamp {
+    /// Those of `file` now.
+    pub fn of(file: &File) -> io::Result<Self> {
+        let about = file.metadata()?;
+        Ok(Self {
+            bytes: about.len(),
+            // Not every system keeps it.
+            modified: about.modified().ok(),
+        })
+    }
+
+    /// How `file` differs from what it was when this was taken. Another file put in its place by renaming is no
+    /// matter: what is open is read to its end.
+    pub fn difference(&self, file: &File) -> io::Result<Option<String>> {
+        let now = Self::of(file)?;
+        Ok(match (now == *self, now.bytes == self.bytes) {
+            (true, _) => None,
+            (_, true) => Some("it was written to".to_owned()),
+            _ => Some(format!("it had {} bytes and has {}", self.bytes, now.bytes)),
+        })
+    }
+
+    /// Fails if `file`, of which this was taken when it was opened, has been written to since.
+    pub fn check(&self, file: &File, path: &Path) -> Result<(), ReadError> {
+        match self.difference(file) {
+            Ok(None) => Ok(()),
+            Ok(Some(how)) => Err(ReadError::Changed {
+                path: path.to_owned(),
+                how,
+            }),
+            Err(source) => Err(ReadError::Io {
+                path: path.to_owned(),
+                source,
+            }),
+        }
+    }
+}

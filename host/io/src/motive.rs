@@ -1,0 +1,366 @@
+//! Tracks of rigid bodies as OptiTrack's Motive exports them, comma-separated.
+//!
+//! ```text
+//! Format Version,1.23,Take Name,walk,...,Rotation Type,Quaternion,Length Units,Meters,Coordinate Space,Global
+//!
+//! ,Type,Rigid Body,Rigid Body,...            or without the words Type and Name
+//! ,Name,radar,radar,...
+//! ,ID,1,1,...
+//! ,,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Mean Marker Error
+//! Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,
+//! 0,0.000000,0.1,...
+//! ```
+//!
+//! Times are seconds, positions in the unit that the first line names, rotations quaternions. Axes are y up unless the
+//! caller says otherwise. Frames in which the body was not seen have empty cells, and are passed over: who uses the
+//! track looks at the times of its fixes. A body's own axes are those of the capture's space as it was when the body was
+//! defined, turned as the track's.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+
+use glam::{DQuat, DVec3};
+
+use super::track_axes::TrackAxes;
+use super::track_csv::{TrackCsvError, each_line};
+use subaperture_model::track::Fix;
+
+/// Bytes a line may have: a take of many markers has wide lines.
+const LONGEST_LINE: u64 = 1 << 20;
+
+/// Lines before the table, at most.
+const MOST_HEADERS: usize = 32;
+
+/// Farthest coordinate, metres, and longest time, seconds.
+const FARTHEST: f64 = 1e9;
+
+/// Reads the fixes of a rigid body, the only one if `body` is `None`.
+///
+/// # Errors
+/// [`TrackCsvError`], with the line.
+pub fn read(path: &Path, body: Option<&str>, axes: TrackAxes) -> Result<Vec<Fix>, TrackCsvError> {
+    let file = File::open(path).map_err(|source| TrackCsvError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    read_from(BufReader::new(file), path, body, axes)
+}
+
+/// As [`read`], from a stream; `path` is for errors.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_from(
+    stream: impl BufRead,
+    path: &Path,
+    body: Option<&str>,
+    axes: TrackAxes,
+) -> Result<Vec<Fix>, TrackCsvError> {
+    let mut headers: Vec<Vec<String>> = Vec::new();
+    let mut columns: Option<Columns> = None;
+    let mut fixes = Vec::new();
+    let lines = each_line(stream, path, LONGEST_LINE, |text| {
+        let cells: Vec<&str> = text
+            .trim_end_matches(['\r', '\n'])
+            .split(',')
+            .map(|cell| cell.trim().trim_matches('"'))
+            .collect();
+        match &columns {
+            Some(_) if cells.iter().all(|cell| cell.is_empty()) => {}
+            Some(columns) => fixes.extend(columns.fix(&cells, axes)?),
+            None if cells[0] == "Frame" => columns = Some(Columns::of(&headers, &cells, body)?),
+            None => {
+                if headers.is_empty() && cells[0] != "Format Version" {
+                    return Err(
+                        "a Motive export begins with 'Format Version'; for columns of your own use kind = \"csv\"".to_owned(),
+                    );
+                }
+                if headers.len() == MOST_HEADERS {
+                    return Err(
+                        "no line begins with 'Frame' so far: not a table of a take".to_owned()
+                    );
+                }
+                headers.push(cells.into_iter().map(str::to_owned).collect());
+            }
+        }
+        Ok(())
+    })?;
+    let whole = |what: &str| TrackCsvError::Line {
+        path: path.to_owned(),
+        line: lines.max(1),
+        what: what.to_owned(),
+    };
+    match columns {
+        None => Err(whole(
+            "the file ends before a line that begins with 'Frame'",
+        )),
+        Some(_) if fixes.is_empty() => Err(whole("the body is seen in no frame")),
+        Some(_) => Ok(fixes),
+    }
+}
+
+/// Where the body's values are in a row.
+struct Columns {
+    count: usize,
+    position: [usize; 3],
+    /// x, y, z and w.
+    rotation: Option<[usize; 4]>,
+    unit_m: f64,
+}
+
+impl Columns {
+    fn of(headers: &[Vec<String>], letters: &[&str], body: Option<&str>) -> Result<Self, String> {
+        let (first, rows) = headers
+            .split_first()
+            .ok_or("the table has no header lines before it")?;
+        let said = |what: &str| {
+            let at = first.iter().position(|cell| cell == what)?;
+            first.get(at + 1).map(String::as_str)
+        };
+        let unit_m = match said("Length Units") {
+            Some("Meters") => 1.0,
+            Some("Centimeters") => 1e-2,
+            Some("Millimeters") => 1e-3,
+            Some(other) => return Err(format!("Length Units of the first line are '{other}': export in Meters or Millimeters")),
+            None => return Err("the first line names no Length Units: export with the header, in Meters or Millimeters".to_owned()),
+        };
+        if let Some(other) = said("Coordinate Space").filter(|space| *space != "Global") {
+            return Err(format!(
+                "positions are in the space '{other}': export in Global coordinates"
+            ));
+        }
+        let quaternions = said("Rotation Type").is_none_or(|kind| kind == "Quaternion");
+        let rows: Vec<&Vec<String>> = rows
+            .iter()
+            .filter(|row| row.iter().any(|cell| !cell.is_empty()))
+            .collect();
+        let types = rows
+            .iter()
+            .position(|row| row.iter().any(|cell| cell == "Rigid Body"));
+        let types = types.ok_or("there is no Rigid Body in the take: define one, and export it")?;
+        let (Some(names), Some(kinds)) = (rows.get(types + 1), rows.last()) else {
+            return Err("the lines before the table lack names or kinds of its columns".to_owned());
+        };
+        let cell = |row: &[String], column: usize| row.get(column).cloned().unwrap_or_default();
+        let of_body = |column: &usize| cell(rows[types], *column) == "Rigid Body";
+        let mut bodies: Vec<String> = Vec::new();
+        for column in (2..letters.len()).filter(of_body) {
+            let name = cell(names, column);
+            if !bodies.contains(&name) {
+                bodies.push(name);
+            }
+        }
+        let list = || {
+            bodies
+                .iter()
+                .map(|name| format!("'{name}'"))
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
+        let body = match (body, &bodies[..]) {
+            (Some(body), _) if bodies.iter().any(|name| name == body) => body.to_owned(),
+            (Some(body), _) => {
+                return Err(format!(
+                    "there is no rigid body '{body}': the take has {}",
+                    list()
+                ));
+            }
+            (None, [only]) => only.clone(),
+            (None, _) => {
+                return Err(format!(
+                    "the take has several rigid bodies: name one of {} by 'body'",
+                    list()
+                ));
+            }
+        };
+        let find = |kind: &str, letter: &str| {
+            (2..letters.len()).find(|column| {
+                of_body(column)
+                    && cell(names, *column) == body
+                    && cell(kinds, *column) == kind
+                    && letters[*column] == letter
+            })
+        };
+        let position = ["X", "Y", "Z"].map(|letter| find("Position", letter));
+        let [Some(x), Some(y), Some(z)] = position else {
+            return Err(format!(
+                "the body '{body}' has no columns of Position X, Y and Z"
+            ));
+        };
+        let rotation = ["X", "Y", "Z", "W"].map(|letter| find("Rotation", letter));
+        Ok(Self {
+            count: letters.len(),
+            position: [x, y, z],
+            rotation: match rotation {
+                [Some(x), Some(y), Some(z), Some(w)] if quaternions => Some([x, y, z, w]),
+                _ => None,
+            },
+            unit_m,
+        })
+    }
+
+    /// The fix of a row; `None` where the body was not seen.
+    fn fix(&self, cells: &[&str], axes: TrackAxes) -> Result<Option<Fix>, String> {
+        // A last empty column has no comma of its own in some exports.
+        if cells.len() + 1 < self.count {
+            return Err(format!(
+                "{} values; the table has {} columns",
+                cells.len(),
+                self.count
+            ));
+        }
+        let cell = |column: usize| cells.get(column).copied().unwrap_or_default();
+        let number = |column: usize, what: &str| match cell(column).parse::<f64>() {
+            Ok(value) if value.abs() <= FARTHEST => Ok(value),
+            _ => Err(format!(
+                "{what} (column {}) is '{}'; a number is expected",
+                column + 1,
+                cell(column)
+            )),
+        };
+        let time_s = number(1, "Time")?;
+        let all = self.position.iter().chain(self.rotation.iter().flatten());
+        let empty = all.filter(|column| cell(**column).is_empty()).count();
+        let wanted = 3 + self.rotation.map_or(0, |_| 4);
+        if empty == wanted {
+            return Ok(None);
+        }
+        let [x, y, z] = self.position;
+        let place = DVec3::new(number(x, "X")?, number(y, "Y")?, number(z, "Z")?);
+        let attitude = match self.rotation {
+            None => None,
+            Some([x, y, z, w]) => {
+                let q = DQuat::from_xyzw(
+                    number(x, "X")?,
+                    number(y, "Y")?,
+                    number(z, "Z")?,
+                    number(w, "W")?,
+                );
+                if (q.length() - 1.0).abs() > 1e-2 {
+                    return Err(format!(
+                        "the rotation is a quaternion of length {:.4}; 1 is expected",
+                        q.length()
+                    ));
+                }
+                Some(axes.turn_attitude(q.normalize()))
+            }
+        };
+        Ok(Some(Fix {
+            time_s,
+            position_m: axes.turn(place * self.unit_m),
+            attitude,
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TAKE: &str = "Format Version,1.23,Take Name,walk,Rotation Type,Quaternion,Length Units,Millimeters,Coordinate Space,Global\n\
+        \n\
+        ,Type,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body Marker\n\
+        ,Name,radar,radar,radar,radar,radar,radar,radar,radar,radar:Marker1\n\
+        ,ID,1,1,1,1,1,1,1,1,1\n\
+        ,,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Mean Marker Error,Position\n\
+        Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,,X\n\
+        0,0.000000,0,0,0,1,100.0,1500.0,-20.0,0.1,5\n\
+        1,0.008333,,,,,,,,,\n\
+        2,0.016667,0,0.38268343,0,0.92387953,110.0,1500.0,-20.0,0.1,5\n";
+
+    fn fixes(text: &str, body: Option<&str>) -> Result<Vec<Fix>, String> {
+        let read = read_from(
+            text.as_bytes(),
+            Path::new("take.csv"),
+            body,
+            TrackAxes::y_up(),
+        );
+        read.map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_body_is_read_in_metres_and_upright() {
+        for text in [
+            TAKE.to_owned(),
+            TAKE.replace(",Type,", ",,")
+                .replace(",Name,", ",,")
+                .replace('\n', "\r\n"),
+        ] {
+            let read = fixes(&text, None).unwrap();
+            // The second frame did not see it.
+            assert_eq!(read.len(), 2);
+            assert!(
+                read[0].position_m.distance(DVec3::new(0.1, 0.02, 1.5)) < 1e-12,
+                "{read:?}"
+            );
+            assert_eq!(read[1].time_s, 0.016667);
+            // An eighth of a turn about the vertical.
+            let nose = read[1].attitude.unwrap() * DVec3::X;
+            assert!(
+                nose.distance(DVec3::new(0.5f64.sqrt(), 0.5f64.sqrt(), 0.0)) < 1e-7,
+                "{nose}"
+            );
+        }
+        assert_eq!(fixes(TAKE, Some("radar")).unwrap().len(), 2);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        for (from, to, part) in [
+            ("Format Version", "time_s", "line 1: a Motive export begins"),
+            (
+                "Millimeters",
+                "Inches",
+                "line 7: Length Units of the first line are 'Inches'",
+            ),
+            (
+                "Global",
+                "Local",
+                "line 7: positions are in the space 'Local'",
+            ),
+            ("Frame,", "frame,", "the file ends before"),
+            ("Rigid Body,", "Bone,", "line 7: there is no Rigid Body"),
+            (
+                "Rotation,Rotation,Rotation,Rotation,Position",
+                "Rotation,Rotation,Rotation,Rotation,Other",
+                "no columns of Position",
+            ),
+            ("110.0", "far", "line 10: X (column 7) is 'far'"),
+            (
+                "0.92387953",
+                "2",
+                "line 10: the rotation is a quaternion of length 2.0",
+            ),
+            ("0.008333,,,,,,,,,", "0.008333,,", "line 9: 4 values"),
+            ("0.016667", "soon", "line 10: Time (column 2) is 'soon'"),
+        ] {
+            assert!(TAKE.contains(from), "{from}");
+            let error = fixes(&TAKE.replace(from, to), None).unwrap_err();
+            assert!(error.contains(part), "{from}: {error}");
+        }
+        let error = fixes(TAKE, Some("walker")).unwrap_err();
+        assert!(
+            error.contains("no rigid body 'walker': the take has 'radar'"),
+            "{error}"
+        );
+        let two = TAKE
+            .replace("radar,radar,radar\n", "radar,radar,cart\n")
+            .replace("radar,radar,radar:", "radar,cart,radar:");
+        assert!(
+            fixes(&two, None)
+                .unwrap_err()
+                .contains("several rigid bodies")
+        );
+        assert!(fixes("", None).is_err());
+    }
+
+    #[test]
+    fn a_last_value_that_is_missing_is_an_empty_one() {
+        let take = "Format Version,1.23,Length Units,Meters\n,Type,Rigid Body,Rigid Body,Rigid Body\n,Name,r,r,r\n\
+            ,ID,1,1,1\n,,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z\n0,0.5,1,2,3\n1,1.0,,\n";
+        assert_eq!(fixes(take, None).unwrap().len(), 1);
+        let error = fixes(&take.replace("1,1.0,,", "1,1.0,1,2"), None).unwrap_err();
+        assert!(error.contains("line 8: Z (column 5) is '';"), "{error}");
+    }
+}

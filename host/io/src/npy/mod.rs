@@ -1,0 +1,166 @@
+//! NumPy arrays: images and recordings' arrays, read and written.
+//!
+//! Format 1.0 (NumPy enhancement proposal 1). An image is of type `<c8`, C order, two dimensions: rows
+//! (y or range ascending) x columns (x or angle ascending). `numpy.load` gives the image as it is
+//! here. [`Array`] is any array of numbers, alone or in an archive (`.npz`); [`ArrayWriter`] writes one
+//! a few values at a time.
+//!
+//! (Why not a crate: `npyz` 0.9.1 panics on a shape whose product overflows, before a caller can see
+//! the shape, and brings 36 crates with a parser of all Python literals. One kind of header is a
+//! page.)
+
+mod array;
+mod header;
+mod write;
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
+
+use num_complex::Complex32;
+
+use self::header::{Header, HeaderError};
+use super::atomic::{WriteError, write_atomically};
+use super::input::Stamp;
+use subaperture_model::image::Image;
+
+pub use array::{Array, Values};
+pub use write::{ArrayWriter, Number};
+
+const MAGIC: &[u8] = b"\x93NUMPY";
+
+/// Why an array was not read.
+#[derive(Debug, thiserror::Error)]
+pub enum NpyError {
+    /// The operating system refused.
+    #[error("cannot read {path}: {source}")]
+    Io {
+        /// File concerned.
+        path: PathBuf,
+        /// Cause.
+        source: io::Error,
+    },
+    /// Not a complex64 image.
+    #[error("{path}: {what}")]
+    Unsuited {
+        /// File concerned.
+        path: PathBuf,
+        /// What it is, and what was expected.
+        what: String,
+    },
+}
+
+/// Bytes of the file that [`write()`] makes of an image of this many pixels.
+pub fn file_bytes(num_pixels: u64) -> u64 {
+    num_pixels.saturating_mul(8).saturating_add(128)
+}
+
+/// Writes `image` to a stream.
+///
+/// # Errors
+/// Those of the stream.
+pub fn write_to(stream: impl Write, image: &Image) -> io::Result<()> {
+    let (rows, columns) = (image.rows, image.columns);
+    if rows.checked_mul(columns) != Some(image.pixels.len()) {
+        return Err(io::Error::new(
+            io::ErrorKind::InvalidInput,
+            format!(
+                "an image of {rows} x {columns} with {} pixels",
+                image.pixels.len()
+            ),
+        ));
+    }
+    let mut writer = ArrayWriter::new(stream, &[rows, columns])?;
+    writer.put(&image.pixels)?;
+    writer.finish()
+}
+
+/// Writes `image` to a file, complete or not at all.
+///
+/// # Errors
+/// [`WriteError`].
+pub fn write(path: &Path, image: &Image) -> Result<(), WriteError> {
+    let bytes = file_bytes(image.pixels.len() as u64);
+    write_atomically(path, bytes, |file| write_to(file, image))
+}
+
+/// Reads an image. No more memory is asked for than the file has bytes. Values are not checked:
+/// they may be NaN.
+///
+/// # Errors
+/// [`NpyError`].
+pub fn read(path: &Path) -> Result<Image, NpyError> {
+    let opened = File::open(path).map_err(|source| NpyError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    read_open(opened, path)
+}
+
+/// [`read`] of a file that is open, from its start.
+pub(super) fn read_open(file: File, path: &Path) -> Result<Image, NpyError> {
+    let io = |source: io::Error| NpyError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let unsuited = |what: String| NpyError::Unsuited {
+        path: path.to_owned(),
+        what,
+    };
+    let file_bytes = file.metadata().map_err(io)?.len();
+    let stamp = Stamp::of(&file).map_err(io)?;
+    let mut reader = BufReader::new(file);
+    let header = Header::read(&mut reader).map_err(|error| match error {
+        HeaderError::Io(source) => io(source),
+        HeaderError::Unsuited(what) => unsuited(what),
+    })?;
+    let (rows, columns) = image_shape(&header).map_err(unsuited)?;
+    let needed = (u128::from(rows) * u128::from(columns)).saturating_mul(8);
+    let present = file_bytes.saturating_sub(header.bytes);
+    if needed != u128::from(present) {
+        return Err(unsuited(format!(
+            "{rows} x {columns} complex64 values need {needed} bytes after the header, but the file \
+             has {present}"
+        )));
+    }
+    let count = (present / 8) as usize;
+    let mut pixels = Vec::new();
+    pixels
+        .try_reserve_exact(count)
+        .map_err(|_| unsuited(format!("no memory for its {needed} bytes")))?;
+    for _ in 0..count {
+        let mut z = [0; 8];
+        reader.read_exact(&mut z).map_err(io)?;
+        let [a, b, c, d, e, f, g, h] = z;
+        pixels.push(Complex32::new(
+            f32::from_le_bytes([a, b, c, d]),
+            f32::from_le_bytes([e, f, g, h]),
+        ));
+    }
+    if let Some(how) = stamp.difference(reader.get_ref()).map_err(io)? {
+        return Err(unsuited(format!(
+            "was changed while it was read ({how}): start again when it is whole"
+        )));
+    }
+    Ok(Image {
+        rows: rows as usize,
+        columns: columns as usize,
+        pixels,
+    })
+}
+
+/// Rows and columns of a complex64 image.
+fn image_shape(header: &Header) -> Result<(u64, u64), String> {
+    match (
+        header.kind.as_str(),
+        header.order.as_str(),
+        header.sizes.as_deref(),
+    ) {
+        ("'<c8'", "False", Some(&[rows, columns])) => Ok((rows, columns)),
+        (kind, order, _) => Err(format!(
+            "holds type {kind}, fortran_order {order}, shape {}; an image, '<c8' (complex64) of two \
+             dimensions in C order, is expected: numpy.ascontiguousarray(a, 'complex64')",
+            header.shape
+        )),
+    }
+}

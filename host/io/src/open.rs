@@ -1,0 +1,182 @@
+//! Recordings opened by what they hold, not by how they are called; only a description of a raw recording, which is
+//! text, is known by its `.toml`.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::{cphd, gotcha, matlab, recording};
+use subaperture_model::phase_history::{Aperture, PhaseHistory, ReadError};
+
+const CPHD_MAGIC: &[u8] = b"CPHD/1.";
+const SUPPORTED: &str =
+    "CPHD 1.x and GOTCHA (MATLAB 5) files are read, and descriptions of raw recordings (.toml)";
+
+/// How recordings are opened.
+#[derive(Clone, Copy, Debug)]
+pub struct Options<'a> {
+    /// One of a CPHD's channels by its identifier; the reference channel if `None`.
+    pub channel: Option<&'a str>,
+    /// Bytes that all recordings opened together may hold in memory.
+    pub memory_bytes: u64,
+    /// Keys of descriptions of raw recordings and the values that override them, as
+    /// [`recording::RecordingFile::set`] takes them; laid over every description opened.
+    pub settings: &'a [(String, String)],
+}
+
+impl Default for Options<'_> {
+    /// The reference channel, any amount of memory, no settings.
+    fn default() -> Self {
+        Self {
+            channel: None,
+            memory_bytes: u64::MAX,
+            settings: &[],
+        }
+    }
+}
+
+/// Opens a recording.
+///
+/// # Errors
+/// [`ReadError::Malformed`] for a file of no known format, saying what it looks like, and for a
+/// broken one; [`ReadError::Mismatch`] for a channel or settings of a format that has none;
+/// [`ReadError::Io`].
+pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, ReadError> {
+    if path.is_dir() {
+        return Err(ReadError::Malformed {
+            path: path.to_owned(),
+            what: "a directory, and not a recording: name the files in it".to_owned(),
+        });
+    }
+    let start = read_start(path).map_err(|source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    let described = path
+        .extension()
+        .is_some_and(|extension| extension == "toml");
+    if let ([(key, value), ..], false) = (options.settings, described) {
+        return Err(ReadError::Mismatch(format!(
+            "{}: {key} = {value} is laid over descriptions of raw recordings (.toml) only: leave out the setting",
+            path.display()
+        )));
+    }
+    if start.starts_with(matlab::MAGIC) {
+        if let Some(channel) = options.channel {
+            return Err(ReadError::Mismatch(format!(
+                "{}: a GOTCHA file has no channels; leave out channel '{channel}'",
+                path.display()
+            )));
+        }
+        return Ok(Box::new(gotcha::read(path, options.memory_bytes)?));
+    }
+    if start.starts_with(CPHD_MAGIC) {
+        return Ok(Box::new(cphd::Cphd::open(
+            path,
+            options.channel,
+            options.memory_bytes,
+        )?));
+    }
+    if described {
+        if let Some(channel) = options.channel {
+            return Err(ReadError::Mismatch(format!(
+                "{}: a described recording has no channels; leave out channel '{channel}'",
+                path.display()
+            )));
+        }
+        return Ok(Box::new(recording::open(
+            path,
+            options.settings,
+            options.memory_bytes,
+        )?));
+    }
+    Err(ReadError::Malformed {
+        path: path.to_owned(),
+        what: format!("{}; {SUPPORTED}", describe(&start)),
+    })
+}
+
+/// What a CPHD file says of itself in its header and XML; `None` for other files.
+///
+/// # Errors
+/// As [`cphd::CphdInfo::read`].
+pub fn cphd_info(path: &Path) -> Result<Option<cphd::CphdInfo>, ReadError> {
+    let start = read_start(path).map_err(|source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    if !start.starts_with(CPHD_MAGIC) {
+        return Ok(None);
+    }
+    cphd::CphdInfo::read(path).map(Some)
+}
+
+/// Opens recordings and joins them into one aperture, its pulses in the order of [`Aperture`] whatever that of
+/// `paths`.
+///
+/// # Errors
+/// As [`open`], and [`ReadError::Mismatch`] if there are none or they do not fit together.
+pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Aperture, ReadError> {
+    let mut left = *options;
+    let mut parts = Vec::with_capacity(paths.len());
+    for path in paths {
+        let part = open(path.as_ref(), &left)?;
+        left.memory_bytes = left.memory_bytes.saturating_sub(part.held_bytes());
+        parts.push(part);
+    }
+    let joining = Aperture::joining_bytes(&parts);
+    if let [.., last] = paths
+        && joining > left.memory_bytes
+    {
+        return Err(ReadError::Memory {
+            path: last.as_ref().to_owned(),
+            needed_bytes: joining,
+            allowed_bytes: left.memory_bytes,
+        });
+    }
+    Aperture::join(parts)
+}
+
+/// The first bytes: enough to know every format by.
+fn read_start(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut start = Vec::new();
+    File::open(path)?.take(64).read_to_end(&mut start)?;
+    Ok(start)
+}
+
+/// What a file of no supported format looks like, and what to do with it.
+fn describe(start: &[u8]) -> &'static str {
+    let known: [(&[u8], &str); 9] = [
+        (
+            b"MATLAB 7.3 MAT-file",
+            "a MATLAB 7.3 (HDF5) file: load it in MATLAB and save it again with -v7",
+        ),
+        (
+            b"CPHD/0.",
+            "CPHD of a version before 1: convert it to CPHD 1.1",
+        ),
+        (b"CPHD", "CPHD of an unknown version"),
+        (b"CRSD", "a CRSD file: convert it to CPHD 1.1"),
+        (
+            b"NITF",
+            "a NITF file (SICD or SIDD): an image already, not phase history",
+        ),
+        (b"\x89HDF", "an HDF5 file: convert it to CPHD 1.1"),
+        (
+            b"\x93NUMPY",
+            "a NumPy array, without the pulses' geometry: describe it in TOML (subap recording)",
+        ),
+        (
+            b"PK\x03\x04",
+            "a zip archive; if of NumPy arrays, describe it in TOML (subap recording)",
+        ),
+        (b"\x1f\x8b", "a gzip file: unpack it"),
+    ];
+    if start.is_empty() {
+        return "the file is empty";
+    }
+    known
+        .iter()
+        .find(|(magic, _)| start.starts_with(magic))
+        .map_or("neither CPHD nor MATLAB 5 by its first bytes", |k| k.1)
+}

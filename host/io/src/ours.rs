@@ -1,0 +1,225 @@
+//! Whether this program wrote a file: known by what the file holds, never by its name.
+//!
+//! | kind | how it shows |
+//! |---|---|
+//! | CPHD | the XML's `ProductInfo` has a parameter `Program` that is [`PROGRAM`] |
+//! | maps | the format is this program's own |
+//! | picture (PNG) | its text chunk `Software` is [`PROGRAM`] |
+//! | JSON | its `schema` begins with `subaperture-`; if it is cut short, its first key is that |
+//! | text (HTML, Markdown) | its first line holds `written by subap` |
+//! | description (TOML) | so does its first line, with the CRC-32 of all that follows: one that was edited is its editor's |
+//! | array (NumPy) | a record beside it, JSON or TOML of this program, states its size and CRC-32 |
+//!
+//! An empty file holds nothing, and is anybody's.
+
+use std::fs::{self, File};
+use std::io::{self, BufReader, Read, Seek};
+use std::path::Path;
+
+use serde_json::Value;
+use subaperture_model::PROGRAM;
+
+/// What the first line of a text holds.
+pub const TEXT_MARK: &str = "written by subap";
+
+/// What begins the `schema` of JSON.
+const SCHEMA: &str = "subaperture-";
+
+/// How far a CPHD is searched for its mark: a header and the longest XML that is read.
+const MOST_HEADER_BYTES: u64 = 9 << 20;
+
+/// Longest JSON that is looked into.
+const MOST_JSON_BYTES: u64 = 256 << 20;
+
+/// Longest description that is looked into.
+const MOST_DESCRIPTION_BYTES: u64 = 16 << 20;
+
+/// Kinds of files that are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Phase history as CPHD.
+    Collection,
+    /// A module's maps.
+    Maps,
+    /// A picture, PNG.
+    Picture,
+    /// A record, JSON.
+    Record,
+    /// HTML or Markdown.
+    Text,
+    /// A recording's description, TOML.
+    Description,
+    /// A NumPy array that a record beside it speaks of.
+    Array,
+}
+
+impl Kind {
+    /// That of a file in a folder of ours, by its name's ending.
+    pub fn of_name(name: &str) -> Self {
+        match name.rsplit_once('.') {
+            Some((_, "png")) => Self::Picture,
+            Some((_, "json")) => Self::Record,
+            Some((_, "npy")) => Self::Array,
+            Some((_, "toml")) => Self::Description,
+            _ => Self::Text,
+        }
+    }
+}
+
+/// Whether the file at `path` is one of this kind that this program wrote, or empty; if not, what it is.
+pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static str>> {
+    let mut file = File::open(path)?;
+    if file.metadata()?.len() == 0 {
+        return Ok(None);
+    }
+    let ours = match kind {
+        Kind::Collection => starts_with(&mut file, b"CPHD/1.")? && has_mark(&mut file)?,
+        Kind::Maps => starts_with(&mut file, b"SUBAPMAP")?,
+        Kind::Picture => is_our_picture(&mut file)?,
+        Kind::Record => record(&mut file)?.is_some() || begins_as_record(&mut file)?,
+        Kind::Text => {
+            let mut start = Vec::new();
+            file.take(400).read_to_end(&mut start)?;
+            let first = start.split(|&b| b == b'\n').next().unwrap_or_default();
+            contains(first, TEXT_MARK.as_bytes())
+        }
+        Kind::Description => {
+            let mut text = Vec::new();
+            file.take(MOST_DESCRIPTION_BYTES).read_to_end(&mut text)?;
+            is_our_description(&text)
+        }
+        Kind::Array => is_recorded(path, file)?,
+    };
+    Ok((!ours).then_some(match kind {
+        Kind::Collection => "it is no CPHD that subap wrote",
+        Kind::Maps => "it is no file of maps",
+        Kind::Picture => "it is no picture that subap drew",
+        Kind::Record => "it is no record that subap wrote",
+        Kind::Text => "it is no text that subap wrote",
+        Kind::Description => "it is no description that subap wrote, or it was edited since",
+        Kind::Array => "no record of subap beside it is of this array",
+    }))
+}
+
+fn starts_with(file: &mut File, magic: &[u8]) -> io::Result<bool> {
+    let mut start = Vec::new();
+    file.take(magic.len() as u64).read_to_end(&mut start)?;
+    Ok(start == magic)
+}
+
+fn contains(bytes: &[u8], part: &[u8]) -> bool {
+    bytes.windows(part.len()).any(|window| window == part)
+}
+
+/// The element by which [`super::cphd::write()`] marks a file.
+pub(super) fn cphd_mark() -> String {
+    format!("<Parameter name=\"Program\">{PROGRAM}</Parameter>")
+}
+
+fn has_mark(file: &mut File) -> io::Result<bool> {
+    let mut start = Vec::new();
+    file.take(MOST_HEADER_BYTES).read_to_end(&mut start)?;
+    Ok(contains(&start, cphd_mark().as_bytes()))
+}
+
+/// The chunk comes before the pixels.
+fn is_our_picture(file: &mut File) -> io::Result<bool> {
+    let mut start = Vec::new();
+    file.take(400).read_to_end(&mut start)?;
+    let chunk = format!("tEXtSoftware\0{PROGRAM}");
+    Ok(start.starts_with(b"\x89PNG") && contains(&start, chunk.as_bytes()))
+}
+
+/// JSON of ours.
+fn record(file: &mut File) -> io::Result<Option<Value>> {
+    let value = serde_json::from_reader(BufReader::new(file.take(MOST_JSON_BYTES)));
+    let value: Option<Value> = value.ok();
+    Ok(value.filter(|value| {
+        let schema = value["schema"].as_str();
+        schema.is_some_and(|schema| schema.starts_with(SCHEMA))
+    }))
+}
+
+/// Whether the first key is a schema of ours: of a record that was cut short.
+fn begins_as_record(file: &mut File) -> io::Result<bool> {
+    file.rewind()?;
+    let mut start = Vec::new();
+    file.take(100).read_to_end(&mut start)?;
+    let start: String = String::from_utf8_lossy(&start).split_whitespace().collect();
+    Ok(start.starts_with(&format!("{{\"schema\":\"{SCHEMA}")))
+}
+
+/// A description with its first line.
+pub(super) fn marked_description(text: &str) -> String {
+    format!("{}\n{text}", description_mark(text.as_bytes()))
+}
+
+fn description_mark(text: &[u8]) -> String {
+    let crc32 = crc32fast::hash(text);
+    format!("# {TEXT_MARK}; all below this line has CRC-32 {crc32:08x}")
+}
+
+fn is_our_description(whole: &[u8]) -> bool {
+    let Some(end) = whole.iter().position(|&b| b == b'\n') else {
+        return false;
+    };
+    whole[..end] == *description_mark(&whole[end + 1..]).as_bytes()
+}
+
+/// The line of a description that speaks of an array.
+pub(super) fn array_line(name: &str, bytes: u64, crc32: &str) -> String {
+    format!("# {name}: {bytes} bytes, CRC-32 {crc32}")
+}
+
+/// Whether a record in the same folder states the size and CRC-32 that the array has.
+fn is_recorded(path: &Path, mut array: File) -> io::Result<bool> {
+    let (Some(folder), Some(name)) = (path.parent(), path.file_name().and_then(|n| n.to_str()))
+    else {
+        return Ok(false);
+    };
+    let bytes = array.metadata()?.len();
+    let mut sum: Option<String> = None;
+    for entry in fs::read_dir(folder)?.flatten() {
+        let record_name = entry.file_name();
+        let record_name = record_name.to_string_lossy();
+        let states: &dyn Fn(&str) -> bool = if record_name.ends_with(".json") {
+            let about = match File::open(entry.path()) {
+                Ok(mut file) => record(&mut file)?.map(|value| value["files"][name].clone()),
+                Err(_) => None,
+            };
+            &move |crc32: &str| {
+                about.as_ref().is_some_and(|about| {
+                    about["bytes"].as_u64() == Some(bytes) && about["crc32"] == crc32
+                })
+            }
+        } else if record_name.ends_with(".toml") {
+            let mut text = Vec::new();
+            if let Ok(file) = File::open(entry.path()) {
+                file.take(1 << 16).read_to_end(&mut text)?;
+            }
+            let ours = contains(&text, TEXT_MARK.as_bytes());
+            &move |crc32: &str| ours && contains(&text, array_line(name, bytes, crc32).as_bytes())
+        } else {
+            continue;
+        };
+        let crc32 = match &sum {
+            Some(sum) => sum.clone(),
+            None => crc32_of(&mut array)?,
+        };
+        if states(&crc32) {
+            return Ok(true);
+        }
+        sum = Some(crc32);
+    }
+    Ok(false)
+}
+
+fn crc32_of(file: &mut File) -> io::Result<String> {
+    let (mut crc, mut block) = (crc32fast::Hasher::new(), vec![0; 1 << 16]);
+    loop {
+        match file.read(&mut block)? {
+            0 => return Ok(format!("{:08x}", crc.finalize())),
+            count => crc.update(&block[..count]),
+        }
+    }
+}

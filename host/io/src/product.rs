@@ -1,0 +1,94 @@
+//! The folder that `subap focus` leaves: image, metadata, quicklook; complete or absent.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `image.npy` | complex64, rows (y ascending) x columns (x ascending) |
+//! | `image.json` | axes, frame, settings; under `files` the size and CRC-32 of the other two |
+//! | `image.png` | the quicklook |
+//!
+//! How it is complete or absent. All three are written, and forced to disk, in a hidden staging folder
+//! on the same file system. Then
+//! - if the folder does not exist, the staging folder is renamed to it: one step;
+//! - if it exists, whatever else lies in it stays, and `image.json` is the mark of a whole product:
+//!   an old one is removed first, image and quicklook are renamed into place, and the new
+//!   `image.json` last. Whoever finds it finds the other two, and by `files` can tell that they are
+//!   the same product's even if they were replaced while being read.
+//!
+//! An error on the way removes the staging folder; only a killed process or a power cut leaves one
+//! (`.subap-*`), never a product in part, and the next run that writes there removes it.
+//!
+//! [`read`] reads one back.
+
+mod read;
+
+use std::io::Write;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::atomic::WriteError;
+use super::npy;
+use super::staging::Staged;
+use subaperture_model::image::Image;
+
+pub use read::{ReadError, StoredProduct, read};
+
+const IMAGE: &str = "image.npy";
+const METADATA: &str = "image.json";
+const QUICKLOOK: &str = "image.png";
+
+/// Names of the files of a product.
+pub const NAMES: [&str; 3] = [IMAGE, METADATA, QUICKLOOK];
+
+/// What a folder is to hold.
+#[derive(Clone, Copy, Debug)]
+pub struct Product<'a> {
+    /// The image.
+    pub image: &'a Image,
+    /// Everything that should be known of it: a JSON object, to which `files` is added.
+    pub metadata: &'a Value,
+    /// The picture, as the bytes of a PNG file.
+    pub quicklook: &'a [u8],
+}
+
+impl Product<'_> {
+    /// Checks, before the work, that a product of this many pixels can go into `folder`: that it or
+    /// its nearest existing parent can be written to, that nothing is in the way, and that the disk
+    /// has room for the image (as an ordinary user sees it). Leaves nothing behind.
+    ///
+    /// # Errors
+    /// [`WriteError`].
+    pub fn prepare(folder: &Path, num_pixels: u64) -> Result<(), WriteError> {
+        let staged = Staged::begin(folder, npy::file_bytes(num_pixels))?;
+        staged.check([IMAGE, METADATA, QUICKLOOK])
+    }
+
+    /// Writes the three files into `folder`, which is made if need be, with its parents.
+    ///
+    /// # Errors
+    /// [`WriteError`]; then the folder is as it was, or, if replacing an older product failed half way,
+    /// without an `image.json`.
+    ///
+    /// # Panics
+    /// If `metadata` is not an object.
+    pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
+        let needed_bytes =
+            npy::file_bytes(self.image.pixels.len() as u64) + self.quicklook.len() as u64;
+        let staged = Staged::begin(folder, needed_bytes)?;
+        let image = staged.write(IMAGE, |out| npy::write_to(out, self.image))?;
+        let quicklook = staged.write(QUICKLOOK, |out| out.write_all(self.quicklook))?;
+        let mut metadata = self.metadata.clone();
+        metadata
+            .as_object_mut()
+            .expect("metadata is a JSON object")
+            .insert(
+                "files".to_owned(),
+                json!({ IMAGE: image, QUICKLOOK: quicklook }),
+            );
+        staged.write(METADATA, |out| {
+            serde_json::to_writer_pretty(&mut *out, &metadata)?;
+            out.write_all(b"\n")
+        })?;
+        staged.commit(&[IMAGE, QUICKLOOK], &[METADATA])
+    }
+}

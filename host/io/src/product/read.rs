@@ -1,0 +1,208 @@
+//! A product read back: image, grid and metadata, checked to belong together.
+
+use std::fs::File;
+use std::io::{self, Read, Seek};
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde_json::Value;
+
+use super::{IMAGE, METADATA};
+use crate::input::Stamp;
+use crate::npy::{self, NpyError};
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::image::Image;
+
+/// Most bytes of `image.json`, a thousand times what `subap focus` writes: it is parsed in memory.
+const MOST_METADATA_BYTES: u64 = 4 << 20;
+
+/// What a folder holds.
+#[derive(Clone, Debug)]
+pub struct StoredProduct {
+    /// The image.
+    pub image: Image,
+    /// Its grid.
+    pub grid: ImageGrid,
+    /// The whole of `image.json`.
+    pub metadata: Value,
+}
+
+/// Why a product was not read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The operating system refused.
+    #[error("cannot read {}: {source}{}", path.display(), advice(source))]
+    Io {
+        /// File concerned.
+        path: PathBuf,
+        /// Cause.
+        source: io::Error,
+    },
+    /// `image.json` is not that of a product.
+    #[error("{}: {what}", path.display())]
+    Metadata {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// The image is not the one that the metadata are of.
+    #[error("{}: {what}, so it is not the image that {METADATA} describes: form it again", path.display())]
+    Changed {
+        /// The image's file.
+        path: PathBuf,
+        /// How that shows.
+        what: String,
+    },
+    /// The image is damaged.
+    #[error(transparent)]
+    Npy(#[from] NpyError),
+}
+
+fn advice(source: &io::Error) -> &'static str {
+    match source.kind() {
+        io::ErrorKind::NotFound => "; a product is a folder with image.json and image.npy",
+        _ => "",
+    }
+}
+
+/// Reads a folder that [`super::Product::write`] has left, whose metadata hold a grid.
+///
+/// # Errors
+/// [`ReadError`], also if the image's size or CRC-32 is not what the metadata say.
+pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
+    let path = folder.join(METADATA);
+    let wrong = |what: String| ReadError::Metadata {
+        path: path.clone(),
+        what,
+    };
+    let mut text = Vec::new();
+    File::open(&path)
+        .and_then(|file| file.take(MOST_METADATA_BYTES + 1).read_to_end(&mut text))
+        .map_err(|source| ReadError::Io {
+            path: path.clone(),
+            source,
+        })?;
+    if text.len() as u64 > MOST_METADATA_BYTES {
+        return Err(wrong(format!(
+            "more than {MOST_METADATA_BYTES} bytes: it is not that of a product"
+        )));
+    }
+    let metadata: Value =
+        serde_json::from_slice(&text).map_err(|error| wrong(format!("not JSON: {error}")))?;
+    if metadata["grid"].is_null() {
+        let kind = metadata["schema"].as_str().unwrap_or("unknown kind");
+        return Err(wrong(format!(
+            "it holds no grid, for it is of {kind}; an image of subap focus is wanted"
+        )));
+    }
+    let grid = grid(&metadata["grid"]).map_err(wrong)?;
+    if let Some(fault) = grid.fault() {
+        return Err(wrong(fault.to_string()));
+    }
+    // Opened once, so that what is checked is what is read, whatever is renamed into its place.
+    let image = folder.join(IMAGE);
+    let mut file = File::open(&image).map_err(|source| ReadError::Io {
+        path: image.clone(),
+        source,
+    })?;
+    check(&mut file, &image, &metadata["files"][IMAGE])?;
+    let image = npy::read_open(file, &image)?;
+    if (image.rows, image.columns) != (grid.rows.count, grid.columns.count) {
+        return Err(wrong(format!(
+            "its grid has {} rows x {} columns, {IMAGE} {} x {}",
+            grid.rows.count, grid.columns.count, image.rows, image.columns
+        )));
+    }
+    Ok(StoredProduct {
+        image,
+        grid,
+        metadata,
+    })
+}
+
+/// Whether a file has the size and CRC-32 that the metadata say. Leaves it at its start.
+fn check(file: &mut File, path: &Path, about: &Value) -> Result<(), ReadError> {
+    let failed = |source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let stamp = Stamp::of(file).map_err(failed)?;
+    let (mut crc, mut bytes, mut block) = (crc32fast::Hasher::new(), 0u64, vec![0; 1 << 16]);
+    loop {
+        match file.read(&mut block).map_err(failed)? {
+            0 => break,
+            count => {
+                crc.update(&block[..count]);
+                bytes += count as u64;
+            }
+        }
+    }
+    file.rewind().map_err(failed)?;
+    if let Some(how) = stamp.difference(file).map_err(failed)? {
+        return Err(ReadError::Changed {
+            path: path.to_owned(),
+            what: format!("it was changed while it was read ({how})"),
+        });
+    }
+    let crc32 = format!("{:08x}", crc.finalize());
+    let changed = |what: String| {
+        Err(ReadError::Changed {
+            path: path.to_owned(),
+            what,
+        })
+    };
+    match (about["bytes"].as_u64(), about["crc32"].as_str()) {
+        (Some(stated), _) if stated != bytes => {
+            changed(format!("it has {bytes} bytes and not {stated}"))
+        }
+        (Some(_), Some(stated)) if stated == crc32 => Ok(()),
+        (Some(_), Some(stated)) => changed(format!("its CRC-32 is {crc32} and not {stated}")),
+        _ => changed("no size and CRC-32 of it are recorded".to_owned()),
+    }
+}
+
+/// A grid as `subap focus` records it, or in text form.
+fn grid(value: &Value) -> Result<ImageGrid, String> {
+    if let Some(text) = value.as_str() {
+        return text
+            .parse()
+            .map_err(|_| format!("its grid is recorded as '{text}', which is no grid"));
+    }
+    let missing = |what: &str| format!("grid.{what} is missing or not what subap focus writes");
+    let axis = |name: &str| {
+        let number = |key: &str| value[name][key].as_f64().filter(|v| v.is_finite());
+        let count = value[name]["count"]
+            .as_u64()
+            .filter(|&n| n > 0 && n <= 1_000_000_000);
+        match (number("start"), number("step").filter(|&s| s > 0.0), count) {
+            (Some(start), Some(step), Some(count)) => Ok(Axis {
+                start,
+                step,
+                count: count as usize,
+            }),
+            _ => Err(missing(name)),
+        }
+    };
+    let vector = |name: &str| {
+        let numbers: Option<Vec<f64>> = value[name]
+            .as_array()
+            .and_then(|list| list.iter().map(Value::as_f64).collect());
+        match numbers.as_deref() {
+            Some(&[x, y, z]) => Ok(DVec3::new(x, y, z)),
+            _ => Err(missing(name)),
+        }
+    };
+    Ok(ImageGrid {
+        origin_m: vector("origin_m")?,
+        x_axis: vector("x_axis")?,
+        y_axis: vector("y_axis")?,
+        columns: axis("columns")?,
+        rows: axis("rows")?,
+        polar: match value["kind"].as_str() {
+            Some("polar") => true,
+            Some("cartesian") => false,
+            _ => return Err(missing("kind")),
+        },
+    })
+}

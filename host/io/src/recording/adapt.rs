@@ -1,0 +1,436 @@
+//! From samples and pulses to phase history, by the adapter that `[radar] kind` calls for.
+
+use num_complex::Complex32;
+
+use super::arrays::Source;
+use super::moving::InMotion;
+use super::pulses::{Chosen, Pulses};
+use super::samples::{Rows, Samples, sweeps_a_pulse};
+use subaperture_describe::error::Found;
+use subaperture_describe::values::Values;
+use subaperture_describe::{place, radar};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::Extent;
+use subaperture_model::phase_history::{Band, Collection, PhaseHistory, Pulse, Recorded, Sweep};
+use subaperture_model::radar::{Reference, Waveform};
+use subaperture_receive::{
+    Compressed, Deskewed, EchoCollection, EchoPulse, Filter, Held, ProfileAxis, Profiles,
+    ReceiveError, Referenced, Skew, remove_background,
+};
+
+use glam::DVec3;
+
+/// The recording as phase history in memory.
+pub(super) fn adapt(
+    top: &Values,
+    source: &Source,
+    samples: Samples,
+    pulses: &Pulses,
+) -> Result<Recorded, Found> {
+    let (recording, values) = (source.recording, top.section("radar"));
+    // The samples once as they are, once in the adapter, once as phase history.
+    let needed = 24 * (pulses.chosen.len() as u64).saturating_mul(samples.num_samples as u64);
+    let left = source.left_bytes();
+    if needed > left {
+        return Err(recording.fault(
+            "file",
+            format!(
+                "{} pulses of {} samples need {needed} bytes of memory and {left} are left: raise --memory or \
+                 choose fewer pulses",
+                pulses.chosen.len(),
+                samples.num_samples
+            ),
+        ));
+    }
+    let bias_path_m = 2.0 * recording.number("range_bias");
+    let scene_values = top.section("scene");
+    let extent = place::extent(scene_values)?;
+    let given = place::reference(scene_values)?;
+    let header = Header {
+        name: name(top, source),
+        pulses,
+        extent,
+        bias_path_m,
+        given,
+    };
+    let a_pulse = sweeps_a_pulse(recording);
+    let (every, turns) = (
+        recording.count("transmitters") as usize,
+        recording.count("average") as usize,
+    );
+    let rows = pulses.chosen.iter().map(|pulse| {
+        let channel = &pulses.antennas.channels[pulse.channel];
+        Rows {
+            first: pulse.index * a_pulse + channel.transmitter,
+            every,
+            count: turns,
+            receiver: channel.receiver,
+        }
+    });
+    let mut raw = samples.of(rows);
+    remove(recording, pulses, samples.num_samples, &mut raw)?;
+
+    let count = samples.num_samples;
+    let received = |error: ReceiveError| Found::new(&values.at, error.what);
+    match values.text("kind") {
+        "profiles" => {
+            let (axis, band_hz) = profiles(values, source, &samples)?;
+            let middle_m = axis.first_range_m + axis.range_step_m * count as f64 / 2.0;
+            let collection = header.collection(middle_m);
+            let profiles = Profiles::new(collection, axis, band_hz, raw);
+            let profiles = profiles.map_err(|error| values.fault("band", error.to_string()))?;
+            whole(&profiles, &header)
+        }
+        kind => {
+            let waveform = waveform(values, kind, count)?;
+            let middle_m = middle_of_window_m(&waveform);
+            let half_delay_s = match (&waveform, extent) {
+                (
+                    Waveform::Fmcw {
+                        chirp_hz_s,
+                        sample_rate_hz,
+                        ..
+                    },
+                    None,
+                ) => {
+                    // What complex samples can hold.
+                    Some(0.5 * sample_rate_hz / chirp_hz_s.abs())
+                }
+                _ => None,
+            };
+            let moves = values.optional_text("motion") == Some("true");
+            let echoes = header.echoes(waveform, middle_m);
+            let held = InMotion {
+                held: Held::new(echoes, raw).map_err(received)?,
+                moves,
+                point: header.point(),
+                pulses,
+                bias_path_m,
+            };
+            match kind {
+                "fmcw" => whole(
+                    &Deskewed::new(held, half_delay_s, Skew::Removed).map_err(received)?,
+                    &header,
+                ),
+                "pulsed" => whole(
+                    &Compressed::new(held, Filter::Inverse).map_err(received)?,
+                    &header,
+                ),
+                _ => whole(&Referenced::new(held).map_err(received)?, &header),
+            }
+        }
+    }
+    .map_err(|what| recording.fault("file", what))
+}
+
+/// What all kinds have in common.
+struct Header<'a> {
+    name: String,
+    pulses: &'a Pulses,
+    extent: Option<Extent>,
+    bias_path_m: f64,
+    given: Option<Reference>,
+}
+
+impl Header<'_> {
+    /// Geometry of a pulse, with what ranges are recorded too long by in the reference path. Without a reference
+    /// given it is the middle of what the samples hold. No range is stored: all are float64 of the description's
+    /// numbers and the antennas' positions, so nothing was rounded from pulse to pulse.
+    fn echo(&self, pulse: &Chosen, middle_m: f64) -> EchoPulse {
+        let [transmitter_m, receiver_m] = pulse.antennas_m;
+        let path_to = |point: DVec3| transmitter_m.distance(point) + receiver_m.distance(point);
+        let (reference_m, path_m) = match self.given {
+            Some(Reference::Point(point)) => (point, path_to(point) + self.bias_path_m),
+            Some(Reference::Range(range_m)) => (DVec3::ZERO, 2.0 * range_m + self.bias_path_m),
+            None => (DVec3::ZERO, 2.0 * middle_m),
+        };
+        EchoPulse {
+            time_s: pulse.time_s,
+            transmitter_m,
+            receiver_m,
+            reference_m,
+            reference_path_m: path_m,
+        }
+    }
+
+    /// The point that phases are referred to, if it is one.
+    fn point(&self) -> Option<DVec3> {
+        match self.given {
+            Some(Reference::Point(point)) => Some(point),
+            _ => None,
+        }
+    }
+
+    fn echoes(&self, waveform: Waveform, middle_m: f64) -> EchoCollection {
+        let chosen = self.pulses.chosen.iter();
+        EchoCollection {
+            name: self.name.clone(),
+            waveform,
+            pulses: chosen.map(|pulse| self.echo(pulse, middle_m)).collect(),
+            frame: self.pulses.frame,
+            extent: self.extent,
+            timed: self.pulses.timed,
+        }
+    }
+
+    fn collection(&self, middle_m: f64) -> Collection {
+        let chosen = self
+            .pulses
+            .chosen
+            .iter()
+            .map(|pulse| self.echo(pulse, middle_m));
+        Collection {
+            name: self.name.clone(),
+            num_samples: 0,
+            pulses: chosen
+                .map(|echo| Pulse {
+                    time_s: echo.time_s,
+                    transmitter_m: echo.transmitter_m,
+                    receiver_m: echo.receiver_m,
+                    reference_m: echo.reference_m,
+                    reference_path_m: echo.reference_path_m,
+                    start_hz: 0.0,
+                    step_hz: 0.0,
+                    sweep: Sweep::AT_ONCE,
+                })
+                .collect(),
+            frame: self.pulses.frame,
+            extent: self.extent,
+            timed: self.pulses.timed,
+        }
+    }
+}
+
+/// All of a history in memory, its reference paths as they are without the bias.
+fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<Recorded, String> {
+    let mut collection = history.collection().clone();
+    let count = collection.pulses.len();
+    let mut samples = vec![Complex32::ZERO; count * collection.num_samples];
+    history
+        .read(0..count, &mut samples)
+        .map_err(|error| error.to_string())?;
+    for pulse in &mut collection.pulses {
+        pulse.reference_path_m -= header.bias_path_m;
+    }
+    let num_samples = collection.num_samples;
+    let fault = |(n, pulse): (usize, &Pulse)| pulse.fault(num_samples).map(|what| (n, what));
+    if let Some((n, what)) = collection.pulses.iter().enumerate().find_map(fault) {
+        return Err(format!("pulse {n}: {what}"));
+    }
+    let channels = &header.pulses.antennas.channels;
+    if channels
+        .iter()
+        .any(|channel| channel.calibration != Complex32::ONE)
+    {
+        let rows = samples.chunks_exact_mut(collection.num_samples);
+        for (row, pulse) in rows.zip(&header.pulses.chosen) {
+            let calibration = channels[pulse.channel].calibration;
+            row.iter_mut().for_each(|z| *z *= calibration);
+        }
+    }
+    Recorded::new(collection, samples).map_err(|error| error.to_string())
+}
+
+fn name(top: &Values, source: &Source) -> String {
+    top.optional_text("name").map_or_else(
+        || {
+            let file = source.file();
+            let stem = file.file_stem().unwrap_or(file.as_os_str());
+            stem.to_string_lossy().into_owned()
+        },
+        str::to_owned,
+    )
+}
+
+fn remove(
+    recording: &Values,
+    pulses: &Pulses,
+    width: usize,
+    samples: &mut [Complex32],
+) -> Result<(), Found> {
+    let (from, to) = (
+        recording.count("background_first"),
+        recording.optional_count("background_count"),
+    );
+    let stretch = from..to.map_or(u64::MAX, |count| from.saturating_add(count));
+    let kind = recording.text("background");
+    if kind == "keep" {
+        return Ok(());
+    }
+    for channel in 0..pulses.antennas.channels.len() {
+        // What does not change is not the same for all antennas.
+        let own: Vec<usize> = (0..pulses.chosen.len())
+            .filter(|&n| pulses.chosen[n].channel == channel)
+            .collect();
+        let over: Vec<bool> = own
+            .iter()
+            .map(|&n| &pulses.chosen[n])
+            .map(|pulse| {
+                stretch.contains(&(pulse.index as u64)) && (kind == "mean" || pulse.moving)
+            })
+            .collect();
+        if over.iter().filter(|&&over| over).count() < 2 {
+            return Err(recording.fault(
+                "background",
+                "fewer than two pulses are there to take a mean over: check background_first, background_count \
+                 and moving_above",
+            ));
+        }
+        let mut rows: Vec<Complex32> = Vec::with_capacity(own.len() * width);
+        for &n in &own {
+            rows.extend_from_slice(&samples[n * width..(n + 1) * width]);
+        }
+        remove_background(&mut rows, width, &over);
+        for (row, &n) in rows.chunks_exact(width).zip(&own) {
+            samples[n * width..(n + 1) * width].copy_from_slice(row);
+        }
+    }
+    Ok(())
+}
+
+fn waveform(values: &Values, kind: &str, count: usize) -> Result<Waveform, Found> {
+    Ok(match kind {
+        "fmcw" => Waveform::Fmcw {
+            start_hz: values.number("start"),
+            chirp_hz_s: values.number("slope"),
+            sample_rate_hz: values.number("sample_rate"),
+            num_samples: count,
+            mixer_delay_s: values.number("mixer_delay"),
+        },
+        "pulsed" => {
+            let sample_rate_hz = values.number("sample_rate");
+            let pulse = values.section("pulse");
+            let shape = radar::shape(pulse, sample_rate_hz)?;
+            // No echo of a longer one is recorded whole, and making it would take as long as it lasts.
+            let recorded_s = count as f64 / sample_rate_hz;
+            if shape.duration_s() > recorded_s * (1.0 + 1e-9) {
+                let key = match pulse.text("kind") {
+                    "lfm" => "duration",
+                    _ => "chip",
+                };
+                return Err(pulse.fault(
+                    key,
+                    format!(
+                        "the pulse lasts {:.6} us and the {count} samples recorded of each last {:.6} us: shorten \
+                         it, or check [radar] sample_rate",
+                        shape.duration_s() * 1e6,
+                        recorded_s * 1e6
+                    ),
+                ));
+            }
+            Waveform::Pulsed {
+                centre_hz: values.number("centre"),
+                sample_rate_hz,
+                num_samples: count,
+                window_start_s: values.number("window_start"),
+                shape,
+            }
+        }
+        _ => {
+            let band = Band {
+                start_hz: values.number("start"),
+                step_hz: values.number("step"),
+                count,
+            };
+            match (values.optional_number("step_time"), values.text("motion")) {
+                (Some(step_s), _) => Waveform::Stepped {
+                    band,
+                    step_s,
+                    dwell_s: step_s,
+                },
+                (None, "true") => {
+                    let what = "with motion = \"true\", give 'step_time' too: when a frequency's sample was taken";
+                    return Err(values.fault("motion", what));
+                }
+                (None, _) => Waveform::Ideal { band },
+            }
+        }
+    })
+}
+
+/// Range, bias included, of the middle of what the samples tell apart.
+fn middle_of_window_m(waveform: &Waveform) -> f64 {
+    let delay_s = match waveform {
+        Waveform::Fmcw {
+            chirp_hz_s,
+            sample_rate_hz,
+            mixer_delay_s,
+            ..
+        } => mixer_delay_s + 0.5 * sample_rate_hz / chirp_hz_s.abs(),
+        Waveform::Pulsed {
+            sample_rate_hz,
+            num_samples,
+            window_start_s,
+            shape,
+            ..
+        } => window_start_s + 0.5 * (*num_samples as f64 / sample_rate_hz - shape.duration_s()),
+        Waveform::Ideal { band } | Waveform::Stepped { band, .. } => 0.5 / band.step_hz,
+    };
+    0.5 * SPEED_OF_LIGHT_M_S * delay_s
+}
+
+/// Where the bins of profiles are, and the band that is kept.
+fn profiles(
+    values: &Values,
+    source: &Source,
+    samples: &Samples,
+) -> Result<(ProfileAxis, (f64, f64)), Found> {
+    let centre_hz = values.optional_number("centre");
+    match (samples.real, centre_hz) {
+        (true, Some(_)) => {
+            return Err(values.fault("centre", "the profiles are real waveforms: leave it out"));
+        }
+        (false, None) => {
+            return Err(values.fault(
+                "kind",
+                "the profiles are complex: give 'centre', the frequency that their 0 Hz stands for",
+            ));
+        }
+        _ => {}
+    }
+    let first_range_m = values.optional_number("first_range");
+    let steps = (first_range_m, values.optional_number("range_step"));
+    let (first_range_m, range_step_m) = match (values.optional_text("ranges"), steps) {
+        (None, (Some(first), Some(step))) => (first, step),
+        (Some(_), (None, None)) => even_ranges(values, source, samples.num_samples)?,
+        _ => {
+            return Err(values.fault(
+                "ranges",
+                "give either 'ranges', an array, or both 'first_range' and 'range_step'",
+            ));
+        }
+    };
+    let axis = ProfileAxis {
+        first_range_m,
+        range_step_m,
+        num_bins: samples.num_samples,
+        centre_hz,
+    };
+    Ok((axis, values.interval("band")))
+}
+
+/// First range and step of an array of ranges, which has to be even to a thousandth of its step.
+fn even_ranges(values: &Values, source: &Source, count: usize) -> Result<(f64, f64), Found> {
+    let ranges = source.vector(values, "ranges")?;
+    if ranges.len() != count || count < 2 {
+        let what = format!(
+            "holds {} ranges for {count} bins: check the array, and [recording] layout, which says what rows and \
+             columns of the samples are",
+            ranges.len()
+        );
+        return Err(values.fault("ranges", what));
+    }
+    let step = (ranges[count - 1] - ranges[0]) / (count - 1) as f64;
+    let uneven = ranges
+        .iter()
+        .enumerate()
+        .find(|(i, range)| (*range - ranges[0] - *i as f64 * step).abs() > 1e-3 * step.abs());
+    match uneven {
+        Some((i, range)) => Err(values.fault(
+            "ranges",
+            format!("bin {i} is at {range} m, not evenly after the others: resample the profiles"),
+        )),
+        None if step > 0.0 => Ok((ranges[0], step)),
+        None => Err(values.fault("ranges", "ranges have to rise")),
+    }
+}

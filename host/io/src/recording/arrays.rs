@@ -1,0 +1,201 @@
+//! The files that a description names, each read once however often the description is varied.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use super::files::expand;
+use crate::input::Stamp;
+use crate::npy::Array;
+use subaperture_describe::error::Found;
+use subaperture_describe::values::Values;
+use subaperture_model::phase_history::{InputFile, ReadError};
+
+type Name = (PathBuf, Option<String>);
+
+/// Arrays by file and name, and files that were read otherwise.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Arrays {
+    held: Arc<Mutex<BTreeMap<Name, Arc<Array>>>>,
+    /// What the files were when they were first read.
+    stamps: Arc<Mutex<BTreeMap<PathBuf, Stamp>>>,
+}
+
+impl Arrays {
+    /// The files read so far.
+    pub(super) fn files(&self) -> Vec<PathBuf> {
+        let held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut files: Vec<PathBuf> = held.keys().map(|(path, _)| path.clone()).collect();
+        files.dedup();
+        files
+    }
+
+    /// Sizes and checksums of the files read so far.
+    ///
+    /// # Errors
+    /// [`ReadError::Io`]; [`ReadError::Changed`] of a file that is no longer what was read.
+    pub(super) fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        let stamps = self.stamps.lock().unwrap_or_else(PoisonError::into_inner);
+        let files = self.files().into_iter();
+        files.map(|path| input(&path, stamps.get(&path))).collect()
+    }
+
+    /// Bytes of all that is held.
+    fn held_bytes(&self) -> u64 {
+        sum(&self.held.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// The array of this name, read by `read` with the bytes that are left of `memory_bytes` unless it is
+    /// held already.
+    pub(super) fn hold(
+        &self,
+        name: Name,
+        memory_bytes: u64,
+        read: impl FnOnce(&Name, u64) -> Result<Array, String>,
+    ) -> Result<Arc<Array>, String> {
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(array) = held.get(&name) {
+            return Ok(array.clone());
+        }
+        let left = memory_bytes.saturating_sub(sum(&held));
+        if let Ok(stamp) = File::open(&name.0).and_then(|file| Stamp::of(&file)) {
+            let mut stamps = self.stamps.lock().unwrap_or_else(PoisonError::into_inner);
+            stamps.entry(name.0.clone()).or_insert(stamp);
+        }
+        let array = Arc::new(read(&name, left)?);
+        held.insert(name, array.clone());
+        Ok(array)
+    }
+}
+
+fn sum(held: &BTreeMap<Name, Arc<Array>>) -> u64 {
+    held.values().map(|array| bytes(array)).sum()
+}
+
+/// Bytes of an array: all kinds of values take 8.
+fn bytes(array: &Array) -> u64 {
+    8 * array.shape.iter().map(|&size| size as u64).product::<u64>()
+}
+
+/// Where a description's arrays come from.
+#[derive(Clone, Copy)]
+pub(super) struct Source<'a> {
+    pub(super) arrays: &'a Arrays,
+    pub(super) folder: &'a Path,
+    /// `[recording]`.
+    pub(super) recording: &'a Values,
+    pub(super) memory_bytes: u64,
+}
+
+impl Source<'_> {
+    /// Bytes that the arrays leave.
+    pub(super) fn left_bytes(&self) -> u64 {
+        self.memory_bytes.saturating_sub(self.arrays.held_bytes())
+    }
+
+    /// The files of the samples; at least one.
+    pub(super) fn files(&self) -> Result<Vec<PathBuf>, Found> {
+        let mut files = Vec::new();
+        for text in self.recording.texts("file") {
+            let names = expand(text).map_err(|what| self.recording.fault("file", what))?;
+            files.extend(names.iter().map(|name| self.folder.join(name)));
+        }
+        if files.len() > 1 && self.recording.text("format") == "npz" {
+            let what = "an archive is one file: give one, or format = \"npy\"";
+            return Err(self.recording.fault("file", what));
+        }
+        Ok(files)
+    }
+
+    /// The first of them.
+    pub(super) fn file(&self) -> PathBuf {
+        let files = self.files().ok();
+        files
+            .and_then(|files| files.into_iter().next())
+            .unwrap_or_default()
+    }
+
+    /// The array that a key of `values` names: a path that ends in `.npy`, or an array of the archive that
+    /// holds the samples.
+    pub(super) fn array(&self, values: &Values, key: &str) -> Result<Arc<Array>, Found> {
+        let text = values.text(key);
+        let name = if Path::new(text).extension().is_some_and(|e| e == "npy") {
+            (self.folder.join(text), None)
+        } else if self.recording.text("format") == "npz" {
+            (self.file(), Some(text.to_owned()))
+        } else {
+            return Err(values.fault(
+                key,
+                "there is no archive to hold an array of this name: give the path of a .npy file, or use \
+                 format = \"npz\"",
+            ));
+        };
+        self.hold(name).map_err(|what| values.fault(key, what))
+    }
+
+    /// A `.npy` file or an array of an archive.
+    pub(super) fn hold(&self, name: Name) -> Result<Arc<Array>, String> {
+        self.arrays
+            .hold(name, self.memory_bytes, |(path, name), left| {
+                Array::read(path, name.as_deref(), left).map_err(|error| error.to_string())
+            })
+    }
+
+    /// A vector of finite real numbers that a key names.
+    pub(super) fn vector(&self, values: &Values, key: &str) -> Result<Vec<f64>, Found> {
+        let array = self.array(values, key)?;
+        let real = array
+            .real()
+            .filter(|real| array.shape.len() == 1 && !real.is_empty());
+        let Some(real) = real else {
+            return Err(values.fault(
+                key,
+                format!(
+                    "has shape {:?} and is {}; a row of real numbers is wanted",
+                    array.shape,
+                    match array.real() {
+                        Some(_) => "real",
+                        None => "complex",
+                    }
+                ),
+            ));
+        };
+        match real.iter().position(|x| !x.is_finite()) {
+            None => Ok(real.to_vec()),
+            Some(i) => Err(values.fault(key, format!("value {i} is {}", real[i]))),
+        }
+    }
+}
+
+/// A file's size and checksum; `stamp` is what it must still be.
+pub(super) fn input(path: &Path, stamp: Option<&Stamp>) -> Result<InputFile, ReadError> {
+    let failed = |source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let file = File::open(path).map_err(failed)?;
+    let sum = || {
+        let mut file = BufReader::with_capacity(1 << 16, &file);
+        let (mut hasher, mut total, mut piece) = (crc32fast::Hasher::new(), 0, vec![0; 1 << 16]);
+        loop {
+            match file.read(&mut piece)? {
+                0 => return Ok((total, hasher.finalize())),
+                count => {
+                    hasher.update(&piece[..count]);
+                    total += count as u64;
+                }
+            }
+        }
+    };
+    let (bytes, crc) = sum().map_err(failed)?;
+    if let Some(stamp) = stamp {
+        stamp.check(&file, path)?;
+    }
+    Ok(InputFile {
+        path: path.to_owned(),
+        bytes,
+        crc32: format!("{crc:08x}"),
+    })
+}

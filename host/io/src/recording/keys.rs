@@ -1,0 +1,574 @@
+//! The table of keys of a recording's description.
+
+use subaperture_describe::keys::motion::{
+    AT, BEARING, CENTRE, POINTS, POSITION, TRACK_FILE, TRACK_RECORD, TRACK_SKIP_DAMAGED, TURN,
+    VELOCITY,
+};
+use subaperture_describe::keys::place;
+use subaperture_describe::keys::radar::{
+    AZIMUTH, BORESIGHT, ELEVATION, NAME, OFFSET, PATTERN, PULSE, UP,
+};
+use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Schema, Section};
+use subaperture_model::units::Dimension;
+
+/// All that a recording's description can say.
+pub(super) static SCHEMA: Schema = Schema {
+    sections: &[
+        &TOP,
+        &RECORDING,
+        &SCENE,
+        &ORIGIN,
+        &RADAR,
+        &PULSE,
+        &TRANSMITTER,
+        &RECEIVER,
+        &PLATFORM,
+    ],
+    introduction: "The description of a recording is TOML. An ARRAY is named as in the .npz that holds the samples, or is \
+                   the path of a .npy file.",
+};
+
+static TOP: Section = Section {
+    path: "",
+    presence: Presence::Always,
+    when: &[],
+    selector: "",
+    doc: "",
+    keys: &[Key::new(
+        "name",
+        Kind::Text,
+        Need::Optional("\"yard\""),
+        "A name for titles and reports. If left out, that of the file.",
+    )],
+};
+
+const PHASE: Key = Key::new(
+    "phase",
+    Kind::Quantity(Dimension::Angle, Bounds::Any),
+    Need::Default("\"0 deg\""),
+    "Phase that it adds to what is recorded, in the sense that [recording] phase brings about: exp(+j phase). It is taken off.",
+);
+const LEVEL: Key = Key::new(
+    "level",
+    Kind::Quantity(
+        Dimension::Level,
+        Bounds::Within(-300.0, 300.0, "-300 to 300 dB"),
+    ),
+    Need::Default("\"0 dB\""),
+    "What it makes too strong. It is taken off.",
+);
+
+static TRANSMITTER: Section = Section {
+    path: "radar.transmitter",
+    presence: Presence::Many,
+    when: &[],
+    selector: "pattern",
+    doc: "An antenna that transmits. Several are those that take turns, in their order. One at the body's origin if \
+          there is none. Only its name, place, phase and level are used.",
+    keys: &[
+        NAME, OFFSET, PHASE, LEVEL, BORESIGHT, UP, PATTERN, AZIMUTH, ELEVATION,
+    ],
+};
+
+static RECEIVER: Section = Section {
+    path: "radar.receiver",
+    presence: Presence::Many,
+    when: &[],
+    selector: "pattern",
+    doc: "An antenna that receives. Several are those recorded, in their order. One at the body's origin if there is \
+          none. Only its name, place, phase and level are used.",
+    keys: &[
+        NAME, OFFSET, PHASE, LEVEL, BORESIGHT, UP, PATTERN, AZIMUTH, ELEVATION,
+    ],
+};
+
+const UNITS_OF_TIME: &[&str] = &["s", "ms", "us", "ns"];
+
+static RECORDING: Section = Section {
+    path: "recording",
+    presence: Presence::Always,
+    when: &[],
+    selector: "format",
+    doc: "The samples, and which of them are used.",
+    keys: &[
+        Key::new(
+            "format",
+            Kind::Choice(&["dca1000", "npy", "npz"]),
+            Need::Required("\"npz\""),
+            "The format of the file: int16 of a TI DCA1000, two I then two Q; a NumPy array; or an array of \
+             a NumPy archive.",
+        ),
+        Key::new(
+            "file",
+            Kind::Paths,
+            Need::Required("\"scan.npz\""),
+            "The file of the samples; of several files, pulses of one follow those of the one before.",
+        ),
+        Key::new(
+            "array",
+            Kind::Text,
+            Need::Required("\"scan_data\""),
+            "The array of the archive that holds the samples.",
+        )
+        .when(&["npz"]),
+        Key::new(
+            "layout",
+            Kind::Choice(&["pulses-samples", "samples-pulses"]),
+            Need::Default("\"pulses-samples\""),
+            "The array's axes: what its rows are, and what its columns.",
+        )
+        .when(&["npy", "npz"]),
+        Key::new(
+            "samples",
+            Kind::Count(2, 1 << 24),
+            Need::Required("256"),
+            "Samples a sweep.",
+        )
+        .when(&["dca1000"]),
+        Key::new(
+            "receivers",
+            Kind::Count(1, 64),
+            Need::Default("1"),
+            "Receivers recorded, one after another in each sweep: in an array, rows of their own or a middle axis.",
+        ),
+        Key::new(
+            "receiver",
+            Kind::Count(1, 64),
+            Need::Optional("1"),
+            "The one receiver that is used, from 1. If left out, all that have a section [[radar.receiver]], in its \
+             order, or the first.",
+        ),
+        Key::new(
+            "transmitters",
+            Kind::Count(1, 64),
+            Need::Default("1"),
+            "Transmitters that take turns, sweep by sweep. A pulse, here and in all counts, is one turn of all of them.",
+        ),
+        Key::new(
+            "transmitter",
+            Kind::Count(1, 64),
+            Need::Optional("1"),
+            "The one transmitter that is used, from 1. If left out, all that have a section [[radar.transmitter]], in \
+             its order, or the first.",
+        ),
+        Key::new(
+            "average",
+            Kind::Count(1, 1 << 20),
+            Need::Default("1"),
+            "Turns taken at one place, whose mean is one pulse.",
+        ),
+        Key::new(
+            "phase",
+            Kind::Choice(&["minus", "plus"]),
+            Need::Default("\"minus\""),
+            "Sign of the phase that a delay gives complex samples, exp(-j 2 pi f delay) or exp(+j ...). Of \
+             rising sweeps with a positive beat it is plus.",
+        ),
+        Key::new(
+            "range_bias",
+            Kind::Quantity(Dimension::Length, Bounds::Any),
+            Need::Default("\"0 m\""),
+            "What ranges are recorded too long by: delays in cables and filters.",
+        ),
+        Key::new(
+            "times",
+            Kind::Text,
+            Need::Optional("\"scan_timestamps_ms\""),
+            "ARRAY of the pulses' times. Either this or [radar] pri or prf.",
+        ),
+        Key::new(
+            "times_unit",
+            Kind::Choice(UNITS_OF_TIME),
+            Need::Default("\"s\""),
+            "The unit of times.",
+        ),
+        Key::new(
+            "first",
+            Kind::Count(0, u64::MAX),
+            Need::Default("0"),
+            "The first pulse that is used, from 0.",
+        ),
+        Key::new(
+            "count",
+            Kind::Count(1, u64::MAX),
+            Need::Optional("400"),
+            "How many pulses are used from the first on. If left out, all.",
+        ),
+        Key::new(
+            "every",
+            Kind::Count(1, u64::MAX),
+            Need::Default("1"),
+            "Use every pulse of these, every second one, and so on.",
+        ),
+        Key::new(
+            "pulses",
+            Kind::Choice(&["all", "moving"]),
+            Need::Default("\"all\""),
+            "Whether pulses are left out while the platform stands.",
+        ),
+        Key::new(
+            "moving_above",
+            Kind::Quantity(Dimension::Speed, Bounds::Positive),
+            Need::Default("\"2 cm/s\""),
+            "Speed above which the platform moves, taken over 0.1 s.",
+        ),
+        Key::new(
+            "background",
+            Kind::Choice(&["keep", "mean", "mean-moving"]),
+            Need::Default("\"keep\""),
+            "Whether what does not change from pulse to pulse is removed: the mean of the pulses used, or of \
+             those while the platform moves.",
+        ),
+        Key::new(
+            "background_first",
+            Kind::Count(0, u64::MAX),
+            Need::Default("0"),
+            "The first pulse that counts for the mean, from 0 in the recording.",
+        ),
+        Key::new(
+            "background_count",
+            Kind::Count(2, u64::MAX),
+            Need::Optional("100"),
+            "How many pulses count for the mean. If left out, all.",
+        ),
+    ],
+};
+
+static SCENE: Section = Section {
+    path: "scene",
+    presence: Presence::Always,
+    when: &[],
+    selector: "",
+    doc: "Where the scene is.",
+    keys: &[
+        Key::new(
+            "reference",
+            Kind::Vector(Dimension::Length),
+            Need::Optional("\"0, 5, 0 m\""),
+            "The point that phases are referred to. If neither it nor reference_range is given, phases are \
+             referred to the middle of the ranges that the samples tell apart, whatever the point.",
+        ),
+        Key::new(
+            "reference_range",
+            Kind::Quantity(Dimension::Length, Bounds::Positive),
+            Need::Optional("\"5 m\""),
+            "In place of a point: the same range from the radar for all pulses.",
+        ),
+        Key::new(
+            "x",
+            Kind::Interval(Dimension::Length),
+            Need::Optional("\"-4, 4 m\""),
+            "Extent of the scene in x, for default image grids. Give x and y, or neither.",
+        ),
+        Key::new(
+            "y",
+            Kind::Interval(Dimension::Length),
+            Need::Optional("\"1, 9 m\""),
+            "Extent of the scene in y.",
+        ),
+    ],
+};
+
+static ORIGIN: Section = Section {
+    path: "scene.origin",
+    presence: Presence::Optional,
+    when: &[],
+    selector: "",
+    doc: "Where on Earth (WGS 84) the scene's origin is; x points east, y north, z up. If left out, axes are \
+          local.",
+    keys: place::ORIGIN.keys,
+};
+
+static RADAR: Section = Section {
+    path: "radar",
+    presence: Presence::Always,
+    when: &[],
+    selector: "kind",
+    doc: "What transmitted, and what its samples are.",
+    keys: &[
+        Key::new(
+            "kind",
+            Kind::Choice(&["fmcw", "pulsed", "stepped", "profiles"]),
+            Need::Required("\"fmcw\""),
+            "Beats of linear sweeps; echoes of a known pulse before any matched filter; a complex number for \
+             each of rising frequencies; or range profiles, real waveforms or complex.",
+        ),
+        Key::new(
+            "pri",
+            Kind::Quantity(Dimension::Time, Bounds::Positive),
+            Need::Optional("\"1 ms\""),
+            "Time from pulse to pulse. If neither it nor prf nor an array of times is given, a second.",
+        ),
+        Key::new(
+            "prf",
+            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
+            Need::Optional("\"1 kHz\""),
+            "Pulses a second.",
+        ),
+        Key::new(
+            "first_pulse",
+            Kind::Quantity(Dimension::Time, Bounds::Any),
+            Need::Optional("\"9.22 s\""),
+            "Time of the recording's first pulse on the platform's clock. If left out, what times says, or 0.",
+        ),
+        Key::new(
+            "transmitter_interval",
+            Kind::Quantity(Dimension::Time, Bounds::NotNegative),
+            Need::Optional("\"50 us\""),
+            "Time from a transmitter's sweep to the next one's within a pulse. If left out, an even part of the time from \
+             pulse to pulse, or 0 where turns are averaged and the radar stands meanwhile.",
+        ),
+        Key::new(
+            "start",
+            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
+            Need::Required("\"77 GHz\""),
+            "Frequency of the first sample.",
+        )
+        .when(&["fmcw", "stepped"]),
+        Key::new(
+            "slope",
+            Kind::Quantity(Dimension::SweepRate, Bounds::Any),
+            Need::Required("\"40 MHz/us\""),
+            "Sweep rate; negative sweeps fall.",
+        )
+        .when(&["fmcw"]),
+        Key::new(
+            "step",
+            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
+            Need::Required("\"4 MHz\""),
+            "From frequency to frequency.",
+        )
+        .when(&["stepped"]),
+        Key::new(
+            "step_time",
+            Kind::Quantity(Dimension::Time, Bounds::Positive),
+            Need::Optional("\"2 us\""),
+            "Time from frequency to frequency. Needed if the radar moves meanwhile.",
+        )
+        .when(&["stepped"]),
+        Key::new(
+            "motion",
+            Kind::Choice(&["stop-and-go", "true"]),
+            Need::Default("\"stop-and-go\""),
+            "Whether the radar moves while a sweep lasts. Then a pulse's time is that of its middle sample, \
+             number samples / 2 from 0, and the track has to be known that closely.",
+        )
+        .when(&["fmcw", "stepped"]),
+        Key::new(
+            "sample_rate",
+            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
+            Need::Required("\"2.5 MHz\""),
+            "Complex samples a second.",
+        )
+        .when(&["fmcw", "pulsed"]),
+        Key::new(
+            "mixer_delay",
+            Kind::Quantity(Dimension::Time, Bounds::NotNegative),
+            Need::Default("\"0 s\""),
+            "Delay of the copy that the echo is mixed with; 0 for a plain homodyne radar.",
+        )
+        .when(&["fmcw"]),
+        Key::new(
+            "window_start",
+            Kind::Quantity(Dimension::Time, Bounds::NotNegative),
+            Need::Required("\"38.7 us\""),
+            "Delay of sample 0 after the pulse's start.",
+        )
+        .when(&["pulsed"]),
+        Key::new(
+            "centre",
+            Kind::Quantity(Dimension::Frequency, Bounds::Positive),
+            Need::Optional("\"10 GHz\""),
+            "Frequency that 0 Hz of the samples stands for. Real waveforms have none, others need it.",
+        )
+        .when(&["pulsed", "profiles"]),
+        Key::new(
+            "band",
+            Kind::Interval(Dimension::Frequency),
+            Need::Required("\"3.1, 4.8 GHz\""),
+            "The frequencies that are kept of the profiles' spectrum.",
+        )
+        .when(&["profiles"]),
+        Key::new(
+            "ranges",
+            Kind::Text,
+            Need::Optional("\"range_bins_m\""),
+            "ARRAY of the bins' ranges in metres, evenly spaced. Either this or first_range and range_step.",
+        )
+        .when(&["profiles"]),
+        Key::new(
+            "first_range",
+            Kind::Quantity(Dimension::Length, Bounds::Any),
+            Need::Optional("\"2 m\""),
+            "Range of the first bin.",
+        )
+        .when(&["profiles"]),
+        Key::new(
+            "range_step",
+            Kind::Quantity(Dimension::Length, Bounds::Positive),
+            Need::Optional("\"9.15 mm\""),
+            "Range from bin to bin.",
+        )
+        .when(&["profiles"]),
+    ],
+};
+
+static PLATFORM: Section = Section {
+    path: "platform",
+    presence: Presence::Always,
+    when: &[],
+    selector: "kind",
+    doc: "How the radar moved. Where nothing else is said it heads where it goes; a fixed one has the scene's \
+          axes, an arm's x axis is along the arm.",
+    keys: &[
+        Key::new(
+            "kind",
+            Kind::Choice(&[
+                "arc", "rail", "linear", "circular", "waypoints", "spline", "csv", "motive", "novatel", "arrays",
+                "fixed",
+            ]),
+            Need::Required("\"arc\""),
+            "A swinging arm, a carriage on a rail, a straight line, a level circle, points passed at given \
+             times (straight or smooth), a recorded track, or a place.",
+        ),
+        Key::new(
+            "pivot",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"0, 0, 0 m\""),
+            "The arm's pivot, at the antenna's height.",
+        )
+        .when(&["arc"]),
+        CENTRE,
+        Key::new(
+            "radius",
+            Kind::Quantity(Dimension::Length, Bounds::Positive),
+            Need::Required("\"20 cm\""),
+            "Length of the arm, radius of the circle.",
+        )
+        .when(&["arc", "circular"]),
+        Key::new(
+            "from_angle",
+            Kind::Quantity(Dimension::Angle, Bounds::Any),
+            Need::Required("\"0 deg\""),
+            "The arm's angle in the first pulse, from x towards y.",
+        )
+        .when(&["arc"]),
+        Key::new(
+            "to_angle",
+            Kind::Quantity(Dimension::Angle, Bounds::Any),
+            Need::Required("\"180 deg\""),
+            "The other end of its swing.",
+        )
+        .when(&["arc"]),
+        Key::new(
+            "rate",
+            Kind::Quantity(Dimension::AngularRate, Bounds::Positive),
+            Need::Optional("\"10 deg/s\""),
+            "Rate of the swing. If left out, one swing takes as long as the recording.",
+        )
+        .when(&["arc"]),
+        Key::new(
+            "from",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"-1, 0, 0 m\""),
+            "Where the rail starts.",
+        )
+        .when(&["rail"]),
+        Key::new(
+            "to",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"1, 0, 0 m\""),
+            "Where the rail ends.",
+        )
+        .when(&["rail"]),
+        Key::new(
+            "speed",
+            Kind::Quantity(Dimension::Speed, Bounds::Positive),
+            Need::Optional("\"0.1 m/s\""),
+            "Speed along the rail or the circle. If left out, the rail takes as long as the recording.",
+        )
+        .when(&["rail", "circular"]),
+        Key::new(
+            "spacing",
+            Kind::Quantity(Dimension::Length, Bounds::Positive),
+            Need::Optional("\"1 mm\""),
+            "In place of a speed: the way from one pulse to the next.",
+        )
+        .when(&["rail"]),
+        Key::new(
+            "attitude",
+            Kind::Vector(Dimension::Angle),
+            Need::Optional("\"0, 0, 0 deg\""),
+            "Roll, pitch and yaw that it keeps all the way; 0, 0, 0 lays the body's axes along the scene's. If left out, \
+             it is as recorded, or heads where it goes.",
+        )
+        .when(&["rail", "linear", "waypoints", "spline", "csv", "motive", "arrays", "fixed"]),
+        Key::new(
+            "start",
+            Kind::Quantity(Dimension::Time, Bounds::Any),
+            Need::Optional("\"0 s\""),
+            "When it starts. If left out, with the first pulse.",
+        )
+        .when(&["arc", "rail"]),
+        POSITION.when(&["linear", "fixed"]),
+        VELOCITY.when(&["linear"]),
+        AT.when(&["linear", "circular"]),
+        BEARING,
+        TURN,
+        POINTS.when(&["waypoints", "spline"]),
+        TRACK_FILE.when(&["csv", "motive", "novatel"]),
+        Key::new(
+            "body",
+            Kind::Text,
+            Need::Optional("\"radar\""),
+            "The rigid body of the motion capture. Needed if there are several.",
+        )
+        .when(&["motive"]),
+        Key::new(
+            "axes",
+            Kind::Text,
+            Need::Optional("\"x, -z, y\""),
+            "The scene's x, y and z in the letters of the track's file. If left out, they are the file's; of a motion \
+             capture, whose y is up, \"x, -z, y\".",
+        )
+        .when(&["csv", "motive", "arrays"]),
+        TRACK_RECORD.when(&["novatel"]),
+        TRACK_SKIP_DAMAGED.when(&["novatel"]),
+        Key::new(
+            "times",
+            Kind::Text,
+            Need::Required("\"motion_timestamps_s\""),
+            "ARRAY of the times of the track, ascending.",
+        )
+        .when(&["arrays"]),
+        Key::new(
+            "times_unit",
+            Kind::Choice(UNITS_OF_TIME),
+            Need::Default("\"s\""),
+            "The unit of times.",
+        )
+        .when(&["arrays"]),
+        Key::new(
+            "positions",
+            Kind::Text,
+            Need::Required("\"platform_pos_m\""),
+            "ARRAY of the positions: x, y and z in a row for each time.",
+        )
+        .when(&["arrays"]),
+        Key::new(
+            "receiver_positions",
+            Kind::Text,
+            Need::Optional("\"receiver_pos_m\""),
+            "ARRAY of the receiver's own positions at the same times, where it moves on its own; positions are \
+             then the transmitter's.",
+        )
+        .when(&["arrays"]),
+        Key::new(
+            "positions_unit",
+            Kind::Choice(&["m", "cm", "mm"]),
+            Need::Default("\"m\""),
+            "The unit of positions.",
+        )
+        .when(&["arrays"]),
+    ],
+};

@@ -1,0 +1,250 @@
+//! Raw recordings described in TOML: what a radar's samples are, when and where they were taken.
+//!
+//! A description is a text like a scenario: quantities carry units, everything is checked against one table of
+//! keys, which [`reference()`] prints, and errors point at their line. It names the file of the samples, says
+//! what they are (`[radar] kind`) and how the antennas moved (`[platform]`). What it describes becomes
+//! phase history through [`subaperture_receive`], as simulated echoes do.
+//!
+//! ```text
+//! text ─> values ─> arrays (files, each read once) ─> pulses (times, track, those wanted)
+//!                         └─> samples (sign, background) ──┴─> receive ─> phase history, held in memory
+//! ```
+//!
+//! | `[radar] kind` | samples | adapter |
+//! |---|---|---|
+//! | `fmcw` | beats of linear sweeps | [`Deskewed`](subaperture_receive::Deskewed) |
+//! | `pulsed` | echoes of a known pulse | [`Compressed`](subaperture_receive::Compressed) |
+//! | `stepped` | a complex number a carrier | [`Referenced`](subaperture_receive::Referenced) |
+//! | `profiles` | range profiles, real waveforms or complex | [`Profiles`](subaperture_receive::Profiles) |
+//!
+//! What nobody measured (the length of an arm, a delay in cables, the offset of two clocks) is a key like any
+//! other: [`RecordingFile::set`] overrides it, and `subaperture-autofocus` finds it by the sharpness of the image.
+//!
+//! - `range_bias` is what ranges are recorded too long by: the reference path of the samples is lengthened by
+//!   twice that before phases are referred to it, at every frequency.
+//! - `radar.first_pulse` is the time of the first pulse on the platform's clock.
+//! - `radar.motion` says whether the radar moves while a sweep lasts; while a pulse lasts it is neglected.
+//!
+//! - A radar of several transmitters, which take turns, and receivers is one description: every pair that is used is a
+//!   pulse of its own, all those of a pulse together, in the order of time. What an antenna adds in phase and level is a
+//!   key of its section.
+//!
+//! [`write()`] writes echoes, simulated ones too, as such a recording. Memory: the arrays, the samples and the phase history
+//! at once, all within the bytes allowed.
+
+mod adapt;
+mod arrays;
+pub mod examples;
+mod files;
+mod keys;
+mod moving;
+mod pulses;
+mod samples;
+mod text;
+mod track;
+mod write;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use arrays::Arrays;
+use subaperture_describe::error::Found;
+use subaperture_describe::{Description, DescriptionError};
+use subaperture_model::phase_history::{InputFile, PhaseHistory, ReadError, Recorded};
+
+pub use write::{Raw, WriteError, names, write};
+
+/// What is wrong, not yet in words.
+type Faults = Vec<Found>;
+
+/// A recording's phase history and what it was made of.
+#[derive(Clone, Debug)]
+pub struct Take {
+    /// The phase history.
+    pub history: Recorded,
+    /// Which pulses of the recording its pulses are, from 0: the pulse's number times the number of channels used, and
+    /// the channel's.
+    pub pulses: Vec<usize>,
+    /// What paths were recorded too long by: the recorded path of a point is that of the history's geometry and
+    /// this, metres.
+    pub bias_path_m: f64,
+}
+
+/// A description and the settings that override it. Files that it names are read once.
+#[derive(Debug)]
+pub struct RecordingFile {
+    description: Description,
+    /// The description itself, if it is a file.
+    path: Option<PathBuf>,
+    arrays: Arrays,
+}
+
+impl RecordingFile {
+    /// A description of a text. `file` names it in errors; paths in it start at `folder`.
+    pub fn new(
+        file: impl Into<String>,
+        text: impl Into<String>,
+        folder: impl Into<PathBuf>,
+    ) -> Self {
+        Self {
+            description: Description::new(file, text, folder),
+            path: None,
+            arrays: Arrays::default(),
+        }
+    }
+
+    /// Reads a description.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
+    pub fn read(path: &Path) -> io::Result<Self> {
+        Ok(Self {
+            description: Description::read(path)?,
+            path: Some(path.to_owned()),
+            arrays: Arrays::default(),
+        })
+    }
+
+    /// Overrides the key at a dotted path, such as `platform.radius`. The value is as in the text; a text may
+    /// leave out its quotes. Later settings override earlier ones.
+    ///
+    /// # Errors
+    /// For a key that there is not; values are checked by [`Self::history`].
+    pub fn set(&mut self, key: &str, value: &str) -> Result<(), DescriptionError> {
+        self.description.set(&keys::SCHEMA, "--set", key, value)
+    }
+
+    /// The same with a few keys varied, sharing the files read; errors name them as `--vary KEY=VALUE`.
+    ///
+    /// # Errors
+    /// As [`Self::set`].
+    pub fn with<'a>(
+        &self,
+        settings: impl IntoIterator<Item = (&'a str, &'a str)>,
+    ) -> Result<Self, DescriptionError> {
+        let mut varied = Self {
+            description: self.description.clone(),
+            path: self.path.clone(),
+            arrays: self.arrays.clone(),
+        };
+        for (key, value) in settings {
+            varied
+                .description
+                .set(&keys::SCHEMA, "--vary", key, value)?;
+        }
+        Ok(varied)
+    }
+
+    /// The description's text as it was read.
+    pub fn text(&self) -> &str {
+        self.description.text()
+    }
+
+    /// The description's text with keys at dotted paths set to values, and every other letter as it was: comments,
+    /// order, spaces. Settings are not written.
+    ///
+    /// # Errors
+    /// In words, if the text has no place for one of them.
+    pub fn text_with<'a>(
+        &self,
+        values: impl IntoIterator<Item = (&'a str, &'a str)>,
+    ) -> Result<String, String> {
+        self.description.with_values(values)
+    }
+
+    /// The phase history that the description makes of its samples. Holds no more than `memory_bytes`.
+    ///
+    /// # Errors
+    /// [`ReadError::Description`] with everything that is wrong with the text and the files, as far as one error
+    /// does not hide another.
+    pub fn history(&self, memory_bytes: u64) -> Result<Recorded, ReadError> {
+        self.take(memory_bytes, None).map(|take| take.history)
+    }
+
+    /// As [`Self::history`], with what it was made of; of the pulses given, if some are, whether the description
+    /// chooses them or not. A track that is not known so far goes on as it ends.
+    ///
+    /// # Errors
+    /// As [`Self::history`].
+    pub fn take(&self, memory_bytes: u64, pulses: Option<&[usize]>) -> Result<Take, ReadError> {
+        let built = self.build(memory_bytes, pulses);
+        built.map_err(|faults| self.description.explain(faults).into())
+    }
+
+    fn build(&self, memory_bytes: u64, given: Option<&[usize]>) -> Result<Take, Faults> {
+        let one = |found| vec![found];
+        if let (None, Some(at)) = (
+            self.description.has_section("recording"),
+            self.description.has_section("radar"),
+        ) {
+            return Err(one(Found::new(
+                &at,
+                "the text has no [recording], which says what the samples are. If it is a scenario, simulate it \
+                 (subap simulate SCENARIO.toml -o FILE.cphd) and take the file",
+            )));
+        }
+        let top = self.description.resolve(&keys::SCHEMA)?;
+        let source = arrays::Source {
+            arrays: &self.arrays,
+            folder: self.description.folder(),
+            recording: top.section("recording"),
+            memory_bytes,
+        };
+        let samples = samples::read(&top, &source).map_err(one)?;
+        let pulses = pulses::select(
+            &top,
+            &source,
+            samples.num_sweeps / samples::sweeps_a_pulse(source.recording),
+            given,
+        )
+        .map_err(one)?;
+        let history = adapt::adapt(&top, &source, samples, &pulses).map_err(one)?;
+        debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
+        Ok(Take {
+            history,
+            pulses: pulses
+                .chosen
+                .iter()
+                .map(|pulse| pulse.index * pulses.antennas.channels.len() + pulse.channel)
+                .collect(),
+            bias_path_m: 2.0 * top.section("recording").number("range_bias"),
+        })
+    }
+
+    /// The files read so far, the description first, with their checksums.
+    ///
+    /// # Errors
+    /// [`ReadError::Io`]; [`ReadError::Changed`] if a file is no longer what was read.
+    pub fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        let own = self.path.iter().map(|path| arrays::input(path, None));
+        let mut inputs = own.collect::<Result<Vec<_>, _>>()?;
+        inputs.extend(self.arrays.inputs()?);
+        Ok(inputs)
+    }
+}
+
+/// Opens the recording that the description at `path` makes with `settings` (keys and values) laid over it,
+/// holding at most `memory_bytes`.
+///
+/// # Errors
+/// [`ReadError`].
+pub fn open(
+    path: &Path,
+    settings: &[(String, String)],
+    memory_bytes: u64,
+) -> Result<impl PhaseHistory + use<>, ReadError> {
+    let mut file = RecordingFile::read(path).map_err(|source| ReadError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    for (key, value) in settings {
+        file.set(key, value)?;
+    }
+    let history = file.history(memory_bytes)?;
+    Ok(history.with_inputs(file.inputs()?))
+}
+
+/// Every key of a description with its unit, default and meaning, as text.
+pub fn reference() -> String {
+    keys::SCHEMA.reference()
+}

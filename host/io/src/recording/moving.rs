@@ -1,0 +1,62 @@
+//! Echoes of a radar that moves while its sweeps last.
+//!
+//! Sample `k` of a pulse at `t_n` is taken at `t = t_n + t_k - t_middle`, the middle sample standing for the pulse.
+//! Its reference path is `|T(t) - p| + |R(t) - p|`, `T` and `R` by the track, if phases are referred to a point.
+//! Sampled at the pulses only, the track is a cubic spline between them: off by `5/384 h^4` of its fourth derivative, `h` from fix to fix.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use super::pulses::Pulses;
+use subaperture_model::phase_history::ReadError;
+use subaperture_receive::{EchoCollection, Echoes, Held};
+
+/// Echoes held in memory, and the way of their antennas.
+pub(super) struct InMotion<'a> {
+    pub(super) held: Held,
+    /// Whether the radar moves while a sweep lasts.
+    pub(super) moves: bool,
+    /// The reference point, if phases are referred to one.
+    pub(super) point: Option<DVec3>,
+    pub(super) pulses: &'a Pulses,
+    pub(super) bias_path_m: f64,
+}
+
+impl Echoes for InMotion<'_> {
+    fn collection(&self) -> &EchoCollection {
+        self.held.collection()
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        self.held.read(pulses, samples)
+    }
+
+    fn moves(&self) -> bool {
+        self.moves
+    }
+
+    fn reference_path_m(&self, pulse: usize, after_s: f64) -> f64 {
+        let Some(point_m) = self.point.filter(|_| self.moves) else {
+            return self.held.reference_path_m(pulse, after_s);
+        };
+        let antennas_m = self.antennas_m(pulse, after_s);
+        let path_m: f64 = antennas_m.iter().map(|a| a.distance(point_m)).sum();
+        path_m + self.bias_path_m
+    }
+
+    fn antennas_m(&self, pulse: usize, after_s: f64) -> [DVec3; 2] {
+        if !self.moves {
+            return self.held.antennas_m(pulse, after_s);
+        }
+        let middle_s = self.collection().waveform.middle_s();
+        let chosen = &self.pulses.chosen[pulse];
+        let time_s = chosen.time_s + (after_s - middle_s);
+        self.pulses.antennas.at_m(chosen.channel, time_s)
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.held.held_bytes()
+    }
+}

@@ -1,0 +1,343 @@
+//! Which pulses are used, when they were taken, and where the antennas were.
+
+use super::arrays::Source;
+use super::track::{self, Track};
+use subaperture_describe::error::Found;
+use subaperture_describe::values::Values;
+use subaperture_describe::{place, radar};
+use subaperture_model::geometry::SceneFrame;
+use subaperture_model::radar::Antenna;
+use subaperture_signal::phase::narrow;
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+
+/// Pulses that are used.
+pub(super) struct Pulses {
+    pub(super) frame: SceneFrame,
+    /// Whether times are known.
+    pub(super) timed: bool,
+    pub(super) chosen: Vec<Chosen>,
+    pub(super) antennas: Antennas,
+}
+
+/// Transmitters and receivers on their way.
+pub(super) struct Antennas {
+    track: Track,
+    pub(super) channels: Vec<Channel>,
+}
+
+/// A pair of antennas.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Channel {
+    /// Which of those that take turns, and which of those recorded, from 0.
+    pub(super) transmitter: usize,
+    pub(super) receiver: usize,
+    /// Their places on the body, body axes.
+    offsets_m: [DVec3; 2],
+    /// Time of the transmitter's sweep after the pulse's.
+    after_s: f64,
+    /// What takes off the phase and the level that they add.
+    pub(super) calibration: Complex32,
+}
+
+impl Antennas {
+    /// Where those of a channel are.
+    pub(super) fn at_m(&self, channel: usize, time_s: f64) -> [DVec3; 2] {
+        let pose = self.track.body.pose(time_s);
+        let receiver = self.track.receiver.as_ref();
+        let receiver = receiver.map_or(pose, |body| body.pose(time_s));
+        let [transmitter_m, receiver_m] = self.channels[channel].offsets_m;
+        [pose.point_m(transmitter_m), receiver.point_m(receiver_m)]
+    }
+}
+
+/// One of them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Chosen {
+    /// Index in the recording, and in [`Antennas::channels`].
+    pub(super) index: usize,
+    pub(super) channel: usize,
+    pub(super) time_s: f64,
+    /// Transmitter and receiver.
+    pub(super) antennas_m: [DVec3; 2],
+    /// Whether the platform moves.
+    pub(super) moving: bool,
+}
+
+/// Half of the time over which a speed is taken, seconds: long against the noise of a track, short against a push.
+const HALF_SPAN_S: f64 = 0.05;
+
+/// Seconds in a unit of arrays of times.
+pub(super) fn unit_s(unit: &str) -> f64 {
+    match unit {
+        "ms" => 1e-3,
+        "us" => 1e-6,
+        "ns" => 1e-9,
+        _ => 1.0,
+    }
+}
+
+/// The pulses that `[recording]` chooses of all `count`, of every channel; or those `given`, numbered as
+/// [`super::Take::pulses`].
+pub(super) fn select(
+    top: &Values,
+    source: &Source,
+    count: usize,
+    given: Option<&[usize]>,
+) -> Result<Pulses, Found> {
+    let recording = source.recording;
+    let frame = match top.section("scene").optional_section("origin") {
+        Some(origin) => place::frame(origin),
+        None => SceneFrame::Local,
+    };
+    let radar = top.section("radar");
+    let (times_s, timed) = times(radar, source, count)?;
+    let channels = channels(radar, recording, &times_s, timed)?;
+    let latest_s = channels.iter().map(|c| c.after_s).fold(0.0, f64::max);
+    let ends = times_s
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &t| {
+            (low.min(t), high.max(t))
+        });
+    let ends = (ends.0, ends.1 + latest_s);
+    let platform = top.section("platform");
+    let antennas = Antennas {
+        track: track::build(platform, source, &frame, ends, count)?,
+        channels,
+    };
+    let track = &antennas.track;
+    let first = recording.count("first") as usize;
+    let most = recording
+        .optional_count("count")
+        .map_or(usize::MAX, |n| n as usize);
+    let every = recording.count("every") as usize;
+    if first >= count {
+        return Err(recording.fault(
+            "first",
+            format!(
+                "'first' is {first} and the pulses are numbered from 0 to {}: lower it",
+                count - 1
+            ),
+        ));
+    }
+    if let Some(asked) = recording.optional_count("count")
+        && asked > (count - first) as u64
+    {
+        return Err(recording.fault(
+            "count",
+            format!(
+                "'count' is {asked} and from pulse {first} on there are {}: lower it, or leave it out to take all",
+                count - first
+            ),
+        ));
+    }
+    let least_m_s = recording.number("moving_above");
+    let only_moving = recording.text("pulses") == "moving";
+    let mut chosen = Vec::new();
+    let width = antennas.channels.len();
+    let asked: Vec<(usize, usize)> = match given {
+        Some(given) => given
+            .iter()
+            .map(|label| (label / width, label % width))
+            .collect(),
+        None => (first..count)
+            .take(most)
+            .step_by(every)
+            .flat_map(|index| (0..width).map(move |channel| (index, channel)))
+            .collect(),
+    };
+    for (index, channel) in asked {
+        let time_s = times_s[index] + antennas.channels[channel].after_s;
+        let tracked = track.knows(time_s);
+        let moving = tracked && speed_m_s(track, time_s) > least_m_s;
+        if given.is_none() && only_moving && !moving {
+            continue;
+        }
+        if given.is_none() && !tracked {
+            return Err(outside(platform, track, index, time_s));
+        }
+        chosen.push(Chosen {
+            index,
+            channel,
+            time_s,
+            antennas_m: antennas.at_m(channel, time_s),
+            moving,
+        });
+    }
+    if chosen.is_empty() {
+        return Err(recording.fault(
+            "pulses",
+            format!(
+                "no pulse from {:.3} to {:.3} s on the platform's clock is one that moves: check \
+                 radar.first_pulse, or lower moving_above",
+                ends.0, ends.1
+            ),
+        ));
+    }
+    Ok(Pulses {
+        frame,
+        timed,
+        chosen,
+        antennas,
+    })
+}
+
+fn outside(platform: &Values, track: &Track, index: usize, time_s: f64) -> Found {
+    if let Some((from, to)) = track.gap_s(time_s) {
+        return Found::new(
+            &platform.at,
+            format!(
+                "pulse {index} is at {time_s:.3} s, and from {from:.3} to {to:.3} s the capture did not see the body: \
+                 choose other pulses, or fill the gap in the capture's program"
+            ),
+        );
+    }
+    let (from, to) = track.span_s.unwrap_or_default();
+    Found::new(
+        &platform.at,
+        format!(
+            "pulse {index} is at {time_s:.3} s and the track is known from {from:.3} to {to:.3} s: check \
+             radar.first_pulse, or choose other pulses"
+        ),
+    )
+}
+
+/// Times of all pulses on the platform's clock, and whether anything says them.
+fn times(radar: &Values, source: &Source, count: usize) -> Result<(Vec<f64>, bool), Found> {
+    let recording = source.recording;
+    let first_s = radar.optional_number("first_pulse");
+    let unit_s = unit_s(recording.text("times_unit"));
+    if recording.optional_text("times").is_none() {
+        let known = ["pri", "prf"]
+            .iter()
+            .any(|key| radar.optional_number(key).is_some());
+        let pri_s = if known { radar::pri_s(radar)? } else { 1.0 };
+        let start_s = first_s.unwrap_or(0.0);
+        return Ok((
+            (0..count).map(|n| start_s + n as f64 * pri_s).collect(),
+            known,
+        ));
+    }
+    if let Some(key) = ["pri", "prf"]
+        .iter()
+        .find(|key| radar.optional_number(key).is_some())
+    {
+        let what = "[recording] times says when pulses were taken: give either, not both";
+        return Err(radar.fault(key, what));
+    }
+    let times = source.vector(recording, "times")?;
+    if times.len() != count {
+        return Err(recording.fault(
+            "times",
+            format!(
+                "holds {} times for {count} pulses: check the array, and 'layout', which says what rows and columns \
+                 of the samples are",
+                times.len()
+            ),
+        ));
+    }
+    let on_platforms_clock = |&t: &f64| match first_s {
+        // Differences first: milliseconds since 1970 leave float64 no digits to lose.
+        Some(start_s) => start_s + (t - times[0]) * unit_s,
+        // To the last digit, so that a track recorded at these times is known at all of them.
+        None => t * unit_s,
+    };
+    Ok((times.iter().map(on_platforms_clock).collect(), true))
+}
+
+fn speed_m_s(track: &Track, time_s: f64) -> f64 {
+    let (from, to) = track.span_s.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+    let (before, after) = (
+        (time_s - HALF_SPAN_S).max(from),
+        (time_s + HALF_SPAN_S).min(to),
+    );
+    let way_m = track
+        .body
+        .pose(after)
+        .position_m
+        .distance(track.body.pose(before).position_m);
+    way_m / (after - before)
+}
+
+/// All pairs of the antennas that are used, those of one transmitter together, in the order of their sweeps.
+fn channels(
+    radar: &Values,
+    recording: &Values,
+    times_s: &[f64],
+    timed: bool,
+) -> Result<Vec<Channel>, Found> {
+    let transmitters = used(radar, recording, "transmitter", "T")?;
+    let receivers = used(radar, recording, "receiver", "R")?;
+    let turns = recording.count("transmitters") as f64;
+    let interval_s = match (radar.optional_number("transmitter_interval"), times_s) {
+        (Some(interval_s), _) => interval_s,
+        (None, [first, .., last]) if timed && recording.count("average") == 1 => {
+            (last - first) / (times_s.len() - 1) as f64 / turns
+        }
+        _ => 0.0,
+    };
+    let pair = |transmitter: &Used, receiver: &Used| Channel {
+        transmitter: transmitter.number,
+        receiver: receiver.number,
+        offsets_m: [transmitter.offset_m, receiver.offset_m],
+        after_s: interval_s * transmitter.number as f64,
+        calibration: narrow(transmitter.calibration * receiver.calibration),
+    };
+    let pairs = transmitters
+        .iter()
+        .flat_map(|t| receivers.iter().map(move |r| (t, r)));
+    Ok(pairs.map(|(t, r)| pair(t, r)).collect())
+}
+
+/// An antenna that is used.
+struct Used {
+    /// Among all of its kind, from 0.
+    number: usize,
+    offset_m: DVec3,
+    calibration: Complex64,
+}
+
+/// The antennas of a kind that are used: the one asked for, all that are described, or the first.
+fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<Vec<Used>, Found> {
+    let plural = format!("{kind}s");
+    let count = recording.count(&plural) as usize;
+    let antennas: Vec<Antenna> = radar::antennas(radar, kind, letter)?;
+    let sections = radar.sections(kind);
+    if let Some(section) = sections.get(1)
+        && sections.len() != count
+    {
+        return Err(Found::new(
+            &section.at,
+            format!(
+                "there are {} sections [[radar.{kind}]] and [recording] {plural} is {count}: describe one, or as many \
+                 as there are",
+                sections.len()
+            ),
+        ));
+    }
+    // Of all, whichever are used: what a description says is never left unread.
+    let added: Vec<(f64, f64)> = sections
+        .iter()
+        .map(|values| (values.number("phase"), values.number("level")))
+        .collect();
+    let one = |number: usize| {
+        // A lone section is that of the one which is used.
+        let section = number.min(antennas.len() - 1);
+        let (phase_rad, level_db) = added.get(section).copied().unwrap_or_default();
+        Used {
+            number,
+            offset_m: antennas[section].offset_m,
+            calibration: Complex64::from_polar(10f64.powf(-level_db / 20.0), -phase_rad),
+        }
+    };
+    match recording.optional_count(kind) {
+        Some(asked) if asked as usize > count => Err(recording.fault(
+            kind,
+            format!("'{kind}' is {asked} and there are {count} {plural}: choose one of them, or raise {plural}"),
+        )),
+        Some(asked) => Ok(vec![one(asked as usize - 1)]),
+        None if sections.len() > 1 => Ok((0..count).map(one).collect()),
+        None => Ok(vec![one(0)]),
+    }
+}

@@ -1,0 +1,318 @@
+//! The samples of all pulses, from any format, pulse-major.
+//!
+//! `dca1000` is what a TI DCA1000 records of an xWR14xx, xWR16xx or xWR18xx over two LVDS lanes: int16, little-endian, two
+//! I then two Q; of every sweep the samples of one receiver after those of the other.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use num_complex::Complex32;
+
+use super::arrays::Source;
+use crate::npy::{Array, Values as Numbers};
+use subaperture_describe::error::Found;
+use subaperture_describe::values::Values;
+
+/// Samples as recorded: a row for every receiver of every sweep.
+pub(super) struct Samples {
+    /// The arrays of the files, and how many sweeps those before hold.
+    pieces: Vec<(Arc<Array>, usize)>,
+    pub(super) num_sweeps: usize,
+    pub(super) num_receivers: usize,
+    pub(super) num_samples: usize,
+    /// Values from sample to sample, and from row to row.
+    sample_stride: usize,
+    row_stride: usize,
+    /// Whether the sign of the phase is turned.
+    conjugate: bool,
+    /// Whether they are real numbers.
+    pub(super) real: bool,
+}
+
+/// Rows that make one pulse.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rows {
+    /// The first sweep, from how many to how many is the next, and how many there are.
+    pub(super) first: usize,
+    pub(super) every: usize,
+    pub(super) count: usize,
+    /// The receiver, from 0.
+    pub(super) receiver: usize,
+}
+
+impl Samples {
+    /// The mean of the rows of each pulse, one pulse after another.
+    pub(super) fn of(&self, pulses: impl ExactSizeIterator<Item = Rows>) -> Vec<Complex32> {
+        let mut samples = vec![Complex32::ZERO; pulses.len() * self.num_samples];
+        for (row, rows) in samples.chunks_exact_mut(self.num_samples).zip(pulses) {
+            for turn in 0..rows.count {
+                self.add(rows.first + turn * rows.every, rows.receiver, row);
+            }
+            if rows.count > 1 {
+                row.iter_mut().for_each(|z| *z /= rows.count as f32);
+            }
+        }
+        samples
+    }
+
+    fn add(&self, sweep: usize, receiver: usize, row: &mut [Complex32]) {
+        let piece = self.pieces.partition_point(|(_, before)| *before <= sweep) - 1;
+        let (array, before) = &self.pieces[piece];
+        let start = ((sweep - before) * self.num_receivers + receiver) * self.row_stride;
+        let places = (0..self.num_samples).map(|k| start + k * self.sample_stride);
+        for (z, i) in row.iter_mut().zip(places) {
+            *z += match &array.values {
+                Numbers::Real(values) => Complex32::new(values[i] as f32, 0.0),
+                Numbers::Complex(values) if self.conjugate => values[i].conj(),
+                Numbers::Complex(values) => values[i],
+            };
+        }
+    }
+}
+
+/// Reads the samples that `[recording]` names.
+pub(super) fn read(top: &Values, source: &Source) -> Result<Samples, Found> {
+    let recording = source.recording;
+    let conjugate = recording.text("phase") == "plus";
+    let samples = match recording.text("format") {
+        "dca1000" => dca1000(source, conjugate)?,
+        _ => array(source, conjugate)?,
+    };
+    let kind = top.section("radar").text("kind");
+    if samples.real && kind != "profiles" {
+        return Err(recording.fault(
+            "file",
+            format!("its samples are real, and of kind = \"{kind}\" they are complex"),
+        ));
+    }
+    if samples.num_sweeps == 0 || samples.num_samples < 2 {
+        return Err(recording.fault(
+            "file",
+            format!(
+                "holds {} pulses of {} samples; at least one of two is wanted",
+                samples.num_sweeps, samples.num_samples
+            ),
+        ));
+    }
+    Ok(samples)
+}
+
+/// Sweeps that make a pulse.
+pub(super) fn sweeps_a_pulse(recording: &Values) -> usize {
+    (recording.count("transmitters") as usize).saturating_mul(recording.count("average") as usize)
+}
+
+/// Arrays in a row, each with the number of its first sweep.
+type InARow = Vec<(Arc<Array>, usize)>;
+
+/// Puts files in a row. Of several, each has to hold whole pulses: what is left of one is not the beginning of the next.
+fn joined(
+    source: &Source,
+    pieces: Vec<(PathBuf, Arc<Array>, usize)>,
+) -> Result<(InARow, usize), Found> {
+    let recording = source.recording;
+    let a_pulse = sweeps_a_pulse(recording);
+    let mut num_sweeps = 0;
+    let mut all = Vec::with_capacity(pieces.len());
+    for (path, array, sweeps) in pieces {
+        if !sweeps.is_multiple_of(a_pulse) {
+            return Err(recording.fault(
+                if recording.count("average") > 1 { "average" } else { "transmitters" },
+                format!(
+                    "{} holds {sweeps} sweeps of each receiver, and {a_pulse} make a pulse (transmitters times average), \
+                     so {} are over: check both, receivers, and whether the file is whole",
+                    path.display(),
+                    sweeps % a_pulse
+                ),
+            ));
+        }
+        all.push((array, num_sweeps));
+        num_sweeps += sweeps;
+    }
+    Ok((all, num_sweeps))
+}
+
+fn array(source: &Source, conjugate: bool) -> Result<Samples, Found> {
+    let recording = source.recording;
+    let receivers = recording.count("receivers") as usize;
+    let turned = recording.text("layout") == "samples-pulses";
+    let (key, name) = match recording.text("format") {
+        "npz" => ("array", Some(recording.text("array").to_owned())),
+        _ => ("file", None),
+    };
+    let mut pieces: Vec<(PathBuf, Arc<Array>, usize)> = Vec::new();
+    let mut size: Option<(usize, bool)> = None;
+    let mut strides = (1, 1);
+    for path in source.files()? {
+        let array = source.hold((path.clone(), name.clone()));
+        let array = array.map_err(|what| recording.fault(key, what))?;
+        let (rows, columns) = match array.shape[..] {
+            [rows, columns] => (rows, columns),
+            [sweeps, middle, samples] if middle == receivers && !turned => {
+                (sweeps * middle, samples)
+            }
+            _ => {
+                return Err(recording.fault(
+                    key,
+                    format!(
+                        "{} has shape {:?}; two axes, pulses and samples, are wanted, or three, pulses, receivers and \
+                         samples, with as many in the middle as receivers says ({receivers})",
+                        path.display(),
+                        array.shape
+                    ),
+                ));
+            }
+        };
+        let (num_rows, num_samples) = if turned {
+            (columns, rows)
+        } else {
+            (rows, columns)
+        };
+        let real = array.real().is_some();
+        let (samples, all_real) = *size.get_or_insert((num_samples, real));
+        if samples != num_samples || real != all_real {
+            let first = &pieces[0].0;
+            return Err(recording.fault(
+                key,
+                format!(
+                    "{} has {num_samples} {} samples a pulse and {} has {samples} {}: give files of one kind",
+                    path.display(),
+                    if real { "real" } else { "complex" },
+                    first.display(),
+                    if all_real { "real ones" } else { "complex ones" }
+                ),
+            ));
+        }
+        if !num_rows.is_multiple_of(receivers) {
+            return Err(recording.fault(
+                "receivers",
+                format!(
+                    "{} has {num_rows} rows, which are no whole sweeps of {receivers} receivers: check receivers, and \
+                     layout, which says what rows and columns are",
+                    path.display()
+                ),
+            ));
+        }
+        strides = if turned { (columns, 1) } else { (1, columns) };
+        if turned && !pieces.is_empty() && pieces[0].1.shape != array.shape {
+            let what = "files of layout = \"samples-pulses\" are of one shape";
+            return Err(recording.fault(key, what));
+        }
+        pieces.push((path, array, num_rows / receivers));
+    }
+    let (pieces, num_sweeps) = joined(source, pieces)?;
+    let (num_samples, real) = size.unwrap_or_default();
+    Ok(Samples {
+        pieces,
+        num_sweeps,
+        num_receivers: receivers,
+        num_samples,
+        sample_stride: strides.0,
+        row_stride: strides.1,
+        conjugate,
+        real,
+    })
+}
+
+fn dca1000(source: &Source, conjugate: bool) -> Result<Samples, Found> {
+    let recording = source.recording;
+    let samples = recording.count("samples") as usize;
+    let receivers = recording.count("receivers") as usize;
+    let sweep = samples * receivers;
+    let mut pieces = Vec::new();
+    for path in source.files()? {
+        let fault = |what: String| recording.fault("file", what);
+        let read = |name: &(_, _), left| lanes(Path::new(&name.0), left);
+        let array = source
+            .arrays
+            .hold((path.clone(), None), source.memory_bytes, read);
+        let array = array.map_err(fault)?;
+        let held = array.shape[0];
+        if !held.is_multiple_of(sweep) {
+            let (whole, over) = (held / sweep, held % sweep);
+            return Err(recording.fault(
+                "samples",
+                format!(
+                    "{} holds {held} samples, which is {whole} sweeps of {samples} from each of {receivers} receivers \
+                     and {over} samples over: check samples and receivers{}",
+                    path.display(),
+                    others(held, samples, receivers)
+                ),
+            ));
+        }
+        pieces.push((path, array, held / sweep));
+    }
+    let (pieces, num_sweeps) = joined(source, pieces)?;
+    Ok(Samples {
+        pieces,
+        num_sweeps,
+        num_receivers: receivers,
+        num_samples: samples,
+        sample_stride: 1,
+        row_stride: samples,
+        conjugate,
+        real: false,
+    })
+}
+
+/// Numbers of receivers and of samples that would come out even, in words.
+fn others(held: usize, samples: usize, receivers: usize) -> String {
+    let even = |samples: &usize, receivers: &usize| held.is_multiple_of(samples * receivers);
+    let counts: Vec<String> = (1..=8usize)
+        .filter(|count| *count != receivers && even(&samples, count))
+        .map(|count| count.to_string())
+        .collect();
+    let near: Vec<String> = (samples / 2..=samples * 2)
+        .filter(|count| *count >= 2 && *count != samples && even(count, &receivers))
+        .map(|count| count.to_string())
+        .take(8)
+        .collect();
+    let mut words = String::new();
+    if !counts.is_empty() {
+        words += &format!("; receivers = {} would come out even", counts.join(" or "));
+    }
+    if !near.is_empty() {
+        words += &format!("; so would samples = {}", near.join(" or "));
+    }
+    if words.is_empty() {
+        words += ", and whether the file is whole";
+    }
+    words
+}
+
+/// All samples of a file of two I, two Q.
+fn lanes(path: &Path, memory_bytes: u64) -> Result<Array, String> {
+    let named = |error: std::io::Error| format!("cannot read {}: {error}", path.display());
+    let mut file = File::open(path).map_err(named)?;
+    let length = file.metadata().map_err(named)?.len();
+    if length == 0 || !length.is_multiple_of(8) {
+        return Err(format!(
+            "{}: {length} bytes are no pairs of complex samples, 8 bytes each",
+            path.display()
+        ));
+    }
+    // Samples take twice the bytes of the file, which is held beside them.
+    if length.saturating_mul(3) > memory_bytes {
+        return Err(format!(
+            "{}: {} bytes of memory are needed and {memory_bytes} are left: raise --memory",
+            path.display(),
+            length.saturating_mul(3)
+        ));
+    }
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(named)?;
+    let number = |pair: &[u8]| f32::from(i16::from_le_bytes([pair[0], pair[1]]));
+    let samples: Vec<Complex32> = bytes
+        .chunks_exact(8)
+        .flat_map(|pair| {
+            let [i0, i1, q0, q1] = [0, 2, 4, 6].map(|at| number(&pair[at..]));
+            [Complex32::new(i0, q0), Complex32::new(i1, q1)]
+        })
+        .collect();
+    Ok(Array {
+        shape: vec![samples.len()],
+        values: Numbers::Complex(samples),
+    })
+}

@@ -1,0 +1,174 @@
+//! The description of echoes, as text that [`super::RecordingFile`] reads.
+
+use std::fmt::Write;
+
+use glam::DVec3;
+
+use subaperture_model::geometry::{Geodetic, SceneFrame};
+use subaperture_model::radar::{PulseShape, Waveform};
+use subaperture_receive::EchoCollection;
+
+/// What the waveform does not say.
+pub(super) struct Facts<'a> {
+    /// Names of the arrays: samples, pulses' times, fixes' times, transmitter, and receiver if it is apart.
+    pub(super) samples: &'a str,
+    pub(super) times: &'a str,
+    pub(super) track_times: &'a str,
+    pub(super) transmitter: &'a str,
+    pub(super) receiver: Option<&'a str>,
+    /// Whether the radar moves while a sweep lasts.
+    pub(super) moves: bool,
+}
+
+/// Farthest that a reference path may be from its point's, metres: rounding at 1000 km.
+const SAME_PATH_M: f64 = 1e-8;
+
+/// The description, or why there is none. Numbers are written to the last digit.
+pub(super) fn describe(collection: &EchoCollection, facts: &Facts) -> Result<String, String> {
+    let mut text = format!(
+        "name = {}\n\n[recording]\nformat = \"npy\"\nfile = \"{}\"\ntimes = \"{}\"\n\n[scene]\n",
+        quoted(&collection.name),
+        facts.samples,
+        facts.times
+    );
+    text += &reference(collection)?;
+    if let Some(extent) = collection.extent {
+        for (key, (from, to)) in [("x", extent.x_m), ("y", extent.y_m)] {
+            text += &format!("{key} = \"{from}, {to} m\"\n");
+        }
+    }
+    text += &origin(collection.frame)?;
+    text += "\n[radar]\n";
+    radar(&mut text, &collection.waveform, facts.moves);
+    text += &format!(
+        "\n[platform]\nkind = \"arrays\"\ntimes = \"{}\"\npositions = \"{}\"\n",
+        facts.track_times, facts.transmitter
+    );
+    if let Some(receiver) = facts.receiver {
+        text += &format!("receiver_positions = \"{receiver}\"\n");
+    }
+    Ok(text)
+}
+
+/// TOML's basic strings are JSON's, but for DEL.
+fn quoted(text: &str) -> String {
+    let json = serde_json::Value::from(text).to_string();
+    json.replace('\u{7f}', "\\u007F")
+}
+
+/// One point for all pulses, or one range.
+fn reference(collection: &EchoCollection) -> Result<String, String> {
+    let Some(first) = collection.pulses.first() else {
+        return Err("it has no pulses".to_owned());
+    };
+    let point = first.reference_m;
+    let to_point = collection.pulses.iter().all(|pulse| {
+        let path_m = pulse.transmitter_m.distance(point) + pulse.receiver_m.distance(point);
+        pulse.reference_m == point && (path_m - pulse.reference_path_m).abs() < SAME_PATH_M
+    });
+    if to_point {
+        let DVec3 { x, y, z } = point;
+        return Ok(format!("reference = \"{x}, {y}, {z} m\"\n"));
+    }
+    let path_m = first.reference_path_m;
+    let mut paths = collection.pulses.iter().map(|pulse| pulse.reference_path_m);
+    if paths.all(|other_m| other_m == path_m) {
+        return Ok(format!("reference_range = \"{} m\"\n", 0.5 * path_m));
+    }
+    Err("its phases are referred neither to one point nor to one range for all pulses".to_owned())
+}
+
+fn origin(frame: SceneFrame) -> Result<String, String> {
+    let SceneFrame::Earth { origin_ecf_m, .. } = frame else {
+        return Ok(String::new());
+    };
+    let place = Geodetic::from_ecf_m(origin_ecf_m);
+    let [east, north, _] = place.east_north_up();
+    let described = SceneFrame::Earth {
+        origin_ecf_m: place.to_ecf_m(),
+        x_axis_ecf: east,
+        y_axis_ecf: north,
+    };
+    if !described.agrees_with(&frame) {
+        return Err("its scene's x and y axes do not point east and north".to_owned());
+    }
+    Ok(format!(
+        "\n[scene.origin]\nlatitude = \"{} deg\"\nlongitude = \"{} deg\"\nheight = \"{} m\"\n",
+        place.latitude_deg, place.longitude_deg, place.height_m
+    ))
+}
+
+fn radar(text: &mut String, waveform: &Waveform, moves: bool) {
+    let kind = match waveform {
+        Waveform::Fmcw { .. } => "fmcw",
+        Waveform::Pulsed { .. } => "pulsed",
+        Waveform::Ideal { .. } | Waveform::Stepped { .. } => "stepped",
+    };
+    // Writing to a string does not fail.
+    let _ = writeln!(text, "kind = \"{kind}\"");
+    let mut line = |key: &str, value: f64, unit: &str| {
+        let _ = writeln!(text, "{key} = \"{value} {unit}\"");
+    };
+    match waveform {
+        Waveform::Fmcw {
+            start_hz,
+            chirp_hz_s,
+            sample_rate_hz,
+            mixer_delay_s,
+            ..
+        } => {
+            line("start", *start_hz, "Hz");
+            line("slope", *chirp_hz_s, "Hz/s");
+            line("sample_rate", *sample_rate_hz, "Hz");
+            line("mixer_delay", *mixer_delay_s, "s");
+        }
+        Waveform::Pulsed {
+            centre_hz,
+            sample_rate_hz,
+            window_start_s,
+            ..
+        } => {
+            line("centre", *centre_hz, "Hz");
+            line("sample_rate", *sample_rate_hz, "Hz");
+            line("window_start", *window_start_s, "s");
+        }
+        Waveform::Ideal { band } => {
+            line("start", band.start_hz, "Hz");
+            line("step", band.step_hz, "Hz");
+        }
+        Waveform::Stepped { band, step_s, .. } => {
+            line("start", band.start_hz, "Hz");
+            line("step", band.step_hz, "Hz");
+            line("step_time", *step_s, "s");
+        }
+    }
+    if moves {
+        text.push_str("motion = \"true\"\n");
+    }
+    if let Waveform::Pulsed { shape, .. } = waveform {
+        pulse(text, shape);
+    }
+}
+
+fn pulse(text: &mut String, shape: &PulseShape) {
+    text.push_str("\n[radar.pulse]\n");
+    match shape {
+        PulseShape::Lfm {
+            bandwidth_hz,
+            duration_s,
+            rising,
+        } => {
+            let sweep = if *rising { "up" } else { "down" };
+            text.push_str(&format!(
+                "kind = \"lfm\"\nbandwidth = \"{bandwidth_hz} Hz\"\nduration = \"{duration_s} s\"\nsweep = \"{sweep}\"\n"
+            ));
+        }
+        PulseShape::PhaseCode { phases_rad, chip_s } => {
+            let phases: Vec<String> = phases_rad.iter().map(|p| format!("\"{p} rad\"")).collect();
+            text.push_str(&format!(
+                "kind = \"code\"\nchip = \"{chip_s} s\"\nphases = [{}]\n",
+                phases.join(", ")
+            ));
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! `[platform]`: how the antennas moved, measured or as the mount makes them move.
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+
+use super::arrays::Source;
+use super::pulses::unit_s;
+use crate::track_axes::TrackAxes;
+use crate::{motive, recorded_track, track_csv};
+use subaperture_describe::error::Found;
+use subaperture_describe::values::Values;
+use subaperture_model::geometry::SceneFrame;
+use subaperture_model::track::{self, Fix, Pose, Rail, Recorded, Trajectory, turned};
+
+/// A track, and the times that it is known for; all if `None`.
+pub(super) struct Track {
+    pub(super) body: Arc<dyn Trajectory>,
+    /// What carries the receiver, if that is another body.
+    pub(super) receiver: Option<Arc<dyn Trajectory>>,
+    pub(super) span_s: Option<(f64, f64)>,
+    /// Stretches within, in which it is not known.
+    pub(super) gaps_s: Vec<(f64, f64)>,
+}
+
+impl Track {
+    /// Whether it is known at a time.
+    pub(super) fn knows(&self, time_s: f64) -> bool {
+        self.span_s
+            .is_none_or(|(from, to)| (from..=to).contains(&time_s))
+            && self.gap_s(time_s).is_none()
+    }
+
+    /// The gap that a time is in.
+    pub(super) fn gap_s(&self, time_s: f64) -> Option<(f64, f64)> {
+        let within = |(from, to): &&(f64, f64)| *from < time_s && time_s < *to;
+        self.gaps_s.iter().find(within).copied()
+    }
+}
+
+/// The platform's track. `times_s` are the first and the last pulse's of `count`.
+pub(super) fn build(
+    values: &Values,
+    source: &Source,
+    frame: &SceneFrame,
+    times_s: (f64, f64),
+    count: usize,
+) -> Result<Track, Found> {
+    let track = way(values, source, frame, times_s, count)?;
+    let Some(angles) = values.optional_vector("attitude") else {
+        return Ok(track);
+    };
+    let attitude = turned(angles.x, angles.y, angles.z);
+    let kept = |body| -> Arc<dyn Trajectory> { Arc::new(Kept { body, attitude }) };
+    Ok(Track {
+        body: kept(track.body),
+        receiver: track.receiver.map(kept),
+        span_s: track.span_s,
+        gaps_s: track.gaps_s,
+    })
+}
+
+/// A body that does not turn.
+#[derive(Debug)]
+struct Kept {
+    body: Arc<dyn Trajectory>,
+    attitude: DQuat,
+}
+
+impl Trajectory for Kept {
+    fn pose(&self, time_s: f64) -> Pose {
+        Pose {
+            attitude: self.attitude,
+            ..self.body.pose(time_s)
+        }
+    }
+}
+
+fn way(
+    values: &Values,
+    source: &Source,
+    frame: &SceneFrame,
+    times_s: (f64, f64),
+    count: usize,
+) -> Result<Track, Found> {
+    let fixes = match values.text("kind") {
+        "arrays" => arrays(values, source, "positions")?,
+        "csv" => {
+            let fixes = track_csv::read(&source.folder.join(values.text("file")))
+                .map_err(|error| values.fault("file", error.to_string()))?;
+            let axes = axes(values)?;
+            let turned = |fix: Fix| Fix {
+                position_m: axes.turn(fix.position_m),
+                attitude: fix.attitude.map(|attitude| axes.turn_attitude(attitude)),
+                ..fix
+            };
+            fixes.into_iter().map(turned).collect()
+        }
+        "motive" => {
+            let path = source.folder.join(values.text("file"));
+            motive::read(&path, values.optional_text("body"), axes(values)?)
+                .map_err(|error| values.fault("file", error.to_string()))?
+        }
+        kind => {
+            let body: Arc<dyn Trajectory> = match kind {
+                "novatel" => {
+                    let known = *frame != SceneFrame::Local;
+                    recorded_track::build(values, known.then_some(frame), source.folder)?
+                }
+                "arc" => Arc::new(arc(values, times_s)?),
+                "rail" => Arc::new(rail(values, times_s, count)?),
+                _ => subaperture_describe::track::track(values, 0.5 * (times_s.0 + times_s.1))?,
+            };
+            return Ok(Track {
+                body,
+                receiver: None,
+                span_s: None,
+                gaps_s: Vec::new(),
+            });
+        }
+    };
+    let key = match values.text("kind") {
+        "arrays" => "times",
+        _ => "file",
+    };
+    let track = Recorded::new(&fixes).map_err(|error| values.fault(key, error.to_string()))?;
+    let receiver: Option<Arc<dyn Trajectory>> = match values.optional_text("receiver_positions") {
+        Some(_) => {
+            let fixes = arrays(values, source, "receiver_positions")?;
+            let track = Recorded::new(&fixes);
+            Some(Arc::new(track.map_err(|error| {
+                values.fault("receiver_positions", error.to_string())
+            })?))
+        }
+        None => None,
+    };
+    Ok(Track {
+        body: Arc::new(track),
+        receiver,
+        span_s: fixes
+            .first()
+            .zip(fixes.last())
+            .map(|(a, b)| (a.time_s, b.time_s)),
+        gaps_s: match values.text("kind") {
+            "motive" => gaps(&fixes),
+            _ => Vec::new(),
+        },
+    })
+}
+
+/// Longest time without a fix of a body that motion capture lost that a smooth way bridges, seconds: a person's step
+/// takes half of one.
+const LONGEST_GAP_S: f64 = 0.1;
+
+/// The stretches without fixes that are longer.
+fn gaps(fixes: &[Fix]) -> Vec<(f64, f64)> {
+    let pairs = fixes
+        .windows(2)
+        .map(|pair| (pair[0].time_s, pair[1].time_s));
+    pairs
+        .filter(|(from, to)| to - from > LONGEST_GAP_S)
+        .collect()
+}
+
+/// The order of the file's axes.
+fn axes(values: &Values) -> Result<TrackAxes, Found> {
+    match values.optional_text("axes") {
+        Some(text) => text
+            .parse()
+            .map_err(|what: String| values.fault("axes", what)),
+        None if values.text("kind") == "motive" => Ok(TrackAxes::y_up()),
+        None => Ok(TrackAxes::PLAIN),
+    }
+}
+
+/// The swing takes as long as the pulses, unless its rate is given.
+fn arc(values: &Values, (first_s, last_s): (f64, f64)) -> Result<track::Arc, Found> {
+    let (from_rad, to_rad) = (values.number("from_angle"), values.number("to_angle"));
+    Ok(track::Arc {
+        pivot_m: values.vector("pivot"),
+        radius_m: values.number("radius"),
+        from_rad,
+        to_rad,
+        rate_rad_s: match values.optional_number("rate") {
+            Some(rate) => rate,
+            None => evenly(values, "rate", (to_rad - from_rad).abs(), last_s - first_s)?,
+        },
+        start_s: values.optional_number("start").unwrap_or(first_s),
+    })
+}
+
+/// The way takes as long as the pulses, unless its speed is given.
+fn rail(values: &Values, (first_s, last_s): (f64, f64), count: usize) -> Result<Rail, Found> {
+    let (from_m, to_m) = (values.vector("from"), values.vector("to"));
+    if from_m.distance(to_m) < 1e-9 {
+        return Err(values.fault("to", "the rail has no length: move one of its ends"));
+    }
+    Ok(Rail {
+        from_m,
+        to_m,
+        speed_m_s: match (
+            values.optional_number("speed"),
+            values.optional_number("spacing"),
+        ) {
+            (Some(_), Some(_)) => {
+                return Err(values.fault("spacing", "give either speed or spacing, not both"));
+            }
+            (Some(speed), None) => speed,
+            (None, Some(spacing_m)) => {
+                let way_m = spacing_m * count.saturating_sub(1) as f64;
+                evenly(values, "speed", way_m, last_s - first_s)?
+            }
+            (None, None) => evenly(values, "speed", from_m.distance(to_m), last_s - first_s)?,
+        },
+        start_s: values.optional_number("start").unwrap_or(first_s),
+    })
+}
+
+fn evenly(values: &Values, key: &str, way: f64, duration_s: f64) -> Result<f64, Found> {
+    if duration_s > 0.0 {
+        return Ok(way / duration_s);
+    }
+    Err(Found::new(
+        &values.at,
+        format!("the pulses are all at one time, so nothing says how fast it goes: give '{key}'"),
+    ))
+}
+
+/// Times, and positions from the array that a key names.
+fn arrays(values: &Values, source: &Source, key: &str) -> Result<Vec<Fix>, Found> {
+    let unit_s = unit_s(values.text("times_unit"));
+    let axes = axes(values)?;
+    let times = source.vector(values, "times")?;
+    let positions = source.array(values, key)?;
+    let unit_m = match values.text("positions_unit") {
+        "mm" => 1e-3,
+        "cm" => 1e-2,
+        _ => 1.0,
+    };
+    let rows = match (positions.real(), &positions.shape[..]) {
+        (Some(rows), &[count, 3]) if count == times.len() => rows,
+        _ => {
+            return Err(values.fault(
+                key,
+                format!(
+                    "has shape {:?}; real numbers of shape [{}, 3] are wanted, a row for each of 'times'",
+                    positions.shape,
+                    times.len()
+                ),
+            ));
+        }
+    };
+    let fix = |(&time, row): (&f64, &[f64])| Fix {
+        time_s: time * unit_s,
+        position_m: axes.turn(DVec3::from_slice(row) * unit_m),
+        attitude: None,
+    };
+    Ok(times.iter().zip(rows.chunks_exact(3)).map(fix).collect())
+}

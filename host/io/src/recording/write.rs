@@ -1,0 +1,328 @@
+//! Echoes written as a recording: arrays, and the description that [`super::RecordingFile`] reads.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `echoes.npy` | the samples as received, complex64, pulses x samples |
+//! | `times.npy` | the pulses' times, seconds |
+//! | `track-times.npy` | the times of the track, seconds |
+//! | `transmitter.npy` | where the transmitter is by the measured track, x, y, z, metres |
+//! | `receiver.npy` | the same of the receiver, if it is ever elsewhere |
+//! | `recording.toml` | the description |
+//!
+//! Of several channels a channel's names end in its identifier: `echoes-T1R2.npy`. A recording is of one pair
+//! of antennas, so each has a description.
+//!
+//! The track has a fix a pulse, where spline and record agree to the last digit. Of a radar that moves while its sweeps
+//! last there are [`FIXES`] a sweep and one at its middle: between them the spline is off by `5/384 h^4` of the path's
+//! fourth derivative, `h` a sweep's length by 8; 1 cm at 2 Hz and sweeps of 50 ms leave 5 nm.
+//!
+//! Echoes are written as any reader of them gets them, in float32, and all numbers to the last digit: what
+//! is read back makes the phase history that the echoes make, but for rounding in float64. (A CPHD's
+//! positions, by contrast, are Earth-centred: rounded to 1 nm, a phase of `4 pi 1 nm / lambda`.)
+//!
+//! Memory: the blocks of a MiB, or one pulse. Cost: the echoes'.
+
+use std::collections::BTreeSet;
+use std::io;
+use std::path::Path;
+
+use glam::DVec3;
+use num_complex::Complex32;
+use serde_json::Value;
+
+use super::text::{Facts, describe};
+use crate::atomic;
+use crate::npy::ArrayWriter;
+use crate::ours::{array_line, marked_description};
+use crate::staging::{Staged, StagedFile};
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::ReadError;
+use subaperture_model::radar::Waveform;
+use subaperture_receive::Echoes;
+
+/// Bytes of samples read at a time, at most, or one pulse.
+const BLOCK_BYTES: usize = 1 << 20;
+
+/// Fixes of the track in a sweep, first and last sample included.
+const FIXES: usize = 9;
+
+/// Echoes to be written.
+pub struct Raw<'a> {
+    /// The channel's identifier, part of its files' names if there are several: letters, digits, `-` and `_`.
+    pub id: String,
+    /// Its echoes.
+    pub echoes: &'a dyn Echoes,
+}
+
+/// Why echoes were not written.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// The files could not be written.
+    #[error(transparent)]
+    Write(#[from] atomic::WriteError),
+    /// The echoes could not be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// They cannot be described.
+    #[error("{name}: cannot be described as a recording: {what}")]
+    Unsuited {
+        /// Name of the collection.
+        name: String,
+        /// Why.
+        what: String,
+    },
+    /// The monitor asked to stop.
+    #[error("interrupted")]
+    Cancelled,
+}
+
+/// Names of the files that [`write()`] makes of channels of these identifiers; a receiver's file only if it is apart.
+pub fn names(ids: &[&str]) -> Vec<String> {
+    let stems = [
+        ("echoes", "npy"),
+        ("times", "npy"),
+        ("track-times", "npy"),
+        ("transmitter", "npy"),
+        ("receiver", "npy"),
+        ("recording", "toml"),
+    ];
+    let of = |id: &str| stems.map(|(stem, end)| name(stem, end, id, ids.len() > 1));
+    ids.iter().flat_map(|id| of(id)).collect()
+}
+
+fn name(stem: &str, end: &str, id: &str, several: bool) -> String {
+    match several {
+        true => format!("{stem}-{id}.{end}"),
+        false => format!("{stem}.{end}"),
+    }
+}
+
+/// Writes `channels` into `folder`, complete or not at all: beside it first, then renamed. In a folder that
+/// exists, descriptions are removed first and come last: who finds one finds its arrays.
+///
+/// # Errors
+/// [`WriteError`]; then the folder is as it was, or, if replacing older files failed half way, without
+/// descriptions.
+pub fn write(folder: &Path, channels: &[Raw], monitor: &dyn Monitor) -> Result<(), WriteError> {
+    let plans: Vec<Plan> = channels
+        .iter()
+        .map(|raw| Plan::new(raw, channels.len() > 1))
+        .collect::<Result<_, _>>()?;
+    let mut seen = BTreeSet::new();
+    if let Some(plan) = plans.iter().find(|plan| !seen.insert(&plan.description)) {
+        return Err(plan.unsuited("two channels have the same identifier"));
+    }
+    let total_bytes = plans.iter().map(Plan::bytes).sum();
+    let staged = Staged::begin(folder, total_bytes)?;
+    let names: Vec<&str> = plans.iter().flat_map(Plan::arrays).collect();
+    let marks: Vec<&str> = plans.iter().map(|p| p.description.as_str()).collect();
+    staged.check(names.iter().chain(&marks).copied())?;
+    let mut done: u64 = 0;
+    for plan in &plans {
+        let mut arrays = plan.write_track(&staged)?;
+        let echoes = plan.write_echoes(&staged, monitor, |bytes| {
+            done += bytes;
+            monitor.progress(done as f64 / total_bytes as f64);
+        })?;
+        arrays.push((&plan.samples, echoes));
+        // By which a later run knows the arrays that it may replace.
+        let mut text = plan.text.clone() + "\n";
+        for (name, about) in arrays {
+            let (bytes, crc32) = (about["bytes"].as_u64(), about["crc32"].as_str());
+            let line = array_line(name, bytes.unwrap_or(0), crc32.unwrap_or_default());
+            text += &format!("{line}\n");
+        }
+        let text = marked_description(&text);
+        staged.write(&plan.description, |file| {
+            io::Write::write_all(file, text.as_bytes())
+        })?;
+    }
+    if monitor.cancelled() {
+        return Err(WriteError::Cancelled);
+    }
+    Ok(staged.commit(&names, &marks)?)
+}
+
+/// One channel's files.
+struct Plan<'a> {
+    echoes: &'a dyn Echoes,
+    samples: String,
+    times: String,
+    track_times: String,
+    transmitter: String,
+    receiver: Option<String>,
+    description: String,
+    text: String,
+    /// The samples of a pulse at which the track is written; the middle one is among them.
+    fixes: Vec<usize>,
+}
+
+impl<'a> Plan<'a> {
+    fn new(raw: &Raw<'a>, several: bool) -> Result<Self, WriteError> {
+        let echoes = raw.echoes;
+        let collection = echoes.collection();
+        let name = |stem: &str, end: &str| name(stem, end, &raw.id, several);
+        let apart = collection
+            .pulses
+            .iter()
+            .any(|pulse| pulse.transmitter_m != pulse.receiver_m);
+        let moves = moves(echoes);
+        let middle = collection.waveform.num_samples() / 2;
+        let last = collection.waveform.num_samples() - 1;
+        let spread = (0..if moves { FIXES } else { 0 }).map(|i| i * last / (FIXES - 1));
+        let fixes: BTreeSet<usize> = spread.chain([middle]).collect();
+        let mut plan = Self {
+            echoes,
+            samples: name("echoes", "npy"),
+            times: name("times", "npy"),
+            track_times: name("track-times", "npy"),
+            transmitter: name("transmitter", "npy"),
+            receiver: apart.then(|| name("receiver", "npy")),
+            description: name("recording", "toml"),
+            text: String::new(),
+            fixes: fixes.into_iter().collect(),
+        };
+        let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+        if !raw.id.chars().all(plain) {
+            return Err(plan.unsuited(&format!("channel '{}' makes no file's name", raw.id)));
+        }
+        let facts = Facts {
+            samples: &plan.samples,
+            times: &plan.times,
+            track_times: &plan.track_times,
+            transmitter: &plan.transmitter,
+            receiver: plan.receiver.as_deref(),
+            moves,
+        };
+        plan.text = describe(collection, &facts).map_err(|what| plan.unsuited(&what))?;
+        Ok(plan)
+    }
+
+    fn unsuited(&self, what: &str) -> WriteError {
+        WriteError::Unsuited {
+            name: self.echoes.collection().name.clone(),
+            what: what.to_owned(),
+        }
+    }
+
+    fn arrays(&self) -> impl Iterator<Item = &str> {
+        let names = [
+            &self.samples,
+            &self.times,
+            &self.track_times,
+            &self.transmitter,
+        ];
+        names.into_iter().chain(&self.receiver).map(String::as_str)
+    }
+
+    /// Bytes of the samples: all the rest is small beside them, or next to nothing.
+    fn bytes(&self) -> u64 {
+        let collection = self.echoes.collection();
+        8 * collection.pulses.len() as u64 * collection.waveform.num_samples() as u64
+    }
+
+    /// Times, and where the antennas are; the size and CRC-32 of every array.
+    fn write_track(&self, staged: &Staged) -> Result<Vec<(&str, Value)>, WriteError> {
+        let pulses = &self.echoes.collection().pulses;
+        let mut written: Vec<(&str, Value)> = Vec::new();
+        let about = self.array(staged, &self.times, &[pulses.len()], |times| {
+            pulses
+                .iter()
+                .try_for_each(|pulse| times.put(&[pulse.time_s]))
+        })?;
+        written.push((&self.times, about));
+        // A track has at least two fixes: a lone one is said twice, a second apart.
+        let lone = pulses.len() * self.fixes.len() == 1;
+        let count = if lone {
+            2
+        } else {
+            pulses.len() * self.fixes.len()
+        };
+        let all =
+            || (0..pulses.len()).flat_map(|n| self.fixes.iter().map(move |&k| self.fix(n, k)));
+        let again = || lone.then(|| all().last()).flatten();
+        let about = self.array(staged, &self.track_times, &[count], |times| {
+            for (time_s, _) in all() {
+                times.put(&[time_s])?;
+            }
+            again().map_or(Ok(()), |(time_s, _)| times.put(&[time_s + 1.0]))
+        })?;
+        written.push((&self.track_times, about));
+        for (name, antenna) in [Some(&self.transmitter), self.receiver.as_ref()]
+            .into_iter()
+            .zip(0..)
+        {
+            let Some(name) = name else { continue };
+            let about = self.array(staged, name, &[count, 3], |positions| {
+                let mut fixes = all().chain(again());
+                fixes.try_for_each(|(_, at)| positions.put(&at[antenna].to_array()))
+            })?;
+            written.push((name, about));
+        }
+        Ok(written)
+    }
+
+    /// Time of sample `k` of pulse `n`, and where transmitter and receiver are.
+    fn fix(&self, n: usize, k: usize) -> (f64, [DVec3; 2]) {
+        let collection = self.echoes.collection();
+        let (pulse, waveform) = (&collection.pulses[n], &collection.waveform);
+        let middle = waveform.num_samples() / 2;
+        if k == middle {
+            return (pulse.time_s, [pulse.transmitter_m, pulse.receiver_m]);
+        }
+        let after_s = waveform.sample_s(k);
+        let time_s = pulse.time_s + (after_s - waveform.middle_s());
+        (time_s, self.echoes.antennas_m(n, after_s))
+    }
+
+    /// An array of float64.
+    fn array(
+        &self,
+        staged: &Staged,
+        name: &str,
+        shape: &[usize],
+        write: impl FnOnce(&mut ArrayWriter<&mut StagedFile, f64>) -> io::Result<()>,
+    ) -> Result<Value, WriteError> {
+        let about = staged.write(name, |file| {
+            let mut array = ArrayWriter::new(file, shape)?;
+            write(&mut array)?;
+            array.finish()
+        })?;
+        Ok(about)
+    }
+
+    fn write_echoes(
+        &self,
+        staged: &Staged,
+        monitor: &dyn Monitor,
+        mut written: impl FnMut(u64),
+    ) -> Result<Value, WriteError> {
+        let collection = self.echoes.collection();
+        let (count, width) = (collection.pulses.len(), collection.waveform.num_samples());
+        let failed = |source| staged.failed(&self.samples, source);
+        let mut file = staged.create(&self.samples)?;
+        let mut array = ArrayWriter::new(&mut file, &[count, width]).map_err(failed)?;
+        let at_once = (BLOCK_BYTES / (8 * width)).clamp(1, count);
+        let mut block = vec![Complex32::ZERO; at_once * width];
+        for first in (0..count).step_by(at_once) {
+            if monitor.cancelled() {
+                return Err(WriteError::Cancelled);
+            }
+            let pulses = first..count.min(first + at_once);
+            let block = &mut block[..pulses.len() * width];
+            self.echoes.read(pulses, block)?;
+            array.put(block).map_err(failed)?;
+            written(8 * block.len() as u64);
+        }
+        array.finish().map_err(failed)?;
+        Ok(staged.finish(&self.samples, file)?)
+    }
+}
+
+/// Whether the radar moves while a sweep lasts.
+fn moves(echoes: &dyn Echoes) -> bool {
+    // A pulse is short: its filter takes one path for all of it.
+    let waveform = &echoes.collection().waveform;
+    let swept = matches!(waveform, Waveform::Fmcw { .. } | Waveform::Stepped { .. });
+    swept && echoes.moves()
+}

@@ -1,0 +1,318 @@
+//! Tracks as comma-separated values.
+//!
+//! The first line names the columns, in any order: `time_s`, `x_m`, `y_m`, `z_m`, or in other units `time_ms`, `time_us`,
+//! `x_mm`, `x_cm` and so on, all three in one; and if attitude is known all
+//! of `roll_deg`, `pitch_deg`, `yaw_deg` or all of `roll_rad`, `pitch_rad`, `yaw_rad`. Every line
+//! after it is a fix. Times are seconds from the collection's start, positions metres in the scene
+//! frame; angles are right-handed about x forward, y left and z up ([`turned`]). Empty lines and
+//! lines that begin with `#` are passed over.
+//!
+//! ```text
+//! time_s,x_m,y_m,z_m
+//! 0.0,-100.0,-500.0,300.0
+//! 0.1,-95.0,-500.0,300.1
+//! ```
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use subaperture_model::track::{Fix, turned};
+
+/// Bytes a line may have.
+const LONGEST_LINE: u64 = 4096;
+
+/// Farthest that a coordinate may lie from the scene's origin, metres, and longest a time, seconds.
+const FARTHEST: f64 = 1e9;
+
+const PLACE: [&str; 4] = ["time_s", "x_m", "y_m", "z_m"];
+/// Units of times and of places, and what they are in seconds and metres.
+const TIMES: [(&str, f64); 3] = [("time_s", 1.0), ("time_ms", 1e-3), ("time_us", 1e-6)];
+const PLACES: [([&str; 3], f64); 3] = [
+    (["x_m", "y_m", "z_m"], 1.0),
+    (["x_cm", "y_cm", "z_cm"], 1e-2),
+    (["x_mm", "y_mm", "z_mm"], 1e-3),
+];
+const DEGREES: [&str; 3] = ["roll_deg", "pitch_deg", "yaw_deg"];
+const RADIANS: [&str; 3] = ["roll_rad", "pitch_rad", "yaw_rad"];
+
+/// Why a track was not read.
+#[derive(Debug, thiserror::Error)]
+pub enum TrackCsvError {
+    /// The operating system refused.
+    #[error("cannot read {path}: {source}")]
+    Io {
+        /// File concerned.
+        path: PathBuf,
+        /// Cause.
+        source: io::Error,
+    },
+    /// A line is not what it should be.
+    #[error("{path}, line {line}: {what}")]
+    Line {
+        /// File concerned.
+        path: PathBuf,
+        /// The line, from 1.
+        line: u64,
+        /// What is wrong with it.
+        what: String,
+    },
+}
+
+/// Reads a track's fixes.
+///
+/// # Errors
+/// [`TrackCsvError`], with the line. That times ascend is the track's to check.
+pub fn read(path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
+    let file = File::open(path).map_err(|source| TrackCsvError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    read_from(BufReader::new(file), path)
+}
+
+/// Reads a track's fixes from a stream; `path` is for errors.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_from(stream: impl BufRead, path: &Path) -> Result<Vec<Fix>, TrackCsvError> {
+    let mut columns = None;
+    let mut fixes = Vec::new();
+    each_line(stream, path, LONGEST_LINE, |row| {
+        let row = row.trim();
+        if row.is_empty() || row.starts_with('#') {
+            return Ok(());
+        }
+        match &columns {
+            None => columns = Some(Columns::parse(row)?),
+            Some(columns) => fixes.push(columns.fix(row)?),
+        }
+        Ok(())
+    })?;
+    if columns.is_none() {
+        return Err(TrackCsvError::Line {
+            path: path.to_owned(),
+            line: 1,
+            what: format!("no header; begin with {}", PLACE.join(",")),
+        });
+    }
+    Ok(fixes)
+}
+
+/// Calls `take` with every line of a track's file, less a byte order mark, which a spreadsheet may put before the
+/// first; returns their number.
+///
+/// # Errors
+/// [`TrackCsvError`] with the line, of one of `longest` bytes or more or that is not text, or with what `take` says of it.
+pub(super) fn each_line(
+    mut stream: impl BufRead,
+    path: &Path,
+    longest: u64,
+    mut take: impl FnMut(&str) -> Result<(), String>,
+) -> Result<u64, TrackCsvError> {
+    let mut bytes = Vec::new();
+    let mut line = 0;
+    loop {
+        bytes.clear();
+        let mut limited = stream.by_ref().take(longest);
+        let read = limited.read_until(b'\n', &mut bytes);
+        let count = read.map_err(|source| TrackCsvError::Io {
+            path: path.to_owned(),
+            source,
+        })?;
+        if count == 0 {
+            return Ok(line);
+        }
+        line += 1;
+        let taken = match std::str::from_utf8(&bytes) {
+            _ if count as u64 == longest => Err(format!("{longest} bytes or more; not a track")),
+            Err(_) => Err("not text".to_owned()),
+            Ok(text) => take(text.trim_start_matches('\u{feff}')),
+        };
+        taken.map_err(|what| TrackCsvError::Line {
+            path: path.to_owned(),
+            line,
+            what,
+        })?;
+    }
+}
+
+/// Where each value is in a row.
+struct Columns {
+    names: Vec<String>,
+    place: [usize; 4],
+    /// Units of time and place, seconds and metres.
+    units: [f64; 2],
+    /// Roll, pitch and yaw, and what one of their units is in radians.
+    angles: Option<([usize; 3], f64)>,
+}
+
+impl Columns {
+    fn parse(header: &str) -> Result<Self, String> {
+        let names: Vec<String> = header.split(',').map(|n| n.trim().to_owned()).collect();
+        for (n, name) in names.iter().enumerate() {
+            let times = TIMES.iter().map(|(name, _)| *name);
+            let places = PLACES.iter().flat_map(|(names, _)| *names);
+            let angles = DEGREES.into_iter().chain(RADIANS);
+            let known: Vec<&str> = times.chain(places).chain(angles).collect();
+            if !known.contains(&name.as_str()) {
+                return Err(format!(
+                    "column '{name}' is not known; the columns are {}",
+                    known.join(", ")
+                ));
+            }
+            if names[..n].contains(name) {
+                return Err(format!("column '{name}' comes twice"));
+            }
+        }
+        let at = |name: &str| names.iter().position(|n| n == name);
+        let times: Vec<(usize, f64)> = TIMES
+            .iter()
+            .filter_map(|&(name, unit)| Some((at(name)?, unit)))
+            .collect();
+        let &[(time, time_unit)] = &times[..] else {
+            return Err(match times.len() {
+                0 => "column 'time_s' is missing".to_owned(),
+                _ => "times come in two units: leave one out".to_owned(),
+            });
+        };
+        let any = |names: &[&str; 3]| names.iter().any(|name| at(name).is_some());
+        let given: Vec<&([&str; 3], f64)> = PLACES.iter().filter(|(names, _)| any(names)).collect();
+        let (letters, place_unit) = match given[..] {
+            [] => return Err("column 'x_m' is missing".to_owned()),
+            [(names, unit)] => (names, *unit),
+            _ => return Err("places come in two units: give x, y and z in one".to_owned()),
+        };
+        let mut place = [time, 0, 0, 0];
+        for (place, name) in place[1..].iter_mut().zip(letters) {
+            *place = at(name).ok_or_else(|| format!("column '{name}' is missing"))?;
+        }
+        let angles = match (DEGREES.map(at), RADIANS.map(at)) {
+            ([Some(r), Some(p), Some(y)], [None, None, None]) => {
+                Some(([r, p, y], 1f64.to_radians()))
+            }
+            ([None, None, None], [Some(r), Some(p), Some(y)]) => Some(([r, p, y], 1.0)),
+            ([None, None, None], [None, None, None]) => None,
+            _ => {
+                return Err(format!(
+                    "give all of {}, or all of {}, or none",
+                    DEGREES.join(", "),
+                    RADIANS.join(", ")
+                ));
+            }
+        };
+        Ok(Self {
+            names,
+            place,
+            units: [time_unit, place_unit],
+            angles,
+        })
+    }
+
+    fn fix(&self, row: &str) -> Result<Fix, String> {
+        let values: Vec<&str> = row.split(',').map(str::trim).collect();
+        if values.len() != self.names.len() {
+            return Err(format!(
+                "{} values; the header names {} columns",
+                values.len(),
+                self.names.len()
+            ));
+        }
+        let number = |n: usize| match values[n].parse::<f64>() {
+            Ok(value) if value.abs() <= FARTHEST => Ok(value),
+            _ => Err(format!(
+                "{} is '{}'; a number of at most {FARTHEST:e} is expected",
+                self.names[n], values[n]
+            )),
+        };
+        let [t, x, y, z] = self.place;
+        let attitude = match self.angles {
+            Some(([roll, pitch, yaw], unit)) => Some(turned(
+                number(roll)? * unit,
+                number(pitch)? * unit,
+                number(yaw)? * unit,
+            )),
+            None => None,
+        };
+        Ok(Fix {
+            time_s: number(t)? * self.units[0],
+            position_m: DVec3::new(number(x)?, number(y)?, number(z)?) * self.units[1],
+            attitude,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fixes(text: &str) -> Result<Vec<Fix>, TrackCsvError> {
+        read_from(text.as_bytes(), Path::new("way.csv"))
+    }
+
+    #[test]
+    fn columns_are_found_by_name() {
+        let read = fixes(
+            "\u{feff}# flight 3\nz_m, x_m,y_m,yaw_deg,roll_deg,pitch_deg,time_s\r\n\r\n300,1,2,90,0,0,0.5\n\
+             301,-1e1,2.5,0,30,0,1\n",
+        )
+        .unwrap();
+        assert_eq!(read.len(), 2);
+        assert_eq!(read[0].time_s, 0.5);
+        assert_eq!(read[1].position_m, DVec3::new(-10.0, 2.5, 301.0));
+        assert!((read[0].attitude.unwrap() * DVec3::X).distance(DVec3::Y) < 1e-15);
+        assert!(((read[1].attitude.unwrap() * DVec3::Y).z - 0.5).abs() < 1e-15);
+        let radians = fixes("time_s,x_m,y_m,z_m,roll_rad,pitch_rad,yaw_rad\n0,0,0,0,0,0.5,0\n");
+        let nose = radians.unwrap()[0].attitude.unwrap() * DVec3::X;
+        assert!((nose.z + 0.5f64.sin()).abs() < 1e-15);
+        assert_eq!(
+            fixes("time_s,x_m,y_m,z_m\n1,2,3,4").unwrap()[0].attitude,
+            None
+        );
+    }
+
+    #[test]
+    fn other_units_are_named_by_their_columns() {
+        let read = fixes("time_ms,x_mm,y_mm,z_mm\n1500,10,-20,3000\n").unwrap();
+        assert_eq!(read[0].time_s, 1.5);
+        assert!(read[0].position_m.distance(DVec3::new(0.01, -0.02, 3.0)) < 1e-15);
+        for (header, what) in [
+            ("time_s,x_mm,y_m,z_m\n", "places come in two units"),
+            ("time_s,time_ms,x_m,y_m,z_m\n", "times come in two units"),
+            ("time_s,x_cm,y_cm\n", "'z_cm' is missing"),
+            ("x_cm,y_cm,z_cm\n", "'time_s' is missing"),
+        ] {
+            let error = fixes(header).unwrap_err().to_string();
+            assert!(error.contains(what), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        for (text, what) in [
+            ("", "line 1: no header"),
+            ("time_s,x_m,y_m\n", "line 1: column 'z_m' is missing"),
+            (
+                "time_s,x_m,y_m,z_m,x_m\n",
+                "line 1: column 'x_m' comes twice",
+            ),
+            ("time,x_m,y_m,z_m\n", "line 1: column 'time' is not known"),
+            (
+                "time_s,x_m,y_m,z_m,yaw_deg\n",
+                "line 1: give all of roll_deg",
+            ),
+            ("time_s,x_m,y_m,z_m\n\n1,2,3\n", "line 3: 3 values"),
+            ("time_s,x_m,y_m,z_m\n1,2,x,4\n", "line 2: y_m is 'x'"),
+            ("time_s,x_m,y_m,z_m\n1,2,inf,4\n", "line 2: y_m is 'inf'"),
+            ("time_s,x_m,y_m,z_m\n1,2,NaN,4\n", "line 2: y_m is 'NaN'"),
+        ] {
+            let error = fixes(text).unwrap_err().to_string();
+            assert!(error.contains(what), "{error}");
+        }
+        let long = "9".repeat(10_000);
+        assert!(fixes(&long).unwrap_err().to_string().contains("4096 bytes"));
+        assert!(read_from(&b"\xff\xfe\n"[..], Path::new("a")).is_err());
+    }
+}

@@ -1,0 +1,467 @@
+//! Several recordings joined into one aperture.
+//!
+//! **Order.** Slow-time windows, sub-CPIs and straight tracks go by the order of pulses, so that order is the
+//! aperture's own and not that in which files were named:
+//!
+//! - by time, where all recordings tell times on one clock: their own starts ([`PhaseHistory::start_ns`])
+//!   where all know them, else times as they are. Pulses of recordings that overlap in time are interleaved, and a
+//!   recording whose own pulses are not in the order of time is put in order. Times then count from the
+//!   earliest recording's start;
+//! - else recording by recording, by the angle under which their antennas go around the points that they refer to
+//!   (`super::order`), in the direction in which most do, from the widest gap on; each one's pulses as they
+//!   are. Times then are the indices of pulses.
+//!
+//! What is alike in both respects goes by its positions. So the order of names changes no bit of an image.
+//!
+//! **Twins.** A pulse that is in two recordings (same antennas and band, and same time where it is known) would count
+//! twice: that is refused.
+
+use std::cmp::Ordering;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::ops::Range;
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use super::order::travelled_angles;
+use super::{Collection, InputFile, PhaseHistory, Pulse, ReadError};
+
+/// Recordings joined into one. One recording is the common case.
+pub struct Aperture {
+    /// That of all parts, unless it is that of the only one.
+    joined: Option<Joined>,
+    parts: Vec<Box<dyn PhaseHistory>>,
+}
+
+/// What several parts are together.
+struct Joined {
+    collection: Collection,
+    /// True positions, if all parts know them.
+    true_antennas: Option<Vec<[DVec3; 2]>>,
+    /// Pulses that follow one another in a part, in the order of the whole.
+    runs: Vec<Run>,
+}
+
+/// Pulses of one part that follow one another, up to the next run's start.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    /// Index of its first pulse in the whole.
+    start: usize,
+    part: usize,
+    /// Index of its first pulse in the part.
+    first: usize,
+}
+
+/// One of the recordings.
+type Part = Box<dyn PhaseHistory>;
+
+/// A pulse: its part and its index there.
+type Place = [u32; 2];
+
+/// Bytes a pulse that [`Aperture::join`] takes for a while beside what it keeps.
+const SCRATCH_BYTES: usize = 2 * size_of::<Place>() + 2 * size_of::<u64>();
+
+impl Aperture {
+    /// Joins `parts`, in the order of their pulses and not in theirs. They must agree in samples a pulse and in
+    /// scene frame.
+    ///
+    /// # Errors
+    /// [`ReadError::Mismatch`] if there are none, they disagree, or two hold the same pulse.
+    pub fn join(mut parts: Vec<Box<dyn PhaseHistory>>) -> Result<Self, ReadError> {
+        check_alike(&parts)?;
+        if !is_to_be_joined(&parts) {
+            return Ok(Self {
+                joined: None,
+                parts,
+            });
+        }
+        parts.sort_by(|a, b| by_positions(pulses(a), pulses(b)));
+        let clock = clock(&parts);
+        check_no_twins(&parts, clock.as_deref())?;
+        let order = match &clock {
+            Some(offsets) => by_time(&parts, offsets),
+            None => by_angle(&parts),
+        };
+        let joined = Joined::new(&parts, &order, clock.as_deref());
+        Ok(Self {
+            joined: Some(joined),
+            parts,
+        })
+    }
+
+    /// Bytes that [`Self::join`] takes at its peak, for what it keeps and for finding the order.
+    pub fn joining_bytes(parts: &[Box<dyn PhaseHistory>]) -> u64 {
+        if !is_to_be_joined(parts) {
+            return 0;
+        }
+        let each = |part: &Part| {
+            let truth = part.true_antennas().map_or(0, |_| size_of::<[DVec3; 2]>());
+            pulses(part).len() as u64 * (size_of::<Pulse>() + SCRATCH_BYTES + truth) as u64
+        };
+        parts.iter().map(each).sum()
+    }
+}
+
+fn pulses(part: &Part) -> &[Pulse] {
+    &part.collection().pulses
+}
+
+/// Whether the whole is anything but its one part.
+fn is_to_be_joined(parts: &[Part]) -> bool {
+    match parts {
+        [part] => {
+            let in_order = pulses(part).is_sorted_by(|a, b| a.time_s <= b.time_s);
+            part.collection().timed && !in_order
+        }
+        _ => true,
+    }
+}
+
+/// Refuses parts that are not of one mode and scene.
+fn check_alike(parts: &[Part]) -> Result<(), ReadError> {
+    let Some((first, rest)) = parts.split_first() else {
+        return Err(ReadError::Mismatch("no input given".to_owned()));
+    };
+    let collection = first.collection();
+    for part in rest {
+        let next = part.collection();
+        if next.num_samples != collection.num_samples {
+            return Err(ReadError::Mismatch(format!(
+                "{} has {} samples a pulse and {} has {}: give files of one radar mode",
+                collection.name, collection.num_samples, next.name, next.num_samples
+            )));
+        }
+        if !next.frame.agrees_with(&collection.frame) {
+            return Err(ReadError::Mismatch(format!(
+                "{} and {} do not share a scene frame: focus them one at a time",
+                collection.name, next.name
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Antennas and frequencies of a pulse.
+fn numbers(pulse: &Pulse) -> [f64; 8] {
+    let [t, r] = [pulse.transmitter_m, pulse.receiver_m];
+    let (start_hz, step_hz) = (pulse.start_hz, pulse.step_hz);
+    [t.x, t.y, t.z, r.x, r.y, r.z, start_hz, step_hz]
+}
+
+/// An order that depends on nothing but the pulses.
+fn by_positions(a: &[Pulse], b: &[Pulse]) -> Ordering {
+    let first_unlike = a.iter().zip(b).find_map(|(a, b)| {
+        let pairs = numbers(a).into_iter().zip(numbers(b));
+        let mut orders = pairs.map(|(a, b)| a.total_cmp(&b));
+        orders.find(|order| order.is_ne())
+    });
+    first_unlike.unwrap_or_else(|| a.len().cmp(&b.len()))
+}
+
+/// What to add to the times of each part, seconds, for all to be on one clock.
+fn clock(parts: &[Part]) -> Option<Vec<f64>> {
+    if !parts.iter().all(|part| part.collection().timed) {
+        return None;
+    }
+    let starts: Vec<Option<i64>> = parts.iter().map(|part| part.start_ns()).collect();
+    if starts.iter().all(Option::is_none) {
+        return Some(vec![0.0; parts.len()]);
+    }
+    let starts: Vec<i64> = starts.into_iter().collect::<Option<_>>()?;
+    let earliest = starts.iter().copied().min()?;
+    let offset_s = |start: i64| start.abs_diff(earliest) as f64 * 1e-9;
+    Some(starts.into_iter().map(offset_s).collect())
+}
+
+/// Refuses pulses that are in more than one part.
+fn check_no_twins(parts: &[Part], clock: Option<&[f64]>) -> Result<(), ReadError> {
+    let key = |[part, index]: Place| {
+        let pulse = &pulses(&parts[part as usize])[index as usize];
+        let time_s = clock.map_or(0.0, |offsets| pulse.time_s + offsets[part as usize]);
+        (time_s.to_bits(), numbers(pulse).map(f64::to_bits))
+    };
+    let hash = |place: Place| {
+        let mut hasher = DefaultHasher::new();
+        key(place).hash(&mut hasher);
+        hasher.finish()
+    };
+    let mut hashes: Vec<(u64, Place)> = in_turn(parts).map(|place| (hash(place), place)).collect();
+    hashes.sort_unstable();
+    let twins = hashes.windows(2).filter_map(|pair| {
+        let [(a_hash, a), (b_hash, b)] = [pair[0], pair[1]];
+        let same = a_hash == b_hash && a[0] != b[0] && key(a) == key(b);
+        same.then_some((a, b))
+    });
+    let Some((a, b)) = twins.clone().min() else {
+        return Ok(());
+    };
+    let name = |place: Place| parts[place[0] as usize].collection().name.as_str();
+    let when = if clock.is_some() {
+        "at the same time and "
+    } else {
+        ""
+    };
+    Err(ReadError::Mismatch(format!(
+        "{0} and {1} share {2} pulses: pulse {3} of {0} is pulse {4} of {1}, {when}from the same place in the \
+         same band. A recording counts once, and channels or polarisations are focused one at a time",
+        name(a),
+        name(b),
+        twins.count(),
+        a[1],
+        b[1]
+    )))
+}
+
+/// All pulses, part by part.
+fn in_turn(parts: &[Part]) -> impl Iterator<Item = Place> {
+    let each = |(i, part)| (0..pulses(part).len() as u32).map(move |n| [i as u32, n]);
+    parts.iter().enumerate().flat_map(each)
+}
+
+fn by_time(parts: &[Part], offsets: &[f64]) -> Vec<Place> {
+    let time_s = |[part, index]: Place| {
+        pulses(&parts[part as usize])[index as usize].time_s + offsets[part as usize]
+    };
+    let mut order: Vec<Place> = in_turn(parts).collect();
+    // Stable: pulses of one time stay in the order of their parts.
+    order.sort_by(|&a, &b| time_s(a).total_cmp(&time_s(b)));
+    order
+}
+
+fn by_angle(parts: &[Part]) -> Vec<Place> {
+    let runs: Vec<&[Pulse]> = parts.iter().map(pulses).collect();
+    let mut order: Vec<Place> = in_turn(parts).collect();
+    if let Some(angles) = travelled_angles(&runs) {
+        let mut means = vec![0.0; parts.len()];
+        for ([part, _], angle) in order.iter().zip(angles) {
+            means[*part as usize] += angle / runs[*part as usize].len() as f64;
+        }
+        order.sort_by(|[a, _], [b, _]| {
+            means[*a as usize]
+                .total_cmp(&means[*b as usize])
+                .then(a.cmp(b))
+        });
+    }
+    order
+}
+
+impl Joined {
+    fn new(parts: &[Part], order: &[Place], clock: Option<&[f64]>) -> Self {
+        let mut runs: Vec<Run> = Vec::new();
+        let mut joined = Vec::with_capacity(order.len());
+        let knows = parts.iter().all(|part| part.true_antennas().is_some());
+        let mut truth = Vec::with_capacity(if knows { order.len() } else { 0 });
+        for (n, place) in order.iter().enumerate() {
+            let [part, index] = place.map(|i| i as usize);
+            let follows = |run: &Run| run.part == part && run.first + (n - run.start) == index;
+            if !runs.last().is_some_and(follows) {
+                runs.push(Run {
+                    start: n,
+                    part,
+                    first: index,
+                });
+            }
+            let pulse = &pulses(&parts[part])[index];
+            joined.push(Pulse {
+                time_s: clock.map_or(n as f64, |offsets| pulse.time_s + offsets[part]),
+                ..*pulse
+            });
+            if knows && let Some(of_part) = parts[part].true_antennas() {
+                truth.push(of_part[index]);
+            }
+        }
+        let first = parts[order.first().map_or(0, |place| place[0] as usize)].collection();
+        let name = match parts {
+            [_] => first.name.clone(),
+            _ => format!("{} and {} more", first.name, parts.len() - 1),
+        };
+        Self {
+            collection: Collection {
+                name,
+                num_samples: first.num_samples,
+                pulses: joined,
+                frame: first.frame,
+                extent: first.extent,
+                timed: clock.is_some(),
+            },
+            true_antennas: knows.then_some(truth),
+            runs,
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        size_of_val(self.collection.pulses.as_slice())
+            + size_of_val(self.runs.as_slice())
+            + self.true_antennas.as_deref().map_or(0, size_of_val)
+    }
+}
+
+impl PhaseHistory for Aperture {
+    fn collection(&self) -> &Collection {
+        match &self.joined {
+            Some(joined) => &joined.collection,
+            None => self.parts[0].collection(),
+        }
+    }
+
+    fn read(&self, wanted: Range<usize>, mut samples: &mut [Complex32]) -> Result<(), ReadError> {
+        let Some(joined) = &self.joined else {
+            return self.parts[0].read(wanted, samples);
+        };
+        let num_pulses = joined.collection.pulses.len();
+        assert!(
+            wanted.end <= num_pulses,
+            "pulses {wanted:?} are past the last one"
+        );
+        let width = joined.collection.num_samples;
+        let mut at = wanted.start;
+        // The run that the first pulse is in.
+        let mut run = joined.runs.partition_point(|run| run.start <= at) - 1;
+        while at < wanted.end {
+            let Run { start, part, first } = joined.runs[run];
+            let next = joined.runs.get(run + 1).map_or(num_pulses, |run| run.start);
+            let end = next.min(wanted.end);
+            let (head, tail) = samples.split_at_mut((end - at) * width);
+            self.parts[part].read(first + (at - start)..first + (end - start), head)?;
+            (samples, at, run) = (tail, end, run + 1);
+        }
+        assert!(
+            samples.is_empty(),
+            "more samples than pulses {wanted:?} have"
+        );
+        Ok(())
+    }
+
+    fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        match &self.joined {
+            Some(joined) => joined.true_antennas.as_deref(),
+            None => self.parts[0].true_antennas(),
+        }
+    }
+
+    fn start_ns(&self) -> Option<i64> {
+        let starts = self.parts.iter().map(|part| part.start_ns());
+        starts.collect::<Option<Vec<_>>>()?.into_iter().min()
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let parts = self.parts.iter();
+        parts.flat_map(|part| part.warnings()).collect()
+    }
+
+    fn held_bytes(&self) -> u64 {
+        let own = self.joined.as_ref().map_or(0, Joined::bytes);
+        own as u64 + self.parts.iter().map(|part| part.held_bytes()).sum::<u64>()
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        // In the order of their pulses.
+        let mut order: Vec<usize> = match &self.joined {
+            Some(joined) => joined.runs.iter().map(|run| run.part).collect(),
+            None => vec![0],
+        };
+        let mut seen = vec![false; self.parts.len()];
+        order.retain(|&part| !std::mem::replace(&mut seen[part], true));
+        let mut all = Vec::new();
+        for part in order {
+            all.extend(self.parts[part].inputs()?);
+        }
+        Ok(all)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::SceneFrame;
+    use crate::phase_history::{Recorded, Sweep};
+
+    /// Pulses along x, of samples that tell which they are.
+    fn whole(num_pulses: usize) -> (Collection, Vec<Complex32>) {
+        let width = 5;
+        let pulse = |n: usize| Pulse {
+            time_s: n as f64 * 1e-3,
+            transmitter_m: DVec3::new(n as f64, -5e3, 0.0),
+            receiver_m: DVec3::new(n as f64, -5e3, 0.0),
+            reference_m: DVec3::ZERO,
+            reference_path_m: DVec3::new(n as f64, -5e3, 0.0).length() * 2.0,
+            start_hz: 10e9,
+            step_hz: 1e6,
+            sweep: Sweep::AT_ONCE,
+        };
+        let collection = Collection {
+            name: "along x".to_owned(),
+            num_samples: width,
+            pulses: (0..num_pulses).map(pulse).collect(),
+            frame: SceneFrame::Earth {
+                origin_ecf_m: DVec3::new(6_378_137.0, 0.0, 0.0),
+                x_axis_ecf: DVec3::Y,
+                y_axis_ecf: DVec3::Z,
+            },
+            extent: None,
+            timed: true,
+        };
+        let samples = (0..num_pulses * width).map(|i| Complex32::new(i as f32, -0.5));
+        (collection, samples.collect())
+    }
+
+    /// Its pulses as recordings of these lengths.
+    fn parts(lengths: &[usize]) -> (Vec<Complex32>, Vec<Box<dyn PhaseHistory>>) {
+        let (whole, samples) = whole(lengths.iter().sum());
+        let width = whole.num_samples;
+        let mut first = 0;
+        let parts = lengths.iter().map(|length| {
+            let pulses = first..first + length;
+            first = pulses.end;
+            let mut collection = whole.clone();
+            collection.pulses = collection.pulses[pulses.clone()].to_vec();
+            let samples = samples[pulses.start * width..pulses.end * width].to_vec();
+            Box::new(Recorded::new(collection, samples).unwrap()) as Box<dyn PhaseHistory>
+        });
+        let parts = parts.collect();
+        (samples, parts)
+    }
+
+    #[test]
+    fn reading_across_joints_is_reading_the_whole() {
+        let (samples, parts) = parts(&[3, 1, 4]);
+        let aperture = Aperture::join(parts).unwrap();
+        let width = aperture.collection().num_samples;
+        assert_eq!(aperture.collection().pulses.len(), 8);
+        for start in 0..8 {
+            for end in start..=8 {
+                let mut got = vec![Complex32::ZERO; (end - start) * width];
+                aperture.read(start..end, &mut got).unwrap();
+                assert_eq!(got, samples[start * width..end * width], "{start}..{end}");
+            }
+        }
+        // Geometry of both the parts and the aperture, the samples of the parts,
+        // and where each of three runs lies.
+        let own = 2 * 8 * 240 + 3 * 24;
+        assert_eq!(aperture.held_bytes(), own + 8 * 8 * width as u64);
+    }
+
+    #[test]
+    fn a_lone_part_is_not_copied() {
+        let (samples, parts) = parts(&[3]);
+        let aperture = Aperture::join(parts).unwrap();
+        let width = aperture.collection().num_samples;
+        assert_eq!(aperture.collection().pulses.len(), 3);
+        let mut got = vec![Complex32::ZERO; 3 * width];
+        aperture.read(0..3, &mut got).unwrap();
+        assert_eq!(got, samples);
+        assert_eq!(aperture.held_bytes(), 3 * 240 + 3 * 8 * width as u64);
+    }
+
+    #[test]
+    fn what_does_not_belong_together_is_refused() {
+        assert!(Aperture::join(Vec::new()).is_err());
+        let (_, mut parts) = parts(&[2, 2]);
+        let mut other = parts[1].collection().clone();
+        other.frame = SceneFrame::Local;
+        let samples = vec![Complex32::ZERO; 2 * other.num_samples];
+        parts[1] = Box::new(Recorded::new(other, samples).unwrap());
+        let error = Aperture::join(parts).err().unwrap().to_string();
+        assert!(error.contains("do not share a scene frame"), "{error}");
+    }
+}

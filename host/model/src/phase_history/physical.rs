@@ -1,0 +1,117 @@
+//! What numbers of a recording can be at all. Readers refuse what lies beyond: no radar measured it, and sums
+//! over it are not finite.
+//!
+//! | number | limits | the widest known use |
+//! |---|---|---|
+//! | frequency | 1 kHz to 10^15 Hz | from sounding with kHz to lidar at 2 10^14 Hz |
+//! | step of frequency | 10^-6 Hz to 10^15 Hz | |
+//! | position, each coordinate in the scene frame; path | 10^10 m | the Moon is 4 10^8 m away |
+//! | time | 10^11 s, 3000 years | seconds since 1970 are 2 10^9 |
+
+use glam::DVec3;
+
+use super::Pulse;
+
+/// Least frequency, hertz.
+const LEAST_HZ: f64 = 1e3;
+/// Greatest frequency, hertz.
+const MOST_HZ: f64 = 1e15;
+/// Least step from one frequency to the next, hertz.
+const LEAST_STEP_HZ: f64 = 1e-6;
+/// Greatest magnitude of a coordinate, metres.
+const FARTHEST_M: f64 = 1e10;
+/// Greatest magnitude of a time, seconds.
+const LONGEST_S: f64 = 1e11;
+
+/// What is wrong with a band of `count` frequencies, if anything.
+pub fn band_fault(start_hz: f64, step_hz: f64, count: usize) -> Option<String> {
+    let last_hz = start_hz + step_hz * count.saturating_sub(1) as f64;
+    if !(LEAST_STEP_HZ..=MOST_HZ).contains(&step_hz) {
+        return Some(format!(
+            "its frequencies are {step_hz:e} Hz apart, and steps of {LEAST_STEP_HZ:e} to {MOST_HZ:e} Hz can be"
+        ));
+    }
+    [start_hz, last_hz]
+        .into_iter()
+        .find(|hz| !(LEAST_HZ..=MOST_HZ).contains(hz))
+        .map(|hz| {
+            format!("a frequency of {hz:e} Hz is none of a radar, {LEAST_HZ:e} to {MOST_HZ:e} Hz")
+        })
+}
+
+/// What is wrong with a position or vector of the scene frame, if anything.
+pub fn position_fault(name: &str, position_m: DVec3) -> Option<String> {
+    let within = position_m.abs().max_element() <= FARTHEST_M && position_m.is_finite();
+    (!within).then(|| {
+        let [x, y, z] = position_m.to_array();
+        format!("its {name} at ({x:e}, {y:e}, {z:e}) m is not within {FARTHEST_M:e} m of the scene")
+    })
+}
+
+/// What is wrong with a time, if anything.
+pub fn time_fault(time_s: f64) -> Option<String> {
+    (time_s.is_nan() || time_s.abs() > LONGEST_S)
+        .then(|| format!("its time {time_s:e} s is not within {LONGEST_S:e} s: give seconds"))
+}
+
+impl Pulse {
+    /// What of this pulse of `num_samples` no radar can have measured, if anything: a number that is not
+    /// finite, or out of all measure.
+    pub fn fault(&self, num_samples: usize) -> Option<String> {
+        let path_m = self.reference_path_m;
+        band_fault(self.start_hz, self.step_hz, num_samples)
+            .or_else(|| position_fault("transmitter", self.transmitter_m))
+            .or_else(|| position_fault("receiver", self.receiver_m))
+            .or_else(|| position_fault("reference point", self.reference_m))
+            .or_else(|| {
+                (path_m.is_nan() || path_m.abs() > 4.0 * FARTHEST_M).then(|| {
+                    let most_m = 4.0 * FARTHEST_M;
+                    format!("its reference path of {path_m:e} m is not within {most_m:e} m")
+                })
+            })
+            .or_else(|| time_fault(self.time_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phase_history::Sweep;
+
+    #[test]
+    fn what_cannot_be_is_told() {
+        let good = Pulse {
+            time_s: 1.7e9,
+            transmitter_m: DVec3::splat(7e6),
+            receiver_m: DVec3::splat(-4e8),
+            reference_m: DVec3::ZERO,
+            reference_path_m: 0.0,
+            start_hz: 9e9,
+            step_hz: 1e6,
+            sweep: Sweep::AT_ONCE,
+        };
+        assert_eq!(good.fault(1000), None);
+        type Spoil = fn(&mut Pulse);
+        let faults: [(Spoil, &str); 10] = [
+            (|p| p.start_hz = 5e245, "5e245 Hz"),
+            (|p| p.start_hz = -9e9, "-9e9 Hz"),
+            (|p| p.start_hz = f64::NAN, "NaN Hz"),
+            (|p| p.step_hz = 1e14, "a frequency of 9.9"),
+            (|p| p.step_hz = 0.0, "0e0 Hz apart"),
+            (|p| p.step_hz = f64::INFINITY, "inf Hz apart"),
+            (
+                |p| p.transmitter_m.y = 1e300,
+                "transmitter at (7e6, 1e300, 7e6) m",
+            ),
+            (|p| p.receiver_m.z = f64::NAN, "receiver"),
+            (|p| p.reference_path_m = -1e11, "reference path"),
+            (|p| p.time_s = 1e12, "give seconds"),
+        ];
+        for (spoil, part) in faults {
+            let mut pulse = good;
+            spoil(&mut pulse);
+            let what = pulse.fault(1000).unwrap();
+            assert!(what.contains(part), "{what}");
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! Pulses at baseband.
+//!
+//! A sweep is `exp(j pi (B / T) t (t - T))` for `0 <= t < T`, sampled: its frequency runs from `-B/2` to
+//! `B/2`, or backwards if it falls. A phase code is band-limited to the sampling rate, so its spectrum
+//! is that of its chips within it,
+//!
+//! ```text
+//! P(f) = rate chip_s sinc(f chip_s) exp(-j pi f chip_s) sum_c exp(j phase_c - j 2 pi f c chip_s)
+//! ```
+
+use num_complex::Complex64;
+use subaperture_fft as fft;
+
+use super::PulseShape;
+use subaperture_signal::phase::phasor;
+
+impl PulseShape {
+    /// Length, seconds.
+    pub fn duration_s(&self) -> f64 {
+        match self {
+            Self::Lfm { duration_s, .. } => *duration_s,
+            Self::PhaseCode { phases_rad, chip_s } => phases_rad.len() as f64 * chip_s,
+        }
+    }
+
+    /// Width of the band that is used: what is swept, or the inverse of a chip.
+    pub fn bandwidth_hz(&self) -> f64 {
+        match self {
+            Self::Lfm { bandwidth_hz, .. } => *bandwidth_hz,
+            Self::PhaseCode { chip_s, .. } => 1.0 / chip_s,
+        }
+    }
+
+    /// The discrete Fourier transform, unscaled, of the pulse followed by zeros, `count` samples at
+    /// `rate_hz` in all. What is longer than that folds.
+    pub fn spectrum(&self, rate_hz: f64, count: usize) -> Vec<Complex64> {
+        match self {
+            Self::Lfm {
+                bandwidth_hz,
+                duration_s,
+                rising,
+            } => {
+                let chirp_hz_s = bandwidth_hz / duration_s * if *rising { 1.0 } else { -1.0 };
+                let mut samples = vec![Complex64::ZERO; count];
+                // A last sample that rounding puts at the pulse's end is outside it.
+                let length = (duration_s * rate_hz * (1.0 - 1e-12)).ceil() as usize;
+                for i in 0..length {
+                    let t = i as f64 / rate_hz;
+                    samples[i % count] += phasor(0.5 * chirp_hz_s * t * (t - duration_s));
+                }
+                fft::forward(count).process(&mut samples);
+                samples
+            }
+            Self::PhaseCode { phases_rad, chip_s } => (0..count)
+                .map(|m| {
+                    let above = if m < count.div_ceil(2) { 0 } else { count };
+                    let turns = (m as f64 - above as f64) * rate_hz / count as f64 * chip_s;
+                    let chips = phases_rad.iter().enumerate();
+                    let sum: Complex64 = chips
+                        .map(|(c, &phase)| Complex64::cis(phase) * phasor(-turns * c as f64))
+                        .sum();
+                    let half = std::f64::consts::PI * turns;
+                    let sinc = if half == 0.0 { 1.0 } else { half.sin() / half };
+                    sum * phasor(-0.5 * turns) * (rate_hz * chip_s * sinc)
+                })
+                .collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Parseval: a sweep of unit amplitude and 400 samples, whatever the length of the transform.
+    #[test]
+    fn a_sweep_has_its_energy() {
+        let shape = PulseShape::Lfm {
+            bandwidth_hz: 80e6,
+            duration_s: 4e-6,
+            rising: false,
+        };
+        for count in [512, 1001] {
+            let spectrum = shape.spectrum(100e6, count);
+            let energy: f64 = spectrum.iter().map(Complex64::norm_sqr).sum::<f64>() / count as f64;
+            assert!((energy - 400.0).abs() < 1e-9, "{energy}");
+        }
+        // Falling: the conjugate of the rising pulse, whose spectrum is mirrored.
+        let rising = PulseShape::Lfm {
+            bandwidth_hz: 80e6,
+            duration_s: 4e-6,
+            rising: true,
+        };
+        let (up, down) = (rising.spectrum(1e8, 512), shape.spectrum(1e8, 512));
+        for m in 0..512 {
+            assert!((up[m].conj() - down[(512 - m) % 512]).norm() < 1e-9);
+        }
+    }
+
+    /// One chip over the whole of a window of `N` samples: `P[0] = N`, all others 0.
+    #[test]
+    fn a_chip_as_long_as_the_window_is_a_constant() {
+        let shape = PulseShape::PhaseCode {
+            phases_rad: vec![0.0],
+            chip_s: 64e-8,
+        };
+        let spectrum = shape.spectrum(1e8, 64);
+        assert!((spectrum[0] - 64.0).norm() < 1e-12);
+        assert!(spectrum[1..].iter().all(|z| z.norm() < 1e-11));
+    }
+}

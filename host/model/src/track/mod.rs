@@ -1,0 +1,137 @@
+//! How radars and targets move: tracks as functions of time.
+//!
+//! | track | position | velocity |
+//! |---|---|---|
+//! | [`Linear`], [`Circular`] | smooth | smooth |
+//! | [`Spline`], [`Recorded`] | twice continuously differentiable | continuous |
+//! | [`Profile`] | once continuously differentiable | continuous |
+//! | [`Waypoints`], [`Rail`], [`Arc`] | continuous | jumps at waypoints, ends and turns |
+//!
+//! All are continuous: a jump of position would be a jump of the echo's phase, `4 pi / lambda` radians a metre,
+//! that no real track has. Every pose is a function of time alone, so it can be asked for at any time, in
+//! any order and from any thread. No accuracy is lost far from the start beyond float64's: a microsecond of
+//! time is told apart up to 1e9 s.
+//!
+//! Where nothing else is said, a body heads where it goes: its x axis follows the velocity, its y axis
+//! stays level ([`heading`]). Angles of roll, pitch and yaw are right-handed about x, y and z of the body
+//! ([`turned`]); as y is left, positive pitch is nose down.
+
+mod arc;
+mod body;
+mod circular;
+mod cubic;
+mod linear;
+mod profile;
+mod rail;
+mod recorded;
+mod spline;
+mod waypoints;
+
+use glam::{DQuat, DVec3, EulerRot};
+
+pub use arc::Arc;
+pub use body::{Pose, Trajectory};
+pub use circular::Circular;
+pub use linear::Linear;
+pub use profile::Profile;
+pub use rail::Rail;
+pub use recorded::{Fix, Recorded};
+pub use spline::Spline;
+pub use waypoints::Waypoints;
+
+/// What is wrong with a track's description, and what to give instead.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("track: {0}")]
+pub struct TrackError(pub String);
+
+/// The attitude of a body that flies along a velocity without roll: x along it, y level. Of a body that
+/// goes straight up or down, y is along the scene's; of one that stands, the attitude is the scene's axes.
+pub fn heading(velocity: DVec3) -> DQuat {
+    let pitch = -velocity.z.atan2(velocity.x.hypot(velocity.y));
+    turned(0.0, pitch, velocity.y.atan2(velocity.x))
+}
+
+/// The attitude after a turn by yaw about z, then pitch about the new y, then roll about the new x, radians,
+/// each right-handed.
+pub fn turned(roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> DQuat {
+    DQuat::from_euler(EulerRot::ZYX, yaw_rad, pitch_rad, roll_rad)
+}
+
+/// Checks that times are finite and ascend, and positions are finite, as many, and at least two.
+fn check_knots(times_s: &[f64], positions_m: &[DVec3]) -> Result<(), TrackError> {
+    if times_s.len() != positions_m.len() || times_s.len() < 2 {
+        return Err(TrackError(format!(
+            "{} times and {} positions; give as many of one as of the other, at least two",
+            times_s.len(),
+            positions_m.len()
+        )));
+    }
+    let finite = |(t, p): (&f64, &DVec3)| t.is_finite() && p.is_finite();
+    if let Some(n) = times_s.iter().zip(positions_m).position(|x| !finite(x)) {
+        return Err(TrackError(format!(
+            "point {} is at {} s, {} m; all have to be finite",
+            n + 1,
+            times_s[n],
+            positions_m[n]
+        )));
+    }
+    match times_s.windows(2).position(|t| t[1] <= t[0]) {
+        Some(n) => Err(TrackError(format!(
+            "point {} is at {} s, but the one before it at {} s; times have to ascend",
+            n + 2,
+            times_s[n + 1],
+            times_s[n]
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// The piece `n .. n + 1` of ascending `times_s` (two at least) that a time lies in, or the first or last one.
+fn piece(times_s: &[f64], time_s: f64) -> usize {
+    times_s
+        .partition_point(|&t| t <= time_s)
+        .clamp(1, times_s.len() - 1)
+        - 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
+
+    #[test]
+    fn headings_follow_velocities_with_the_wings_level() {
+        for velocity in [
+            DVec3::new(3.0, 4.0, 0.0),
+            DVec3::new(-3.0, 0.1, 2.0),
+            DVec3::new(0.0, -9.0, -20.0),
+            DVec3::Z,
+        ] {
+            let attitude = heading(velocity);
+            assert!((attitude * DVec3::X).distance(velocity.normalize()) < 1e-15);
+            assert!((attitude * DVec3::Y).z.abs() < 1e-15);
+            assert!((attitude * DVec3::Z).z > -1e-15);
+        }
+        assert_eq!(heading(DVec3::ZERO), DQuat::IDENTITY);
+    }
+
+    #[test]
+    fn turns_are_right_handed_and_pitch_lowers_the_nose() {
+        let nose = |r, p, y| turned(r, p, y) * DVec3::X;
+        assert!(nose(1.0, 0.0, FRAC_PI_2).distance(DVec3::Y) < 1e-15);
+        assert!((nose(0.0, FRAC_PI_6, 0.0).z + 0.5).abs() < 1e-15);
+        // Roll lifts the left wing.
+        assert!(((turned(FRAC_PI_6, 0.0, 1.0) * DVec3::Y).z - 0.5).abs() < 1e-15);
+    }
+
+    #[test]
+    fn knots_that_do_not_make_a_track_are_refused() {
+        let p = |n| vec![DVec3::ONE; n];
+        let message = |t: &[f64], p: &[DVec3]| check_knots(t, p).unwrap_err().to_string();
+        assert!(message(&[0.0], &p(1)).contains("at least two"));
+        assert!(message(&[0.0, 1.0], &p(3)).contains("2 times and 3 positions"));
+        assert!(message(&[0.0, f64::NAN], &p(2)).contains("point 2"));
+        assert!(message(&[0.0, 1.0, 1.0], &p(3)).contains("point 3 is at 1 s"));
+        assert!(check_knots(&[0.0, 1.0], &p(2)).is_ok());
+    }
+}

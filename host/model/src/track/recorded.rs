@@ -1,0 +1,161 @@
+//! A recorded track: positions, and attitudes if they were recorded, at given times.
+
+use glam::{DQuat, DVec3};
+
+use super::cubic::Cubic;
+use super::{Spline, TrackError};
+use crate::track::{Pose, Trajectory};
+
+/// A moment of a recorded track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fix {
+    /// When, seconds from the collection's start.
+    pub time_s: f64,
+    /// Where, metres in the scene frame.
+    pub position_m: DVec3,
+    /// How it was turned, if known.
+    pub attitude: Option<DQuat>,
+}
+
+/// A smooth curve through a recorded track's fixes.
+///
+/// Positions are a [`Spline`]. Attitudes, if every fix has one, are natural cubic splines of the quaternion's
+/// four parts, brought to unit length, so that an antenna away from the body's origin moves smoothly
+/// too; before the first fix and after the last they stay. Otherwise it heads where it goes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    way: Spline,
+    attitude: Option<Cubic<4>>,
+}
+
+impl Recorded {
+    /// A track through `fixes`, whose times ascend.
+    ///
+    /// # Errors
+    /// [`TrackError`] for fewer than two fixes, times that do not ascend, values that are not finite, attitudes
+    /// that only some have, or that turn by more than 90 degrees from one to the next.
+    pub fn new(fixes: &[Fix]) -> Result<Self, TrackError> {
+        let times: Vec<f64> = fixes.iter().map(|f| f.time_s).collect();
+        let positions: Vec<DVec3> = fixes.iter().map(|f| f.position_m).collect();
+        let way = Spline::new(times.clone(), &positions)?;
+        let attitudes: Vec<DQuat> = fixes.iter().filter_map(|f| f.attitude).collect();
+        if attitudes.is_empty() {
+            return Ok(Self {
+                way,
+                attitude: None,
+            });
+        }
+        if attitudes.len() < fixes.len() {
+            return Err(TrackError(format!(
+                "{} of {} fixes have an attitude; give one for all or none",
+                attitudes.len(),
+                fixes.len()
+            )));
+        }
+        if let Some(n) = attitudes.iter().position(|q| !q.is_normalized()) {
+            return Err(TrackError(format!(
+                "the attitude of fix {} is {}; it has to be of unit length",
+                n + 1,
+                attitudes[n]
+            )));
+        }
+        // A quaternion and its negative are the same attitude; the nearer one makes the shorter way.
+        let mut parts: Vec<[f64; 4]> = Vec::with_capacity(attitudes.len());
+        let mut previous = attitudes[0];
+        for (n, &attitude) in attitudes.iter().enumerate() {
+            let near = if attitude.dot(previous) < 0.0 {
+                -attitude
+            } else {
+                attitude
+            };
+            // The turn's half-angle has this cosine.
+            if near.dot(previous) < std::f64::consts::FRAC_1_SQRT_2 {
+                return Err(TrackError(format!(
+                    "the attitude turns by more than 90 degrees from fix {n} to fix {} ({} s); give fixes \
+                     closer in time",
+                    n + 1,
+                    times[n]
+                )));
+            }
+            parts.push(near.to_array());
+            previous = near;
+        }
+        Ok(Self {
+            way,
+            attitude: Some(Cubic::new(times, parts)),
+        })
+    }
+}
+
+impl Trajectory for Recorded {
+    fn pose(&self, time_s: f64) -> Pose {
+        let mut pose = self.way.pose(time_s);
+        if let Some(attitude) = &self.attitude {
+            let (first, last) = attitude.span();
+            let (parts, _) = attitude.at(time_s.clamp(first, last));
+            pose.attitude = DQuat::from_array(parts).normalize();
+        }
+        pose
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::track::turned;
+
+    fn rolling(t: f64) -> DQuat {
+        turned(0.2 * (0.5 * t).sin(), -0.1 * (0.3 * t).cos(), 1.5 + 0.3 * t)
+    }
+
+    fn fixes(count: u32) -> Vec<Fix> {
+        let fix = |i| {
+            let time_s = f64::from(i) * 0.25;
+            // Every other quaternion is written with the other sign.
+            let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+            Fix {
+                time_s,
+                position_m: DVec3::new(time_s, 0.0, 5.0),
+                attitude: Some(rolling(time_s) * sign),
+            }
+        };
+        (0..count).map(fix).collect()
+    }
+
+    #[test]
+    fn attitudes_are_followed_between_fixes_whatever_their_sign() {
+        let track = Recorded::new(&fixes(101)).unwrap();
+        for i in 0..200 {
+            let t = 5.0 + f64::from(i) * 0.07;
+            let apart = track.pose(t).attitude.angle_between(rolling(t));
+            // Parts turn at 0.3 rad/s at most, half of it in the quaternion: fourth derivatives below
+            // 1e-2 / s^4, 5 / 384 of that by 0.25^4 is 5e-7. (angle_between itself is good to 1e-7.)
+            assert!(apart < 2e-6, "{apart}");
+        }
+        let end = track.pose(1e3);
+        assert!(end.attitude.angle_between(rolling(25.0)) < 1e-7);
+        assert!(end.position_m.distance(DVec3::new(1e3, 0.0, 5.0)) < 1e-9);
+    }
+
+    #[test]
+    fn without_attitudes_it_heads_where_it_goes() {
+        let mut fixes = fixes(5);
+        fixes.iter_mut().for_each(|f| f.attitude = None);
+        let track = Recorded::new(&fixes).unwrap();
+        assert!((track.pose(0.4).attitude * DVec3::X).distance(DVec3::X) < 1e-14);
+    }
+
+    #[test]
+    fn attitudes_that_cannot_be_followed_are_refused() {
+        let message = |fixes: &[Fix]| Recorded::new(fixes).unwrap_err().to_string();
+        let mut some = fixes(4);
+        some[2].attitude = None;
+        assert!(message(&some).contains("3 of 4 fixes"));
+        let mut wild = fixes(4);
+        wild[2].attitude = Some(rolling(0.5) * DQuat::from_rotation_x(2.0));
+        assert!(message(&wild).contains("from fix 2 to fix 3"));
+        let mut long = fixes(4);
+        long[1].attitude = Some(rolling(0.0) * 1.5);
+        assert!(message(&long).contains("unit length"));
+    }
+}

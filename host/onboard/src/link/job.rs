@@ -1,0 +1,239 @@
+//! What a module is to do: settings, patches, and the pulses, encoded as it takes them.
+//!
+//! **Scale.** 16-bit samples are `scale` times the recording's, one scale for all of it, so that the
+//! largest part of any sample is 32766 of 32768: the full range, and not yet the value that means that a
+//! converter clipped. Maps come `scale` times too large; who forms the image divides by it.
+//!
+//! **Cost**: a pass over the recording to find the scale; 64 pulses in memory.
+
+use num_complex::Complex32;
+use subaperture_core::link::{Encoding, write_complex32s, write_sc16s};
+use subaperture_core::stream::{MapHeader, Patch, Setup};
+use subaperture_core::{Pulse, Sc16};
+
+use subaperture_model::phase_history::{self, PhaseHistory, ReadError};
+
+/// Pulses read at a time.
+const BLOCK_PULSES: usize = 64;
+
+/// Largest part of a scaled sample.
+const LARGEST: f32 = 32766.0 / 32768.0;
+
+/// What a module is to do.
+pub struct Job<'a> {
+    /// Its settings.
+    pub setup: Setup,
+    /// Fast-time weights, one a frequency; they sum to 1.
+    pub fast_weights: Vec<f32>,
+    /// Its patches.
+    pub patches: Vec<Patch>,
+    /// The pulses.
+    pub pulses: PulseSource<'a>,
+}
+
+impl<'a> Job<'a> {
+    /// Sub-CPIs, the last one of fewer pulses included.
+    pub fn num_sub_cpis(&self) -> u32 {
+        self.wanted().num_sub_cpis()
+    }
+
+    /// The maps that there are to be.
+    pub(super) fn wanted(&self) -> Wanted<'a> {
+        Wanted {
+            num_pulses: u32::from(self.setup.num_pulses).max(1),
+            patches: self.patches.clone(),
+            pulses: &self.pulses.history.collection().pulses,
+        }
+    }
+}
+
+/// The maps that there are to be, one for every patch of every sub-CPI.
+pub(super) struct Wanted<'a> {
+    /// Pulses a sub-CPI.
+    num_pulses: u32,
+    pub(super) patches: Vec<Patch>,
+    pulses: &'a [phase_history::Pulse],
+}
+
+impl Wanted<'_> {
+    /// Sub-CPIs, the last one of fewer pulses included.
+    pub(super) fn num_sub_cpis(&self) -> u32 {
+        (self.pulses.len() as u32).div_ceil(self.num_pulses)
+    }
+
+    /// Maps in all.
+    pub(super) fn num_maps(&self) -> u64 {
+        u64::from(self.num_sub_cpis()) * self.patches.len() as u64
+    }
+
+    /// First pulse of sub-CPI `n`; of one beyond the last, the number of pulses.
+    pub(super) fn first_pulse(&self, n: u32) -> u32 {
+        n.saturating_mul(self.num_pulses)
+            .min(self.pulses.len() as u32)
+    }
+
+    /// The sub-CPI that begins with pulse `number` or next after it.
+    pub(super) fn sub_cpi_from(&self, number: u32) -> u32 {
+        number.div_ceil(self.num_pulses)
+    }
+
+    /// Whether a map with this header is one of them.
+    pub(super) fn asks_for(&self, header: &MapHeader) -> bool {
+        if header.sub_cpi >= self.num_sub_cpis() {
+            return false;
+        }
+        let first = self.first_pulse(header.sub_cpi) as usize;
+        let end = self.first_pulse(header.sub_cpi + 1) as usize;
+        let times_s = [self.pulses[first].time_s, self.pulses[end - 1].time_s];
+        self.patches.get(usize::from(header.patch_index)) == Some(&header.patch)
+            && usize::from(header.num_pulses) == end - first
+            && header.time_s == times_s
+    }
+}
+
+/// The pulses of a recording as commands carry them.
+pub struct PulseSource<'a> {
+    history: &'a dyn PhaseHistory,
+    slow_weights: Vec<f32>,
+    encoding: Encoding,
+    scale: f32,
+    block: Vec<Complex32>,
+    first: usize,
+    bytes: Vec<u8>,
+    clamped: u64,
+}
+
+impl<'a> PulseSource<'a> {
+    /// Pulses with these weights in slow time, one a pulse. For [`Encoding::Sc16`] the recording is read
+    /// once for its scale.
+    ///
+    /// # Errors
+    /// [`ReadError`] if the recording cannot be read, or its weights are not one a pulse.
+    pub fn new(
+        history: &'a dyn PhaseHistory,
+        slow_weights: &[f64],
+        encoding: Encoding,
+    ) -> Result<Self, ReadError> {
+        let collection = history.collection();
+        let count = collection.pulses.len();
+        if slow_weights.len() != count || u32::try_from(count).is_err() {
+            return Err(ReadError::Mismatch(format!(
+                "{}: {} weights in slow time for {count} pulses",
+                collection.name,
+                slow_weights.len()
+            )));
+        }
+        let mut source = Self {
+            history,
+            slow_weights: slow_weights.iter().map(|&weight| weight as f32).collect(),
+            encoding,
+            scale: 1.0,
+            block: Vec::new(),
+            first: 0,
+            bytes: vec![0; encoding.sample_bytes() * collection.num_samples],
+            clamped: 0,
+        };
+        if encoding == Encoding::Sc16 {
+            let mut largest = 0.0f32;
+            for first in (0..count).step_by(BLOCK_PULSES) {
+                source.load(first)?;
+                let parts = source.block.iter().flat_map(|z| [z.re.abs(), z.im.abs()]);
+                largest = parts.fold(largest, f32::max);
+            }
+            let scale = LARGEST / largest;
+            // Silence, or all but silence, stays as it is.
+            source.scale = if scale.is_finite() && scale > 0.0 {
+                scale
+            } else {
+                1.0
+            };
+        }
+        Ok(source)
+    }
+
+    /// Pulses.
+    pub fn len(&self) -> u32 {
+        self.slow_weights.len() as u32
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.slow_weights.is_empty()
+    }
+
+    /// What samples are multiplied by; 1 in floating point.
+    pub fn amplitude_scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// How samples are encoded.
+    pub fn encoding(&self) -> Encoding {
+        self.encoding
+    }
+
+    /// Sum of the weights of all pulses.
+    pub fn weight_sum(&self) -> f64 {
+        self.slow_weights
+            .iter()
+            .map(|&weight| f64::from(weight))
+            .sum()
+    }
+
+    /// Parts of samples that had to be clamped so far.
+    pub(super) fn clamped(&self) -> u64 {
+        self.clamped
+    }
+
+    /// Reads the block that begins with pulse `first`.
+    fn load(&mut self, first: usize) -> Result<(), ReadError> {
+        let collection = self.history.collection();
+        let end = (first + BLOCK_PULSES).min(collection.pulses.len());
+        self.block.clear();
+        self.block
+            .resize((end - first) * collection.num_samples, Complex32::ZERO);
+        self.history.read(first..end, &mut self.block)?;
+        self.first = first;
+        Ok(())
+    }
+
+    /// Pulse `number`, counted from 0, and its samples' bytes.
+    ///
+    /// # Errors
+    /// [`ReadError`].
+    ///
+    /// # Panics
+    /// If there is no such pulse.
+    pub fn pulse(&mut self, number: u32) -> Result<(Pulse, &[u8]), ReadError> {
+        let index = number as usize;
+        let width = self.history.collection().num_samples;
+        if !(self.first..self.first + self.block.len() / width.max(1)).contains(&index) {
+            self.load(index - index % BLOCK_PULSES)?;
+        }
+        let about = &self.history.collection().pulses[index];
+        let pulse = Pulse {
+            number,
+            time_s: about.time_s,
+            transmitter_m: about.transmitter_m.to_array(),
+            receiver_m: about.receiver_m.to_array(),
+            reference_path_m: about.reference_path_m,
+            weight: self.slow_weights[index],
+        };
+        let start = (index - self.first) * width;
+        let samples = &self.block[start..start + width];
+        let bytes = match self.encoding {
+            Encoding::Complex32 => write_complex32s(samples, &mut self.bytes),
+            Encoding::Sc16 => {
+                let narrow: Vec<Sc16> = samples
+                    .iter()
+                    .map(|&sample| {
+                        let (narrow, clamped) = Sc16::from_complex32(sample * self.scale);
+                        self.clamped += u64::from(clamped);
+                        narrow
+                    })
+                    .collect();
+                write_sc16s(&narrow, &mut self.bytes)
+            }
+        };
+        Ok((pulse, bytes.expect("the buffer has the length of a pulse")))
+    }
+}

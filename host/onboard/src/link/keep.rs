@@ -1,0 +1,94 @@
+//! Maps as they come, into their file.
+
+use subaperture_core::Sc16;
+use subaperture_core::link::{AssembledMap, Encoding, complex32s, sc16s};
+use subaperture_core::stream::BlockFloat;
+
+use super::session::{MapSink, SinkError};
+use crate::maps::{OwnedMap, OwnedSamples};
+use crate::maps_file::MapWriter;
+
+impl From<&AssembledMap<'_>> for OwnedMap {
+    fn from(map: &AssembledMap<'_>) -> Self {
+        let samples = match map.encoding {
+            Encoding::Complex32 => OwnedSamples::Float(complex32s(map.bytes).collect()),
+            Encoding::Sc16 => {
+                let width = map.header.patch.num_range_bins();
+                let split = width * Encoding::Sc16.sample_bytes();
+                let mut mantissas: Vec<Sc16> = Vec::with_capacity(map.header.patch.map_len());
+                let mut exponents = Vec::new();
+                for row in map.bytes.chunks(split + BlockFloat::blocks(width)) {
+                    let (samples, rest) = row.split_at(split.min(row.len()));
+                    mantissas.extend(sc16s(samples));
+                    exponents.extend(rest.iter().map(|byte| i8::from_le_bytes([*byte])));
+                }
+                OwnedSamples::Fixed {
+                    mantissas,
+                    exponents,
+                }
+            }
+        };
+        Self {
+            header: map.header,
+            samples,
+        }
+    }
+}
+
+impl MapSink for MapWriter {
+    fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError> {
+        Ok(self.append(&OwnedMap::from(map).view())?)
+    }
+}
+
+impl<S: MapSink + ?Sized> MapSink for &mut S {
+    fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError> {
+        (**self).accept(map)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use num_complex::Complex32;
+    use subaperture_core::link::write_block_row;
+    use subaperture_core::stream::{MapHeader, Node, Patch};
+
+    use super::*;
+
+    #[test]
+    fn narrow_rows_come_apart_as_they_were_put_together() {
+        let patch = Patch {
+            centre_m: [0.0; 3],
+            range_reach: 20,
+            doppler_reach: 1,
+        };
+        let header = MapHeader {
+            sub_cpi: 0,
+            patch_index: 0,
+            num_pulses: 1,
+            patch,
+            time_s: [0.0; 2],
+            weight_sum: 1.0,
+            nodes: [Node::default(); 2],
+        };
+        let mut bytes = Vec::new();
+        for row in 0..3i16 {
+            let mantissas: Vec<Sc16> = (0..41).map(|i| Sc16::from_bits(i, 16 * row)).collect();
+            let exponents = [3 - row as i8, -5];
+            let mut buffer = [0; 41 * 4 + 2];
+            bytes.extend_from_slice(write_block_row(&mantissas, &exponents, &mut buffer).unwrap());
+        }
+        let map = AssembledMap {
+            map: 0,
+            header,
+            encoding: Encoding::Sc16,
+            bytes: &bytes,
+        };
+        let by_rows: Vec<Complex32> = map
+            .rows()
+            .flat_map(|row| row.values().collect::<Vec<_>>())
+            .collect();
+        assert_eq!(OwnedMap::from(&map).into_values(), by_rows);
+        assert_eq!(by_rows.len(), 3 * 41);
+    }
+}

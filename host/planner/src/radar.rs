@@ -1,0 +1,308 @@
+//! Everything about one collection: resolution, sampling, sub-CPIs, lobes, cost, sensitivity.
+//!
+//! Works on a [`Collection`], recorded or made from [`super::parameters::Parameters`]. Shares the
+//! survey's geometry ([`Survey`]) and the range-Doppler former's own plan ([`rdbp::Plan`]); the rest
+//! is in the modules beside this one, with equations and sources.
+
+use glam::{DVec2, DVec3};
+use serde::Serialize;
+
+use super::cost::{Cost, ThesisMemory, Work};
+use super::grating::{self, Lobe};
+use super::radar_equation::{Illumination, Sensitivity};
+use super::sampling::{self, Need};
+use subaperture_focus::ffbp::FastFactorised;
+use subaperture_focus::omega_k::OmegaK;
+use subaperture_focus::pfa::PolarFormat;
+use subaperture_focus::rda::RangeDopplerAlgorithm;
+use subaperture_focus::{FormError, rdbp};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::phase_history::Collection;
+use subaperture_model::radar::LinkBudget;
+use subaperture_resolution::survey::Survey;
+
+/// Grating lobes listed at most.
+const MOST_LOBES: usize = 8;
+/// Pixels a side that are looked at to lay out arrays.
+const MOST_PROBED: usize = 65;
+
+/// What is asked beside the collection.
+#[derive(Clone, Debug)]
+pub struct Request<'a> {
+    /// Pixels.
+    pub grid: &'a ImageGrid,
+    /// Bound on the relative RMS error of the image, dB.
+    pub error_db: f64,
+    /// Bytes that an image former's tables may take.
+    pub memory_bytes: u64,
+    /// Pulses a sub-CPI of the thesis's mode.
+    pub thesis_sub_cpi: usize,
+    /// Full width of the antenna's beam, radians, if known.
+    pub beamwidth_rad: Option<f64>,
+    /// The link and the length of a pulse in seconds, if known.
+    pub power: Option<(LinkBudget, f64)>,
+}
+
+/// The plan.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RadarPlan {
+    /// Band, resolution, extents and geometry.
+    pub survey: Survey,
+    /// Resolution and sampling by the textbook's formulas.
+    pub aperture: Aperture,
+    /// Sub-CPIs of range-Doppler backprojection.
+    pub sub_cpis: SubCpis,
+    /// The work.
+    pub work: Work,
+    /// What each image former takes.
+    pub costs: Vec<Cost>,
+    /// Memory as the thesis counts it, with the Doppler axis of its sub-CPIs padded 16 times.
+    pub thesis_memory: ThesisMemory,
+    /// Signal-to-noise ratios, if power is known.
+    pub sensitivity: Option<Sensitivity>,
+}
+
+/// Resolution and sampling of the aperture.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Aperture {
+    /// That of the survey: of the aperture flown, metres.
+    pub cross_range_resolution_m: Option<f64>,
+    /// The same of an aperture as long as the beam lights the scene, metres.
+    pub beam_resolution_m: Option<f64>,
+    /// Range that two pulses can tell apart, `c / (2 PRF)`, metres.
+    pub unambiguous_range_m: Option<f64>,
+    /// Pulses a second.
+    pub prf_hz: Option<f64>,
+    /// Width of the pixels across the line of sight, metres.
+    pub scene_width_m: f64,
+    /// What imaging this width without a second copy needs.
+    pub scene: Need,
+    /// What the beam needs.
+    pub beam: Option<Need>,
+    /// Whether the pulses are close enough for the scene, and for the beam.
+    pub scene_is_sampled: Option<bool>,
+    /// The same for the beam.
+    pub beam_is_sampled: Option<bool>,
+}
+
+/// Sub-CPI lengths.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SubCpis {
+    /// Pulses a sub-CPI of the precise mode within the error bound.
+    pub precise_pulses: usize,
+    /// How many of them.
+    pub precise_count: usize,
+    /// Its patches, rows and columns.
+    pub patch: [usize; 2],
+    /// Its predicted error, dB.
+    pub predicted_db: f64,
+    /// The longest sub-CPI of the thesis's mode with its first lobe past the scene's far edge.
+    pub thesis_clear_pulses: Option<usize>,
+    /// Sub-CPI that the lobes are for.
+    pub thesis_pulses: usize,
+    /// Lobes of a scatterer in the scene's centre, as far as the scene's width.
+    pub thesis_lobes: Vec<Lobe>,
+}
+
+/// Why there is no plan.
+#[derive(Debug, thiserror::Error)]
+pub enum PlanError {
+    /// The collection has no pulses.
+    #[error("the collection holds no pulses")]
+    Empty,
+    /// Range-Doppler processing does not suit it.
+    #[error(transparent)]
+    Form(#[from] FormError),
+}
+
+impl RadarPlan {
+    /// Plans `request` for `collection`.
+    ///
+    /// # Errors
+    /// [`PlanError`].
+    pub fn new(collection: &Collection, request: &Request) -> Result<Self, PlanError> {
+        let survey = Survey::of(collection).ok_or(PlanError::Empty)?;
+        let grid = request.grid;
+        let plan = rdbp::Plan::new(
+            collection,
+            grid,
+            &rdbp::Request {
+                error_db: request.error_db,
+                sub_cpi: None,
+                patch_m: None,
+                memory_bytes: request.memory_bytes,
+            },
+        )?;
+        let aperture = Aperture::new(&survey, request);
+        let work = Work {
+            frequencies: collection.num_samples,
+            pulses: collection.pulses.len(),
+            pixels: grid.num_pixels(),
+        };
+
+        // Cycles a pulse across a patch: the scene's unambiguous width turns by one.
+        let patch_m = width_across(&survey, grid, [plan.patch.rows, plan.patch.columns]);
+        let doppler_span = survey
+            .unambiguous_cross_range_m
+            .map_or(0.0, |whole_m| patch_m / whole_m);
+        let patches = grid.rows.count.div_ceil(plan.patch.rows)
+            * grid.columns.count.div_ceil(plan.patch.columns);
+        let mut costs = vec![
+            Cost::backprojection(&work, request.error_db),
+            Cost::precise(&work, &plan, doppler_span, patches),
+            Cost::thesis(&work, request.thesis_sub_cpi.min(work.pulses)),
+        ];
+        costs.extend(other_costs(collection, request, &work));
+
+        let centre = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
+        let clear = survey
+            .unambiguous_cross_range_m
+            .map(|whole_m| ((whole_m / aperture.scene_width_m) as usize).min(work.pulses));
+        let sub_cpis = SubCpis {
+            precise_pulses: plan.sub_cpi_length,
+            precise_count: plan.sub_cpis.len(),
+            patch: [plan.patch.rows, plan.patch.columns],
+            predicted_db: plan.predicted_db,
+            thesis_clear_pulses: clear,
+            thesis_pulses: request.thesis_sub_cpi,
+            thesis_lobes: grating::lobes(
+                collection,
+                request.thesis_sub_cpi,
+                centre,
+                aperture.scene_width_m,
+                MOST_LOBES,
+            ),
+        };
+        let sensitivity = request
+            .power
+            .map(|(link, pulse_s)| sensitivity(collection, &survey, &link, pulse_s, centre));
+        Ok(Self {
+            thesis_memory: ThesisMemory::new(
+                work.frequencies,
+                16 * request.thesis_sub_cpi.min(work.pulses),
+                work.pixels,
+            ),
+            aperture,
+            sub_cpis,
+            work,
+            costs,
+            sensitivity,
+            survey,
+        })
+    }
+}
+
+impl Aperture {
+    fn new(survey: &Survey, request: &Request) -> Self {
+        let range_m = survey.slant_range_m;
+        let shortest_m = SPEED_OF_LIGHT_M_S / survey.highest_hz;
+        let prf_hz = survey.pri_s.map(f64::recip);
+        let velocity_m_s = prf_hz
+            .zip(survey.pulse_spacing_m)
+            .map(|(prf_hz, spacing_m)| prf_hz * spacing_m);
+        let grid = request.grid;
+        let scene_width_m = width_across(survey, grid, [grid.rows.count, grid.columns.count]);
+        let scene_angle = 2.0 * sampling::half_angle_rad(scene_width_m, range_m);
+        let scene = Need::new(scene_angle, shortest_m, velocity_m_s);
+        let beam = request
+            .beamwidth_rad
+            .map(|angle| Need::new(angle, shortest_m, velocity_m_s));
+        let sampled = |need: Need| survey.pulse_spacing_m.map(|d| d <= need.spacing_m);
+        Self {
+            cross_range_resolution_m: survey.cross_range_resolution_m,
+            beam_resolution_m: request
+                .beamwidth_rad
+                .map(|beam| sampling::cross_range_resolution_m(survey.wavelength_m, beam / 2.0)),
+            unambiguous_range_m: prf_hz.map(sampling::unambiguous_range_m),
+            prf_hz,
+            scene_width_m,
+            scene,
+            beam,
+            scene_is_sampled: sampled(scene),
+            beam_is_sampled: beam.and_then(sampled),
+        }
+    }
+}
+
+/// Costs of the formers beside backprojection, of those that suit.
+fn other_costs(collection: &Collection, request: &Request, work: &Work) -> Vec<Cost> {
+    let (grid, error_db) = (&thinned(request.grid), request.error_db);
+    let polar_format = PolarFormat {
+        error_db,
+        centre_m: None,
+    };
+    let range_doppler = RangeDopplerAlgorithm {
+        error_db,
+        secondary_compression: true,
+    };
+    // No straight track, pixels too near, a raster that no memory holds: no cost.
+    let rda = range_doppler.sizes(collection, grid).ok();
+    let omega_k = OmegaK { error_db }.sizes(collection, grid).ok();
+    let (taps, levels) = FastFactorised { error_db }.taps_and_levels(request.grid);
+    let raster = polar_format.raster_size(collection, grid).ok();
+    [
+        Some(Cost::fast_factorised(work, taps, levels)),
+        raster.map(|raster| Cost::polar_format(work, &raster)),
+        rda.map(|sizes| Cost::range_doppler_algorithm(work, &sizes)),
+        omega_k.map(|sizes| Cost::omega_k(work, &sizes)),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// The same area in fewer pixels, so that looking at them all takes no time.
+fn thinned(grid: &ImageGrid) -> ImageGrid {
+    let thin = |axis: Axis| {
+        let count = axis.count.min(MOST_PROBED);
+        Axis {
+            step: match count {
+                0 | 1 => axis.step,
+                _ => axis.step * (axis.count - 1) as f64 / (count - 1) as f64,
+            },
+            count,
+            ..axis
+        }
+    };
+    ImageGrid {
+        rows: thin(grid.rows),
+        columns: thin(grid.columns),
+        ..*grid
+    }
+}
+
+/// Extent across the line of sight of `rows` by `columns` pixels from the grid's first, metres.
+fn width_across(survey: &Survey, grid: &ImageGrid, [rows, columns]: [usize; 2]) -> f64 {
+    let across = DVec2::from_angle(survey.azimuth_deg.to_radians()).perp();
+    let corners = [(0, 0), (rows, 0), (0, columns), (rows, columns)];
+    let places = corners.map(|(row, column)| grid.position_m(row, column).truncate().dot(across));
+    let (low, high) = places
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &place| {
+            (low.min(place), high.max(place))
+        });
+    high - low
+}
+
+fn sensitivity(
+    collection: &Collection,
+    survey: &Survey,
+    link: &LinkBudget,
+    pulse_s: f64,
+    centre: DVec3,
+) -> Sensitivity {
+    let middle = &collection.pulses[collection.pulses.len() / 2];
+    let lit = Illumination {
+        wavelength_m: survey.wavelength_m,
+        ranges_m: [middle.transmitter_m, middle.receiver_m].map(|at| at.distance(centre)),
+        bandwidth_hz: survey.bandwidth_hz,
+        pulse_s,
+        num_pulses: survey.num_pulses,
+        cell_m: survey
+            .range_resolution_m
+            .zip(survey.cross_range_resolution_m)
+            .map(|(range_m, cross_m)| [range_m, cross_m]),
+    };
+    Sensitivity::new(link, &lit)
+}

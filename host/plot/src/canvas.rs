@@ -1,0 +1,213 @@
+//! Pixels, rectangles and text.
+
+use ab_glyph::{Font, FontRef, GlyphId, PxScale, ScaleFont, point};
+
+use super::PlotError;
+use subaperture_model::PROGRAM;
+
+/// A colour: red, green, blue.
+pub(super) type Rgb = [u8; 3];
+
+pub(super) const INK: Rgb = [25, 25, 25];
+
+/// Where a text lies about its point.
+#[derive(Clone, Copy)]
+pub(super) enum Anchor {
+    /// The point is its left end.
+    Left,
+    /// The point is its middle.
+    Middle,
+    /// The point is its right end.
+    Right,
+}
+
+/// A white page of RGB pixels, row 0 on top.
+pub(super) struct Canvas {
+    width: usize,
+    height: usize,
+    pixels: Vec<u8>,
+}
+
+impl Canvas {
+    pub(super) fn new(width: usize, height: usize) -> Self {
+        Self {
+            width,
+            height,
+            pixels: vec![255; width * height * 3],
+        }
+    }
+
+    /// Mixes `colour` into a pixel; outside the page nothing happens.
+    pub(super) fn mix(&mut self, x: i64, y: i64, colour: Rgb, part: f32) {
+        let inside = |v: i64, size: usize| usize::try_from(v).ok().filter(|&v| v < size);
+        if let (Some(x), Some(y)) = (inside(x, self.width), inside(y, self.height)) {
+            let at = (y * self.width + x) * 3;
+            for (old, new) in self.pixels[at..at + 3].iter_mut().zip(colour) {
+                let (a, b) = (f32::from(*old), f32::from(new));
+                *old = (a + (b - a) * part.clamp(0.0, 1.0)).round() as u8;
+            }
+        }
+    }
+
+    /// Fills a rectangle.
+    pub(super) fn fill(&mut self, x: usize, y: usize, width: usize, height: usize, colour: Rgb) {
+        for row in y..(y + height).min(self.height) {
+            for column in x..(x + width).min(self.width) {
+                let at = (row * self.width + column) * 3;
+                self.pixels[at..at + 3].copy_from_slice(&colour);
+            }
+        }
+    }
+
+    /// A line one pixel wide around, and outside of, a rectangle.
+    pub(super) fn frame(&mut self, x: usize, y: usize, width: usize, height: usize) {
+        for row in [y - 1, y + height] {
+            self.fill(x - 1, row, width + 2, 1, INK);
+        }
+        for column in [x - 1, x + width] {
+            self.fill(column, y - 1, 1, height + 2, INK);
+        }
+    }
+
+    /// A straight line of ink, some 1.6 pixels wide, with smooth edges.
+    pub(super) fn line(&mut self, (x0, y0): (f64, f64), (x1, y1): (f64, f64)) {
+        const HALF: f64 = 0.8;
+        let (dx, dy) = (x1 - x0, y1 - y0);
+        let square = (dx * dx + dy * dy).max(1e-12);
+        let range =
+            |a: f64, b: f64| (a.min(b) - 2.0).floor() as i64..=(a.max(b) + 2.0).ceil() as i64;
+        for y in range(y0, y1) {
+            for x in range(x0, x1) {
+                let (px, py) = (x as f64 + 0.5 - x0, y as f64 + 0.5 - y0);
+                let along = ((px * dx + py * dy) / square).clamp(0.0, 1.0);
+                let distance = (px - along * dx).hypot(py - along * dy);
+                self.mix(x, y, INK, (HALF + 0.5 - distance) as f32);
+            }
+        }
+    }
+
+    /// Writes a line of text with its base line at `y`.
+    pub(super) fn text(&mut self, x: f32, y: f32, anchor: Anchor, font: &Typeface, text: &str) {
+        let start = x - font.offset(anchor, text);
+        font.draw(text, |along, down, cover| {
+            self.mix(
+                (start.round() as i64) + along,
+                (y.round() as i64) + down,
+                INK,
+                cover,
+            );
+        });
+    }
+
+    /// Writes a line of text upwards, its base line at `x`, its middle at `y`.
+    pub(super) fn text_upwards(&mut self, x: f32, y: f32, font: &Typeface, text: &str) {
+        let start = y + font.offset(Anchor::Middle, text);
+        font.draw(text, |along, down, cover| {
+            self.mix(
+                (x.round() as i64) + down,
+                (start.round() as i64) - along,
+                INK,
+                cover,
+            );
+        });
+    }
+
+    /// The page as a PNG file.
+    pub(super) fn into_png(self) -> Result<Vec<u8>, PlotError> {
+        let mut out = Vec::new();
+        let mut encoder = png::Encoder::new(&mut out, self.width as u32, self.height as u32);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        // By which a later run knows that it may replace the file.
+        encoder.add_text_chunk("Software".to_owned(), PROGRAM.to_owned())?;
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(&self.pixels)?;
+        writer.finish()?;
+        Ok(out)
+    }
+}
+
+/// A font at a size.
+pub(super) struct Typeface {
+    font: FontRef<'static>,
+    scale: PxScale,
+}
+
+impl Typeface {
+    /// DejaVu Sans with an em of `size` pixels.
+    pub(super) fn sans(size: f32, bold: bool) -> Self {
+        let bytes = match bold {
+            true => dejavu::sans::bold(),
+            false => dejavu::sans::regular(),
+        };
+        let font = FontRef::try_from_slice(bytes).expect("the font carried is sound");
+        let scale = font
+            .pt_to_px_scale(size * 0.75)
+            .unwrap_or(PxScale::from(size));
+        Self { font, scale }
+    }
+
+    fn offset(&self, anchor: Anchor, text: &str) -> f32 {
+        match anchor {
+            Anchor::Left => 0.0,
+            Anchor::Middle => self.width(text) / 2.0,
+            Anchor::Right => self.width(text),
+        }
+    }
+
+    /// Width of a line of text in pixels.
+    pub(super) fn width(&self, text: &str) -> f32 {
+        let mut width = 0.0;
+        self.place(text, |_, x, advance| width = x + advance);
+        width
+    }
+
+    /// As much of `text` as fits `width`, with an ellipsis if that is not all.
+    pub(super) fn fitted(&self, text: &str, width: f32) -> String {
+        if self.width(text) <= width {
+            return text.to_owned();
+        }
+        // Counted from the start, so that a very long text costs no more than a page's width.
+        let room = width - self.width("…");
+        let mut end = 0;
+        for (at, c) in text.char_indices() {
+            let next = at + c.len_utf8();
+            if self.width(&text[..next]) > room {
+                break;
+            }
+            end = next;
+        }
+        format!("{}…", text[..end].trim_end())
+    }
+
+    /// Calls `each` with glyph, position and advance.
+    fn place(&self, text: &str, mut each: impl FnMut(GlyphId, f32, f32)) {
+        let font = self.font.as_scaled(self.scale);
+        let mut x = 0.0;
+        let mut previous = None;
+        for c in text.chars() {
+            let glyph = font.glyph_id(c);
+            if let Some(previous) = previous {
+                x += font.kern(previous, glyph);
+            }
+            let advance = font.h_advance(glyph);
+            each(glyph, x, advance);
+            x += advance;
+            previous = Some(glyph);
+        }
+    }
+
+    /// Calls `dot` with pixels right of the start, down from the base line, and how far covered.
+    fn draw(&self, text: &str, mut dot: impl FnMut(i64, i64, f32)) {
+        self.place(text, |glyph, x, _| {
+            let glyph = glyph.with_scale_and_position(self.scale, point(x, 0.0));
+            if let Some(outline) = self.font.outline_glyph(glyph) {
+                let corner = outline.px_bounds().min;
+                outline.draw(|i, j, cover| {
+                    let along = corner.x.round() as i64 + i64::from(i);
+                    dot(along, corner.y.round() as i64 + i64::from(j), cover);
+                });
+            }
+        });
+    }
+}

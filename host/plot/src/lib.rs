@@ -1,0 +1,271 @@
+//! Pictures where people would rather look than read.
+//!
+//! A picture of a complex image: its magnitude in decibels, `20 log10 |I|`, with a colour bar. Axes show the
+//! scene's coordinates in metres, rows upwards; those of a turned plane say which way they run
+//! ([`subaperture_model::geometry::SceneAxis`]). A polar grid shows range upwards and its angle, which grows
+//! counter-clockwise, to the left, so that the picture is no mirror image of the scene. Cartesian grids keep
+//! their proportions. Levels above the scale's top are drawn in a colour of their own, which caps the
+//! bar. Large images are reduced by averaging power, so that a lone bright pixel is dimmed
+//! but never dropped; small ones are enlarged without interpolation. Pixels that are NaN or infinite
+//! are red.
+//!
+//! [`heat`] shows any real values over any two axes on a linear scale, [`lines`] draws curves.
+//!
+//! Text is set in DejaVu Sans, which the program carries: no font need be installed.
+#![forbid(unsafe_code)]
+
+mod canvas;
+mod colours;
+mod heat;
+mod layout;
+mod lines;
+mod orientation;
+mod raster;
+mod scale;
+mod ticks;
+
+use layout::Sheet;
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::image::{Image, power};
+
+pub use colours::Colours;
+pub use heat::{Heat, heat};
+pub use lines::{Chart, Curve, Stroke, lines};
+pub use orientation::Orientation;
+pub use scale::Scale;
+
+/// An image and how to show it.
+#[derive(Clone, Debug)]
+pub struct Panel<'a> {
+    /// The image.
+    pub image: &'a Image,
+    /// Its grid: rows and columns as the image's.
+    pub grid: &'a ImageGrid,
+    /// The line above it; cut short if it does not fit.
+    pub title: String,
+    /// Which levels are black and white.
+    pub scale: Scale,
+    /// The colours between.
+    pub colours: Colours,
+    /// What the axes across and up show.
+    pub axes: [ShownAxis; 2],
+    /// What 0 dB is; empty where the title says it.
+    pub reference: &'static str,
+    /// Directions to mark beside the picture.
+    pub orientation: Orientation,
+}
+
+/// What is written along an axis: `offset + scale * coordinate` of the grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShownAxis {
+    /// Its name and unit.
+    pub label: String,
+    /// Value shown at coordinate 0.
+    pub offset: f64,
+    /// What a coordinate is multiplied by: -1 where the axis runs backwards, degrees a radian.
+    pub scale: f64,
+}
+
+impl ShownAxis {
+    /// An axis that shows the grid's own coordinate.
+    pub fn plain(label: impl Into<String>) -> Self {
+        Self {
+            label: label.into(),
+            offset: 0.0,
+            scale: 1.0,
+        }
+    }
+
+    /// The axes across and up of an image's grid.
+    pub fn of_grid(grid: &ImageGrid) -> [Self; 2] {
+        let axes = grid.scene_axes();
+        if grid.polar {
+            let [zero, quarter] = &axes;
+            let turned =
+                match (zero.name, quarter.name) == ("x", "y") && zero.sign + quarter.sign == 2.0 {
+                    true => String::new(),
+                    false => {
+                        let [x, y, z] = grid
+                            .x_axis
+                            .to_array()
+                            .map(|v| (v * 100.0).round() / 100.0 + 0.0);
+                        format!(" from ({x:.2}, {y:.2}, {z:.2})")
+                    }
+                };
+            let range = Self::plain(format!("range (m){}", grid.pole_note()));
+            let angle = Self {
+                scale: 1f64.to_degrees(),
+                ..Self::plain(format!("angle (deg){turned}"))
+            };
+            return [angle, range];
+        }
+        axes.map(|axis| {
+            let note = match axis.note.as_str() {
+                "" => String::new(),
+                note => format!(", {note}"),
+            };
+            Self {
+                label: format!("{} (m){note}", axis.name),
+                offset: axis.offset_m,
+                scale: axis.sign,
+            }
+        })
+    }
+
+    /// Values at the outer edges of the first and the last pixel.
+    pub fn edges(&self, axis: &Axis) -> (f64, f64) {
+        let (first, last) = edges(axis);
+        let shown = |coordinate| self.offset + self.scale * coordinate;
+        (shown(first), shown(last))
+    }
+}
+
+impl<'a> Panel<'a> {
+    /// A grey picture with a scale of its own, its axes those of an image.
+    pub fn new(image: &'a Image, grid: &'a ImageGrid, title: impl Into<String>) -> Self {
+        Self {
+            image,
+            grid,
+            title: title.into(),
+            scale: Scale::default(),
+            colours: Colours::Grey,
+            axes: ShownAxis::of_grid(grid),
+            reference: "0 dB: a unit scatterer",
+            orientation: Orientation::default(),
+        }
+    }
+
+    fn sheet(&self) -> Sheet<'_> {
+        let (image, grid) = (self.image, self.grid);
+        let [across, up] = &self.axes;
+        let length = |axis: &Axis| axis.count as f64 * axis.step.abs();
+        let (first, last) = across.edges(&grid.columns);
+        Sheet {
+            title: &self.title,
+            count: (grid.rows.count, grid.columns.count),
+            across: match grid.polar {
+                true => (last, first),
+                false => (first, last),
+            },
+            up: up.edges(&grid.rows),
+            across_label: &across.label,
+            up_label: &up.label,
+            bar_label: "dB",
+            note: self.reference,
+            arrows: self.orientation.arrows(grid),
+            proportions: match grid.polar {
+                true => (grid.columns.count as f64, grid.rows.count as f64),
+                false => (length(&grid.columns), length(&grid.rows)),
+            },
+            colours: self.colours,
+            absent: colours::RED,
+            // Without the image's powers, which only matter to a scale from the data, whose labels,
+            // whole decibels of three digits, fit the least room anyhow.
+            typical: self.scale.levels(&[]),
+            cells: Box::new(move |height, width| {
+                let size = (image.rows, image.columns);
+                let mut cells = raster::resample(size, |i| power(image.pixels[i]), height, width);
+                let levels = self.scale.levels(&cells);
+                for cell in &mut cells {
+                    *cell = 10.0 * cell.log10();
+                }
+                if grid.polar {
+                    cells.chunks_exact_mut(width).for_each(<[f64]>::reverse);
+                }
+                (cells, levels)
+            }),
+        }
+    }
+}
+
+/// Coordinates at an axis' two ends: the outer edges of its first and last pixel.
+fn edges(axis: &Axis) -> (f64, f64) {
+    let half = axis.step / 2.0;
+    let last = axis.at(axis.count - 1);
+    (axis.start - half, last + half)
+}
+
+/// Why no picture was drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum PlotError {
+    /// The image is not on this grid, or there is none.
+    #[error("cannot draw {title:?}: {what}")]
+    Unsuited {
+        /// The panel's title.
+        title: String,
+        /// What is wrong.
+        what: String,
+    },
+    /// The picture could not be encoded.
+    #[error("cannot encode the picture: {0}")]
+    Encoding(#[from] png::EncodingError),
+}
+
+/// One picture, as the bytes of a PNG file: up to 1600 pixels a side, and its margins.
+///
+/// # Errors
+/// [`PlotError`].
+pub fn quicklook(panel: &Panel) -> Result<Vec<u8>, PlotError> {
+    quicklook_within(panel, u64::MAX)
+}
+
+/// [`quicklook`], so much smaller that drawing it takes about `memory_bytes`, or 4 MiB if that is more.
+///
+/// # Errors
+/// [`PlotError`].
+pub fn quicklook_within(panel: &Panel, memory_bytes: u64) -> Result<Vec<u8>, PlotError> {
+    let side = ((memory_bytes / BYTES_A_CELL) as f64).sqrt() as usize;
+    page(
+        std::slice::from_ref(panel),
+        1,
+        side.clamp(LEAST_SHOWN, LONGEST),
+    )
+}
+
+/// What a pixel of a picture takes while it is drawn: its power, that once more to find the scale, its colour, and that
+/// on the way into a PNG file.
+const BYTES_A_CELL: u64 = 24;
+
+/// Pixels a side of a lone picture, at most, and at least where memory is short.
+const LONGEST: usize = 1600;
+const LEAST_SHOWN: usize = 400;
+
+/// Several pictures on one page, `columns` side by side, row by row, as the bytes of a PNG file. The
+/// more columns, the smaller each: up to 800 pixels a side for two, 560 for three or more.
+///
+/// # Errors
+/// [`PlotError`].
+pub fn panels(panels: &[Panel], columns: usize) -> Result<Vec<u8>, PlotError> {
+    let limit = match columns.min(panels.len()) {
+        0 | 1 => LONGEST,
+        2 => 800,
+        _ => 560,
+    };
+    page(panels, columns, limit)
+}
+
+fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotError> {
+    for panel in panels {
+        let (rows, columns) = (panel.grid.rows.count, panel.grid.columns.count);
+        let image = panel.image;
+        let pixels = image.rows.checked_mul(image.columns);
+        if (image.rows, image.columns) != (rows, columns) || pixels != Some(image.pixels.len()) {
+            return Err(PlotError::Unsuited {
+                title: panel.title.clone(),
+                what: format!(
+                    "the image has {} rows x {} columns, the grid {rows} x {columns}",
+                    image.rows, image.columns
+                ),
+            });
+        }
+    }
+    let empty = panels.iter().find(|p| p.image.pixels.is_empty());
+    if panels.is_empty() || empty.is_some() {
+        return Err(PlotError::Unsuited {
+            title: empty.map_or_else(String::new, |p| p.title.clone()),
+            what: "there is nothing to draw".to_owned(),
+        });
+    }
+    let sheets: Vec<Sheet> = panels.iter().map(Panel::sheet).collect();
+    layout::page(&sheets, columns.clamp(1, panels.len()), limit).into_png()
+}

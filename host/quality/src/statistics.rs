@@ -1,0 +1,228 @@
+//! Level, entropy, contrast and sharpness of an image or of a part of it.
+//!
+//! With `p_i = |I_i|^2` over the `n` pixels that are finite, and `P` their sum:
+//!
+//! ```text
+//! mean level           10 log10 (P / n)                       of an empty region: the noise level
+//! entropy              - sum (p_i / P) ln (p_i / P)           nats; 0 of one bright pixel, ln n of a flat image
+//! contrast of power    std(p) / mean(p)                       0 flat, 1 fully developed speckle
+//! contrast of amplitude std(|I|) / mean(|I|)                  sqrt(4 / pi - 1) = 0.523 of speckle
+//! sharpness            sum p_i^2 / P^2                        1 of one bright pixel, 1 / n of a flat image
+//! ```
+//!
+//! Standard deviations are of the population, over `n`. Pixels that are NaN or infinite are counted and
+//! left out. The level of an empty region is that of an unit scatterer that equals the noise.
+
+use subaperture_model::geometry::{Axis, Extent, ImageGrid};
+use subaperture_model::image::{Image, power};
+
+/// Rows and columns of an image, ends excluded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Region {
+    /// Rows.
+    pub rows: std::ops::Range<usize>,
+    /// Columns.
+    pub columns: std::ops::Range<usize>,
+}
+
+/// No pixel of an image lies within an extent.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "no pixel lies within x {} to {}, y {} to {}: the image reaches from x {} to {}, y {} to {}",
+    extent.x_m.0, extent.x_m.1, extent.y_m.0, extent.y_m.1,
+    image.x_m.0, image.x_m.1, image.y_m.0, image.y_m.1
+)]
+pub struct EmptyRegion {
+    extent: Extent,
+    image: Extent,
+}
+
+impl Region {
+    /// The whole image.
+    pub fn whole(image: &Image) -> Self {
+        Self {
+            rows: 0..image.rows,
+            columns: 0..image.columns,
+        }
+    }
+
+    /// The pixels whose middles lie within an extent of grid coordinates.
+    ///
+    /// # Errors
+    /// [`EmptyRegion`].
+    pub fn within(extent: &Extent, grid: &ImageGrid) -> Result<Self, EmptyRegion> {
+        let span = |axis: &Axis, (low, high): (f64, f64)| {
+            // Rounding of start + i step is forgiven.
+            let first = ((low - axis.start) / axis.step - 1e-9).ceil().max(0.0);
+            let last = ((high - axis.start) / axis.step + 1e-9).floor() + 1.0;
+            first as usize..(last.max(0.0) as usize).min(axis.count)
+        };
+        let region = Self {
+            rows: span(&grid.rows, extent.y_m),
+            columns: span(&grid.columns, extent.x_m),
+        };
+        match region.rows.is_empty() || region.columns.is_empty() {
+            true => Err(EmptyRegion {
+                extent: *extent,
+                image: Extent {
+                    x_m: (grid.columns.start, grid.columns.at(grid.columns.count - 1)),
+                    y_m: (grid.rows.start, grid.rows.at(grid.rows.count - 1)),
+                },
+            }),
+            false => Ok(region),
+        }
+    }
+}
+
+/// Figures of a region; those that its pixels leave undefined, all zero or none finite, are `None`.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Statistics {
+    /// Pixels that are finite.
+    pub num_pixels: usize,
+    /// Pixels that are NaN or infinite.
+    pub num_not_finite: usize,
+    /// Mean power, dB.
+    pub mean_level_db: Option<f64>,
+    /// Median power, dB: of noise 1.6 dB below the mean, and hardly moved by a few bright points.
+    pub median_level_db: Option<f64>,
+    /// Highest power, dB.
+    pub peak_level_db: Option<f64>,
+    /// Entropy of power, nats.
+    pub entropy: Option<f64>,
+    /// Standard deviation over mean of power.
+    pub power_contrast: Option<f64>,
+    /// Standard deviation over mean of amplitude.
+    pub amplitude_contrast: Option<f64>,
+    /// Sum of squared power over squared sum of power.
+    pub sharpness: Option<f64>,
+}
+
+impl Statistics {
+    /// The figures of a region of `image`; parts of it outside the image do not count.
+    pub fn of(image: &Image, region: &Region) -> Self {
+        let rows = region.rows.start..region.rows.end.min(image.rows);
+        let columns = region.columns.start..region.columns.end.min(image.columns);
+        let mut powers = Vec::with_capacity(rows.len() * columns.len());
+        for row in rows.clone() {
+            let pixels = image.pixels[row * image.columns..]
+                .iter()
+                .take(image.columns);
+            let part = pixels.take(columns.end).skip(columns.start);
+            powers.extend(part.map(|&z| power(z)).filter(|p| p.is_finite()));
+        }
+        let n = powers.len() as f64;
+        let sum: f64 = powers.iter().sum();
+        let db = |p: f64| (p > 0.0).then(|| 10.0 * p.log10());
+        // Figures of a dark region are undefined.
+        let of_lit = |f: &dyn Fn() -> f64| (sum > 0.0).then(f);
+        let contrast = |f: &dyn Fn(f64) -> f64| {
+            let mean = powers.iter().map(|&p| f(p)).sum::<f64>() / n;
+            let variance = powers.iter().map(|&p| (f(p) - mean).powi(2)).sum::<f64>() / n;
+            variance.sqrt() / mean
+        };
+        let entropy = of_lit(&|| {
+            let parts = powers.iter().filter(|p| **p > 0.0).map(|p| p / sum);
+            // Adding zero turns -0, of one bright pixel, into 0.
+            -parts.map(|q| q * q.ln()).sum::<f64>() + 0.0
+        });
+        let power_contrast = of_lit(&|| contrast(&|p| p));
+        let amplitude_contrast = of_lit(&|| contrast(&f64::sqrt));
+        let sharpness = of_lit(&|| powers.iter().map(|p| (p / sum).powi(2)).sum());
+        let peak = powers.iter().copied().fold(0.0, f64::max);
+        let num_pixels = powers.len();
+        let median = (num_pixels > 0).then(|| {
+            *powers
+                .select_nth_unstable_by(num_pixels / 2, f64::total_cmp)
+                .1
+        });
+        Self {
+            num_pixels,
+            num_not_finite: rows.len() * columns.len() - num_pixels,
+            mean_level_db: db(sum / n),
+            median_level_db: median.and_then(db),
+            peak_level_db: db(peak),
+            entropy,
+            power_contrast,
+            amplitude_contrast,
+            sharpness,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use num_complex::Complex32;
+
+    fn image(amplitudes: &[f32], columns: usize) -> Image {
+        Image {
+            rows: amplitudes.len() / columns,
+            columns,
+            pixels: amplitudes.iter().map(|&a| Complex32::new(0.0, a)).collect(),
+        }
+    }
+
+    #[track_caller]
+    fn near(value: Option<f64>, wanted: f64) {
+        let value = value.expect("defined");
+        assert!((value - wanted).abs() < 1e-12, "{value}, not {wanted}");
+    }
+
+    #[test]
+    fn figures_by_hand() {
+        // Powers 1, 1, 4, 16 and a NaN and an infinite one; n = 4, P = 22, mean 5.5.
+        let image = image(&[1.0, -1.0, 2.0, f32::NAN, 4.0, f32::INFINITY], 3);
+        let s = Statistics::of(&image, &Region::whole(&image));
+        assert_eq!((s.num_pixels, s.num_not_finite), (4, 2));
+        near(s.mean_level_db, 10.0 * 5.5f64.log10());
+        near(s.peak_level_db, 10.0 * 16f64.log10());
+        // The third of four, counted from the lowest.
+        near(s.median_level_db, 10.0 * 4f64.log10());
+        let part = |p: f64| -(p / 22.0) * (p / 22.0).ln();
+        near(s.entropy, 2.0 * part(1.0) + part(4.0) + part(16.0));
+        // Squares of powers: 274; variance 274 / 4 - 5.5^2 = 38.25.
+        near(s.power_contrast, 38.25f64.sqrt() / 5.5);
+        // Amplitudes 1, 1, 2, 4: mean 2, variance 22 / 4 - 4 = 1.5.
+        near(s.amplitude_contrast, 1.5f64.sqrt() / 2.0);
+        near(s.sharpness, 274.0 / 484.0);
+    }
+
+    #[test]
+    fn extremes() {
+        let flat = image(&[2.0; 6], 2);
+        let s = Statistics::of(&flat, &Region::whole(&flat));
+        near(s.entropy, 6f64.ln());
+        near(s.sharpness, 1.0 / 6.0);
+        near(s.power_contrast, 0.0);
+        let one = image(&[0.0, 3.0], 2);
+        let s = Statistics::of(&one, &Region::whole(&one));
+        assert_eq!((s.entropy, s.sharpness), (Some(0.0), Some(1.0)));
+        for dark in [image(&[0.0; 4], 2), image(&[f32::NAN; 4], 2)] {
+            let s = Statistics::of(&dark, &Region::whole(&dark));
+            assert_eq!(
+                (s.mean_level_db, s.entropy, s.sharpness),
+                (None, None, None)
+            );
+        }
+    }
+
+    #[test]
+    fn a_region_holds_the_pixels_within() {
+        let grid: ImageGrid = "x=-1:1:0.5,y=0:3:1".parse().unwrap();
+        let extent = |x_m, y_m| Extent { x_m, y_m };
+        // x is -1, -0.5, 0, 0.5; y is 0, 1, 2.
+        let region = Region::within(&extent((-0.5, 0.2), (0.5, 9.0)), &grid).unwrap();
+        assert_eq!((region.rows.clone(), region.columns.clone()), (1..3, 1..3));
+        let image = image(
+            &[9.0, 9.0, 9.0, 9.0, 9.0, 1.0, 1.0, 9.0, 9.0, 1.0, 1.0, 9.0],
+            4,
+        );
+        near(Statistics::of(&image, &region).mean_level_db, 0.0);
+        let error = Region::within(&extent((0.1, 0.4), (0.0, 3.0)), &grid).unwrap_err();
+        assert!(
+            error.to_string().contains("reaches from x -1 to 0.5"),
+            "{error}"
+        );
+        assert!(Region::within(&extent((-9.0, -8.0), (0.0, 3.0)), &grid).is_err());
+    }
+}

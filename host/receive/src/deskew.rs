@@ -1,0 +1,394 @@
+//! De-chirped sweeps (FMCW) become phase history: residual video phase and range skew removed.
+//!
+//! With `a = chirp_hz_s`, `t_m = mixer_delay_s`, `d = tau - t_m`, a sweep's beat is (see
+//! [`Waveform::Fmcw`])
+//!
+//! ```text
+//! s(t) = exp(-j 2 pi (start + a (t - t_m)) d) exp(+j pi a d^2)
+//! ```
+//!
+//! 1. It is divided by the same expression for the reference, `d_r = tau_ref(t) - t_m` by the measured
+//!    track. With `e = tau - tau_ref`, since `d^2 - d_r^2 = e^2 + 2 e d_r`,
+//!
+//!    ```text
+//!    s1(t) = exp(-j 2 pi (start + a (t - t_m - d_r)) e) exp(+j pi a e^2)
+//!    ```
+//!
+//!    exactly: the beat with a copy that is `tau_ref` late. The beat frequency is `f = -a e`.
+//! 2. It is filtered with `H(f) = exp(-j pi f^2 / a) exp(+j 2 pi f (d_r - d_0))`, by an FFT over the sweep with
+//!    zeros after it. At `f = -a e` the first factor is `exp(-j pi a e^2)`: the residual video phase goes.
+//!    Its group delay is `f / a = -e`: the echo's own delay goes, so that all echoes lie alike under the
+//!    sweep. The second factor moves the samples to one frequency axis for all pulses, `d_0` being
+//!    the middle of all `d_r`:
+//!
+//!    ```text
+//!    z[k] = exp(-j 2 pi f_k e),    f_k = start + a (k / sample_rate - t_m - d_0)
+//!    ```
+//!
+//! Falling sweeps are turned round, so that frequencies rise.
+//!
+//! Chim 2018 (2.12) lets the frequency run at `2 a` (the phase is `2 pi a t^2`), so that (2.22) has
+//! `exp(-j 2 pi a tau^2)` and `f = a tau` together, which no sweep has: with a rate of `2 a` the beat is at
+//! `2 a tau`, with `a` the residual phase is `pi a tau^2`. (3.1) repeats it. Both also leave the skew, the
+//! `exp(j 2 pi (a tau - f) tau)` dropped from (2.19) to (2.20). The sign there is the opposite of
+//! ours: C mixes the other way round.
+//!
+//! # What is cut away
+//! A sweep that begins and ends sharply spreads in the filter as Fresnel's ripple does, over all of the band: at a time
+//! `u` from an edge with the amplitude `1 / (2 pi sqrt(a) u)`, -31 dB beside what is cut, -70 dB in the middle. So
+//! the raw sweep is faded in and out first, as the integral of a Gaussian does, of a standard deviation of
+//! `s = 1 / sqrt(2 pi a)`, which the filter spreads to `s' = sqrt(s^2 + 1 / (2 pi a s)^2)`, `sqrt(2) s`, and no more. The
+//! edge lies `4 s` within the sweep (what is left of the raw edge is 3e-5) and `4.4 s'` before what is kept (5e-6).
+//! A Gaussian shorter than some samples is none, and its spectrum about a beat of up to `a h` must end before half the
+//! sampling rate, so `s` is at least `0.6 / (sample_rate / 2 - a h)`, but at most `1.6 / sample_rate` for that reason.
+//!
+//! With delays `|e| <= h` in the scene, the edges lie up to `h` from where they were; the change of `d_r` between
+//! pulses takes its part too. The band lost is `2 a (h + 4 s + 4.4 s' + (max d_r - min d_r) / 2)`. What is left is
+//! below -90 dB beside the edges and -120 dB in the middle for echoes that beat at less than a quarter of the sampling
+//! rate; up to -50 and -100 dB for those at nearly half of it.
+//!
+//! # Motion
+//! Sample `k` is kept at the place of the raw sample that has its frequency in the middle pulse; an echo `e` late was
+//! there `e + d_r - d_0` later. What the antennas move meanwhile is neglected: at 100 m/s and 0.1 us 10 um, of
+//! which the difference between the lines of sight counts.
+//!
+//! White noise stays white where echoes of the scene can be: every step but the fading, of what is cut away, is a
+//! rotation in time or in frequency.
+//!
+//! Cost: two FFTs in float64 a pulse. Accuracy: `tests/simulate_chain.rs`, against a pulsed radar.
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+use std::sync::Arc;
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
+use subaperture_fft as fft;
+use subaperture_fft::Fft;
+
+use super::{EchoCollection, EchoPulse, Echoes, ReceiveError, collection_of, in_blocks};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::Extent;
+use subaperture_model::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
+use subaperture_model::quantity::{hertz, seconds};
+use subaperture_model::radar::Waveform;
+use subaperture_signal::fast_length::fast_length;
+use subaperture_signal::phase::{narrow, phasor, widen};
+
+/// Whether residual video phase and range skew are removed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Skew {
+    /// Removed.
+    #[default]
+    Removed,
+    /// Left where they are, to show what they do.
+    Left,
+}
+
+/// A sweep's numbers.
+#[derive(Clone, Copy, Debug)]
+struct Sweep {
+    start_hz: f64,
+    chirp_hz_s: f64,
+    sample_rate_hz: f64,
+    mixer_delay_s: f64,
+}
+
+/// How a sweep is faded in: the integral of a Gaussian.
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    /// Its standard deviation.
+    sigma_s: f64,
+    /// From the sweep's begin to the middle of the edge.
+    begin_s: f64,
+    /// From the middle of the edge to where the filter has left nothing of it.
+    end_s: f64,
+}
+
+impl Edge {
+    fn new(chirp_hz_s: f64, sample_rate_hz: f64, half_delay_s: f64) -> Self {
+        let beta_s2 = 1.0 / (TAU * chirp_hz_s);
+        let room_hz = 0.5 * sample_rate_hz - chirp_hz_s * half_delay_s;
+        let sampled_s = (0.6 / room_hz.max(0.0)).min(1.6 / sample_rate_hz);
+        let sigma_s = beta_s2.sqrt().max(sampled_s);
+        let spread_s = sigma_s.hypot(beta_s2 / sigma_s);
+        Self {
+            sigma_s,
+            begin_s: 4.0 * sigma_s,
+            end_s: 4.4 * spread_s,
+        }
+    }
+
+    /// Amplitudes of the sweep's first samples; 1 for all after them.
+    fn fade(&self, sample_rate_hz: f64, num_samples: usize) -> Vec<f64> {
+        let step = 1.0 / (sample_rate_hz * self.sigma_s);
+        let count = (12.0 / step).ceil() as usize;
+        let gauss = |x: f64| (-0.5 * x * x).exp();
+        // Simpson's rule over each sample's step: 1e-6 and less with steps below one.
+        const PARTS: usize = 8;
+        let mut sum = 0.0;
+        let mut fade = Vec::with_capacity(count);
+        for k in 0..count.min(num_samples / 2) {
+            if k == 0 {
+                // The tail before, by its asymptotic series: within 1 %.
+                sum = gauss(4.0) / 4.0 * (1.0 - 1.0 / 16.0);
+            } else {
+                let h = step / PARTS as f64;
+                for i in 0..PARTS {
+                    let x = (k - 1) as f64 * step + i as f64 * h - 4.0;
+                    sum += h / 6.0 * (gauss(x) + 4.0 * gauss(x + 0.5 * h) + gauss(x + h));
+                }
+            }
+            fade.push((sum / TAU.sqrt()).min(1.0));
+        }
+        fade
+    }
+}
+
+/// Phase history of an FMCW radar.
+#[derive(Clone)]
+pub struct Deskewed<E> {
+    echoes: E,
+    collection: Collection,
+    sweep: Sweep,
+    raw_samples: usize,
+    skew: Skew,
+    /// How the raw sweep is faded in, and out in reverse: amplitudes of its first samples.
+    fade: Vec<f64>,
+    /// Raw sample of the first one kept.
+    first: usize,
+    /// `d_0`, seconds.
+    common_delay_s: f64,
+    forward: Arc<dyn Fft<f64>>,
+    inverse: Arc<dyn Fft<f64>>,
+}
+
+impl<E: Echoes> Deskewed<E> {
+    /// Of echoes of a linear sweep, for a scene whose delays are within `half_delay_s` of the
+    /// reference's; that of the collection's extent if `None`.
+    ///
+    /// # Errors
+    /// [`ReceiveError`] if the waveform is another one, nothing says how large the scene is, or it is too
+    /// large for the sampling rate or for the sweep.
+    pub fn new(echoes: E, half_delay_s: Option<f64>, skew: Skew) -> Result<Self, ReceiveError> {
+        let collection = echoes.collection();
+        let fault = |what: String| ReceiveError::new(collection, what);
+        let Waveform::Fmcw {
+            start_hz,
+            chirp_hz_s,
+            sample_rate_hz,
+            num_samples,
+            mixer_delay_s,
+        } = collection.waveform
+        else {
+            return Err(fault("its waveform is not a linear sweep".to_owned()));
+        };
+        let moves = chirp_hz_s.is_finite() && chirp_hz_s != 0.0;
+        if !(moves && sample_rate_hz > 0.0 && num_samples > 0 && !collection.pulses.is_empty()) {
+            return Err(fault("its sweep does not sweep, or is empty".to_owned()));
+        }
+        let Some(half_delay_s) = half_delay_s.or_else(|| half_delay(collection)) else {
+            return Err(fault(
+                "nothing says how large its scene is: give the extent or the half delay".to_owned(),
+            ));
+        };
+        if !(half_delay_s >= 0.0 && half_delay_s.is_finite()) {
+            return Err(fault(format!(
+                "a scene of delays up to {half_delay_s} s from the reference: give a number, 0 or more"
+            )));
+        }
+        // All that the samples tell apart is allowed, whatever the rounding.
+        if half_delay_s * chirp_hz_s.abs() > sample_rate_hz / 2.0 * (1.0 + 1e-9) {
+            return Err(fault(format!(
+                "delays up to {} from the reference beat at up to {}, more than half the sampling rate of {}: \
+                 sample faster, sweep slower or see less",
+                seconds(half_delay_s),
+                hertz(half_delay_s * chirp_hz_s.abs()),
+                hertz(sample_rate_hz)
+            )));
+        }
+        let delays = collection
+            .pulses
+            .iter()
+            .map(|p| p.reference_path_m / SPEED_OF_LIGHT_M_S - mixer_delay_s);
+        let (least_s, most_s) = delays.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), d| {
+            (a.min(d), b.max(d))
+        });
+        let drift_s = 0.5 * (most_s - least_s);
+        let edge = Edge::new(chirp_hz_s.abs(), sample_rate_hz, half_delay_s);
+        let cut_s = half_delay_s + edge.begin_s + edge.end_s + drift_s;
+        let cut = (cut_s * sample_rate_hz).ceil() as usize;
+        let kept = num_samples.saturating_sub(cut.saturating_mul(2));
+        if kept < 2 {
+            return Err(fault(format!(
+                "a sweep of {num_samples} samples loses {cut} at either end to the scene's delays, and \
+                 little or nothing is left: sweep longer or see less"
+            )));
+        }
+        // Turned round, an even number of samples has its middle one elsewhere: one sample less at the raw begin.
+        let turned = chirp_hz_s < 0.0;
+        let first = cut + usize::from(turned && kept % 2 == 0);
+        let kept = kept - (first - cut);
+        let common_delay_s = 0.5 * (least_s + most_s);
+        let frequency_hz = |k: usize| {
+            let after_s = k as f64 / sample_rate_hz - mixer_delay_s - common_delay_s;
+            start_hz + chirp_hz_s * after_s
+        };
+        let lowest_hz = frequency_hz(if turned { first + kept - 1 } else { first });
+        if lowest_hz <= 0.0 {
+            return Err(fault(format!(
+                "its sweep reaches {}; frequencies are positive",
+                hertz(lowest_hz)
+            )));
+        }
+        // Delays up to half the sampling rate's, and the shift, must not come round.
+        let zeros = (sample_rate_hz * (sample_rate_hz / chirp_hz_s.abs() + drift_s)).ceil();
+        let length = fast_length(num_samples + (zeros as usize).min(3 * num_samples));
+        let step_hz = chirp_hz_s.abs() / sample_rate_hz;
+        let sample_s = chirp_hz_s.signum() / sample_rate_hz;
+        let fade = edge.fade(sample_rate_hz, num_samples);
+        let collection = collection_of(&echoes, (lowest_hz, step_hz, kept), sample_s);
+        Ok(Self {
+            echoes,
+            collection,
+            sweep: Sweep {
+                start_hz,
+                chirp_hz_s,
+                sample_rate_hz,
+                mixer_delay_s,
+            },
+            raw_samples: num_samples,
+            skew,
+            fade,
+            first,
+            common_delay_s,
+            forward: fft::forward(length),
+            inverse: fft::inverse(length),
+        })
+    }
+
+    /// The echoes behind.
+    pub fn echoes(&self) -> &E {
+        &self.echoes
+    }
+
+    /// Turns `echo` of pulse `n` into `row`; `work` and `scratch` are as long as the transform needs.
+    fn pulse(
+        &self,
+        n: usize,
+        echo: &[Complex32],
+        work: &mut [Complex64],
+        scratch: &mut [Complex64],
+        row: &mut [Complex32],
+    ) {
+        let sweep = self.sweep;
+        work.fill(Complex64::ZERO);
+        for (k, (z, &s)) in work.iter_mut().zip(echo).enumerate() {
+            let after_s = k as f64 / sweep.sample_rate_hz;
+            let d =
+                self.echoes.reference_path_m(n, after_s) / SPEED_OF_LIGHT_M_S - sweep.mixer_delay_s;
+            let frequency_hz = sweep.start_hz + sweep.chirp_hz_s * (after_s - sweep.mixer_delay_s);
+            *z = widen(s) * phasor(frequency_hz * d - 0.5 * sweep.chirp_hz_s * d * d);
+        }
+        for (k, &amplitude) in self.fade.iter().enumerate() {
+            work[k] *= amplitude;
+            work[echo.len() - 1 - k] *= amplitude;
+        }
+        self.forward.process_with_scratch(work, scratch);
+        let length = work.len();
+        let shift_s = self.collection.pulses[n].reference_path_m / SPEED_OF_LIGHT_M_S
+            - sweep.mixer_delay_s
+            - self.common_delay_s;
+        for (m, z) in work.iter_mut().enumerate() {
+            let above = if m < length.div_ceil(2) { 0 } else { length };
+            let f = (m as f64 - above as f64) * sweep.sample_rate_hz / length as f64;
+            let skew = match self.skew {
+                Skew::Removed => -0.5 * f * f / sweep.chirp_hz_s,
+                Skew::Left => 0.0,
+            };
+            *z *= phasor(skew + f * shift_s);
+        }
+        self.inverse.process_with_scratch(work, scratch);
+        let scale = 1.0 / length as f64;
+        let kept = work[self.first..].iter().zip(0..row.len());
+        for (z, k) in kept {
+            let k = if sweep.chirp_hz_s > 0.0 {
+                k
+            } else {
+                row.len() - 1 - k
+            };
+            row[k] = narrow(z * scale);
+        }
+    }
+}
+
+impl<E: Echoes> PhaseHistory for Deskewed<E> {
+    fn collection(&self) -> &Collection {
+        &self.collection
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        let (raw, width) = (self.raw_samples, self.collection.num_samples);
+        let length = self.forward.len();
+        let scratch =
+            (self.forward.get_inplace_scratch_len()).max(self.inverse.get_inplace_scratch_len());
+        let deskew = |first: usize, echoes: &[Complex32], rows: &mut [Complex32]| {
+            rows.par_chunks_exact_mut(width)
+                .zip(echoes.par_chunks_exact(raw))
+                .enumerate()
+                .for_each_init(
+                    || {
+                        (
+                            vec![Complex64::ZERO; length],
+                            vec![Complex64::ZERO; scratch],
+                        )
+                    },
+                    |(work, scratch), (i, (row, echo))| {
+                        self.pulse(first + i, echo, work, scratch, row);
+                    },
+                );
+        };
+        in_blocks(&self.echoes, raw, pulses, width, samples, deskew)
+    }
+
+    fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        self.echoes.true_antennas()
+    }
+
+    fn held_bytes(&self) -> u64 {
+        // The transforms' plans are about as large as two of their buffers each.
+        let plans = 4 * 16 * self.forward.len();
+        let pulses = size_of_val(self.collection.pulses.as_slice());
+        self.echoes.held_bytes() + (plans + pulses) as u64
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        self.echoes.inputs()
+    }
+}
+
+/// Largest difference of a delay in the extent, at height 0, from the reference's.
+fn half_delay(collection: &EchoCollection) -> Option<f64> {
+    let Extent { x_m, y_m } = collection.extent?;
+    let of_pulse = |pulse: &EchoPulse| {
+        // Delays are convex: largest at a corner, least near the point below the antennas or the nearest.
+        let middle_m = 0.5 * (pulse.transmitter_m + pulse.receiver_m);
+        let nearest = (
+            middle_m.x.clamp(x_m.0, x_m.1),
+            middle_m.y.clamp(y_m.0, y_m.1),
+        );
+        let corners = [
+            (x_m.0, y_m.0),
+            (x_m.0, y_m.1),
+            (x_m.1, y_m.0),
+            (x_m.1, y_m.1),
+        ];
+        corners
+            .into_iter()
+            .chain([nearest])
+            .map(|(x, y)| pulse.relative_delay_s(DVec3::new(x, y, 0.0)).abs())
+            .fold(0.0, f64::max)
+    };
+    Some(collection.pulses.iter().map(of_pulse).fold(0.0, f64::max))
+}

@@ -1,0 +1,10 @@
+//! What a collection can show: the support of its spectrum around a place, and what follows from it.
+//!
+//! - [`support`]: which spatial frequencies pulses sample, their projection on a line and the response along it;
+//! - [`theory`]: widths and side lobes of a response;
+//! - [`survey`]: a whole collection's findings: aperture, resolution, sampling, and a grid to form without being told.
+#![forbid(unsafe_code)]
+
+pub mod support;
+pub mod survey;
+pub mod theory;

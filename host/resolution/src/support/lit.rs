@@ -1,0 +1,83 @@
+//! How strongly a place was lit, measured from its own echo.
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::{PhaseHistory, ReadError};
+use subaperture_signal::window::Window;
+
+/// Part of the pulses over which the echo is averaged, half-power width of the average about half of it.
+const SHARE: usize = 32;
+
+/// Why gains were not measured.
+#[derive(Debug, thiserror::Error)]
+pub enum GainsError {
+    /// Pulses could not be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The monitor asked to stop.
+    #[error("interrupted")]
+    Cancelled,
+}
+
+/// How strongly each pulse saw a scatterer at `place_m`, relative: magnitude of
+///
+/// ```text
+/// e_n = sum_k w_fast[k] z[n][k] exp(+j 2 pi f_k (path_n(place) - reference_path_n) / c)
+/// ```
+///
+/// averaged over a thirty-second of the pulses about each. What stands at the place adds up, as its phase is the same in
+/// every pulse; noise and what stands elsewhere turn and average out. Right for a point that stands out
+/// by itself, as one that is measured must; a beam is broadened by less than 1 % if it spans a quarter of the pulses.
+///
+/// Reads the whole recording once, a pulse at a time; 16 bytes a pulse.
+///
+/// # Errors
+/// [`GainsError::Read`]; [`GainsError::Cancelled`] if the monitor asks.
+pub fn measured_gains(
+    history: &dyn PhaseHistory,
+    place_m: DVec3,
+    fast: Window,
+    monitor: &dyn Monitor,
+) -> Result<Vec<f64>, GainsError> {
+    let collection = history.collection();
+    let weights = fast.weights(collection.num_samples);
+    let mut samples = vec![Complex32::ZERO; collection.num_samples];
+    let count = collection.pulses.len();
+    let mut echoes = Vec::with_capacity(count);
+    for (n, pulse) in collection.pulses.iter().enumerate() {
+        if n % 256 == 0 && monitor.cancelled() {
+            return Err(GainsError::Cancelled);
+        }
+        history.read(n..n + 1, &mut samples)?;
+        let turns = pulse.relative_path_m(place_m) / SPEED_OF_LIGHT_M_S;
+        let turn = |hz: f64| Complex64::cis(std::f64::consts::TAU * (hz * turns).fract());
+        let step = turn(pulse.step_hz);
+        // Horner's rule, from the highest frequency down.
+        let sum = samples
+            .iter()
+            .zip(&weights)
+            .rev()
+            .fold(Complex64::ZERO, |sum, (z, w)| {
+                sum * step + Complex64::new(z.re.into(), z.im.into()) * w
+            });
+        echoes.push(sum * turn(pulse.start_hz));
+    }
+    let reach = (count / SHARE / 2).max(1) as isize;
+    let kernel: Vec<f64> = (-reach..=reach)
+        .map(|m| 1.0 + (std::f64::consts::PI * m as f64 / (reach + 1) as f64).cos())
+        .collect();
+    let gain = |n: usize| {
+        let (mut sum, mut weight) = (Complex64::ZERO, 0.0);
+        for (m, w) in (-reach..=reach).zip(&kernel) {
+            if let Some(echo) = n.checked_add_signed(m).and_then(|at| echoes.get(at)) {
+                sum += echo * w;
+                weight += w;
+            }
+        }
+        (sum / weight).norm()
+    };
+    Ok((0..count).map(gain).collect())
+}

@@ -1,0 +1,112 @@
+//! As few looks as tell the same, to be kept in an image's record.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::{Look, Looks, MOST_CELLS, Share, representatives};
+use subaperture_model::phase_history::Collection;
+use subaperture_signal::window::Window;
+
+/// Numbers of looks that are tried: primes, so that no cycle of channels keeps step with them.
+const COUNTS: [usize; 5] = [61, 127, 257, 509, 1021];
+/// By how much the response may differ from that of all looks, relative to its peak, out to [`REACH_CELLS`].
+const TOLERANCE: f64 = 5e-3;
+/// Cells out to which it is compared: what a measurement reaches.
+const REACH_CELLS: f64 = 15.0;
+
+/// Antennas and bands of a few pulses that stand for all: what theory needs of a recording.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RecordedLooks {
+    /// Cells of the band.
+    pub band_cells: usize,
+    /// Edges of the band, hertz: of all looks, or of each.
+    pub bands_hz: Vec<[f64; 2]>,
+    /// Transmitting antennas, metres in the scene frame.
+    pub transmitters_m: Vec<[f64; 3]>,
+    /// Receiving antennas if they are others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub receivers_m: Vec<[f64; 3]>,
+}
+
+impl RecordedLooks {
+    /// As few pulses of `collection` as give the same response at `place_m`, along and across the
+    /// line of sight in the plane of `axes`; `None` if 1021 are too few, as they
+    /// can be where many channels take turns.
+    pub fn of(collection: &Collection, place_m: DVec3, axes: [DVec3; 2]) -> Option<Self> {
+        let all = Looks::new(collection, Window::None, Window::None);
+        let directions = all.at(place_m).range_and_cross(axes);
+        let whole = directions.map(|direction| all.at(place_m).along(direction));
+        let alike = |few: &Looks| {
+            directions.iter().zip(&whole).all(|(&direction, whole)| {
+                let few = few.at(place_m).along(direction);
+                let (Some(whole), Some(few)) = (whole, &few) else {
+                    return whole.is_none() && few.is_none();
+                };
+                let Some(cell_m) = whole.resolution_m() else {
+                    return false;
+                };
+                (1..=(REACH_CELLS * 4.0) as usize).all(|i| {
+                    let s_m = i as f64 / 4.0 * cell_m;
+                    let off = whole.power(s_m).sqrt() - few.power(s_m).sqrt();
+                    off.abs() < TOLERANCE
+                })
+            })
+        };
+        let count = collection.pulses.len();
+        let chosen = |most: usize| representatives(count, most, Share::Middle);
+        let most = COUNTS.into_iter().find(|&most| {
+            let few = Looks::of(collection, Window::None, Window::None, chosen(most));
+            few.looks.len() == all.looks.len() || alike(&few)
+        })?;
+        let pulses: Vec<_> = chosen(most).map(|n| collection.pulses[n]).collect();
+        let band = |pulse| Look::of(pulse, collection.num_samples, 1.0).band_hz;
+        let apart = pulses.iter().any(|p| p.transmitter_m != p.receiver_m);
+        let mut bands_hz: Vec<[f64; 2]> = pulses.iter().map(band).collect();
+        if collection.band().is_some() {
+            bands_hz.truncate(1);
+        }
+        Some(Self {
+            band_cells: collection.num_samples.min(MOST_CELLS),
+            bands_hz,
+            transmitters_m: pulses.iter().map(|p| p.transmitter_m.to_array()).collect(),
+            receivers_m: match apart {
+                true => pulses.iter().map(|p| p.receiver_m.to_array()).collect(),
+                false => Vec::new(),
+            },
+        })
+    }
+
+    /// The looks under windows over fast and slow time; `None` if the record does not make sense.
+    pub fn looks(&self, fast: Window, slow: Window) -> Option<Looks> {
+        let count = self.transmitters_m.len();
+        let fits = |len: usize, other: usize| len == count || len == other;
+        let finite = |v: &[f64]| v.iter().all(|v| v.is_finite());
+        let sound = count > 0
+            && (1..=MOST_CELLS).contains(&self.band_cells)
+            && fits(self.bands_hz.len(), 1)
+            && fits(self.receivers_m.len(), 0)
+            && self.bands_hz.iter().all(|band| finite(band))
+            && self.transmitters_m.iter().all(|v| finite(v))
+            && self.receivers_m.iter().all(|v| finite(v));
+        if !sound {
+            return None;
+        }
+        let weights = slow.weights(count);
+        let looks = weights.into_iter().enumerate().map(|(i, weight)| {
+            let transmitter_m = DVec3::from(self.transmitters_m[i]);
+            Look {
+                transmitter_m,
+                receiver_m: self
+                    .receivers_m
+                    .get(i)
+                    .map_or(transmitter_m, |&v| DVec3::from(v)),
+                band_hz: *self.bands_hz.get(i).unwrap_or(&self.bands_hz[0]),
+                weight,
+            }
+        });
+        Some(Looks {
+            looks: looks.collect(),
+            fast: fast.weights(self.band_cells),
+        })
+    }
+}

@@ -1,0 +1,253 @@
+//! The grid that suits a collection, where the user gives none.
+
+use super::Survey;
+use subaperture_model::geometry::{Axis, Extent, ImageGrid};
+
+/// Why a collection has no default grid, and what to do.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("no default grid: {0}; give one, for example --grid x=-50:50:0.5,y=-50:50:0.5,z=0")]
+pub struct NoDefaultGrid(String);
+
+/// Pixels of a default grid at most: an image of 32 MiB, which any former makes in a minute or so.
+pub const MOST_PIXELS: usize = 1 << 22;
+
+/// The grid, and what should be said of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DefaultGrid {
+    /// The pixels.
+    pub grid: ImageGrid,
+    /// Why it does not cover the whole extent, if it does not.
+    pub cropped: Option<String>,
+}
+
+impl Survey {
+    /// The rectangle that the default grid covers: the declared extent, else the largest rectangle
+    /// along the frame's axes within the unambiguous extent, centred on the scene's centre.
+    ///
+    /// # Errors
+    /// [`NoDefaultGrid`] if the collection declares none and is ambiguous everywhere or nowhere.
+    pub fn extent(&self) -> Result<Extent, NoDefaultGrid> {
+        if let Some([x_m, y_m]) = self.declared_extent_m {
+            return Ok(Extent { x_m, y_m });
+        }
+        let (Some(range_m), Some(cross_m)) =
+            (self.unambiguous_range_m, self.unambiguous_cross_range_m)
+        else {
+            return Err(NoDefaultGrid(
+                "the antenna does not move across its line of sight".to_owned(),
+            ));
+        };
+        let (half_x, half_y) = if self.looks_from_around() {
+            // The line of sight turns, and the rectangle with it: what is left is a circle's square.
+            let half = range_m.min(cross_m) / 8f64.sqrt();
+            (half, half)
+        } else {
+            let turn = self.azimuth_deg.to_radians();
+            largest_upright_rectangle(range_m, cross_m, turn)
+        };
+        let [x, y, _] = self.scene_centre_m;
+        Ok(Extent {
+            x_m: (x - half_x, x + half_x),
+            y_m: (y - half_y, y + half_y),
+        })
+    }
+
+    /// A horizontal grid at `z = 0` over [`Self::extent`], its pixels half of [`Self::nyquist_step_m`] apart, which
+    /// holds at its every corner. Of a scene that takes more than [`MOST_PIXELS`] the middle is covered, and
+    /// [`DefaultGrid::cropped`] says so: pixels farther apart would fold.
+    ///
+    /// # Errors
+    /// [`NoDefaultGrid`] where there is no extent or no resolution.
+    pub fn default_grid(&self) -> Result<DefaultGrid, NoDefaultGrid> {
+        let extent = self.extent()?;
+        let sides_m = [extent.x_m, extent.y_m].map(|(low, high)| high - low);
+        let mut steps_m = [0.0; 2];
+        for (i, name) in ["x", "y"].into_iter().enumerate() {
+            let (Some(resolution_m), Some(step_m)) =
+                (self.axis_resolution_m[i], self.nyquist_step_m[i])
+            else {
+                return Err(NoDefaultGrid(format!(
+                    "the collection has no resolution along {name}"
+                )));
+            };
+            if resolution_m > sides_m[i] {
+                return Err(NoDefaultGrid(format!(
+                    "along {name} the resolution is {resolution_m:.3} m and the extent only {:.3} m",
+                    sides_m[i]
+                )));
+            }
+            steps_m[i] = round_to_two_digits(step_m / 2.0);
+        }
+        let pixels = [0, 1].map(|i| sides_m[i] / steps_m[i]);
+        // A long scene loses its length first.
+        let most = (MOST_PIXELS as f64).sqrt();
+        let [x, y] = pixels;
+        let kept = match x * y <= MOST_PIXELS as f64 {
+            true => pixels,
+            false if y < most => [MOST_PIXELS as f64 / y, y],
+            false if x < most => [x, MOST_PIXELS as f64 / x],
+            false => [most; 2],
+        };
+        let axis = |i: usize, (low, high): (f64, f64)| {
+            // Whole steps from the middle, which becomes a pixel.
+            let middle = low.midpoint(high);
+            let half = (kept[i] / 2.0 + 1e-9).floor() * steps_m[i];
+            Axis::from_range(middle - half, middle + half, steps_m[i])
+                .map_err(|error| NoDefaultGrid(error.0))
+        };
+        let grid = ImageGrid::horizontal(axis(0, extent.x_m)?, axis(1, extent.y_m)?, 0.0);
+        if let Some(fault) = grid.fault() {
+            return Err(NoDefaultGrid(fault.0));
+        }
+        let cropped = (kept != pixels).then(|| {
+            format!(
+                "the scene's {:.1} x {:.1} m would take {x:.0} x {y:.0} pixels at steps that do not fold ({} x {} m); the \
+                 default grid is its middle, {:.1} x {:.1} m: give --grid for another part or for all of it",
+                sides_m[0],
+                sides_m[1],
+                steps_m[0],
+                steps_m[1],
+                kept[0] * steps_m[0],
+                kept[1] * steps_m[1],
+            )
+        });
+        Ok(DefaultGrid { grid, cropped })
+    }
+
+    /// What repeats within the declared extent, if anything does: a scatterer near one edge has a copy, one unambiguous
+    /// extent away, within the scene.
+    pub fn ambiguity(&self) -> Option<String> {
+        let [x_m, y_m] = self.declared_extent_m?;
+        let (x, y) = (x_m.1 - x_m.0, y_m.1 - y_m.0);
+        // The scene's sides along and across the line of sight, corner to corner; all around, its diagonal.
+        let (deep_m, wide_m) = match self.looks_from_around() {
+            true => (x.hypot(y), x.hypot(y)),
+            false => {
+                let (sin, cos) = self.azimuth_deg.to_radians().sin_cos();
+                (x * cos.abs() + y * sin.abs(), x * sin.abs() + y * cos.abs())
+            }
+        };
+        let over = |what: &str, scene_m: f64, unambiguous_m: Option<f64>, cause: &str| {
+            let unambiguous_m = unambiguous_m.filter(|&m| m < scene_m)?;
+            Some(format!(
+                "the scene is {scene_m:.1} m {what} and repeats every {unambiguous_m:.1} m ({cause})"
+            ))
+        };
+        let across = over(
+            "across the line of sight",
+            wide_m,
+            self.unambiguous_cross_range_m,
+            "the pulses' spacing",
+        );
+        let along = over(
+            "along the line of sight",
+            deep_m,
+            self.unambiguous_range_m,
+            "the frequencies' spacing",
+        );
+        let all: Vec<String> = [across, along].into_iter().flatten().collect();
+        (!all.is_empty()).then(|| {
+            format!(
+                "{}: targets have ghosts, unless the antenna's beam keeps them out",
+                all.join("; ")
+            )
+        })
+    }
+
+    /// Whether the line of sight turns so far that the scene has no sides along and across it.
+    fn looks_from_around(&self) -> bool {
+        self.aperture_azimuth_deg > 45.0
+    }
+}
+
+/// Half sides of the largest rectangle along x and y within a rectangle of `a` by `b` whose side
+/// `a` is turned by `turn` from x, both centred on the origin.
+///
+/// Half sides `(p, q)` fit if `p |cos| + q |sin| <= a / 2` and `p |sin| + q |cos| <= b / 2`. Of one
+/// constraint alone the area is largest where its terms are equal; where that point breaks the
+/// other, the largest rectangle touches both.
+fn largest_upright_rectangle(a: f64, b: f64, turn: f64) -> (f64, f64) {
+    let (sin, cos) = (turn.sin().abs(), turn.cos().abs());
+    let (short, long) = (a.min(b), a.max(b));
+    if short <= long * 2.0 * sin * cos {
+        let quarter = short / 4.0;
+        // The short side's constraint rules; its terms are equal.
+        if a < b {
+            (quarter / cos, quarter / sin)
+        } else {
+            (quarter / sin, quarter / cos)
+        }
+    } else {
+        let determinant = 2.0 * (cos * cos - sin * sin);
+        (
+            (a * cos - b * sin) / determinant,
+            (b * cos - a * sin) / determinant,
+        )
+    }
+}
+
+/// Rounds down to two significant digits: grids with steps that a person would write.
+pub fn round_to_two_digits(value: f64) -> f64 {
+    let unit = 10f64.powf(value.log10().floor() - 1.0);
+    let digits = (value / unit + 1e-9).floor();
+    // Division by a power of ten is exact to the last digit where multiplication by 0.01 is not.
+    if unit < 1.0 {
+        digits / (1.0 / unit).round()
+    } else {
+        digits * unit
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn upright_rectangle_is_the_largest_that_fits() {
+        // Oracle: the best of a fine scan of half sides.
+        for (a, b, turn_deg) in [
+            (10.0, 4.0, 0.0),
+            (10.0, 4.0, 30.0),
+            (4.0, 10.0, 30.0),
+            (7.0, 6.0, 45.0),
+            (5.0, 5.0, 80.0),
+        ] {
+            let turn = f64::to_radians(turn_deg);
+            let (sin, cos) = (turn.sin().abs(), turn.cos().abs());
+            let fits = |p: f64, q: f64| {
+                p * cos + q * sin <= a / 2.0 + 1e-9 && p * sin + q * cos <= b / 2.0 + 1e-9
+            };
+            let mut best = 0.0;
+            for i in 0..=1000 {
+                let p = 5.5 * f64::from(i) / 1000.0;
+                for j in 0..=1000 {
+                    let q = 5.5 * f64::from(j) / 1000.0;
+                    if fits(p, q) {
+                        best = f64::max(best, p * q);
+                    }
+                }
+            }
+            let (p, q) = largest_upright_rectangle(a, b, turn);
+            assert!(fits(p, q), "{a} {b} {turn_deg}: {p} {q}");
+            // The scan misses at most a step of 5.5 mm in each side.
+            assert!(
+                p * q >= best && p * q < best + 0.06,
+                "{a} {b} {turn_deg}: {} {best}",
+                p * q
+            );
+        }
+    }
+
+    #[test]
+    fn steps_are_round() {
+        for (value, round) in [
+            (0.1234, 0.12),
+            (1.0, 1.0),
+            (0.2, 0.2),
+            (37.9, 37.0),
+            (561.0, 560.0),
+        ] {
+            assert_eq!(round_to_two_digits(value), round);
+        }
+    }
+}

@@ -1,0 +1,463 @@
+//! What a collection can show: band, resolution, unambiguous extent, aperture, geometry, and the
+//! grid that suits it.
+//!
+//! Resolution and the pixels that an image needs follow from the support of the collection in spatial frequency
+//! ([`crate::support`]), at the place in question, projected on the direction in question: the true shape of the support
+//! and its weights, not the box around it. For a broadside monostatic pass that is the textbook's `c / (2 B cos g)`
+//! and `lambda R / (2 L)` at grazing angle `g` and aperture length `L`, and the unambiguous extents, one
+//! over the step from sample to sample, are `c / (2 step cos g)` and `lambda R / (2 d)` at pulse spacing `d`
+//! (Carrara, Goodman and Majewski, chapter 2).
+//!
+//! A *resolution* here is Rayleigh's, without a window; a *half-power width* is that of the response, 0.886 of it
+//! without windows. The beam of the antennas is not known to a collection and left out: what it dims resolves less.
+//!
+//! Neglected: the Earth's curvature in angles.
+
+mod aperture;
+pub mod default_grid;
+
+use glam::DVec3;
+use serde::Serialize;
+
+use crate::support::{Looks, path_gradient};
+use aperture::Aperture;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
+use subaperture_model::phase_history::{Collection, Pulse};
+use subaperture_signal::window::Window;
+
+pub use default_grid::{DefaultGrid, MOST_PIXELS, NoDefaultGrid};
+
+/// Places a side of the scene at which the support is looked at for the pixels that it needs.
+const PROBES: usize = 9;
+
+/// Which side of its track the antenna looks to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// The scene lies to the left of the velocity, seen from above.
+    Left,
+    /// The scene lies to the right of the velocity, seen from above.
+    Right,
+}
+
+/// The findings. `None` means that the geometry has no such number (an antenna that stands still
+/// has no cross-range resolution) or that the record does not tell.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Survey {
+    /// The collection's name.
+    pub name: String,
+    /// Number of pulses.
+    pub num_pulses: usize,
+    /// Frequency samples a pulse.
+    pub num_samples: usize,
+    /// Lowest frequency of any pulse, hertz.
+    pub lowest_hz: f64,
+    /// Highest frequency of any pulse, hertz.
+    pub highest_hz: f64,
+    /// Bandwidth of the first pulse, `num_samples * step_hz`, hertz.
+    pub bandwidth_hz: f64,
+    /// Frequency step of the first pulse, hertz.
+    pub step_hz: f64,
+    /// Whether all pulses have the same frequencies.
+    pub band_is_shared: bool,
+    /// Wavelength at the middle of the band, metres.
+    pub wavelength_m: f64,
+
+    /// Along the line of sight of the middle pulse: `c / (2 bandwidth)`, and more of antennas apart, metres.
+    pub slant_range_resolution_m: f64,
+    /// Resolution in the scene plane along the line of sight, metres.
+    pub range_resolution_m: Option<f64>,
+    /// Resolution in the scene plane across the line of sight, metres.
+    pub cross_range_resolution_m: Option<f64>,
+    /// Widths of the response between the points of half its power, without windows.
+    pub half_power: Widths,
+    /// The same under the default window over both fast and slow time.
+    pub half_power_windowed: Widths,
+    /// `c / (2 step)`, metres.
+    pub unambiguous_slant_range_m: f64,
+    /// Extent in the scene plane along the line of sight before the scene repeats, metres.
+    pub unambiguous_range_m: Option<f64>,
+    /// Extent in the scene plane across the line of sight before the scene repeats, metres.
+    pub unambiguous_cross_range_m: Option<f64>,
+
+    /// Time from the first to the last pulse, seconds.
+    pub duration_s: Option<f64>,
+    /// Median time from pulse to pulse, seconds.
+    pub pri_s: Option<f64>,
+    /// Median distance from pulse to pulse of the antenna (of the middle between the two if there
+    /// are two), metres.
+    pub pulse_spacing_m: Option<f64>,
+    /// Length of the aperture from end to end, of one that goes around the scene along its way, metres.
+    pub aperture_length_m: f64,
+    /// The widest angle between two antennas, seen from the scene's centre, degrees.
+    pub aperture_angle_deg: f64,
+    /// Azimuths from which the scene's centre is seen: 360 of a full circle, degrees.
+    pub aperture_azimuth_deg: f64,
+
+    /// The point that geometry and resolution are given for: centre of the declared extent, else the origin, or as asked.
+    pub scene_centre_m: [f64; 3],
+    /// Half the path from transmitter to scene centre to receiver at the middle pulse, metres.
+    pub slant_range_m: f64,
+    /// Elevation of the antenna above the scene plane seen from the scene's centre, degrees.
+    pub grazing_angle_deg: f64,
+    /// Direction from the scene's centre to the antenna, degrees from x towards y.
+    pub azimuth_deg: f64,
+    /// Angle of the line of sight off broadside, forward positive, degrees.
+    pub squint_deg: Option<f64>,
+    /// The side the antenna looks to.
+    pub side: Option<Side>,
+    /// Angle between transmitter and receiver seen from the scene's centre, degrees.
+    pub bistatic_angle_deg: f64,
+
+    /// Scene origin on the Earth, if the frame is tied to it.
+    pub origin: Option<Geodetic>,
+    /// The extent that the collection declares: smallest and largest x, then y, metres.
+    pub declared_extent_m: Option<[(f64, f64); 2]>,
+    /// Resolution along the frame's x and y axes, metres.
+    pub axis_resolution_m: [Option<f64>; 2],
+    /// Largest step of pixels along x and y with which nothing folds anywhere in the extent of the default grid, metres:
+    /// one over the widest extent of the support there.
+    pub nyquist_step_m: [Option<f64>; 2],
+}
+
+/// Half-power widths of the response, metres.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Widths {
+    /// In space along the middle pulse's line of sight.
+    pub slant_range_m: Option<f64>,
+    /// In the scene plane along the line of sight.
+    pub range_m: Option<f64>,
+    /// In the scene plane across the line of sight.
+    pub cross_range_m: Option<f64>,
+}
+
+impl Survey {
+    /// Of the scene's centre; `None` if `collection` has no pulses.
+    pub fn of(collection: &Collection) -> Option<Self> {
+        Self::at(collection, scene_centre(collection))
+    }
+
+    /// Seen from the place `centre`, a point of the scene frame in metres; `None` if `collection` has no pulses.
+    pub fn at(collection: &Collection, centre: DVec3) -> Option<Self> {
+        let pulses = &collection.pulses;
+        let first = pulses.first()?;
+        let middle = &pulses[pulses.len() / 2];
+        let num_samples = collection.num_samples;
+        let looks = Looks::new(collection, Window::None, Window::None);
+        let support = looks.at(centre);
+
+        let lowest_hz = pulses
+            .iter()
+            .map(|p| p.start_hz)
+            .fold(f64::INFINITY, f64::min);
+        let top = num_samples.saturating_sub(1);
+        let highest_hz = pulses
+            .iter()
+            .map(|p| p.frequency_hz(top))
+            .fold(0.0, f64::max);
+        let bandwidth_hz = num_samples as f64 * first.step_hz;
+
+        let slant_range_m = middle.path_m(centre) / 2.0;
+        let line_of_sight = (centre - phase_centre(middle)).normalize_or_zero();
+        // The path of the bisector grows by this, 2 of a monostatic radar.
+        let gradient = path_gradient(middle.transmitter_m, middle.receiver_m, centre);
+        let [range, cross] = support.range_and_cross([DVec3::X, DVec3::Y]);
+        // What is wider than the range is long is no resolution.
+        let resolved = |width_m: Option<f64>| width_m.filter(|&m| m < slant_range_m);
+        let resolution = |direction| resolved(support.along(direction)?.resolution_m());
+        let widths = |window: Window| {
+            let looks = Looks::new(collection, window, window);
+            let support = looks.at(centre);
+            let width = |direction| resolved(support.along(direction)?.width_3db_m());
+            Widths {
+                slant_range_m: gradient.try_normalize().and_then(width),
+                range_m: width(range),
+                cross_range_m: width(cross),
+            }
+        };
+        let aperture = Aperture::of(pulses, centre);
+        let velocity = velocity_direction(pulses);
+        let to_antenna = -line_of_sight;
+        let timed = |seconds: Option<f64>| seconds.filter(|_| collection.timed);
+        let seen = |antenna: DVec3| (antenna - centre).normalize_or_zero();
+        let mut survey = Self {
+            name: collection.name.clone(),
+            num_pulses: pulses.len(),
+            num_samples,
+            lowest_hz,
+            highest_hz,
+            bandwidth_hz,
+            step_hz: first.step_hz,
+            band_is_shared: collection.band().is_some(),
+            wavelength_m: SPEED_OF_LIGHT_M_S / (lowest_hz.midpoint(highest_hz)),
+            slant_range_resolution_m: SPEED_OF_LIGHT_M_S
+                / (bandwidth_hz * positive(gradient.length()).unwrap_or(2.0)),
+            range_resolution_m: resolution(range),
+            cross_range_resolution_m: resolution(cross),
+            half_power: widths(Window::None),
+            half_power_windowed: widths(Window::default()),
+            unambiguous_slant_range_m: SPEED_OF_LIGHT_M_S / (2.0 * first.step_hz),
+            unambiguous_range_m: aperture::unambiguous_range_m(middle, centre),
+            unambiguous_cross_range_m: aperture::unambiguous_cross_m(
+                collection,
+                centre,
+                slant_range_m,
+            ),
+            duration_s: timed(positive(pulses[pulses.len() - 1].time_s - first.time_s)),
+            pri_s: timed(median(pulses.windows(2).map(|w| w[1].time_s - w[0].time_s))),
+            pulse_spacing_m: median(
+                pulses
+                    .windows(2)
+                    .map(|w| phase_centre(&w[0]).distance(phase_centre(&w[1]))),
+            ),
+            aperture_length_m: aperture.length_m,
+            aperture_angle_deg: aperture.angle_rad.to_degrees(),
+            aperture_azimuth_deg: aperture.azimuth_rad.to_degrees(),
+            scene_centre_m: centre.to_array(),
+            slant_range_m,
+            grazing_angle_deg: to_antenna.z.clamp(-1.0, 1.0).asin().to_degrees(),
+            azimuth_deg: to_antenna.y.atan2(to_antenna.x).to_degrees(),
+            squint_deg: velocity.map(|v| v.dot(line_of_sight).clamp(-1.0, 1.0).asin().to_degrees()),
+            side: velocity.and_then(|v| side(v, line_of_sight)),
+            bistatic_angle_deg: angle_between(seen(middle.transmitter_m), seen(middle.receiver_m))
+                .to_degrees(),
+            origin: geodetic_origin(&collection.frame),
+            declared_extent_m: collection.extent.map(|e| [e.x_m, e.y_m]),
+            axis_resolution_m: [DVec3::X, DVec3::Y].map(resolution),
+            nyquist_step_m: [None; 2],
+        };
+        if let Ok(extent) = survey.extent() {
+            survey.nyquist_step_m = nyquist_step_m(&looks, &extent, slant_range_m);
+        }
+        Some(survey)
+    }
+
+    /// Cross-range distance from a scatterer to its first grating lobe where sub-CPIs of
+    /// `num_pulses` pulses are read by plain interpolation (the thesis's mode): `lambda R / (2 D)`
+    /// with the sub-CPI spacing `D`, that of an array whose elements lie `2 D` apart
+    /// (Schone 2020, S 4.1.2). Metres.
+    pub fn grating_lobe_m(&self, num_pulses: usize) -> Option<f64> {
+        self.unambiguous_cross_range_m
+            .map(|extent_m| extent_m / num_pulses.max(1) as f64)
+    }
+}
+
+fn phase_centre(pulse: &Pulse) -> DVec3 {
+    pulse.transmitter_m.midpoint(pulse.receiver_m)
+}
+
+fn scene_centre(collection: &Collection) -> DVec3 {
+    collection.extent.map_or(DVec3::ZERO, |extent| {
+        let middle = |(low, high): (f64, f64)| low.midpoint(high);
+        DVec3::new(middle(extent.x_m), middle(extent.y_m), 0.0)
+    })
+}
+
+/// Direction of flight around the middle pulse, over a sixteenth of the aperture.
+fn velocity_direction(pulses: &[Pulse]) -> Option<DVec3> {
+    let middle = pulses.len() / 2;
+    let reach = (pulses.len() / 32).max(1);
+    let from = phase_centre(&pulses[middle.saturating_sub(reach)]);
+    let to = phase_centre(&pulses[(middle + reach).min(pulses.len() - 1)]);
+    (to.distance(from) > 1e-9 * from.length().max(1.0)).then(|| (to - from).normalize())
+}
+
+fn side(velocity: DVec3, line_of_sight: DVec3) -> Option<Side> {
+    let up = velocity.cross(line_of_sight).z;
+    if up.abs() < 1e-6 {
+        None
+    } else if up > 0.0 {
+        Some(Side::Left)
+    } else {
+        Some(Side::Right)
+    }
+}
+
+/// One over the widest extent of the support along x and y at any of `PROBES x PROBES` places of `extent`, edges and corners
+/// included: near antennas, off boresight, it is wider than in the middle.
+fn nyquist_step_m(looks: &Looks, extent: &Extent, limit_m: f64) -> [Option<f64>; 2] {
+    let at =
+        |(low, high): (f64, f64), i: usize| low + (high - low) * i as f64 / (PROBES - 1) as f64;
+    let mut widest = [0.0f64; 2];
+    for i in 0..PROBES * PROBES {
+        let place_m = DVec3::new(at(extent.x_m, i % PROBES), at(extent.y_m, i / PROBES), 0.0);
+        let support = looks.at(place_m);
+        for (widest, axis) in widest.iter_mut().zip([DVec3::X, DVec3::Y]) {
+            if let Some([low, high]) = support.extent(axis) {
+                *widest = widest.max(high - low);
+            }
+        }
+    }
+    widest.map(|extent| positive(1.0 / extent).filter(|&step_m| step_m < limit_m))
+}
+
+fn positive(value: f64) -> Option<f64> {
+    (value.is_finite() && value > 0.0).then_some(value)
+}
+
+/// Median of the values if it is positive.
+fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().and_then(positive)
+}
+
+/// The origin of a frame tied to the Earth.
+fn geodetic_origin(frame: &SceneFrame) -> Option<Geodetic> {
+    match frame {
+        SceneFrame::Earth { origin_ecf_m, .. } => Some(Geodetic::from_ecf_m(*origin_ecf_m)),
+        SceneFrame::Local => None,
+    }
+}
+
+/// Radians; 0 if a vector has no length.
+fn angle_between(a: DVec3, b: DVec3) -> f64 {
+    // Good for small angles too, where the arc cosine is not.
+    a.cross(b).length().atan2(a.dot(b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use subaperture_model::phase_history::Sweep;
+
+    /// A monostatic pass along x at height and ground distance `range_m / sqrt(2)`.
+    fn pass(spacing_m: f64, num_pulses: usize) -> Collection {
+        let pulses = (0..num_pulses)
+            .map(|n| {
+                let x = (n as f64 - (num_pulses as f64 - 1.0) / 2.0) * spacing_m;
+                let antenna_m = DVec3::new(x, -5000.0, 5000.0);
+                Pulse {
+                    time_s: n as f64 * 1e-3,
+                    transmitter_m: antenna_m,
+                    receiver_m: antenna_m,
+                    reference_m: DVec3::ZERO,
+                    reference_path_m: 2.0 * antenna_m.length(),
+                    start_hz: 9.9e9,
+                    step_hz: 1e6,
+                    sweep: Sweep::AT_ONCE,
+                }
+            })
+            .collect();
+        Collection {
+            name: "pass".to_owned(),
+            num_samples: 200,
+            pulses,
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        }
+    }
+
+    fn close(value: Option<f64>, expected: f64, relative: f64) {
+        let value = value.expect("a number");
+        assert!(
+            (value / expected - 1.0).abs() < relative,
+            "{value} is not {expected}"
+        );
+    }
+
+    #[test]
+    fn broadside_pass_is_the_textbook_s() {
+        let survey = Survey::of(&pass(0.1, 1001)).unwrap();
+        let (range_m, cos) = (5000.0 * 2f64.sqrt(), 0.5f64.sqrt());
+        let wavelength_m = SPEED_OF_LIGHT_M_S / 9.9995e9;
+        // Neglected: the aperture's angle of 0.8 deg squared in range; half a sample of the band (0.25 %).
+        close(
+            survey.range_resolution_m,
+            SPEED_OF_LIGHT_M_S / (2.0 * 200e6 * cos),
+            2e-3,
+        );
+        close(
+            survey.cross_range_resolution_m,
+            wavelength_m * range_m / (2.0 * 100.1),
+            2e-3,
+        );
+        close(
+            survey.half_power.cross_range_m,
+            0.885_893 * wavelength_m * range_m / (2.0 * 100.1),
+            2e-3,
+        );
+        // Taylor's 35 dB broadens by 1.185 / 0.886 (`quality::theory`).
+        close(
+            survey.half_power_windowed.cross_range_m,
+            1.185 * wavelength_m * range_m / (2.0 * 100.1),
+            5e-3,
+        );
+        close(
+            survey.unambiguous_range_m,
+            SPEED_OF_LIGHT_M_S / (2.0 * 1e6 * cos),
+            1e-3,
+        );
+        close(
+            survey.unambiguous_cross_range_m,
+            wavelength_m * range_m / (2.0 * 0.1),
+            1e-3,
+        );
+        close(
+            survey.grating_lobe_m(50),
+            wavelength_m * range_m / (2.0 * 5.0),
+            1e-3,
+        );
+        close(Some(survey.aperture_length_m), 100.0, 1e-9);
+        close(Some(survey.grazing_angle_deg), 45.0, 1e-6);
+        close(survey.pri_s, 1e-3, 1e-9);
+        assert!(survey.squint_deg.unwrap().abs() < 0.01);
+        // Flying along +x and looking along +y: to the left.
+        assert_eq!(survey.side, Some(Side::Left));
+        assert_eq!(survey.bistatic_angle_deg, 0.0);
+    }
+
+    #[test]
+    fn default_grid_is_half_the_resolution_over_the_unambiguous_extent() {
+        let survey = Survey::of(&pass(0.1, 1001)).unwrap();
+        let DefaultGrid { grid, cropped } = survey.default_grid().unwrap();
+        assert_eq!(cropped, None);
+        // 1.06 m by 1.06 m of resolution in the middle; in the corners, 6 degrees off broadside at the most, range adds up to
+        // sin(6 degrees) of its band to x: steps of 0.53 / 1.105 = 0.479 m to 0.53 m, rounded down to two digits.
+        for step in [grid.rows.step, grid.columns.step] {
+            assert!((0.47..0.53).contains(&step), "{step}");
+        }
+        let width = grid.columns.step * grid.columns.count as f64;
+        assert!((width / survey.unambiguous_cross_range_m.unwrap() - 1.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn an_antenna_that_stands_still_has_no_cross_range() {
+        let survey = Survey::of(&pass(0.0, 64)).unwrap();
+        assert_eq!(survey.cross_range_resolution_m, None);
+        assert_eq!(survey.unambiguous_cross_range_m, None);
+        assert_eq!(survey.pulse_spacing_m, None);
+        assert_eq!(survey.squint_deg, None);
+        assert_eq!(survey.side, None);
+        let error = survey.default_grid().unwrap_err().to_string();
+        assert!(
+            error.contains("does not move") && error.contains("--grid"),
+            "{error}"
+        );
+        let json = serde_json::to_string(&survey).unwrap();
+        assert!(!json.contains("NaN") && !json.contains("inf"), "{json}");
+    }
+
+    #[test]
+    fn one_pulse_and_none() {
+        assert_eq!(Survey::of(&pass(0.1, 0)), None);
+        let survey = Survey::of(&pass(0.1, 1)).unwrap();
+        assert_eq!(survey.unambiguous_cross_range_m, None);
+        assert!(survey.default_grid().is_err());
+    }
+
+    #[test]
+    fn origin_on_the_earth() {
+        let mut collection = pass(0.1, 4);
+        collection.frame = SceneFrame::Earth {
+            origin_ecf_m: DVec3::new(6_378_137.0 + 100.0, 0.0, 0.0),
+            x_axis_ecf: DVec3::Y,
+            y_axis_ecf: DVec3::Z,
+        };
+        let origin = Survey::of(&collection).unwrap().origin.unwrap();
+        assert!(origin.latitude_deg.abs() < 1e-9 && origin.longitude_deg.abs() < 1e-9);
+        assert!((origin.height_m - 100.0).abs() < 1e-3);
+    }
+}

@@ -1,0 +1,370 @@
+//! One pair of antennas of an experiment as raw samples.
+//!
+//! A pulse is made when it is read: the engine's sum over the scene at the waveform's frequencies and
+//! times, the pulse's own spectrum where there is a pulse, then what the receiver adds. With the true
+//! waveform (the nominal one but for the clock's error) and the true track, sample `k` is
+//!
+//! | waveform | raw sample | from the engine's sum `G` |
+//! |---|---|---|
+//! | ideal, stepped | `exp(-j 2 pi f_k tau)` | `G` referred to the reference's delay, and back |
+//! | pulsed | `exp(-j 2 pi f_c tau) p(t_k - tau)` | `exp(-j 2 pi f_c t_w) IDFT(P G)`, `G` referred to the window's start `t_w` |
+//! | FMCW | as [`Waveform::Fmcw`] | `G` referred to the mixer's delay |
+//!
+//! for a scatterer of 1 m² at the reference point; a pulse has magnitude 1. The window of a pulse is
+//! circular, so all echoes must lie within it: checked for the scene's still parts, refused if not. All
+//! frequencies of a pulse see the radar at the middle of its window; the change of path over the pulse is
+//! neglected ([`subaperture_receive`] says how much that is).
+//!
+//! Transmitters take turns: a pair holds every `num_transmitters`-th pulse, at its own time.
+//!
+//! With [`Motion::True`] what is recorded as a pulse's geometry is that of its middle sample: the receiver
+//! then, the transmitter a reference delay sooner, and the sample's time as the pulse's. Between the
+//! middle and other samples the measured track says the reference path.
+//!
+//! Cost beside the engine's: an FFT a pulse. Memory: 200 bytes a pulse, the scene, the engine's tables (256 MiB at
+//! most), and a row a thread.
+
+mod check;
+mod pulsed;
+mod sight;
+mod sweep;
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
+
+use self::check::check;
+use self::pulsed::Pulsed;
+use self::sight::{Sight, look, moving};
+use self::sweep::sweep;
+use super::engine::{Engine, Method, Scratch, View};
+use super::experiment::{Experiment, Pair};
+use super::receiver::clock::jitter_s;
+use super::receiver::{Impairments, Moment};
+use super::recording::RecordError;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::phase_history::ReadError;
+use subaperture_model::radar::{Antenna, Motion, Reference, Waveform};
+use subaperture_model::track::Trajectory;
+use subaperture_receive::{EchoCollection, EchoPulse, Echoes};
+use subaperture_signal::phase::{narrow, phasor};
+
+/// Most that tables of what is alike from pulse to pulse may take.
+const TABLE_BYTES: u64 = 256 << 20;
+
+/// Raw samples of a pair, made when read.
+pub struct Channel<'a> {
+    experiment: &'a Experiment,
+    pair: Pair,
+    engine: Engine<'a>,
+    /// What is truly transmitted and sampled.
+    waveform: Waveform,
+    /// The record: the nominal waveform and the measured track.
+    collection: EchoCollection,
+    true_antennas: Vec<[DVec3; 2]>,
+    /// Range at which amplitudes are 1, metres.
+    reference_range_m: f64,
+    impairments: Impairments,
+    pulsed: Option<Pulsed>,
+    /// Saturated samples of each pulse as last read.
+    saturated: Vec<AtomicU32>,
+}
+
+impl<'a> Channel<'a> {
+    pub(super) fn new(
+        experiment: &'a Experiment,
+        pair: Pair,
+        table_bytes: u64,
+    ) -> Result<Self, RecordError> {
+        let radar = &experiment.radar;
+        let num_transmitters = radar.transmitters.len();
+        let (Some(transmitter), Some(receiver)) = (
+            radar.transmitters.get(pair.transmitter),
+            radar.receivers.get(pair.receiver),
+        ) else {
+            return Err(RecordError::new(
+                experiment,
+                format!("the radar has no {pair:?}"),
+            ));
+        };
+        let fault = |what: String| RecordError::new(experiment, what);
+        check(experiment).map_err(fault)?;
+        let clock = radar.receiver.clock.unwrap_or_default();
+        let waveform = radar.waveform.with_clock_offset(clock.offset);
+        let measured = experiment.measured.as_ref().unwrap_or(&experiment.track);
+
+        let indices = (pair.transmitter..radar.num_pulses).step_by(num_transmitters);
+        let times_s: Vec<f64> = indices
+            .map(|n| radar.start_s + n as f64 * radar.pri_s)
+            .collect();
+        if times_s.is_empty() {
+            let what = format!(
+                "{} pulses give transmitter {} none",
+                radar.num_pulses, pair.transmitter
+            );
+            return Err(fault(what));
+        }
+        let sight = |body: &dyn Trajectory, waveform: &Waveform, pulse_s: f64| {
+            let after_s = moving(radar.motion).then(|| waveform.middle_s());
+            let time_s = pulse_s + after_s.unwrap_or(0.0);
+            (
+                time_s,
+                look(experiment, body, transmitter, receiver, time_s),
+            )
+        };
+        let pulses = times_s.par_iter().map(|&pulse_s| {
+            let (time_s, seen) = sight(measured.as_ref(), &radar.waveform, pulse_s);
+            EchoPulse {
+                time_s,
+                transmitter_m: seen.antennas_m[0],
+                receiver_m: seen.antennas_m[1],
+                reference_m: seen.reference_m,
+                reference_path_m: seen.reference_path_m,
+            }
+        });
+        let collection = EchoCollection {
+            name: match experiment.pairs().len() {
+                1 => experiment.name.clone(),
+                _ => format!("{} {}-{}", experiment.name, transmitter.name, receiver.name),
+            },
+            waveform: radar.waveform.clone(),
+            pulses: pulses.collect(),
+            frame: experiment.frame,
+            extent: experiment.extent,
+            timed: true,
+        };
+        let true_antennas: Vec<[DVec3; 2]> = times_s
+            .par_iter()
+            .map(|&pulse_s| {
+                let pulse_s = pulse_s / (1.0 + clock.offset);
+                sight(experiment.track.as_ref(), &waveform, pulse_s)
+                    .1
+                    .antennas_m
+            })
+            .collect();
+        let origin_m = match experiment.reference {
+            Reference::Point(point_m) => point_m,
+            Reference::Range(_) => DVec3::ZERO,
+        };
+        let [transmit_m, receive_m] =
+            true_antennas[true_antennas.len() / 2].map(|antenna| antenna.distance(origin_m));
+        let reference_range_m = (transmit_m * receive_m).sqrt();
+        if reference_range_m < 1e-3 {
+            return Err(fault("the radar is at its own reference point".to_owned()));
+        }
+        let mut channel = Self {
+            engine: Engine::new(&experiment.scene, experiment.method),
+            pulsed: Pulsed::new(experiment, &true_antennas).map_err(fault)?,
+            impairments: Impairments::new(experiment, reference_range_m).map_err(fault)?,
+            saturated: times_s.iter().map(|_| AtomicU32::new(0)).collect(),
+            experiment,
+            pair,
+            waveform,
+            collection,
+            true_antennas,
+            reference_range_m,
+        };
+        channel.recycle(table_bytes.min(TABLE_BYTES));
+        Ok(channel)
+    }
+
+    /// Reuses what is alike from pulse to pulse, if the track and the scene allow.
+    fn recycle(&mut self, table_bytes: u64) {
+        let experiment = self.experiment;
+        if experiment.method == Method::Sum || moving(experiment.radar.motion) {
+            return;
+        }
+        let views: Vec<View> = (0..self.collection.pulses.len())
+            .map(|n| self.view(n))
+            .collect();
+        let scene = &experiment.scene;
+        self.engine = Engine::for_track(scene, experiment.method, &views, table_bytes);
+    }
+
+    /// Samples of the pulses read so far of which I or Q saturated the converter.
+    pub fn saturated_samples(&self) -> u64 {
+        let counts = self.saturated.iter();
+        counts.map(|c| u64::from(c.load(Ordering::Relaxed))).sum()
+    }
+
+    fn antennas(&self) -> (&'a Antenna, &'a Antenna) {
+        let radar = &self.experiment.radar;
+        (
+            &radar.transmitters[self.pair.transmitter],
+            &radar.receivers[self.pair.receiver],
+        )
+    }
+
+    /// Index among the pulses of all transmitters.
+    fn index(&self, pulse: usize) -> usize {
+        self.pair.transmitter + pulse * self.experiment.radar.transmitters.len()
+    }
+
+    fn nominal_s(&self, pulse: usize) -> f64 {
+        let radar = &self.experiment.radar;
+        radar.start_s + self.index(pulse) as f64 * radar.pri_s
+    }
+
+    /// How late sampling of a pulse begins, seconds.
+    fn late_s(&self, n: usize) -> f64 {
+        let clock = self.experiment.radar.receiver.clock.unwrap_or_default();
+        jitter_s(&clock, self.experiment.seed, self.index(n))
+    }
+
+    fn delay_s(&self, n: usize) -> f64 {
+        self.collection.pulses[n].reference_path_m / SPEED_OF_LIGHT_M_S
+    }
+
+    /// Antennas and reference `after_s` after the start of pulse `n`, by the measured track.
+    fn measured(&self, n: usize, after_s: f64) -> Sight {
+        let experiment = self.experiment;
+        let measured = experiment.measured.as_ref().unwrap_or(&experiment.track);
+        let (transmitter, receiver) = self.antennas();
+        let time_s = self.nominal_s(n) + after_s;
+        look(experiment, measured.as_ref(), transmitter, receiver, time_s)
+    }
+
+    /// Pulse `n` as the engine sees it.
+    fn view(&self, n: usize) -> View<'a> {
+        let radar = &self.experiment.radar;
+        let clock = radar.receiver.clock.unwrap_or_default();
+        let (sweep, reference_s) = sweep(&self.waveform, self.delay_s(n), self.late_s(n));
+        let (transmitter, receiver) = self.antennas();
+        View {
+            body: self.experiment.track.as_ref(),
+            transmitter,
+            receiver,
+            time_s: self.nominal_s(n) / (1.0 + clock.offset),
+            sweep,
+            reference_s,
+            motion: radar.motion,
+            spreading_from_m: radar.spreading.then_some(self.reference_range_m),
+        }
+    }
+
+    /// Makes pulse `n` into `samples`; `work` is the transform's.
+    fn pulse(
+        &self,
+        n: usize,
+        scratch: &mut Scratch,
+        work: &mut Vec<Complex64>,
+        samples: &mut [Complex64],
+    ) {
+        let view = self.view(n);
+        let (sweep, reference_s, time_s) = (view.sweep, view.reference_s, view.time_s);
+        self.engine.pulse(&view, scratch, samples);
+        match (&self.waveform, &self.pulsed) {
+            (Waveform::Ideal { .. } | Waveform::Stepped { .. }, _) => {
+                let jitter_s = match self.waveform {
+                    Waveform::Ideal { .. } => self.late_s(n),
+                    _ => 0.0,
+                };
+                let centre_hz = self.waveform.centre_hz();
+                for (k, z) in samples.iter_mut().enumerate() {
+                    let frequency_hz = sweep.start_hz + k as f64 * sweep.step_hz;
+                    let jitter = (frequency_hz - centre_hz) * jitter_s;
+                    *z *= phasor(jitter - frequency_hz * reference_s);
+                }
+            }
+            (Waveform::Pulsed { centre_hz, .. }, Some(pulsed)) => {
+                pulsed.transmit(centre_hz * reference_s, work, samples);
+            }
+            _ => {}
+        }
+        let moment = Moment {
+            waveform: &self.waveform,
+            pulse: self.index(n),
+            receiver: self.pair.receiver,
+            time_s,
+            delay_s: self.delay_s(n),
+        };
+        let saturated = self.impairments.apply(&moment, samples);
+        self.saturated[n].store(saturated, Ordering::Relaxed);
+    }
+}
+
+impl Echoes for Channel<'_> {
+    fn collection(&self) -> &EchoCollection {
+        &self.collection
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        let width = self.waveform.num_samples();
+        assert_eq!(
+            samples.len(),
+            pulses.len() * width,
+            "samples must hold {pulses:?} whole"
+        );
+        let first = pulses.start;
+        samples
+            .par_chunks_exact_mut(width)
+            .zip(pulses)
+            .for_each_init(
+                || (Scratch::default(), Vec::new(), vec![Complex64::ZERO; width]),
+                |(scratch, work, sums), (row, n)| {
+                    self.pulse(n, scratch, work, sums);
+                    for (out, z) in row.iter_mut().zip(sums) {
+                        *out = narrow(*z);
+                    }
+                },
+            );
+        // A scatterer on an antenna with spreading, or amplitudes beyond float32.
+        match samples.iter().position(|z| !z.is_finite()) {
+            None => Ok(()),
+            Some(i) => Err(ReadError::NotFinite {
+                name: self.collection.name.clone(),
+                pulse: first + i / width,
+                sample: i % width,
+            }),
+        }
+    }
+
+    fn moves(&self) -> bool {
+        moving(self.experiment.radar.motion)
+    }
+
+    fn reference_path_m(&self, pulse: usize, after_s: f64) -> f64 {
+        let experiment = self.experiment;
+        let middle = &self.collection.pulses[pulse];
+        match (experiment.radar.motion, experiment.reference) {
+            (Motion::StopAndGo, _) => middle.reference_path_m,
+            (Motion::True, Reference::Point(_)) => self.measured(pulse, after_s).reference_path_m,
+            // The point at that range at the middle of the pulse: it stays where it is meanwhile.
+            (Motion::True, Reference::Range(_)) => {
+                let by_way_of = |antennas_m: [DVec3; 2]| -> f64 {
+                    let legs = antennas_m.map(|antenna_m| antenna_m.distance(middle.reference_m));
+                    legs.iter().sum()
+                };
+                let drift_m = by_way_of(self.measured(pulse, after_s).antennas_m)
+                    - by_way_of([middle.transmitter_m, middle.receiver_m]);
+                middle.reference_path_m + drift_m
+            }
+        }
+    }
+
+    fn antennas_m(&self, pulse: usize, after_s: f64) -> [DVec3; 2] {
+        match self.experiment.radar.motion {
+            Motion::True => self.measured(pulse, after_s).antennas_m,
+            Motion::StopAndGo => {
+                let pulse = &self.collection.pulses[pulse];
+                [pulse.transmitter_m, pulse.receiver_m]
+            }
+        }
+    }
+
+    fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        Some(&self.true_antennas)
+    }
+
+    fn held_bytes(&self) -> u64 {
+        let scene = &self.experiment.scene;
+        let held = size_of_val(self.collection.pulses.as_slice())
+            + size_of_val(self.true_antennas.as_slice())
+            + size_of_val(self.saturated.as_slice())
+            + size_of_val(scene.points.as_slice());
+        held as u64 + self.engine.held_bytes()
+    }
+}

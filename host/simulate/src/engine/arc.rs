@@ -1,0 +1,269 @@
+//! True motion over a run of samples: phases as parabolas.
+//!
+//! Over a run, with `kappa = -1 .. 1` along it, the antennas' ways are taken as parabolas through three of
+//! their positions, the transmitter's over the times at which what is received was sent. A scatterer's
+//! delay is solved at `kappa = -1, 0, 1` and `d(kappa) = d0 + d1 kappa + d2 kappa^2` goes through them. With
+//! `f = fc + fw kappa` and the residual rate `g` its phase in turns, `-f d + g d^2 / 2`, is
+//!
+//! ```text
+//! c0 = -fc d0 + g d0^2 / 2
+//! c1 = -fw d0 - fc d1 + g d0 d1
+//! c2 = -fw d1 - fc d2 + g (d1^2 / 2 + d0 d2)
+//! ```
+//!
+//! What is neglected is bounded, and the sweep cut into runs short enough that it stays below
+//! [`NEGLECTED_RAD`]:
+//!
+//! - `kappa^3` and `kappa^4`: `|fw d2| + |g d1 d2| + |g| d2^2 / 2`;
+//! - an antenna's way off its parabola, measured between the nodes: `f e / c`;
+//! - the delay off its parabola, `f max|d'''| / (9 sqrt 3)`. From `R^2 = r r` twice and thrice
+//!   differentiated, with speed `v` and acceleration `a` (per unit of `kappa`) at range `R`:
+//!   `|R''| <= v^2 / R + a`, `|R'''| <= 3 v a / R + 2 v^3 / (sqrt 3 R^2)`.
+//!
+//! `c1` is a place of the NUFFT: a delay rate shifts the beat. `c2` is a series ([`super::fast`]), good for
+//! `pi |c2| <= 1`, which bounds runs too.
+
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes of several arrays of one fixed length, side by side"
+)]
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::View;
+use super::chunk::{Chunk, LANES, Lanes, Phases};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+
+/// Phase that a run may be wrong by, a third of -80 dB.
+const NEGLECTED_RAD: f64 = 3e-5;
+/// Largest `pi |c2|`.
+pub(super) const MAX_BEND_RAD: f64 = 1.0;
+/// Shortest run; where even that is too long, the plain sum has to do.
+const MIN_SAMPLES: usize = 16;
+/// Where an antenna's way is held against its parabola.
+const CHECKS: [f64; 6] = [-0.85, -0.58, -0.25, 0.25, 0.58, 0.85];
+
+/// Nearest and farthest scatterer from one antenna, metres.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach {
+    pub(super) near_m: f64,
+    pub(super) far_m: f64,
+}
+
+/// A parabola in space, `start + step x + bend x^2` for `|x| <= 1`.
+#[derive(Clone, Copy, Debug)]
+struct Parabola {
+    start_m: DVec3,
+    step_m: DVec3,
+    bend_m: DVec3,
+    /// Largest distance seen between it and the way.
+    error_m: f64,
+}
+
+impl Parabola {
+    fn through(place: impl Fn(f64) -> DVec3) -> Self {
+        let [before, start_m, after] = [-1.0, 0.0, 1.0].map(&place);
+        let mut parabola = Self {
+            start_m,
+            step_m: (after - before) / 2.0,
+            bend_m: (after + before) / 2.0 - start_m,
+            error_m: 0.0,
+        };
+        for x in CHECKS {
+            // `max` would lose what is not a number.
+            let error_m = place(x).distance(parabola.at(x));
+            if error_m.is_nan() || error_m > parabola.error_m {
+                parabola.error_m = error_m;
+            }
+        }
+        parabola
+    }
+
+    fn at(&self, x: f64) -> DVec3 {
+        self.start_m + (self.step_m + self.bend_m * x) * x
+    }
+}
+
+/// A run of samples.
+#[derive(Clone, Debug)]
+pub(super) struct Arc {
+    pub(super) first: usize,
+    pub(super) count: usize,
+    centre_hz: f64,
+    half_hz: f64,
+    half_samples: f64,
+    /// From its far end to the middle of the sweep, in half lengths.
+    to_middle: f64,
+    residual_hz_s: f64,
+    reference_s: f64,
+    centre_s: f64,
+    half_s: f64,
+    receiver: Parabola,
+    transmitter: Parabola,
+    /// When the transmitter's parabola is in its middle, and half its length.
+    sent_s: f64,
+    sent_half_s: f64,
+}
+
+impl Arc {
+    /// The fewest equal runs whose errors are bounded, for scatterers at these distances from the
+    /// transmitter and the receiver; `None` if there are none.
+    pub(super) fn split(view: &View, transmitter: Reach, receiver: Reach) -> Option<Vec<Arc>> {
+        let samples = view.sweep.count;
+        let mut count = samples;
+        loop {
+            let arcs: Vec<Arc> = (0..samples)
+                .step_by(count.max(1))
+                .map(|first| {
+                    let count = count.min(samples - first);
+                    Arc::new(view, first, count, transmitter, receiver)
+                })
+                .collect();
+            if arcs.iter().all(|arc| arc.is_good(transmitter, receiver)) {
+                return Some(arcs);
+            }
+            count = count.div_ceil(2);
+            if count < MIN_SAMPLES {
+                return None;
+            }
+        }
+    }
+
+    fn new(view: &View, first: usize, count: usize, transmitter: Reach, receiver: Reach) -> Self {
+        let sweep = &view.sweep;
+        let half_samples = (count / 2).max(1) as f64;
+        let centre = (first + count / 2) as f64;
+        let centre_s = view.sample_s(centre);
+        let half_s = half_samples * sweep.step_s;
+        let late_s = (transmitter.far_m + receiver.far_m) / SPEED_OF_LIGHT_M_S;
+        let soon_s = (transmitter.near_m + receiver.near_m) / SPEED_OF_LIGHT_M_S;
+        let sent_s = centre_s - (late_s + soon_s) / 2.0;
+        // A tenth more: the nearest may come nearer until the run.
+        let sent_half_s = 1.1 * (half_s.abs() + (late_s - soon_s) / 2.0) + 1e-12;
+        Self {
+            first,
+            count,
+            centre_hz: sweep.start_hz + sweep.step_hz * centre,
+            half_hz: sweep.step_hz * half_samples,
+            half_samples,
+            to_middle: (centre - sweep.count as f64 / 2.0).abs() / half_samples + 1.0,
+            residual_hz_s: sweep.residual_hz_s,
+            reference_s: view.reference_s,
+            centre_s,
+            half_s,
+            receiver: Parabola::through(|x| view.receiver_m(centre_s + x * half_s)),
+            transmitter: Parabola::through(|x| view.transmitter_m(sent_s + x * sent_half_s)),
+            sent_s,
+            sent_half_s,
+        }
+    }
+
+    fn is_good(&self, transmitter: Reach, receiver: Reach) -> bool {
+        let c = SPEED_OF_LIGHT_M_S;
+        let scale = self.half_s.abs() / self.sent_half_s;
+        let (mut first, mut second, mut third, mut off) = (0.0, 0.0, 0.0, 0.0);
+        for (way, reach, scale) in [
+            (&self.receiver, receiver, 1.0),
+            (&self.transmitter, transmitter, scale),
+        ] {
+            let v = (way.step_m.length() + 2.0 * way.bend_m.length()) * scale;
+            let a = 2.0 * way.bend_m.length() * scale * scale;
+            // Reaches are those of the middle of the sweep.
+            let near_m = (reach.near_m - v * self.to_middle).max(0.0);
+            first += v / c;
+            second += (v * v / near_m + a) / c;
+            third += (3.0 * v * a / near_m + 2.0 / 3f64.sqrt() * v.powi(3) / near_m.powi(2)) / c;
+            off += way.error_m / c;
+        }
+        if first == 0.0 && second.is_nan() {
+            // Nothing moves, and a scatterer sits on the antenna.
+            (second, third) = (0.0, 0.0);
+        }
+        let highest_hz = self.centre_hz.abs() + self.half_hz.abs();
+        let g = self.residual_hz_s.abs();
+        let path_m = transmitter.far_m + receiver.far_m;
+        let far_s = path_m / c + self.reference_s.abs();
+        let (d1, d2) = (first, second / 2.0);
+        let cubic = self.half_hz.abs() * d2 + g * (d1 * d2 + d2 * d2 / 2.0);
+        let neglected = cubic + highest_hz * (off + third / (9.0 * 3f64.sqrt()));
+        let bend = self.half_hz.abs() * d1 + highest_hz * d2 + g * (d1 * d1 / 2.0 + far_s * d2);
+        2.0 * PI * neglected <= NEGLECTED_RAD && PI * bend <= MAX_BEND_RAD
+    }
+
+    /// Coefficients of a scatterer's phase from its delays (less the reference) at `kappa = -1, 0, 1`,
+    /// `c1` a sample.
+    #[inline(always)]
+    fn coefficients(&self, before: f64, d0: f64, after: f64) -> [f64; 3] {
+        let g = self.residual_hz_s;
+        let d1 = (after - before) / 2.0;
+        let d2 = (after + before) / 2.0 - d0;
+        let c0 = (g * d0 / 2.0 - self.centre_hz) * d0;
+        let c1 = (g * d0 - self.centre_hz) * d1 - self.half_hz * d0;
+        let c2 = (g * d0 - self.centre_hz) * d2 + (g * d1 / 2.0 - self.half_hz) * d1;
+        [c0, c1 / self.half_samples, c2]
+    }
+
+    /// Phases of still scatterers.
+    pub(super) fn phases(&self, chunk: &Chunk, phases: &mut Phases) {
+        let mut delays = [[0.0; LANES]; 3];
+        for (kappa, delays) in [-1.0, 0.0, 1.0].into_iter().zip(&mut delays) {
+            self.delays_s(chunk, kappa, delays);
+        }
+        let [before, middle, after] = &delays;
+        for i in 0..LANES {
+            [phases.turns[i], phases.slope[i], phases.bend[i]] =
+                self.coefficients(before[i], middle[i], after[i]);
+        }
+    }
+
+    /// Delays less the reference at `kappa`. Two rounds of the fixed point: the guess, twice the way back, is
+    /// wrong by the transmitter's distance from the receiver and its way meanwhile, some `1e-7` s
+    /// at most, and every round makes `v / c` of it: below 1e-16 s for a satellite, 1e-20 s for an aircraft.
+    fn delays_s(&self, chunk: &Chunk, kappa: f64, out: &mut Lanes<f64>) {
+        let c = SPEED_OF_LIGHT_M_S;
+        let receiver_m = self.receiver.at(kappa);
+        let received_s = self.centre_s + kappa * self.half_s - self.sent_s;
+        let Parabola {
+            start_m,
+            step_m,
+            bend_m,
+            ..
+        } = self.transmitter;
+        let per_half = 1.0 / self.sent_half_s;
+        for i in 0..LANES {
+            let (px, py, pz) = (chunk.x_m[i], chunk.y_m[i], chunk.z_m[i]);
+            let (x, y, z) = (px - receiver_m.x, py - receiver_m.y, pz - receiver_m.z);
+            let back_s = (x * x + y * y + z * z).sqrt() / c;
+            let mut delay_s = 2.0 * back_s;
+            for _ in 0..2 {
+                let t = (received_s - delay_s) * per_half;
+                let x = px - (start_m.x + (step_m.x + bend_m.x * t) * t);
+                let y = py - (start_m.y + (step_m.y + bend_m.y * t) * t);
+                let z = pz - (start_m.z + (step_m.z + bend_m.z * t) * t);
+                delay_s = back_s + (x * x + y * y + z * z).sqrt() / c;
+            }
+            out[i] = delay_s - self.reference_s;
+        }
+    }
+
+    /// The phase of one scatterer at `place(t)`, solved without the antennas' parabolas; `None` if it does
+    /// not follow one of its own, measured at `kappa = +-1/2`.
+    pub(super) fn phase(&self, view: &View, place: impl Fn(f64) -> DVec3) -> Option<[f64; 3]> {
+        let [before, early, middle, late, after] = [-1.0, -0.5, 0.0, 0.5, 1.0].map(|kappa| {
+            let time_s = self.centre_s + kappa * self.half_s;
+            let receiver_m = view.receiver_m(time_s);
+            view.delay_s(&place, time_s, receiver_m, 0.0) - self.reference_s
+        });
+        let found = self.coefficients(before, middle, after);
+        let [c0, c1, c2] = found;
+        let good = [(-0.5, early), (0.5, late)].into_iter().all(|(kappa, d)| {
+            let true_turns =
+                (self.residual_hz_s * d / 2.0 - self.centre_hz - self.half_hz * kappa) * d;
+            let turns = c0 + c1 * self.half_samples * kappa + c2 * kappa * kappa;
+            2.0 * PI * (true_turns - turns).abs() <= NEGLECTED_RAD
+        });
+        (good && PI * c2.abs() <= MAX_BEND_RAD).then_some(found)
+    }
+}

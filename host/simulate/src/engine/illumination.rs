@@ -1,0 +1,102 @@
+//! How strongly a scatterer is seen: antennas, spreading and what hides it.
+//!
+//! ```text
+//! g = A_tx A_rx [R0^2 / (R_tx R_rx)] V
+//! ```
+//!
+//! with the antennas' amplitudes `A` towards the scatterer, the one-way ranges `R`, `R0^2` the product of both to
+//! the reference point in the middle pulse (number `P/2` of `P`, from 0) and the visibility `V`, 0 if a block lies between the scatterer and either antenna. All is taken at one moment, the pulse's or,
+//! with true motion, the middle of the sweep: what changes of it within a sweep is neglected, `v T / R`
+//! relative to the beam's width (1e-4 for 125 m/s, 1 ms and 1 km). Corners are seen by their wavelength at the
+//! middle of the band and, by antennas apart, along the bisector.
+
+use glam::{DQuat, DVec3};
+
+use super::View;
+use crate::scene::shadow::hidden;
+use crate::scene::{Block, Corner};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::radar::{Antenna, Pattern};
+
+/// One view's antennas at one moment.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Illumination<'a> {
+    view: &'a View<'a>,
+    blocks: &'a [Block],
+    attitude: DQuat,
+    pub(super) transmitter_m: DVec3,
+    pub(super) receiver_m: DVec3,
+    wavelength_m: f64,
+}
+
+impl<'a> Illumination<'a> {
+    pub(super) fn new(view: &'a View<'a>, blocks: &'a [Block]) -> Self {
+        let pose = view.body.pose(view.middle_s());
+        let sweep = &view.sweep;
+        let centre_hz = sweep.start_hz + sweep.step_hz * (sweep.count.max(1) - 1) as f64 / 2.0;
+        Self {
+            view,
+            blocks,
+            attitude: pose.attitude,
+            transmitter_m: pose.point_m(view.transmitter.offset_m),
+            receiver_m: pose.point_m(view.receiver.offset_m),
+            wavelength_m: SPEED_OF_LIGHT_M_S / centre_hz,
+        }
+    }
+
+    /// Whether patterns and visibility are 1 for every point.
+    pub(super) fn is_even(&self) -> bool {
+        let even = |pattern| pattern == Pattern::Isotropic;
+        self.blocks.is_empty()
+            && even(self.view.transmitter.pattern)
+            && even(self.view.receiver.pattern)
+    }
+
+    /// Antennas and visibility of a point, without spreading.
+    pub(super) fn beam(&self, point_m: DVec3) -> f64 {
+        if self.is_even() {
+            return 1.0;
+        }
+        let one = |antenna: &Antenna, from_m: DVec3| {
+            let towards = (point_m - from_m).normalize_or_zero();
+            antenna.amplitude(self.attitude, towards)
+        };
+        let beam = one(self.view.transmitter, self.transmitter_m)
+            * one(self.view.receiver, self.receiver_m);
+        let same = self.transmitter_m == self.receiver_m;
+        // Shadows cost most: only what the antennas see.
+        if beam == 0.0
+            || hidden(self.blocks, self.transmitter_m, point_m)
+            || (!same && hidden(self.blocks, self.receiver_m, point_m))
+        {
+            return 0.0;
+        }
+        beam
+    }
+
+    /// A corner's own amplitude.
+    pub(super) fn corner(&self, corner: &Corner) -> f64 {
+        let to = |antenna_m: DVec3| (antenna_m - corner.position_m).normalize_or_zero();
+        let bisector = (to(self.transmitter_m) + to(self.receiver_m)).normalize_or_zero();
+        corner.amplitude(bisector, self.wavelength_m)
+    }
+
+    /// Range at which spreading is 1, if there is any.
+    pub(super) fn spreading_from_m(&self) -> Option<f64> {
+        self.view.spreading_from_m
+    }
+
+    /// Spreading of a point; 1 where none is asked for.
+    pub(super) fn spreading(&self, point_m: DVec3) -> f64 {
+        self.view.spreading_from_m.map_or(1.0, |from_m| {
+            let out_m = self.transmitter_m.distance(point_m);
+            let back_m = self.receiver_m.distance(point_m);
+            from_m * from_m / (out_m * back_m)
+        })
+    }
+
+    /// All of it, for a point.
+    pub(super) fn of(&self, point_m: DVec3) -> f64 {
+        self.beam(point_m) * self.spreading(point_m)
+    }
+}

@@ -1,0 +1,167 @@
+//! The thesis's simulated collections: Schone 2020, Tables 2.1 and 4.1.
+
+use std::f64::consts::TAU;
+use std::str::FromStr;
+
+use glam::DVec3;
+use num_complex::Complex64;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::{Distribution, Uniform};
+
+use super::{Noise, Scatterer, Simulated};
+use subaperture_model::geometry::{Extent, SceneFrame};
+use subaperture_model::phase_history::{Collection, Pulse, Sweep};
+
+/// A collection of the thesis. Text form: `table-2-1`, `table-4-1`.
+///
+/// In both, samples are referred to a fixed range `R_0` from the moving radar, as a receiver with
+/// one range gate delivers them: the reference point rides along with the platform.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// Range migration: one target receding at 10 m/s, 400 MHz, 1024 pulses of 0.5 ms at 5 km. The
+    /// table gives no carrier; 10 GHz is taken, as in Table 4.1. The radar recedes instead of the
+    /// target (S 2.3 notes that only relative motion counts). The CPI lasts 0.512 s: the 5.12 s in
+    /// the thesis's text is a slip, its 5.12 m of migration is right.
+    Table21,
+    /// Imaging: 10 GHz, 200 MHz, 1040 pulses of 1 ms at 5 km and 125 m/s on a straight line along x,
+    /// looking along y in one plane; 41 unit scatterers over 80 x 80 m, one at the centre.
+    Table41,
+}
+
+/// What may differ from the table.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Variation {
+    /// Thermal noise; none by default.
+    pub noise: Option<Noise>,
+    /// RMS displacement of the track from its straight line in each axis, metres. The displacement
+    /// is smooth (periods of a fifth of the aperture and longer) and known to the record.
+    pub perturbation_m: f64,
+    /// Seed of the perturbation.
+    pub seed: u64,
+}
+
+/// Frequencies a pulse, both presets: an unambiguous range of 96 m and 192 m.
+const NUM_SAMPLES: usize = 256;
+/// Carrier of both presets, hertz.
+const CARRIER_HZ: f64 = 10e9;
+/// `R_0` of both presets, metres.
+const RANGE_M: f64 = 5000.0;
+
+impl Preset {
+    /// The collection of this table.
+    pub fn simulate(self, variation: &Variation) -> Simulated {
+        let (bandwidth_hz, num_pulses, pri_s, velocity_m_s, extent_m) = match self {
+            Self::Table21 => (400e6, 1024, 0.5e-3, DVec3::new(0.0, -10.0, 0.0), 20.0),
+            Self::Table41 => (200e6, 1040, 1e-3, DVec3::new(125.0, 0.0, 0.0), 45.0),
+        };
+        let step_hz = bandwidth_hz / NUM_SAMPLES as f64;
+        let sway = Sway::new(variation, num_pulses);
+        let pulses = (0..num_pulses)
+            .map(|n| {
+                let index = n as f64 - (num_pulses as f64 - 1.0) / 2.0;
+                let along = velocity_m_s * (index * pri_s);
+                let radar_m = DVec3::new(0.0, -RANGE_M, 0.0) + along + sway.at(n);
+                Pulse {
+                    time_s: n as f64 * pri_s,
+                    transmitter_m: radar_m,
+                    receiver_m: radar_m,
+                    reference_m: radar_m + DVec3::new(0.0, RANGE_M, 0.0),
+                    reference_path_m: 2.0 * RANGE_M,
+                    start_hz: CARRIER_HZ - (NUM_SAMPLES / 2) as f64 * step_hz,
+                    step_hz,
+                    sweep: Sweep::AT_ONCE,
+                }
+            })
+            .collect();
+        let collection = Collection {
+            name: self.name().to_owned(),
+            num_samples: NUM_SAMPLES,
+            pulses,
+            // East, north, up where the equator meets the prime meridian.
+            frame: SceneFrame::Earth {
+                origin_ecf_m: DVec3::new(6_378_137.0, 0.0, 0.0),
+                x_axis_ecf: DVec3::Y,
+                y_axis_ecf: DVec3::Z,
+            },
+            extent: Some(Extent {
+                x_m: (-extent_m, extent_m),
+                y_m: (-extent_m, extent_m),
+            }),
+            timed: true,
+        };
+        Simulated::new(collection, self.scatterers(), variation.noise)
+    }
+
+    fn scatterers(self) -> Vec<Scatterer> {
+        let unit = |position_m| Scatterer {
+            position_m,
+            amplitude: Complex64::ONE,
+        };
+        let mut scatterers = vec![unit(DVec3::ZERO)];
+        if self == Self::Table41 {
+            let mut random = ChaCha8Rng::seed_from_u64(41);
+            let side = Uniform::new(-40.0, 40.0).expect("an interval");
+            scatterers.extend((0..40).map(|_| {
+                let (x, y) = (side.sample(&mut random), side.sample(&mut random));
+                unit(DVec3::new(x, y, 0.0))
+            }));
+        }
+        scatterers
+    }
+
+    /// The text form.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Table21 => "table-2-1",
+            Self::Table41 => "table-4-1",
+        }
+    }
+}
+
+/// A text is not the name of a preset.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("preset '{0}': known are table-2-1 (range migration) and table-4-1 (imaging)")]
+pub struct PresetError(String);
+
+impl FromStr for Preset {
+    type Err = PresetError;
+
+    fn from_str(text: &str) -> Result<Self, PresetError> {
+        [Self::Table21, Self::Table41]
+            .into_iter()
+            .find(|preset| preset.name() == text)
+            .ok_or_else(|| PresetError(text.to_owned()))
+    }
+}
+
+/// A smooth displacement: five harmonics of the aperture in each axis, random phases, equal power.
+struct Sway {
+    rms_m: f64,
+    num_pulses: f64,
+    phases: [[f64; 3]; 5],
+}
+
+impl Sway {
+    fn new(variation: &Variation, num_pulses: usize) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(variation.seed);
+        let circle = Uniform::new(0.0, TAU).expect("an interval");
+        Self {
+            rms_m: variation.perturbation_m,
+            num_pulses: num_pulses as f64,
+            phases: std::array::from_fn(|_| std::array::from_fn(|_| circle.sample(&mut random))),
+        }
+    }
+
+    fn at(&self, n: usize) -> DVec3 {
+        let turn = TAU * n as f64 / self.num_pulses;
+        // Each of five harmonics has power a^2 / 2: a = rms sqrt(2 / 5).
+        let amplitude = self.rms_m * (2.0f64 / 5.0).sqrt();
+        let mut sum = DVec3::ZERO;
+        for (phases, harmonic) in self.phases.iter().zip(1..) {
+            let angle = turn * f64::from(harmonic);
+            sum += DVec3::from_array(phases.map(|phase| (angle + phase).sin()));
+        }
+        sum * amplitude
+    }
+}

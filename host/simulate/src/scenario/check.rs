@@ -1,0 +1,289 @@
+//! What makes no sense together: the radar's timing, its window and its way against the scene.
+//!
+//! Geometry is looked at on up to 257 pulses, the first and the last among them, with every antenna.
+
+use glam::DVec3;
+
+use crate::experiment::Experiment;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::quantity::{hertz, metres};
+use subaperture_model::radar::{Radar, Reference, Waveform};
+use subaperture_model::track::Trajectory;
+
+use super::error::Found;
+use super::values::Values;
+use subaperture_describe::radar::transmission_s;
+
+/// Pulses that are looked at.
+const LOOKS: usize = 256;
+
+/// Farthest that a radar may be from the scene's origin, metres: float64 still tells 1e-7 m apart there.
+const FARTHEST_M: f64 = 1e9;
+
+/// Where the antennas are at one pulse.
+struct Look {
+    pulse: usize,
+    transmitters_m: Vec<DVec3>,
+    receivers_m: Vec<DVec3>,
+}
+
+impl Look {
+    fn antennas_m(&self) -> impl Iterator<Item = DVec3> {
+        self.transmitters_m.iter().chain(&self.receivers_m).copied()
+    }
+
+    /// Smallest and largest delay of the reference over all pairs, seconds.
+    fn reference_delays_s(&self, reference: Reference) -> (f64, f64) {
+        let point = match reference {
+            Reference::Range(range_m) => {
+                let delay_s = 2.0 * range_m / SPEED_OF_LIGHT_M_S;
+                return (delay_s, delay_s);
+            }
+            Reference::Point(point) => point,
+        };
+        let ends = |antennas: &[DVec3]| {
+            let ranges = antennas.iter().map(|antenna| antenna.distance(point));
+            ranges.fold((f64::INFINITY, 0.0f64), |(least, most), range| {
+                (least.min(range), most.max(range))
+            })
+        };
+        let (out, back) = (ends(&self.transmitters_m), ends(&self.receivers_m));
+        (
+            (out.0 + back.0) / SPEED_OF_LIGHT_M_S,
+            (out.1 + back.1) / SPEED_OF_LIGHT_M_S,
+        )
+    }
+}
+
+fn look(radar: &Radar, track: &dyn Trajectory, pulse: usize) -> Look {
+    let pose = track.pose(radar.start_s + pulse as f64 * radar.pri_s);
+    let places = |antennas: &[subaperture_model::radar::Antenna]| {
+        let offsets = antennas.iter().map(|antenna| antenna.offset_m);
+        offsets.map(|offset| pose.point_m(offset)).collect()
+    };
+    Look {
+        pulse,
+        transmitters_m: places(&radar.transmitters),
+        receivers_m: places(&radar.receivers),
+    }
+}
+
+fn looks(radar: &Radar, track: &dyn Trajectory) -> Vec<Look> {
+    let last = radar.num_pulses - 1;
+    let count = last.min(LOOKS);
+    (0..=count)
+        .map(|i| look(radar, track, (i * last).checked_div(count).unwrap_or(0)))
+        .collect()
+}
+
+/// Puts the middle of a window that was not given where the reference's echo is in the middle of the
+/// collection.
+pub(super) fn place_window(radar: &mut Radar, track: &dyn Trajectory, reference: Reference) {
+    let middle = look(radar, track, radar.num_pulses / 2);
+    let (least, most) = middle.reference_delays_s(reference);
+    if let Waveform::Pulsed {
+        sample_rate_hz,
+        num_samples,
+        window_start_s,
+        shape,
+        ..
+    } = &mut radar.waveform
+        && window_start_s.is_infinite()
+    {
+        let echo_middle_s = (least + most + shape.duration_s()) / 2.0;
+        *window_start_s = (echo_middle_s - *num_samples as f64 / *sample_rate_hz / 2.0).max(0.0);
+    }
+}
+
+/// Everything that makes no sense together, the first of its kind each.
+pub(super) fn check(top: &Values, experiment: &Experiment) -> Vec<Found> {
+    let (radar_values, platform) = (top.section("radar"), top.section("platform"));
+    let radar = &experiment.radar;
+    let mut faults = Vec::new();
+    let taken_s = transmission_s(&radar.waveform);
+    if taken_s > radar.pri_s * (1.0 + 1e-9) {
+        let key = if radar_values.keys.contains_key("prf") {
+            "prf"
+        } else {
+            "pri"
+        };
+        faults.push(radar_values.fault(
+            key,
+            format!(
+                "the next pulse begins after {} but one takes {}: lengthen pri or shorten the pulse",
+                time(radar.pri_s),
+                time(taken_s)
+            ),
+        ));
+    }
+    if radar.num_pulses < radar.transmitters.len() {
+        faults.push(radar_values.fault(
+            "pulses",
+            format!(
+                "{} transmitters take turns over {} pulses, so some never transmit: raise pulses",
+                radar.transmitters.len(),
+                radar.num_pulses
+            ),
+        ));
+    }
+    let looks = looks(radar, &*experiment.track);
+    let far = |look: &&Look| {
+        look.antennas_m()
+            .any(|a| a.length().is_nan() || a.length() > FARTHEST_M)
+    };
+    if let Some(look) = looks.iter().find(far) {
+        faults.push(Found::new(
+            &platform.at,
+            format!(
+                "at pulse {} the radar is more than 1e9 m from the scene: shorten its way",
+                look.pulse
+            ),
+        ));
+        return faults;
+    }
+    faults.extend(window(radar_values, experiment, &looks));
+    faults.extend(inside(top, experiment, &looks));
+    faults.extend(aperture(platform, experiment, &looks));
+    faults
+}
+
+/// A receive window or a sampled beat that leaves out the reference.
+fn window(values: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Found> {
+    let delays = looks
+        .iter()
+        .map(|look| (look.pulse, look.reference_delays_s(experiment.reference)));
+    for (pulse, (least_s, most_s)) in delays {
+        match &experiment.radar.waveform {
+            Waveform::Pulsed {
+                sample_rate_hz,
+                num_samples,
+                window_start_s,
+                shape,
+                ..
+            } => {
+                let end_s = window_start_s + *num_samples as f64 / sample_rate_hz;
+                let echo_end_s = most_s + shape.duration_s();
+                let slack_s = 1e-9 * echo_end_s;
+                if least_s < window_start_s - slack_s || echo_end_s > end_s + slack_s {
+                    let misses = format!(
+                        "in pulse {pulse} the reference's echo lasts from {} to {} and the receive \
+                         window from {} to {}, which misses it",
+                        time(least_s),
+                        time(echo_end_s),
+                        time(*window_start_s),
+                        time(end_s)
+                    );
+                    let middle = looks[looks.len() / 2].reference_delays_s(experiment.reference);
+                    let middle_is_seen = middle.0 >= window_start_s - slack_s
+                        && middle.1 + shape.duration_s() <= end_s + slack_s;
+                    return Some(match (&way(experiment, looks), middle_is_seen) {
+                        // It is the radar that goes too far, and no window that is badly placed.
+                        (Some(way), true) => values.fault("pulses", format!("{misses}: {way}")),
+                        _ => values.fault(
+                            match values.keys.contains_key("window_start") {
+                                true => "window_start",
+                                false => "samples",
+                            },
+                            format!("{misses}: move or lengthen the window"),
+                        ),
+                    });
+                }
+            }
+            Waveform::Fmcw {
+                chirp_hz_s,
+                sample_rate_hz,
+                mixer_delay_s,
+                ..
+            } => {
+                let late_s = (least_s - mixer_delay_s)
+                    .abs()
+                    .max((most_s - mixer_delay_s).abs());
+                let beat_hz = chirp_hz_s.abs() * late_s;
+                if beat_hz > sample_rate_hz / 2.0 {
+                    return Some(values.fault(
+                        "sample_rate",
+                        format!(
+                            "in pulse {pulse} the reference's beat is {}, beyond half the sample rate: \
+                             raise it, sweep slower or set mixer_delay to about {}",
+                            hertz(beat_hz),
+                            time(least_s)
+                        ),
+                    ));
+                }
+            }
+            Waveform::Ideal { .. } | Waveform::Stepped { .. } => return None,
+        }
+    }
+    None
+}
+
+/// How far the radar goes in its pulses, and what to do about it if that is too far; `None` where it stands.
+fn way(experiment: &Experiment, looks: &[Look]) -> Option<String> {
+    let antenna = |look: &Look| look.antennas_m().next();
+    let ends = |pair: &[Look]| Some(antenna(&pair[0])?.distance(antenna(&pair[1])?));
+    let way_m: f64 = looks.windows(2).filter_map(ends).sum();
+    (way_m > 0.0).then(|| {
+        let num_pulses = experiment.radar.num_pulses;
+        format!(
+            "over {num_pulses} pulses the radar goes {}; take fewer pulses, or lengthen the window (samples)",
+            metres(way_m)
+        )
+    })
+}
+
+/// A radar within the scene that it is to see.
+fn inside(top: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Found> {
+    let wavelength_m = SPEED_OF_LIGHT_M_S / experiment.radar.waveform.centre_hz();
+    let (point, ground_m) = match experiment.reference {
+        Reference::Point(point) => (Some(point), point.z),
+        Reference::Range(_) => (None, 0.0),
+    };
+    let within = |antenna: DVec3| {
+        let at_point = point.is_some_and(|point| antenna.distance(point) < wavelength_m);
+        let in_extent = experiment.extent.is_some_and(|extent| {
+            (extent.x_m.0..=extent.x_m.1).contains(&antenna.x)
+                && (extent.y_m.0..=extent.y_m.1).contains(&antenna.y)
+                && (antenna.z - ground_m).abs() < wavelength_m
+        });
+        at_point || in_extent
+    };
+    let look = looks.iter().find(|look| look.antennas_m().any(within))?;
+    let antenna = look.antennas_m().find(|&antenna| within(antenna))?;
+    Some(Found::new(
+        &top.section("platform").at,
+        format!(
+            "at pulse {} the radar is inside the scene, at {:.3}, {:.3}, {:.3} m: move the platform out \
+             of [scene] x and y and away from the reference",
+            look.pulse, antenna.x, antenna.y, antenna.z
+        ),
+    ))
+}
+
+/// A radar that never moves over a scene that does not either.
+fn aperture(platform: &Values, experiment: &Experiment, looks: &[Look]) -> Option<Found> {
+    let still = looks.iter().all(|look| {
+        look.antennas_m()
+            .zip(looks[0].antennas_m())
+            .all(|(now, first)| now.distance(first) < 1e-9)
+    });
+    let meant = platform.text("kind") == "fixed";
+    let sees_motion = !experiment.scene.movers.is_empty();
+    (still && !meant && !sees_motion && looks.len() > 1).then(|| {
+        Found::new(
+            &platform.at,
+            "the radar does not move from the first pulse to the last, so there is no aperture: give it \
+             speed, or kind = \"fixed\" if it is to stand",
+        )
+    })
+}
+
+/// A time in the unit that suits.
+fn time(seconds: f64) -> String {
+    let (factor, unit) = match seconds.abs() {
+        s if s >= 1.0 => (1.0, "s"),
+        s if s >= 1e-3 => (1e3, "ms"),
+        s if s >= 1e-6 => (1e6, "us"),
+        _ => (1e9, "ns"),
+    };
+    format!("{:.6} {unit}", seconds * factor)
+}

@@ -1,0 +1,176 @@
+//! Scenarios: a text that says what to simulate, made into an [`Experiment`].
+//!
+//! The text is TOML. Quantities carry their units (`pri = "1 ms"`), and everything is checked against
+//! one table of keys, which [`reference()`] prints. Errors point at file, line and column, show the line,
+//! and say what to do; several are told at once.
+//!
+//! ```text
+//! text ─> tree (values and places; settings laid over) ─> resolve (names, kinds, units, bounds,
+//!         defaults) ─> radar, receiver, platform, scene ─> check (what makes no sense together)
+//! ```
+//!
+//! A setting ([`Scenario::set`]) overrides one key of the text, as `radar.pri` or
+//! `scene.point[0].position`; its errors name it in place of a line.
+//!
+//! # Example
+//! ```
+//! use subaperture_simulate::scenario::Scenario;
+//!
+//! let text = r#"
+//!     [radar]
+//!     kind = "ideal"
+//!     pulses = 64
+//!     pri = "1 ms"
+//!     centre = "10 GHz"
+//!     bandwidth = "200 MHz"
+//!     samples = 128
+//!
+//!     [platform]
+//!     kind = "linear"
+//!     position = "0, -5, 3 km"
+//!     velocity = "100, 0, 0 m/s"
+//!
+//!     [[scene.point]]
+//!     position = "10, 5, 0 m"
+//! "#;
+//! let mut scenario = Scenario::new("first.toml", text, ".");
+//! scenario.set("radar.pri", "0.5 ms")?;
+//! let experiment = scenario.experiment()?;
+//! assert_eq!(experiment.radar.pri_s, 0.5e-3);
+//!
+//! scenario.set("radar.pri", "0.5 mm")?;
+//! let error = scenario.experiment().unwrap_err().to_string();
+//! assert!(error.contains("a length and a time is wanted"), "{error}");
+//! # Ok::<(), subaperture_simulate::scenario::ScenarioError>(())
+//! ```
+
+mod check;
+pub mod examples;
+mod keys;
+mod platform;
+mod scene;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::engine::Method;
+use super::experiment::Experiment;
+use error::Found;
+use subaperture_describe::{Description, error, radar, values};
+
+pub use keys::reference;
+pub use subaperture_describe::{DescriptionError as ScenarioError, Fault};
+
+/// What a pulse takes from its simulation to its file, at the most: its geometry as echo and as phase history, where
+/// the antennas truly were, the engine's view of it, its CPHD record.
+const BYTES_A_PULSE: u64 = 1024;
+
+/// A text that says what to simulate, and settings that override it.
+#[derive(Clone, Debug)]
+pub struct Scenario(Description);
+
+impl Scenario {
+    /// A scenario of a text. `file` names it in errors; paths in it start at `folder`.
+    pub fn new(
+        file: impl Into<String>,
+        text: impl Into<String>,
+        folder: impl Into<PathBuf>,
+    ) -> Self {
+        Self(Description::new(file, text, folder))
+    }
+
+    /// Reads a scenario's text.
+    ///
+    /// # Errors
+    /// If the file cannot be read, is no UTF-8, or has more than 4 MiB.
+    pub fn read(path: &Path) -> io::Result<Self> {
+        Description::read(path).map(Self)
+    }
+
+    /// Overrides the key at a dotted path, such as `radar.pri` or `scene.point[0].position`. The value is
+    /// as in the text; a text may leave out its quotes. Later settings override earlier ones.
+    ///
+    /// # Errors
+    /// For a key that there is not; values are checked by [`Self::experiment`].
+    pub fn set(&mut self, key: &str, value: &str) -> Result<(), ScenarioError> {
+        self.0.set(&keys::SCHEMA, "--set", key, value)
+    }
+
+    /// What the scenario describes.
+    ///
+    /// # Errors
+    /// [`ScenarioError`] with everything that is wrong, as far as one error does not hide another.
+    pub fn experiment(&self) -> Result<Experiment, ScenarioError> {
+        self.experiment_within(u64::MAX)
+    }
+
+    /// What the scenario describes, if its scene and its list of pulses fit `memory_bytes`; asked before they are made.
+    ///
+    /// # Errors
+    /// As [`Self::experiment`].
+    pub fn experiment_within(&self, memory_bytes: u64) -> Result<Experiment, ScenarioError> {
+        let built = self.build(memory_bytes);
+        built.map_err(|faults| self.0.explain(faults))
+    }
+
+    fn build(&self, memory_bytes: u64) -> Result<Experiment, Vec<Found>> {
+        if let Some(at) = self.0.has_section("recording") {
+            return Err(vec![Found::new(
+                &at,
+                "this describes a raw recording, which is there already and not to be simulated: give it to subap \
+                 info or subap focus (a scenario has no [recording])",
+            )]);
+        }
+        let top = self.0.resolve(&keys::SCHEMA)?;
+        let folder = self.0.folder();
+        let seed = top.count("seed");
+        let one = |found| vec![found];
+        let place = scene::place(top.section("scene")).map_err(one)?;
+        let mut radar = radar::build(top.section("radar"))?;
+        let pulses_bytes = BYTES_A_PULSE
+            .saturating_mul(radar.num_pulses as u64)
+            .saturating_mul(radar.receivers.len() as u64);
+        if pulses_bytes > memory_bytes {
+            let what = format!(
+                "{} pulses take {pulses_bytes} bytes, and --memory leaves {memory_bytes}: simulate fewer \
+                 pulses, or raise --memory",
+                radar.num_pulses
+            );
+            return Err(vec![top.section("radar").fault("pulses", what)]);
+        }
+        let ways = platform::build(&top, &radar, &place.frame, seed, folder).map_err(one)?;
+        check::place_window(&mut radar, &*ways.track, place.reference);
+        let scene = scene::build(
+            top.section("scene"),
+            &radar,
+            seed,
+            folder,
+            memory_bytes - pulses_bytes,
+        )
+        .map_err(one)?;
+        let experiment = Experiment {
+            name: top.text("name").to_owned(),
+            frame: place.frame,
+            extent: place.extent,
+            radar,
+            track: ways.track,
+            measured: ways.measured,
+            scene,
+            reference: place.reference,
+            seed,
+            method: match top.text("method") {
+                "sum" => Method::Sum,
+                _ => Method::Fast,
+            },
+        };
+        let faults = check::check(&top, &experiment);
+        if !faults.is_empty() {
+            return Err(faults);
+        }
+        debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
+        Ok(experiment)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,339 @@
+//! The table of keys against the builders, and whole scenarios against damage.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+use num_complex::Complex32;
+
+use super::keys::{SCHEMA, reference};
+use super::*;
+use subaperture_describe::schema::{Kind, Need, Presence, Section};
+use subaperture_model::phase_history::{PhaseHistory, check_finite};
+
+/// The words that a section's selector can have; one empty word if it has none.
+fn variants(section: &Section) -> &'static [&'static str] {
+    match section.key(section.selector).map(|key| key.kind) {
+        Some(Kind::Choice(words)) => words,
+        _ => &[""],
+    }
+}
+
+/// Keys of which a scenario can have one only: the second goes where the first is not.
+const EITHER: &[(&str, &str, &str)] = &[
+    ("radar", "pri", "prf"),
+    ("radar.pulse", "code", "phases"),
+    ("scene", "reference", "reference_range"),
+    ("scene.clutter", "density", "count"),
+];
+
+/// The section as text with the selector at `variant`: every key if `all`, of pairs the second if
+/// `second`; else what is required and of each pair the first.
+fn write_section(text: &mut String, section: &Section, variant: &str, all: bool, second: bool) {
+    if !section.path.is_empty() {
+        let _ = writeln!(text, "{}", section.header());
+    }
+    for key in section.keys {
+        if !key.when.is_empty() && !key.when.contains(&variant) {
+            continue;
+        }
+        let pair = EITHER
+            .iter()
+            .find(|(path, a, b)| *path == section.path && [*a, *b].contains(&key.name));
+        let wanted = match pair {
+            Some((_, first, _)) => (key.name == *first) != second,
+            None => all || matches!(key.need, Need::Required(_)),
+        };
+        if key.name == section.selector {
+            let _ = writeln!(text, "{} = \"{variant}\"", key.name);
+        } else if wanted {
+            let _ = writeln!(text, "{} = {}", key.name, key.example());
+        }
+    }
+}
+
+/// A scenario that has `section` with `variant`, and of others what is required.
+fn scenario_with(section: &Section, variant: &str, all: bool, second: bool) -> String {
+    let mut text = String::new();
+    for other in SCHEMA.sections {
+        if std::ptr::eq(*other, section) {
+            write_section(&mut text, section, variant, all, second);
+        } else if other.path == "radar" {
+            let kind = if section.path == "radar.pulse" {
+                "pulsed"
+            } else {
+                "ideal"
+            };
+            write_section(&mut text, other, kind, false, false);
+        } else if other.path == "radar.pulse" {
+            if section.path == "radar" && variant == "pulsed" {
+                write_section(&mut text, other, "lfm", false, false);
+            }
+        } else if other.presence == Presence::Always {
+            write_section(&mut text, other, variants(other)[0], false, false);
+        }
+    }
+    text
+}
+
+/// A folder with the files that examples name.
+fn files() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = "time_s,x_m,y_m,z_m\n0,-3,-5000,3000\n0.03,0,-5000,3000\n0.06,3,-5000,3000\n";
+    std::fs::write(folder.path().join("track.csv"), csv).unwrap();
+    std::fs::write(
+        folder.path().join("track.log"),
+        include_str!("inspvaxa.txt"),
+    )
+    .unwrap();
+    // Two by two grey pixels.
+    let file = std::fs::File::create(folder.path().join("picture.png")).unwrap();
+    let mut png = png::Encoder::new(file, 2, 2);
+    png.set_color(png::ColorType::Grayscale);
+    png.set_depth(png::BitDepth::Eight);
+    let mut png = png.write_header().unwrap();
+    png.write_image_data(&[0, 85, 170, 255]).unwrap();
+    folder
+}
+
+/// Every key of the table with every value of its section's selector makes a scenario, and a builder
+/// takes it: `experiment` itself asserts that in debug builds, and this test repeats it for others.
+#[test]
+fn every_key_makes_a_scenario_and_is_read() {
+    let folder = files();
+    let mut seen = BTreeSet::new();
+    for section in SCHEMA.sections {
+        for variant in variants(section) {
+            for (all, second) in [(false, false), (true, false), (true, true)] {
+                let mut text = scenario_with(section, variant, all, second);
+                // A beat from far away is beyond any sampling.
+                if *variant == "fmcw" {
+                    text = text.replace("0, -5, 3 km", "0, -50, 3 m");
+                }
+                if *variant == "novatel" {
+                    text = text.replace("track.csv", "track.log");
+                    // The log lies near 0 N, 0 E; on the Earth a scene has to say where it is.
+                    text =
+                        text.replace("[scene.origin]\n", "[scene.origin]\nlatitude = \"0 deg\"\n");
+                }
+                let scenario = Scenario::new("all.toml", &text, folder.path());
+                if let Err(error) = scenario.experiment() {
+                    panic!("{} {variant}: {error}\n{text}", section.path);
+                }
+                let header = section.header();
+                for key in section.keys {
+                    let line = format!("\n{} = ", key.name);
+                    let part = match section.path {
+                        "" => format!("\n{text}"),
+                        _ => {
+                            let start = text.find(&header).unwrap();
+                            let rest = &text[start + header.len()..];
+                            rest[..rest.find("\n[").unwrap_or(rest.len())].to_owned()
+                        }
+                    };
+                    if part.contains(&line) {
+                        seen.insert((section.path, key.name));
+                    }
+                }
+            }
+        }
+    }
+    for section in SCHEMA.sections {
+        for key in section.keys {
+            assert!(
+                seen.contains(&(section.path, key.name)),
+                "{} {}",
+                section.path,
+                key.name
+            );
+        }
+    }
+}
+
+#[test]
+fn the_table_is_sound() {
+    let reference = reference();
+    let mut paths = BTreeSet::new();
+    for section in SCHEMA.sections {
+        assert!(paths.insert(section.path), "{} twice", section.path);
+        let parent = section.parent();
+        assert!(
+            parent.is_none_or(|path| paths.contains(path)),
+            "{}",
+            section.path
+        );
+        let mut names: BTreeSet<&str> = SCHEMA.within(section.path).map(Section::name).collect();
+        for key in section.keys {
+            assert!(
+                names.insert(key.name),
+                "{} {} twice",
+                section.path,
+                key.name
+            );
+            assert!(key.doc.ends_with('.'), "{}", key.doc);
+            let words = variants(section);
+            assert!(
+                key.when.iter().all(|value| words.contains(value)),
+                "{}",
+                key.name
+            );
+            assert!(
+                reference.contains(&format!("  {} (", key.name)),
+                "{}",
+                key.name
+            );
+        }
+    }
+    assert!(reference.lines().all(|line| line.chars().count() <= 110));
+}
+
+/// Every example, cut to a few pulses, is recorded: finite samples that are not all noise and zeros.
+#[test]
+fn every_example_is_recorded() {
+    for name in examples::names() {
+        let text = examples::text(name).unwrap();
+        let whole = Scenario::new(name, text, ".");
+        assert_eq!(whole.experiment().unwrap().name, name);
+        let mut short = whole.clone();
+        short.set("radar.pulses", "6").unwrap();
+        short.set("method", "sum").unwrap();
+        if name == "distributed" {
+            short.set("scene.clutter[0].density", "0.05").unwrap();
+            short.set("scene.building[0].spacing", "3 m").unwrap();
+        }
+        let experiment = short.experiment().unwrap();
+        for pair in experiment.pairs() {
+            let recording = experiment.record(pair).unwrap();
+            let collection = recording.collection();
+            let width = collection.num_samples;
+            let count = collection.pulses.len();
+            assert_eq!(count * experiment.radar.transmitters.len(), 6, "{name}");
+            let mut samples = vec![Complex32::ZERO; count * width];
+            recording.read(0..count, &mut samples).unwrap();
+            check_finite(name, 0, width, &samples).unwrap();
+            assert!(samples.iter().any(|z| z.norm() > 1e-3), "{name}");
+        }
+    }
+}
+
+/// What makes no sense, by the text that a sound scenario is changed to, the line and column that the error
+/// must point at, and a part of it.
+#[test]
+fn senseless_scenarios_are_refused_at_their_place() {
+    const SOUND: &str = "\
+[radar]
+kind = \"pulsed\"
+pulses = 64
+pri = \"1 ms\"
+centre = \"10 GHz\"
+sample_rate = \"250 MHz\"
+samples = 512
+[radar.pulse]
+kind = \"lfm\"
+bandwidth = \"200 MHz\"
+duration = \"1 us\"
+[[radar.receiver]]
+boresight = \"0, 1, 0\"
+[platform]
+kind = \"linear\"
+position = \"0, -5, 3 km\"
+velocity = \"100, 0, 0 m/s\"
+";
+    let refuse = |changes: &[(&str, &str)], line: usize, column: usize, part: &str| {
+        let mut text = SOUND.to_owned();
+        for (old, new) in changes {
+            assert!(text.contains(old), "{old}");
+            text = text.replace(old, new);
+        }
+        let error = Scenario::new("a.toml", &text, ".")
+            .experiment()
+            .unwrap_err();
+        let fault = error
+            .faults
+            .iter()
+            .find(|fault| fault.message.contains(part));
+        let fault = fault.unwrap_or_else(|| panic!("no '{part}' in: {error}"));
+        assert_eq!(
+            (fault.line, fault.column),
+            (Some(line), Some(column)),
+            "{error}"
+        );
+    };
+    assert!(Scenario::new("a.toml", SOUND, ".").experiment().is_ok());
+    refuse(
+        &[("\"1 ms\"", "\"500 ns\"")],
+        4,
+        7,
+        "the next pulse begins after 500",
+    );
+    refuse(
+        &[("\"200 MHz\"", "\"300 MHz\"")],
+        10,
+        13,
+        "wider than the 250",
+    );
+    refuse(&[("\"0, 1, 0\"", "\"0, 0, 0\"")], 13, 13, "points nowhere");
+    refuse(
+        &[("\"0, 1, 0\"", "\"0, 0, 2\"")],
+        12,
+        1,
+        "no elevation axis",
+    );
+    refuse(
+        &[("\"100, 0, 0 m/s\"", "\"0, 0, 0 m/s\"")],
+        14,
+        1,
+        "no aperture",
+    );
+    refuse(
+        // Of 65 pulses one is in the middle.
+        &[
+            ("\"0, -5, 3 km\"", "\"0, 0, 0 km\""),
+            ("pulses = 64", "pulses = 65"),
+        ],
+        14,
+        1,
+        "inside the scene",
+    );
+    refuse(
+        &[("samples = 512", "samples = 512\nwindow_start = \"1 us\"")],
+        8,
+        16,
+        "which misses it",
+    );
+    refuse(
+        &[("samples = 512", "samples = 200")],
+        7,
+        11,
+        "which misses it",
+    );
+    refuse(&[("\"10 GHz\"", "\"10 MHz\"")], 6, 15, "below 0 Hz");
+    refuse(
+        &[
+            ("\"100, 0, 0 m/s\"", "\"9e6, 0, 0 m/s\""),
+            ("\"1 ms\"", "\"9e3 s\""),
+        ],
+        14,
+        1,
+        "1e9 m",
+    );
+    refuse(
+        &[
+            ("\"pulsed\"", "\"fmcw\"\nbandwidth = \"1 GHz\""),
+            ("sample_rate = \"250", "sample_rate = \"1"),
+            (
+                "[radar.pulse]\nkind = \"lfm\"\nbandwidth = \"200 MHz\"\nduration = \"1 us\"\n",
+                "",
+            ),
+        ],
+        7,
+        15,
+        "beyond half the sample rate",
+    );
+    refuse(&[("pri = \"1 ms\"\n", "")], 1, 1, "[radar] needs 'pri'");
+    refuse(
+        &[("pri = \"1 ms\"", "pri = \"1 ms\"\nprf = \"1 kHz\"")],
+        5,
+        7,
+        "not both",
+    );
+}

@@ -1,0 +1,260 @@
+//! Clutter: many weak points that together look like ground.
+//!
+//! `N` points, uniform over an area `A`, with independent complex Gaussian amplitudes of
+//!
+//! ```text
+//! E |a|^2 = sigma0 A / N
+//! ```
+//!
+//! so that the mean cross section of a square metre is `sigma0`. An image of it has exponential power
+//! (fully developed speckle) whatever the density, as amplitudes are Gaussian already; but where a
+//! resolution cell holds few points, neighbouring cells show their number, and ten a cell keep the
+//! fluctuation of power within 3 % of an exponential's. The points lie still, on a level plane, alike from all
+//! directions: no growth of `sigma0` with grazing angle, no wind.
+
+use std::f64::consts::TAU;
+
+use glam::DVec2;
+use num_complex::Complex64;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+
+use super::SceneError;
+use crate::Scatterer;
+use subaperture_model::geometry::Extent;
+
+/// Stream of random numbers.
+const CLUTTER: u64 = u64::from_be_bytes(*b"clutter\0");
+
+/// Most points of one maker: 2.7 GB of scatterers.
+pub(crate) const MOST_POINTS: f64 = (1u64 << 26) as f64;
+
+/// Refuses more points than memory allows.
+pub(super) fn check_points(what: &str, count: f64, most: f64) -> Result<(), SceneError> {
+    if count <= most {
+        return Ok(());
+    }
+    Err(SceneError(format!(
+        "{what} of {count} points, and --memory leaves room for {most}: give fewer, or raise --memory"
+    )))
+}
+
+/// Where clutter lies, on a level plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Area {
+    /// A rectangle.
+    Rectangle(Extent),
+    /// A disc.
+    Disc {
+        /// Its centre, x and y in metres.
+        centre_m: DVec2,
+        /// Its radius, metres.
+        radius_m: f64,
+    },
+}
+
+/// How many points there are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Density {
+    /// On every square metre.
+    PerSquareMetre(f64),
+    /// In all.
+    Total(usize),
+}
+
+/// A patch of clutter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clutter {
+    /// Where it lies.
+    pub area: Area,
+    /// Its height, metres.
+    pub height_m: f64,
+    /// How many points stand for it.
+    pub density: Density,
+    /// Mean cross section of a square metre, dB (1 m² per m²).
+    pub sigma0_db: f64,
+}
+
+impl Area {
+    fn square_metres(&self) -> f64 {
+        match self {
+            Self::Rectangle(extent) => {
+                (extent.x_m.1 - extent.x_m.0) * (extent.y_m.1 - extent.y_m.0)
+            }
+            Self::Disc { radius_m, .. } => TAU / 2.0 * radius_m * radius_m,
+        }
+    }
+
+    /// The point that a uniform point of the unit square goes to.
+    fn point_m(&self, u: f64, v: f64) -> DVec2 {
+        match self {
+            Self::Rectangle(extent) => DVec2::new(
+                extent.x_m.0 + u * (extent.x_m.1 - extent.x_m.0),
+                extent.y_m.0 + v * (extent.y_m.1 - extent.y_m.0),
+            ),
+            // The area within r grows as r^2.
+            Self::Disc { centre_m, radius_m } => {
+                *centre_m + DVec2::from_angle(TAU * v) * (u.sqrt() * radius_m)
+            }
+        }
+    }
+}
+
+impl Clutter {
+    /// Its points; the same seed gives the same ones. Patches of one seed and different `index` differ.
+    ///
+    /// # Errors
+    /// [`SceneError`] for an area that is empty or not finite, no points, or more than 67 million.
+    pub fn points(&self, seed: u64, index: u32) -> Result<Vec<Scatterer>, SceneError> {
+        self.points_within(seed, index, MOST_POINTS)
+    }
+
+    /// [`Self::points`], at most so many of them.
+    pub(crate) fn points_within(
+        &self,
+        seed: u64,
+        index: u32,
+        most: f64,
+    ) -> Result<Vec<Scatterer>, SceneError> {
+        let area_m2 = self.area.square_metres();
+        let ordered = match &self.area {
+            Area::Rectangle(e) => e.x_m.1 > e.x_m.0 && e.y_m.1 > e.y_m.0,
+            Area::Disc { centre_m, radius_m } => *radius_m > 0.0 && centre_m.is_finite(),
+        };
+        let known = self.height_m.is_finite() && self.sigma0_db.is_finite();
+        if !(ordered && area_m2.is_finite() && known) {
+            return Err(SceneError(format!(
+                "clutter of {} dB at height {} m over {:?}; give finite values and an area that is not empty",
+                self.sigma0_db, self.height_m, self.area
+            )));
+        }
+        let count = match self.density {
+            Density::PerSquareMetre(density) => (density * area_m2).round(),
+            Density::Total(count) => count as f64,
+        };
+        if !(1.0..=MOST_POINTS).contains(&count) {
+            return Err(SceneError(format!(
+                "clutter of {count} points over {area_m2} m²; from 1 to {MOST_POINTS} are possible"
+            )));
+        }
+        check_points("clutter", count, most)?;
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        random.set_stream(CLUTTER + u64::from(index));
+        // Real and imaginary part have half the power each.
+        let scale = (10f64.powf(self.sigma0_db / 10.0) * area_m2 / count / 2.0).sqrt();
+        let point = |_| {
+            // 53 bits make a number from 0 to 1.
+            let mut uniform = || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+            let place = self.area.point_m(uniform(), uniform());
+            let re: f64 = StandardNormal.sample(&mut random);
+            let im: f64 = StandardNormal.sample(&mut random);
+            Scatterer {
+                position_m: place.extend(self.height_m),
+                amplitude: Complex64::new(re, im) * scale,
+            }
+        };
+        Ok((0..count as usize).map(point).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn meadow(area: Area, density: Density) -> Clutter {
+        Clutter {
+            area,
+            height_m: 2.0,
+            density,
+            sigma0_db: -13.0,
+        }
+    }
+
+    fn power_within(points: &[Scatterer], place_m: DVec3, radius_m: f64) -> f64 {
+        let inside = points
+            .iter()
+            .filter(|p| p.position_m.distance(place_m) < radius_m);
+        inside.map(|p| p.amplitude.norm_sqr()).sum()
+    }
+
+    #[test]
+    fn power_per_area_is_sigma0_everywhere_at_any_density() {
+        let sigma0 = 10f64.powf(-1.3);
+        let disc = Area::Disc {
+            centre_m: DVec2::new(5.0, -5.0),
+            radius_m: 40.0,
+        };
+        let rectangle = Area::Rectangle(Extent {
+            x_m: (-40.0, 50.0),
+            y_m: (-50.0, 50.0),
+        });
+        for area in [disc, rectangle] {
+            for density in [Density::PerSquareMetre(2.0), Density::Total(60_000)] {
+                let points = meadow(area, density).points(3, 0).unwrap();
+                for centre in [DVec3::new(5.0, -5.0, 2.0), DVec3::new(-8.0, 15.0, 2.0)] {
+                    // Within 15 m (the disc's edge is 40 m away, and 16.1): 707 m², at least 1414 points. Number and
+                    // power each add a relative variance of 1 / n: sqrt(2 / 1414) = 3.8 %; four of it.
+                    let got = power_within(&points, centre, 15.0) / (15.0 * 15.0 * TAU / 2.0);
+                    assert!((got / sigma0 - 1.0).abs() < 0.15, "{got}");
+                }
+                assert!(points.iter().all(|p| p.position_m.z == 2.0));
+            }
+        }
+        let all = meadow(disc, Density::Total(20_000)).points(3, 0).unwrap();
+        assert!(
+            all.iter()
+                .all(|p| p.position_m.truncate().distance(DVec2::new(5.0, -5.0)) <= 40.0)
+        );
+    }
+
+    #[test]
+    fn amplitudes_are_complex_gaussian_and_seeds_matter() {
+        let extent = Extent {
+            x_m: (0.0, 10.0),
+            y_m: (0.0, 10.0),
+        };
+        let clutter = meadow(Area::Rectangle(extent), Density::Total(20_000));
+        let points = clutter.points(8, 0).unwrap();
+        let moment = |f: fn(Complex64) -> f64| {
+            points.iter().map(|p| f(p.amplitude)).sum::<f64>() / points.len() as f64
+        };
+        let power = moment(|a| a.norm_sqr());
+        // Exponential power: E p^2 = 2 (E p)^2, standard error sqrt(20 / 20000) = 3 %; no preferred phase.
+        assert!((moment(|a| a.norm_sqr().powi(2)) / power.powi(2) - 2.0).abs() < 0.25);
+        assert!((moment(|a| a.re * a.im) / power).abs() < 0.02);
+        assert!((moment(|a| a.re * a.re - a.im * a.im) / power).abs() < 0.04);
+        assert_eq!(points, clutter.points(8, 0).unwrap());
+        assert_ne!(points, clutter.points(9, 0).unwrap());
+        assert_ne!(points, clutter.points(8, 1).unwrap());
+    }
+
+    #[test]
+    fn impossible_clutter_is_refused() {
+        let turned = Extent {
+            x_m: (1.0, 0.0),
+            y_m: (1.0, 0.0),
+        };
+        let flat = meadow(Area::Rectangle(turned), Density::Total(5));
+        assert!(
+            flat.points(0, 0)
+                .unwrap_err()
+                .to_string()
+                .contains("not empty")
+        );
+        let disc = Area::Disc {
+            centre_m: DVec2::ZERO,
+            radius_m: 1e6,
+        };
+        for density in [
+            Density::PerSquareMetre(1.0),
+            Density::PerSquareMetre(f64::NAN),
+            Density::Total(0),
+        ] {
+            let error = meadow(disc, density).points(0, 0).unwrap_err().to_string();
+            assert!(error.contains("are possible"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,198 @@
+//! What a command will take, said before it begins: all of it by `--dry-run`, else a line if it is long or large.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use subaperture::focus::forecast::Forecast;
+use subaperture::focus::{FormError, ImageFormer, Task};
+use subaperture::io::atomic::free_bytes;
+use subaperture::io::npy;
+use subaperture::phase_history::PhaseHistory;
+use subaperture::planner::forecast::{Settings, cost, forecast};
+
+use crate::args::Rehearsal;
+use crate::config::Session;
+use crate::{messages, text};
+
+/// From when on work is long, and output large.
+const LONG_S: f64 = 10.0;
+const LARGE_BYTES: u64 = 1 << 30;
+
+/// Operations a thread from which on work may be long, some 5 s: measuring a part of less, which takes up to a second, would
+/// only delay it.
+const MANY_OPERATIONS: f64 = 1e10;
+
+/// A piece of work to come.
+pub(crate) struct Ahead {
+    /// In words.
+    what: String,
+    time: Option<Forecast>,
+    /// All that the process will take, about.
+    memory_bytes: u64,
+    /// Where and how much.
+    disk: Vec<(PathBuf, u64)>,
+}
+
+impl Ahead {
+    /// An image by `former`, into the folder `out`. Measures only what may be long, unless it is asked for.
+    pub(crate) fn of_image(
+        session: &Session,
+        rehearsal: &Rehearsal,
+        former: &dyn ImageFormer,
+        task: &Task,
+        settings: &Settings,
+        out: &Path,
+    ) -> Result<Self, FormError> {
+        let collection = task.history.collection();
+        let (grid, pulses) = (task.grid, collection.pulses.len());
+        let pixels = grid.num_pixels();
+        // Roughly, for each pixel and pulse.
+        let operations = match former.name() {
+            "exact" => 2.0 * collection.num_samples as f64,
+            "bp" | "velocity" => 49.0,
+            _ => 5.0,
+        };
+        let rough = operations * pixels as f64 * pulses as f64;
+        let measure = rehearsal.dry_run || rough > MANY_OPERATIONS * session.threads as f64;
+        let (mut time, mut buffers_bytes) = (None, 8 * pixels);
+        if measure {
+            time = forecast(former, task, settings)?;
+            let cost = cost(former.name(), collection, grid, settings, task.memory_bytes);
+            buffers_bytes = cost.map_or(buffers_bytes, |cost| {
+                cost.total_bytes.min(task.memory_bytes.into()) as u64
+            });
+        }
+        Ok(Self {
+            what: format!(
+                "{pulses} pulses onto {} x {} pixels by {}",
+                grid.columns.count,
+                grid.rows.count,
+                former.name()
+            ),
+            time,
+            memory_bytes: session.memory.own_bytes() + task.history.held_bytes() + buffers_bytes,
+            disk: vec![(out.to_owned(), npy::file_bytes(pixels))],
+        })
+    }
+
+    /// `what`, which holds so many bytes beside what every command does, and leaves so many in `disk`.
+    pub(crate) fn new(
+        session: &Session,
+        what: String,
+        held_bytes: u64,
+        time: Option<Forecast>,
+        disk: Vec<(PathBuf, u64)>,
+    ) -> Self {
+        Self {
+            what,
+            time,
+            memory_bytes: session.memory.own_bytes() + held_bytes,
+            disk,
+        }
+    }
+
+    /// Says it: whether that is all that was asked for.
+    pub(crate) fn announce(
+        &self,
+        session: &Session,
+        rehearsal: &Rehearsal,
+    ) -> anyhow::Result<bool> {
+        if rehearsal.dry_run {
+            if session.json() {
+                text::say_json("forecast", self.to_json(session))?;
+            } else {
+                text::say(self.describe(session))?;
+            }
+            return Ok(true);
+        }
+        let seconds = self.time.map_or(0.0, |time| time.seconds);
+        let bytes: u64 = self.disk.iter().map(|(_, bytes)| bytes).sum();
+        if seconds > LONG_S || bytes > LARGE_BYTES {
+            let time = match self.time {
+                Some(time) => format!("about {} of time and ", duration(time.seconds)),
+                None => String::new(),
+            };
+            let disk = text::bytes(bytes.into());
+            messages::note(&format!(
+                "this takes {time}{disk} of disk (--dry-run says more)"
+            ));
+        }
+        Ok(false)
+    }
+
+    fn to_json(&self, session: &Session) -> Value {
+        json!({
+            "work": self.what,
+            "time_s": self.time.map(|time| time.seconds),
+            "measured_s": self.time.map(|time| time.measured_s),
+            "threads": session.threads,
+            "memory_bytes": self.memory_bytes,
+            "memory_allowed_bytes": session.memory.total_bytes,
+            "disk": self.disk.iter().map(|(path, bytes)| json!({
+                "path": path.display().to_string(),
+                "bytes": bytes,
+                "free_bytes": free_bytes(path),
+            })).collect::<Vec<_>>(),
+        })
+    }
+
+    fn describe(&self, session: &Session) -> String {
+        let mut lines = vec![format!("{:<16} {}", "work", self.what)];
+        lines.push(format!(
+            "{:<16} {}",
+            "time",
+            match self.time {
+                Some(time) => format!(
+                    "about {}, estimated from {:.1} s of the same work",
+                    duration(time.seconds),
+                    time.measured_s
+                ),
+                None => "not known: no part of this work could be measured".to_owned(),
+            }
+        ));
+        lines.push(format!(
+            "{:<16} about {}; {} allowed (--memory)",
+            "memory",
+            text::bytes(self.memory_bytes.into()),
+            text::bytes(session.memory.total_bytes.into())
+        ));
+        for (path, bytes) in &self.disk {
+            let free = match free_bytes(path) {
+                Some(free) if free < *bytes => {
+                    format!("{} free: too little", text::bytes(free.into()))
+                }
+                Some(free) => format!("{} free", text::bytes(free.into())),
+                None => "free space not known".to_owned(),
+            };
+            let size = text::bytes((*bytes).into());
+            lines.push(format!(
+                "{:<16} {size} in {}; {free}",
+                "disk",
+                path.display()
+            ));
+        }
+        lines.join("\n")
+    }
+}
+
+/// Two digits are what an estimate is good for.
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 100.0 => text::duration(Duration::from_secs_f64(s)),
+        s if s < 6000.0 => format!("{:.0} min", s / 60.0),
+        s if s < 172_800.0 => format!("{:.1} h", s / 3600.0),
+        s => format!("{:.1} days", s / 86_400.0),
+    }
+}
+
+/// How long it takes to read `history` whole, by reading some of it.
+pub(crate) fn reading(history: &dyn PhaseHistory) -> anyhow::Result<Forecast> {
+    let collection = history.collection();
+    let width = collection.num_samples;
+    Ok(subaperture::focus::forecast::reading(
+        collection.pulses.len(),
+        width,
+        |pulses, samples| history.read(pulses, samples),
+    )?)
+}

@@ -1,0 +1,521 @@
+//! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
+
+mod focus;
+mod look;
+mod plan;
+mod tune;
+mod values;
+
+use std::path::PathBuf;
+
+use clap::{Args as Group, CommandFactory, Parser, Subcommand, ValueEnum, ValueHint};
+use glam::DVec3;
+use subaperture::geometry::{Extent, ImageGrid};
+use subaperture::onboard::link::Place;
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Preset, scenario};
+
+use crate::log::Format;
+pub(crate) use focus::{Algorithm, Focus, Mode, Velocity};
+pub(crate) use look::{Look, Picture};
+pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
+use subaperture::units::Dimension;
+pub(crate) use tune::{Recording, Tune, Vary};
+pub(crate) use values::At;
+use values::{
+    above_zero, any, error_bound, finite, from_zero, odd, output, place, positive, rectangle,
+    setting, sign, size, threads, vector,
+};
+
+/// The whole command line.
+#[derive(Debug, Parser)]
+#[command(
+    name = "subap",
+    version,
+    about = "Radar image formation: from phase history to a focused image",
+    after_help = "First steps:\n  \
+        subap demo                       simulate, focus, compare; writes subap-demo/\n  \
+        subap info FILE                  what a recording holds\n  \
+        subap focus FILE... --out DIR    an image of it\n\n\
+        Exit status:\n  \
+        0    done\n  \
+        1    failed; nothing is left in part\n  \
+        2    wrong usage\n  \
+        3    done, but a bound is missed: the prediction where that was allowed, focus --check, compare\n       \
+        --error-db, crosscheck, demo\n  \
+        130  interrupted (by Ctrl-C, or the signals TERM or HUP)"
+)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    pub(crate) global: Global,
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+}
+
+/// Options of every command.
+#[derive(Debug, Group)]
+pub(crate) struct Global {
+    /// Threads to work on [default: one a processor]
+    #[arg(long, global = true, value_name = "N", value_parser = threads, help_heading = "Global options")]
+    pub(crate) threads: Option<usize>,
+
+    /// Memory that the process may take, of which 16M and 1M a thread are the program's own: bytes, or with K,
+    /// M, G or T (powers of 1024); 24M and 1M a thread at the least [default: half of what the machine has]
+    #[arg(long, global = true, value_name = "SIZE", value_parser = size, help_heading = "Global options")]
+    pub(crate) memory: Option<u64>,
+
+    /// Say more on standard error; twice for every setting
+    #[arg(short, long, global = true, action = clap::ArgAction::Count, help_heading = "Global options")]
+    pub(crate) verbose: u8,
+
+    /// Show no progress and no notes: only results, warnings and errors
+    #[arg(
+        short,
+        long,
+        global = true,
+        conflicts_with = "verbose",
+        help_heading = "Global options"
+    )]
+    pub(crate) quiet: bool,
+
+    /// Print results as JSON, one object, on standard output
+    #[arg(long, global = true, help_heading = "Global options")]
+    pub(crate) json: bool,
+
+    /// Append to this file, with the times, all that is said and shown: notes, warnings, settings, progress,
+    /// how long what took
+    #[arg(long, global = true, value_name = "FILE", value_hint = ValueHint::FilePath, help_heading = "Global options")]
+    pub(crate) log: Option<PathBuf>,
+
+    /// Write the log as text or as JSON, an object a line [default: JSON if FILE ends in .json or .jsonl]
+    #[arg(
+        long,
+        global = true,
+        value_enum,
+        requires = "log",
+        help_heading = "Global options"
+    )]
+    pub(crate) log_format: Option<Format>,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Form an image of one or more recordings
+    Focus(Focus),
+    /// Show one place of recordings at many velocities
+    Velocity(Velocity),
+    /// Have a module compute the maps of recordings, and keep them in a file
+    Link(Link),
+    /// Write the phase history of a simulated scene as CPHD 1.1, or its raw echoes
+    Simulate(Simulate),
+    /// Send every sub-CPI through the host's code and the embedded core, which are to agree to -100 dB
+    Crosscheck(Crosscheck),
+    /// Say what recordings hold
+    Info(Info),
+    /// How a raw recording of your own is described: keys and examples
+    Recording(Recording),
+    /// Find what nobody measured of a raw recording's geometry by the sharpness of its image
+    Tune(Tune),
+    /// Say how far apart two complex images are
+    Compare(Compare),
+    /// Measure an image: responses of points, level, contrast, differences from another
+    Quality(Quality),
+    /// Draw an image's picture again, with other levels or colours
+    Picture(Picture),
+    /// Plan a pass of a radar, or a module that makes its maps
+    Plan(Plan),
+    /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures
+    Demo(Demo),
+    /// Make the figures of both theses again, beside the theses' own numbers; writes a page
+    Reproduce(Reproduce),
+    /// Print completions for a shell
+    Completions(Completions),
+}
+
+/// How files are written.
+#[derive(Clone, Copy, Debug, Group)]
+pub(crate) struct Writing {
+    /// Replace files that subap did not write; never an input of the same run [default: only its own]
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
+/// Whether to do it, or to say what it would take.
+#[derive(Clone, Copy, Debug, Group)]
+pub(crate) struct Rehearsal {
+    /// Say what it will take (time, memory, disk), from a short measured part of the work, and do nothing
+    #[arg(long)]
+    pub(crate) dry_run: bool,
+}
+
+/// Recordings.
+#[derive(Debug, Group)]
+pub(crate) struct Input {
+    /// CPHD 1.x or GOTCHA .mat files, or descriptions of raw recordings (.toml, see subap recording);
+    /// several make one aperture, in the order given
+    #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
+    pub(crate) paths: Vec<PathBuf>,
+
+    /// Channel of a CPHD by its identifier [default: its reference channel]
+    #[arg(long, value_name = "ID")]
+    pub(crate) channel: Option<String>,
+
+    /// Override a key of a description, as radar.first_pulse=9.2s; any number of times
+    #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
+    pub(crate) set: Vec<(String, String)>,
+}
+
+/// `subap link`.
+#[derive(Debug, Group)]
+pub(crate) struct Link {
+    /// Where the module is: tcp://HOST:PORT, serial:/dev/ttyX@BAUD, emulate:float or emulate:fixed
+    #[arg(value_name = "WHERE")]
+    pub(crate) place: Place,
+
+    #[command(flatten)]
+    pub(crate) input: Input,
+
+    /// File for the maps; subap focus --from-maps forms the image
+    #[arg(long, short, value_name = "MAPS", value_hint = ValueHint::FilePath, value_parser = output())]
+    pub(crate) out: PathBuf,
+
+    /// Pixels that the maps are for, as for focus [default: the scene's extent at half the resolution]
+    #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
+    pub(crate) grid: Option<ImageGrid>,
+
+    /// Bound on the relative RMS error of the image against the exact sum, in dB, -20 to -120
+    /// [default: -66]
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
+    pub(crate) error_db: Option<f64>,
+
+    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    pub(crate) window: Window,
+
+    /// Window over slow time, across all pulses: as --window
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    pub(crate) slow_window: Window,
+
+    /// Firmware to emulate [default: target/module/float or fixed, here or above]
+    #[arg(long, value_name = "ELF", value_hint = ValueHint::FilePath)]
+    pub(crate) firmware: Option<PathBuf>,
+
+    /// Send so many pulses a second, as a radar does that waits for nobody; what is lost is not sent
+    /// again [default: as fast as the module has room]
+    #[arg(long, value_name = "HERTZ", allow_negative_numbers = true, value_parser = above_zero(Dimension::Frequency))]
+    pub(crate) rate: Option<f64>,
+
+    /// Further runs, at most, over what was lost
+    #[arg(long, value_name = "N", default_value_t = 3, conflicts_with = "rate")]
+    pub(crate) retries: u32,
+
+    /// Compare every map with the same core run here, bit by bit, and fail if one differs
+    #[arg(long)]
+    pub(crate) verify: bool,
+
+    /// Show the image so far in this file, about once a second
+    #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
+    pub(crate) picture: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+}
+
+/// `subap simulate`.
+#[derive(Debug, Group)]
+#[command(after_help = "First steps:\n  \
+    subap simulate --example spotlight > scene.toml\n  \
+    subap simulate scene.toml --set radar.pulses=256 -o scene.cphd")]
+pub(crate) struct Simulate {
+    /// What to simulate, in TOML: see --keys and --example
+    #[arg(value_name = "SCENARIO", value_hint = ValueHint::FilePath,
+        required_unless_present_any = ["preset", "keys", "example"])]
+    pub(crate) scenario: Option<PathBuf>,
+
+    /// In place of a scenario: table-4-1 (imaging) or table-2-1 (range migration) of Schone 2020
+    #[arg(long, value_name = "NAME", conflicts_with = "scenario")]
+    pub(crate) preset: Option<Preset>,
+
+    // Not a doc comment, in which brackets are a link.
+    #[arg(
+        long,
+        value_name = "KEY=VALUE",
+        conflicts_with = "preset",
+        value_parser = setting,
+        help = "Override a key of the scenario, as radar.pri=\"0.5 ms\" or \
+                scene.point[0].position=\"0, 1, 0 m\"; any number of times"
+    )]
+    pub(crate) set: Vec<(String, String)>,
+
+    /// Print every key of a scenario with its unit, default and meaning
+    #[arg(long, conflicts_with_all = ["scenario", "preset", "example", "out"])]
+    pub(crate) keys: bool,
+
+    /// Print a scenario to start from
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["scenario", "preset", "out"],
+        value_parser = clap::builder::PossibleValuesParser::new(scenario::examples::names()))]
+    pub(crate) example: Option<String>,
+
+    /// CPHD file to write; a scenario's pairs of antennas are its channels
+    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output(),
+        required_unless_present_any = ["keys", "example", "echoes"])]
+    pub(crate) out: Option<PathBuf>,
+
+    /// Folder for a scenario's raw echoes, as received: echoes.npy and the like, and recording.toml, which
+    /// subap focus reads (of several pairs of antennas recording-T1R2.toml and so on)
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output(),
+        conflicts_with_all = ["preset", "keys", "example"])]
+    pub(crate) echoes: Option<PathBuf>,
+
+    /// Domain of the signal array
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) domain: SignalDomain,
+
+    /// Sign of the phase, SGN: -1 or +1
+    #[arg(long, value_name = "SIGN", default_value = "-1", allow_hyphen_values = true, value_parser = sign)]
+    pub(crate) sgn: i8,
+
+    /// Of a preset: add noise of this power, dB relative to a unit scatterer's sample
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = any(Dimension::Level),
+        conflicts_with = "scenario")]
+    pub(crate) noise_db: Option<f64>,
+
+    /// Of a preset: shake the track by this much (RMS in each axis, smooth, known to the record)
+    #[arg(long, value_name = "METRES", default_value_t = 0.0, allow_negative_numbers = true,
+        value_parser = from_zero(Dimension::Length), conflicts_with = "scenario")]
+    pub(crate) perturb: f64,
+
+    /// Seed of everything random [default: the scenario's, or 0]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    pub(crate) seed: Option<u64>,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+
+    #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
+}
+
+/// Domains of a CPHD's signal arrays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SignalDomain {
+    /// Frequency
+    #[default]
+    Fx,
+    /// Time of arrival
+    Toa,
+}
+
+/// `subap crosscheck`.
+#[derive(Debug, Group)]
+pub(crate) struct Crosscheck {
+    #[command(flatten)]
+    pub(crate) input: Input,
+
+    /// Pulses a sub-CPI [default: 40]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub(crate) sub_cpi: Option<usize>,
+}
+
+/// `subap info`.
+#[derive(Debug, Group)]
+pub(crate) struct Info {
+    #[command(flatten)]
+    pub(crate) input: Input,
+
+    /// Place that geometry and resolution are given for, metres in the scene frame [default: the scene's
+    /// centre]
+    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = vector(Dimension::Length))]
+    pub(crate) at: Option<DVec3>,
+}
+
+/// `subap compare`.
+#[derive(Debug, Group)]
+pub(crate) struct Compare {
+    /// Image to judge: folder of a product, its image.json, or complex64 .npy
+    #[arg(value_name = "A", value_hint = ValueHint::AnyPath)]
+    pub(crate) image: PathBuf,
+
+    /// Image to judge it by
+    #[arg(value_name = "B", value_hint = ValueHint::AnyPath)]
+    pub(crate) reference: PathBuf,
+
+    /// Bound on the relative RMS error, dB: exit status 3 if it is missed
+    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = any(Dimension::Level))]
+    pub(crate) error_db: Option<f64>,
+}
+
+/// `subap quality`.
+#[derive(Debug, Group)]
+#[command(mut_arg("dry_run", |dry_run| dry_run.requires("from")))]
+pub(crate) struct Quality {
+    /// Folder of a product (image.json and image.npy), its image.json, or complex64 .npy, measured in pixels
+    #[arg(value_name = "IMAGE", value_hint = ValueHint::AnyPath)]
+    pub(crate) image: PathBuf,
+
+    /// Point to measure, the brightest pixel within 4 of it: its place in the scene, metres (angle in degrees
+    /// and range of a polar grid, column and row of a .npy); may be repeated [default: the brightest]
+    #[arg(long, value_name = "X,Y[,Z]", allow_hyphen_values = true, value_parser = place)]
+    pub(crate) at: Vec<At>,
+
+    /// Recording that the image was formed of: points are measured on chips formed of it as finely as they
+    /// need, and theory takes the beam from their echoes; of several, once for each in the same order
+    #[arg(long, value_name = "RECORDING", value_hint = ValueHint::FilePath)]
+    pub(crate) from: Vec<PathBuf>,
+
+    /// Image to compare with, on the same grid
+    #[arg(long, value_name = "OTHER", value_hint = ValueHint::AnyPath)]
+    pub(crate) against: Option<PathBuf>,
+
+    /// Rectangle for the statistics, in the grid's own x and y (as --at of polar grids and arrays); of an empty one the mean level is the noise
+    /// [default: the whole image]
+    #[arg(long, value_name = "X0:X1,Y0:Y1", allow_hyphen_values = true, value_parser = rectangle)]
+    pub(crate) extent: Option<Extent>,
+
+    /// Window over fast and slow time that theory is computed for [default: the product's own]
+    #[arg(long, value_name = "W")]
+    pub(crate) window: Option<Window>,
+
+    /// Measure along and across this line of sight too: its angle from x towards y
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = any(Dimension::Angle))]
+    pub(crate) line_of_sight: Option<f64>,
+
+    /// Pixels so far below the peak of --against have no percent difference, dB
+    #[arg(long, value_name = "DB", default_value_t = 60.0, value_parser = above_zero(Dimension::Level))]
+    pub(crate) floor: f64,
+
+    /// Side of the coherence's window, pixels, odd
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = odd)]
+    pub(crate) coherence: usize,
+
+    /// Folder for pictures: cuts, chips, percent difference, coherence
+    #[arg(long, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output())]
+    pub(crate) plots: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+}
+
+/// `subap demo`.
+#[derive(Debug, Group)]
+pub(crate) struct Demo {
+    /// Folder to write
+    #[arg(long, short, value_name = "DIR", default_value = "subap-demo", value_hint = ValueHint::DirPath, value_parser = output())]
+    pub(crate) out: PathBuf,
+
+    /// Pixels; errors are held to their bounds on the default only, which covers all scatterers
+    /// [default: the scene's 80 x 80 m and some margin]
+    #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
+    pub(crate) grid: Option<ImageGrid>,
+
+    #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+}
+
+/// `subap reproduce`.
+#[derive(Debug, Group)]
+pub(crate) struct Reproduce {
+    /// Folder to write; items that are there already are not made again
+    #[arg(long, short, value_name = "DIR", default_value = "subap-gallery", value_hint = ValueHint::DirPath, value_parser = output())]
+    pub(crate) out: PathBuf,
+
+    /// Only these items, by their names (see --list): parted by commas, or one an --only
+    #[arg(long, value_name = "ID", value_delimiter = ',')]
+    pub(crate) only: Vec<String>,
+
+    /// GOTCHA recordings, or folders that hold them, for the items that can be shown on them
+    #[arg(long, value_name = "MAT", num_args = 1.., value_hint = ValueHint::FilePath)]
+    pub(crate) gotcha: Vec<PathBuf>,
+
+    /// List the items and do nothing else
+    #[arg(long)]
+    pub(crate) list: bool,
+
+    #[command(flatten)]
+    pub(crate) rehearsal: Rehearsal,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+}
+
+/// `subap completions`.
+#[derive(Debug, Group)]
+pub(crate) struct Completions {
+    /// Shell
+    #[arg(value_enum)]
+    pub(crate) shell: clap_complete::Shell,
+}
+
+/// The help that `subap` alone prints.
+pub(crate) fn help() -> String {
+    Args::command().render_help().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn definitions_are_sound() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn negative_values_need_no_equals_sign() {
+        let words = "subap focus a.mat --out d --error-db -55.5 --grid x=-5:5:1,y=-5:5:1,z=-2";
+        let args = Args::try_parse_from(words.split(' ')).unwrap();
+        let Some(Command::Focus(focus)) = args.command else {
+            panic!("not focus");
+        };
+        assert_eq!(focus.error_db, Some(-55.5));
+        assert_eq!(focus.grid.unwrap().origin_m.z, -2.0);
+        let words = "subap simulate --preset table-4-1 -o f --sgn -1 --noise-db -20";
+        assert!(Args::try_parse_from(words.split(' ')).is_ok());
+    }
+
+    #[test]
+    fn bad_values_name_their_option() {
+        for (words, option) in [
+            ("focus a --out d --error-db 60", "--error-db"),
+            ("focus a --out d --grid x=1", "--grid"),
+            ("focus a --out d --window blackman", "--window"),
+            ("focus a --out d --patch -3", "--patch"),
+            ("focus a --out d --patch 3Hz", "--patch"),
+            ("focus a --out d --velocity 3", "--velocity"),
+            ("velocity a --out d --at 1 --vx -1:1:1 --vy -1:1:1", "--at"),
+            (
+                "velocity a --out d --at 1,2 --vx 1:-1:1 --vy -1:1:1",
+                "--vx",
+            ),
+            ("focus a --out d --threads 0", "--threads"),
+            ("focus a --out d --threads 1025", "--threads"),
+            ("focus a --out d --memory 3Q", "--memory"),
+            ("link nowhere a -o m", "WHERE"),
+            ("link tcp://h:1 a -o m --rate 0", "--rate"),
+            ("link tcp://h:1 a -o m --error-db 3", "--error-db"),
+            ("simulate --preset table-9 -o f", "--preset"),
+            ("simulate --preset table-4-1 -o f --sgn 2", "--sgn"),
+            ("simulate -o f", "SCENARIO"),
+            ("simulate a.toml", "--out"),
+            ("simulate a.toml -o f --preset table-4-1", "--preset"),
+            ("simulate a.toml -o f --noise-db 3", "--noise-db"),
+            ("simulate a.toml -o f --set radar.pri", "--set"),
+            ("simulate --example nothing", "--example"),
+        ] {
+            let words = std::iter::once("subap").chain(words.split(' '));
+            let error = Args::try_parse_from(words).unwrap_err();
+            assert!(error.to_string().contains(option), "{error}");
+            assert_eq!(error.exit_code(), 2);
+        }
+    }
+}

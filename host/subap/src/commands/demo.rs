@@ -1,0 +1,438 @@
+//! `subap demo`: the thesis's Table 4.1 simulated, focused by every former, errors shown.
+
+mod report;
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use anyhow::bail;
+use serde_json::json;
+use subaperture::focus::bp::Backprojection;
+use subaperture::focus::exact::Exact;
+use subaperture::focus::ffbp::FastFactorised;
+use subaperture::focus::omega_k::OmegaK;
+use subaperture::focus::pfa::PolarFormat;
+use subaperture::focus::rda::RangeDopplerAlgorithm;
+use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
+use subaperture::focus::{FormError, ImageFormer, Task};
+use subaperture::geometry::ImageGrid;
+use subaperture::image::{Comparison, Image};
+use subaperture::io::atomic::write_atomically;
+use subaperture::io::product::{self, Product};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::planner::forecast;
+use subaperture::plot::{self, Colours, Panel, Scale};
+use subaperture::resolution::survey::Survey;
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Preset, Variation};
+
+use crate::ahead::Ahead;
+use crate::args::Demo;
+use crate::config::{Session, record_of_run};
+use crate::failure::InterruptedAmidFiles;
+use crate::{interrupt, messages, text};
+
+/// The scene's 80 x 80 m and 5 m about it, at about half the resolution (0.58 x 0.75 m).
+const GRID: &str = "x=-45:45:0.3,y=-45:45:0.3,z=0";
+
+/// Images in memory, and at most on the disk: the exact one, and of each way image and difference;
+/// the room of one more for pictures.
+const IMAGES: u64 = 20;
+
+/// Images side by side in the overview: half of them all.
+const COLUMNS: usize = 5;
+
+/// Error bound of the formers that plan, dB.
+const ERROR_DB: f64 = -60.0;
+
+/// Levels of all images alike, dB: unit scatterers, and what a neighbour's side lobes add to them.
+const IMAGE_SCALE: Scale = Scale::Fixed {
+    top_db: 3.0,
+    span_db: 60.0,
+};
+/// Levels of all differences alike, dB.
+const DIFFERENCE_SCALE: Scale = Scale::Fixed {
+    top_db: -20.0,
+    span_db: 80.0,
+};
+
+/// A way to form the image, and how good it has to be.
+struct Way {
+    folder: &'static str,
+    title: &'static str,
+    former: Box<dyn ImageFormer>,
+    /// What its work depends on.
+    settings: forecast::Settings,
+    /// Relative RMS error that must not be exceeded, dB.
+    bound_db: Option<f64>,
+}
+
+/// An image and how it came out.
+struct Outcome {
+    way: Way,
+    image: Image,
+    difference: Image,
+    comparison: Comparison,
+    settings: serde_json::Map<String, serde_json::Value>,
+    taken: Duration,
+}
+
+/// A way whose former chooses everything by its bound.
+fn way(
+    folder: &'static str,
+    title: &'static str,
+    former: Box<dyn ImageFormer>,
+    bound_db: Option<f64>,
+) -> Way {
+    Way {
+        folder,
+        title,
+        former,
+        settings: forecast::Settings::within(ERROR_DB),
+        bound_db,
+    }
+}
+
+fn ways() -> Vec<Way> {
+    let range_doppler = |folder, title, mode, pulses, bound_db| Way {
+        folder,
+        title,
+        former: Box::new(RangeDoppler {
+            mode,
+            error_db: ERROR_DB,
+            sub_cpi: Some(pulses),
+            patch_m: None,
+        }),
+        settings: forecast::Settings {
+            sub_cpi: Some(pulses),
+            is_thesis: matches!(mode, Mode::Thesis(_)),
+            ..forecast::Settings::within(ERROR_DB)
+        },
+        bound_db,
+    };
+    let thesis = Mode::Thesis(Thesis::default());
+    let precise = Mode::Precise;
+    vec![
+        way(
+            "bp",
+            "bp",
+            Box::new(Backprojection { error_db: ERROR_DB }),
+            Some(ERROR_DB),
+        ),
+        range_doppler("thesis-40", "rdbp thesis, 26 x 40", thesis, 40, None),
+        range_doppler(
+            "precise-40",
+            "rdbp precise, 26 x 40",
+            precise,
+            40,
+            Some(-60.0),
+        ),
+        range_doppler("thesis-130", "rdbp thesis, 8 x 130", thesis, 130, None),
+        range_doppler(
+            "precise-130",
+            "rdbp precise, 8 x 130",
+            precise,
+            130,
+            Some(-45.0),
+        ),
+        way(
+            "ffbp",
+            "ffbp",
+            Box::new(FastFactorised { error_db: ERROR_DB }),
+            Some(ERROR_DB),
+        ),
+        way(
+            "omega-k",
+            "omega-k",
+            Box::new(OmegaK { error_db: ERROR_DB }),
+            Some(ERROR_DB),
+        ),
+        way(
+            "rda",
+            "rda",
+            Box::new(RangeDopplerAlgorithm {
+                error_db: ERROR_DB,
+                secondary_compression: true,
+            }),
+            Some(ERROR_DB),
+        ),
+        way(
+            "pfa",
+            "pfa",
+            Box::new(PolarFormat {
+                error_db: ERROR_DB,
+                centre_m: None,
+            }),
+            // Its error is the scene's size over the range's; nothing makes it smaller.
+            None,
+        ),
+    ]
+}
+
+/// What is compared with.
+fn oracle() -> Way {
+    way("exact", "exact", Box::new(Exact), None)
+}
+
+/// Simulates, focuses, compares, and writes everything under the folder.
+pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
+    let start = Instant::now();
+    let grid = match typed.grid {
+        Some(grid) => grid,
+        None => GRID.parse()?,
+    };
+    session.check_grid(&grid, IMAGES)?;
+    let mut claims = session.claims::<&Path>(&typed.writing, &[]);
+    let folders: Vec<&str> = ways().iter().map(|way| way.folder).collect();
+    let pictures = folders
+        .iter()
+        .map(|folder| format!("difference-{folder}.png"));
+    let own = ["overview.png", "errors.md", "errors.json"].map(str::to_owned);
+    claims.folder(&typed.out, pictures.chain(own))?;
+    for folder in folders.iter().chain(&["exact"]) {
+        claims.folder(&typed.out.join(folder), product::NAMES)?;
+    }
+    Product::prepare(&typed.out.join("exact"), grid.num_pixels() * IMAGES)?;
+
+    let simulated = Preset::Table41.simulate(&Variation::default());
+    let collection = simulated.collection();
+    let weights = Weights::new(collection, Window::default(), Window::default());
+    // A former counts its own image.
+    let other_bytes = grid.num_pixels() * (IMAGES - 1) * 8;
+    let task = Task {
+        history: &simulated,
+        grid: &grid,
+        weights: &weights,
+        memory_bytes: session.memory_bytes - other_bytes,
+        monitor: &Silent,
+    };
+    if typed.rehearsal.dry_run {
+        ahead(session, typed, &task)?.announce(session, &typed.rehearsal)?;
+        return Ok(());
+    }
+    let form = |way: &Way| {
+        let progress = session.progress(way.title);
+        let begun = Instant::now();
+        // The demonstration measures every image's error and shows it.
+        let formed = way.former.form_best(&Task {
+            monitor: &progress,
+            ..task
+        });
+        (formed, begun.elapsed())
+    };
+
+    let (exact, exact_taken) = form(&oracle());
+    let exact = exact?;
+    let mut outcomes = Vec::new();
+    for mut way in ways() {
+        if typed.grid.is_some() {
+            // Bounds are relative to an image of all the scene's bright scatterers.
+            way.bound_db = None;
+        }
+        let (formed, taken) = form(&way);
+        let formed = match formed {
+            // On a grid that somebody chose, not every former need be able.
+            Err(FormError::Unsuited(why)) if typed.grid.is_some() => {
+                messages::warning(format!("{} is left out: {why}", way.title));
+                continue;
+            }
+            formed => formed?,
+        };
+        let comparison = Comparison::between(&formed.image, &exact.image)?;
+        let difference = subtract(&formed.image, &exact.image);
+        let (image, settings) = (formed.image, formed.settings);
+        outcomes.push(Outcome {
+            way,
+            image,
+            difference,
+            comparison,
+            settings,
+            taken,
+        });
+    }
+    interrupt::check()?;
+
+    let Some(survey) = Survey::of(collection) else {
+        bail!("the preset has no pulses")
+    };
+    let report = report::Report {
+        outcomes: &outcomes,
+        exact_taken,
+        grating_lobe_m: survey.grating_lobe_m(130),
+    };
+    write(session, typed, &grid, &exact.image, &report, start)?;
+    for outcome in outcomes.iter().filter(|outcome| outcome.misses_bound()) {
+        messages::bound_missed(format!(
+            "{} misses its bound; see the table",
+            outcome.way.title
+        ));
+    }
+    if session.json() {
+        let mut table = report.to_json();
+        table["folder"] = typed.out.display().to_string().into();
+        table["run"] = record_of_run(session, start.elapsed());
+        return text::say_json("demo", table);
+    }
+    text::say(report.to_text())?;
+    if session.tells() {
+        text::say(format!(
+            "{}: images, differences, overview.png, errors.md, errors.json in {}",
+            typed.out.display(),
+            text::duration(start.elapsed())
+        ))?;
+    }
+    Ok(())
+}
+
+/// What all the images will take.
+fn ahead(session: &Session, typed: &Demo, task: &Task) -> anyhow::Result<Ahead> {
+    let progress = session.progress("measuring parts");
+    let task = Task {
+        monitor: &progress,
+        ..*task
+    };
+    let (mut parts, mut count) = (Vec::new(), 0);
+    for way in std::iter::once(oracle()).chain(ways()) {
+        count += 1;
+        // A former that cannot leaves its image out.
+        parts.extend(forecast::forecast(&*way.former, &task, &way.settings)?);
+    }
+    progress.finish();
+    let (columns, rows) = (task.grid.columns.count, task.grid.rows.count);
+    let image_bytes = 8 * task.grid.num_pixels();
+    Ok(Ahead::new(
+        session,
+        format!("{count} images of {columns} x {rows} pixels"),
+        task.history.held_bytes() + IMAGES * image_bytes,
+        Some(parts.into_iter().sum()),
+        vec![(typed.out.clone(), IMAGES * image_bytes)],
+    ))
+}
+
+impl Outcome {
+    /// Whether there is a bound and the error is not known to be within it.
+    fn misses_bound(&self) -> bool {
+        let error_db = self.comparison.error_db.unwrap_or(f64::NAN);
+        self.way.bound_db.is_some_and(|bound_db| {
+            let within = error_db <= bound_db;
+            !within
+        })
+    }
+}
+
+fn subtract(image: &Image, reference: &Image) -> Image {
+    let pairs = image.pixels.iter().zip(&reference.pixels);
+    Image {
+        pixels: pairs.map(|(a, b)| a - b).collect(),
+        ..*image
+    }
+}
+
+/// Writes every product, complete one by one, the table last.
+fn write(
+    session: &Session,
+    typed: &Demo,
+    grid: &ImageGrid,
+    exact: &Image,
+    report: &report::Report,
+    start: Instant,
+) -> anyhow::Result<()> {
+    let check_amid_files = || {
+        let folder = || typed.out.display().to_string();
+        interrupt::check().map_err(|_| InterruptedAmidFiles(folder()))
+    };
+    let image_panel = |image, title: &str| Panel {
+        scale: IMAGE_SCALE,
+        ..Panel::new(image, grid, title)
+    };
+    let save = |folder: &str, image: &Image, metadata, panel: &Panel| {
+        check_amid_files()?;
+        let quicklook = plot::quicklook(panel)?;
+        Product {
+            image,
+            metadata: &metadata,
+            quicklook: &quicklook,
+        }
+        .write(&typed.out.join(folder))?;
+        anyhow::Ok(())
+    };
+    let metadata = |title: &str, settings: serde_json::Value, taken: Duration| {
+        json!({
+            "schema": "subaperture-demo-image",
+            "schema_version": 1,
+            "run": record_of_run(session, taken),
+            "title": title,
+            "collection": Preset::Table41.name(),
+            "window": Window::default().to_string(),
+            "slow_window": Window::default().to_string(),
+            "grid": typed.grid.map_or(json!(GRID), |_| json!("as given on the command line")),
+            "settings": settings,
+        })
+    };
+    let panel = image_panel(exact, "exact");
+    save(
+        "exact",
+        exact,
+        metadata("exact", json!({}), report.exact_taken),
+        &panel,
+    )?;
+    let mut panels = vec![panel];
+    // Below every image its difference; below the reference itself, for the scale.
+    let mut differences = vec![Panel {
+        scale: DIFFERENCE_SCALE,
+        colours: Colours::Viridis,
+        ..Panel::new(exact, grid, "exact, on this scale")
+    }];
+    for outcome in report.outcomes {
+        let Outcome {
+            way,
+            image,
+            difference,
+            comparison,
+            settings,
+            taken,
+        } = outcome;
+        let panel = image_panel(image, way.title);
+        let mut record = metadata(way.title, json!(settings), *taken);
+        record["comparison"] = json!(comparison);
+        save(way.folder, image, record, &panel)?;
+        panels.push(panel);
+        let error = comparison.error_db.unwrap_or(f64::NAN);
+        differences.push(Panel {
+            scale: DIFFERENCE_SCALE,
+            colours: Colours::Viridis,
+            ..Panel::new(difference, grid, format!("minus exact: {error:.1} dB"))
+        });
+    }
+    for (outcome, panel) in report.outcomes.iter().zip(&differences[1..]) {
+        let picture = plot::quicklook(panel)?;
+        let name = format!("difference-{}.png", outcome.way.folder);
+        write_bytes(&typed.out.join(name), &picture)?;
+    }
+    check_amid_files()?;
+    // Rows of images, each above the row of their differences.
+    let mut page = Vec::new();
+    for (images, differences) in panels.chunks(COLUMNS).zip(differences.chunks(COLUMNS)) {
+        page.extend_from_slice(images);
+        page.extend_from_slice(differences);
+    }
+    write_bytes(
+        &typed.out.join("overview.png"),
+        &plot::panels(&page, COLUMNS)?,
+    )?;
+    write_bytes(
+        &typed.out.join("errors.md"),
+        report.to_markdown().as_bytes(),
+    )?;
+    let mut table = report.to_json();
+    table["run"] = record_of_run(session, start.elapsed());
+    let table = serde_json::to_vec_pretty(&table)?;
+    write_bytes(&typed.out.join("errors.json"), &table)
+}
+
+fn write_bytes(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    use std::io::Write;
+    write_atomically(path, bytes.len() as u64, |file| file.write_all(bytes))?;
+    Ok(())
+}

@@ -1,0 +1,133 @@
+//! `subap focus --from-maps`: a module's maps in, an image and its record out.
+
+use std::path::Path;
+use std::time::Instant;
+
+use serde_json::json;
+use subaperture::io::npy;
+use subaperture::io::product::{self, Product};
+use subaperture::onboard::image::{
+    MapsTask, Report, default_grid, forecast as forecast_of_maps, form, memory_bytes,
+};
+use subaperture::onboard::maps::Maps;
+use subaperture::onboard::maps_file::MapFile;
+use subaperture::plot::Orientation;
+
+use super::record::Record;
+use super::{brightest, deliver, with_advice};
+use crate::ahead::Ahead;
+use crate::args::Focus;
+use crate::config::{DEFAULT_ERROR_DB, Session};
+use crate::messages;
+
+/// Forms the image and writes its folder, complete or not at all.
+pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Result<()> {
+    let start = Instant::now();
+    if let Some(grid) = &typed.grid {
+        session.check_grid(grid, 1)?;
+    }
+    let mut claims = session.claims(&typed.writing, &[path]);
+    claims.folder(&typed.out, product::NAMES)?;
+    Product::prepare(&typed.out, typed.grid.map_or(0, |grid| grid.num_pixels()))?;
+
+    let maps = MapFile::open(path)?;
+    if !maps.is_complete() {
+        messages::warning(format!(
+            "{} breaks off: the image is of its {} whole maps",
+            path.display(),
+            maps.headers().len()
+        ));
+    }
+    let planned = maps.run().provenance.get("error_db");
+    let planned = planned.and_then(serde_json::Value::as_f64);
+    let error_db = typed.error_db.or(planned).unwrap_or(DEFAULT_ERROR_DB);
+    let grid = match typed.grid {
+        Some(grid) => grid,
+        None => {
+            let grid = default_grid(&maps, error_db)?;
+            session.check_grid(&grid, 1)?;
+            Product::prepare(&typed.out, grid.num_pixels())?;
+            grid
+        }
+    };
+    let progress = session.progress("focusing");
+    let task = MapsTask {
+        maps: &maps,
+        grid: &grid,
+        error_db,
+        misses: typed.misses(),
+        memory_bytes: session.memory_bytes,
+        monitor: &progress,
+    };
+    if typed.rehearsal.dry_run {
+        let (columns, rows) = (grid.columns.count, grid.rows.count);
+        let num_maps = maps.headers().len();
+        let what = format!("{num_maps} maps onto {columns} x {rows} pixels");
+        let held_bytes = memory_bytes(&task) as u64;
+        let disk = vec![(typed.out.clone(), npy::file_bytes(grid.num_pixels()))];
+        let time = forecast_of_maps(&task)?;
+        progress.finish();
+        Ahead::new(session, what, held_bytes, time, disk).announce(session, &typed.rehearsal)?;
+        return Ok(());
+    }
+    let (formed, report) = form(&task).map_err(with_advice)?;
+    progress.finish();
+    warn(&report, error_db, grid.num_pixels());
+    for (key, value) in &formed.settings {
+        messages::setting(key, value);
+    }
+
+    let run = maps.run();
+    let record = Record {
+        session,
+        settings: json!({
+            "algorithm": "from-maps",
+            "window": run.fast_window,
+            "given": { "grid": typed.grid.is_some(), "error_db": typed.error_db },
+            "resolved": formed.settings,
+        }),
+        grid: &grid,
+        frame: &run.frame,
+        collection: json!({
+            "name": run.name,
+            "setup": run.setup,
+            "arithmetic": run.arithmetic,
+            "provenance": run.provenance,
+            "complete": maps.is_complete(),
+            "pulses_sent": maps.closing().map(|closing| closing.num_pulses),
+            "counters": maps.closing().map(|closing| &closing.counters),
+        }),
+        support: None,
+        inputs: &[maps.input()?],
+        check: None,
+        peak: brightest(&formed.image, &grid),
+        orientation: Orientation::default(),
+        taken: start.elapsed(),
+    };
+    let title = format!("{}, from maps", run.name);
+    deliver(session, typed, &formed.image, &record, title)
+}
+
+/// What the user should know of an image that is not all it could be.
+fn warn(report: &Report, error_db: f64, num_pixels: u64) {
+    if report.maps_missing > 0 {
+        let expected = report.sub_cpis.saturating_mul(report.patches as u64);
+        messages::warning(format!(
+            "{} of {expected} maps are missing: their patches are of a shorter aperture",
+            report.maps_missing
+        ));
+    }
+    if report.pixels_outside > 0 {
+        messages::warning(format!(
+            "{} of {num_pixels} pixels lie outside every patch and are zero: give a smaller --grid, or allow a larger error with --error-db",
+            report.pixels_outside
+        ));
+    }
+    if report.predicted_db > error_db {
+        messages::bound_missed(format!(
+            "the predicted error is {:.1} dB, above the --error-db {error_db} asked; reading the maps between \
+             their bins makes {:.1} dB of it",
+            report.predicted_db, report.kernel_db
+        ));
+    }
+}

@@ -1,0 +1,248 @@
+//! `subap info` of what is no recording: products, maps of a module, arrays.
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use serde_json::{Value, json};
+use subaperture::io::npy;
+use subaperture::onboard::maps::Maps;
+use subaperture::onboard::maps_file::MapFile;
+
+use crate::commands::stored::product_folder;
+use crate::text::{self, bytes};
+
+/// What a path names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Of any format that is read, or of none: opening it says so.
+    Recording,
+    Product,
+    Maps,
+    Array,
+}
+
+impl Kind {
+    /// By its name where it is a folder or a product's record, else by its first bytes.
+    pub(super) fn of(path: &Path) -> Self {
+        if product_folder(path).is_some() {
+            return Self::Product;
+        }
+        // A pipe is read once only, by whoever reads recordings.
+        if !path.is_file() {
+            return Self::Recording;
+        }
+        let mut start = [0; 8];
+        let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+        match (read, &start) {
+            (Ok(()), b"SUBAPMAP") => Self::Maps,
+            (Ok(()), [0x93, b'N', b'U', b'M', b'P', b'Y', ..]) => Self::Array,
+            _ => Self::Recording,
+        }
+    }
+}
+
+/// What is known of it, for people and for programs.
+pub(super) struct Description {
+    pub(super) text: String,
+    pub(super) json: Value,
+}
+
+/// Looks into a product, maps or an array.
+pub(super) fn describe(path: &Path, kind: Kind) -> anyhow::Result<Description> {
+    match kind {
+        Kind::Maps => maps(path),
+        Kind::Array => array(path),
+        Kind::Product | Kind::Recording => product(path),
+    }
+}
+
+fn line(label: &str, value: &str) -> String {
+    format!("{label:<16} {value}\n")
+}
+
+fn product(path: &Path) -> anyhow::Result<Description> {
+    let folder = product_folder(path).unwrap_or(path);
+    let file = folder.join("image.json");
+    if !file.exists() {
+        bail!(
+            "{}: the folder holds no image.json, so it is no image of subap focus; name a recording, an image's \
+             folder or a file of maps",
+            folder.display()
+        );
+    }
+    let record = fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
+    let record: Value =
+        serde_json::from_slice(&record).with_context(|| format!("{}: not JSON", file.display()))?;
+    let mut text = line("image", &folder.display().to_string());
+    let string = |value: &Value| value.as_str().map(str::to_owned);
+    let axes = match record["grid"].is_object() {
+        true => &record["grid"],
+        false => &record["velocities"],
+    };
+    let axis = |name: &str| {
+        let axis = &axes[name];
+        let number = |key: &str| axis[key].as_f64();
+        let (start, step, count) = (number("start")?, number("step")?, number("count")?);
+        let end = start + step * (count - 1.0);
+        let shown = |value| text::significant(value, 6);
+        Some(format!(
+            "{} from {} to {} by {}",
+            axis["axis"].as_str().unwrap_or(name),
+            shown(start),
+            shown(end),
+            shown(step)
+        ))
+    };
+    if let Some(grid) = string(&record["grid"]) {
+        text += &line("grid", &grid);
+    }
+    for name in ["columns", "rows"] {
+        if let Some(axis) = axis(name) {
+            let count = axes[name]["count"].as_u64().unwrap_or(0);
+            text += &line(name, &format!("{count}: {axis}"));
+        }
+    }
+    if let Some(collection) = string(&record["collection"]["name"]) {
+        text += &line("collection", &collection);
+    }
+    let settings = &record["settings"];
+    if let Some(algorithm) = string(&settings["algorithm"]) {
+        text += &line("former", &algorithm);
+    }
+    let windows = [&settings["window"], &settings["slow_window"]].map(string);
+    if let [Some(fast), Some(slow)] = windows {
+        text += &line(
+            "windows",
+            &format!("{fast} in fast time, {slow} in slow time"),
+        );
+    }
+    text += &line("error", &error(&record));
+    if let (Some(level_db), Some([x, y, z])) = (
+        record["brightest"]["level_db"].as_f64(),
+        numbers(&record["brightest"]["position_m"]),
+    ) {
+        let place = format!(
+            "x {x:.3} m, y {y:.3} m, z {z:.3} m: {}",
+            text::decibels(level_db)
+        );
+        text += &line("brightest", &place);
+    }
+    for input in record["inputs"].as_array().into_iter().flatten() {
+        let size = input["bytes"].as_u64().unwrap_or(0);
+        let name = input["path"].as_str().unwrap_or("unnamed");
+        text += &line("formed of", &format!("{name}, {}", bytes(size.into())));
+    }
+    for warning in record["warnings"].as_array().into_iter().flatten() {
+        text += &line("warning", warning.as_str().unwrap_or_default());
+    }
+    let run = &record["run"];
+    if let (Some(version), Some(seconds)) = (string(&run["version"]), run["run_time_s"].as_f64()) {
+        let formed = format!("by subap {version} in {}", text::seconds(seconds));
+        text += &line("formed", &formed);
+    }
+    Ok(Description {
+        text,
+        json: json!({ "path": path.display().to_string(), "kind": "image", "record": record }),
+    })
+}
+
+/// What was asked, predicted and measured.
+fn error(record: &Value) -> String {
+    let resolved = &record["settings"]["resolved"];
+    let mut parts = Vec::new();
+    for (value, what) in [
+        (&resolved["error_db"], "asked"),
+        (&resolved["predicted_error_db"], "predicted"),
+        (&record["check"]["relative_to_image_db"], "measured"),
+    ] {
+        if let Some(error_db) = value.as_f64() {
+            parts.push(format!("{error_db:.1} dB {what}"));
+        }
+    }
+    match parts.is_empty() {
+        true => "not known: none was predicted, and none measured".to_owned(),
+        false => parts.join(", "),
+    }
+}
+
+fn numbers(value: &Value) -> Option<[f64; 3]> {
+    let list = value.as_array()?;
+    let numbers: Vec<f64> = list.iter().filter_map(Value::as_f64).collect();
+    numbers.try_into().ok()
+}
+
+fn maps(path: &Path) -> anyhow::Result<Description> {
+    let file = MapFile::open(path)?;
+    let run = file.run();
+    let complete = match file.is_complete() {
+        true => "whole",
+        false => "it breaks off",
+    };
+    let bound = run.provenance.get("error_db").and_then(Value::as_f64);
+    let mut text = line("maps", &path.display().to_string());
+    text += &line("collection", &run.name);
+    let count = format!("{} maps, {complete}", file.headers().len());
+    text += &line("holds", &count);
+    let setup = &run.setup;
+    let size = format!(
+        "{} pulses of {} frequencies",
+        setup.num_pulses, setup.num_frequencies
+    );
+    text += &line("sub-CPI", &size);
+    let arithmetic = serde_json::to_value(run.arithmetic)?;
+    text += &line("arithmetic", arithmetic.as_str().unwrap_or("unknown"));
+    text += &line("window", &run.fast_window);
+    if let Some(error_db) = bound {
+        text += &line("error", &format!("{error_db} dB asked of the image"));
+    }
+    let closing = file.closing();
+    if let Some(missing) = closing.and_then(|closing| closing.counters.get("maps_missing")) {
+        text += &line("missing", &format!("{missing} maps"));
+    }
+    Ok(Description {
+        text,
+        json: json!({
+            "path": path.display().to_string(),
+            "kind": "maps",
+            "name": run.name,
+            "maps": file.headers().len(),
+            "complete": file.is_complete(),
+            "setup": run.setup,
+            "arithmetic": run.arithmetic,
+            "fast_window": run.fast_window,
+            "provenance": run.provenance,
+            "counters": closing.map(|closing| &closing.counters),
+        }),
+    })
+}
+
+fn array(path: &Path) -> anyhow::Result<Description> {
+    let image = npy::read(path)?;
+    let peak = image.peak();
+    let level_db = peak.map(|peak| 10.0 * subaperture::image::power(peak.value).log10());
+    let level_db = level_db.filter(|level_db| level_db.is_finite());
+    let mut text = line("array", &path.display().to_string());
+    let size = format!("{} rows x {} columns, complex64", image.rows, image.columns);
+    text += &line("size", &size);
+    if let (Some(peak), Some(level_db)) = (peak, level_db) {
+        let place = format!(
+            "row {}, column {}: {}",
+            peak.row,
+            peak.column,
+            text::decibels(level_db)
+        );
+        text += &line("brightest", &place);
+    }
+    Ok(Description {
+        text,
+        json: json!({
+            "path": path.display().to_string(),
+            "kind": "array",
+            "rows": image.rows,
+            "columns": image.columns,
+            "peak_db": level_db,
+        }),
+    })
+}

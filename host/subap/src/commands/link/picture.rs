@@ -1,0 +1,89 @@
+//! The picture of the image so far: a thread of its own, so that the line never waits for it.
+
+use std::io::Write;
+use std::path::Path;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use subaperture::geometry::ImageGrid;
+use subaperture::io::atomic::write_atomically;
+use subaperture::onboard::link::RunningImage;
+use subaperture::onboard::maps::OwnedMap;
+use subaperture::plot::{self, Panel};
+
+/// From one picture to the next, at least.
+const PERIOD: Duration = Duration::from_secs(1);
+
+/// Maps that wait for the thread; more are left out of the picture.
+const WAITING: usize = 64;
+
+/// A picture in the making.
+pub(crate) struct Picture {
+    maps: SyncSender<OwnedMap>,
+    /// Maps that found the thread too far behind.
+    left_out: u64,
+    thread: JoinHandle<anyhow::Result<()>>,
+}
+
+impl Picture {
+    /// Begins a picture at `path`, which is claimed.
+    pub(crate) fn start(path: &Path, image: RunningImage, grid: &ImageGrid, title: String) -> Self {
+        let (sender, receiver) = sync_channel(WAITING);
+        let (path, grid) = (path.to_owned(), *grid);
+        let thread = std::thread::spawn(move || draw(&path, image, &grid, &title, &receiver));
+        Self {
+            maps: sender,
+            left_out: 0,
+            thread,
+        }
+    }
+
+    /// Takes a map, unless the thread is too far behind.
+    pub(crate) fn take(&mut self, map: OwnedMap) {
+        self.left_out += u64::from(self.maps.try_send(map).is_err());
+    }
+
+    /// Draws the last picture; how many maps are not in it because they came too fast.
+    pub(crate) fn finish(self) -> anyhow::Result<u64> {
+        drop(self.maps);
+        match self.thread.join() {
+            Ok(drawn) => drawn.map(|()| self.left_out),
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    }
+}
+
+fn draw(
+    path: &Path,
+    mut image: RunningImage,
+    grid: &ImageGrid,
+    title: &str,
+    maps: &Receiver<OwnedMap>,
+) -> anyhow::Result<()> {
+    let mut drawn = Instant::now();
+    loop {
+        let wait = PERIOD.saturating_sub(drawn.elapsed());
+        let over = match maps.recv_timeout(wait) {
+            Ok(map) => {
+                image.take(map);
+                if drawn.elapsed() < PERIOD {
+                    continue;
+                }
+                false
+            }
+            Err(RecvTimeoutError::Timeout) => false,
+            Err(RecvTimeoutError::Disconnected) => true,
+        };
+        if let Some(so_far) = image.form().context("--picture")? {
+            let picture = plot::quicklook(&Panel::new(&so_far, grid, title))?;
+            write_atomically(path, picture.len() as u64, |file| file.write_all(&picture))
+                .context("--picture")?;
+        }
+        if over {
+            return Ok(());
+        }
+        drawn = Instant::now();
+    }
+}

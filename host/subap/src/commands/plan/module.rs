@@ -1,0 +1,210 @@
+//! `subap plan module`: what a module needs to make the maps of a scene.
+
+use anyhow::Context;
+use serde_json::json;
+use subaperture::onboard::maps::Arithmetic;
+use subaperture::onboard::plan::{LinkBudget, ModulePlan, Request, Room};
+use subaperture::phase_history::PhaseHistory;
+use subaperture::resolution::survey::Survey;
+
+use crate::args::PlanModule;
+use crate::config::{DEFAULT_MAPS_ERROR_DB, Session};
+use crate::text::{self, bytes, metres};
+
+/// Prints the plan.
+pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
+    let history = session.open(&typed.input)?;
+    let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
+    let grid = match typed.grid {
+        Some(grid) => grid,
+        None => session.default_grid(&survey)?,
+    };
+    let request = Request {
+        error_db: typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
+        room: Room::Ram { bytes: typed.ram },
+        arithmetic: if typed.fixed {
+            Arithmetic::Fixed
+        } else {
+            Arithmetic::Float
+        },
+    };
+    let planning = session.progress("planning");
+    let plan = ModulePlan::new(history.collection(), &grid, &request)?;
+    let pulse_rate_hz = typed.pulse_rate.or(survey.pri_s.map(|pri_s| 1.0 / pri_s));
+    let spacing_m = [grid.columns.step, grid.rows.step];
+    let sheet = Sheet {
+        typed,
+        error_db: request.error_db,
+        plan: &plan,
+        link: plan.link(typed.link),
+        period_s: pulse_rate_hz.map(|rate_hz| f64::from(plan.setup.num_pulses) / rate_hz),
+        patch_m: (!grid.polar).then(|| {
+            [
+                plan.patch_pixels.columns as f64 * spacing_m[0],
+                plan.patch_pixels.rows as f64 * spacing_m[1],
+            ]
+        }),
+    };
+    planning.finish();
+    if session.json() {
+        return text::say_json("module-plan", sheet.to_json());
+    }
+    text::say(sheet.to_text())?;
+    Ok(())
+}
+
+/// What gaps in the track mean for a plan, if there are any.
+pub(crate) fn gaps(plan: &ModulePlan) -> Option<String> {
+    let first = plan.gaps.first()?;
+    Some(format!(
+        "{} before pulse {first}: a module's sub-CPIs go on across a gap, which keeps them short; recordings \
+         apart may have longer ones",
+        match plan.gaps.len() {
+            1 => "a gap".to_owned(),
+            count => format!("{count} gaps, the first"),
+        }
+    ))
+}
+
+/// A plan and what it costs.
+struct Sheet<'a> {
+    typed: &'a PlanModule,
+    error_db: f64,
+    plan: &'a ModulePlan,
+    link: LinkBudget,
+    /// From sub-CPI to sub-CPI, seconds.
+    period_s: Option<f64>,
+    /// Sides of a patch along x and y.
+    patch_m: Option<[f64; 2]>,
+}
+
+impl Sheet<'_> {
+    fn to_json(&self) -> serde_json::Value {
+        let plan = self.plan;
+        json!({
+            "error_bound_db": self.error_db,
+            "predicted_error_db": plan.predicted_db,
+            "arithmetic": plan.arithmetic,
+            "setup": plan.setup,
+            "capacity": plan.capacity(),
+            "sub_cpis": plan.num_sub_cpis,
+            "gaps": plan.gaps,
+            "patches": plan.patches,
+            "patch_m": self.patch_m,
+            "kernel_taps": plan.taps,
+            "ram_allowed_bytes": self.typed.ram,
+            "ram": plan.ram,
+            "link": self.link,
+            "sub_cpi_s": self.period_s,
+            "keeps_up": self.period_s.map(|period_s| self.link.keeps_up(period_s)),
+            "patches_in_real_time": self.period_s.map(|period_s| self.link.patches_in(period_s)),
+        })
+    }
+
+    fn to_text(&self) -> String {
+        let (plan, link) = (self.plan, &self.link);
+        let setup = &plan.setup;
+        let rows = plan
+            .patches
+            .iter()
+            .map(|patch| patch.num_doppler_bins())
+            .max();
+        let bins = plan
+            .patches
+            .iter()
+            .map(|patch| patch.num_range_bins())
+            .max();
+        let patch = match self.patch_m {
+            Some([x_m, y_m]) => format!("{} by {}", metres(Some(x_m)), metres(Some(y_m))),
+            None => format!(
+                "{} by {} pixels",
+                plan.patch_pixels.columns, plan.patch_pixels.rows
+            ),
+        };
+        let mut facts = vec![
+            (
+                "sub-CPIs",
+                format!(
+                    "{} of {} pulses, {} frequencies each",
+                    plan.num_sub_cpis, setup.num_pulses, setup.num_frequencies
+                ),
+            ),
+            ("patches", format!("{} of {patch}", plan.patches.len())),
+            (
+                "maps",
+                format!(
+                    "up to {} Doppler by {} range bins, of D = {} and R = {}",
+                    rows.unwrap_or(0),
+                    bins.unwrap_or(0),
+                    setup.doppler_length,
+                    setup.range_length
+                ),
+            ),
+            (
+                "error",
+                format!(
+                    "{:.1} dB predicted, {} dB asked, kernels of {} taps",
+                    plan.predicted_db, self.error_db, plan.taps
+                ),
+            ),
+        ];
+        if let Some(gaps) = gaps(plan) {
+            facts.push(("track", gaps));
+        }
+        facts.push((
+            "sub-CPI up",
+            format!(
+                "{}, {:.3} s at {} baud",
+                bytes(link.up_bytes.into()),
+                link.up_s,
+                link.baud
+            ),
+        ));
+        facts.push((
+            "sub-CPI down",
+            format!(
+                "{}, {:.3} s; {} the largest map",
+                bytes(link.down_bytes.into()),
+                link.down_s,
+                bytes(link.map_bytes.into())
+            ),
+        ));
+        facts.push((
+            "real time",
+            match self.period_s {
+                Some(period_s) => format!(
+                    "a sub-CPI every {period_s:.3} s: the link {}; maps of {} patches pass in that time",
+                    if link.keeps_up(period_s) {
+                        "keeps up"
+                    } else {
+                        "does not keep up"
+                    },
+                    link.patches_in(period_s)
+                ),
+                None => "unknown: the recording tells no times; give --pulse-rate".to_owned(),
+            },
+        ));
+        let mut lines: Vec<String> = facts
+            .into_iter()
+            .map(|(label, value)| format!("{label:<16} {value}"))
+            .collect();
+        let mut memory: Vec<Vec<String>> = plan
+            .ram
+            .buffers
+            .iter()
+            .map(|buffer| vec![buffer.name.to_owned(), buffer.bytes.to_string()])
+            .collect();
+        memory.push(vec![
+            "all buffers".to_owned(),
+            plan.ram.total_bytes.to_string(),
+        ]);
+        memory.push(vec!["allowed".to_owned(), self.typed.ram.to_string()]);
+        memory.push(vec![
+            "beside: detections, chip".to_owned(),
+            plan.ram.options_bytes.to_string(),
+        ]);
+        lines.push(String::new());
+        lines.push(text::table(&["memory", "bytes"], &memory));
+        lines.join("\n")
+    }
+}

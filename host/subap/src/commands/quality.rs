@@ -1,0 +1,334 @@
+//! `subap quality`: measures an image, and how it differs from another.
+
+mod from;
+mod pictures;
+mod source;
+mod theory;
+
+use anyhow::Context;
+use serde::Serialize;
+use subaperture::geometry::Extent;
+use subaperture::image::Comparison;
+use subaperture::quality::coherence::coherence;
+use subaperture::quality::difference::{PercentDifference, PercentSummary, percent_difference};
+use subaperture::quality::registration::{Offset, offset};
+use subaperture::quality::response::{Cut, Response, Settings, Target, measure};
+use subaperture::quality::statistics::{Region, Statistics};
+use subaperture::quality::{PairError, PixelMap};
+
+use crate::args::Quality;
+use crate::config::Session;
+use crate::failure::Usage;
+use crate::{interrupt, text};
+use from::From;
+use source::Source;
+use theory::{Basis, Theory};
+
+/// All that was measured.
+#[derive(Serialize)]
+struct Report {
+    image: String,
+    window: Option<String>,
+    points: Vec<Point>,
+    statistics: Statistics,
+    against: Option<Against>,
+}
+
+/// A point and what theory says of each of its cuts.
+#[derive(Serialize)]
+struct Point {
+    response: Response,
+    /// The chip that was formed of it, if one was.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    formed: Option<from::About>,
+    /// Of all pulses alike.
+    theory: Vec<Option<Theory>>,
+    /// Of pulses as strong as they lit the point, measured from the recording.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    theory_as_lit: Vec<Option<Theory>>,
+}
+
+/// How the image differs from another.
+#[derive(Serialize)]
+struct Against {
+    image: String,
+    comparison: Comparison,
+    percent_difference: PercentSummary,
+    mean_coherence: Option<f64>,
+    /// `None` where an image has no contrast.
+    offset_pixels: Option<Offset>,
+    #[serde(skip)]
+    difference: PercentDifference,
+    #[serde(skip)]
+    coherence: PixelMap,
+}
+
+/// Measures and prints.
+pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
+    source::check_memory(session, &[Some(&typed.image), typed.against.as_ref()])?;
+    let measuring = session.progress("measuring");
+    let source = Source::open(&typed.image)?;
+    if typed.line_of_sight.is_some() && source.grid.polar {
+        let what = "--line-of-sight says nothing to a polar grid: leave it out";
+        return Err(Usage(what.to_owned()).into());
+    }
+    let basis = Basis::new(&source, typed.window);
+    let (settings, targets) = targets(typed, &source, &basis)?;
+    let from = match typed.from.is_empty() {
+        true => None,
+        false => Some(From::open(session, typed, &source)?),
+    };
+    if let (Some(from), true) = (&from, typed.rehearsal.dry_run) {
+        measuring.finish();
+        from.ahead(&targets, &settings)?
+            .announce(session, &typed.rehearsal)?;
+        return Ok(());
+    }
+    let statistics = statistics(typed, &source)?;
+    let points = points(from.as_ref(), &source, &basis, targets, &settings)?;
+    interrupt::check()?;
+    let against = match &typed.against {
+        None => None,
+        Some(path) => Some(against(typed, &source, &Source::open(path)?)?),
+    };
+    interrupt::check()?;
+    let report = Report {
+        image: source.name.clone(),
+        window: basis.name(),
+        points,
+        statistics,
+        against,
+    };
+    measuring.finish();
+    if session.json() {
+        text::say_json("quality", &report)?;
+    } else {
+        print(&report, &source)?;
+    }
+    match &typed.plots {
+        Some(folder) => {
+            let mut claims = session.claims(
+                &typed.writing,
+                &[Some(&typed.image), typed.against.as_ref()]
+                    .into_iter()
+                    .flatten()
+                    .chain(&typed.from)
+                    .collect::<Vec<_>>(),
+            );
+            pictures::write(&mut claims, folder, &report, &source)
+        }
+        None => Ok(()),
+    }
+}
+
+fn statistics(typed: &Quality, source: &Source) -> anyhow::Result<Statistics> {
+    let region = match typed.extent {
+        None => Region::whole(&source.image),
+        Some(Extent {
+            x_m: (low, high),
+            y_m,
+        }) => {
+            let x_m = (source.across(low), source.across(high));
+            Region::within(&Extent { x_m, y_m }, &source.grid).context("--extent")?
+        }
+    };
+    Ok(Statistics::of(&source.image, &region))
+}
+
+/// What the points are measured with, and which they are.
+fn targets<'a>(
+    typed: &Quality,
+    source: &Source,
+    basis: &'a Basis,
+) -> anyhow::Result<(Settings<'a>, Vec<Target>)> {
+    // Of a recording's own chips the image need only tell the place.
+    let settings = Settings {
+        line_of_sight_rad: typed.line_of_sight.map(f64::to_radians),
+        carrier: source.carrier,
+        looks: basis.looks().filter(|_| typed.from.is_empty()),
+        ..Settings::default()
+    };
+    let near = typed.at.iter().map(|at| {
+        let [row_value, column_value] = source.coordinates(at)?;
+        anyhow::Ok(Target::Near {
+            column_value,
+            row_value,
+        })
+    });
+    let mut targets: Vec<Target> = near.collect::<Result<_, _>>()?;
+    if targets.is_empty() {
+        targets.push(Target::Brightest);
+    }
+    Ok((settings, targets))
+}
+
+fn points(
+    from: Option<&From>,
+    source: &Source,
+    basis: &Basis,
+    targets: Vec<Target>,
+    settings: &Settings,
+) -> anyhow::Result<Vec<Point>> {
+    let measured = targets.into_iter().map(|target| {
+        let Some(from) = from else {
+            let response = measure(&source.image, &source.grid, target, settings)
+                .map_err(|error| source.explain(error))?;
+            return Ok(Point {
+                theory: theory::of_cuts(basis, &response, &source.grid, basis.looks()),
+                theory_as_lit: Vec::new(),
+                formed: None,
+                response,
+            });
+        };
+        from.point(target, settings)
+    });
+    measured.collect()
+}
+
+fn against(typed: &Quality, source: &Source, other: &Source) -> anyhow::Result<Against> {
+    let comparison = Comparison::between(&source.image, &other.image)?;
+    let difference = percent_difference(&source.image, &other.image, typed.floor)?;
+    let coherence = coherence(&source.image, &other.image, typed.coherence)?;
+    let offset_pixels = match offset(&source.image, &other.image) {
+        Ok(offset) => Some(offset),
+        Err(PairError::Unsuited(_)) => None,
+        Err(error) => return Err(error.into()),
+    };
+    Ok(Against {
+        image: other.name.clone(),
+        comparison,
+        percent_difference: difference.summary,
+        mean_coherence: coherence.mean(),
+        offset_pixels,
+        difference,
+        coherence,
+    })
+}
+
+fn number(value: Option<f64>, digits: usize) -> String {
+    value.map_or_else(|| "none".to_owned(), |v| format!("{v:.digits$}"))
+}
+
+fn print(report: &Report, source: &Source) -> anyhow::Result<()> {
+    for point in &report.points {
+        print_point(point, source)?;
+        text::say("")?;
+    }
+    let s = &report.statistics;
+    text::say(format!(
+        "{} pixels, {} not finite\n\
+         level               mean {} dB, median {} dB, peak {} dB\n\
+         entropy             {} nats\n\
+         contrast            {} of power, {} of amplitude\n\
+         sharpness           {}",
+        s.num_pixels,
+        s.num_not_finite,
+        number(s.mean_level_db, 2),
+        number(s.median_level_db, 2),
+        number(s.peak_level_db, 2),
+        number(s.entropy, 4),
+        number(s.power_contrast, 4),
+        number(s.amplitude_contrast, 4),
+        s.sharpness
+            .map_or_else(|| "none".to_owned(), |v| format!("{v:.4e}")),
+    ))?;
+    if let Some(a) = &report.against {
+        let p = &a.percent_difference;
+        text::say(format!("\nagainst {}\n{}", a.image, a.comparison))?;
+        text::say(format!(
+            "percent difference   median {}, mean {}, 95 of 100 below {}, largest {} ({} pixels, {} \
+             too dark)\n\
+             mean coherence       {}",
+            number(p.median, 3),
+            number(p.mean, 3),
+            number(p.percentile_95, 3),
+            number(p.largest, 3),
+            p.num_pixels,
+            p.num_excluded,
+            number(a.mean_coherence, 6),
+        ))?;
+        if let Some(o) = &a.offset_pixels {
+            text::say(format!(
+                "shift                {:.3} columns, {:.3} rows (correlation of magnitudes {:.6})",
+                o.columns, o.rows, o.correlation
+            ))?;
+        }
+    }
+    Ok(())
+}
+
+fn print_point(point: &Point, source: &Source) -> anyhow::Result<()> {
+    let r = &point.response;
+    text::say(format!(
+        "point at {}: {:.2} dB, phase {}{}",
+        source.place(r),
+        r.level_db,
+        text::degrees(r.phase_rad.to_degrees()),
+        match r.turn_is_known {
+            true => "",
+            false => " if it turns by less than half a turn a pixel",
+        }
+    ))?;
+    if let Some(about) = &point.formed {
+        text::say(about.to_string())?;
+    }
+    let mut rows = Vec::new();
+    for (i, cut) in r.cuts.iter().enumerate() {
+        let (unit, factor) = source.unit(cut.along);
+        let lengths = |v: Option<f64>| number(v.map(|v| v * factor), 4);
+        rows.push(vec![
+            format!("{} ({unit})", source.along(cut.along)),
+            lengths(cut.width_3db),
+            number(cut.null_rule.pslr_db, 2),
+            number(cut.null_rule.islr_db, 2),
+            number(cut.fixed_rule.pslr_db, 2),
+            number(cut.fixed_rule.islr_db, 2),
+        ]);
+        for (name, theory) in [
+            ("  theory", &point.theory),
+            ("  theory, as lit", &point.theory_as_lit),
+        ] {
+            let Some(Some(t)) = theory.get(i) else {
+                continue;
+            };
+            rows.push(vec![
+                name.to_owned(),
+                lengths(t.width()),
+                number(t.expected.null_rule.pslr_db, 2),
+                number(t.expected.null_rule.islr_db, 2),
+                number(t.expected.fixed_rule.pslr_db, 2),
+                number(t.expected.fixed_rule.islr_db, 2),
+            ]);
+        }
+    }
+    let header = [
+        "along",
+        "3 dB width",
+        "PSLR dB (nulls)",
+        "ISLR dB (nulls)",
+        "PSLR dB (1.5 widths)",
+        "ISLR dB (1.5 widths)",
+    ];
+    text::say(text::table(&header, &rows))?;
+    // Theory without the recording knows no beam, which dims part of the pulses.
+    let wider = |(cut, theory): (&Cut, &Option<Theory>)| {
+        let width = theory.as_ref()?.width()?;
+        Some(cut.width_3db? > 1.05 * width)
+    };
+    let any_wider = r
+        .cuts
+        .iter()
+        .zip(&point.theory)
+        .filter_map(wider)
+        .any(|wider| wider);
+    if any_wider && point.theory_as_lit.is_empty() {
+        text::say(
+            "wider than theory, which takes all pulses as equally strong: --from RECORDING tells whether a beam made it so",
+        )?;
+    }
+    text::say(format!(
+        "ISLR of both dimensions {} dB",
+        number(r.islr_2d_db, 2)
+    ))?;
+    Ok(())
+}

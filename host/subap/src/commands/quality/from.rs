@@ -1,0 +1,303 @@
+//! `subap quality --from`: points measured on chips formed of the recording, as finely as they need.
+
+use std::fmt;
+
+use anyhow::{Context, bail};
+use glam::DVec3;
+use serde::Serialize;
+use serde_json::Value;
+use subaperture::focus::bp::Backprojection;
+use subaperture::focus::exact::Exact;
+use subaperture::focus::forecast::Forecast;
+use subaperture::focus::moving::Moving;
+use subaperture::focus::{ImageFormer, Task};
+use subaperture::geometry::{Axis, ImageGrid};
+use subaperture::phase_history::{Aperture, PhaseHistory, Weights};
+use subaperture::planner::forecast;
+use subaperture::quality::response::{Settings, Target, brightest, measure};
+use subaperture::resolution::support::{Looks, measured_gains};
+use subaperture::signal::window::Window;
+
+use super::Point;
+use super::source::Source;
+use super::theory::{self, Basis};
+use crate::ahead::{Ahead, reading};
+use crate::args::{Input, Quality};
+use crate::config::Session;
+use crate::failure::Usage;
+
+/// Pixels for each of the support's cells: 0.4 of what would fold.
+const STEP_CELLS: f64 = 0.4;
+/// Pixels to each side: 12 widths of an unweighted band take 27, of a Taylor-weighted one 36.
+const HALF: usize = 48;
+/// Multiplications up to which the exact sum is taken, and backprojection with this bound beyond.
+const EXACT_WORK: f64 = 4e9;
+const ERROR_DB: f64 = -80.0;
+const BACKPROJECTION: Backprojection = Backprojection { error_db: ERROR_DB };
+
+/// A recording to form chips of, as the image was formed.
+pub(super) struct From<'a> {
+    session: &'a Session,
+    source: &'a Source,
+    recorded: Aperture,
+    velocity_m_s: Option<DVec3>,
+    windows: [Window; 2],
+}
+
+/// A chip to form.
+struct Chip {
+    /// Its middle.
+    target: Target,
+    grid: ImageGrid,
+    looks: Looks,
+    former: &'static dyn ImageFormer,
+}
+
+/// How a chip was formed.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct About {
+    former: &'static str,
+    /// Pixels a side.
+    pixels: usize,
+    /// Distance from pixel to pixel, metres or radians of a polar grid's angle: along rows' and columns' axes.
+    steps: [f64; 2],
+}
+
+impl fmt::Display for About {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [row, column] = self.steps;
+        write!(
+            to,
+            "measured on {0} x {0} pixels formed of the recording by {1}, steps {column:.3e} and {row:.3e}",
+            self.pixels, self.former
+        )
+    }
+}
+
+/// The settings that the image's recordings were opened with.
+fn settings(recorded: &serde_json::Value) -> Vec<(String, String)> {
+    let texts = recorded.as_array().into_iter().flatten();
+    texts
+        .filter_map(|text| text.as_str()?.split_once('='))
+        .map(|(key, value)| (key.to_owned(), value.to_owned()))
+        .collect()
+}
+
+impl<'a> From<'a> {
+    /// Opens the recordings.
+    pub(super) fn open(
+        session: &'a Session,
+        typed: &Quality,
+        source: &'a Source,
+    ) -> anyhow::Result<Self> {
+        let Some(metadata) = &source.metadata else {
+            let what = "--from needs an image that says how it was formed: give the folder that subap focus left, not its \
+                        image.npy";
+            return Err(Usage(what.to_owned()).into());
+        };
+        let given = &metadata["settings"]["given"];
+        let recorded = session.open(&Input {
+            paths: typed.from.clone(),
+            channel: given["channel"].as_str().map(str::to_owned),
+            set: settings(&given["set"]),
+        })?;
+        let num_pulses = recorded.collection().pulses.len() as u64;
+        if let Some(formed_of) = metadata["collection"]["num_pulses"].as_u64()
+            && formed_of != num_pulses
+        {
+            bail!(
+                "--from has {num_pulses} pulses and {} was formed of {formed_of}: give the same recordings",
+                source.name
+            );
+        }
+        let Some(windows) = typed.window.map(|window| [window; 2]).or(source.windows) else {
+            bail!(
+                "{}: its record names no windows: give --window",
+                source.name
+            );
+        };
+        let numbers = |value: &Value| -> Option<Vec<f64>> {
+            value.as_array()?.iter().map(Value::as_f64).collect()
+        };
+        let velocity_m_s = match numbers(&given["velocity_m_s"]).as_deref() {
+            Some(&[x, y, z]) => Some(DVec3::new(x, y, z)),
+            _ => None,
+        };
+        Ok(Self {
+            session,
+            source,
+            recorded,
+            velocity_m_s,
+            windows,
+        })
+    }
+
+    /// Where the scene moves with the image's velocity, if it has one.
+    fn moving(&self) -> anyhow::Result<Option<Moving<'_>>> {
+        let first_s = self.recorded.collection().pulses[0].time_s;
+        let moving = self
+            .velocity_m_s
+            .map(|velocity| Moving::new(&self.recorded, velocity, first_s));
+        Ok(moving.transpose()?)
+    }
+
+    /// The recording as the image was formed of it.
+    fn history<'h>(&'h self, moving: Option<&'h Moving<'h>>) -> &'h dyn PhaseHistory {
+        match moving {
+            Some(moving) => moving,
+            None => &self.recorded,
+        }
+    }
+
+    /// The chip around a target.
+    fn chip(
+        &self,
+        history: &dyn PhaseHistory,
+        target: Target,
+        settings: &Settings,
+    ) -> anyhow::Result<Chip> {
+        let collection = history.collection();
+        let [fast, slow] = self.windows;
+        let looks = Looks::new(collection, fast, slow);
+
+        let coarse = &self.source.grid;
+        let (row, column) = brightest(&self.source.image, coarse, target, settings)?;
+        let (row_value, column_value) = (coarse.rows.at(row), coarse.columns.at(column));
+        let support = looks.at(coarse.point_m(row_value, column_value));
+        let [x, y] = coarse.directions(row_value, column_value);
+        let axis = |direction: DVec3, middle: f64| {
+            let extent = support
+                .extent(direction)
+                .map_or(0.0, |[low, high]| high - low);
+            let step = STEP_CELLS / extent;
+            step.is_finite().then_some(Axis {
+                start: middle - HALF as f64 * step,
+                step,
+                count: 2 * HALF + 1,
+            })
+        };
+        let (Some(columns), Some(rows)) = (axis(x, column_value), axis(y, row_value)) else {
+            bail!(
+                "the recording resolves nothing along one of the image's axes: there is no response to measure"
+            );
+        };
+        let grid = ImageGrid {
+            rows,
+            columns,
+            ..*coarse
+        };
+        let work = collection.pulses.len() as f64
+            * collection.num_samples as f64
+            * grid.num_pixels() as f64;
+        Ok(Chip {
+            target: Target::Near {
+                column_value,
+                row_value,
+            },
+            grid,
+            looks,
+            former: match work < EXACT_WORK {
+                true => &Exact,
+                false => &BACKPROJECTION,
+            },
+        })
+    }
+
+    /// What it takes to form and measure the chips of `targets`.
+    pub(super) fn ahead(&self, targets: &[Target], settings: &Settings) -> anyhow::Result<Ahead> {
+        let moving = self.moving()?;
+        let history = self.history(moving.as_ref());
+        let collection = history.collection();
+        let [fast, slow] = self.windows;
+        let weights = Weights::new(collection, fast, slow);
+        let progress = self.session.progress("measuring a part");
+        // One may refuse where it lies; else they have as many pixels each, and take as long.
+        let chips = targets
+            .iter()
+            .map(|target| self.chip(history, *target, settings));
+        let chips: Vec<Chip> = chips.collect::<Result<_, _>>()?;
+        let chip = &chips[0];
+        let task = Task {
+            history,
+            grid: &chip.grid,
+            weights: &weights,
+            memory_bytes: self.session.memory_bytes,
+            monitor: &progress,
+        };
+        let asked = forecast::Settings::within(ERROR_DB);
+        let forming = forecast::forecast(chip.former, &task, &asked)?;
+        // The beam is measured from all echoes.
+        let beam = reading(history)?;
+        let one = forming.map(|forming| [forming, beam].into_iter().sum());
+        progress.finish();
+        let what = format!(
+            "{} chips of {} pulses, measured",
+            targets.len(),
+            collection.pulses.len()
+        );
+        let held_bytes = history.held_bytes() + self.source.grid.num_pixels() * 8;
+        let time = one.map(|one: Forecast| Forecast {
+            seconds: one.seconds * targets.len() as f64,
+            ..one
+        });
+        Ok(Ahead::new(self.session, what, held_bytes, time, Vec::new()))
+    }
+
+    /// Forms a chip around a target and measures it.
+    pub(super) fn point(&self, target: Target, settings: &Settings) -> anyhow::Result<Point> {
+        let moving = self.moving()?;
+        let history = self.history(moving.as_ref());
+        let collection = history.collection();
+        let [fast, slow] = self.windows;
+        let Chip {
+            target,
+            grid,
+            looks,
+            former,
+        } = self.chip(history, target, settings)?;
+        let progress = self.session.progress("forming a chip");
+        let weights = Weights::new(collection, fast, slow);
+        let task = Task {
+            history,
+            grid: &grid,
+            weights: &weights,
+            memory_bytes: self.session.memory_bytes,
+            monitor: &progress,
+        };
+        let image = former
+            .form_best(&task)
+            .context("--from: no chip was formed")?
+            .image;
+        progress.finish();
+
+        // The peak lies within a pixel of the image's brightest, or two where that is noise.
+        let coarse = &self.source.grid;
+        let ImageGrid { rows, columns, .. } = grid;
+        let reach =
+            (2.0 * coarse.rows.step / rows.step).max(2.0 * coarse.columns.step / columns.step);
+        let fine = Settings {
+            search_px: (reach.ceil() as usize).clamp(4, HALF / 2),
+            looks: Some(&looks),
+            ..*settings
+        };
+        let response = measure(&image, &grid, target, &fine)?;
+        let place_m = DVec3::from(response.position_m);
+        let progress = self.session.progress("measuring the beam");
+        let gains = measured_gains(history, place_m, fast, &progress)?;
+        progress.finish();
+        let lit = looks
+            .clone()
+            .lit(|part| gains[((part * gains.len() as f64) as usize).min(gains.len() - 1)]);
+        let basis = Basis::Nothing;
+        Ok(Point {
+            theory: theory::of_cuts(&basis, &response, &grid, Some(&looks)),
+            theory_as_lit: theory::of_cuts(&basis, &response, &grid, Some(&lit)),
+            formed: Some(About {
+                former: former.name(),
+                pixels: grid.rows.count,
+                steps: [rows.step, columns.step],
+            }),
+            response,
+        })
+    }
+}

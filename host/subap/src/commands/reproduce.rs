@@ -1,0 +1,157 @@
+//! `subap reproduce`: the figures of both theses, made again.
+
+use std::fs;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Context as _, bail};
+use serde_json::{Value, json};
+use subaperture_gallery::{Context, Item, Step, expect, items, names, run as run_items};
+
+use crate::ahead::Ahead;
+use crate::args::Reproduce;
+use crate::config::{Session, record_of_run};
+use crate::failure::Usage;
+use crate::{messages, text};
+
+/// What an item leaves, its part of the page included, and what it holds: the most of any, rounded up.
+const ITEM_BYTES: u64 = 1 << 20;
+const ITEM_HELD_BYTES: u64 = 64 << 20;
+
+/// Makes the items and the page.
+pub(crate) fn run(session: &Session, typed: &Reproduce) -> anyhow::Result<()> {
+    let chosen = chosen(&typed.only)?;
+    if typed.list && session.json() {
+        let items: Vec<Value> = chosen
+            .iter()
+            .map(|item| json!({ "id": item.id, "source": item.source, "title": item.title }))
+            .collect();
+        return text::say_json("reproduce-list", json!({ "items": items }));
+    }
+    if typed.list {
+        for item in &chosen {
+            text::say(format!("{:<14}{}: {}", item.id, item.source, item.title))?;
+        }
+        return Ok(());
+    }
+    let gotcha = gotcha_files(&typed.gotcha)?;
+    let mut claims = session.claims(&typed.writing, &gotcha);
+    claims.folder(&typed.out, names(&typed.out, &chosen))?;
+    let start = Instant::now();
+    let progress = session.progress("reproducing");
+    let context = Context {
+        memory_bytes: session.memory_bytes,
+        monitor: &progress,
+        gotcha: &gotcha,
+    };
+    if typed.rehearsal.dry_run {
+        let ahead = ahead(session, typed, &chosen, &context)?;
+        progress.finish();
+        ahead.announce(session, &typed.rehearsal)?;
+        return Ok(());
+    }
+    let mut agreeing = 0;
+    let mut verdicts = Vec::new();
+    let outcome = run_items(&chosen, &typed.out, &context, |step| match step {
+        Step::Begun(item, index, count) => {
+            progress.begin(format!("{}/{count} {}", index + 1, item.id));
+        }
+        Step::Done(item, finding) => {
+            agreeing += usize::from(finding.agrees());
+            verdicts.push(json!({ "id": item.id, "agrees": finding.agrees() }));
+            let verdict = if finding.agrees() {
+                "agrees"
+            } else {
+                "differs"
+            };
+            messages::note(&format!("{:<14}{verdict}  {}", item.id, item.title));
+        }
+    });
+    progress.finish();
+    outcome?;
+    if session.json() {
+        return text::say_json(
+            "reproduce",
+            json!({
+                "page": typed.out.join("index.html").display().to_string(),
+                "items": verdicts,
+                "agreeing": agreeing,
+                "run": record_of_run(session, start.elapsed()),
+            }),
+        );
+    }
+    text::say(format!(
+        "{}: {agreeing} of {} agree with the theses, in {}",
+        typed.out.join("index.html").display(),
+        chosen.len(),
+        text::duration(start.elapsed())
+    ))?;
+    Ok(())
+}
+
+/// What the items will take.
+fn ahead(
+    session: &Session,
+    typed: &Reproduce,
+    chosen: &[Item],
+    context: &Context,
+) -> anyhow::Result<Ahead> {
+    let expected = expect(chosen, &typed.out, context)?;
+    let what = format!(
+        "{} items to make, {} there already",
+        expected.to_make, expected.there
+    );
+    let disk_bytes = expected.to_make as u64 * ITEM_BYTES;
+    Ok(Ahead::new(
+        session,
+        what,
+        ITEM_HELD_BYTES,
+        Some(expected.time),
+        vec![(typed.out.clone(), disk_bytes)],
+    ))
+}
+
+/// The recordings of GOTCHA named: files, and of a folder every `.mat` in it, by their names.
+fn gotcha_files(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for path in named {
+        let about = fs::metadata(path).with_context(|| format!("--gotcha {}", path.display()))?;
+        if !about.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let entries = fs::read_dir(path).with_context(|| format!("--gotcha {}", path.display()))?;
+        let mut within = Vec::new();
+        for entry in entries {
+            let file = entry
+                .with_context(|| format!("--gotcha {}", path.display()))?
+                .path();
+            if file.extension().is_some_and(|ending| ending == "mat") {
+                within.push(file);
+            }
+        }
+        if within.is_empty() {
+            bail!(
+                "--gotcha {}: the folder holds no .mat file; name the files of AFRL's data set, such as \
+                 data_3dsar_pass1_az001_HH.mat, or the folder in which they lie",
+                path.display()
+            );
+        }
+        within.sort();
+        files.extend(within);
+    }
+    Ok(files)
+}
+
+/// The items asked for, in the order of the page; all if none is named.
+fn chosen(only: &[String]) -> anyhow::Result<Vec<Item>> {
+    let all = items();
+    for id in only {
+        if !all.iter().any(|item| item.id == id) {
+            let known: Vec<&str> = all.iter().map(|item| item.id).collect();
+            return Err(Usage(format!("--only {id}: known are {}", known.join(", "))).into());
+        }
+    }
+    let wanted = |item: &Item| only.is_empty() || only.iter().any(|id| id == item.id);
+    Ok(all.into_iter().filter(wanted).collect())
+}

@@ -1,0 +1,293 @@
+//! `subap simulate`: a simulated collection as CPHD 1.1, or as raw echoes.
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::Context;
+use serde_json::{Value, json};
+use subaperture::focus::forecast::{self, Forecast};
+use subaperture::io::cphd::{self, Channel, Domain, Sgn, WriteOptions};
+use subaperture::io::ours::Kind;
+use subaperture::io::recording::{self, Raw};
+use subaperture::phase_history::PhaseHistory;
+use subaperture::receive::Echoes;
+use subaperture::simulate::scenario::{self, Scenario};
+use subaperture::simulate::{Experiment, Noise, Recording, Variation};
+
+use crate::ahead::{Ahead, reading};
+use crate::args::{SignalDomain, Simulate};
+use crate::config::{Session, record_of_run};
+use crate::text;
+
+/// Writes the file, complete or not at all, or prints what there is to know of scenarios.
+pub(crate) fn run(session: &Session, typed: &Simulate) -> anyhow::Result<()> {
+    let start = Instant::now();
+    if typed.keys {
+        text::say(scenario::reference())?;
+    }
+    if let Some(name) = &typed.example {
+        text::say(scenario::examples::text(name).context("--example: no such name")?)?;
+    }
+    if let Some(path) = &typed.scenario {
+        let mut claims = session.claims(&typed.writing, &[path]);
+        if let Some(out) = &typed.out {
+            claims.file(out, Kind::Collection)?;
+        }
+        let preparing = session.progress("preparing");
+        let experiment = experiment(session, path, typed)?;
+        let recordings = record(session, &experiment)
+            .with_context(|| format!("cannot simulate {}", path.display()))?;
+        preparing.finish();
+        let mut written = Vec::new();
+        if let Some(folder) = &typed.echoes {
+            let ids: Vec<&str> = recordings.iter().map(|(id, _)| id.as_str()).collect();
+            claims.folder(folder, recording::names(&ids))?;
+        }
+        let channels: Vec<Channel> = recordings
+            .iter()
+            .map(|(id, recording)| Channel::new(id.clone(), recording))
+            .collect();
+        if ahead(session, typed, &channels, &recordings)?.announce(session, &typed.rehearsal)? {
+            return Ok(());
+        }
+        if let Some(folder) = &typed.echoes {
+            written.extend(write_echoes(session, folder, &recordings)?);
+        }
+        if let Some(out) = &typed.out {
+            written.extend(write(session, typed, out, &channels)?);
+        }
+        return report(session, start, written);
+    }
+    if let (Some(preset), Some(out)) = (typed.preset, &typed.out) {
+        let mut claims = session.claims::<&Path>(&typed.writing, &[]);
+        claims.file(out, Kind::Collection)?;
+        let simulated = preset.simulate(&variation(typed));
+        let channels = [Channel::new("1", &simulated)];
+        if ahead(session, typed, &channels, &[])?.announce(session, &typed.rehearsal)? {
+            return Ok(());
+        }
+        let written = write(session, typed, out, &channels)?;
+        return report(session, start, written);
+    }
+    Ok(())
+}
+
+/// Samples from which on work may be long.
+const MANY_SAMPLES: u64 = 1 << 21;
+
+/// What a sample of a pulse takes on its way into a file, and in a thread that makes it: sums in float64, a transform of
+/// twice the length and its tables.
+const ROW_BYTES: u64 = 24;
+const THREAD_ROW_BYTES: u64 = 160;
+
+/// Prints what was written where JSON is wanted; else each said so as it was.
+fn report(session: &Session, start: Instant, written: Vec<Value>) -> anyhow::Result<()> {
+    if !session.json() {
+        return Ok(());
+    }
+    let run = record_of_run(session, start.elapsed());
+    text::say_json("simulate", json!({ "run": run, "written": written }))
+}
+
+/// What the scenario says, with the settings laid over.
+fn experiment(session: &Session, path: &Path, typed: &Simulate) -> anyhow::Result<Experiment> {
+    let mut scenario =
+        Scenario::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+    for (key, value) in &typed.set {
+        scenario.set(key, value)?;
+    }
+    if let Some(seed) = typed.seed {
+        scenario.set("seed", &seed.to_string())?;
+    }
+    Ok(scenario.experiment_within(session.memory_bytes)?)
+}
+
+/// Every pair of antennas with its channel's identifier: `1` if there is one, else as `T1R2`.
+fn record<'a>(
+    session: &Session,
+    experiment: &'a Experiment,
+) -> anyhow::Result<Vec<(String, Recording<'a>)>> {
+    let pairs = experiment.pairs();
+    let mut held: u64 = 0;
+    let mut recordings = Vec::new();
+    for pair in &pairs {
+        let id = match pairs.len() {
+            1 => "1".to_owned(),
+            _ => format!("T{}R{}", pair.transmitter + 1, pair.receiver + 1),
+        };
+        // Tables that spare work, in what the others leave.
+        let left = session.memory_bytes.saturating_sub(held) / 2;
+        let recording = experiment.record_within(*pair, left)?;
+        held = held.saturating_add(recording.held_bytes());
+        if held > session.memory_bytes {
+            anyhow::bail!(
+                "the pulses of {} channels take {}; --memory allows {}: simulate fewer pulses, or raise \
+                 --memory",
+                recordings.len() + 1,
+                text::bytes(held.into()),
+                text::bytes(session.memory_bytes.into())
+            );
+        }
+        recordings.push((id, recording));
+    }
+    let width = experiment.radar.waveform.num_samples() as u64;
+    let row_bytes = ROW_BYTES + session.threads as u64 * THREAD_ROW_BYTES;
+    let needed = width.saturating_mul(row_bytes).saturating_add(held);
+    if needed > session.memory_bytes {
+        anyhow::bail!(
+            "pulses of {width} samples take {} while they are made by {} threads; --memory leaves {}: simulate \
+             fewer samples, give fewer --threads, or raise --memory",
+            text::bytes(needed.into()),
+            session.threads,
+            text::bytes(session.memory_bytes.into())
+        );
+    }
+    Ok(recordings)
+}
+
+fn variation(typed: &Simulate) -> Variation {
+    let seed = typed.seed.unwrap_or(0);
+    Variation {
+        noise: typed.noise_db.map(|power_db| Noise { power_db, seed }),
+        perturbation_m: typed.perturb,
+        seed,
+    }
+}
+
+fn write_echoes(
+    session: &Session,
+    folder: &Path,
+    recordings: &[(String, Recording)],
+) -> anyhow::Result<Vec<Value>> {
+    let raw: Vec<Raw> = recordings
+        .iter()
+        .map(|(id, recording)| Raw {
+            id: id.clone(),
+            echoes: recording.echoes(),
+        })
+        .collect();
+    let progress = session.progress("simulating");
+    recording::write(folder, &raw, &progress)?;
+    progress.finish();
+    let mut written = Vec::new();
+    for raw in &raw {
+        let collection = raw.echoes.collection();
+        let name = match recordings.len() {
+            1 => String::new(),
+            _ => format!(" {}", raw.id),
+        };
+        if session.tells() {
+            text::say(format!(
+                "{}{name}: {} echoes of {} samples",
+                folder.display(),
+                collection.pulses.len(),
+                collection.waveform.num_samples()
+            ))?;
+        }
+        written.push(json!({
+            "path": folder.display().to_string(),
+            "holds": "echoes",
+            "channel": raw.id,
+            "pulses": collection.pulses.len(),
+            "samples": collection.waveform.num_samples(),
+        }));
+    }
+    Ok(written)
+}
+
+/// What the files will take. Every channel takes as long as the first a pulse.
+fn ahead(
+    session: &Session,
+    typed: &Simulate,
+    channels: &[Channel],
+    recordings: &[(String, Recording)],
+) -> anyhow::Result<Ahead> {
+    let first = channels[0].history.collection();
+    let pulses = |channel: &Channel| channel.history.collection().pulses.len() as u64;
+    let all: u64 = channels.iter().map(pulses).sum();
+    let measure = typed.rehearsal.dry_run || all * first.num_samples as u64 > MANY_SAMPLES;
+    let mut disk = Vec::new();
+    let mut parts: Vec<Forecast> = Vec::new();
+    if let Some(out) = &typed.out {
+        disk.push((out.clone(), cphd::file_bytes(channels, &options(typed))?));
+        if measure {
+            parts.push(reading(channels[0].history)?);
+        }
+    }
+    if let (Some(folder), Some((_, recording))) = (&typed.echoes, recordings.first()) {
+        let echoes = recording.echoes();
+        let width = echoes.collection().waveform.num_samples();
+        disk.push((folder.clone(), 8 * all * width as u64));
+        if measure {
+            let count = echoes.collection().pulses.len();
+            parts.push(forecast::reading(count, width, |pulses, samples| {
+                echoes.read(pulses, samples)
+            })?);
+        }
+    }
+    let times = all as f64 / first.pulses.len() as f64;
+    let parts = parts.into_iter().map(|part| Forecast {
+        seconds: part.seconds * times,
+        ..part
+    });
+    let time = measure.then(|| parts.sum());
+    let held = channels.iter().map(|channel| channel.history.held_bytes());
+    let what = format!(
+        "{} pulses of {} frequencies, {} in all",
+        first.pulses.len(),
+        first.num_samples,
+        match channels.len() {
+            1 => "one channel".to_owned(),
+            count => format!("{count} channels"),
+        }
+    );
+    Ok(Ahead::new(session, what, held.sum(), time, disk))
+}
+
+/// How the file is written.
+fn options(typed: &Simulate) -> WriteOptions {
+    WriteOptions {
+        domain: match typed.domain {
+            SignalDomain::Fx => Domain::Fx,
+            SignalDomain::Toa => Domain::Toa,
+        },
+        sgn: if typed.sgn < 0 { Sgn::Minus } else { Sgn::Plus },
+        ..WriteOptions::default()
+    }
+}
+
+fn write(
+    session: &Session,
+    typed: &Simulate,
+    out: &Path,
+    channels: &[Channel],
+) -> anyhow::Result<Vec<Value>> {
+    let options = options(typed);
+    let progress = session.progress("simulating");
+    cphd::write(out, channels, &options, &progress)?;
+    progress.finish();
+    let mut written = Vec::new();
+    for channel in channels {
+        let collection = channel.history.collection();
+        let name = match channels.len() {
+            1 => String::new(),
+            _ => format!(" {}", channel.id),
+        };
+        if session.tells() {
+            text::say(format!(
+                "{}{name}: {} pulses of {} frequencies",
+                out.display(),
+                collection.pulses.len(),
+                collection.num_samples
+            ))?;
+        }
+        written.push(json!({
+            "path": out.display().to_string(),
+            "holds": "phase history",
+            "channel": channel.id,
+            "pulses": collection.pulses.len(),
+            "samples": collection.num_samples,
+        }));
+    }
+    Ok(written)
+}

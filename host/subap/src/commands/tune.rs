@@ -1,0 +1,330 @@
+//! `subap tune`: unknown geometry found by the sharpness of the image.
+
+mod pictures;
+mod written;
+
+use std::time::Instant;
+
+use anyhow::Context;
+use serde_json::json;
+use subaperture::autofocus::{
+    Expected, Measure, Model, Order, Problem, Scan, Search, Sight, TuneError, Tuned, Verdict,
+    determine, rehearse,
+};
+use subaperture::focus::FormError;
+use subaperture::focus::forecast::Forecast;
+use subaperture::io::recording::{RecordingFile, Take};
+use subaperture::phase_history::Recorded;
+
+use crate::ahead::Ahead;
+use crate::args::{Tune, Vary};
+use crate::config::{Session, record_of_run};
+use crate::failure::Usage;
+use crate::{interrupt, text};
+
+/// Keys that are varied together, at most: each makes the neighbourhood of the best three times as large.
+const MOST_KEYS: usize = 3;
+
+/// Searches, says what was found, and leaves pictures if they are wanted.
+pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
+    let start = Instant::now();
+    let keys = &typed.vary;
+    if keys.len() > MOST_KEYS {
+        return Err(Usage(format!("--vary: at most {MOST_KEYS} keys")).into());
+    }
+    let twice = |i: usize| keys[..i].iter().any(|other| other.key == keys[i].key);
+    if let Some(i) = (0..keys.len()).find(|&i| twice(i)) {
+        return Err(Usage(format!("--vary {}: given twice", keys[i].key)).into());
+    }
+    if let Some(grid) = &typed.grid {
+        session.check_grid(grid, 1)?;
+    }
+    written::check(typed)?;
+    let mut claims = session.claims(&typed.writing, &[&typed.recording]);
+    if let Some(folder) = &typed.out {
+        let own = ["tune.json", "map.png", "image.png"].map(str::to_owned);
+        let keys = keys.iter().map(|vary| format!("{}.png", vary.key));
+        claims.folder(folder, keys.chain(own))?;
+    }
+    let mut recording = RecordingFile::read(&typed.recording)
+        .with_context(|| format!("cannot read {}", typed.recording.display()))?;
+    for (key, value) in &typed.set {
+        recording.set(key, value)?;
+    }
+    let varied = Varied {
+        recording: &recording,
+        keys,
+        memory_bytes: session.memory_bytes,
+    };
+    // What is wrong with a key is said before long work, with both of its ends.
+    for end in [0, usize::MAX] {
+        let values = keys
+            .iter()
+            .map(|vary| vary.axis.at(end.min(vary.axis.count - 1)));
+        varied.check(&values.collect::<Vec<f64>>())?;
+    }
+    let sight = match typed.grid {
+        Some(grid) => Sight::Grid(grid, typed.measure),
+        None => Sight::Points(typed.at.clone()),
+    };
+    let wanted = Search {
+        order: if typed.in_turn {
+            Order::InTurn
+        } else {
+            Order::Product
+        },
+        refinements: typed.refine.into(),
+    };
+    let intervals: Vec<_> = keys.iter().map(|vary| vary.axis).collect();
+    let progress = session.progress("tuning");
+    let problem = Problem {
+        model: &varied,
+        intervals: &intervals,
+        search: wanted,
+        sight: &sight,
+        windows: [typed.window, typed.slow_window],
+        memory_bytes: session.memory_bytes,
+        monitor: &progress,
+    };
+    if typed.rehearsal.dry_run {
+        let ahead = ahead(session, &problem)?;
+        progress.finish();
+        ahead.announce(session, &typed.rehearsal)?;
+        return Ok(());
+    }
+    let found = determine(&problem);
+    progress.finish();
+    let found = found.map_err(|error| match error {
+        TuneError::Failed(error) => anyhow::Error::new(error),
+        TuneError::Cancelled => FormError::Cancelled.into(),
+        TuneError::Nothing => anyhow::Error::new(error),
+    })?;
+    interrupt::check()?;
+    let record = json!({
+        "schema": "subaperture-tune",
+        "schema_version": 1,
+        "run": record_of_run(session, start.elapsed()),
+        "measure": measure_name(typed),
+        "merit": found.merit,
+        "evaluations": found.evaluations,
+        "keys": keys.iter().zip(&found.best).zip(&found.scans).map(|((vary, best), scan)| json!({
+            "key": vary.key,
+            "unit": vary.unit,
+            "best": best,
+            "width": scan.width,
+            "at_end": scan.at_end,
+            "error_95": scan.error,
+            "verdict": scan.verdict,
+            "rivals": scan.rivals,
+            "scan": scan.points,
+        })).collect::<Vec<_>>(),
+        "without_parts": found.without_parts,
+        "inputs": recording.inputs()?,
+    });
+    if let Some(folder) = &typed.out {
+        let tuned = varied.history(&found.best)?;
+        pictures::write(
+            session,
+            typed,
+            folder,
+            &record,
+            &found,
+            [&recording.history(session.memory_bytes), &Ok(tuned)],
+        )?;
+    }
+    let values: Vec<(&str, String)> = keys
+        .iter()
+        .zip(&found.best)
+        .map(|(vary, &best)| (vary.key.as_str(), vary.text(rounded(vary, best))))
+        .collect();
+    if !session.json() {
+        report(typed, &found, start)?;
+    }
+    let open: Vec<&str> = keys
+        .iter()
+        .zip(&found.scans)
+        .filter(|(_, scan)| !matches!(scan.verdict, Verdict::Determined | Verdict::Unknown))
+        .map(|(vary, _)| vary.key.as_str())
+        .collect();
+    if !open.is_empty() && (typed.write || typed.write_to.is_some()) {
+        anyhow::bail!(
+            "{}: not determined, so nothing was written: widen or narrow the interval, take another --grid or \
+             --measure, or points of known place (--at); to take it nonetheless, write the line yourself",
+            open.join(", ")
+        );
+    }
+    let file = written::write(typed, &recording, &values)?;
+    if session.json() {
+        return text::say_json("tune", record);
+    }
+    text::say(match file {
+        Some(file) => format!("written to {}", file.display()),
+        None => format!(
+            "to use it: add --write, or {}",
+            values
+                .iter()
+                .map(|(key, value)| format!("--set {key}=\"{value}\""))
+                .collect::<Vec<_>>()
+                .join(" ")
+        ),
+    })?;
+    Ok(())
+}
+
+/// What the search will take, by one of its images.
+fn ahead(session: &Session, problem: &Problem) -> anyhow::Result<Ahead> {
+    let Expected {
+        images,
+        each,
+        held_bytes,
+    } = rehearse(problem)?;
+    let (pixels, looked_at) = match problem.sight {
+        Sight::Grid(grid, _) => {
+            let (columns, rows) = (grid.columns.count, grid.rows.count);
+            (grid.num_pixels(), format!("{columns} x {rows} pixels"))
+        }
+        Sight::Points(points) => (points.len() as u64, format!("{} points", points.len())),
+    };
+    // The samples, and the image with that of a part.
+    let held_bytes = held_bytes + 16 * pixels;
+    let time = Forecast {
+        seconds: images as f64 * each.as_secs_f64(),
+        measured_s: each.as_secs_f64(),
+    };
+    let what = format!("about {images} images of {looked_at}");
+    Ok(Ahead::new(
+        session,
+        what,
+        held_bytes,
+        Some(time),
+        Vec::new(),
+    ))
+}
+
+/// A recording whose keys take values.
+struct Varied<'a> {
+    recording: &'a RecordingFile,
+    keys: &'a [Vary],
+    memory_bytes: u64,
+}
+
+impl Varied<'_> {
+    fn set(&self, values: &[f64]) -> Result<RecordingFile, FormError> {
+        let texts: Vec<String> = self
+            .keys
+            .iter()
+            .zip(values)
+            .map(|(vary, &v)| vary.text(v))
+            .collect();
+        let settings = self.keys.iter().zip(&texts);
+        let settings = settings.map(|(vary, text)| (vary.key.as_str(), text.as_str()));
+        let varied = self.recording.with(settings);
+        varied.map_err(|error| FormError::Read(error.into()))
+    }
+
+    fn history(&self, values: &[f64]) -> Result<Recorded, FormError> {
+        Ok(self.set(values)?.history(self.memory_bytes)?)
+    }
+
+    fn check(&self, values: &[f64]) -> Result<(), FormError> {
+        self.history(values).map(drop)
+    }
+}
+
+impl Model for Varied<'_> {
+    fn take(&self, values: &[f64], pulses: Option<&[usize]>) -> Result<Take, FormError> {
+        Ok(self.set(values)?.take(self.memory_bytes, pulses)?)
+    }
+}
+
+/// The measure and its unit, as the user knows it.
+fn measure_name(typed: &Tune) -> String {
+    match typed.grid {
+        Some(_) => typed.measure.to_string(),
+        None => "power at the points".to_owned(),
+    }
+}
+
+/// Whether the measure is less the sharper the image, so that its merit is its negative.
+fn less_is_better(typed: &Tune) -> bool {
+    typed.grid.is_some() && typed.measure == Measure::Entropy
+}
+
+/// The measure of which this is the merit.
+fn figure(typed: &Tune, merit: f64) -> f64 {
+    if less_is_better(typed) { -merit } else { merit }
+}
+
+/// To a ten-thousandth of the step: far below what is told apart, and short to read.
+fn rounded(vary: &Vary, value: f64) -> f64 {
+    let digits = (4.0 - vary.axis.step.log10()).ceil().clamp(0.0, 15.0) as usize;
+    format!("{value:.digits$}").parse().unwrap_or(value)
+}
+
+/// What is to be thought of a finding, in words.
+fn thought(scan: &Scan, with_unit: &dyn Fn(f64) -> String) -> String {
+    match scan.verdict {
+        Verdict::Determined => String::new(),
+        Verdict::AtEnd => "NOT DETERMINED: at an end of its interval: widen it".to_owned(),
+        Verdict::Open => {
+            "NOT DETERMINED: parts of the aperture say otherwise, all over the interval".to_owned()
+        }
+        Verdict::Ambiguous => {
+            let others: Vec<String> = scan.rivals.iter().take(4).map(|&v| with_unit(v)).collect();
+            format!(
+                "NOT DETERMINED: as good within the noise is {}",
+                others.join(" or ")
+            )
+        }
+        Verdict::Unknown => {
+            "error not known: too few pulses, or an interval of two values".to_owned()
+        }
+    }
+}
+
+fn report(typed: &Tune, found: &Tuned, start: Instant) -> anyhow::Result<()> {
+    let rows: Vec<Vec<String>> = typed
+        .vary
+        .iter()
+        .zip(found.best.iter().zip(&found.scans))
+        .map(|(vary, (&best, scan))| {
+            // Digits down to a tenth of the error, else a hundredth of the width or of the step.
+            let fine = match scan.error {
+                Some(error) => error / 10.0,
+                None => scan.width.unwrap_or(vary.axis.step) / 100.0,
+            };
+            let digits = (-fine.log10()).ceil().clamp(0.0, 9.0) as usize;
+            let with_unit = |value: f64| {
+                format!("{value:.digits$} {}", vary.unit)
+                    .trim_end()
+                    .to_owned()
+            };
+            let known = matches!(scan.verdict, Verdict::Determined | Verdict::Ambiguous);
+            vec![
+                vary.key.clone(),
+                with_unit(best),
+                match scan.error.filter(|_| known) {
+                    Some(error) => format!("+- {}", with_unit(error)),
+                    None => String::new(),
+                },
+                match scan.width {
+                    Some(width) => with_unit(width),
+                    None => "not within the interval".to_owned(),
+                },
+                thought(scan, &with_unit),
+            ]
+        })
+        .collect();
+    text::say(text::table(
+        &["key", "best", "95 %", "width of peak", ""],
+        &rows,
+    ))?;
+    text::say(format!(
+        "{} {:.6} after {} images in {}",
+        measure_name(typed),
+        figure(typed, found.merit),
+        found.evaluations,
+        text::duration(start.elapsed())
+    ))?;
+    Ok(())
+}

@@ -1,0 +1,261 @@
+//! What the command line resolves to: threads, memory, formers.
+
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::ValueEnum;
+use serde_json::{Value, json};
+use subaperture::focus::ImageFormer;
+use subaperture::focus::bp::Backprojection;
+use subaperture::focus::exact::Exact;
+use subaperture::focus::ffbp::FastFactorised;
+use subaperture::focus::omega_k::OmegaK;
+use subaperture::focus::pfa::PolarFormat;
+use subaperture::focus::rda::RangeDopplerAlgorithm;
+use subaperture::focus::rdbp::{self, RangeDoppler};
+use subaperture::geometry::ImageGrid;
+use subaperture::io::claim::Claims;
+use subaperture::io::open::{Options, open_all};
+use subaperture::phase_history::{Aperture, PhaseHistory, ReadError};
+use subaperture::resolution::survey::Survey;
+
+use crate::args::{self, Algorithm, Global};
+use crate::failure::Usage;
+use crate::memory::Memory;
+use crate::progress::Progress;
+use crate::{interrupt, log, messages, text};
+
+/// The error bound where none is given, dB.
+pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
+
+/// That of maps, dB: so far below, because their image is compared with others that err too.
+pub(crate) const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
+
+/// Settings that every command shares.
+pub(crate) struct Session {
+    /// Threads at work.
+    pub(crate) threads: usize,
+    /// Bytes that images, samples and scratch may take together.
+    pub(crate) memory_bytes: u64,
+    /// How all of the memory is shared out.
+    pub(crate) memory: Memory,
+    verbosity: u8,
+    quiet: bool,
+    json: bool,
+}
+
+impl Session {
+    /// Sets up threads and Ctrl-C.
+    pub(crate) fn new(global: &Global) -> anyhow::Result<Self> {
+        let log = global.log.as_deref().map(|path| {
+            let format = global.log_format.unwrap_or(log::Format::of(path));
+            log::Log::open(path, format)
+        });
+        messages::set_up(global.quiet, global.verbose, log.transpose()?);
+        let mut pool = rayon::ThreadPoolBuilder::new();
+        if let Some(threads) = global.threads {
+            pool = pool.num_threads(threads);
+        }
+        pool.build_global()
+            .context("--threads: cannot start so many threads")?;
+        interrupt::listen();
+        let threads = rayon::current_num_threads();
+        let memory = Memory::new(global.memory, threads)?;
+        if let Some(asked) = memory.asked_bytes {
+            messages::warning(format!(
+                "--memory {} is more than this machine has: {} it is",
+                text::bytes(asked.into()),
+                text::bytes(memory.total_bytes.into())
+            ));
+        }
+        let session = Self {
+            threads,
+            memory_bytes: memory.work_bytes,
+            memory,
+            verbosity: global.verbose,
+            quiet: global.quiet,
+            json: global.json,
+        };
+        messages::begin(json!({
+            "command_line": command_line(),
+            "version": env!("CARGO_PKG_VERSION"),
+            "threads": session.threads,
+            "memory_bytes": session.memory_bytes,
+        }));
+        session.note(1, || {
+            format!(
+                "{} threads, at most {} of memory, {} of it for the work",
+                session.threads,
+                text::bytes(session.memory.total_bytes.into()),
+                text::bytes(session.memory_bytes.into())
+            )
+        });
+        Ok(session)
+    }
+
+    /// Says something on standard error from `-v` given `level` times on.
+    pub(crate) fn note(&self, level: u8, line: impl FnOnce() -> String) {
+        messages::detail(level, line);
+    }
+
+    /// Opens the recordings given, as one aperture within the budget.
+    pub(crate) fn open(&self, input: &args::Input) -> Result<Aperture, ReadError> {
+        let options = Options {
+            channel: input.channel.as_deref(),
+            memory_bytes: self.memory_bytes,
+            settings: &input.set,
+        };
+        let reading = self.progress("reading");
+        let history = open_all(&input.paths, &options)?;
+        reading.finish();
+        for warning in history.warnings() {
+            messages::warning(warning);
+        }
+        Ok(history)
+    }
+
+    /// What a command that reads `inputs` claims to write. Held until its end.
+    pub(crate) fn claims<P: AsRef<Path>>(&self, writing: &args::Writing, inputs: &[P]) -> Claims {
+        Claims::new(inputs, writing.force)
+    }
+
+    /// A progress bar.
+    pub(crate) fn progress(&self, what: &str) -> Progress {
+        Progress::new(what, self.quiet)
+    }
+
+    /// How often `-v` was given.
+    pub(crate) fn verbosity(&self) -> u8 {
+        self.verbosity
+    }
+
+    /// Whether results are to be printed as JSON.
+    pub(crate) fn json(&self) -> bool {
+        self.json
+    }
+
+    /// Whether to say in a line or two what was written, which is no result that was asked for.
+    pub(crate) fn tells(&self) -> bool {
+        !(self.quiet || self.json)
+    }
+
+    /// The grid that suits a collection; says what it leaves out, and what repeats in it.
+    pub(crate) fn default_grid(&self, survey: &Survey) -> anyhow::Result<ImageGrid> {
+        let suited = survey.default_grid()?;
+        if let Some(ambiguity) = survey.ambiguity() {
+            messages::warning(ambiguity);
+        }
+        if let Some(cropped) = suited.cropped {
+            messages::note(&cropped);
+        }
+        Ok(suited.grid)
+    }
+
+    /// Refuses a grid of which `count` images alone exceed the budget.
+    pub(crate) fn check_grid(&self, grid: &ImageGrid, count: u64) -> anyhow::Result<()> {
+        let bytes = u128::from(grid.num_pixels()) * u128::from(count) * 8;
+        if bytes > u128::from(self.memory_bytes) {
+            let images = match count {
+                1 => "an image".to_owned(),
+                _ => format!("{count} images"),
+            };
+            anyhow::bail!(
+                "--grid has {} x {} pixels, {images} of {}; of {} of memory (--memory) {} are for the work: use a \
+                 smaller or coarser --grid, or raise --memory",
+                grid.columns.count,
+                grid.rows.count,
+                text::bytes(bytes),
+                text::bytes(self.memory.total_bytes.into()),
+                text::bytes(self.memory_bytes.into())
+            );
+        }
+        Ok(())
+    }
+}
+
+/// The words of the command line. What is no UTF-8 is shown as well as it can be.
+pub(crate) fn command_line() -> Vec<String> {
+    let words = std::env::args_os();
+    words
+        .map(|word| word.to_string_lossy().into_owned())
+        .collect()
+}
+
+/// The former that `focus` was asked for.
+///
+/// # Errors
+/// [`Usage`] for an option that this former has no use for.
+pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage> {
+    let algorithm = typed.algorithm;
+    let name = algorithm.to_possible_value();
+    let name = name.as_ref().map_or("", |value| value.get_name());
+    let refuse = |option: &str, given: bool, allowed: bool| {
+        if given && !allowed {
+            return Err(Usage(format!(
+                "{option} says nothing to --algorithm {name}: leave it out"
+            )));
+        }
+        Ok(())
+    };
+    let is_rdbp = algorithm == Algorithm::Rdbp;
+    refuse(
+        "--error-db",
+        typed.error_db.is_some(),
+        algorithm != Algorithm::Exact,
+    )?;
+    refuse("--mode", typed.mode.is_some(), is_rdbp)?;
+    refuse("--sub-cpi", typed.sub_cpi.is_some(), is_rdbp)?;
+    refuse("--patch", typed.patch.is_some(), is_rdbp)?;
+    refuse("--no-src", typed.no_src, algorithm == Algorithm::Rda)?;
+    let is_thesis = typed.mode == Some(args::Mode::Thesis);
+    if typed.no_keystone && !is_thesis {
+        return Err(Usage(
+            "--no-keystone is for --mode thesis only: leave it out".to_owned(),
+        ));
+    }
+    if is_thesis && typed.patch.is_some() {
+        return Err(Usage(
+            "--patch says nothing to --mode thesis: leave it out".to_owned(),
+        ));
+    }
+    let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
+    Ok(match algorithm {
+        Algorithm::Exact => Box::new(Exact),
+        Algorithm::Bp => Box::new(Backprojection { error_db }),
+        Algorithm::Rdbp => Box::new(RangeDoppler {
+            mode: match typed.mode.unwrap_or(args::Mode::Precise) {
+                args::Mode::Precise => rdbp::Mode::Precise,
+                args::Mode::Thesis => rdbp::Mode::Thesis(rdbp::Thesis {
+                    keystone: !typed.no_keystone,
+                    error_db: typed.error_db,
+                    ..rdbp::Thesis::default()
+                }),
+            },
+            error_db,
+            sub_cpi: typed.sub_cpi,
+            patch_m: typed.patch,
+        }),
+        Algorithm::Rda => Box::new(RangeDopplerAlgorithm {
+            error_db,
+            secondary_compression: !typed.no_src,
+        }),
+        Algorithm::OmegaK => Box::new(OmegaK { error_db }),
+        Algorithm::Ffbp => Box::new(FastFactorised { error_db }),
+        Algorithm::Pfa => Box::new(PolarFormat {
+            error_db,
+            centre_m: None,
+        }),
+    })
+}
+
+/// The part of an image's record that every command writes alike.
+pub(crate) fn record_of_run(session: &Session, taken: Duration) -> Value {
+    json!({
+        "program": "subap",
+        "version": env!("CARGO_PKG_VERSION"),
+        "run_time_s": taken.as_secs_f64(),
+        "threads": session.threads,
+        "memory_bytes": session.memory.total_bytes,
+    })
+}
