@@ -1,4 +1,6 @@
 //! What `--dry-run` says: estimates of time against the time taken.
+//!
+//! An executable of its own: beside the threads of other tests times would tell nothing.
 
 use std::time::Instant;
 

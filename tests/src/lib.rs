@@ -1,7 +1,6 @@
 //! Shared by the integration tests.
 #![forbid(unsafe_code)]
 
-pub mod emulated;
 pub mod experiment;
 pub mod faults;
 pub mod firmware;
@@ -12,11 +11,9 @@ pub mod maps;
 pub mod matlab;
 pub mod module;
 pub mod module_report;
-pub mod random_case;
 pub mod stream_scene;
 pub mod subap;
 pub mod tiny_disk;
-pub mod track_scene;
 
 use subaperture::image::Image;
 

@@ -1,7 +1,7 @@
 //! What the module costs: memory by region, stack, instructions by stage, bytes on the link.
 //!
 //! [`measure`] builds and runs one configuration, [`render`] writes `firmware/REPORT.md` of all,
-//! `tests/module_budgets.rs` holds them to their budgets. The same compiler gives the same figures on
+//! `tests/firmware/budgets.rs` holds them to their budgets. The same compiler gives the same figures on
 //! every machine.
 
 use std::collections::BTreeMap;
@@ -279,7 +279,7 @@ const HEAD: &str = "\
 # What the module costs
 
 Written by `cargo xtask module-report`, compared by `cargo xtask module-report --check`; the budgets are in
-`tests/module_budgets.rs`.
+`tests/firmware/budgets.rs`.
 
 **Method.** Instructions: the program `cycles` under QEMU's Cortex-M7, whose time is tied to instructions
 (`-icount shift=5`); a sub-CPI goes through the station as it does on the board, and every call is

@@ -5,7 +5,7 @@
 //! formed of it is finite; and where there is a writer, what was read and written again reads the same.
 //!
 //! The same targets are run in two ways:
-//! - `tests/fuzz_targets.rs` on the seeds and for some seconds of mutation ([`Mutator`]), with every test run;
+//! - `tests/damage/fuzz_targets.rs` on the seeds and for some seconds of mutation ([`Mutator`]), with every test run;
 //! - `tests/fuzz` by cargo-fuzz, guided by coverage, for hours: `cargo xtask fuzz TARGET SECONDS`.
 //!
 //! Seeds are made by the project's own writers, or by hand where it has none. After a mutation

@@ -1,9 +1,10 @@
-//! The test executables that cargo builds, run several at once.
+//! The test executables that cargo builds, run in parts, several at once.
 //!
 //! `cargo test` runs one after the other; many of ours wait for one emulated processor or one child process, so
-//! that half of a machine's processors would stand idle. Those known to take longest begin first.
+//! that half of a machine's processors would stand idle. A ring of integration tests is long, and what it does differs from
+//! module to module: each of its modules is a part, a process with those tests alone. Parts known to take longest begin first.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -12,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-/// No executable takes half of this on a slow machine: one that does waits for something that never comes.
+/// No part takes half of this on a slow machine: one that does waits for something that never comes.
 const LIMIT: Duration = Duration::from_secs(1200);
 
 /// How long the outputs of one that has ended are read on.
@@ -21,19 +22,19 @@ const PATIENCE: Duration = Duration::from_secs(2);
 /// Begin first, longest first: whatever starts late and takes long is waited for alone. Those that build firmware, one at a time
 /// over all processes, stand apart, so that they do not wait for each other.
 const LONGEST: [&str; 13] = [
-    "golden",
-    "random_formers",
-    "tune_certainty",
-    "cli_link",
-    "cli_overwrite",
-    "module_budgets",
-    "fuzz_targets",
-    "more_formers",
-    "firmware",
-    "sweep_motion",
-    "link_gotcha",
-    "link_emulated",
-    "cli_messages",
+    "firmware::golden",
+    "formers::random",
+    "recordings::tune_certainty",
+    "firmware::cli_link",
+    "cli::overwrite",
+    "firmware::budgets",
+    "damage::fuzz_targets",
+    "formers::pfa_ffbp",
+    "firmware::selftest",
+    "formers::sweep_motion",
+    "firmware::gotcha",
+    "firmware::sessions",
+    "cli::messages",
 ];
 
 /// A test executable.
@@ -44,9 +45,21 @@ pub(crate) struct Executable {
     path: PathBuf,
     /// Its package's folder, where cargo would start it.
     folder: PathBuf,
+    /// Whether it holds integration tests.
+    is_ring: bool,
 }
 
-/// What one executable printed, and whether it succeeded.
+/// What one process runs.
+#[derive(Clone, Debug)]
+struct Part {
+    /// The executable's name and that of the module.
+    name: String,
+    executable: Executable,
+    /// The tests, by their full names; all if there are none.
+    tests: Vec<String>,
+}
+
+/// What one part printed, and whether it succeeded.
 pub(crate) struct Run {
     pub(crate) name: String,
     pub(crate) output: String,
@@ -86,20 +99,69 @@ fn executable(message: &Value) -> Option<Executable> {
         name: message["target"]["name"].as_str()?.to_owned(),
         path: path.into(),
         folder: manifest.parent()?.to_owned(),
+        is_ring: message["target"]["kind"] == serde_json::json!(["test"]),
     })
 }
 
-/// Runs all, as many at once as there are processors; calls `done` with each as it ends, one at a time.
+/// The modules of a ring, or the whole of what is none or does not list its tests.
+fn parts(executable: Executable, prepare: &impl Fn(&mut Command)) -> Vec<Part> {
+    let mut list = command(&executable);
+    list.args(["--list", "--format", "terse"]);
+    prepare(&mut list);
+    let listed = match executable.is_ring.then(|| list.output()) {
+        Some(Ok(output)) if output.status.success() => output.stdout,
+        _ => Vec::new(),
+    };
+    let mut modules = by_module(&String::from_utf8_lossy(&listed));
+    if modules.len() < 2 {
+        modules = BTreeMap::from([(None, Vec::new())]);
+    }
+    let part = |(module, tests): (Option<String>, _)| Part {
+        name: match module {
+            Some(module) => format!("{}::{module}", executable.name),
+            None => executable.name.clone(),
+        },
+        executable: executable.clone(),
+        tests,
+    };
+    modules.into_iter().map(part).collect()
+}
+
+/// The tests that an executable lists, a line such as `module::deeper::name: test` each.
+fn by_module(listed: &str) -> BTreeMap<Option<String>, Vec<String>> {
+    let mut modules = BTreeMap::<_, Vec<String>>::new();
+    for name in listed
+        .lines()
+        .filter_map(|line| line.strip_suffix(": test"))
+    {
+        let module = name.split_once("::").map(|(module, _)| module.to_owned());
+        modules.entry(module).or_default().push(name.to_owned());
+    }
+    modules
+}
+
+/// An executable's command, started as cargo would.
+fn command(executable: &Executable) -> Command {
+    let mut command = Command::new(&executable.path);
+    command.current_dir(&executable.folder).stdin(Stdio::null());
+    command
+}
+
+/// Runs all, part by part, as many at once as there are processors; calls `done` with each part as it ends, one at a time.
 /// `prepare` may set what a command needs.
 pub(crate) fn run_all(
-    mut executables: Vec<Executable>,
+    executables: Vec<Executable>,
     prepare: impl Fn(&mut Command) + Sync,
     done: impl FnMut(Run) + Send,
 ) {
     let rank = |name: &str| LONGEST.iter().position(|known| *known == name);
-    executables.sort_by_key(|one| (rank(&one.name).unwrap_or(LONGEST.len()), one.name.clone()));
+    let mut all: Vec<Part> = executables
+        .into_iter()
+        .flat_map(|executable| parts(executable, &prepare))
+        .collect();
+    all.sort_by_key(|part| (rank(&part.name).unwrap_or(LONGEST.len()), part.name.clone()));
     let workers = std::thread::available_parallelism().map_or(1, usize::from);
-    let waiting = Mutex::new(VecDeque::from(executables));
+    let waiting = Mutex::new(VecDeque::from(all));
     let done = Mutex::new(done);
     std::thread::scope(|scope| {
         for _ in 0..workers {
@@ -115,19 +177,19 @@ pub(crate) fn run_all(
     });
 }
 
-fn run(one: &Executable, prepare: &impl Fn(&mut Command)) -> Run {
-    let mut command = Command::new(&one.path);
-    command
-        .current_dir(&one.folder)
-        // Without it a test that passes cannot say what it skipped.
-        .arg("--show-output")
-        .stdin(Stdio::null());
+fn run(one: &Part, prepare: &impl Fn(&mut Command)) -> Run {
+    let mut command = command(&one.executable);
+    // Without it a test that passes cannot say what it skipped.
+    command.arg("--show-output");
+    if !one.tests.is_empty() {
+        command.arg("--exact").args(&one.tests);
+    }
     prepare(&mut command);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     let (output, succeeded) = match command.spawn() {
         Ok(child) => finish(child, LIMIT),
         Err(error) => (
-            format!("cannot start {}: {error}\n", one.path.display()),
+            format!("cannot start {}: {error}\n", one.executable.path.display()),
             false,
         ),
     };

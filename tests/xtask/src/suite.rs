@@ -28,19 +28,8 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
 
 /// Only what runs under QEMU.
 pub(crate) fn firmware(runner: &mut Runner) {
-    let mut command = cargo(&["test", "--package", "subaperture-tests"]);
-    for test in [
-        "cli_link",
-        "cli_link_image",
-        "firmware",
-        "firmware_link",
-        "golden",
-        "link_emulated",
-        "link_gotcha",
-        "module_budgets",
-    ] {
-        command.args(["--test", test]);
-    }
-    command.args(["--locked", "--", SHOW_OUTPUT]);
-    runner.tests("firmware", &mut command);
+    let mut build = cargo(&["test", "--package", "subaperture-tests"]);
+    build.args(["--test", "firmware", "--no-run", "--locked"]);
+    build.arg("--message-format=json-render-diagnostics");
+    runner.executables("firmware", &mut build, |_| {});
 }

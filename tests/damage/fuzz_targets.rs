@@ -1,0 +1,56 @@
+//! Every reader of bytes on its seeds and on what mutation makes of them: no panic, nothing read for more than
+//! two seconds, no allocation beyond the budget, and what each target promises besides.
+//!
+//! `SUBAPERTURE_FUZZ_SECONDS` is the time of a target, 1.5 if it is not set; with `SUBAPERTURE_FUZZ_SEED` other
+//! inputs are made. An input that breaks a promise is kept in `target/fuzz-failures`, and
+//! `SUBAPERTURE_FUZZ_INPUT` names one that is then the only one read.
+
+use std::time::Duration;
+
+use subaperture_tests::fuzz::target;
+use subaperture_tests::fuzz::trial::Trial;
+
+use crate::{MEMORY, alone};
+
+fn number<T: std::str::FromStr>(variable: &str, default: T) -> T {
+    let text = std::env::var(variable).ok();
+    text.and_then(|text| text.parse().ok()).unwrap_or(default)
+}
+
+fn tried(name: &str) {
+    let _alone = alone();
+    let mut trial = Trial::new(target(name), &MEMORY);
+    if let Some(path) = std::env::var_os("SUBAPERTURE_FUZZ_INPUT") {
+        let input = std::fs::read(path).expect("the input is read");
+        println!("{name}: {}", trial.read(&input));
+        return;
+    }
+    let time = Duration::from_secs_f64(number("SUBAPERTURE_FUZZ_SECONDS", 1.5));
+    let tried = trial.run(number("SUBAPERTURE_FUZZ_SEED", 1), time);
+    println!("{name}: {tried:?}");
+    // The seeds at least, and of most targets thousands.
+    assert!(tried.executions > 10, "{name}: {tried:?}");
+}
+
+macro_rules! targets {
+    ($($name:ident)*) => {
+        $(
+            #[test]
+            fn $name() {
+                tried(stringify!($name));
+            }
+        )*
+
+        #[test]
+        fn every_target_is_tried() {
+            let here = [$(stringify!($name)),*];
+            let all = subaperture_tests::fuzz::TARGETS.iter().map(|target| target.name);
+            assert!(all.eq(here), "the list above is not that of the targets");
+        }
+    };
+}
+
+targets! {
+    cphd matlab matlab_packed npy npz picture maps product scenario recording arguments novatel track_csv motive frames
+    station session
+}

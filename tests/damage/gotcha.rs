@@ -1,0 +1,140 @@
+//! Damaged GOTCHA files: cut at every byte, every byte flipped. Nothing panics, nothing hangs, and no
+//! damage makes the reader ask for more memory than three times the file.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use subaperture::io::gotcha;
+use subaperture::phase_history::{PhaseHistory, ReadError};
+use subaperture_tests::matlab::{self, Value};
+
+use crate::{MEMORY, alone};
+
+/// Reads `bytes` and returns the outcome and the bytes allocated at the peak.
+fn measured(path: &Path, bytes: &[u8]) -> (Result<usize, ReadError>, usize) {
+    measured_within(path, bytes, u64::MAX)
+}
+
+fn measured_within(path: &Path, bytes: &[u8], memory: u64) -> (Result<usize, ReadError>, usize) {
+    std::fs::write(path, bytes).unwrap();
+    let before = MEMORY.current_usage();
+    MEMORY.reset_peak_usage();
+    let begin = Instant::now();
+    let result = gotcha::read(path, memory).map(|r| r.collection().pulses.len());
+    // Microseconds for the small files; ten seconds on any machine mean a hang.
+    assert!(begin.elapsed() < Duration::from_secs(10));
+    (result, MEMORY.peak_usage().saturating_sub(before))
+}
+
+/// `data` of `rows` frequencies and `columns` pulses whose `fp` is a matrix of doubles stored in one
+/// byte each, as MATLAB stores integral values.
+fn one_byte_numbers(rows: i32, columns: i32) -> Vec<u8> {
+    let count = rows as usize * columns as usize;
+    let words =
+        |values: &[i32]| -> Vec<u8> { values.iter().flat_map(|v| v.to_le_bytes()).collect() };
+    // Flags (class double, complex), dimensions, no name.
+    let mut fp = words(&[6, 8, 0x0806, 0, 5, 8, rows, columns, 1, 0]);
+    let mut state = 1u32;
+    for _ in 0..2 {
+        fp.extend(words(&[1, count as i32]));
+        fp.extend((0..count).map(|_| {
+            // Marsaglia's xorshift: what does not pack.
+            state ^= state << 13;
+            state ^= state >> 17;
+            state ^= state << 5;
+            state as u8
+        }));
+        fp.resize(fp.len().next_multiple_of(8), 0);
+    }
+    let mut fields = matlab::gotcha_fields();
+    fields[1].1 = Value::Double(
+        rows,
+        1,
+        (0..rows).map(|k| 1e9 + 1e6 * f64::from(k)).collect(),
+    );
+    for field in &mut fields[2..6] {
+        field.1 = Value::Double(1, columns, vec![1000.0; columns as usize]);
+    }
+    // `fp` goes last, in place of an element of nothing but its tag of 8 bytes.
+    fields.remove(0);
+    fields.push(("fp", Value::Nothing));
+    let mut data = matlab::matrix("data", &Value::Structure(1, 1, fields));
+    data.truncate(data.len() - 8);
+    data.extend(words(&[14, fp.len() as i32]));
+    data.extend(fp);
+    let size = data.len() as u32 - 8;
+    data[4..8].copy_from_slice(&size.to_le_bytes());
+    data
+}
+
+fn numbers_of_one_byte_are_counted_as_samples(path: &Path) {
+    let (rows, columns) = (1000, 500);
+    let data = one_byte_numbers(rows, columns);
+    for (bytes, unpacked) in [
+        (matlab::file(std::slice::from_ref(&data)), 0),
+        // Unpacked, without its own tag of 8 bytes.
+        (matlab::file(&[matlab::compressed(&data)]), data.len() - 8),
+    ] {
+        // A sample takes 8 bytes, a frequency 8, a pulse 240 and four numbers of 8 each.
+        let (k, n) = (rows as usize, columns as usize);
+        let needed = bytes.len() + unpacked + 8 * k * n + 8 * k + (240 + 32) * n;
+        let (result, peak) = measured_within(path, &bytes, needed as u64 - 1);
+        match result {
+            Err(ReadError::Memory { needed_bytes, .. }) => assert_eq!(needed_bytes, needed as u64),
+            other => panic!("{other:?}"),
+        }
+        // Messages, names and zlib's window of 32 KiB are not counted.
+        assert!(peak < bytes.len() + unpacked + 100_000, "{peak} bytes");
+        let (result, peak) = measured_within(path, &bytes, needed as u64);
+        assert_eq!(result.unwrap(), 500);
+        assert!(peak < needed + 100_000, "{peak} bytes, {needed} promised");
+    }
+}
+
+#[test]
+fn cut_and_flipped_files_are_errors_of_bounded_memory() {
+    let _alone = alone();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sample.mat");
+    let data = matlab::matrix("data", &Value::Structure(1, 1, matlab::gotcha_fields()));
+    for bytes in [
+        matlab::file(std::slice::from_ref(&data)),
+        matlab::file(&[matlab::compressed(&data)]),
+    ] {
+        // Messages, paths and, if packed, zlib's window of 32 KiB come on top of the data.
+        let bound = 3 * bytes.len() + 100_000;
+        for cut in 0..bytes.len() {
+            let (result, peak) = measured(&path, &bytes[..cut]);
+            assert!(result.is_err(), "cut at {cut} of {} passed", bytes.len());
+            assert!(peak < bound, "cut at {cut}: {peak} bytes");
+        }
+        for at in 0..bytes.len() {
+            for flip in [0x01, 0x10, 0x80, 0xff] {
+                let mut bytes = bytes.clone();
+                bytes[at] ^= flip;
+                let (_, peak) = measured(&path, &bytes);
+                assert!(peak < bound, "byte {at} ^ {flip:#x}: {peak} bytes");
+            }
+        }
+    }
+
+    // A large file: the samples' 8 bytes each, twice, and little else.
+    let mut fields = matlab::gotcha_fields();
+    let count = 1000 * 500;
+    fields[0].1 = Value::Complex(1000, 500, vec![1.0; count], vec![0.5; count]);
+    fields[1].1 = Value::Double(
+        1000,
+        1,
+        (0..1000).map(|k| 1e9 + 1e6 * f64::from(k)).collect(),
+    );
+    for field in &mut fields[2..6] {
+        field.1 = Value::Double(1, 500, vec![1000.0; 500]);
+    }
+    let bytes = matlab::gotcha(fields);
+    let (result, peak) = measured(&path, &bytes);
+    assert_eq!(result.unwrap(), 500);
+    let promised = gotcha::needed_bytes(bytes.len() as u64) as usize;
+    assert!(peak <= promised, "{peak} bytes, {promised} promised");
+
+    numbers_of_one_byte_are_counted_as_samples(&path);
+}

@@ -1,0 +1,278 @@
+//! `subap link`: what it says when something is wrong, and what is left then; and that it does over a
+//! serial device.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::emulated::{Begin, Emulated, Wire, application};
+use subaperture_tests::link_recording::write_recording;
+use subaperture_tests::subap::{Ran, command, listing, program, run};
+
+const GRID: &str = "--grid x=-6:6:0.5,y=-6:6:0.5,z=0";
+
+/// A folder with `a.cphd` in it. The program is built by then: that is in nobody's time.
+fn scene() -> tempfile::TempDir {
+    program();
+    let folder = tempfile::tempdir().unwrap();
+    write_recording(&folder.path().join("a.cphd"));
+    folder
+}
+
+#[test]
+fn wrong_usage_is_told_and_leaves_nothing() {
+    let folder = scene();
+    let before = listing(folder.path());
+    for (line, code, parts) in [
+        ("link", 2, vec!["WHERE"]),
+        ("link emulate", 2, vec!["INPUT"]),
+        ("link emulate a.cphd", 2, vec!["--out"]),
+        (
+            "link /dev/ttyACM0 a.cphd -o a.maps",
+            2,
+            vec!["'/dev/ttyACM0' is no place", "tcp://HOST:PORT"],
+        ),
+        (
+            "link tcp://host a.cphd -o a.maps",
+            2,
+            vec!["no port", "tcp://HOST:PORT"],
+        ),
+        (
+            "link emulate:double a.cphd -o a.maps",
+            2,
+            vec!["no such firmware", "emulate:fixed"],
+        ),
+        ("link emulate a.cphd -o a.maps --rate -1", 2, vec!["--rate"]),
+        (
+            "link emulate a.cphd -o a.maps --rate 9 --retries 1",
+            2,
+            vec!["--rate", "--retries"],
+        ),
+        (
+            "link tcp://host:1 a.cphd -o a.maps --firmware a.elf",
+            2,
+            vec!["--firmware", "tcp://host:1"],
+        ),
+        (
+            "link emulate a.cphd -o a.maps --error-db 3",
+            2,
+            vec!["--error-db"],
+        ),
+        (
+            "link emulate a.cphd -o a.maps",
+            1,
+            vec!["target/module/float", "cargo xtask module", "--firmware"],
+        ),
+        (
+            "link emulate:fixed a.cphd -o a.maps",
+            1,
+            vec!["target/module/fixed", "cargo xtask module"],
+        ),
+        (
+            "link emulate a.cphd -o a.maps --firmware none.elf",
+            1,
+            vec!["none.elf is no file"],
+        ),
+        (
+            "link serial:/dev/none a.cphd -o a.maps",
+            1,
+            vec!["/dev/none", "921600", "plugged in"],
+        ),
+    ] {
+        run(folder.path(), line).failed(code, &parts);
+    }
+    assert_eq!(listing(folder.path()), before);
+}
+
+#[test]
+fn an_input_that_cannot_be_read_is_told() {
+    let folder = scene();
+    let whole = fs::read(folder.path().join("a.cphd")).unwrap();
+    fs::write(folder.path().join("cut.cphd"), &whole[..whole.len() / 2]).unwrap();
+    fs::write(folder.path().join("noise.cphd"), [7; 1000]).unwrap();
+    let before = listing(folder.path());
+    for name in ["none.cphd", "cut.cphd", "noise.cphd"] {
+        // No module is needed to find out.
+        let line = format!("link tcp://127.0.0.1:1 {name} -o a.maps");
+        run(folder.path(), &line).failed(1, &[name]);
+    }
+    assert_eq!(listing(folder.path()), before);
+}
+
+#[test]
+fn without_the_emulator_it_says_what_to_install() {
+    let folder = scene();
+    fs::write(folder.path().join("any.elf"), "any").unwrap();
+    let before = listing(folder.path());
+    let line = "link emulate a.cphd -o a.maps --firmware any.elf";
+    let ran: Ran = command(folder.path(), line.split(' '))
+        .env("PATH", "")
+        .output()
+        .unwrap()
+        .into();
+    ran.failed(1, &["qemu-system-arm", "install"]);
+    assert_eq!(listing(folder.path()), before);
+}
+
+#[test]
+fn a_firmware_that_is_none_is_told() {
+    let folder = scene();
+    fs::write(folder.path().join("any.elf"), "any").unwrap();
+    let before = listing(folder.path());
+    let start = Instant::now();
+    let line = "link emulate a.cphd -o a.maps --firmware any.elf";
+    run(folder.path(), line).failed(1, &["qemu-system-arm ended", "any.elf a firmware"]);
+    assert!(start.elapsed() < Duration::from_secs(20));
+    assert_eq!(listing(folder.path()), before);
+}
+
+#[test]
+fn a_module_that_is_not_there_or_silent_is_told() {
+    let folder = scene();
+    let before = listing(folder.path());
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let line = format!("link tcp://127.0.0.1:{port} a.cphd -o a.maps");
+    // Ten seconds of silence are enough.
+    let start = Instant::now();
+    run(folder.path(), &line).failed(1, &["does not answer", &format!("127.0.0.1:{port}")]);
+    assert!(start.elapsed() < Duration::from_secs(15));
+    drop(listener);
+    run(folder.path(), &line).failed(
+        1,
+        &["cannot reach", &format!("127.0.0.1:{port}"), "served there"],
+    );
+    assert_eq!(listing(folder.path()), before);
+}
+
+#[test]
+fn an_output_that_cannot_be_written_is_told() {
+    let folder = scene();
+    fs::write(folder.path().join("file"), "").unwrap();
+    let before = listing(folder.path());
+    let elf = application()[0].display();
+    for out in ["file/a.maps", "/proc/a.maps", "."] {
+        let line = format!("link emulate a.cphd -o {out} {GRID} --firmware {elf}");
+        run(folder.path(), &line).failed(1, &[out]);
+    }
+    assert_eq!(listing(folder.path()), before);
+}
+
+/// Starts `subap link` with `-v` and waits until the module is about to work.
+fn linking(folder: &Path, place: &str, more: &str) -> (Child, BufReader<impl Read + use<>>) {
+    let line = format!("link {place} a.cphd -o a.maps -v {GRID} {more}");
+    let mut child = command(folder, line.split_whitespace())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut said = String::new();
+    while !said.contains("predicted error") {
+        assert!(stderr.read_line(&mut said).unwrap() > 0, "{said}");
+    }
+    (child, stderr)
+}
+
+fn signal(child: &Child, name: &str) {
+    let id = child.id().to_string();
+    let sent = Command::new("kill").args([name, &id]).status().unwrap();
+    assert!(sent.success());
+}
+
+#[test]
+fn ctrl_c_keeps_the_maps_so_far() {
+    let folder = scene();
+    let before = listing(folder.path());
+    let more = format!("--firmware {}", application()[0].display());
+    // At this rate 104 pulses take twenty seconds, a sub-CPI four to eight.
+    let (child, mut stderr) = linking(folder.path(), "emulate", &format!("{more} --rate 5"));
+    std::thread::sleep(Duration::from_secs(12));
+    signal(&child, "-INT");
+    let start = Instant::now();
+    let mut said = String::new();
+    stderr.read_to_string(&mut said).unwrap();
+    let mut ran: Ran = child.wait_with_output().unwrap().into();
+    // Well before it would have ended by itself, on a busy machine too.
+    assert!(start.elapsed() < Duration::from_secs(6));
+    ran.stderr = said;
+    ran.failed(130, &["interrupted", "maps received so far are in a.maps"]);
+    let mut after = listing(folder.path());
+    assert!(after.remove(&folder.path().join("a.maps")).is_some());
+    assert_eq!(after, before);
+    let line = format!("focus --from-maps a.maps --out image {GRID}");
+    let ran = run(folder.path(), &line);
+    ran.succeeded();
+    assert!(ran.stderr.contains("maps are missing"), "{ran:?}");
+}
+
+#[test]
+fn ctrl_c_before_any_map_leaves_nothing() {
+    let folder = scene();
+    let before = listing(folder.path());
+    let more = format!("--firmware {} --rate 0.1", application()[0].display());
+    let (child, mut stderr) = linking(folder.path(), "emulate", &more);
+    signal(&child, "-INT");
+    let mut said = String::new();
+    stderr.read_to_string(&mut said).unwrap();
+    let mut ran: Ran = child.wait_with_output().unwrap().into();
+    ran.stderr = said;
+    ran.failed(130, &["interrupted"]);
+    assert_eq!(listing(folder.path()), before);
+}
+
+/// Killed, it cannot say good-bye: the module is in mid-run when the next one comes.
+#[test]
+fn a_killed_command_does_not_keep_the_next_from_the_module() {
+    let folder = scene();
+    let module = Emulated::start(&application()[0], Wire::Tcp, Begin::Reset);
+    let place = module.place().to_string();
+    let (mut child, _stderr) = linking(folder.path(), &place, "--rate 20");
+    std::thread::sleep(Duration::from_secs(1));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let line = format!("link {place} a.cphd -o b.maps {GRID} --verify");
+    let ran = run(folder.path(), &line);
+    println!("{}", ran.succeeded());
+    assert!(ran.stdout.contains("bit by bit, 0 not"), "{ran:?}");
+    assert!(ran.is_untroubled(), "{ran:?}");
+}
+
+/// Over a pseudo-terminal, which the program opens as it does any serial device.
+#[test]
+fn a_serial_line_does() {
+    let folder = scene();
+    let module = Emulated::start(&application()[1], Wire::Terminal, Begin::Reset);
+    let place = module.place();
+    let line = format!("link {place} a.cphd -o a.maps {GRID} --verify");
+    let ran = run(folder.path(), &line);
+    println!("{}", ran.succeeded());
+    assert!(ran.stdout.contains("bit by bit, 0 not"), "{ran:?}");
+    assert!(ran.is_untroubled(), "{ran:?}");
+}
+
+/// A firmware that is found, not named, is run only if nobody else can have put it there.
+#[cfg(unix)]
+#[test]
+fn a_firmware_that_others_can_write_is_not_run() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = scene();
+    let module = folder.path().join("target/module");
+    fs::create_dir_all(&module).unwrap();
+    fs::copy(&application()[0], module.join("float")).unwrap();
+    let within = folder.path().join("target");
+    fs::set_permissions(&within, fs::Permissions::from_mode(0o777)).unwrap();
+    let before = listing(folder.path());
+    let line = format!("link emulate a.cphd -o a.maps {GRID}");
+    run(folder.path(), &line).failed(1, &["target can be written by every user", "--firmware"]);
+    assert_eq!(listing(folder.path()), before);
+    // Named, it is the user's own affair; in order, it is found.
+    let named = format!("{line} --firmware target/module/float");
+    run(folder.path(), &named).succeeded();
+    fs::set_permissions(&within, fs::Permissions::from_mode(0o755)).unwrap();
+    fs::remove_file(folder.path().join("a.maps")).unwrap();
+    run(folder.path(), &line).succeeded();
+}

@@ -1,0 +1,92 @@
+//! A recording through the firmware under emulation to an image, by the commands that users type.
+
+use std::path::Path;
+
+use crate::emulated::application;
+use serde_json::Value;
+use subaperture::focus::exact::Exact;
+use subaperture::focus::{ImageFormer, Task};
+use subaperture::geometry::ImageGrid;
+use subaperture::image::Image;
+use subaperture::io::npy;
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::signal::window::Window;
+use subaperture_tests::error_db;
+use subaperture_tests::link_recording::{recording, write_recording};
+use subaperture_tests::subap::{listing, run};
+
+const GRID: &str = "x=-6:6:0.5,y=-6:6:0.5,z=0";
+
+/// What `line` with `--dry-run` says, which leaves nothing.
+fn told(folder: &Path, line: &str) -> Value {
+    let before = listing(folder);
+    let ran = run(folder, &format!("{line} --dry-run --json"));
+    let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    assert_eq!(listing(folder), before, "{line}");
+    assert!(
+        told["time_s"].as_f64().unwrap() > 0.0 && told["memory_bytes"].as_u64().unwrap() > 0,
+        "{told}"
+    );
+    println!("{line}: {told}");
+    told
+}
+
+/// `subap link` and `subap focus --from-maps`.
+fn image(folder: &Path, arithmetic: &str, elf: &Path) -> Image {
+    let line = format!(
+        "link emulate:{arithmetic} a.cphd -o {arithmetic}.maps --grid {GRID} --verify --window none \
+         --slow-window none --firmware {}",
+        elf.display()
+    );
+    let ahead = told(folder, &line);
+    let ran = run(folder, &line);
+    println!("{}", ran.succeeded());
+    // To the byte but for names, weights and counters, which are few.
+    let file = folder
+        .join(format!("{arithmetic}.maps"))
+        .metadata()
+        .unwrap();
+    let disk_bytes = ahead["disk"][0]["bytes"].as_u64().unwrap();
+    assert!(
+        (disk_bytes..disk_bytes + 8192).contains(&file.len()),
+        "{disk_bytes} bytes told, {}",
+        file.len()
+    );
+    assert!(ran.stdout.contains("bit by bit, 0 not"), "{ran:?}");
+    assert!(ran.is_untroubled(), "{ran:?}");
+    let line = format!("focus --from-maps {arithmetic}.maps --grid {GRID} --out {arithmetic}");
+    let ahead = told(folder, &line);
+    let ran = run(folder, &line);
+    ran.succeeded();
+    assert!(ran.is_untroubled(), "nothing is missing: {ran:?}");
+    let file = folder.join(arithmetic).join("image.npy");
+    assert_eq!(
+        ahead["disk"][0]["bytes"].as_u64(),
+        Some(file.metadata().unwrap().len())
+    );
+    npy::read(&file).unwrap()
+}
+
+#[test]
+fn a_modules_maps_make_the_exact_sums_image() {
+    let folder = tempfile::tempdir().unwrap();
+    write_recording(&folder.path().join("a.cphd"));
+    let history = recording();
+    let weights = Weights::new(history.collection(), Window::None, Window::None);
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let task = Task {
+        history: &history,
+        grid: &grid,
+        weights: &weights,
+        memory_bytes: 1 << 30,
+        monitor: &Silent,
+    };
+    let exact = Exact.form(&task).unwrap().image;
+    for (arithmetic, elf) in ["float", "fixed"].iter().zip(application()) {
+        let measured_db = error_db(&image(folder.path(), arithmetic, elf), &exact);
+        println!("{arithmetic}: {measured_db:.1} dB");
+        // What the command promises where nobody asks for more.
+        assert!(measured_db <= -60.0, "{arithmetic}: {measured_db}");
+    }
+}

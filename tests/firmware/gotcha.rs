@@ -1,0 +1,45 @@
+//! A real recording through the firmware under emulation, by the commands that users type: the image is
+//! that of the host's own former. Each run takes half a minute.
+
+use std::path::Path;
+
+use crate::emulated::application;
+use subaperture::image::Image;
+use subaperture::io::npy;
+use subaperture_tests::error_db;
+use subaperture_tests::subap::{root, run};
+
+const GRID: &str = "x=-20:20:0.2,y=-20:20:0.2,z=0";
+
+fn image(folder: &Path, line: &str) -> Image {
+    let ran = run(folder, &format!("focus {line} --grid {GRID} --out image"));
+    ran.succeeded();
+    assert!(ran.is_untroubled(), "{ran:?}");
+    npy::read(&folder.join("image/image.npy")).unwrap()
+}
+
+#[test]
+fn a_degree_through_the_module_is_the_hosts_image() {
+    let input = root().join("../shared/data/gotcha/data_3dsar_pass1_az001_HH.mat");
+    if !input.exists() {
+        println!("skipped: {} not found", input.display());
+        return;
+    }
+    let input = input.display();
+    let folder = tempfile::tempdir().unwrap();
+    let own = image(folder.path(), &format!("{input}"));
+    for (arithmetic, elf) in ["float", "fixed"].iter().zip(application()) {
+        let line = format!(
+            "link emulate:{arithmetic} {input} -o {arithmetic}.maps --grid {GRID} --verify --firmware {}",
+            elf.display()
+        );
+        let ran = run(folder.path(), &line);
+        println!("{}", ran.succeeded());
+        assert!(ran.stdout.contains("bit by bit, 0 not"), "{ran:?}");
+        assert!(ran.is_untroubled(), "{ran:?}");
+        let linked = image(folder.path(), &format!("--from-maps {arithmetic}.maps"));
+        let measured_db = error_db(&linked, &own);
+        println!("{arithmetic}: {measured_db:.1} dB");
+        assert!(measured_db <= -60.0, "{arithmetic}: {measured_db}");
+    }
+}

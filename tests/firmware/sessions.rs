@@ -1,0 +1,336 @@
+//! Sessions with the firmware under emulation over lines with faults, across resets and lost power: no
+//! wrong map is ever taken, every loss is counted, and what comes after a fault is right.
+//!
+//! Maps are judged by the core run here on the same pulses, bit by bit. The emulated serial line carries
+//! 12 to 35 kB a second; a run of all 46 pulses is 10 kB there and 25 kB back.
+
+use std::io;
+use std::time::Duration;
+
+use crate::emulated::{Begin, Emulated, Wire, application};
+use subaperture::monitor::Silent;
+use subaperture::onboard::link::{
+    Buffers, Emulator, Ending, HostCore, LinkError, Module, Outcome, Session, Settings, Transport,
+    Verified,
+};
+use subaperture_core::link::{Arithmetic, Encoding};
+use subaperture_tests::faults::{Faults, FaultyLine};
+use subaperture_tests::firmware::{Build, build};
+use subaperture_tests::link_scene::{Keep, Kept, MAPS, PULSES, job, judge, recorded, scene};
+
+fn settings(retries: u32) -> Settings {
+    Settings {
+        answer: Duration::from_millis(200),
+        idle: Duration::from_secs(5),
+        retries,
+        first_number: 77,
+        ..Settings::default()
+    }
+}
+
+/// The float application behind such a line.
+fn module(wire: Wire, begin: Begin, faults: Faults) -> FaultyLine<Emulated> {
+    FaultyLine::new(Emulated::connected(&application()[0], wire, begin), faults)
+}
+
+/// Has the module do the scene; every map that was taken has been judged, every loss accounted for.
+fn session(module: &mut dyn Transport, settings: Settings) -> (Outcome, Kept) {
+    let scene = scene();
+    let recording = recorded(&scene);
+    let mut work = job(&scene, &recording, Encoding::Complex32);
+    let (mut buffers, mut keep) = (Buffers::new(), Keep::default());
+    let mut session = Session::open(module, &mut buffers, settings, &mut Silent).unwrap();
+    let outcome = session.transfer(&mut work, &mut keep, &mut Silent);
+    println!("{}", outcome.counts);
+    judge(&keep.0);
+    account(&outcome, &keep.0);
+    (outcome, keep.0)
+}
+
+/// Every map and every pulse is in one of the counts.
+fn account(outcome: &Outcome, kept: &Kept) {
+    let counts = &outcome.counts;
+    assert_eq!(counts.maps_wanted, MAPS as u64);
+    assert_eq!(counts.maps_taken, kept.len() as u64);
+    assert_eq!(outcome.missing.len() + kept.len(), MAPS);
+    assert!(outcome.missing.iter().all(|key| !kept.contains_key(key)));
+    let broken = counts.restarts + counts.reconnects > 0;
+    if broken || matches!(outcome.ending, Ending::Failed(_)) {
+        // What the module counted in a run that broke off is not known.
+        return;
+    }
+    // Of the numbers of each run every one has one of four ends; one that was not sent never came.
+    let module = &counts.module_pulses;
+    let ends = module.accepted + module.lost + module.refused + module.dropped;
+    let sent = counts.pulses_sent - counts.pulses_resent;
+    assert_eq!(sent + counts.pulses_unsent, ends, "{counts}");
+    let made = counts.maps_taken + counts.maps_repeated + counts.maps_lost;
+    if counts.runs == 1 && counts.maps_refused == 0 {
+        // What was stored is in maps, but for one to three pulses of every sub-CPI given up. All have
+        // four, but the last, which has two.
+        assert_eq!(made % 2, 0, "both patches of each");
+        let given_up = module.sub_cpis_incomplete;
+        let stored = (2 * made + given_up).saturating_sub(2)..=2 * made + 3 * given_up;
+        assert!(stored.contains(&module.accepted), "{counts}");
+    }
+}
+
+#[track_caller]
+fn complete(outcome: &Outcome) {
+    assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+}
+
+/// A sub-CPI after one of which a map is missing came whole.
+fn next_is_there(outcome: &Outcome, kept: &Kept) -> bool {
+    let mut missing = outcome.missing.iter();
+    missing.any(|key| (0..2).all(|patch| kept.contains_key(&(key.0 + 1, patch))))
+}
+
+#[test]
+fn a_clean_line_brings_everything_in_one_run() {
+    let mut module = module(Wire::Tcp, Begin::Reset, Faults::default());
+    let (outcome, _) = session(&mut module, settings(0));
+    complete(&outcome);
+    let counts = &outcome.counts;
+    assert_eq!((counts.runs, counts.maps_lost), (1, 0));
+    assert_eq!(counts.module_pulses.accepted, PULSES as u64);
+    for frames in [counts.frames_to_module, counts.frames_from_module] {
+        assert_eq!((frames.damaged, frames.lost, frames.repeated), (0, 0, 0));
+    }
+}
+
+#[test]
+fn fixed_point_over_a_bad_line_is_the_cores() {
+    let faults = Faults {
+        seed: 1,
+        bit_errors: 2e-5,
+        dropped_pulses: 0.02,
+        ..Faults::default()
+    };
+    let scene = scene();
+    let recording = recorded(&scene);
+    let emulated = Emulated::connected(&application()[1], Wire::Tcp, Begin::Reset);
+    let mut module = FaultyLine::new(emulated, faults);
+    let mut buffers = Buffers::new();
+    let mut session = Session::open(&mut module, &mut buffers, settings(100), &mut Silent).unwrap();
+    assert_eq!(session.identity().arithmetic, Arithmetic::Fixed);
+    let core = HostCore::new(job(&scene, &recording, Encoding::Sc16)).unwrap();
+    let mut verified = Verified::new(Keep::default(), core);
+    let mut work = job(&scene, &recording, Encoding::Sc16);
+    let outcome = session.transfer(&mut work, &mut verified, &mut Silent);
+    println!("{}", outcome.counts);
+    complete(&outcome);
+    assert_eq!(verified.counts(), (MAPS as u64, 0));
+    account(&outcome, &verified.into_inner().0);
+}
+
+#[test]
+fn bit_errors_cost_time_and_nothing_else() {
+    for (seed, bit_errors) in [(2, 1e-5), (3, 1e-4)] {
+        let faults = Faults {
+            seed,
+            bit_errors,
+            ..Faults::default()
+        };
+        let mut module = module(Wire::Tcp, Begin::Reset, faults);
+        let (outcome, _) = session(&mut module, settings(1000));
+        complete(&outcome);
+        if bit_errors > 5e-5 {
+            // 8 wrong bits there and 20 back in the first run alone.
+            let counts = &outcome.counts;
+            assert!(counts.frames_to_module.damaged > 0);
+            assert!(counts.frames_from_module.damaged > 0);
+            assert!(counts.maps_fetched_again > 0);
+        }
+    }
+}
+
+#[test]
+fn a_line_too_bad_for_any_map_ends_and_says_so() {
+    let faults = Faults {
+        seed: 4,
+        bit_errors: 1e-3,
+        ..Faults::default()
+    };
+    let mut module = module(Wire::Tcp, Begin::Reset, faults);
+    // A pulse comes through with a chance of 0.2, four in a row with 0.001.
+    let (outcome, _) = session(&mut module, settings(0));
+    assert!(!matches!(outcome.ending, Ending::Complete), "{outcome:?}");
+    assert!(outcome.counts.frames_from_module.damaged > 0);
+    assert!(outcome.counts.frames_to_module.damaged > 0);
+    // And the module is as it was.
+    let mut module = module_after(module);
+    let (outcome, _) = session(&mut module, settings(0));
+    complete(&outcome);
+}
+
+/// The same module, its line repaired.
+fn module_after(module: FaultyLine<Emulated>) -> FaultyLine<Emulated> {
+    FaultyLine::new(module.into_device(), Faults::default())
+}
+
+#[test]
+fn lost_pulses_are_counted_and_sent_again() {
+    let faults = Faults {
+        seed: 5,
+        dropped_pulses: 0.05,
+        ..Faults::default()
+    };
+    let mut module = module(Wire::Tcp, Begin::Reset, faults);
+    let (outcome, kept) = session(&mut module, settings(0));
+    assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
+    let counts = &outcome.counts;
+    assert!(counts.module_pulses.lost > 0);
+    assert_eq!(counts.maps_lost, 0, "pulses are lost and nothing else");
+    assert!(next_is_there(&outcome, &kept), "{:?}", outcome.missing);
+
+    let (outcome, _) = session(&mut module, settings(100));
+    complete(&outcome);
+    assert!(outcome.counts.maps_fetched_again > 0);
+}
+
+#[test]
+fn cut_frames_are_lost_and_their_maps_fetched() {
+    let faults = Faults {
+        seed: 6,
+        cuts: 3e-4,
+        ..Faults::default()
+    };
+    let mut module = module(Wire::Tcp, Begin::Reset, faults);
+    let (outcome, kept) = session(&mut module, settings(0));
+    assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
+    assert!(next_is_there(&outcome, &kept), "{:?}", outcome.missing);
+    let (outcome, _) = session(&mut module, settings(100));
+    complete(&outcome);
+}
+
+/// Without news from the module the host sends what there is room for, and then waits too.
+#[test]
+fn a_host_that_does_not_read_for_seconds_loses_nothing() {
+    let faults = Faults {
+        stalls_at: vec![(4_000, Duration::from_secs(2))],
+        ..Faults::default()
+    };
+    let mut module = module(Wire::Terminal, Begin::Reset, faults);
+    let (outcome, _) = session(&mut module, settings(0));
+    complete(&outcome);
+    assert!(outcome.counts.seconds > 2.0);
+    assert_eq!((outcome.counts.maps_lost, outcome.counts.runs), (0, 1));
+}
+
+/// At a radar's rate nothing is sent twice: what is lost stays lost, and is told. (That pulses find no
+/// room needs a module slower than its line: `tests/link/session.rs`. The emulated line holds its sender up.)
+#[test]
+fn at_a_radars_rate_losses_stay_and_are_told() {
+    let faults = Faults {
+        seed: 7,
+        dropped_pulses: 0.05,
+        stalls_at: vec![(2_000, Duration::from_secs(1))],
+        ..Faults::default()
+    };
+    let mut module = module(Wire::Tcp, Begin::Reset, faults);
+    let at_a_rate = Settings {
+        rate_hz: Some(40.0),
+        ..settings(100)
+    };
+    let (outcome, kept) = session(&mut module, at_a_rate);
+    assert!(matches!(outcome.ending, Ending::Incomplete), "{outcome:?}");
+    let counts = &outcome.counts;
+    assert_eq!(counts.pulses_sent + counts.pulses_unsent, PULSES as u64);
+    assert!(counts.module_pulses.lost > 0, "{counts}");
+    assert_eq!((counts.runs, counts.maps_lost), (1, 0));
+    assert!(next_is_there(&outcome, &kept), "{:?}", outcome.missing);
+}
+
+/// A session whose host is gone at once, without a word to the module.
+struct NoWayBack<'a>(&'a mut FaultyLine<Emulated>);
+
+impl Transport for NoWayBack<'_> {
+    fn read(&mut self, buffer: &mut [u8], wait: Duration) -> io::Result<usize> {
+        self.0.read(buffer, wait)
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes)
+    }
+
+    fn reconnect(&mut self) -> io::Result<()> {
+        Err(io::ErrorKind::ConnectionRefused.into())
+    }
+}
+
+#[test]
+fn a_host_that_dies_leaves_a_module_that_the_next_can_use() {
+    let faults = Faults {
+        dies_at: vec![4_000, 8_000],
+        ..Faults::default()
+    };
+    let mut module = module(Wire::Tcp, Begin::Reset, faults);
+    let (outcome, _) = session(&mut NoWayBack(&mut module), settings(0));
+    assert!(
+        matches!(outcome.ending, Ending::Failed(LinkError::Line(_))),
+        "{outcome:?}"
+    );
+    // In mid-run, and the line dies once more.
+    module.reconnect().unwrap();
+    let next = Settings {
+        first_number: 1000,
+        ..settings(3)
+    };
+    let (outcome, _) = session(&mut module, next);
+    complete(&outcome);
+    assert_eq!(outcome.counts.reconnects, 1);
+}
+
+#[test]
+fn power_lost_in_mid_run_costs_that_run() {
+    let faults = Faults {
+        restarts_at: vec![4_321, 9_000],
+        ..Faults::default()
+    };
+    let mut module = module(Wire::Tcp, Begin::Power, faults);
+    let (outcome, _) = session(&mut module, settings(3));
+    complete(&outcome);
+    assert!(outcome.counts.reconnects >= 1, "{outcome:?}");
+}
+
+#[test]
+fn a_reset_in_mid_run_is_found_and_repaired() {
+    let faults = Faults {
+        restarts_at: vec![4_321, 9_000],
+        ..Faults::default()
+    };
+    let mut module = module(Wire::Tcp, Begin::Reset, faults);
+    let (outcome, _) = session(&mut module, settings(3));
+    complete(&outcome);
+    assert!(outcome.counts.restarts >= 1, "{outcome:?}");
+    assert_eq!(outcome.counts.reconnects, 0, "the line stayed");
+}
+
+#[test]
+fn everything_at_once() {
+    let faults = Faults {
+        seed: 20,
+        bit_errors: 2e-5,
+        cuts: 1e-4,
+        dropped_pulses: 0.03,
+        dies_at: vec![7_000],
+        restarts_at: vec![11_000],
+        stalls_at: vec![(5_000, Duration::from_secs(1))],
+    };
+    let mut module = module(Wire::Tcp, Begin::Power, faults);
+    let (outcome, _) = session(&mut module, settings(200));
+    complete(&outcome);
+}
+
+/// A self-test asks the emulator to end when it is through, as a program could ask it to read a file or start a
+/// program: by semihosting. What `subap link` starts is not heard.
+#[test]
+fn a_firmware_cannot_reach_the_host() {
+    let elf = build(&Build::bin("selftest", ""));
+    let mut line = Emulator::start(Module::Float, Some(&elf), false).unwrap();
+    // It takes a fraction of a second.
+    std::thread::sleep(Duration::from_secs(3));
+    let read = line.read(&mut [0; 64], Duration::ZERO);
+    assert_eq!(read.expect("the emulator still runs"), 0);
+}

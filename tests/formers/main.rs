@@ -1,0 +1,14 @@
+//! Image formers against the exact sum and theory: what they form, what they refuse, how well they know their errors.
+
+mod accuracy;
+mod backprojection;
+mod edges;
+mod frequency_domain;
+mod gotcha;
+mod movers;
+mod pfa_ffbp;
+mod points;
+mod random;
+mod random_case;
+mod sweep_motion;
+mod track_scene;

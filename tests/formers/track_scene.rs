@@ -1,0 +1,63 @@
+//! Ten scatterers seen from any track: what image formers are compared on.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use num_complex::Complex64;
+use subaperture::geometry::SceneFrame;
+use subaperture::phase_history::{Collection, Pulse, Sweep};
+use subaperture::simulate::{Scatterer, Simulated};
+
+/// Straight or bent tracks, one or two antennas (by the pulse's number, 0 in the middle): ten scatterers
+/// within `extent_m` of the origin, over a band of start, step and number of samples.
+pub(crate) fn scene(
+    num_pulses: usize,
+    (start_hz, step_hz, num_samples): (f64, f64, usize),
+    antennas: impl Fn(f64) -> (DVec3, DVec3),
+    extent_m: f64,
+) -> Simulated {
+    let pulses = (0..num_pulses)
+        .map(|n| {
+            let (transmitter_m, receiver_m) = antennas(n as f64 - num_pulses as f64 / 2.0);
+            Pulse {
+                time_s: n as f64,
+                transmitter_m,
+                receiver_m,
+                reference_m: DVec3::ZERO,
+                reference_path_m: transmitter_m.length() + receiver_m.length(),
+                start_hz,
+                step_hz,
+                sweep: Sweep::AT_ONCE,
+            }
+        })
+        .collect();
+    let collection = Collection {
+        name: "scene".to_owned(),
+        num_samples,
+        pulses,
+        frame: SceneFrame::Local,
+        extent: None,
+        timed: true,
+    };
+    let scatterers = (0..10)
+        .map(|i| {
+            // Golden-ratio placement: spread evenly without a lattice.
+            let turn = f64::from(i) * 0.618_034;
+            let radius = extent_m * (f64::from(i) / 10.0).sqrt();
+            Scatterer {
+                position_m: DVec3::new(
+                    radius * (turn * TAU).cos(),
+                    radius * (turn * TAU).sin(),
+                    0.0,
+                ),
+                amplitude: Complex64::cis(f64::from(i)),
+            }
+        })
+        .collect();
+    Simulated::new(collection, scatterers, None)
+}
+
+/// A deterministic number in [-1, 1) for pulse `n`.
+pub(crate) fn noise(n: f64) -> f64 {
+    ((n * 12.9898).sin() * 43_758.547).fract()
+}

@@ -1,0 +1,3 @@
+//! The gallery of both theses' figures: what the items find, and the command that makes them.
+
+mod command;

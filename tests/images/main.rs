@@ -1,0 +1,7 @@
+//! What is made of images: measures, comparisons, pictures, products.
+
+mod compare;
+mod plot_lines;
+mod product;
+mod quality;
+mod quicklook;

@@ -1,0 +1,10 @@
+//! A module as its host sees it, without an emulator: messages, sessions, the station, files of maps and their images.
+
+mod assembly;
+mod frames;
+mod golden;
+mod maps_file;
+mod maps_image;
+mod messages;
+mod session;
+mod station;

@@ -1,0 +1,5 @@
+//! The firmware's station, byte for byte as a host would see it.
+
+mod bench;
+mod products;
+mod refusals;

@@ -1,0 +1,341 @@
+//! Recordings of radars with several transmitters, which take turns, and receivers, in several files: by formulas of the
+//! test's own.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use glam::DVec3;
+use num_complex::Complex32;
+use subaperture::SPEED_OF_LIGHT_M_S;
+use subaperture::autofocus::{Axis, Model, Order, Problem, Search, Sight, Verdict, determine};
+use subaperture::focus::FormError;
+use subaperture::io::recording::{RecordingFile, Take};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::PhaseHistory;
+use subaperture::signal::window::Window;
+
+const TURNS: usize = 4;
+const STOPS: usize = 12;
+const STOPS_A_FILE: usize = 4;
+const SAMPLES: usize = 128;
+const START_HZ: f64 = 77e9;
+const SLOPE_HZ_S: f64 = 30e12;
+const RATE_HZ: f64 = 2e6;
+const SPACING_M: f64 = 0.004;
+const TRANSMITTERS_M: [f64; 2] = [0.0, 0.0078];
+const RECEIVERS_M: [f64; 3] = [0.0, 0.00195, 0.0039];
+/// What the second transmitter and the third receiver add.
+const PHASES_RAD: [[f64; 3]; 2] = [[0.0, 0.0, -0.7], [1.1, 0.0, 0.0]];
+const LEVELS: [[f64; 3]; 2] = [[1.0, 1.0, 1.0], [0.5, 1.0, 1.0]];
+const POINTS_M: [DVec3; 2] = [DVec3::new(0.1, 1.6, 0.05), DVec3::new(-0.3, 2.2, -0.1)];
+
+/// A scanner that goes up, antennas side by side.
+fn antennas_m(stop: usize, transmitter: usize, receiver: usize) -> [DVec3; 2] {
+    let up = DVec3::new(0.0, 0.0, -0.022 + stop as f64 * SPACING_M);
+    [
+        up + DVec3::X * TRANSMITTERS_M[transmitter],
+        up + DVec3::X * RECEIVERS_M[receiver],
+    ]
+}
+
+/// What an antenna pair adds to phase, and by what it multiplies.
+fn gain(transmitter: usize, receiver: usize) -> (f64, f64) {
+    let second = if transmitter == 1 {
+        PHASES_RAD[1][0]
+    } else {
+        0.0
+    };
+    let level = if transmitter == 1 { LEVELS[1][0] } else { 1.0 };
+    (
+        second + if receiver == 2 { PHASES_RAD[0][2] } else { 0.0 },
+        level,
+    )
+}
+
+/// A sample of a sweep with a rising beat: `exp(+j 2 pi (start tau + slope tau t - slope tau^2 / 2))`, recorded with the
+/// sign that is the conjugate of a phase history's.
+fn sample(stop: usize, transmitter: usize, receiver: usize, k: usize) -> [f64; 2] {
+    let t = k as f64 / RATE_HZ;
+    let [from, to] = antennas_m(stop, transmitter, receiver);
+    let (phase, level) = gain(transmitter, receiver);
+    let mut sum = [0.0; 2];
+    for point in POINTS_M {
+        let tau = (from.distance(point) + to.distance(point)) / SPEED_OF_LIGHT_M_S;
+        let turns = START_HZ * tau + SLOPE_HZ_S * tau * t - 0.5 * SLOPE_HZ_S * tau * tau;
+        // The recording's sign turns with its phase.
+        let (sin, cos) = (TAU * turns.rem_euclid(1.0) - phase).sin_cos();
+        sum[0] += level * cos;
+        sum[1] += level * sin;
+    }
+    sum
+}
+
+/// Writes `scan1.bin`, `scan2.bin`, ...: stops in turn, of each `TURNS` turns of the transmitters. The four turns are off
+/// by +3, -3, +1 and -1 counts, which their mean is not.
+fn write(folder: &Path) {
+    for file in 0..STOPS / STOPS_A_FILE {
+        let mut bytes = Vec::new();
+        for stop in file * STOPS_A_FILE..(file + 1) * STOPS_A_FILE {
+            for turn in 0..TURNS {
+                let off = [3.0, -3.0, 1.0, -1.0][turn];
+                for transmitter in 0..2 {
+                    for receiver in 0..3 {
+                        for k in (0..SAMPLES).step_by(2) {
+                            let pair = [k, k + 1].map(|k| sample(stop, transmitter, receiver, k));
+                            for part in 0..2 {
+                                for sample in pair {
+                                    let count = (sample[part] * 8000.0).round() + off;
+                                    bytes.extend((count as i16).to_le_bytes());
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        std::fs::write(folder.join(format!("scan{}.bin", file + 1)), bytes).unwrap();
+    }
+}
+
+const TEXT: &str = r#"
+[recording]
+format = "dca1000"
+file = "scan{1..3}.bin"
+samples = 128
+receivers = 3
+transmitters = 2
+average = 4
+phase = "plus"
+
+[radar]
+kind = "fmcw"
+start = "77 GHz"
+slope = "30 MHz/us"
+sample_rate = "2 MHz"
+
+[[radar.transmitter]]
+[[radar.transmitter]]
+offset = "7.8, 0, 0 mm"
+phase = "1.1 rad"
+level = "-6.0206 dB"
+
+[[radar.receiver]]
+[[radar.receiver]]
+offset = "1.95, 0, 0 mm"
+[[radar.receiver]]
+offset = "3.9, 0, 0 mm"
+phase = "-0.7 rad"
+
+[platform]
+kind = "rail"
+from = "0, 0, -22 mm"
+to = "0, 0, 1 m"
+spacing = "4 mm"
+attitude = "0, 0, 0 deg"
+"#;
+
+fn described() -> (tempfile::TempDir, RecordingFile) {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path());
+    let file = RecordingFile::new("scan.toml", TEXT, folder.path());
+    (folder, file)
+}
+
+/// Relative RMS error of a history against its definition, dB.
+fn error_db(history: &dyn PhaseHistory, of: impl Fn(usize) -> (usize, usize, usize)) -> f64 {
+    let collection = history.collection();
+    let width = collection.num_samples;
+    let mut samples = vec![Complex32::ZERO; collection.pulses.len() * width];
+    history
+        .read(0..collection.pulses.len(), &mut samples)
+        .unwrap();
+    let (mut error, mut power) = (0.0, 0.0);
+    for (n, row) in samples.chunks_exact(width).enumerate() {
+        let pulse = &collection.pulses[n];
+        let (stop, transmitter, receiver) = of(n);
+        let [from, to] = antennas_m(stop, transmitter, receiver);
+        assert!(
+            pulse.transmitter_m.distance(from) < 1e-12,
+            "{n}: {} {from}",
+            pulse.transmitter_m
+        );
+        assert!(
+            pulse.receiver_m.distance(to) < 1e-12,
+            "{n}: {} {to}",
+            pulse.receiver_m
+        );
+        for (k, z) in row.iter().enumerate() {
+            let frequency_hz = pulse.start_hz + k as f64 * pulse.step_hz;
+            let (mut re, mut im) = (0.0, 0.0);
+            for point in POINTS_M {
+                let path_m = from.distance(point) + to.distance(point) - pulse.reference_path_m;
+                let phase = -TAU * (frequency_hz * path_m / SPEED_OF_LIGHT_M_S).rem_euclid(1.0);
+                re += 8000.0 * phase.cos();
+                im += 8000.0 * phase.sin();
+            }
+            error += (f64::from(z.re) - re).powi(2) + (f64::from(z.im) - im).powi(2);
+            power += re * re + im * im;
+        }
+    }
+    10.0 * (error / power).log10()
+}
+
+#[test]
+fn every_pair_of_a_turn_is_a_pulse_with_its_own_antennas_and_calibration() {
+    let (_folder, mut file) = described();
+    let history = file.history(u64::MAX).unwrap();
+    assert_eq!(history.collection().pulses.len(), STOPS * 6);
+    let error = error_db(&history, |n| (n / 6, n % 6 / 3, n % 3));
+    println!("all pairs: {error:.1} dB");
+    // The sweep is 350 / sqrt(slope) long; Fresnel's ripple at its ends, some -43 dB as in `described.rs`. A phase of
+    // 1.1 rad or a level of 6 dB of half the pairs left in would be -5 dB.
+    assert!(error < -40.0, "{error}");
+    // One pair alone.
+    file.set("recording.receiver", "3").unwrap();
+    file.set("recording.transmitter", "2").unwrap();
+    let one = file.history(u64::MAX).unwrap();
+    assert_eq!(one.collection().pulses.len(), STOPS);
+    assert!(error_db(&one, |n| (n, 1, 2)) < -40.0);
+    // A list is what the pattern stands for, to the bit.
+    let list = TEXT.replace(
+        "\"scan{1..3}.bin\"",
+        "[\"scan1.bin\", \"scan2.bin\", \"scan3.bin\"]",
+    );
+    let (folder, file) = described();
+    let read = |history: &dyn PhaseHistory| {
+        let collection = history.collection();
+        let mut samples = vec![Complex32::ZERO; collection.pulses.len() * collection.num_samples];
+        history
+            .read(0..collection.pulses.len(), &mut samples)
+            .unwrap();
+        samples
+    };
+    let listed = RecordingFile::new("list.toml", list, folder.path())
+        .history(u64::MAX)
+        .unwrap();
+    assert_eq!(read(&listed), read(&file.history(u64::MAX).unwrap()));
+    assert_eq!(file.inputs().unwrap().len(), 3);
+}
+
+#[test]
+fn files_and_sections_that_do_not_fit_are_told() {
+    let (folder, _) = described();
+    let refuse = |from: &str, to: &str| {
+        assert!(TEXT.contains(from), "{from}");
+        let file = RecordingFile::new("scan.toml", TEXT.replace(from, to), folder.path());
+        file.history(u64::MAX).expect_err("refused").to_string()
+    };
+    for (from, to, line, part) in [
+        (
+            "receivers = 3",
+            "receivers = 2",
+            24,
+            "describe one, or as many",
+        ),
+        (
+            "transmitters = 2",
+            "transmitters = 4",
+            18,
+            "describe one, or as many",
+        ),
+        (
+            "average = 4",
+            "average = 5",
+            8,
+            "scan1.bin holds 32 sweeps of each receiver, and 10 make a pulse",
+        ),
+        (
+            "samples = 128",
+            "samples = 127",
+            5,
+            "scan1.bin holds 12288 samples",
+        ),
+        ("scan{1..3}.bin", "scan{1..4}.bin", 4, "scan4.bin"),
+        (
+            "scan{1..3}.bin",
+            "scan{1..9999999}.bin",
+            4,
+            "at most 100000",
+        ),
+        (
+            "phase = \"plus\"",
+            "receiver = 4",
+            9,
+            "there are 3 receivers",
+        ),
+        (
+            "phase = \"plus\"",
+            "transmitter = 3",
+            9,
+            "there are 2 transmitters",
+        ),
+        (
+            "spacing = \"4 mm\"",
+            "spacing = \"4 mm\"\nspeed = \"1 m/s\"",
+            34,
+            "not both",
+        ),
+    ] {
+        let error = refuse(from, to);
+        assert!(
+            error.contains(&format!("scan.toml:{line}:")) && error.contains(part),
+            "{to}: {error}"
+        );
+    }
+    // A file that lost its end would shift all that come after.
+    let path = folder.path().join("scan2.bin");
+    let whole = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &whole[..whole.len() - SAMPLES * 4 * 3]).unwrap();
+    let error = RecordingFile::new("scan.toml", TEXT, folder.path()).history(u64::MAX);
+    let error = error.expect_err("refused").to_string();
+    assert!(
+        error.contains("scan2.bin holds 31 sweeps") && error.contains("7 are over"),
+        "{error}"
+    );
+}
+
+struct Phase<'a>(&'a RecordingFile);
+
+impl Model for Phase<'_> {
+    fn take(&self, values: &[f64], pulses: Option<&[usize]>) -> Result<Take, FormError> {
+        let text = format!("{} deg", values[0]);
+        let varied = self
+            .0
+            .with([("radar.transmitter[1].phase", text.as_str())])
+            .unwrap();
+        Ok(varied.take(u64::MAX, pulses)?)
+    }
+}
+
+#[test]
+fn the_phase_of_a_transmitter_is_found() {
+    let (_folder, file) = described();
+    let found = determine(&Problem {
+        model: &Phase(&file),
+        intervals: &[Axis {
+            start: -180.0,
+            step: 15.0,
+            count: 24,
+        }],
+        search: Search {
+            order: Order::Product,
+            refinements: 4,
+        },
+        sight: &Sight::Points(POINTS_M.to_vec()),
+        windows: [Window::None; 2],
+        memory_bytes: u64::MAX,
+        monitor: &Silent,
+    })
+    .unwrap();
+    let scan = &found.scans[0];
+    println!(
+        "phase {:?}, error {:?}, {:?}",
+        found.best, scan.error, scan.verdict
+    );
+    // 1.1 rad; two points of known place without noise, each in the other's side lobes: 2 degrees.
+    assert!(
+        (found.best[0] - 1.1f64.to_degrees()).abs() < 2.0,
+        "{found:?}"
+    );
+    assert_eq!(scan.verdict, Verdict::Determined);
+}

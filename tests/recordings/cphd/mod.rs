@@ -1,0 +1,8 @@
+//! CPHD files: written and read back, read from bytes made by hand, damaged, and checked by sarkit.
+
+mod by_hand;
+mod damage;
+mod reading;
+mod round_trip;
+mod sarkit;
+mod scene;

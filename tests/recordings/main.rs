@@ -1,0 +1,10 @@
+//! What is read: CPHD, GOTCHA, NovAtel, described recordings, several as one aperture, and what tuning finds in them.
+
+mod aperture_order;
+mod channels;
+mod cphd;
+mod described;
+mod gotcha;
+mod hostile_files;
+mod novatel;
+mod tune_certainty;

@@ -1,0 +1,6 @@
+//! The simulator: its engines, the chain from echoes to recordings, receivers, random scenarios.
+
+mod chain;
+mod engine;
+mod receiver;
+mod scenarios;

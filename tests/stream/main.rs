@@ -1,0 +1,15 @@
+//! The streaming core: every stage by itself, maps, chips and detection, in float and in integers.
+
+mod accumulate;
+mod cfar;
+mod chip;
+mod fixed;
+mod fixed_scene;
+mod fixed_stages;
+mod float;
+mod kernel;
+mod map;
+mod memory;
+mod push;
+mod selftest;
+mod stages;

@@ -1,0 +1,37 @@
+//! The self-tests' own test: their checksums are pinned (`tests/firmware/selftest.rs` and `golden.rs` compare those of
+//! targets). That maps and pixels are right is shown by `map.rs`, `accumulate.rs`, `float.rs` and `fixed.rs`.
+
+use subaperture_core::selftest::{FixedStreamSelfTest, FloatStreamSelfTest, SelfTest};
+
+/// Changes only when the arithmetic changes: then run this test, look at why, and write the new one.
+const CHECKSUM: u32 = 0x8043_76ec;
+const FLOAT_STREAM_CHECKSUM: u32 = 0xbef4_6d58;
+const FIXED_STREAM_CHECKSUM: u32 = 0xd2ed_8aa6;
+
+#[test]
+fn checksum_is_the_recorded_one_and_repeats() {
+    let mut test = Box::new(SelfTest::new());
+    let first = test.run().unwrap();
+    assert_eq!(test.run().unwrap(), first, "buffers in use leave no trace");
+    assert_eq!(
+        first, CHECKSUM,
+        "0x{first:08x} is not the recorded 0x{CHECKSUM:08x}"
+    );
+}
+
+#[test]
+fn checksums_of_the_stream_are_the_recorded_ones_and_repeat() {
+    let mut float = FloatStreamSelfTest::new();
+    let mut fixed = FixedStreamSelfTest::new();
+    for (name, first, again, recorded) in [
+        ("float", float.run(), float.run(), FLOAT_STREAM_CHECKSUM),
+        ("fixed", fixed.run(), fixed.run(), FIXED_STREAM_CHECKSUM),
+    ] {
+        let first = first.unwrap();
+        assert_eq!(again, Ok(first), "{name}: buffers in use leave no trace");
+        assert_eq!(
+            first, recorded,
+            "{name}: 0x{first:08x} is not the recorded 0x{recorded:08x}"
+        );
+    }
+}
