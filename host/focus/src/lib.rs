@@ -17,21 +17,18 @@
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
-pub mod bp;
 pub mod budget;
-pub mod exact;
-pub mod ffbp;
 pub mod forecast;
+pub mod formers;
 pub mod moving;
-pub mod omega_k;
-pub mod pfa;
+pub mod patch;
+pub mod path_model;
 mod pixels;
 mod probes;
-pub mod rda;
-pub mod rdbp;
 mod rounding;
 pub mod straight_track;
 pub mod strip;
+pub mod sub_cpi;
 pub mod sweep;
 
 use num_complex::Complex32;
@@ -43,6 +40,7 @@ use subaperture_model::phase_history::{PhaseHistory, Pulse, ReadError, Weights};
 use subaperture_model::quantity::bytes;
 
 pub use accuracy::{Asked, Misses};
+pub use formers::{bp, exact, ffbp, omega_k, pfa, rda, rdbp};
 
 /// What a former plans below the error bound it is given, dB.
 ///

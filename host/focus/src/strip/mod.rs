@@ -55,8 +55,8 @@ use serde_json::json;
 
 use super::budget::Budget;
 use super::probes::probes;
-use super::rdbp::shared_band;
 use super::straight_track::StraightTrack;
+use super::sub_cpi::shared_band;
 use super::{Asked, FormError, Formed, Task};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;

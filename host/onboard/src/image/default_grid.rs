@@ -8,7 +8,7 @@ use super::model::sub_cpi_of;
 use super::{arithmetic_error, probe};
 use crate::maps::Maps;
 use subaperture_focus::FormError;
-use subaperture_focus::rdbp::SubCpi;
+use subaperture_focus::sub_cpi::SubCpi;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_resolution::survey::default_grid::round_to_two_digits;

@@ -2,7 +2,7 @@
 //!
 //! For a pixel at `p`, with `q` the centre of its patch, and for every sub-CPI of `M` pulses with
 //! weights `w_m`, the path relative to the centre is the line `a + b u` through the map's two nodes
-//! (`subaperture_focus::rdbp::sub_cpi`). Maps of `R` range bins and `D` Doppler bins a cycle give
+//! (`subaperture_focus::sub_cpi`). Maps of `R` range bins and `D` Doppler bins a cycle give
 //!
 //! ```text
 //! I(p) = sum over sub-CPIs of  M exp(+j 2 pi f_ref a / c) map(d, r)  /  sum of all their w_m
@@ -52,8 +52,7 @@ use self::kernels::Kernels;
 use self::model::sub_cpi_of;
 use crate::maps::{Arithmetic, Maps, OwnedMap};
 use subaperture_focus::budget::Budget;
-use subaperture_focus::rdbp::SubCpi;
-use subaperture_focus::rdbp::sub_cpi::Datum;
+use subaperture_focus::sub_cpi::{Datum, SubCpi};
 use subaperture_focus::{Asked, FormError, Formed, Misses, accuracy};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;

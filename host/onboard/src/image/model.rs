@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 use subaperture_core::stream::{MapHeader, Node, Setup};
 
-use subaperture_focus::rdbp::SubCpi;
+use subaperture_focus::sub_cpi::SubCpi;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
 /// Places within a sub-CPI.

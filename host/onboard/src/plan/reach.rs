@@ -4,8 +4,8 @@ use rayon::prelude::*;
 use subaperture_core::stream::{Patch, Setup};
 
 use crate::image::kernels::Kernels;
-use subaperture_focus::rdbp::SubCpi;
-use subaperture_focus::rdbp::patch::Rectangle;
+use subaperture_focus::patch::Rectangle;
+use subaperture_focus::sub_cpi::SubCpi;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 

@@ -19,7 +19,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use subaperture_model::phase_history::{Collection, Pulse};
+use super::FormError;
+use subaperture_model::phase_history::{Band, Collection, Pulse};
 
 /// A stretch of pulses processed as one range-Doppler map.
 #[derive(Clone, Debug, PartialEq)]
@@ -288,6 +289,22 @@ pub fn breaks(collection: &Collection) -> Vec<usize> {
     breaks.sort_unstable();
     breaks.dedup();
     breaks
+}
+
+/// Doppler bins for each cycle a pulse, for sub-CPIs that last `duration_pulses`: twice Nyquist's at the highest
+/// frequency, where Doppler is scaled most.
+pub fn bins_per_cycle(band: &Band, duration_pulses: f64) -> f64 {
+    let highest = band.frequency_hz(band.count - 1) / band.centre_hz();
+    2.0 * duration_pulses * highest.max(1.0)
+}
+
+/// The frequency axis, which both modes need to be the same for all pulses.
+pub fn shared_band(collection: &Collection) -> Result<Band, FormError> {
+    collection.band().ok_or_else(|| {
+        FormError::Unsuited(
+            "the frequency axis changes from pulse to pulse; use --algorithm bp".to_owned(),
+        )
+    })
 }
 
 #[cfg(test)]

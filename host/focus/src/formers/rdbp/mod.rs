@@ -12,39 +12,17 @@
 //!   Nyquist's. The quadratic phase that made the grating lobes is common to the patch, and gone with
 //!   the compensation; what varies across the patch sets how long a sub-CPI may be ([`Plan`]).
 
-pub mod patch;
 pub mod plan;
 pub mod precise;
-pub mod sub_cpi;
 pub mod thesis;
 
 use serde_json::json;
 
-use super::budget::Budget;
-use super::{Asked, FormError, Formed, ImageFormer, Task};
+use crate::budget::Budget;
+use crate::{Asked, FormError, Formed, ImageFormer, Task};
 
-use subaperture_model::phase_history::{Band, Collection};
-
-pub use patch::PatchSize;
 pub use plan::{Plan, Request};
-pub use sub_cpi::SubCpi;
 pub use thesis::Thesis;
-
-/// Doppler bins for each cycle a pulse, for sub-CPIs that last `duration_pulses`: twice Nyquist's at the highest
-/// frequency, where Doppler is scaled most.
-fn bins_per_cycle(band: &Band, duration_pulses: f64) -> f64 {
-    let highest = band.frequency_hz(band.count - 1) / band.centre_hz();
-    2.0 * duration_pulses * highest.max(1.0)
-}
-
-/// The frequency axis, which both modes need to be the same for all pulses.
-pub fn shared_band(collection: &Collection) -> Result<Band, FormError> {
-    collection.band().ok_or_else(|| {
-        FormError::Unsuited(
-            "the frequency axis changes from pulse to pulse; use --algorithm bp".to_owned(),
-        )
-    })
-}
 
 /// How maps are made and read.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -22,7 +22,7 @@ use num_complex::{Complex32, Complex64};
 
 use super::track::Track;
 use super::{Shares, Target};
-use crate::rdbp::patch::Rectangle;
+use crate::patch::Rectangle;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;

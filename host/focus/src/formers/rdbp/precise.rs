@@ -10,7 +10,7 @@
 //! I(p)     += exp(+j 2 pi f_c a(p) / c) map at (nu = b(p) f_c / c, l = a(p) L step / c)
 //! ```
 //!
-//! where `a(p) + b(p) u_m` is the path to `p` relative to `q` ([`super::sub_cpi`]). If the path were
+//! where `a(p) + b(p) u_m` is the path to `p` relative to `q` ([`crate::sub_cpi`]). If the path were
 //! exactly that line, the sum over sub-CPIs would be the exact one: Keystone leaves no range
 //! migration and no edge of the sub-CPI is resampled.
 //!
@@ -39,11 +39,11 @@ use rayon::prelude::*;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
-use super::patch::{self, Rectangle};
 use super::plan::Plan;
-use super::sub_cpi::SubCpi;
 use crate::budget::Budget;
 use crate::exact::add_pulse;
+use crate::patch::{self, Rectangle};
+use crate::sub_cpi::SubCpi;
 use crate::{FormError, Task};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::Collection;
@@ -209,7 +209,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         for (inputs, span) in spans {
             let drift = plan.pulses_a_sample.unwrap_or(0.0);
             let sweep_pulses = drift.abs() * band.count as f64;
-            let bins_per_cycle = super::bins_per_cycle(band, inputs as f64 + sweep_pulses);
+            let bins_per_cycle = crate::sub_cpi::bins_per_cycle(band, inputs as f64 + sweep_pulses);
             // A tenth and a bin more than was seen at the sampled points, and the kernel's reach.
             let reach = (span * 1.1 * bins_per_cycle).ceil() as usize + 1 + W / 2;
             let outputs = 2 * reach + 1;

@@ -21,7 +21,7 @@
 //! pulse; with motion from sample to sample twice as much, and a transform for each step of `q`. Memory: a
 //! block of upsampled profiles beside the image.
 //!
-//! Accuracy: the bound asked for, against [`super::exact`], on the simulated and the recorded scenes of
+//! Accuracy: the bound asked for, against [`crate::exact`], on the simulated and the recorded scenes of
 //! the tests.
 
 use std::f64::consts::TAU;
@@ -31,10 +31,10 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::budget::Budget;
-use super::pixels::add_to_each;
-use super::sweep::{self, places};
-use super::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
+use crate::budget::Budget;
+use crate::pixels::add_to_each;
+use crate::sweep::{self, places};
+use crate::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{PathTerms, Pulse};
 use subaperture_signal::phase::phasor32;
@@ -60,7 +60,7 @@ struct Source<'a> {
 }
 
 /// A target's place and velocity at the moment of a pulse, for a point of the grid. Metres, metres a second.
-pub(super) type Target = (DVec3, DVec3);
+pub(crate) type Target = (DVec3, DVec3);
 
 impl ImageFormer for Backprojection {
     fn name(&self) -> &'static str {
@@ -85,7 +85,7 @@ impl ImageFormer for Backprojection {
 }
 
 /// Backprojection with `target(pulse, point)` for where a grid's point is.
-pub(super) fn backproject(
+pub(crate) fn backproject(
     task: &Task,
     error_db: f64,
     asked: &Asked,

@@ -5,7 +5,7 @@
 //! I(x, r) = sum over kx of exp(j kx x) sum_k F[k][kx] exp(j r kr),   kr = sqrt(kappa_k^2 - kx^2)
 //! ```
 //!
-//! with `F` the spectrum times the reference's amplitude ([`super::strip`]; Cumming and Wong 2005,
+//! with `F` the spectrum times the reference's amplitude ([`crate::strip`]; Cumming and Wong 2005,
 //! chapter 8; Chim 2018, 3.1.2). In Chim (3.8) to (3.10) the root has `c fx / 4`; it is `c^2 fx^2 / 4`,
 //! and its sign is that of his receiver, opposite to ours.
 //!
@@ -16,19 +16,19 @@
 //! range. That is the sum itself to -107 dB: samples count as they do in `exact`, range side lobes and
 //! the periods of a sampled band included.
 //!
-//! **Assumes** a straight, even track ([`super::straight_track`]) and one band for all pulses; what deviations leave is
-//! in the prediction ([`super::strip`]). Squint and aperture are not limited but by 80 degrees off broadside, less where the
+//! **Assumes** a straight, even track ([`crate::straight_track`]) and one band for all pulses; what deviations leave is
+//! in the prediction ([`crate::strip`]). Squint and aperture are not limited but by 80 degrees off broadside, less where the
 //! nearest range is few wavelengths: the ends of the band of directions take `8.5 / sqrt(kappa r)` in sine.
 //! The swath is not limited; memory and padding grow with the farthest range times the tangent of the
 //! steepest angle.
 //!
-//! **Neglected**: terms of the stationary phase's error from the fourth on ([`super::strip`]). Rounding
+//! **Neglected**: terms of the stationary phase's error from the fourth on ([`crate::strip`]). Rounding
 //! of float32 sums: -110 dB or so.
 //!
 //! Cost beyond what is shared: 6 complex multiply-adds and a phasor for each of `K Q` samples, `Q`
 //! transforms of `2 R`.
 //!
-//! Accuracy, against [`super::exact`] without windows (`tests/strip_formers.rs`):
+//! Accuracy, against [`crate::exact`] without windows (`tests/strip_formers.rs`):
 //!
 //! | scene | error, dB |
 //! |---|---|
@@ -50,8 +50,8 @@ use serde_json::json;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
-use super::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
-use super::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy, rounding};
+use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
+use crate::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy, rounding};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::fast_length::fast_length;

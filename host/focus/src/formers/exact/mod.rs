@@ -22,8 +22,8 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
-use super::budget::Budget;
-use super::{Asked, FormError, Formed, ImageFormer, Monitor, Task, Weights, rounding};
+use crate::budget::Budget;
+use crate::{Asked, FormError, Formed, ImageFormer, Monitor, Task, Weights, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{PhaseHistory, Pulse};
 use subaperture_signal::phase::{narrow, phasor, widen};
@@ -33,7 +33,7 @@ use subaperture_signal::phase::{narrow, phasor, widen};
 pub struct Exact;
 
 /// Pixels summed side by side: enough to hide the latency of Horner's chain.
-pub(super) const LANES: usize = 16;
+pub(crate) const LANES: usize = 16;
 
 impl ImageFormer for Exact {
     fn name(&self) -> &'static str {
@@ -130,7 +130,7 @@ fn sum_at(
 }
 
 /// Adds one pulse to at most [`LANES`] pixels.
-pub(super) fn add_pulse(
+pub(crate) fn add_pulse(
     pulse: &Pulse,
     slow: f64,
     fast: &[f64],

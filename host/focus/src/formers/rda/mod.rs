@@ -1,6 +1,6 @@
 //! The range-Doppler algorithm.
 //!
-//! The range wavenumber `kr = sqrt(kappa^2 - kx^2)` of a sample ([`super::strip`]) is expanded about the
+//! The range wavenumber `kr = sqrt(kappa^2 - kx^2)` of a sample ([`crate::strip`]) is expanded about the
 //! carrier `kappa_c` (that of sample `K/2`), with `D = sqrt(1 - kx^2 / kappa_c^2)` the cosine of the
 //! angle off broadside:
 //!
@@ -23,17 +23,17 @@
 //! the band's ends, which grows with the square of squint and bandwidth. With it `r - r_ref` stands for
 //! `r`.
 //!
-//! **Neglected**: just that, `(r - r_ref)` times those terms. It is in the prediction ([`super::strip`]), at
-//! the swath's ends and between. All else is common with [`super::omega_k`], and as exact: amplitudes, the
+//! **Neglected**: just that, `(r - r_ref)` times those terms. It is in the prediction ([`crate::strip`]), at
+//! the swath's ends and between. All else is common with [`crate::omega_k`], and as exact: amplitudes, the
 //! aperture's ends, interpolation (-107 dB).
 //!
-//! **Assumes** a straight, even track ([`super::straight_track`]), one band for all pulses, and a band so narrow that
+//! **Assumes** a straight, even track ([`crate::straight_track`]), one band for all pulses, and a band so narrow that
 //! all directions propagate at `kappa_c`.
 //!
 //! Cost beyond what is shared: `Q` transforms of `2 K`, 6 multiply-adds and a phasor for each of `Q R`
 //! range bins.
 //!
-//! Accuracy, against [`super::exact`] without windows (`tests/strip_formers.rs`), dB:
+//! Accuracy, against [`crate::exact`] without windows (`tests/strip_formers.rs`), dB:
 //!
 //! | scene | with secondary compression (predicted) | without (predicted) |
 //! |---|---|---|
@@ -43,7 +43,7 @@
 //! | 40 degrees ahead, X band, 200 MHz, 2 km off the track, 32 x 32 m | -23 (-16) | +2 (+5): no image |
 //!
 //! Points of the first and third lie where they are to 4e-5 of the resolution; widths agree with
-//! `exact`'s to 2e-5, side lobes to 0.004 dB. For squint, take [`super::omega_k`], which costs the same.
+//! `exact`'s to 2e-5, side lobes to 0.004 dB. For squint, take [`crate::omega_k`], which costs the same.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -53,9 +53,9 @@ use serde_json::json;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
-use super::rdbp::shared_band;
-use super::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
-use super::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy, rounding};
+use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
+use crate::sub_cpi::shared_band;
+use crate::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Band, Collection};

@@ -20,10 +20,10 @@
 //! This is the quadtree form (S. Xiao, D. Munson, S. Basu and Y. Bresler, 2000) of fast backprojection,
 //! not the one that merges images of sub-apertures (Ulander, Hellsten and Stenstroem, 2003): a merge
 //! interpolates complex images in two dimensions, `W^2` operations a value, where decimation is
-//! separable, `2 W`, and its error is the kernel's alone. It is also [`super::rdbp`]'s patch compensation,
+//! separable, `2 W`, and its error is the kernel's alone. It is also [`crate::rdbp`]'s patch compensation,
 //! over several levels.
 //!
-//! Neglected: the kernel's error, once a level and direction; the range profiles' ([`super::bp`]); the
+//! Neglected: the kernel's error, once a level and direction; the range profiles' ([`crate::bp`]); the
 //! track's departure from its fit where slow time is decimated: positions themselves
 //! are used up to there, so that only its part that differs across the patch counts; and what becomes of the phase beyond the data's
 //! ends and of antennas that turn quickly. Each has its share of the bound, and every decimation is held to
@@ -38,7 +38,7 @@
 //!
 //! Memory: a stretch of pulses, and at most four times as much again a thread; the image.
 //!
-//! Accuracy: the bound asked for, against [`super::exact`], in `tests/more_formers.rs`.
+//! Accuracy: the bound asked for, against [`crate::exact`], in `tests/more_formers.rs`.
 
 mod patch_history;
 mod track;
@@ -50,10 +50,10 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::budget::Budget;
-use super::rdbp::patch::{self, PatchSize, Rectangle};
-use super::rdbp::{shared_band, sub_cpi};
-use super::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
+use crate::budget::Budget;
+use crate::patch::{self, PatchSize, Rectangle};
+use crate::sub_cpi::{self, shared_band};
+use crate::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
 

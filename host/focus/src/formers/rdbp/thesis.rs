@@ -43,9 +43,9 @@ use rayon::prelude::*;
 use serde_json::json;
 use subaperture_fft as fft;
 
-use super::sub_cpi::{self, CentreState};
 use crate::budget::Budget;
 use crate::pixels::add_to_each;
+use crate::sub_cpi::{self, CentreState};
 use crate::{Asked, FormError, Formed, Task, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::Band;
@@ -91,7 +91,7 @@ pub(super) fn form(
     asked: &Asked,
 ) -> Result<Formed, FormError> {
     let collection = task.history.collection();
-    let band = super::shared_band(collection)?;
+    let band = crate::sub_cpi::shared_band(collection)?;
     if sub_cpi_length == 0 {
         return Err(FormError::Unsuited(
             "a sub-CPI needs at least one pulse".to_owned(),

@@ -53,9 +53,9 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::budget::Budget;
-use super::pixels::add_to_each;
-use super::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
+use crate::budget::Budget;
+use crate::pixels::add_to_each;
+use crate::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;

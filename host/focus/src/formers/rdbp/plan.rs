@@ -1,0 +1,252 @@
+//! Choosing sub-CPI length, patch size and kernel from a bound on the error.
+//!
+//! The precise mode has two errors. One is the kernel's ([`KaiserBessel::error`], in range and in
+//! Doppler). The other is the path model's: what [`crate::sub_cpi`]'s straight line leaves,
+//! `e_m(p)` metres, a phase error of `2 pi f_c e / c`. A pixel's value is the exact sum with each term
+//! turned by that phase; since terms from scatterers elsewhere have phases of their own, the image's
+//! relative RMS error is the RMS of the phase error over pulses. It is evaluated here with
+//! the track as recorded, so jitter and curvature count as they are, at the corners, the sides' middles and the centre of
+//! a patch, and where samples are taken one after another at three of them a pulse, at their own moments. There it is largest; near antennas it may be elsewhere, so a patch that is not small against its distance from them is
+//! looked at more closely. Sizes are chosen on a few sub-CPIs from start to end and patches in the grid's middle and
+//! corners; then every sub-CPI is measured on every patch, and one that errs by more is halved until it does not. The worst pixel,
+//! patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
+
+use crate::patch::{self, PatchSize};
+use crate::path_model::{Measure, Probe, Probed, lengths, patch_sizes};
+use crate::sub_cpi::{self, SubCpi, bins_per_cycle, shared_band};
+use crate::{FormError, MARGIN_DB, rounding};
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::phase_history::{Band, Collection};
+use subaperture_signal::fast_length::fast_length;
+use subaperture_signal::kaiser_bessel::KaiserBessel;
+use subaperture_signal::scaled_dft::ScaledDft;
+
+/// What is wanted of a plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Request {
+    /// Bound on the relative RMS error of the image, dB (negative).
+    pub error_db: f64,
+    /// Pulses a sub-CPI, if given.
+    pub sub_cpi: Option<usize>,
+    /// Side of a patch in metres, if given.
+    pub patch_m: Option<f64>,
+    /// Bytes that the tables and one thread's map may take.
+    pub memory_bytes: u64,
+}
+
+/// A way to form the image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// The band shared by all pulses.
+    pub band: Band,
+    /// The sub-CPIs, in order; every pulse is in one.
+    pub sub_cpis: Vec<SubCpi>,
+    /// Pulses in the longest sub-CPI.
+    pub sub_cpi_length: usize,
+    /// Pixels a patch.
+    pub patch: PatchSize,
+    /// Taps of the kernel in each direction.
+    pub taps: usize,
+    /// From sample to sample, in pulses, where samples are taken one after another in motion.
+    pub pulses_a_sample: Option<f64>,
+    /// Predicted relative RMS error of the image, dB.
+    pub predicted_db: f64,
+}
+
+/// Relative RMS error of the transforms and phases in float32, and of the kernels' weights, read from tables.
+const ARITHMETIC: f64 = 3e-6;
+
+/// Samples or pulses fewer than these may all lie where the kernel is worst.
+const FEW: usize = 16;
+
+/// Relative RMS error of reading maps with `taps` taps in range and in Doppler.
+fn kernel_error(taps: usize, num_samples: usize, num_pulses: usize) -> f64 {
+    let kernel = KaiserBessel::new(taps);
+    // Both grids are twice as fine as the whole band needs.
+    let of = |count: usize| match count {
+        // One alone lies in the middle.
+        1 => kernel.largest_error(0.0),
+        2..FEW => kernel.largest_error(0.25),
+        _ => kernel.error(0.25),
+    };
+    of(num_samples).hypot(of(num_pulses))
+}
+
+impl Plan {
+    /// Plans for `grid`.
+    ///
+    /// If no allowed choice meets the bound, the most accurate one is returned: compare
+    /// `predicted_db` with the request.
+    ///
+    /// # Errors
+    /// [`FormError::Unsuited`] if the pulses do not share one band, or a given length is zero.
+    pub fn new(
+        collection: &Collection,
+        grid: &ImageGrid,
+        request: &Request,
+    ) -> Result<Self, FormError> {
+        let band = shared_band(collection)?;
+        if request.sub_cpi == Some(0)
+            || request
+                .patch_m
+                .is_some_and(|side| side.is_nan() || side <= 0.0)
+        {
+            return Err(FormError::Unsuited(
+                "a sub-CPI needs at least one pulse and a patch a positive side".to_owned(),
+            ));
+        }
+        let num_pulses = collection.pulses.len();
+        let breaks = sub_cpi::breaks(collection);
+        let lengths = match request.sub_cpi {
+            Some(length) => vec![length.min(num_pulses)],
+            None => lengths(num_pulses),
+        };
+        let patches = match request.patch_m {
+            Some(side_m) => vec![PatchSize::from_metres(grid, side_m)],
+            None => patch_sizes(grid),
+        };
+        let probe = Probe {
+            collection,
+            grid,
+            band: &band,
+            breaks: &breaks,
+            pulses_a_sample: collection
+                .sweeps()
+                .then(|| sub_cpi::pulses_a_sample(collection)),
+            measure: Measure::Worst,
+        };
+        let target = 10f64.powf((request.error_db - MARGIN_DB) / 20.0);
+        let kernels = [4, 6].map(|taps| (taps, kernel_error(taps, band.count, num_pulses)));
+
+        let mut best: Option<Choice> = None;
+        let mut first_patch = 0;
+        for &length in &lengths {
+            // A longer sub-CPI never allows a larger patch.
+            for (i, &patch) in patches.iter().enumerate().skip(first_patch) {
+                let Probed {
+                    model_error,
+                    doppler_span,
+                } = probe.run(length, patch);
+                for (taps, kernel_error) in kernels {
+                    let error = model_error.hypot(kernel_error);
+                    let fits = bytes(&probe, length, taps, doppler_span) <= request.memory_bytes;
+                    let meets = error <= target;
+                    let cost = cost(&probe, length, patch, taps, doppler_span);
+                    let choice = Choice {
+                        length,
+                        patch,
+                        taps,
+                        kernel_error,
+                        error,
+                        cost,
+                        fits,
+                        meets,
+                    };
+                    if best.is_none_or(|b| choice.better_than(&b)) {
+                        best = Some(choice);
+                    }
+                }
+                if model_error <= target {
+                    first_patch = i;
+                    break;
+                }
+            }
+        }
+        let best = best.expect("there is at least one length and one patch");
+        let kernel_error = best.kernel_error;
+        // A given length is the user's word; it is measured, not changed.
+        let allowed = match request.sub_cpi {
+            Some(_) => f64::INFINITY,
+            None => (target * target - kernel_error * kernel_error)
+                .max(0.0)
+                .sqrt(),
+        };
+        let mut smaller = patches.into_iter().skip_while(|&patch| patch != best.patch);
+        let mut patch = smaller.next().unwrap_or(best.patch);
+        let (sub_cpis, model_error) = loop {
+            let rectangles = patch::rectangles(grid, patch);
+            let mut sub_cpis = Vec::new();
+            let mut model_error = 0.0f64;
+            for pulses in sub_cpi::cut(num_pulses, &breaks, best.length) {
+                let worst = probe.halve_until(allowed, &rectangles, pulses, &mut sub_cpis);
+                model_error = model_error.max(worst);
+            }
+            if model_error <= allowed {
+                break (sub_cpis, model_error);
+            }
+            // A pulse alone has something to model too, where its samples are taken at different places.
+            match smaller.next() {
+                Some(next) => patch = next,
+                None => break (sub_cpis, model_error),
+            }
+        };
+        let rounding = ARITHMETIC.hypot(rounding::sum(sub_cpis.len()));
+        Ok(Self {
+            band,
+            sub_cpi_length: sub_cpis.iter().map(SubCpi::num_pulses).max().unwrap_or(0),
+            sub_cpis,
+            patch,
+            taps: best.taps,
+            pulses_a_sample: probe.pulses_a_sample,
+            predicted_db: rounding::total_db(&[model_error, kernel_error, rounding]),
+        })
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Choice {
+    length: usize,
+    patch: PatchSize,
+    taps: usize,
+    kernel_error: f64,
+    error: f64,
+    cost: f64,
+    fits: bool,
+    meets: bool,
+}
+
+impl Choice {
+    /// Fitting in memory comes first, then meeting the bound; then cost, or error where the bound is out
+    /// of reach.
+    fn better_than(&self, other: &Self) -> bool {
+        if self.fits != other.fits {
+            return self.fits;
+        }
+        match (self.meets, other.meets) {
+            (true, true) => self.cost < other.cost,
+            (false, false) => self.error < other.error,
+            (meets, _) => meets,
+        }
+    }
+}
+
+/// Doppler bins of a patch's map, about.
+fn doppler_bins(probe: &Probe, length: usize, taps: usize, doppler_span: f64) -> f64 {
+    let sweep_pulses = probe.pulses_a_sample.unwrap_or(0.0).abs() * probe.band.count as f64;
+    let bins_per_cycle = bins_per_cycle(probe.band, length as f64 + sweep_pulses);
+    (doppler_span * bins_per_cycle).ceil() + taps as f64 + 2.0
+}
+
+/// Bytes of the tables and one thread's buffers, about.
+fn bytes(probe: &Probe, length: usize, taps: usize, doppler_span: f64) -> u64 {
+    let bins = doppler_bins(probe, length, taps, doppler_span);
+    if bins > 1e12 {
+        return u64::MAX;
+    }
+    let (bins, count) = (bins as usize, probe.band.count);
+    let map = bins as u64 * (fast_length(2 * count) + taps) as u64;
+    ScaledDft::table_bytes(count, length, bins) + 8 * (map + (length * count) as u64)
+}
+
+/// Rough cost of the image in nanoseconds of one core: compensation, Doppler, range, pixels.
+fn cost(probe: &Probe, length: usize, patch: PatchSize, taps: usize, doppler_span: f64) -> f64 {
+    let (m, k) = (length as f64, probe.band.count as f64);
+    let bins = doppler_bins(probe, length, taps, doppler_span);
+    let transform = |n: f64| 0.7 * n * n.max(2.0).log2();
+    let map = 4.0 * m * k + k * 2.0 * transform(m + bins) + bins * transform(2.0 * k);
+    let pixels = (patch.rows * patch.columns) as f64 * (40.0 + 0.7 * (taps * taps) as f64);
+    let patches = probe.grid.rows.count.div_ceil(patch.rows)
+        * probe.grid.columns.count.div_ceil(patch.columns);
+    let sub_cpis = probe.collection.pulses.len().div_ceil(length);
+    (patches * sub_cpis) as f64 * (map + pixels)
+}
