@@ -44,12 +44,13 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
+use super::budget::Budget;
 use super::exact::{LANES, add_pulse};
-use super::{FormError, Formed, ImageFormer, Task, rounding, sweep};
+use super::patch::Rectangle;
+use super::{Aim, Decision, FormError, Formed, ImageFormer, Task, Tile, Work, rounding, sweep};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::power;
 use subaperture_model::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
-use subaperture_signal::phase::widen;
 
 /// Pixels at which every image is compared with the sum.
 const SAMPLED_PIXELS: usize = 4 * LANES;
@@ -127,21 +128,21 @@ pub(super) fn misses(predicted_db: f64, bound_db: Option<f64>) -> bool {
     bound_db.is_some_and(|bound_db| predicted_db.is_nan() || predicted_db > bound_db)
 }
 
-/// Forms an image of `former`'s by `form`, which returns it with its planned error, under the contract.
+/// Forms the image of `task` as `former` decides, by `form`, under the contract.
 ///
 /// # Errors
-/// Those of `form`; [`FormError::NotFinite`]; [`FormError::BoundMissed`].
+/// Those of the former and `form`; [`FormError::NotFinite`]; [`FormError::BoundMissed`].
 pub(super) fn keep<F: ImageFormer + ?Sized>(
     former: &F,
     task: &Task,
     misses: Misses,
-    form: impl FnOnce(&Task, &Asked) -> Result<Formed, FormError>,
+    form: impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError>,
 ) -> Result<Formed, FormError> {
     let asked = former.asked(misses);
     attempt(former, task, &asked, form)?.judge(&asked)
 }
 
-/// [`keep`]; where the plan was kept and the scene makes more of it than was asked, once more with a plan for so much
+/// The image of `task`; where the plan was kept and the scene makes more of it than was asked, once more with a plan for so much
 /// less ([`ImageFormer::planning_for`]).
 ///
 /// # Errors
@@ -152,17 +153,18 @@ pub(super) fn keep_replanning<F: ImageFormer + ?Sized>(
     misses: Misses,
 ) -> Result<Formed, FormError> {
     let asked = former.asked(misses);
-    let first = attempt(former, task, &asked, |task, asked| {
-        former.form_planned(task, asked)
-    })?;
+    let first = attempt(former, task, &asked, opened(former, task))?;
     let next = first.next_plan_db(&asked);
     let Some((next_db, stricter)) = next.and_then(|db| Some((db, former.planning_for(db)?))) else {
         return first.judge(&asked);
     };
     let missed = first.judge(&asked).map(drop);
-    let second = attempt(&*stricter, task, &stricter.asked(misses), |task, asked| {
-        stricter.form_planned(task, asked)
-    });
+    let second = attempt(
+        &*stricter,
+        task,
+        &stricter.asked(misses),
+        opened(&*stricter, task),
+    );
     match (second, missed) {
         // No such plan: what the first one's miss says is what can be done.
         (Err(FormError::BoundMissed { .. }), Err(missed)) => Err(missed),
@@ -172,6 +174,18 @@ pub(super) fn keep_replanning<F: ImageFormer + ?Sized>(
             settings.insert("planned_for_db".to_owned(), next_db.into());
             second.judge(&asked)
         }
+    }
+}
+
+/// What opens a decision and forms by it.
+fn opened<'a, F: ImageFormer + ?Sized>(
+    former: &'a F,
+    task: &'a Task,
+) -> impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError> + 'a {
+    |decision, work, tiles| {
+        former
+            .open(task.aim(), &decision.choices)?
+            .form(work, tiles)
     }
 }
 
@@ -221,36 +235,78 @@ fn attempt<F: ImageFormer + ?Sized>(
     former: &F,
     task: &Task,
     asked: &Asked,
-    form: impl FnOnce(&Task, &Asked) -> Result<Formed, FormError>,
+    form: impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError>,
 ) -> Result<Attempt, FormError> {
     task.check()?;
-    let swept = match former.follows_sweeps() {
-        true => 0.0,
-        false => sweep::residual(task.history.collection(), task.grid),
-    };
+    let aim = task.aim();
+    let swept = swept(former, &aim, asked)?;
+    let everywhere = [Tile::place_of(task.grid)];
+    let sampled = Sampled::new(task.history, aim, &everywhere);
+    let (tile, decision) = whole(former, task, asked, &sampled, form)?;
+    let planned_db = with_sweep(decision.planned_db, swept);
+    let record = sampled.record(&tile);
+    let num_sampled = record.as_ref().map_or(0, |record| record.seen.len());
+    // A former that left pulses out has no image of them all.
+    let measured_db = record.map_or(f64::INFINITY, |record| {
+        seen_error_db(&aim, &[record], planned_db)
+    });
+    Ok(Attempt {
+        formed: Formed::on(task.grid, tile.pixels, planned_db, decision.settings),
+        planned_db,
+        measured_db,
+        num_sampled,
+    })
+}
+
+/// What taking all samples of a pulse at one place leaves, if `former` does, relative.
+///
+/// # Errors
+/// [`FormError::BoundMissed`] if that alone is too much.
+pub(super) fn swept<F: ImageFormer + ?Sized>(
+    former: &F,
+    aim: &Aim,
+    asked: &Asked,
+) -> Result<f64, FormError> {
+    if former.follows_sweeps() {
+        return Ok(0.0);
+    }
+    let swept = sweep::residual(aim.collection, aim.grid);
     asked.check(20.0 * swept.log10(), || {
         "the antennas move from sample to sample of a pulse, and this former takes all samples of one at one place: \
          use --algorithm rdbp or bp"
             .to_owned()
     })?;
-    let sampled = Sampled::new(task);
-    let sampled_task = Task {
-        history: &sampled,
-        ..*task
+    Ok(swept)
+}
+
+/// A planned error with what taking all samples of a pulse at one place leaves.
+pub(super) fn with_sweep(planned_db: f64, swept: f64) -> f64 {
+    match swept > 0.0 {
+        true => rounding::total_db(&[10f64.powf(planned_db / 20.0), swept]),
+        false => planned_db,
+    }
+}
+
+/// The whole image of `task` in memory, its pulses read from `history`.
+fn whole<F: ImageFormer + ?Sized>(
+    former: &F,
+    task: &Task,
+    asked: &Asked,
+    history: &dyn PhaseHistory,
+    form: impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError>,
+) -> Result<(Tile, Decision), FormError> {
+    // Before pixels are looked at: there may be far too many.
+    let budget = Budget::for_task(task, 8)?;
+    let decision = former.decide(&task.aim(), asked, task.monitor)?;
+    let work = Work {
+        history,
+        memory_bytes: budget.left_bytes(),
+        monitor: task.monitor,
     };
-    let formed = form(&sampled_task, asked)?;
-    check_finite(&formed, task.grid)?;
-    let planned_db = match swept > 0.0 {
-        true => rounding::total_db(&[10f64.powf(formed.predicted_error_db / 20.0), swept]),
-        false => formed.predicted_error_db,
-    };
-    let measured_db = sampled.error_db(&formed, planned_db);
-    Ok(Attempt {
-        formed,
-        planned_db,
-        measured_db,
-        num_sampled: sampled.pixels.len(),
-    })
+    let mut tile = Tile::whole(task.grid);
+    form(&decision, &work, std::slice::from_mut(&mut tile))?;
+    tile.check_finite(task.grid)?;
+    Ok((tile, decision))
 }
 
 /// [`keep`] of an image whose pixels are no places at rest, so that there is no sum to compare them with: by the plan alone.
@@ -261,31 +317,92 @@ pub(super) fn keep_planned<F: ImageFormer + ?Sized>(
 ) -> Result<Formed, FormError> {
     task.check()?;
     let asked = former.asked(misses);
-    let mut formed = former.form_planned(task, &asked)?;
-    check_finite(&formed, task.grid)?;
-    formed.expect(asked.bound_db, formed.predicted_error_db);
+    let (tile, decision) = whole(former, task, &asked, task.history, opened(former, task))?;
+    let planned_db = decision.planned_db;
+    let mut formed = Formed::on(task.grid, tile.pixels, planned_db, decision.settings);
+    formed.expect(asked.bound_db, planned_db);
     Ok(formed)
 }
 
-/// Refuses an image with a pixel that is NaN or infinite.
-pub fn check_finite(formed: &Formed, grid: &ImageGrid) -> Result<(), FormError> {
-    let finite = |z: &Complex32| z.re.is_finite() && z.im.is_finite();
-    match formed.image.pixels.iter().position(|z| !finite(z)) {
-        None => Ok(()),
-        Some(i) => {
-            let (row, column) = (i / formed.image.columns, i % formed.image.columns);
-            Err(FormError::NotFinite {
-                row,
-                column,
-                position_m: grid.position_m(row, column).to_array(),
-            })
-        }
+/// Pixels of `grid` at which an image is compared with the sum, ascending.
+fn sampled_pixels(grid: &ImageGrid) -> Vec<usize> {
+    let total = grid.num_pixels() as usize;
+    // Golden-ratio places: spread evenly without a lattice.
+    let place = |i: usize| (((i as f64 + 0.5) * 0.618_033_988_75).fract() * total as f64) as usize;
+    let mut pixels: Vec<usize> = match total <= FEW_PIXELS {
+        true => (0..total).collect(),
+        false => (0..SAMPLED_PIXELS).map(place).collect(),
+    };
+    pixels.sort_unstable();
+    pixels.dedup();
+    pixels
+}
+
+/// What is kept of a formed tile, so that all of them together tell the image's error.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct TileRecord {
+    /// Sum of `|I|^2` over its pixels.
+    pub power: f64,
+    /// Its pixels that are compared with the sum.
+    pub seen: Vec<Seen>,
+    /// Power of all weighted samples, over the weights' sum: what noise would show in a pixel.
+    pub terms: f64,
+}
+
+/// A pixel that is compared with the sum.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Seen {
+    /// Its index in the grid, row-major.
+    pub pixel: usize,
+    /// Real and imaginary part of what was formed.
+    pub formed: [f32; 2],
+    /// The same of the exact sum.
+    pub exact: [f64; 2],
+}
+
+/// Error that the records of all tiles tell, relative, dB: `C s^2 / M` of the module's formula; of an image planned to err
+/// by `planned_db`.
+pub(super) fn seen_error_db(aim: &Aim, records: &[TileRecord], planned_db: f64) -> f64 {
+    let total = aim.grid.num_pixels() as usize;
+    let (mut error, mut exact, mut count) = (0.0, 0.0, 0usize);
+    for seen in records.iter().flat_map(|record| &record.seen) {
+        let formed = Complex64::new(seen.formed[0].into(), seen.formed[1].into());
+        let expected = Complex64::new(seen.exact[0], seen.exact[1]);
+        error += (formed - expected).norm_sqr();
+        exact += expected.norm_sqr();
+        count += 1;
+    }
+    let mean = records.iter().map(|record| record.power).sum::<f64>() / total as f64;
+    let terms = records.iter().fold(0.0f64, |most, r| most.max(r.terms));
+    let shown = error / count as f64 / mean;
+    let relative = if count == total {
+        error / exact
+    } else if shown > SPOILT {
+        UNEVEN_SCATTER * error / exact
+    } else {
+        let dark = mean < DARK * terms;
+        let above = shown / 10f64.powf(planned_db / 10.0);
+        shown
+            * match () {
+                () if dark || above > UNEVEN => UNEVEN_SCATTER,
+                () if above > 1.0 => LARGER_SCATTER,
+                () => SCATTER,
+            }
+    };
+    // The sum's phases are rounded too. Terms do not share that, so that it is small relative to their powers, not to
+    // what is left of them.
+    let own = rounding::path_phase_rad(aim).powi(2) * terms / mean;
+    // Of an image of zeros where there should be zeros, nothing is wrong.
+    match error == 0.0 && !own.is_finite() {
+        true => LEAST_DB,
+        false => 10.0 * (relative + own).log10(),
     }
 }
 
 /// A history that keeps the exact sum at some pixels as its pulses are read.
-struct Sampled<'a> {
-    task: &'a Task<'a>,
+pub(super) struct Sampled<'a> {
+    history: &'a dyn PhaseHistory,
+    aim: Aim<'a>,
     /// Indices of pixels, ascending, and where they lie.
     pixels: Vec<usize>,
     points: Vec<DVec3>,
@@ -301,21 +418,18 @@ struct Sums {
 }
 
 impl<'a> Sampled<'a> {
-    fn new(task: &'a Task<'a>) -> Self {
-        let total = task.grid.num_pixels() as usize;
-        let columns = task.grid.columns.count;
-        // Golden-ratio places: spread evenly without a lattice.
-        let place =
-            |i: usize| (((i as f64 + 0.5) * 0.618_033_988_75).fract() * total as f64) as usize;
-        let mut pixels: Vec<usize> = match total <= FEW_PIXELS {
-            true => (0..total).collect(),
-            false => (0..SAMPLED_PIXELS).map(place).collect(),
-        };
-        pixels.sort_unstable();
-        pixels.dedup();
+    /// Of the pixels that lie in one of `places`.
+    pub(super) fn new(history: &'a dyn PhaseHistory, aim: Aim<'a>, places: &[Rectangle]) -> Self {
+        let columns = aim.grid.columns.count;
+        let mut pixels = sampled_pixels(aim.grid);
+        pixels.retain(|i| {
+            places
+                .iter()
+                .any(|place| place.contains(i / columns, i % columns))
+        });
         let points: Vec<DVec3> = pixels
             .iter()
-            .map(|i| task.grid.position_m(i / columns, i % columns))
+            .map(|i| aim.grid.position_m(i / columns, i % columns))
             .collect();
         let sums = Mutex::new(Sums {
             values: vec![Complex64::ZERO; points.len()],
@@ -323,7 +437,8 @@ impl<'a> Sampled<'a> {
             pulses: 0..0,
         });
         Self {
-            task,
+            history,
+            aim,
             pixels,
             points,
             sums,
@@ -333,7 +448,7 @@ impl<'a> Sampled<'a> {
     /// Adds pulses, unless they are in the sums: a former may read some twice.
     fn add(&self, pulses: Range<usize>, samples: &[Complex32]) {
         let width = self.collection().num_samples;
-        let weights = self.task.weights;
+        let weights = self.aim.weights;
         let mut sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
         if sums.pulses.end != pulses.start {
             return;
@@ -366,77 +481,60 @@ impl<'a> Sampled<'a> {
         sums.pulses.end = pulses.end;
     }
 
-    /// `C s^2 / M` of the module's formula, dB.
-    fn error_db(&self, formed: &Formed, planned_db: f64) -> f64 {
+    /// What is to be kept of `tile`, formed of these pulses. `None` if they were not all read.
+    pub(super) fn record(&self, tile: &Tile) -> Option<TileRecord> {
         let sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
-        let norm = self.task.weights.normalisation();
-        let image = &formed.image.pixels;
-        let (mut error, mut exact) = (0.0, 0.0);
-        for (&pixel, &sum) in self.pixels.iter().zip(&sums.values) {
-            let expected = sum * norm;
-            error += (widen(image[pixel]) - expected).norm_sqr();
-            exact += expected.norm_sqr();
-        }
-        let mean = image.iter().map(|&z| power(z)).sum::<f64>() / image.len() as f64;
-        let count = self.pixels.len() as f64;
-        let shown = error / count / mean;
-        let relative = if self.pixels.len() == image.len() {
-            error / exact
-        } else if shown > SPOILT {
-            UNEVEN_SCATTER * error / exact
-        } else {
-            let dark = mean < DARK * sums.terms * norm * norm;
-            let above = shown / 10f64.powf(planned_db / 10.0);
-            shown
-                * match () {
-                    () if dark || above > UNEVEN => UNEVEN_SCATTER,
-                    () if above > 1.0 => LARGER_SCATTER,
-                    () => SCATTER,
-                }
-        };
         if sums.pulses.end != self.collection().pulses.len() {
-            // A former that left pulses out has no image of them all.
-            return f64::INFINITY;
+            return None;
         }
-        // The sum's phases are rounded too. Terms do not share that, so that it is small relative to their powers, not to
-        // what is left of them.
-        let own = rounding::path_phase_rad(self.task).powi(2) * sums.terms * norm * norm / mean;
-        // Of an image of zeros where there should be zeros, nothing is wrong.
-        match error == 0.0 && !own.is_finite() {
-            true => LEAST_DB,
-            false => 10.0 * (relative + own).log10(),
-        }
+        let norm = self.aim.weights.normalisation();
+        let columns = self.aim.grid.columns.count;
+        let seen = self.pixels.iter().zip(&sums.values);
+        let seen = seen.filter_map(|(&pixel, &sum)| {
+            let formed = tile.at(pixel / columns, pixel % columns)?;
+            let exact = sum * norm;
+            Some(Seen {
+                pixel,
+                formed: [formed.re, formed.im],
+                exact: [exact.re, exact.im],
+            })
+        });
+        Some(TileRecord {
+            power: tile.pixels.iter().map(|&z| power(z)).sum(),
+            seen: seen.collect(),
+            terms: sums.terms * norm * norm,
+        })
     }
 }
 
 impl PhaseHistory for Sampled<'_> {
     fn collection(&self) -> &Collection {
-        self.task.history.collection()
+        self.history.collection()
     }
 
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
-        self.task.history.read(pulses.clone(), samples)?;
+        self.history.read(pulses.clone(), samples)?;
         self.add(pulses, samples);
         Ok(())
     }
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
-        self.task.history.true_antennas()
+        self.history.true_antennas()
     }
 
     fn held_bytes(&self) -> u64 {
-        self.task.history.held_bytes()
+        self.history.held_bytes()
     }
 
     fn start_ns(&self) -> Option<i64> {
-        self.task.history.start_ns()
+        self.history.start_ns()
     }
 
     fn warnings(&self) -> Vec<String> {
-        self.task.history.warnings()
+        self.history.warnings()
     }
 
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
-        self.task.history.inputs()
+        self.history.inputs()
     }
 }

@@ -25,7 +25,7 @@ impl Budget {
     /// [`FormError::Memory`] if that is too much already, [`FormError::Unsuited`] of a task without
     /// pulses, samples or pixels.
     pub fn for_task(task: &Task, bytes_a_pixel: u64) -> Result<Self, FormError> {
-        task.check_not_empty()?;
+        super::check_not_empty(task.history.collection(), task.grid)?;
         let mut budget = Self::new(task.memory_bytes);
         budget.take(
             "the recording",
@@ -86,6 +86,22 @@ impl Budget {
         self.take(what, u128::from(count) * u128::from(bytes_each), advice)?;
         Ok(count as usize)
     }
+}
+
+/// Runs `work` on at most `workers` threads.
+///
+/// # Errors
+/// Those of `work`; [`FormError::Unsuited`] if threads cannot be started.
+pub(crate) fn on_threads(
+    workers: usize,
+    work: impl FnOnce() -> Result<(), FormError> + Send,
+) -> Result<(), FormError> {
+    if workers >= rayon::current_num_threads() {
+        return work();
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(workers).build();
+    pool.map_err(|e| FormError::Unsuited(format!("cannot start {workers} threads: {e}")))?
+        .install(work)
 }
 
 #[cfg(test)]

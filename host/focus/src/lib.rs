@@ -19,11 +19,13 @@
 pub mod accuracy;
 pub mod budget;
 pub mod forecast;
+pub mod former;
 pub mod formers;
 pub mod moving;
 pub mod patch;
 pub mod path_model;
 mod pixels;
+pub mod plan;
 mod probes;
 mod rounding;
 pub mod straight_track;
@@ -36,11 +38,16 @@ use num_complex::Complex32;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Image;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{PhaseHistory, Pulse, ReadError, Weights};
+use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, ReadError, Weights};
 use subaperture_model::quantity::bytes;
 
-pub use accuracy::{Asked, Misses};
+pub use accuracy::{Asked, Misses, TileRecord};
+pub use former::{Aim, Decision, Forming, ImageFormer, SCRATCH_BYTES, Tile, Work};
 pub use formers::{bp, exact, ffbp, omega_k, pfa, rda, rdbp};
+pub use plan::Plan;
+
+/// The bound on the relative RMS error that formers plan for unless told otherwise, dB.
+pub const DEFAULT_ERROR_DB: f64 = -60.0;
 
 /// What a former plans below the error bound it is given, dB.
 ///
@@ -65,38 +72,51 @@ pub struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Refuses a task without pulses, samples or pixels, of which no former could say anything, and geometry that is
-    /// not of numbers.
-    fn check(&self) -> Result<(), FormError> {
-        let collection = self.history.collection();
-        self.check_not_empty()?;
-        let is_number = |p: &Pulse| {
-            let places = p.transmitter_m.is_finite() && p.receiver_m.is_finite();
-            let numbers = [p.reference_path_m, p.start_hz, p.step_hz];
-            places && numbers.iter().all(|x| x.is_finite()) && p.sweep.is_finite()
-        };
-        match collection.pulses.iter().position(|p| !is_number(p)) {
-            None => Ok(()),
-            Some(n) => Err(FormError::Unsuited(format!(
-                "pulse {n} (from 0) has an antenna, a reference path or a frequency that is not a finite number: \
-                 repair or drop it"
-            ))),
+    /// What is to be formed.
+    pub(crate) fn aim(&self) -> Aim<'_> {
+        Aim {
+            collection: self.history.collection(),
+            grid: self.grid,
+            weights: self.weights,
+            scratch_bytes: SCRATCH_BYTES,
         }
     }
 
-    fn check_not_empty(&self) -> Result<(), FormError> {
-        let collection = self.history.collection();
-        let what = if collection.pulses.is_empty() {
-            "the collection holds no pulses"
-        } else if collection.num_samples == 0 {
-            "the collection's pulses hold no samples"
-        } else if self.grid.num_pixels() == 0 {
-            "the grid holds no pixels"
-        } else {
-            return Ok(());
-        };
-        Err(FormError::Unsuited(format!("{what}: there is no image")))
+    /// As [`check`].
+    fn check(&self) -> Result<(), FormError> {
+        check(self.history.collection(), self.grid)
     }
+}
+
+/// Refuses what has no pulses, samples or pixels, of which no former could say anything, and geometry that is not of
+/// numbers.
+fn check(collection: &Collection, grid: &ImageGrid) -> Result<(), FormError> {
+    check_not_empty(collection, grid)?;
+    let is_number = |p: &Pulse| {
+        let places = p.transmitter_m.is_finite() && p.receiver_m.is_finite();
+        let numbers = [p.reference_path_m, p.start_hz, p.step_hz];
+        places && numbers.iter().all(|x| x.is_finite()) && p.sweep.is_finite()
+    };
+    match collection.pulses.iter().position(|p| !is_number(p)) {
+        None => Ok(()),
+        Some(n) => Err(FormError::Unsuited(format!(
+            "pulse {n} (from 0) has an antenna, a reference path or a frequency that is not a finite number: \
+             repair or drop it"
+        ))),
+    }
+}
+
+fn check_not_empty(collection: &Collection, grid: &ImageGrid) -> Result<(), FormError> {
+    let what = if collection.pulses.is_empty() {
+        "the collection holds no pulses"
+    } else if collection.num_samples == 0 {
+        "the collection's pulses hold no samples"
+    } else if grid.num_pixels() == 0 {
+        "the grid holds no pixels"
+    } else {
+        return Ok(());
+    };
+    Err(FormError::Unsuited(format!("{what}: there is no image")))
 }
 
 /// A formed image and what it was formed with.
@@ -114,17 +134,6 @@ pub struct Formed {
 }
 
 impl Formed {
-    /// An image on the task's grid from its pixels, row-major, planned to err by `planned_db`; `settings` is a
-    /// JSON object.
-    fn new(
-        task: &Task,
-        pixels: Vec<Complex32>,
-        planned_db: f64,
-        settings: serde_json::Value,
-    ) -> Self {
-        Self::on(task.grid, pixels, planned_db, settings)
-    }
-
     /// An image on `grid` from its pixels, row-major, planned to err by `planned_db`; `settings` is a JSON object.
     pub fn on(
         grid: &ImageGrid,
@@ -183,6 +192,14 @@ pub enum FormError {
         /// What to change.
         advice: &'static str,
     },
+    /// Choices of a plan that are not this former's, or do not fit what is to be formed.
+    #[error("the plan is none of {former}'s for this recording and grid: {what}")]
+    Choices {
+        /// The former's name.
+        former: &'static str,
+        /// What does not fit.
+        what: String,
+    },
     /// The collection or the settings do not suit this former.
     #[error("{0}")]
     Unsuited(String),
@@ -212,67 +229,13 @@ pub enum FormError {
         /// Its place in the scene frame.
         position_m: [f64; 3],
     },
+    /// A former left pulses out: a fault of it.
+    #[error("not all pulses were read: this is a fault of the former")]
+    PulsesLeftOut,
+    /// A formed tile was not taken.
+    #[error(transparent)]
+    Sink(Box<dyn std::error::Error + Send + Sync>),
     /// The monitor asked to stop.
     #[error("interrupted")]
     Cancelled,
-}
-
-/// An algorithm that forms images.
-pub trait ImageFormer: Sync {
-    /// The name used on the command line and in metadata.
-    fn name(&self) -> &'static str;
-
-    /// The bound that its images are to keep ([`accuracy`]), dB; `None` if it has none.
-    fn bound_db(&self) -> Option<f64>;
-
-    /// Whether it takes each sample at its own moment, where antennas move while a pulse lasts. If not, what
-    /// that leaves ([`sweep::residual`]) is part of the planned error.
-    fn follows_sweeps(&self) -> bool {
-        false
-    }
-
-    /// The bound, and what to do where it is missed.
-    fn asked(&self, misses: Misses) -> Asked {
-        Asked {
-            bound_db: self.bound_db(),
-            misses,
-        }
-    }
-
-    /// Forms the image of `task` with its planned error, once `asked` has agreed to that: what [`Self::form`]
-    /// and [`Self::form_best`] call, which look after the rest of the contract.
-    ///
-    /// # Errors
-    /// [`FormError`].
-    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError>;
-
-    /// Forms the image of `task` within the bound.
-    ///
-    /// # Errors
-    /// [`FormError`].
-    fn form(&self, task: &Task) -> Result<Formed, FormError> {
-        self.form_asked(task, Misses::Refused)
-    }
-
-    /// Forms the image of `task` as well as can be: a bound that is missed is noted in
-    /// [`Formed::bound_missed`].
-    ///
-    /// # Errors
-    /// [`FormError`], [`FormError::BoundMissed`] never.
-    fn form_best(&self, task: &Task) -> Result<Formed, FormError> {
-        self.form_asked(task, Misses::Allowed)
-    }
-
-    /// [`Self::form`] or [`Self::form_best`].
-    ///
-    /// # Errors
-    /// [`FormError`].
-    fn form_asked(&self, task: &Task, misses: Misses) -> Result<Formed, FormError> {
-        accuracy::keep_replanning(self, task, misses)
-    }
-
-    /// The same former, planning for an error of `error_db`; `None` if it has no way to make its errors smaller.
-    fn planning_for(&self, _error_db: f64) -> Option<Box<dyn ImageFormer>> {
-        None
-    }
 }

@@ -35,9 +35,13 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::bp::backproject;
-use super::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy};
+use super::bp;
+use super::former::chosen;
+use super::{
+    Aim, Asked, Decision, FormError, Formed, Forming, ImageFormer, Misses, Task, accuracy,
+};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Collection, InputFile, PhaseHistory, Pulse, ReadError};
 use subaperture_resolution::support::{self, Projection, path_gradient};
 
@@ -120,6 +124,14 @@ impl ImageFormer for VelocityPlane {
         "velocity"
     }
 
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!({
+            "position_m": self.position_m.to_array(),
+            "epoch_s": self.epoch_s,
+            "error_db": self.error_db,
+        })
+    }
+
     fn bound_db(&self) -> Option<f64> {
         Some(self.error_db)
     }
@@ -132,12 +144,32 @@ impl ImageFormer for VelocityPlane {
         accuracy::keep_planned(self, task, misses)
     }
 
-    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
-        require_times(task.history.collection())?;
-        backproject(task, self.error_db, asked, |pulse: &Pulse, velocity_m_s| {
-            let moved_m = velocity_m_s * (pulse.time_s - self.epoch_s);
-            (self.position_m + moved_m, velocity_m_s)
-        })
+    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
+        require_times(aim.collection)?;
+        bp::decide(aim, self.error_db, asked, &self.target())
+    }
+
+    fn open<'a>(
+        &self,
+        aim: Aim<'a>,
+        choices: &serde_json::Value,
+    ) -> Result<Box<dyn Forming + 'a>, FormError> {
+        bp::open(aim, chosen(self.name(), choices)?, self.target())
+    }
+}
+
+impl VelocityPlane {
+    /// Where the target is at a pulse, by its velocity.
+    fn target(&self) -> impl Fn(&Pulse, DVec3) -> bp::Target + Sync + use<> {
+        let Self {
+            position_m,
+            epoch_s,
+            ..
+        } = *self;
+        move |pulse, velocity_m_s| {
+            let moved_m = velocity_m_s * (pulse.time_s - epoch_s);
+            (position_m + moved_m, velocity_m_s)
+        }
     }
 }
 

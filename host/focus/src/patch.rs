@@ -1,12 +1,15 @@
 //! A grid cut into rectangular patches, each with its own pixels of the image to write to.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 use num_complex::Complex32;
 
+use super::Tile;
 use subaperture_model::geometry::ImageGrid;
 
 /// How many rows and columns of pixels a patch has at most.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct PatchSize {
     /// Rows.
     pub rows: usize,
@@ -71,66 +74,122 @@ impl Rectangle {
         )
     }
 
+    /// Whether a row and column of the grid are in it.
+    pub fn contains(&self, row: usize, column: usize) -> bool {
+        (self.row..self.row + self.size.rows).contains(&row)
+            && (self.column..self.column + self.size.columns).contains(&column)
+    }
+
     /// The scene point in its middle.
     pub fn centre_m(&self, grid: &ImageGrid) -> DVec3 {
         self.point_m(grid, 0.5, 0.5)
     }
 }
 
-/// The rectangles that cover the grid, row by row of patches. Their sizes differ by at most one pixel.
+/// The rectangles that cover the grid, row by row of patches: as many as `at_most` needs, of one size, those at the ends
+/// what is left.
 pub fn rectangles(grid: &ImageGrid, at_most: PatchSize) -> Vec<Rectangle> {
-    let cuts = |count: usize, at_most: usize| -> Vec<(usize, usize)> {
-        let parts = count.div_ceil(at_most.max(1));
-        (0..parts)
-            .map(|i| {
-                (
-                    i * count / parts,
-                    (i + 1) * count / parts - i * count / parts,
-                )
-            })
-            .collect()
-    };
-    let columns = cuts(grid.columns.count, at_most.columns);
-    cuts(grid.rows.count, at_most.rows)
-        .into_iter()
-        .flat_map(|(row, rows)| {
-            columns.iter().map(move |&(column, columns)| Rectangle {
-                row,
-                column,
-                size: PatchSize { rows, columns },
-            })
-        })
-        .collect()
+    Patches::new(grid, at_most).all().collect()
 }
 
-/// Bytes that `rectangles` and what [`split`] makes of them take.
-pub(crate) fn account_bytes(rectangles: &[Rectangle]) -> u64 {
-    let own = size_of::<Rectangle>() + size_of::<Vec<&mut [Complex32]>>();
-    let rows: usize = rectangles.iter().map(|r| r.size.rows).sum();
-    // Vectors grow by doubling.
-    (rectangles.len() * own + 2 * rows * size_of::<&mut [Complex32]>()) as u64
+/// A grid cut into patches of one size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Patches {
+    grid: PatchSize,
+    /// Of all patches but those at the ends, which may be smaller.
+    pub(crate) size: PatchSize,
+    /// Patches a row of them.
+    columns: usize,
+    rows: usize,
 }
 
-/// The pixels of every rectangle, as disjoint row segments of one image. `rectangles` must be those
-/// that [`rectangles`] returns for a grid with this many columns.
-pub(crate) fn split<'a>(
-    pixels: &'a mut [Complex32],
-    num_columns: usize,
-    rectangles: &[Rectangle],
-) -> Vec<Vec<&'a mut [Complex32]>> {
-    let per_row = rectangles.iter().take_while(|r| r.row == 0).count().max(1);
-    let mut patches: Vec<Vec<&mut [Complex32]>> = rectangles.iter().map(|_| Vec::new()).collect();
-    let mut rows = pixels.chunks_exact_mut(num_columns.max(1));
-    for (band, patches) in rectangles.chunks(per_row).zip(patches.chunks_mut(per_row)) {
-        for mut rest in rows.by_ref().take(band[0].size.rows) {
-            for (rectangle, patch) in band.iter().zip(patches.iter_mut()) {
-                let (segment, tail) = rest.split_at_mut(rectangle.size.columns);
-                patch.push(segment);
-                rest = tail;
-            }
+/// Some pixels of a row.
+pub(crate) struct Segment<'a> {
+    pub(crate) row: usize,
+    /// Of its first pixel.
+    pub(crate) column: usize,
+    pub(crate) pixels: &'a mut [Complex32],
+}
+
+impl Patches {
+    pub(crate) fn new(grid: &ImageGrid, at_most: PatchSize) -> Self {
+        let (rows, columns) = (grid.rows.count, grid.columns.count);
+        // As even as patches of one size can be.
+        let parts = |count: usize, at_most: usize| {
+            let size = count.div_ceil(count.div_ceil(at_most.max(1)).max(1)).max(1);
+            (size, count.div_ceil(size))
+        };
+        let (height, down) = parts(rows, at_most.rows);
+        let (width, across) = parts(columns, at_most.columns);
+        Self {
+            grid: PatchSize { rows, columns },
+            size: PatchSize {
+                rows: height,
+                columns: width,
+            },
+            columns: across,
+            rows: down,
         }
     }
-    patches
+
+    fn all(self) -> impl Iterator<Item = Rectangle> {
+        (0..self.rows * self.columns).map(move |index| self.rectangle(index))
+    }
+
+    fn rectangle(&self, index: usize) -> Rectangle {
+        let (row, column) = (
+            index / self.columns * self.size.rows,
+            index % self.columns * self.size.columns,
+        );
+        Rectangle {
+            row,
+            column,
+            size: PatchSize {
+                rows: self.size.rows.min(self.grid.rows - row),
+                columns: self.size.columns.min(self.grid.columns - column),
+            },
+        }
+    }
+
+    /// The tiles' pixels by the patches that they lie in, row by row of patches. Of a patch that reaches beyond the tiles
+    /// there are only the pixels in them.
+    pub(crate) fn split<'a>(&self, tiles: &'a mut [Tile]) -> Vec<(Rectangle, Vec<Segment<'a>>)> {
+        let mut patches: BTreeMap<usize, Vec<Segment>> = BTreeMap::new();
+        for tile in tiles {
+            let Rectangle { row, column, size } = tile.place;
+            for (row, mut rest) in (row..).zip(tile.pixels.chunks_exact_mut(size.columns)) {
+                let mut column = column;
+                while !rest.is_empty() {
+                    let patch = column / self.size.columns;
+                    let end = (patch + 1) * self.size.columns;
+                    let (pixels, tail) = rest.split_at_mut(rest.len().min(end - column));
+                    let index = row / self.size.rows * self.columns + patch;
+                    let segment = Segment {
+                        row,
+                        column,
+                        pixels,
+                    };
+                    patches.entry(index).or_default().push(segment);
+                    (column, rest) = (end, tail);
+                }
+            }
+        }
+        let place = |(index, segments)| (self.rectangle(index), segments);
+        patches.into_iter().map(place).collect()
+    }
+
+    /// Bytes that [`Self::split`] makes of them, at most.
+    pub(crate) fn account_bytes(tiles: &[Tile], size: PatchSize) -> u64 {
+        let bytes = tiles.iter().map(|tile| {
+            let Rectangle { size: pixels, .. } = tile.place;
+            let across = pixels.columns.div_ceil(size.columns) + 1;
+            let down = pixels.rows.div_ceil(size.rows) + 1;
+            let patch = size_of::<(Rectangle, Vec<Segment>)>() + size_of::<(usize, Vec<Segment>)>();
+            // Vectors grow by doubling.
+            across * (down * patch + 2 * pixels.rows * size_of::<Segment>())
+        });
+        bytes.sum::<usize>() as u64
+    }
 }
 
 #[cfg(test)]
@@ -138,30 +197,45 @@ mod tests {
     use super::*;
 
     #[test]
-    fn patches_tile_the_image() {
+    fn patches_tile_the_image_and_any_tiles_of_it() {
         let grid: ImageGrid = "x=0:11:1,y=0:7:1".parse().unwrap();
-        let rectangles = rectangles(
-            &grid,
-            PatchSize {
-                rows: 3,
-                columns: 4,
-            },
-        );
-        assert_eq!(rectangles.len(), 9);
-        let mut pixels = vec![Complex32::ZERO; 77];
-        for (i, patch) in split(&mut pixels, 11, &rectangles).into_iter().enumerate() {
-            assert_eq!(patch.len(), rectangles[i].size.rows);
-            for row in patch {
-                assert_eq!(row.len(), rectangles[i].size.columns);
-                row.iter_mut()
-                    .for_each(|z| *z += Complex32::new(i as f32 + 1.0, 0.0));
+        let at_most = PatchSize {
+            rows: 3,
+            columns: 4,
+        };
+        let patches = Patches::new(&grid, at_most);
+        let all = rectangles(&grid, at_most);
+        assert_eq!(all.len(), 9);
+        let place = |row, column, rows, columns| Rectangle {
+            row,
+            column,
+            size: PatchSize { rows, columns },
+        };
+        for places in [
+            vec![place(0, 0, 7, 11)],
+            vec![place(2, 3, 4, 5), place(0, 8, 7, 3)],
+        ] {
+            let mut tiles: Vec<Tile> = places.into_iter().map(Tile::new).collect();
+            for (rectangle, segments) in patches.split(&mut tiles) {
+                let index = all.iter().position(|r| *r == rectangle).unwrap();
+                for segment in segments {
+                    for (column, pixel) in (segment.column..).zip(segment.pixels) {
+                        let size = rectangle.size;
+                        assert!((rectangle.row..rectangle.row + size.rows).contains(&segment.row));
+                        assert!(
+                            (rectangle.column..rectangle.column + size.columns).contains(&column)
+                        );
+                        *pixel += Complex32::new(index as f32 + 1.0, 0.0);
+                    }
+                }
             }
-        }
-        for (i, z) in pixels.iter().enumerate() {
-            let (row, column) = (i / 11, i % 11);
-            let owner = &rectangles[z.re as usize - 1];
-            assert!((owner.row..owner.row + owner.size.rows).contains(&row));
-            assert!((owner.column..owner.column + owner.size.columns).contains(&column));
+            for tile in tiles {
+                for (i, z) in tile.pixels.iter().enumerate() {
+                    let row = tile.place.row + i / tile.place.size.columns;
+                    let column = tile.place.column + i % tile.place.size.columns;
+                    assert_eq!(z.re as usize, row / 3 * 3 + column / 4 + 1);
+                }
+            }
         }
     }
 }

@@ -4,28 +4,32 @@ use glam::DVec3;
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::Task;
+use super::Tile;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::monitor::Monitor;
 
 /// Pixels that a thread takes at a time.
 const PIXELS_A_TASK: usize = 256;
 
-/// Adds `value` of its scene point to every pixel of the task's grid, row-major, on all threads. Returns
+/// Has `add` change every pixel of the tiles, knowing its scene point, on all threads. Returns
 /// early, leaving pixels out, when the monitor asks to stop.
-pub(super) fn add_to_each(
-    task: &Task,
-    pixels: &mut [Complex32],
-    value: impl Fn(DVec3) -> Complex32 + Sync,
+pub(super) fn for_each(
+    grid: &ImageGrid,
+    tiles: &mut [Tile],
+    monitor: &dyn Monitor,
+    add: impl Fn(DVec3, &mut Complex32) + Sync,
 ) {
-    let columns = task.grid.columns.count;
-    pixels
-        .par_chunks_mut(PIXELS_A_TASK)
-        .enumerate()
-        .for_each(|(chunk, pixels)| {
-            if task.monitor.cancelled() {
+    tiles.par_iter_mut().for_each(|tile| {
+        let (place, columns) = (tile.place, tile.place.size.columns);
+        let parts = tile.pixels.par_chunks_mut(PIXELS_A_TASK).enumerate();
+        parts.for_each(|(part, pixels)| {
+            if monitor.cancelled() {
                 return;
             }
-            for (i, pixel) in (chunk * PIXELS_A_TASK..).zip(pixels) {
-                *pixel += value(task.grid.position_m(i / columns, i % columns));
+            for (i, pixel) in (part * PIXELS_A_TASK..).zip(pixels) {
+                let (row, column) = (place.row + i / columns, place.column + i % columns);
+                add(grid.position_m(row, column), pixel);
             }
         });
+    });
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::Task;
+use super::Aim;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
 /// RMS rounding of a float32, relative: half a unit in the last place over the root of 3, in the mean over
@@ -12,11 +12,10 @@ pub(super) const FLOAT32: f64 = 3e-8;
 /// The largest rounding of a float32, relative: half a unit in the last place of a mantissa of 1.
 pub(super) const LARGEST_FLOAT32: f64 = 6e-8;
 
-/// RMS phase error, radians, of paths computed in float64 from the task's positions: a few roundings of the
+/// RMS phase error, radians, of paths computed in float64 from the aim's positions: a few roundings of the
 /// largest number on the way.
-pub(super) fn path_phase_rad(task: &Task) -> f64 {
-    let collection = task.history.collection();
-    let grid = task.grid;
+pub(super) fn path_phase_rad(aim: &Aim) -> f64 {
+    let (collection, grid) = (aim.collection, aim.grid);
     let corners = [
         (0, 0),
         (0, grid.columns.count.saturating_sub(1)),
@@ -36,10 +35,9 @@ pub(super) fn path_phase_rad(task: &Task) -> f64 {
 }
 
 /// RMS phase, radians, by which pulses' frequencies differ from the first pulse's, for a former that takes them
-/// all as that: at most, over the task's grid.
-pub(super) fn band_phase_rad(task: &Task) -> f64 {
-    let collection = task.history.collection();
-    let grid = task.grid;
+/// all as that: at most, over the aim's grid.
+pub(super) fn band_phase_rad(aim: &Aim) -> f64 {
+    let (collection, grid) = (aim.collection, aim.grid);
     let last = collection.num_samples.saturating_sub(1);
     let Some(first) = collection.pulses.first() else {
         return 0.0;
@@ -64,8 +62,8 @@ pub(super) fn band_phase_rad(task: &Task) -> f64 {
 }
 
 /// The highest frequency of any sample, hertz.
-pub(super) fn highest_hz(task: &Task) -> f64 {
-    let collection = task.history.collection();
+pub(super) fn highest_hz(aim: &Aim) -> f64 {
+    let collection = aim.collection;
     let last = collection.num_samples.saturating_sub(1);
     let each = collection.pulses.iter();
     each.map(|p| p.start_hz.abs().max(p.frequency_hz(last).abs()))

@@ -1,4 +1,4 @@
-//! The image formers, a folder each.
+//! The image formers, a folder each, and the one list by which everything else finds them.
 
 pub mod bp;
 pub mod exact;
@@ -7,3 +7,71 @@ pub mod omega_k;
 pub mod pfa;
 pub mod rda;
 pub mod rdbp;
+
+use super::ImageFormer;
+
+/// A former as the list has it.
+#[derive(Clone, Copy)]
+pub struct Entry {
+    /// Its name in records and on the command line.
+    pub name: &'static str,
+    /// What it is, in a line.
+    pub summary: &'static str,
+    /// It, by its settings: a JSON object, in which what is left out is as by default.
+    pub of: fn(&serde_json::Value) -> Result<Box<dyn ImageFormer>, serde_json::Error>,
+}
+
+/// All of them, the oracle first.
+pub static FORMERS: [Entry; 7] = [
+    exact::ENTRY,
+    bp::ENTRY,
+    rdbp::ENTRY,
+    ffbp::ENTRY,
+    pfa::ENTRY,
+    omega_k::ENTRY,
+    rda::ENTRY,
+];
+
+/// A former that there is not.
+#[derive(Debug, thiserror::Error)]
+pub enum UnknownFormer {
+    /// Not by this name.
+    #[error("there is no former '{name}': choose one of {}", FORMERS.map(|entry| entry.name).join(", "))]
+    Name {
+        /// The name asked for.
+        name: String,
+    },
+    /// Not with such settings.
+    #[error("the settings of {name}: {source}")]
+    Settings {
+        /// Its name.
+        name: &'static str,
+        /// What is wrong with them.
+        source: serde_json::Error,
+    },
+}
+
+/// The former of this name with these settings.
+///
+/// # Errors
+/// [`UnknownFormer`].
+pub fn former(
+    name: &str,
+    settings: &serde_json::Value,
+) -> Result<Box<dyn ImageFormer>, UnknownFormer> {
+    let entry = FORMERS.iter().find(|entry| entry.name == name);
+    let entry = entry.ok_or_else(|| UnknownFormer::Name {
+        name: name.to_owned(),
+    })?;
+    (entry.of)(settings).map_err(|source| UnknownFormer::Settings {
+        name: entry.name,
+        source,
+    })
+}
+
+/// `T` by its settings.
+fn of<T: ImageFormer + serde::de::DeserializeOwned + 'static>(
+    settings: &serde_json::Value,
+) -> Result<Box<dyn ImageFormer>, serde_json::Error> {
+    Ok(Box::new(T::deserialize(settings)?))
+}

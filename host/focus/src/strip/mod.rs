@@ -49,6 +49,9 @@ mod spectrum;
 mod stage;
 mod taper;
 
+use std::sync::{Arc, Mutex};
+
+use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use serde_json::json;
@@ -57,7 +60,7 @@ use super::budget::Budget;
 use super::probes::probes;
 use super::straight_track::StraightTrack;
 use super::sub_cpi::shared_band;
-use super::{Asked, FormError, Formed, Task};
+use super::{Aim, Asked, Decision, FormError, Forming, Tile, Work, rounding};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::fast_length::fast_length;
@@ -149,7 +152,7 @@ pub(super) trait RangeStage: Sync {
 struct Fitted {
     track: StraightTrack,
     /// The point for which motion compensation is exact.
-    reference: glam::DVec3,
+    reference: DVec3,
     axes: Axes,
 }
 
@@ -172,71 +175,121 @@ impl Fitted {
     }
 }
 
-/// A task fitted to a straight track.
-pub(super) struct Strip<'a> {
-    task: &'a Task<'a>,
-    track: StraightTrack,
-    /// The point for which motion compensation is exact.
-    reference: glam::DVec3,
-    axes: Axes,
-    prediction: Prediction,
+/// Decides how the image of `aim` is formed with `method`: everything follows from the aim, so that nothing is chosen, but
+/// what it errs by. `limit` is what limits it where the line does; `settings` are the method's own, a JSON object.
+///
+/// # Errors
+/// [`FormError::Unsuited`] if the pulses stand still, the band changes, or pixels lie too near; [`FormError::BoundMissed`]
+/// if the track alone misses what is `asked`: the line is looked at only then, for that may take long.
+pub(super) fn decide(
+    aim: &Aim,
+    method: &dyn RangeMethod,
+    asked: &Asked,
+    limit: &str,
+    settings: serde_json::Value,
+) -> Result<Decision, FormError> {
+    let Fitted {
+        track,
+        reference,
+        axes,
+    } = Fitted::new(aim.collection, aim.grid, method)?;
+    let mut prediction = Prediction {
+        track: prediction::of_track(
+            aim.collection,
+            aim.weights,
+            aim.grid,
+            &track,
+            reference,
+            &axes.wavenumbers,
+        ),
+        line: 0.0,
+    };
+    asked.check(20.0 * prediction.track.log10(), || prediction.limit(""))?;
+    prediction.line = prediction::of_line(aim.weights, aim.grid, &track, &axes, method);
+    let planned_db = prediction.total_db(&[rounding::path_phase_rad(aim)]);
+    asked.check(planned_db, || prediction.limit(limit))?;
+    let steepest = axes
+        .needed_sines()
+        .map(|s| s.abs().asin().to_degrees())
+        .into_iter()
+        .fold(0.0, f64::max);
+    let mut all = json!({
+        "track_error_db": 20.0 * prediction.track.max(1e-15).log10(),
+        "line_error_db": 20.0 * prediction.line.max(1e-15).log10(),
+        "padded_pulses": axes.period,
+        "along_track_wavenumbers": axes.num_bins,
+        "range_bins": axes.range.count,
+        "steepest_angle_deg": steepest,
+    });
+    if let (Some(all), serde_json::Value::Object(own)) = (all.as_object_mut(), settings) {
+        all.extend(own);
+    }
+    Ok(Decision {
+        choices: json!({}),
+        settings: all,
+        planned_db,
+    })
 }
 
-impl<'a> Strip<'a> {
-    /// Checks that `task` suits, and lays out axes for `method`.
+/// Ready to form by a method. What tiles share, the image over range and place along the track, is made with the first
+/// and kept.
+pub(super) struct Strip<'a, M> {
+    aim: Aim<'a>,
+    method: M,
+    track: StraightTrack,
+    /// The point for which motion compensation is exact.
+    reference: DVec3,
+    axes: Axes,
+    image: Mutex<Option<Arc<Vec<Complex32>>>>,
+}
+
+impl<'a, M: RangeMethod> Strip<'a, M> {
+    /// Lays out axes for `method`.
     ///
     /// # Errors
-    /// [`FormError::Memory`] if the image is too large, [`FormError::Unsuited`] if the pulses stand still, the band changes,
-    /// or pixels lie too near; [`FormError::BoundMissed`] if the track alone misses what is `asked`: the line is looked at
-    /// only then, for that may take long.
-    pub(super) fn new(
-        task: &'a Task<'a>,
-        method: &dyn RangeMethod,
-        asked: &Asked,
-    ) -> Result<Self, FormError> {
-        // Before every pixel is looked at: there may be far too many.
-        Budget::for_task(task, 8)?;
-        let collection = task.history.collection();
-        let fitted = Fitted::new(collection, task.grid, method)?;
-        let mut prediction = Prediction {
-            track: prediction::of_track(
-                collection,
-                task.weights,
-                task.grid,
-                &fitted.track,
-                fitted.reference,
-                &fitted.axes.wavenumbers,
-            ),
-            line: 0.0,
-        };
-        asked.check(20.0 * prediction.track.log10(), || prediction.limit(""))?;
-        prediction.line =
-            prediction::of_line(task.weights, task.grid, &fitted.track, &fitted.axes, method);
+    /// [`FormError::Unsuited`] as [`decide`].
+    pub(super) fn new(aim: Aim<'a>, method: M) -> Result<Self, FormError> {
+        let Fitted {
+            track,
+            reference,
+            axes,
+        } = Fitted::new(aim.collection, aim.grid, &method)?;
         Ok(Self {
-            task,
-            track: fitted.track,
-            reference: fitted.reference,
-            axes: fitted.axes,
-            prediction,
+            aim,
+            method,
+            track,
+            reference,
+            axes,
+            image: Mutex::new(None),
         })
     }
 
-    /// The error to expect.
-    pub(super) fn prediction(&self) -> &Prediction {
-        &self.prediction
+    /// As [`Forming::form`]; `observe` sees every array on the way.
+    pub(super) fn form_observed(
+        &self,
+        work: &Work,
+        tiles: &mut [Tile],
+        observe: &mut dyn FnMut(&Stage),
+    ) -> Result<(), FormError> {
+        let mut kept = self.image.lock().unwrap_or_else(|held| held.into_inner());
+        let image = match &*kept {
+            Some(image) => image.clone(),
+            None => {
+                let image = Arc::new(self.focus(work, observe)?);
+                kept.insert(image).clone()
+            }
+        };
+        drop(kept);
+        read_out::pixels(self, work, &image, tiles)
     }
 
-    /// Forms the image, planned to err by `planned_db`; `settings` are the method's own, a JSON object.
-    /// `observe` sees every array on the way.
-    pub(super) fn form(
+    /// The image over range and place along the track.
+    fn focus(
         &self,
-        method: &dyn RangeMethod,
-        planned_db: f64,
-        settings: serde_json::Value,
+        work: &Work,
         observe: &mut dyn FnMut(&Stage),
-    ) -> Result<Formed, FormError> {
+    ) -> Result<Vec<Complex32>, FormError> {
         let axes = &self.axes;
-        let mut budget = Budget::for_task(self.task, 8)?;
         let bytes = |rows: usize, columns: usize| 8 * rows as u128 * columns as u128;
         let (samples, ranges) = (axes.wavenumbers.len(), axes.range.count);
         let spectrum_bytes = bytes(samples, axes.num_bins);
@@ -248,8 +301,9 @@ impl<'a> Strip<'a> {
         ];
         let advice = "use a smaller --grid or --algorithm bp, or raise --memory";
         let most = steps.into_iter().max().unwrap_or(0);
+        let mut budget = Budget::new(work.memory_bytes);
         budget.take("the two-dimensional spectrum", most, advice)?;
-        let stage = method.stage(axes);
+        let stage = self.method.stage(axes);
         let lengths = [
             3 * axes.period,
             3 * axes.along_length,
@@ -259,37 +313,20 @@ impl<'a> Strip<'a> {
         let threads = rayon::current_num_threads();
         budget.take("transforms", bytes(threads, longest), advice)?;
 
-        let spectrum = spectrum::along_track(self)?;
+        let spectrum = spectrum::along_track(self, work)?;
         observe(&Stage::new(axes, StageKind::Spectrum, &spectrum));
-        let ranges = self.ranges(stage.as_ref(), &spectrum)?;
+        let ranges = self.ranges(work, stage.as_ref(), &spectrum)?;
         drop(spectrum);
         observe(&Stage::new(axes, StageKind::RangeDoppler, &ranges));
-        let image = read_out::compress(self, &ranges)?;
-        drop(ranges);
+        let image = read_out::compress(self, work, &ranges)?;
         observe(&Stage::new(axes, StageKind::Image, &image));
-        let pixels = read_out::pixels(self, &image)?;
-
-        let mut all = json!({
-            "track_error_db": 20.0 * self.prediction.track.max(1e-15).log10(),
-            "line_error_db": 20.0 * self.prediction.line.max(1e-15).log10(),
-            "padded_pulses": axes.period,
-            "along_track_wavenumbers": axes.num_bins,
-            "range_bins": axes.range.count,
-            "steepest_angle_deg": axes
-                .needed_sines()
-                .map(|s| s.abs().asin().to_degrees())
-                .into_iter()
-                .fold(0.0, f64::max),
-        });
-        if let (Some(all), serde_json::Value::Object(own)) = (all.as_object_mut(), settings) {
-            all.extend(own);
-        }
-        Ok(Formed::new(self.task, pixels, planned_db, all))
+        Ok(image)
     }
 
     /// The spectrum `[K][Q]` weighted, and taken from frequency to range: `[Q][R]`.
     fn ranges(
         &self,
+        work: &Work,
         stage: &dyn RangeStage,
         spectrum: &[Complex32],
     ) -> Result<Vec<Complex32>, FormError> {
@@ -305,7 +342,7 @@ impl<'a> Strip<'a> {
             .par_chunks_exact_mut(axes.range.count)
             .enumerate()
             .for_each_init(scratch, |(samples, scratch), (q, out)| {
-                if self.task.monitor.cancelled() {
+                if work.monitor.cancelled() {
                     return;
                 }
                 let kx = axes.along_wavenumber(q);
@@ -315,7 +352,7 @@ impl<'a> Strip<'a> {
                 }
                 stage.ranges(kx, samples, out, scratch);
             });
-        self.step_done(0.6)?;
+        step_done(work, 0.6)?;
         Ok(ranges)
     }
 
@@ -347,15 +384,21 @@ impl<'a> Strip<'a> {
             * stationary_phase_error(axes.reference_range_m() * kr)
             * (amplitude / roll_off)
     }
+}
 
-    /// Tells that a part of the work is done.
-    fn step_done(&self, fraction: f64) -> Result<(), FormError> {
-        if self.task.monitor.cancelled() {
-            return Err(FormError::Cancelled);
-        }
-        self.task.monitor.progress(fraction);
-        Ok(())
+impl<M: RangeMethod> Forming for Strip<'_, M> {
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        self.form_observed(work, tiles, &mut |_| ())
     }
+}
+
+/// Tells that a part of the work is done.
+fn step_done(work: &Work, fraction: f64) -> Result<(), FormError> {
+    if work.monitor.cancelled() {
+        return Err(FormError::Cancelled);
+    }
+    work.monitor.progress(fraction);
+    Ok(())
 }
 
 /// `H1(z)` over its leading term, for `z` of more than about 5: what the principle of stationary phase

@@ -6,48 +6,57 @@ use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use subaperture_fft as fft;
 
-use super::{ImageAxis, Strip, TAPS, stationary_phase_error};
-use crate::FormError;
-use crate::pixels::add_to_each;
+use super::{ImageAxis, RangeMethod, Strip, TAPS, stationary_phase_error, step_done};
+use crate::pixels::for_each;
+use crate::{FormError, Tile, Work};
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{narrow, phasor};
 
 /// The image over range and place along the track, `[R][X]`, from `[Q][R]`; brought down by both
 /// carriers.
-pub(super) fn compress(strip: &Strip, ranges: &[Complex32]) -> Result<Vec<Complex32>, FormError> {
+pub(super) fn compress<M: RangeMethod>(
+    strip: &Strip<M>,
+    work: &Work,
+    ranges: &[Complex32],
+) -> Result<Vec<Complex32>, FormError> {
     let axes = &strip.axes;
     let (num_bins, num_ranges) = (axes.num_bins, axes.range.count);
     let length = axes.along_length;
     let fft = fft::inverse(length);
     let mut image = vec![Complex32::ZERO; num_ranges * axes.along.count];
     let scratch = || {
-        let work = vec![Complex32::ZERO; length];
-        (work, vec![Complex32::ZERO; fft.get_inplace_scratch_len()])
+        let line = vec![Complex32::ZERO; length];
+        (line, vec![Complex32::ZERO; fft.get_inplace_scratch_len()])
     };
     image
         .par_chunks_exact_mut(axes.along.count)
         .enumerate()
-        .for_each_init(scratch, |(work, scratch), (j, row)| {
-            if strip.task.monitor.cancelled() {
+        .for_each_init(scratch, |(line, scratch), (j, row)| {
+            if work.monitor.cancelled() {
                 return;
             }
-            work.fill(Complex32::ZERO);
+            line.fill(Complex32::ZERO);
             for q in 0..num_bins {
                 // The carrier's bin is the transform's bin 0.
                 let place = (q + length - num_bins / 2) % length;
-                work[place] = ranges[q * num_ranges + j];
+                line[place] = ranges[q * num_ranges + j];
             }
-            fft.process_with_scratch(work, scratch);
+            fft.process_with_scratch(line, scratch);
             for (m, value) in (axes.first_along..).zip(row) {
-                *value = work[m.rem_euclid(length as i64) as usize];
+                *value = line[m.rem_euclid(length as i64) as usize];
             }
         });
-    strip.step_done(0.8)?;
+    step_done(work, 0.8)?;
     Ok(image)
 }
 
-/// The pixels of the task's grid.
-pub(super) fn pixels(strip: &Strip, image: &[Complex32]) -> Result<Vec<Complex32>, FormError> {
+/// The pixels of tiles.
+pub(super) fn pixels<M: RangeMethod>(
+    strip: &Strip<M>,
+    work: &Work,
+    image: &[Complex32],
+    tiles: &mut [Tile],
+) -> Result<(), FormError> {
     let axes = &strip.axes;
     let kernel = KaiserBessel::new(TAPS);
     let columns = axes.along.count;
@@ -56,8 +65,7 @@ pub(super) fn pixels(strip: &Strip, image: &[Complex32]) -> Result<Vec<Complex32
         Complex64::cis(FRAC_PI_4) * TAU.sqrt() / (axes.period as f64 * strip.track.spacing_m);
     let carrier = axes.range.carrier;
     let at_reference = stationary_phase_error(axes.reference_range_m() * carrier);
-    let mut pixels = vec![Complex32::ZERO; strip.task.grid.num_pixels() as usize];
-    add_to_each(strip.task, &mut pixels, |point| {
+    for_each(strip.aim.grid, tiles, work.monitor, |point, pixel| {
         let (along_m, range_m) = strip.track.along_and_range_m(point);
         let (row, row_weights) = taps(&kernel, &axes.range, range_m);
         let (column, column_weights) = taps(&kernel, &axes.along, along_m);
@@ -69,10 +77,9 @@ pub(super) fn pixels(strip: &Strip, image: &[Complex32]) -> Result<Vec<Complex32
         }
         let turns = (range_m * carrier + along_m * axes.along.carrier) / TAU;
         let bracket = stationary_phase_error(range_m * carrier) / at_reference;
-        sum * narrow(constant * bracket * phasor(turns) * range_m.sqrt())
+        *pixel += sum * narrow(constant * bracket * phasor(turns) * range_m.sqrt());
     });
-    strip.step_done(1.0)?;
-    Ok(pixels)
+    step_done(work, 1.0)
 }
 
 /// The first of the elements around `value`, and their weights.

@@ -4,8 +4,8 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use subaperture_fft as fft;
 
-use super::Strip;
-use crate::FormError;
+use super::{RangeMethod, Strip, step_done};
+use crate::{FormError, Work};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::phase::{narrow, phasor};
 
@@ -14,61 +14,64 @@ const BLOCK_PULSES: usize = 64;
 
 /// Weighted samples, moved to the line and referred to path zero, transformed over slow time:
 /// `[K][Q]`, `sum_n exp(-j kx_q n d) w_k v_n z[n][k] exp(-j 2 pi f_k (reference_path_n - excess_n) / c)`.
-pub(super) fn along_track(strip: &Strip) -> Result<Vec<Complex32>, FormError> {
-    let samples = on_the_line(strip)?;
+pub(super) fn along_track<M: RangeMethod>(
+    strip: &Strip<M>,
+    work: &Work,
+) -> Result<Vec<Complex32>, FormError> {
+    let samples = on_the_line(strip, work)?;
     let axes = &strip.axes;
     let num_pulses = strip.track.num_pulses;
     let fft = fft::forward(axes.period);
     let mut spectrum = vec![Complex32::ZERO; axes.wavenumbers.len() * axes.num_bins];
     let scratch = || {
-        let work = vec![Complex32::ZERO; axes.period];
-        (work, vec![Complex32::ZERO; fft.get_inplace_scratch_len()])
+        let line = vec![Complex32::ZERO; axes.period];
+        (line, vec![Complex32::ZERO; fft.get_inplace_scratch_len()])
     };
     spectrum
         .par_chunks_exact_mut(axes.num_bins)
         .enumerate()
-        .for_each_init(scratch, |(work, scratch), (k, bins)| {
-            if strip.task.monitor.cancelled() {
+        .for_each_init(scratch, |(line, scratch), (k, bins)| {
+            if work.monitor.cancelled() {
                 return;
             }
-            for (n, value) in work[..num_pulses].iter_mut().enumerate() {
+            for (n, value) in line[..num_pulses].iter_mut().enumerate() {
                 *value = samples[n * axes.wavenumbers.len() + k];
             }
-            work[num_pulses..].fill(Complex32::ZERO);
-            fft.process_with_scratch(work, scratch);
+            line[num_pulses..].fill(Complex32::ZERO);
+            fft.process_with_scratch(line, scratch);
             for (q, bin) in (axes.first_bin..).zip(bins) {
-                *bin = work[q.rem_euclid(axes.period as i64) as usize];
+                *bin = line[q.rem_euclid(axes.period as i64) as usize];
             }
         });
-    strip.step_done(0.4)?;
+    step_done(work, 0.4)?;
     Ok(spectrum)
 }
 
 /// All samples `[N][K]`, weighted, on the line, referred to path zero.
-fn on_the_line(strip: &Strip) -> Result<Vec<Complex32>, FormError> {
-    let Strip { task, track, .. } = strip;
-    let collection = task.history.collection();
+fn on_the_line<M: RangeMethod>(strip: &Strip<M>, work: &Work) -> Result<Vec<Complex32>, FormError> {
+    let Strip { aim, track, .. } = strip;
+    let collection = aim.collection;
     let num_samples = collection.num_samples;
     let num_pulses = collection.pulses.len();
     // Normalised here, before transforms sum: large samples stay within float32.
-    let norm = task.weights.normalisation();
+    let norm = aim.weights.normalisation();
     let mut samples = vec![Complex32::ZERO; num_pulses * num_samples];
     for first in (0..num_pulses).step_by(BLOCK_PULSES) {
         let pulses = first..(first + BLOCK_PULSES).min(num_pulses);
         let rows = &mut samples[first * num_samples..pulses.end * num_samples];
-        task.history.read(pulses.clone(), rows)?;
+        work.history.read(pulses.clone(), rows)?;
         rows.par_chunks_exact_mut(num_samples)
             .zip(pulses.clone())
             .for_each(|(row, n)| {
                 let pulse = &collection.pulses[n];
-                let weight = task.weights.slow[n] * norm;
+                let weight = aim.weights.slow[n] * norm;
                 let excess_m = track.excess_path_m(n, pulse, strip.reference);
                 let delay_s = (pulse.reference_path_m - excess_m) / SPEED_OF_LIGHT_M_S;
-                for (k, (z, w)) in row.iter_mut().zip(&task.weights.fast).enumerate() {
+                for (k, (z, w)) in row.iter_mut().zip(&aim.weights.fast).enumerate() {
                     *z *= narrow(phasor(-pulse.frequency_hz(k) * delay_s) * (w * weight));
                 }
             });
-        strip.step_done(0.3 * pulses.end as f64 / num_pulses as f64)?;
+        step_done(work, 0.3 * pulses.end as f64 / num_pulses as f64)?;
     }
     Ok(samples)
 }

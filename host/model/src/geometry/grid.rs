@@ -12,7 +12,7 @@ use glam::{DQuat, DVec3, EulerRot};
 use crate::units::Dimension;
 
 /// `start + i step` for `i < count`. Metres, or radians for an angle.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Axis {
     /// Value of element 0.
     pub start: f64,
@@ -66,7 +66,7 @@ pub struct Extent {
 pub struct GridError(pub String);
 
 /// A rectangular array of scene points.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ImageGrid {
     /// The point at `x = y = 0`, or the polar grid's pole, metres in the scene frame.
     pub origin_m: DVec3,

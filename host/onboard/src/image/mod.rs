@@ -53,7 +53,7 @@ use self::model::sub_cpi_of;
 use crate::maps::{Arithmetic, Maps, OwnedMap};
 use subaperture_focus::budget::Budget;
 use subaperture_focus::sub_cpi::{Datum, SubCpi};
-use subaperture_focus::{Asked, FormError, Formed, Misses, accuracy};
+use subaperture_focus::{Asked, FormError, Formed, Misses, Tile};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
@@ -229,9 +229,11 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
             20.0 * model_error.log10()
         )
     })?;
-    let mut formed = Formed::on(task.grid, pixels, report.predicted_db, json!(report));
+    let place = Tile::place_of(task.grid);
+    let tile = Tile { place, pixels };
+    tile.check_finite(task.grid)?;
+    let mut formed = Formed::on(task.grid, tile.pixels, report.predicted_db, json!(report));
     formed.expect(Some(task.error_db), report.predicted_db);
-    accuracy::check_finite(&formed, task.grid)?;
     Ok((formed, report))
 }
 

@@ -31,17 +31,29 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::{Entry, of};
 use crate::budget::Budget;
-use crate::pixels::add_to_each;
+use crate::former::chosen;
+use crate::pixels::for_each;
 use crate::sweep::{self, places};
-use crate::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
+use crate::{
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Tile, Work,
+    rounding,
+};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{PathTerms, Pulse};
 use subaperture_signal::phase::phasor32;
 use subaperture_signal::range_profile::RangeProfiler;
 
+/// Pulses whose terms of a pixel are summed before they are added to it: fixed, so that memory is no matter of bits.
+const SUMMED_PULSES: usize = 16;
+/// Of these sums, as many as are made at a time.
+const MOST_PARTS: usize = 4;
+
 /// Backprojection with upsampled range profiles.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Backprojection {
     /// Bound on the relative RMS error of the image, dB (negative).
     pub error_db: f64,
@@ -62,9 +74,28 @@ struct Source<'a> {
 /// A target's place and velocity at the moment of a pulse, for a point of the grid. Metres, metres a second.
 pub(crate) type Target = (DVec3, DVec3);
 
+impl Default for Backprojection {
+    fn default() -> Self {
+        Self {
+            error_db: DEFAULT_ERROR_DB,
+        }
+    }
+}
+
+/// In the list of formers.
+pub(super) const ENTRY: Entry = Entry {
+    name: "bp",
+    summary: "backprojection: every pulse's range profile read at every pixel",
+    of: of::<Backprojection>,
+};
+
 impl ImageFormer for Backprojection {
     fn name(&self) -> &'static str {
-        "bp"
+        ENTRY.name
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!(self)
     }
 
     fn bound_db(&self) -> Option<f64> {
@@ -79,119 +110,193 @@ impl ImageFormer for Backprojection {
         Some(Box::new(Self { error_db }))
     }
 
-    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
-        backproject(task, self.error_db, asked, |_, point| (point, DVec3::ZERO))
+    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
+        decide(aim, self.error_db, asked, &at_rest)
+    }
+
+    fn open<'a>(
+        &self,
+        aim: Aim<'a>,
+        choices: &serde_json::Value,
+    ) -> Result<Box<dyn Forming + 'a>, FormError> {
+        open(aim, chosen("bp", choices)?, at_rest)
     }
 }
 
-/// Backprojection with `target(pulse, point)` for where a grid's point is.
-pub(crate) fn backproject(
-    task: &Task,
+fn at_rest(_: &Pulse, point: DVec3) -> Target {
+    (point, DVec3::ZERO)
+}
+
+/// What a plan fixes.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(crate) struct Choices {
+    /// Upsampling of range profiles.
+    oversampling: f64,
+    /// Profiles for motion from sample to sample, if there is any.
+    blurs: Option<Blurs>,
+}
+
+/// Decides for `target(pulse, point)`, where a grid's point is.
+pub(crate) fn decide(
+    aim: &Aim,
     error_db: f64,
     asked: &Asked,
-    target: impl Fn(&Pulse, DVec3) -> Target + Sync,
-) -> Result<Formed, FormError> {
-    let collection = task.history.collection();
+    target: &(impl Fn(&Pulse, DVec3) -> Target + Sync),
+) -> Result<Decision, FormError> {
+    let collection = aim.collection;
     let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
-    let mut budget = Budget::for_task(task, 8)?;
-
     let sweeps = collection.sweeps();
     // Half of the error's power for either interpolation, where there are two.
     let share_db = error_db - MARGIN_DB - if sweeps { 10.0 * 2f64.log10() } else { 0.0 };
     let oversampling = RangeProfiler::oversampling_for(share_db);
-    let blurs = if sweeps {
-        Some(Blurs::new(task, share_db, &target))
-    } else {
-        None
+    let (blurs, blurs_error) = match sweeps {
+        true => Blurs::new(aim, share_db, target),
+        false => (None, 0.0),
     };
-    let profiles_each = blurs.as_ref().map_or(1, |blurs| blurs.count);
-    // Normalised here, before the transform sums: large samples stay within float32.
-    let norm = task.weights.normalisation();
-    let window: Vec<f64> = task.weights.fast.iter().map(|w| w * norm).collect();
-    let profiler = RangeProfiler::new(&window, oversampling);
-    let length = profiler.length();
-    let pulse_bytes = 8 * (num_samples + profiles_each * (length + 1)) as u64;
-    let block = budget.take_block(
-        "a range profile",
-        pulse_bytes,
-        num_pulses.min(64),
-        "raise --memory",
-    )?;
+    let profiler = RangeProfiler::new(&aim.weights.fast, oversampling);
     let planned_db = rounding::total_db(&[
         profiler.error(),
-        blurs.as_ref().map_or(0.0, |blurs| blurs.error),
+        blurs_error,
         profiler.rounding(),
-        // Sums over a block, and over blocks.
-        rounding::sum(block),
-        rounding::sum(num_pulses.div_ceil(block)),
-        rounding::path_phase_rad(task),
+        // Sums over some pulses, and over these sums.
+        rounding::sum(SUMMED_PULSES),
+        rounding::sum(num_pulses.div_ceil(SUMMED_PULSES)),
+        rounding::path_phase_rad(aim),
     ]);
     asked.check(planned_db, || {
         "float32 sums and profiles leave no less: use --algorithm exact".to_owned()
     })?;
-    let mut samples = vec![Complex32::ZERO; block * num_samples];
-    let mut profiles = vec![Complex32::ZERO; block * profiles_each * (length + 1)];
-    let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
-
-    for first in (0..num_pulses).step_by(block) {
-        let pulses = first..(first + block).min(num_pulses);
-        let samples = &mut samples[..pulses.len() * num_samples];
-        task.history.read(pulses.clone(), samples)?;
-        let profiles = &mut profiles[..pulses.len() * profiles_each * (length + 1)];
-        profiles
-            .par_chunks_exact_mut(length + 1)
-            .enumerate()
-            .for_each_init(
-                || {
-                    let row = vec![Complex32::ZERO; num_samples];
-                    (row, vec![Complex32::ZERO; profiler.scratch_length()])
-                },
-                |(row, scratch), (i, profile)| {
-                    let first = i / profiles_each * num_samples;
-                    let pulse = &samples[first..first + num_samples];
-                    match &blurs {
-                        None => profiler.profile(pulse, profile, scratch),
-                        Some(blurs) => {
-                            blurs.sharpen(i % profiles_each, pulse, row);
-                            profiler.profile(row, profile, scratch);
-                        }
-                    }
-                },
-            );
-        let sources: Vec<Source> = pulses
-            .clone()
-            .map(|n| {
-                let pulse = &collection.pulses[n];
-                let centre_hz = pulse.frequency_hz(num_samples / 2);
-                Source {
-                    pulse,
-                    weight: task.weights.slow[n] as f32,
-                    centre_cycles_m: centre_hz / SPEED_OF_LIGHT_M_S,
-                    bins_m: pulse.step_hz / SPEED_OF_LIGHT_M_S,
-                    reference: pulse.reference_terms(),
-                    coupling: centre_hz / pulse.step_hz,
-                }
-            })
-            .collect();
-        add_to_each(task, &mut pixels, |point| match &blurs {
-            None => contribution(point, &sources, profiles, length, &target),
-            Some(blurs) => blurred(point, &sources, profiles, length, blurs, &target),
-        });
-        if task.monitor.cancelled() {
-            return Err(FormError::Cancelled);
-        }
-        task.monitor.progress(pulses.end as f64 / num_pulses as f64);
-    }
-
-    let settings = json!({
-        "profile_length": length,
-        "oversampling": length as f64 / num_samples as f64,
-        "profiles_each": profiles_each,
-    });
-    Ok(Formed::new(task, pixels, planned_db, settings))
+    let choices = Choices {
+        oversampling,
+        blurs,
+    };
+    Ok(Decision {
+        choices: json!(choices),
+        settings: json!({
+            "profile_length": profiler.length(),
+            "oversampling": profiler.length() as f64 / num_samples as f64,
+            "profiles_each": choices.profiles_each(),
+        }),
+        planned_db,
+    })
 }
 
-/// What a block of pulses adds to one pixel.
+/// Ready to form by `choices`.
+pub(crate) fn open<'a>(
+    aim: Aim<'a>,
+    choices: Choices,
+    target: impl Fn(&Pulse, DVec3) -> Target + Sync + 'a,
+) -> Result<Box<dyn Forming + 'a>, FormError> {
+    // Normalised here, before the transform sums: large samples stay within float32.
+    let norm = aim.weights.normalisation();
+    let window: Vec<f64> = aim.weights.fast.iter().map(|w| w * norm).collect();
+    Ok(Box::new(Opened {
+        profiler: RangeProfiler::new(&window, choices.oversampling),
+        aim,
+        choices,
+        target,
+    }))
+}
+
+impl Choices {
+    fn profiles_each(&self) -> usize {
+        self.blurs.as_ref().map_or(1, |blurs| blurs.count)
+    }
+}
+
+struct Opened<'a, T> {
+    aim: Aim<'a>,
+    choices: Choices,
+    profiler: RangeProfiler,
+    target: T,
+}
+
+impl<T: Fn(&Pulse, DVec3) -> Target + Sync> Forming for Opened<'_, T> {
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        let collection = self.aim.collection;
+        let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
+        let (length, each) = (self.profiler.length(), self.choices.profiles_each());
+        let pulse_bytes = 8 * (num_samples + each * (length + 1)) as u64;
+        let parts = Budget::new(work.memory_bytes).take_block(
+            "range profiles of some pulses",
+            pulse_bytes * SUMMED_PULSES.min(num_pulses) as u64,
+            num_pulses.div_ceil(SUMMED_PULSES).min(MOST_PARTS),
+            "raise --memory",
+        )?;
+        let block = (parts * SUMMED_PULSES).min(num_pulses);
+        let mut samples = vec![Complex32::ZERO; block * num_samples];
+        let mut profiles = vec![Complex32::ZERO; block * each * (length + 1)];
+        for first in (0..num_pulses).step_by(block) {
+            let pulses = first..(first + block).min(num_pulses);
+            let samples = &mut samples[..pulses.len() * num_samples];
+            work.history.read(pulses.clone(), samples)?;
+            let profiles = &mut profiles[..pulses.len() * each * (length + 1)];
+            self.profiles(samples, profiles);
+            let sources: Vec<Source> = pulses.clone().map(|n| self.source(n)).collect();
+            let parts = || {
+                let profiles = profiles.chunks(SUMMED_PULSES * each * (length + 1));
+                sources.chunks(SUMMED_PULSES).zip(profiles)
+            };
+            let (grid, target) = (self.aim.grid, &self.target);
+            for_each(grid, tiles, work.monitor, |point, pixel| {
+                for (sources, profiles) in parts() {
+                    *pixel += match &self.choices.blurs {
+                        None => contribution(point, sources, profiles, length, target),
+                        Some(blurs) => blurred(point, sources, profiles, length, blurs, target),
+                    };
+                }
+            });
+            if work.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            work.monitor.progress(pulses.end as f64 / num_pulses as f64);
+        }
+        Ok(())
+    }
+}
+
+impl<T: Sync> Opened<'_, T> {
+    /// The profiles of `samples`, pulse by pulse.
+    fn profiles(&self, samples: &[Complex32], profiles: &mut [Complex32]) {
+        let num_samples = self.aim.collection.num_samples;
+        let (profiler, each) = (&self.profiler, self.choices.profiles_each());
+        let scratch = || {
+            let row = vec![Complex32::ZERO; num_samples];
+            (row, vec![Complex32::ZERO; profiler.scratch_length()])
+        };
+        profiles
+            .par_chunks_exact_mut(profiler.length() + 1)
+            .enumerate()
+            .for_each_init(scratch, |(row, scratch), (i, profile)| {
+                let first = i / each * num_samples;
+                let pulse = &samples[first..first + num_samples];
+                match &self.choices.blurs {
+                    None => profiler.profile(pulse, profile, scratch),
+                    Some(blurs) => {
+                        blurs.sharpen(i % each, pulse, row);
+                        profiler.profile(row, profile, scratch);
+                    }
+                }
+            });
+    }
+
+    /// What pulse `n` contributes with.
+    fn source(&self, n: usize) -> Source<'_> {
+        let collection = self.aim.collection;
+        let pulse = &collection.pulses[n];
+        let centre_hz = pulse.frequency_hz(collection.num_samples / 2);
+        Source {
+            pulse,
+            weight: self.aim.weights.slow[n] as f32,
+            centre_cycles_m: centre_hz / SPEED_OF_LIGHT_M_S,
+            bins_m: pulse.step_hz / SPEED_OF_LIGHT_M_S,
+            reference: pulse.reference_terms(),
+            coupling: centre_hz / pulse.step_hz,
+        }
+    }
+}
+
+/// What some pulses add to one pixel.
 fn contribution(
     point: DVec3,
     sources: &[Source],
@@ -248,28 +353,32 @@ fn place(turns: f64, length: usize) -> (usize, f32) {
 }
 
 /// Even steps of the phase `q (K/2)^2`, turns at the band's edge, that motion from sample to sample leaves.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Blurs {
     num_samples: usize,
     least_turns: f64,
     step_turns: f64,
     count: usize,
-    /// Relative RMS error that is left: of the steps, and of what is no parabola.
-    error: f64,
 }
 
 impl Blurs {
-    /// For all pulses and points of a grid, so fine that reading between the steps errs by `error_db`.
-    fn new(task: &Task, error_db: f64, target: &(impl Fn(&Pulse, DVec3) -> Target + Sync)) -> Self {
-        let collection = task.history.collection();
+    /// For all pulses and points of a grid, so fine that reading between the steps errs by `error_db`; and the relative RMS
+    /// error that is left, of the steps and of what is no parabola.
+    fn new(
+        aim: &Aim,
+        error_db: f64,
+        target: &(impl Fn(&Pulse, DVec3) -> Target + Sync),
+    ) -> (Option<Self>, f64) {
+        let collection = aim.collection;
+        let error;
         let mut blurs = Self {
             num_samples: collection.num_samples,
             least_turns: 0.0,
             step_turns: 0.0,
             count: 1,
-            error: 0.0,
         };
         // Smooth over the grid, so its extremes are near those of 9 x 9 points, or of its edges.
-        let points: Vec<DVec3> = places(task.grid, 9).collect();
+        let points: Vec<DVec3> = places(aim.grid, 9).collect();
         let of_pulse = |pulse: &Pulse| {
             let reference = pulse.reference_terms();
             let turns = points.iter().map(|&point| {
@@ -291,15 +400,15 @@ impl Blurs {
         // A single profile, halfway, errs by its distance from the halfway.
         if TAU * span / 2.0 <= allowed {
             blurs.least_turns = 0.5 * (low + high);
-            blurs.error = TAU * span / 2.0;
+            error = TAU * span / 2.0;
         } else {
             let steps = (TAU * span / most_rad).ceil().clamp(1.0, 1e9);
             blurs.count = steps as usize + 1;
             blurs.least_turns = low - margin;
             blurs.step_turns = span / steps;
-            blurs.error = (TAU * blurs.step_turns).powi(2) / 120f64.sqrt();
+            error = (TAU * blurs.step_turns).powi(2) / 120f64.sqrt();
         }
-        let cubic = sweep::worst(collection, task.grid, |pulse, point, after| {
+        let cubic = sweep::worst(collection, aim.grid, |pulse, point, after| {
             let (at, velocity_m_s) = target(pulse, point);
             let moved_m = velocity_m_s * (after * pulse.sweep.sample_s);
             let path_m = pulse.path_after_m(at + moved_m, after) - pulse.reference_drift_m(after);
@@ -312,8 +421,7 @@ impl Blurs {
                 + after * after * (pulse.step_hz * terms.rate_m + 0.5 * centre_hz * terms.bend_m);
             (frequency_hz * (path_m - pulse.reference_path_m) - modelled) / SPEED_OF_LIGHT_M_S
         });
-        blurs.error = blurs.error.hypot(cubic);
-        blurs
+        (Some(blurs), error.hypot(cubic))
     }
 
     /// `q (K/2)^2`.

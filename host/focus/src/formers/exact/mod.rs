@@ -22,10 +22,12 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
+use super::Entry;
 use crate::budget::Budget;
-use crate::{Asked, FormError, Formed, ImageFormer, Monitor, Task, Weights, rounding};
+use crate::{Aim, Asked, Decision, FormError, Forming, ImageFormer, Tile, Work, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::phase_history::{PhaseHistory, Pulse};
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::{PhaseHistory, Pulse, Weights};
 use subaperture_signal::phase::{narrow, phasor, widen};
 
 /// The exact sum.
@@ -35,9 +37,20 @@ pub struct Exact;
 /// Pixels summed side by side: enough to hide the latency of Horner's chain.
 pub(crate) const LANES: usize = 16;
 
+/// In the list of formers.
+pub(super) const ENTRY: Entry = Entry {
+    name: "exact",
+    summary: "the sum itself, in float64: slow, and the measure of all others",
+    of: |_| Ok(Box::new(Exact)),
+};
+
 impl ImageFormer for Exact {
     fn name(&self) -> &'static str {
-        "exact"
+        ENTRY.name
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!({})
     }
 
     fn bound_db(&self) -> Option<f64> {
@@ -48,18 +61,55 @@ impl ImageFormer for Exact {
         true
     }
 
-    fn form_planned(&self, task: &Task, _asked: &Asked) -> Result<Formed, FormError> {
-        // Points, float64 sums and the image itself.
-        let budget = Budget::for_task(task, 24 + 16 + 8)?;
-        let columns = task.grid.columns.count;
-        let points: Vec<DVec3> = (0..task.grid.num_pixels() as usize)
-            .map(|i| task.grid.position_m(i / columns, i % columns))
+    fn decide(&self, aim: &Aim, _: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
+        Ok(Decision {
+            choices: serde_json::json!({}),
+            settings: serde_json::json!({}),
+            planned_db: rounding::total_db(&[
+                rounding::LARGEST_FLOAT32,
+                rounding::path_phase_rad(aim),
+            ]),
+        })
+    }
+
+    fn open<'a>(
+        &self,
+        aim: Aim<'a>,
+        _: &serde_json::Value,
+    ) -> Result<Box<dyn Forming + 'a>, FormError> {
+        Ok(Box::new(Opened { aim }))
+    }
+}
+
+struct Opened<'a> {
+    aim: Aim<'a>,
+}
+
+impl Forming for Opened<'_> {
+    /// A place and a float64 sum.
+    fn pixel_bytes(&self) -> u64 {
+        24 + 16
+    }
+
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        let count: usize = tiles.iter().map(|tile| tile.pixels.len()).sum();
+        let mut budget = Budget::new(work.memory_bytes);
+        budget.take(
+            "float64 sums",
+            count as u128 * u128::from(self.pixel_bytes()),
+            "use a smaller or coarser --grid, or raise --memory",
+        )?;
+        let points: Vec<DVec3> = tiles
+            .iter()
+            .flat_map(|tile| tile.points(self.aim.grid))
             .collect();
-        let sums = sum_at(task.history, task.weights, &points, budget, task.monitor)?;
-        let pixels = sums.into_iter().map(narrow).collect();
-        let planned_db =
-            rounding::total_db(&[rounding::LARGEST_FLOAT32, rounding::path_phase_rad(task)]);
-        Ok(Formed::new(task, pixels, planned_db, serde_json::json!({})))
+        let weights = self.aim.weights;
+        let sums = sum_at(work.history, weights, &points, budget, work.monitor)?;
+        let pixels = tiles.iter_mut().flat_map(|tile| &mut tile.pixels);
+        pixels
+            .zip(sums)
+            .for_each(|(pixel, sum)| *pixel = narrow(sum));
+        Ok(())
     }
 }
 

@@ -43,6 +43,7 @@
 mod patch_history;
 mod track;
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
@@ -50,11 +51,17 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
-use crate::budget::Budget;
-use crate::patch::{self, PatchSize, Rectangle};
+use super::{Entry, of};
+use crate::budget::{Budget, on_threads};
+use crate::former::chosen;
+use crate::patch::{self, PatchSize, Patches, Rectangle, Segment};
 use crate::sub_cpi::{self, shared_band};
-use crate::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
+use crate::{
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Tile, Work,
+    rounding,
+};
 use subaperture_model::geometry::ImageGrid;
+use subaperture_model::monitor::Monitor;
 use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
 
 use patch_history::{PatchHistory, Refiner, Scratch};
@@ -62,6 +69,8 @@ use track::Track;
 
 /// Patches a side that the image is cut into first: work for threads.
 const FIRST_PATCHES: usize = 4;
+/// Pixels a side of these at most, so that tiles of a large image need no larger patch's work.
+const LARGEST_FIRST_PIXELS: usize = 1024;
 /// Pixels a side at which a patch is not cut further.
 const LEAF_PIXELS: usize = 16;
 /// Pixels a side at which a patch of few pulses is not: it takes half a megabyte.
@@ -71,15 +80,35 @@ const LARGEST_LEAF_PIXELS: usize = 128;
 const SCRATCH_COPIES: u64 = 4;
 
 /// Fast factorised backprojection.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct FastFactorised {
     /// Bound on the relative RMS error of the image, dB (negative).
     pub error_db: f64,
 }
 
+impl Default for FastFactorised {
+    fn default() -> Self {
+        Self {
+            error_db: DEFAULT_ERROR_DB,
+        }
+    }
+}
+
+/// In the list of formers.
+pub(super) const ENTRY: Entry = Entry {
+    name: "ffbp",
+    summary: "fast factorised backprojection: patches within patches, any track",
+    of: of::<FastFactorised>,
+};
+
 impl ImageFormer for FastFactorised {
     fn name(&self) -> &'static str {
-        "ffbp"
+        ENTRY.name
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!(self)
     }
 
     fn bound_db(&self) -> Option<f64> {
@@ -90,17 +119,118 @@ impl ImageFormer for FastFactorised {
         Some(Box::new(Self { error_db }))
     }
 
-    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
-        let (taps, shares) = self.shares(task.grid);
-        let plan = Plan { shares };
-        match taps {
-            6 => plan.form::<6>(task, asked),
-            8 => plan.form::<8>(task, asked),
-            10 => plan.form::<10>(task, asked),
-            12 => plan.form::<12>(task, asked),
-            14 => plan.form::<14>(task, asked),
-            _ => plan.form::<16>(task, asked),
+    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
+        let collection = aim.collection;
+        let num_pulses = collection.pulses.len();
+        let num_samples = shared_band(collection)?.count;
+        let (taps, shares) = self.shares(aim.grid);
+        let arithmetic = rounding::path_phase_rad(aim).hypot(rounding::band_phase_rad(aim));
+        let planned_db = shares.planned_db(num_pulses, arithmetic);
+        asked.check(planned_db, || {
+            "kernels and float32 sums leave no less: use --algorithm bp or exact".to_owned()
+        })?;
+        let longest = aim.scratch_bytes / stretch_bytes(num_samples);
+        let choices = Choices {
+            error_db: self.error_db,
+            longest: longest.clamp(1, num_pulses as u64) as usize,
+            patch_rows: first_side(aim.grid.rows.count),
+            patch_columns: first_side(aim.grid.columns.count),
+        };
+        Ok(Decision {
+            choices: json!(choices),
+            settings: json!({
+                "stretches": choices.tracks(aim, &shares).len(),
+                "levels": shares.levels,
+                "kernel_taps": taps,
+            }),
+            planned_db,
+        })
+    }
+
+    fn open<'a>(
+        &self,
+        aim: Aim<'a>,
+        choices: &serde_json::Value,
+    ) -> Result<Box<dyn Forming + 'a>, FormError> {
+        let choices: Choices = chosen("ffbp", choices)?;
+        let former = Self {
+            error_db: choices.error_db,
+        };
+        let (taps, shares) = former.shares(aim.grid);
+        Ok(match taps {
+            6 => Box::new(Opened::<6>::new(aim, choices, shares)?),
+            8 => Box::new(Opened::<8>::new(aim, choices, shares)?),
+            10 => Box::new(Opened::<10>::new(aim, choices, shares)?),
+            12 => Box::new(Opened::<12>::new(aim, choices, shares)?),
+            14 => Box::new(Opened::<14>::new(aim, choices, shares)?),
+            _ => Box::new(Opened::<16>::new(aim, choices, shares)?),
+        })
+    }
+}
+
+/// What a plan fixes: the rest follows from it.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+struct Choices {
+    error_db: f64,
+    /// Pulses of a stretch at most.
+    longest: usize,
+    /// Of the first patches.
+    patch_rows: usize,
+    patch_columns: usize,
+}
+
+/// Bytes a pulse of a stretch, and of a thread's patches within patches.
+fn stretch_bytes(num_samples: usize) -> u64 {
+    pulse_bytes(num_samples) * (1 + SCRATCH_COPIES)
+}
+
+fn pulse_bytes(num_samples: usize) -> u64 {
+    8 * num_samples as u64 + PatchHistory::PULSE_BYTES
+}
+
+impl Choices {
+    fn size(&self) -> PatchSize {
+        PatchSize {
+            rows: self.patch_rows,
+            columns: self.patch_columns,
         }
+    }
+
+    /// The stretches of pulses, on whose fitted tracks the first patches keep their share of the bound.
+    fn tracks(&self, aim: &Aim, shares: &Shares) -> Vec<Track> {
+        let collection = aim.collection;
+        let highest_hz = rounding::highest_hz(aim);
+        let rectangles = patch::rectangles(aim.grid, self.size());
+        let patches: Vec<(DVec3, f64)> = rectangles
+            .iter()
+            .map(|rectangle| {
+                let centre = rectangle.centre_m(aim.grid);
+                let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)];
+                let radii =
+                    corners.map(|(r, c)| rectangle.point_m(aim.grid, r, c).distance(centre));
+                (centre, radii.into_iter().fold(0.0, f64::max))
+            })
+            .collect();
+        let phase_rad = |track: &Track| {
+            let last = (track.pulses().len() - 1) as f64;
+            let antennas = [0.0, 0.5, 1.0].map(|part| track.at(part * last));
+            let each = patches.iter().map(|&(centre, radius_m)| {
+                let distances = antennas.iter().flatten().map(|at| at.distance(centre));
+                track.phase_rad(
+                    highest_hz,
+                    radius_m,
+                    distances.fold(f64::INFINITY, f64::min),
+                )
+            });
+            each.fold(0.0, f64::max)
+        };
+        let mut tracks = Vec::new();
+        let breaks = sub_cpi::breaks(collection);
+        for pulses in sub_cpi::cut(collection.pulses.len(), &breaks, self.longest) {
+            let pulses_of = &collection.pulses;
+            track::fit_all(pulses_of, pulses, shares.track, &phase_rad, &mut tracks);
+        }
+        tracks
     }
 }
 
@@ -184,165 +314,149 @@ impl Shares {
     }
 }
 
-/// What the bound comes to.
-struct Plan {
-    shares: Shares,
+/// Ready to form.
+struct Opened<'a, const W: usize> {
+    aim: Aim<'a>,
+    tracks: Vec<Track>,
+    patches: Patches,
+    refiner: Refiner<'a, W>,
 }
 
-impl Plan {
-    fn form<const W: usize>(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
-        let mut budget = Budget::for_task(task, 8)?;
-        let collection = task.history.collection();
-        let num_samples = shared_band(collection)?.count;
-        let size = PatchSize {
-            rows: first_side(task.grid.rows.count),
-            columns: first_side(task.grid.columns.count),
-        };
-        let rectangles = patch::rectangles(task.grid, size);
-        budget.take(
-            "patches",
-            patch::account_bytes(&rectangles).into(),
-            "raise --memory",
-        )?;
-        // A stretch and one thread's copies; whatever the number of threads, so that sums are the same.
-        let pulse_bytes = 8 * num_samples as u64 + PatchHistory::PULSE_BYTES;
-        let longest = budget.take_block(
-            "a stretch of pulses",
-            pulse_bytes * (1 + SCRATCH_COPIES),
-            collection.pulses.len(),
-            "raise --memory",
-        )?;
-        let threads = rayon::current_num_threads();
-        let more = match threads {
-            1 => 0,
-            _ => {
-                let copies = pulse_bytes * SCRATCH_COPIES * longest as u64;
-                (budget.left_bytes() / copies.max(1)).min(threads as u64 - 1) as usize
-            }
-        };
-        let num_pulses = collection.pulses.len();
-        let arithmetic = rounding::path_phase_rad(task).hypot(rounding::band_phase_rad(task));
-        let planned_db = self.shares.planned_db(num_pulses, arithmetic);
-        asked.check(planned_db, || {
-            "kernels and float32 sums leave no less: use --algorithm bp or exact".to_owned()
-        })?;
-        let highest_hz = rounding::highest_hz(task);
-        let patches: Vec<(DVec3, f64)> = rectangles
-            .iter()
-            .map(|rectangle| {
-                let centre = rectangle.centre_m(task.grid);
-                let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)];
-                let radii =
-                    corners.map(|(r, c)| rectangle.point_m(task.grid, r, c).distance(centre));
-                (centre, radii.into_iter().fold(0.0, f64::max))
-            })
-            .collect();
-        let phase_rad = |track: &Track| {
-            let last = (track.pulses().len() - 1) as f64;
-            let antennas = [0.0, 0.5, 1.0].map(|part| track.at(part * last));
-            let each = patches.iter().map(|&(centre, radius_m)| {
-                let distances = antennas.iter().flatten().map(|at| at.distance(centre));
-                track.phase_rad(
-                    highest_hz,
-                    radius_m,
-                    distances.fold(f64::INFINITY, f64::min),
-                )
+impl<'a, const W: usize> Opened<'a, W> {
+    fn new(aim: Aim<'a>, choices: Choices, shares: Shares) -> Result<Self, FormError> {
+        shared_band(aim.collection)?;
+        if choices.longest == 0 || choices.patch_rows * choices.patch_columns == 0 {
+            return Err(FormError::Choices {
+                former: "ffbp",
+                what: "its stretches or its patches are empty".to_owned(),
             });
-            each.fold(0.0, f64::max)
-        };
-        let mut tracks = Vec::new();
-        for pulses in sub_cpi::cut(num_pulses, &sub_cpi::breaks(collection), longest) {
-            let allowed = self.shares.track;
-            track::fit_all(&collection.pulses, pulses, allowed, &phase_rad, &mut tracks);
         }
-        let refiner = Refiner::<W>::new(task.grid, self.shares);
-        let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
-        let mut add_all = || self.add_all(task, &tracks, &refiner, &rectangles, &mut pixels);
-        if more + 1 < threads {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(more + 1)
-                .build();
-            pool.map_err(|e| FormError::Unsuited(format!("cannot start threads: {e}")))?
-                .install(&mut add_all)?;
-        } else {
-            add_all()?;
-        }
-        let settings = json!({
-            "stretches": tracks.len(),
-            "levels": self.shares.levels,
-            "kernel_taps": W,
-        });
-        Ok(Formed::new(task, pixels, planned_db, settings))
+        Ok(Self {
+            tracks: choices.tracks(&aim, &shares),
+            patches: Patches::new(aim.grid, choices.size()),
+            refiner: Refiner::new(aim.grid, shares),
+            aim,
+        })
     }
 
-    fn add_all<const W: usize>(
-        &self,
-        task: &Task,
-        tracks: &[Track],
-        refiner: &Refiner<W>,
-        rectangles: &[Rectangle],
-        pixels: &mut [Complex32],
-    ) -> Result<(), FormError> {
-        let parts = (tracks.len() * rectangles.len()) as f64;
+    /// The samples of a stretch, weighted.
+    fn read(&self, work: &Work, track: &Track) -> Result<PatchHistory, FormError> {
+        let Aim {
+            collection,
+            weights,
+            ..
+        } = self.aim;
+        let mut top = PatchHistory::of_pulses(collection, track.pulses());
+        work.history.read(track.pulses(), top.samples_mut())?;
+        let norm = weights.normalisation();
+        let fast: Vec<f32> = weights.fast.iter().map(|&w| w as f32).collect();
+        let rows = top.samples_mut().par_chunks_exact_mut(fast.len());
+        rows.zip(track.pulses()).for_each(|(row, n)| {
+            let slow = (weights.slow[n] * norm) as f32;
+            row.iter_mut().zip(&fast).for_each(|(z, w)| *z *= w * slow);
+        });
+        Ok(top)
+    }
+
+    fn add_all(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
         let done = AtomicUsize::new(0);
-        for track in tracks {
-            let top = self.read(task, track)?;
-            let patches = patch::split(pixels, task.grid.columns.count, rectangles);
-            rectangles.par_iter().zip(patches).for_each_init(
+        for track in &self.tracks {
+            let top = self.read(work, track)?;
+            let mut patches = self.patches.split(tiles);
+            let parts = (self.tracks.len() * patches.len()) as f64;
+            patches.par_iter_mut().for_each_init(
                 Scratch::default,
-                |scratch, (&rectangle, mut patch)| {
+                |scratch, (rectangle, segments)| {
                     let mut descent = Descent {
-                        task,
-                        refiner,
+                        monitor: work.monitor,
+                        refiner: &self.refiner,
                         track,
-                        target: Target {
-                            origin: rectangle,
-                            patch: &mut patch,
-                        },
+                        target: Target { segments },
                         scratch,
                     };
-                    descent.descend(&top, rectangle);
+                    descent.descend(&top, *rectangle);
                     let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                    task.monitor.progress(done as f64 / parts);
+                    work.monitor.progress(done as f64 / parts);
                 },
             );
-            if task.monitor.cancelled() {
+            if work.monitor.cancelled() {
                 return Err(FormError::Cancelled);
             }
         }
         Ok(())
     }
+}
 
-    /// The samples of a stretch, weighted.
-    fn read(&self, task: &Task, track: &Track) -> Result<PatchHistory, FormError> {
-        let collection = task.history.collection();
-        let mut top = PatchHistory::of_pulses(collection, track.pulses());
-        task.history.read(track.pulses(), top.samples_mut())?;
-        let norm = task.weights.normalisation();
-        let fast: Vec<f32> = task.weights.fast.iter().map(|&w| w as f32).collect();
-        let rows = top.samples_mut().par_chunks_exact_mut(fast.len());
-        rows.zip(track.pulses()).for_each(|(row, n)| {
-            let slow = (task.weights.slow[n] * norm) as f32;
-            row.iter_mut().zip(&fast).for_each(|(z, w)| *z *= w * slow);
-        });
-        Ok(top)
+impl<const W: usize> Forming for Opened<'_, W> {
+    fn grain(&self) -> PatchSize {
+        self.patches.size
+    }
+
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        let mut budget = Budget::new(work.memory_bytes);
+        budget.take(
+            "patches",
+            Patches::account_bytes(tiles, self.patches.size).into(),
+            "raise --memory",
+        )?;
+        let longest = self.tracks.iter().map(|track| track.pulses().len());
+        let longest = longest.max().unwrap_or(0) as u64;
+        let num_samples = self.aim.collection.num_samples;
+        let bytes = u128::from(longest * stretch_bytes(num_samples));
+        budget.take("a stretch of pulses", bytes, "raise --memory")?;
+        let copies = pulse_bytes(num_samples) * SCRATCH_COPIES * longest;
+        let more = budget.left_bytes() / copies.max(1);
+        on_threads(more.saturating_add(1) as usize, || {
+            self.add_all(work, tiles)
+        })
     }
 }
 
 /// Pixels a side of a first patch.
 fn first_side(count: usize) -> usize {
-    count.div_ceil(FIRST_PATCHES).max(LEAF_PIXELS)
+    count
+        .div_ceil(FIRST_PATCHES)
+        .clamp(LEAF_PIXELS, LARGEST_FIRST_PIXELS)
 }
 
-/// The pixels of a first patch.
+/// The pixels of a first patch that are wanted.
 pub(super) struct Target<'a, 'b> {
-    origin: Rectangle,
-    patch: &'a mut [&'b mut [Complex32]],
+    segments: &'a mut [Segment<'b>],
+}
+
+impl Target<'_, '_> {
+    /// Whether any of them is in `part`.
+    fn wants(&self, part: &Rectangle) -> bool {
+        self.segments.iter().any(|segment| {
+            let rows = part.row..part.row + part.size.rows;
+            rows.contains(&segment.row) && !common(segment, part).is_empty()
+        })
+    }
+
+    /// Those in `part`: row, column and pixel.
+    fn each(&mut self, part: Rectangle, mut of: impl FnMut(usize, usize, &mut Complex32)) {
+        let rows = part.row..part.row + part.size.rows;
+        for segment in self.segments.iter_mut() {
+            if !rows.contains(&segment.row) {
+                continue;
+            }
+            for column in common(segment, &part) {
+                let pixel = &mut segment.pixels[column - segment.column];
+                of(segment.row, column, pixel);
+            }
+        }
+    }
+}
+
+/// Columns that a segment and a rectangle share.
+fn common(segment: &Segment, part: &Rectangle) -> Range<usize> {
+    let end = segment.column + segment.pixels.len();
+    segment.column.max(part.column)..end.min(part.column + part.size.columns)
 }
 
 /// The way from a first patch to its leaves.
 struct Descent<'a, 'b, 'c, const W: usize> {
-    task: &'a Task<'a>,
+    monitor: &'a dyn Monitor,
     refiner: &'a Refiner<'a, W>,
     track: &'a Track,
     target: Target<'b, 'c>,
@@ -353,7 +467,7 @@ impl<const W: usize> Descent<'_, '_, '_, W> {
     /// Adds what `parent` says of `rectangle` to the image, from the patch's own, smaller history if
     /// there is one.
     fn descend(&mut self, parent: &PatchHistory, rectangle: Rectangle) {
-        if self.task.monitor.cancelled() {
+        if self.monitor.cancelled() || !self.target.wants(&rectangle) {
             return;
         }
         let mut own = self.scratch.levels.pop().unwrap_or_default();

@@ -470,13 +470,10 @@ impl<'a, const W: usize> Refiner<'a, W> {
         let length = profiler.length();
         profile.resize(length + 1, Complex32::ZERO);
         fft.resize(profiler.scratch_length(), Complex32::ZERO);
-        let size = rectangle.size;
         points.clear();
-        points.extend((0..size.rows * size.columns).map(|i| {
-            let (row, column) = (i / size.columns, i % size.columns);
-            self.grid
-                .position_m(rectangle.row + row, rectangle.column + column)
-        }));
+        target.each(rectangle, |row, column, _| {
+            points.push(self.grid.position_m(row, column));
+        });
         sums.clear();
         sums.resize(points.len(), Complex32::ZERO);
         let centre_cycles_m =
@@ -496,23 +493,9 @@ impl<'a, const W: usize> Refiner<'a, W> {
                 *sum += phasor32(path_m * centre_cycles_m) * value;
             }
         }
-        target.add(rectangle, sums);
-    }
-}
-
-impl Target<'_, '_> {
-    /// Adds `values`, row by row, to the pixels of `rectangle`.
-    fn add(&mut self, rectangle: Rectangle, values: &[Complex32]) {
-        let first = rectangle.column - self.origin.column;
-        let rows = &mut self.patch[rectangle.row - self.origin.row..];
-        for (pixels, values) in rows
-            .iter_mut()
-            .zip(values.chunks_exact(rectangle.size.columns))
-        {
-            let pixels = &mut pixels[first..first + rectangle.size.columns];
-            for (pixel, value) in pixels.iter_mut().zip(values) {
-                *pixel += value;
-            }
-        }
+        let mut sums = sums.iter();
+        target.each(rectangle, |_, _, pixel| {
+            *pixel += sums.next().expect("as many as points");
+        });
     }
 }

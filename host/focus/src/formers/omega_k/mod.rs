@@ -50,31 +50,67 @@ use serde_json::json;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
+use super::{Entry, of};
 use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
-use crate::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy, rounding};
+use crate::{
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Formed, Forming, ImageFormer, Misses, Task,
+    accuracy,
+};
 use subaperture_model::geometry::ImageGrid;
+use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 
 /// The range migration algorithm.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct OmegaK {
     /// Bound on the relative RMS error of the image, dB (negative).
     pub error_db: f64,
 }
 
+impl Default for OmegaK {
+    fn default() -> Self {
+        Self {
+            error_db: DEFAULT_ERROR_DB,
+        }
+    }
+}
+
+/// In the list of formers.
+pub(super) const ENTRY: Entry = Entry {
+    name: "omega-k",
+    summary: "omega-k: straight, even tracks",
+    of: of::<OmegaK>,
+};
+
 impl ImageFormer for OmegaK {
     fn name(&self) -> &'static str {
-        "omega-k"
+        ENTRY.name
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!(self)
     }
 
     fn bound_db(&self) -> Option<f64> {
         Some(self.error_db)
     }
 
-    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
-        self.form_steps(task, asked, &mut |_| ())
+    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
+        let settings = json!({});
+        let limit = "pixels are seen so steeply, or from so few wavelengths, that the ends of the band of directions ring: use \
+                     --algorithm rdbp or bp, or a --grid farther away or narrower";
+        strip::decide(aim, &Stolt, asked, limit, settings)
+    }
+
+    fn open<'a>(
+        &self,
+        aim: Aim<'a>,
+        _: &serde_json::Value,
+    ) -> Result<Box<dyn Forming + 'a>, FormError> {
+        Ok(Box::new(Strip::new(aim, Stolt)?))
     }
 }
 
@@ -96,27 +132,10 @@ impl OmegaK {
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        accuracy::keep(self, task, Misses::Allowed, |task, asked| {
-            self.form_steps(task, asked, observe)
+        accuracy::keep(self, task, Misses::Allowed, |_, work, tiles| {
+            let aim = task.aim();
+            Strip::new(aim, Stolt)?.form_observed(work, tiles, observe)
         })
-    }
-
-    fn form_steps(
-        &self,
-        task: &Task,
-        asked: &Asked,
-        observe: &mut dyn FnMut(&Stage),
-    ) -> Result<Formed, FormError> {
-        let strip = Strip::new(task, &Stolt, asked)?;
-        let prediction = strip.prediction();
-        let planned_db = prediction.total_db(&[rounding::path_phase_rad(task)]);
-        asked.check(planned_db, || {
-            prediction.limit(
-                "pixels are seen so steeply, or from so few wavelengths, that the ends of the band of directions \
-                 ring: use --algorithm rdbp or bp, or a --grid farther away or narrower",
-            )
-        })?;
-        strip.form(&Stolt, planned_db, json!({}), observe)
     }
 }
 

@@ -47,31 +47,39 @@ mod plane;
 mod raster;
 
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 use glam::DVec3;
 use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::{Entry, of};
 use crate::budget::Budget;
-use crate::pixels::add_to_each;
-use crate::{Asked, FormError, Formed, ImageFormer, MARGIN_DB, Task, rounding};
+use crate::former::chosen;
+use crate::pixels::for_each;
+use crate::{
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Tile, Work,
+    rounding,
+};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
+use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{narrow, phasor, phasor32};
 
 pub use plane::FIT_PULSES;
-use plane::Plane;
+use plane::{Extent, Plane};
 pub use raster::RasterSize;
-use raster::{Raster, Track};
+use raster::{Raster, Readable, Track};
 
 /// Pulses spread at a time.
 const BLOCK_PULSES: usize = 256;
 
 /// The polar format algorithm.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct PolarFormat {
     /// Bound on the relative RMS error of the image, dB (negative). The kernels keep it; whether the
     /// wave front's curvature does depends on the grid.
@@ -80,20 +88,207 @@ pub struct PolarFormat {
     pub centre_m: Option<DVec3>,
 }
 
+impl Default for PolarFormat {
+    fn default() -> Self {
+        Self {
+            error_db: DEFAULT_ERROR_DB,
+            centre_m: None,
+        }
+    }
+}
+
+/// In the list of formers.
+pub(super) const ENTRY: Entry = Entry {
+    name: "pfa",
+    summary: "polar format: far scenes, small against their distance",
+    of: of::<PolarFormat>,
+};
+
 impl ImageFormer for PolarFormat {
     fn name(&self) -> &'static str {
-        "pfa"
+        ENTRY.name
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!(self)
     }
 
     fn bound_db(&self) -> Option<f64> {
         Some(self.error_db)
     }
 
-    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
-        match self.taps() {
-            4 => self.form_with::<4>(task, asked),
-            _ => self.form_with::<6>(task, asked),
+    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
+        let collection = aim.collection;
+        let taps = self.taps();
+        let plane = Plane::new(collection, aim.grid, self.centre_m);
+        let extent = plane.image_extent(aim.grid);
+        let size = RasterSize::new(plane.spectrum(collection), extent, taps)?;
+        let kernels = raster::error(taps);
+        let residual = plane.residual(collection, aim.weights, aim.grid);
+        let planned_db = rounding::total_db(&[residual, kernels, rounding::path_phase_rad(aim)]);
+        asked.check(planned_db, || {
+            if residual > kernels {
+                "paths over so large a grid are not linear in the place: use a smaller --grid, or --algorithm \
+                 rdbp"
+                    .to_owned()
+            } else {
+                "that is what its kernels can do: use --algorithm rdbp or bp".to_owned()
+            }
+        })?;
+        Ok(Decision {
+            choices: json!(Choices {
+                taps,
+                centre_m: plane.centre_m.to_array(),
+            }),
+            settings: json!({
+                "centre_m": plane.centre_m.to_array(),
+                "raster": size.cells,
+                "kernel_taps": taps,
+                "curvature_error_db": 20.0 * residual.max(1e-15).log10(),
+            }),
+            planned_db,
+        })
+    }
+
+    fn open<'a>(
+        &self,
+        aim: Aim<'a>,
+        choices: &serde_json::Value,
+    ) -> Result<Box<dyn Forming + 'a>, FormError> {
+        let choices: Choices = chosen("pfa", choices)?;
+        Ok(match choices.taps {
+            4 => Box::new(Opened::<4>::new(aim, choices)),
+            _ => Box::new(Opened::<6>::new(aim, choices)),
+        })
+    }
+}
+
+/// What a plan fixes.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+struct Choices {
+    taps: usize,
+    centre_m: [f64; 3],
+}
+
+/// Ready to form. What tiles share, the transform, is made with the first and kept.
+struct Opened<'a, const W: usize> {
+    aim: Aim<'a>,
+    plane: Plane<'a>,
+    extent: Extent,
+    norm: f64,
+    transform: Mutex<Option<Arc<Readable<W>>>>,
+}
+
+impl<'a, const W: usize> Opened<'a, W> {
+    fn new(aim: Aim<'a>, choices: Choices) -> Self {
+        let centre_m = DVec3::from(choices.centre_m);
+        let plane = Plane::new(aim.collection, aim.grid, Some(centre_m));
+        Self {
+            extent: plane.image_extent(aim.grid),
+            plane,
+            norm: aim.weights.normalisation(),
+            aim,
+            transform: Mutex::new(None),
         }
+    }
+
+    /// The transform of all samples.
+    fn transform(&self, work: &Work) -> Result<Readable<W>, FormError> {
+        let collection = self.aim.collection;
+        let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
+        let mut budget = Budget::new(work.memory_bytes);
+        let band = self.plane.spectrum(collection);
+        let mut raster = Raster::<W>::new(band, self.extent, &mut budget)?;
+        let block = budget.take_block(
+            "a pulse",
+            8 * num_samples as u64,
+            num_pulses.min(BLOCK_PULSES),
+            "raise --memory",
+        )?;
+        let mut samples = vec![Complex32::ZERO; block * num_samples];
+        for first in (0..num_pulses).step_by(block) {
+            let pulses = first..(first + block).min(num_pulses);
+            let samples = &mut samples[..pulses.len() * num_samples];
+            work.history.read(pulses.clone(), samples)?;
+            let tracks: Vec<Track> = samples
+                .par_chunks_exact_mut(num_samples)
+                .zip(pulses.clone())
+                .map(|(row, n)| self.refer(n, row))
+                .collect();
+            raster.spread(&tracks, samples);
+            if work.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            // The rest is transforms and reading.
+            work.monitor
+                .progress(0.6 * pulses.end as f64 / num_pulses as f64);
+        }
+        drop(samples);
+        let transform = raster.transform();
+        work.monitor.progress(0.8);
+        Ok(transform)
+    }
+
+    /// Refers the samples of pulse `n` to the middle of the image, weighted; says which spatial frequencies they are of.
+    fn refer(&self, n: usize, row: &mut [Complex32]) -> Track {
+        let Aim {
+            collection,
+            weights,
+            ..
+        } = self.aim;
+        let pulse = &collection.pulses[n];
+        let gradient = self.plane.gradient(pulse);
+        let path_m =
+            pulse.relative_path_m(self.plane.centre_m) + gradient.dot(self.extent.centre_m);
+        let delay_s = path_m / SPEED_OF_LIGHT_M_S;
+        let weight = weights.slow[n] * self.norm;
+        let mut turn = phasor(pulse.start_hz * delay_s) * weight;
+        let step = phasor(pulse.step_hz * delay_s);
+        for (z, w) in row.iter_mut().zip(&weights.fast) {
+            *z *= narrow(turn * w);
+            turn *= step;
+        }
+        let cycles = gradient / SPEED_OF_LIGHT_M_S;
+        Track {
+            start: cycles * pulse.start_hz,
+            step: cycles * pulse.step_hz,
+        }
+    }
+}
+
+impl<const W: usize> Forming for Opened<'_, W> {
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        let mut kept = self
+            .transform
+            .lock()
+            .unwrap_or_else(|held| held.into_inner());
+        let transform = match &*kept {
+            Some(transform) => transform.clone(),
+            None => kept.insert(Arc::new(self.transform(work)?)).clone(),
+        };
+        drop(kept);
+        let beyond = AtomicBool::new(false);
+        for_each(self.aim.grid, tiles, work.monitor, |point, pixel| {
+            let place_m = self.plane.place(point) - self.extent.centre_m;
+            if !place_m.abs().cmple(self.extent.half_m).all() {
+                beyond.store(true, Ordering::Relaxed);
+            }
+            *pixel += transform.at(place_m) * phasor32(transform.carrier.dot(place_m));
+        });
+        if work.monitor.cancelled() {
+            return Err(FormError::Cancelled);
+        }
+        // The extent is that of some of the pixels. Of all it is where paths are anywhere near linear; beside an antenna they have
+        // a cusp.
+        if beyond.into_inner() {
+            return Err(FormError::Unsuited(
+                "linear paths put some pixels beyond all others: the grid lies around an antenna; leave that out of --grid, or \
+                 use --algorithm bp"
+                    .to_owned(),
+            ));
+        }
+        work.monitor.progress(1.0);
+        Ok(())
     }
 }
 
@@ -124,104 +319,5 @@ impl PolarFormat {
         } else {
             6
         }
-    }
-
-    fn form_with<const W: usize>(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
-        let collection = task.history.collection();
-        let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
-        let mut budget = Budget::for_task(task, 8)?;
-        let plane = Plane::new(collection, task.grid, self.centre_m);
-        let extent = plane.image_extent(task.grid);
-        let mut raster = Raster::<W>::new(plane.spectrum(collection), extent, &mut budget)?;
-        let residual = plane.residual(collection, task.weights, task.grid);
-        let planned_db =
-            rounding::total_db(&[residual, raster.error(), rounding::path_phase_rad(task)]);
-        asked.check(planned_db, || {
-            if residual > raster.error() {
-                "paths over so large a grid are not linear in the place: use a smaller --grid, or --algorithm \
-                 rdbp"
-                    .to_owned()
-            } else {
-                "that is what its kernels can do: use --algorithm rdbp or bp".to_owned()
-            }
-        })?;
-        let block = budget.take_block(
-            "a pulse",
-            8 * num_samples as u64,
-            num_pulses.min(BLOCK_PULSES),
-            "raise --memory",
-        )?;
-        let mut samples = vec![Complex32::ZERO; block * num_samples];
-        let norm = task.weights.normalisation();
-
-        for first in (0..num_pulses).step_by(block) {
-            let pulses = first..(first + block).min(num_pulses);
-            let samples = &mut samples[..pulses.len() * num_samples];
-            task.history.read(pulses.clone(), samples)?;
-            let tracks: Vec<Track> = samples
-                .par_chunks_exact_mut(num_samples)
-                .zip(pulses.clone())
-                .map(|(row, n)| {
-                    let pulse = &collection.pulses[n];
-                    let gradient = plane.gradient(pulse);
-                    let path_m =
-                        pulse.relative_path_m(plane.centre_m) + gradient.dot(extent.centre_m);
-                    let delay_s = path_m / SPEED_OF_LIGHT_M_S;
-                    let mut turn = phasor(pulse.start_hz * delay_s) * (task.weights.slow[n] * norm);
-                    let step = phasor(pulse.step_hz * delay_s);
-                    for (z, w) in row.iter_mut().zip(&task.weights.fast) {
-                        *z *= narrow(turn * w);
-                        turn *= step;
-                    }
-                    let cycles = gradient / SPEED_OF_LIGHT_M_S;
-                    Track {
-                        start: cycles * pulse.start_hz,
-                        step: cycles * pulse.step_hz,
-                    }
-                })
-                .collect();
-            raster.spread(&tracks, samples);
-            if task.monitor.cancelled() {
-                return Err(FormError::Cancelled);
-            }
-            // The rest is transforms and reading.
-            task.monitor
-                .progress(0.6 * pulses.end as f64 / num_pulses as f64);
-        }
-        drop(samples);
-
-        let raster_size = raster.size();
-        let spectrum = raster.transform();
-        task.monitor.progress(0.8);
-        let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
-        let beyond = AtomicBool::new(false);
-        add_to_each(task, &mut pixels, |point| {
-            let place_m = plane.place(point) - extent.centre_m;
-            if !place_m.abs().cmple(extent.half_m).all() {
-                beyond.store(true, Ordering::Relaxed);
-            }
-            spectrum.at(place_m) * phasor32(spectrum.carrier.dot(place_m))
-        });
-        if task.monitor.cancelled() {
-            return Err(FormError::Cancelled);
-        }
-        // The extent is that of some of the pixels. Of all it is where paths are anywhere near linear; beside an antenna they have
-        // a cusp.
-        if beyond.into_inner() {
-            return Err(FormError::Unsuited(
-                "linear paths put some pixels beyond all others: the grid lies around an antenna; leave that out of --grid, or \
-                 use --algorithm bp"
-                    .to_owned(),
-            ));
-        }
-        task.monitor.progress(1.0);
-
-        let settings = json!({
-            "centre_m": plane.centre_m.to_array(),
-            "raster": raster_size,
-            "kernel_taps": W,
-            "curvature_error_db": 20.0 * residual.max(1e-15).log10(),
-        });
-        Ok(Formed::new(task, pixels, planned_db, settings))
     }
 }

@@ -129,6 +129,12 @@ fn raster_axes(band: Band, extent: Extent, taps: usize) -> Result<[RasterAxis; 2
     ])
 }
 
+/// Relative RMS error of spreading and reading together with `taps` taps, in two directions each, tables included: at the
+/// edge of the extent, where a grid of few pixels lies, by 3 dB above the mean.
+pub(super) fn error(taps: usize) -> f64 {
+    2.0 * std::f64::consts::SQRT_2 * KaiserBessel::new(taps).error(0.25).hypot(TABLE)
+}
+
 /// The spectrum, on a raster.
 pub(super) struct Raster<const W: usize> {
     kernel: KaiserBessel,
@@ -151,17 +157,6 @@ impl<const W: usize> Raster<W> {
             columns,
             values: vec![Complex32::ZERO; rows.count * columns.count],
         })
-    }
-
-    /// Relative RMS error of spreading and reading together, in two directions each, tables included: at the edge of
-    /// the extent, where a grid of few pixels lies, by 3 dB above the mean.
-    pub(super) fn error(&self) -> f64 {
-        2.0 * std::f64::consts::SQRT_2 * self.kernel.error(0.25).hypot(TABLE)
-    }
-
-    /// Rows and columns.
-    pub(super) fn size(&self) -> [usize; 2] {
-        [self.rows.count, self.columns.count]
     }
 
     /// Adds the samples of some pulses, `samples` pulse by pulse.

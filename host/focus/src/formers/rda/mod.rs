@@ -53,18 +53,24 @@ use serde_json::json;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
+use super::{Entry, of};
 use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
 use crate::sub_cpi::shared_band;
-use crate::{Asked, FormError, Formed, ImageFormer, Misses, Task, accuracy, rounding};
+use crate::{
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Formed, Forming, ImageFormer, Misses, Task,
+    accuracy,
+};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
+use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Band, Collection};
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::phasor32;
 
 /// The range-Doppler algorithm.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct RangeDopplerAlgorithm {
     /// Bound on the relative RMS error of the image, dB (negative).
     pub error_db: f64,
@@ -72,17 +78,52 @@ pub struct RangeDopplerAlgorithm {
     pub secondary_compression: bool,
 }
 
+impl Default for RangeDopplerAlgorithm {
+    fn default() -> Self {
+        Self {
+            error_db: DEFAULT_ERROR_DB,
+            secondary_compression: true,
+        }
+    }
+}
+
+/// In the list of formers.
+pub(super) const ENTRY: Entry = Entry {
+    name: "rda",
+    summary: "range-Doppler algorithm: straight, even tracks, little migration",
+    of: of::<RangeDopplerAlgorithm>,
+};
+
 impl ImageFormer for RangeDopplerAlgorithm {
     fn name(&self) -> &'static str {
-        "rda"
+        ENTRY.name
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!(self)
     }
 
     fn bound_db(&self) -> Option<f64> {
         Some(self.error_db)
     }
 
-    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
-        self.form_steps(task, asked, &mut |_| ())
+    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
+        let method = self.expansion(aim.collection)?;
+        let settings = json!({
+            "secondary_range_compression": self.secondary_compression,
+        });
+        let limit = "range cell migration is corrected to the first order in frequency only: use --algorithm omega-k, or a \
+                     smaller --grid";
+        strip::decide(aim, &method, asked, limit, settings)
+    }
+
+    fn open<'a>(
+        &self,
+        aim: Aim<'a>,
+        _: &serde_json::Value,
+    ) -> Result<Box<dyn Forming + 'a>, FormError> {
+        let method = self.expansion(aim.collection)?;
+        Ok(Box::new(Strip::new(aim, method)?))
     }
 }
 
@@ -112,31 +153,11 @@ impl RangeDopplerAlgorithm {
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        accuracy::keep(self, task, Misses::Allowed, |task, asked| {
-            self.form_steps(task, asked, observe)
+        accuracy::keep(self, task, Misses::Allowed, |_, work, tiles| {
+            let aim = task.aim();
+            let method = self.expansion(aim.collection)?;
+            Strip::new(aim, method)?.form_observed(work, tiles, observe)
         })
-    }
-
-    fn form_steps(
-        &self,
-        task: &Task,
-        asked: &Asked,
-        observe: &mut dyn FnMut(&Stage),
-    ) -> Result<Formed, FormError> {
-        let method = self.expansion(task.history.collection())?;
-        let strip = Strip::new(task, &method, asked)?;
-        let prediction = strip.prediction();
-        let planned_db = prediction.total_db(&[rounding::path_phase_rad(task)]);
-        asked.check(planned_db, || {
-            prediction.limit(
-                "range cell migration is corrected to the first order in frequency only: use --algorithm omega-k, or \
-                 a smaller --grid",
-            )
-        })?;
-        let settings = json!({
-            "secondary_range_compression": self.secondary_compression,
-        });
-        strip.form(&method, planned_db, settings, observe)
     }
 }
 

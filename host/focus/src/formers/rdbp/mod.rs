@@ -18,14 +18,17 @@ pub mod thesis;
 
 use serde_json::json;
 
-use crate::budget::Budget;
-use crate::{Asked, FormError, Formed, ImageFormer, Task};
+use super::{Entry, of};
+use crate::former::chosen;
+use crate::{Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer};
+use subaperture_model::monitor::Monitor;
 
 pub use plan::{Plan, Request};
 pub use thesis::Thesis;
 
 /// How maps are made and read.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Mode {
     /// Patch compensation, scaled transform, Kaiser-Bessel kernel.
     #[default]
@@ -35,7 +38,8 @@ pub enum Mode {
 }
 
 /// Sub-CPI range-Doppler backprojection.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct RangeDoppler {
     /// How maps are made and read.
     pub mode: Mode,
@@ -49,9 +53,31 @@ pub struct RangeDoppler {
     pub patch_m: Option<f64>,
 }
 
+impl Default for RangeDoppler {
+    fn default() -> Self {
+        Self {
+            mode: Mode::Precise,
+            error_db: DEFAULT_ERROR_DB,
+            sub_cpi: None,
+            patch_m: None,
+        }
+    }
+}
+
+/// In the list of formers.
+pub(super) const ENTRY: Entry = Entry {
+    name: "rdbp",
+    summary: "sub-CPI range-Doppler backprojection: any track, fast",
+    of: of::<RangeDoppler>,
+};
+
 impl ImageFormer for RangeDoppler {
     fn name(&self) -> &'static str {
-        "rdbp"
+        ENTRY.name
+    }
+
+    fn settings(&self) -> serde_json::Value {
+        serde_json::json!(self)
     }
 
     fn bound_db(&self) -> Option<f64> {
@@ -72,37 +98,65 @@ impl ImageFormer for RangeDoppler {
         }
     }
 
-    fn form_planned(&self, task: &Task, asked: &Asked) -> Result<Formed, FormError> {
-        let thesis_sub_cpi = self.sub_cpi.unwrap_or(thesis::SUB_CPI);
+    fn decide(
+        &self,
+        aim: &Aim,
+        asked: &Asked,
+        monitor: &dyn Monitor,
+    ) -> Result<Decision, FormError> {
         match self.mode {
-            Mode::Thesis(options) => thesis::form(task, thesis_sub_cpi, options, asked),
+            Mode::Thesis(options) => {
+                let sub_cpi = self.sub_cpi.unwrap_or(thesis::SUB_CPI);
+                thesis::Choices::new(sub_cpi, &options)?.decide(aim, asked)
+            }
             Mode::Precise => {
                 let request = Request {
                     error_db: self.error_db,
                     sub_cpi: self.sub_cpi,
                     patch_m: self.patch_m,
-                    // Half, so that samples and further threads have room too.
-                    memory_bytes: Budget::for_task(task, 8)?.left_bytes() / 2,
+                    memory_bytes: aim.scratch_bytes,
                 };
-                let plan = Plan::new(task.history.collection(), task.grid, &request)?;
+                let plan = Plan::new(aim.collection, aim.grid, &request)?;
                 asked.check(plan.predicted_db, || {
                     let sizes =
                         "sub-CPIs and patches of these sizes, or float32 sums, leave no less";
                     format!("{sizes}: {}", self.advice())
                 })?;
-                let pixels = precise::form(task, &plan)?;
-                let settings = json!({
-                    "mode": "precise",
-                    "sub_cpi_pulses": plan.sub_cpi_length,
-                    "sub_cpis": plan.sub_cpis.len(),
-                    "patch_rows": plan.patch.rows,
-                    "patch_columns": plan.patch.columns,
-                    "kernel_taps": plan.taps,
-                });
-                Ok(Formed::new(task, pixels, plan.predicted_db, settings))
+                let choices = precise::Choices::new(aim, &plan, monitor)?;
+                Ok(Decision {
+                    choices: json!({ "precise": choices }),
+                    settings: json!({
+                        "mode": "precise",
+                        "sub_cpi_pulses": plan.sub_cpi_length,
+                        "sub_cpis": plan.sub_cpis.len(),
+                        "patch_rows": plan.patch.rows,
+                        "patch_columns": plan.patch.columns,
+                        "kernel_taps": plan.taps,
+                    }),
+                    planned_db: plan.predicted_db,
+                })
             }
         }
     }
+
+    fn open<'a>(
+        &self,
+        aim: Aim<'a>,
+        choices: &serde_json::Value,
+    ) -> Result<Box<dyn Forming + 'a>, FormError> {
+        Ok(match chosen("rdbp", choices)? {
+            Choices::Precise(choices) => choices.open(aim)?,
+            Choices::Thesis(choices) => Box::new(thesis::Opened::new(aim, choices)?),
+        })
+    }
+}
+
+/// What a plan fixes, of either mode.
+#[derive(serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Choices {
+    Precise(precise::Choices),
+    Thesis(thesis::Choices),
 }
 
 impl RangeDoppler {

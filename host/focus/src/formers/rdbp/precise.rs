@@ -30,23 +30,24 @@
 //! `K (2 M + 2 D)`, a map of `D * 2 K` complex float32 a thread, a block of pulses, the image.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{self as fft, Fft};
 
 use super::plan::Plan;
-use crate::budget::Budget;
+use crate::budget::{Budget, on_threads};
 use crate::exact::add_pulse;
-use crate::patch::{self, Rectangle};
-use crate::sub_cpi::SubCpi;
-use crate::{FormError, Task};
+use crate::patch::{self, PatchSize, Patches, Rectangle, Segment};
+use crate::sub_cpi::{SubCpi, bins_per_cycle, pulses_a_sample, shared_band};
+use crate::{Aim, FormError, Forming, Tile, Work};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::phase_history::Collection;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::Band;
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{narrow, phasor, phasor32};
@@ -55,94 +56,213 @@ use subaperture_signal::scaled_dft::{ScaledDft, Shape};
 /// Pulses held at once, at most: enough for threads to have work between reads.
 const BLOCK_PULSES: usize = 4096;
 
-pub(super) fn form(task: &Task, plan: &Plan) -> Result<Vec<Complex32>, FormError> {
-    match plan.taps {
-        4 => form_with::<4>(task, plan),
-        _ => form_with::<6>(task, plan),
-    }
+/// What a plan fixes.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct Choices {
+    /// Pulses of each sub-CPI, one after another.
+    sub_cpis: Vec<usize>,
+    patch_rows: usize,
+    patch_columns: usize,
+    taps: usize,
+    /// Largest Doppler over any patch, cycles a pulse, for each length of sub-CPIs.
+    spans: BTreeMap<usize, f64>,
 }
 
-fn form_with<const W: usize>(task: &Task, plan: &Plan) -> Result<Vec<Complex32>, FormError> {
-    let num_samples = plan.band.count;
-    let mut budget = Budget::for_task(task, 8)?;
-
-    let rectangles = patch::rectangles(task.grid, plan.patch);
-    budget.take(
-        "patches",
-        patch::account_bytes(&rectangles).into(),
-        "use a larger --patch, or raise --memory",
-    )?;
-    let mapper = Mapper::<W>::new(task, plan, &rectangles, &mut budget)?;
-    // A map a thread, in at most half of what is left: with little memory, fewer threads work.
-    let threads = rayon::current_num_threads();
-    let workers = budget.take_block(
-        "a range-Doppler map",
-        mapper.scratch_bytes(plan.sub_cpi_length),
-        threads,
-        "use a smaller --patch or --sub-cpi, or raise --memory",
-    )?;
-    let block = budget.take_block(
-        "a sub-CPI",
-        (plan.sub_cpi_length * num_samples * 8) as u64,
-        BLOCK_PULSES
-            .div_ceil(plan.sub_cpi_length)
-            .min(plan.sub_cpis.len()),
-        "use a smaller --sub-cpi, or raise --memory",
-    )?;
-    let mut samples = vec![Complex32::ZERO; block * plan.sub_cpi_length * num_samples];
-    let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
-
-    let mut add_all = || add_blocks(task, plan, &mapper, &rectangles, &mut samples, &mut pixels);
-    if workers < threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(workers).build();
-        pool.map_err(|e| FormError::Unsuited(format!("cannot start {workers} threads: {e}")))?
-            .install(&mut add_all)?;
-    } else {
-        add_all()?;
-    }
-    Ok(pixels)
-}
-
-/// Adds all sub-CPIs to all patches, as many sub-CPIs at a time as `samples` holds.
-fn add_blocks<const W: usize>(
-    task: &Task,
-    plan: &Plan,
-    mapper: &Mapper<W>,
-    rectangles: &[Rectangle],
-    samples: &mut [Complex32],
-    pixels: &mut [Complex32],
-) -> Result<(), FormError> {
-    let num_samples = plan.band.count;
-    let block = samples.len() / (plan.sub_cpi_length * num_samples);
-    let num_blocks = plan.sub_cpis.len().div_ceil(block);
-    for (index, sub_cpis) in plan.sub_cpis.chunks(block).enumerate() {
-        let pulses = sub_cpis[0].pulses.start..sub_cpis[sub_cpis.len() - 1].pulses.end;
-        let samples = &mut samples[..pulses.len() * num_samples];
-        task.history.read(pulses.clone(), samples)?;
-        let done = AtomicUsize::new(0);
-        let patches = patch::split(pixels, task.grid.columns.count, rectangles);
-        rectangles.par_iter().zip(patches).for_each_init(
-            || mapper.scratch(plan.sub_cpi_length),
-            |scratch, (rectangle, mut patch)| {
-                for sub_cpi in sub_cpis {
-                    if task.monitor.cancelled() {
-                        return;
-                    }
-                    let first = (sub_cpi.pulses.start - pulses.start) * num_samples;
-                    let rows = &samples[first..first + sub_cpi.num_pulses() * num_samples];
-                    mapper.add(sub_cpi, rows, rectangle, &mut patch, scratch);
-                }
-                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                let part = done as f64 / rectangles.len() as f64;
-                task.monitor
-                    .progress((index as f64 + part) / num_blocks as f64);
-            },
-        );
-        if task.monitor.cancelled() {
-            return Err(FormError::Cancelled);
+impl Choices {
+    /// Those of `plan`, whose patches are looked at on the whole grid.
+    pub(super) fn new(aim: &Aim, plan: &Plan, monitor: &dyn Monitor) -> Result<Self, FormError> {
+        let cycles_m = plan.band.centre_hz() / SPEED_OF_LIGHT_M_S;
+        let rectangles = patch::rectangles(aim.grid, plan.patch);
+        let mut spans: BTreeMap<usize, f64> = BTreeMap::new();
+        for sub_cpi in &plan.sub_cpis {
+            if monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            let widest = rectangles
+                .par_iter()
+                .map(|rectangle| widest_rate_m(aim.grid, sub_cpi, rectangle))
+                .reduce(|| 0.0, f64::max);
+            let span = spans.entry(sub_cpi.num_pulses()).or_insert(0.0);
+            *span = span.max(widest * cycles_m);
         }
+        Ok(Self {
+            sub_cpis: plan.sub_cpis.iter().map(SubCpi::num_pulses).collect(),
+            patch_rows: plan.patch.rows,
+            patch_columns: plan.patch.columns,
+            taps: plan.taps,
+            spans,
+        })
     }
-    Ok(())
+
+    /// Ready to form by them.
+    pub(super) fn open<'a>(&self, aim: Aim<'a>) -> Result<Box<dyn Forming + 'a>, FormError> {
+        Ok(match self.taps {
+            4 => Box::new(Opened::<4>::new(aim, self)?),
+            _ => Box::new(Opened::<6>::new(aim, self)?),
+        })
+    }
+}
+
+/// Ready to form.
+struct Opened<'a, const W: usize> {
+    aim: Aim<'a>,
+    band: Band,
+    sub_cpis: Vec<SubCpi>,
+    /// Pulses of the longest.
+    longest: usize,
+    patches: Patches,
+    /// What is asked of the Doppler transform of each length of sub-CPIs.
+    shapes: BTreeMap<usize, (Shape, f64)>,
+    /// Made once there is memory for it.
+    mapper: OnceLock<Mapper<'a, W>>,
+}
+
+impl<'a, const W: usize> Opened<'a, W> {
+    fn new(aim: Aim<'a>, choices: &Choices) -> Result<Self, FormError> {
+        let collection = aim.collection;
+        let band = shared_band(collection)?;
+        let drift = match collection.sweeps() {
+            true => pulses_a_sample(collection),
+            false => 0.0,
+        };
+        let mut first = 0;
+        let mut sub_cpis = Vec::with_capacity(choices.sub_cpis.len());
+        for &count in &choices.sub_cpis {
+            let fits = count > 0 && first + count <= collection.pulses.len();
+            if !fits || !choices.spans.contains_key(&count) {
+                return Err(misfit("sub-CPIs are not those of its pulses"));
+            }
+            sub_cpis.push(SubCpi::new(collection, first..first + count));
+            first += count;
+        }
+        if first != collection.pulses.len() || choices.patch_rows * choices.patch_columns == 0 {
+            return Err(misfit("it is of other pulses, or its patches are empty"));
+        }
+        let mut shapes = BTreeMap::new();
+        for (&inputs, &span) in &choices.spans {
+            let sweep_pulses = drift.abs() * band.count as f64;
+            let bins_per_cycle = bins_per_cycle(&band, inputs as f64 + sweep_pulses);
+            // A tenth and a bin more than was seen at the sampled points, and the kernel's reach.
+            let reach = (span * 1.1 * bins_per_cycle).ceil() as usize + 1 + W / 2;
+            let shape = Shape {
+                inputs,
+                input_centre: (inputs as f64 - 1.0) / 2.0,
+                input_drift: drift,
+                outputs: 2 * reach + 1,
+                output_centre: reach as f64,
+                spacing: 1.0 / bins_per_cycle,
+            };
+            shapes.insert(inputs, (shape, bins_per_cycle));
+        }
+        let size = PatchSize {
+            rows: choices.patch_rows,
+            columns: choices.patch_columns,
+        };
+        Ok(Self {
+            longest: sub_cpis.iter().map(SubCpi::num_pulses).max().unwrap_or(0),
+            patches: Patches::new(aim.grid, size),
+            aim,
+            band,
+            sub_cpis,
+            shapes,
+            mapper: OnceLock::new(),
+        })
+    }
+
+    /// Adds all sub-CPIs to all tiles, as many sub-CPIs at a time as `samples` holds.
+    fn add_blocks(
+        &self,
+        work: &Work,
+        mapper: &Mapper<W>,
+        samples: &mut [Complex32],
+        tiles: &mut [Tile],
+    ) -> Result<(), FormError> {
+        let num_samples = self.band.count;
+        let block = samples.len() / (self.longest * num_samples);
+        let num_blocks = self.sub_cpis.len().div_ceil(block);
+        for (index, sub_cpis) in self.sub_cpis.chunks(block).enumerate() {
+            let pulses = sub_cpis[0].pulses.start..sub_cpis[sub_cpis.len() - 1].pulses.end;
+            let samples = &mut samples[..pulses.len() * num_samples];
+            work.history.read(pulses.clone(), samples)?;
+            let done = AtomicUsize::new(0);
+            let mut patches = self.patches.split(tiles);
+            let count = patches.len();
+            patches.par_iter_mut().for_each_init(
+                || mapper.scratch(self.longest),
+                |scratch, (rectangle, segments)| {
+                    for sub_cpi in sub_cpis {
+                        if work.monitor.cancelled() {
+                            return;
+                        }
+                        let first = (sub_cpi.pulses.start - pulses.start) * num_samples;
+                        let rows = &samples[first..first + sub_cpi.num_pulses() * num_samples];
+                        mapper.add(sub_cpi, rows, rectangle, segments, scratch);
+                    }
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    let part = done as f64 / count as f64;
+                    work.monitor
+                        .progress((index as f64 + part) / num_blocks as f64);
+                },
+            );
+            if work.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn misfit(what: &str) -> FormError {
+    FormError::Choices {
+        former: "rdbp",
+        what: what.to_owned(),
+    }
+}
+
+impl<const W: usize> Forming for Opened<'_, W> {
+    fn grain(&self) -> PatchSize {
+        self.patches.size
+    }
+
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        let num_samples = self.band.count;
+        let mut budget = Budget::new(work.memory_bytes);
+        budget.take(
+            "patches",
+            Patches::account_bytes(tiles, self.patches.size).into(),
+            "use a larger --patch, or raise --memory",
+        )?;
+        let tables = self
+            .shapes
+            .values()
+            .map(|(shape, _)| ScaledDft::table_bytes(num_samples, shape.inputs, shape.outputs));
+        budget.take(
+            "Doppler tables",
+            tables.map(u128::from).sum(),
+            "use a smaller --patch or --sub-cpi, or raise --memory",
+        )?;
+        let mapper = self
+            .mapper
+            .get_or_init(|| Mapper::new(self.aim, &self.band, &self.shapes));
+        // A map a thread, in at most half of what is left: with little memory, fewer threads work.
+        let threads = rayon::current_num_threads();
+        let workers = budget.take_block(
+            "a range-Doppler map",
+            mapper.scratch_bytes(self.longest),
+            threads,
+            "use a smaller --patch or --sub-cpi, or raise --memory",
+        )?;
+        let block = budget.take_block(
+            "a sub-CPI",
+            (self.longest * num_samples * 8) as u64,
+            BLOCK_PULSES.div_ceil(self.longest).min(self.sub_cpis.len()),
+            "use a smaller --sub-cpi, or raise --memory",
+        )?;
+        let mut samples = vec![Complex32::ZERO; block * self.longest * num_samples];
+        on_threads(workers, || {
+            self.add_blocks(work, mapper, &mut samples, tiles)
+        })
+    }
 }
 
 /// Doppler processing for sub-CPIs of one length.
@@ -155,8 +275,7 @@ struct DopplerStage {
 
 /// Everything that does not change from map to map.
 struct Mapper<'a, const W: usize> {
-    task: &'a Task<'a>,
-    collection: &'a Collection,
+    aim: Aim<'a>,
     kernel: KaiserBessel,
     /// Fast-time window over the kernel's spectrum.
     range_weights: Vec<f32>,
@@ -177,13 +296,7 @@ struct Scratch {
 }
 
 impl<'a, const W: usize> Mapper<'a, W> {
-    fn new(
-        task: &'a Task<'a>,
-        plan: &Plan,
-        rectangles: &[Rectangle],
-        budget: &mut Budget,
-    ) -> Result<Self, FormError> {
-        let band = &plan.band;
+    fn new(aim: Aim<'a>, band: &Band, shapes: &BTreeMap<usize, (Shape, f64)>) -> Self {
         let kernel = KaiserBessel::new(W);
         let length = fast_length(2 * band.count);
         let centre = band.count / 2;
@@ -191,73 +304,29 @@ impl<'a, const W: usize> Mapper<'a, W> {
             (w / kernel.spectrum((k as f64 - centre as f64) / length as f64)) as f32
         };
         let scales = band.scales();
-        let cycles_m = band.centre_hz() / SPEED_OF_LIGHT_M_S;
-
-        let mut spans: BTreeMap<usize, f64> = BTreeMap::new();
-        for sub_cpi in &plan.sub_cpis {
-            if task.monitor.cancelled() {
-                return Err(FormError::Cancelled);
-            }
-            let widest = rectangles
-                .par_iter()
-                .map(|rectangle| widest_rate_m(task, sub_cpi, rectangle))
-                .reduce(|| 0.0, f64::max);
-            let span = spans.entry(sub_cpi.num_pulses()).or_insert(0.0);
-            *span = span.max(widest * cycles_m);
-        }
-        let mut stages = BTreeMap::new();
-        for (inputs, span) in spans {
-            let drift = plan.pulses_a_sample.unwrap_or(0.0);
-            let sweep_pulses = drift.abs() * band.count as f64;
-            let bins_per_cycle = crate::sub_cpi::bins_per_cycle(band, inputs as f64 + sweep_pulses);
-            // A tenth and a bin more than was seen at the sampled points, and the kernel's reach.
-            let reach = (span * 1.1 * bins_per_cycle).ceil() as usize + 1 + W / 2;
-            let outputs = 2 * reach + 1;
-            let bytes = u128::from(ScaledDft::table_bytes(band.count, inputs, outputs));
-            budget.take(
-                "Doppler tables",
-                bytes,
-                "use a smaller --patch or --sub-cpi",
-            )?;
-            let shape = Shape {
-                inputs,
-                input_centre: (inputs as f64 - 1.0) / 2.0,
-                input_drift: drift,
-                outputs,
-                output_centre: reach as f64,
-                spacing: 1.0 / bins_per_cycle,
-            };
+        let stage = |(&inputs, &(shape, bins_per_cycle)): (&usize, &(Shape, f64))| {
             let weight = |k: usize, m: usize| {
                 let u = scales[k] * (m as f64 - shape.centre_of(k, band.count));
                 1.0 / kernel.spectrum(u / bins_per_cycle)
             };
-            let dft = ScaledDft::new(&scales, shape, weight);
-            stages.insert(
-                inputs,
-                DopplerStage {
-                    dft,
-                    centre: reach as f64,
-                    bins_per_cycle,
-                },
-            );
-        }
-        Ok(Self {
-            task,
-            collection: task.history.collection(),
-            range_weights: task
-                .weights
-                .fast
-                .iter()
-                .enumerate()
-                .map(range_weight)
-                .collect(),
-            stages,
+            let stage = DopplerStage {
+                dft: ScaledDft::new(&scales, shape, weight),
+                centre: shape.output_centre,
+                bins_per_cycle,
+            };
+            (inputs, stage)
+        };
+        let fast = aim.weights.fast.iter().enumerate();
+        Self {
+            aim,
+            range_weights: fast.map(range_weight).collect(),
+            stages: shapes.iter().map(stage).collect(),
             range_fft: fft::inverse(length),
-            norm: task.weights.normalisation(),
-            centre_cycles_m: cycles_m,
+            norm: aim.weights.normalisation(),
+            centre_cycles_m: band.centre_hz() / SPEED_OF_LIGHT_M_S,
             range_bins_m: length as f64 * band.step_hz / SPEED_OF_LIGHT_M_S,
             kernel,
-        })
+        }
     }
 
     fn row_length(&self) -> usize {
@@ -301,13 +370,13 @@ impl<'a, const W: usize> Mapper<'a, W> {
         sub_cpi: &SubCpi,
         samples: &[Complex32],
         rectangle: &Rectangle,
-        patch: &mut [&mut [Complex32]],
+        segments: &mut [Segment],
         scratch: &mut Scratch,
     ) {
         let stage = &self.stages[&sub_cpi.num_pulses()];
         self.compensate(sub_cpi, samples, rectangle, &mut scratch.slow);
         self.map(stage, sub_cpi.num_pulses(), scratch);
-        self.read(stage, sub_cpi, samples, rectangle, &scratch.map, patch);
+        self.read(stage, sub_cpi, samples, rectangle, &scratch.map, segments);
     }
 
     /// Phase of every sample referred to the patch's centre; windows applied; transposed to
@@ -321,16 +390,16 @@ impl<'a, const W: usize> Mapper<'a, W> {
     ) {
         let num_samples = self.range_weights.len();
         let num_pulses = sub_cpi.num_pulses();
-        let centre = rectangle.centre_m(self.task.grid);
+        let centre = rectangle.centre_m(self.aim.grid);
         for (m, (n, row)) in sub_cpi
             .pulses
             .clone()
             .zip(samples.chunks_exact(num_samples))
             .enumerate()
         {
-            let pulse = &self.collection.pulses[n];
+            let pulse = &self.aim.collection.pulses[n];
             if !pulse.sweep.is_at_once() {
-                let slow_weight = self.task.weights.slow[n] * self.norm;
+                let slow_weight = self.aim.weights.slow[n] * self.norm;
                 let column = slow[m..].iter_mut().step_by(num_pulses);
                 for (k, ((out, z), w)) in column.zip(row).zip(&self.range_weights).enumerate() {
                     let after = k as f64 - (num_samples / 2) as f64;
@@ -342,7 +411,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
             }
             let delay_s = pulse.relative_path_m(centre) / SPEED_OF_LIGHT_M_S;
             let mut turn =
-                phasor(pulse.start_hz * delay_s) * (self.task.weights.slow[n] * self.norm);
+                phasor(pulse.start_hz * delay_s) * (self.aim.weights.slow[n] * self.norm);
             let step = phasor(pulse.step_hz * delay_s);
             let column = slow[m..].iter_mut().step_by(num_pulses);
             for ((out, z), w) in column.zip(row).zip(&self.range_weights) {
@@ -383,16 +452,17 @@ impl<'a, const W: usize> Mapper<'a, W> {
         samples: &[Complex32],
         rectangle: &Rectangle,
         map: &[Complex32],
-        patch: &mut [&mut [Complex32]],
+        segments: &mut [Segment],
     ) {
-        let grid = self.task.grid;
+        let grid = self.aim.grid;
         let datum = sub_cpi.datum(rectangle.centre_m(grid));
         let length = self.range_fft.len();
         let row_length = self.row_length();
         let last_bin = stage.dft.shape().outputs - W;
-        for (row, pixels) in patch.iter_mut().enumerate() {
-            for (column, pixel) in pixels.iter_mut().enumerate() {
-                let point = grid.position_m(rectangle.row + row, rectangle.column + column);
+        for segment in segments {
+            let columns = segment.column..;
+            for (column, pixel) in columns.zip(segment.pixels.iter_mut()) {
+                let point = grid.position_m(segment.row, column);
                 let (path_m, rate_m) = sub_cpi.line(&datum, point);
 
                 let doppler = rate_m * self.centre_cycles_m * stage.bins_per_cycle + stage.centre;
@@ -427,11 +497,11 @@ impl<'a, const W: usize> Mapper<'a, W> {
     /// A pixel whose Doppler lies outside the map, near the antennas between the places at which rates were looked
     /// at: the sum itself.
     fn sum(&self, sub_cpi: &SubCpi, samples: &[Complex32], point: DVec3) -> Complex32 {
-        let weights = self.task.weights;
+        let weights = self.aim.weights;
         let mut sums = [Complex64::ZERO];
         let rows = samples.chunks_exact(weights.fast.len());
         for (n, row) in sub_cpi.pulses.clone().zip(rows) {
-            let pulse = &self.collection.pulses[n];
+            let pulse = &self.aim.collection.pulses[n];
             add_pulse(
                 pulse,
                 weights.slow[n],
@@ -446,13 +516,13 @@ impl<'a, const W: usize> Mapper<'a, W> {
 }
 
 /// Largest path rate over a patch, metres a pulse, at 5 x 5 of its points.
-fn widest_rate_m(task: &Task, sub_cpi: &SubCpi, rectangle: &Rectangle) -> f64 {
-    let datum = sub_cpi.datum(rectangle.centre_m(task.grid));
+fn widest_rate_m(grid: &ImageGrid, sub_cpi: &SubCpi, rectangle: &Rectangle) -> f64 {
+    let datum = sub_cpi.datum(rectangle.centre_m(grid));
     let fractions = [0.0, 0.25, 0.5, 0.75, 1.0];
     let mut widest = 0.0f64;
     for row in fractions {
         for column in fractions {
-            let point = rectangle.point_m(task.grid, row, column);
+            let point = rectangle.point_m(grid, row, column);
             widest = widest.max(sub_cpi.line(&datum, point).1.abs());
         }
     }

@@ -37,16 +37,17 @@
 
 use std::f64::consts::TAU;
 use std::ops::Range;
+use std::sync::Arc;
 
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use serde_json::json;
-use subaperture_fft as fft;
+use subaperture_fft::{self as fft, Fft};
 
 use crate::budget::Budget;
-use crate::pixels::add_to_each;
-use crate::sub_cpi::{self, CentreState};
-use crate::{Asked, FormError, Formed, Task, rounding};
+use crate::pixels::for_each;
+use crate::sub_cpi::{self, CentreState, shared_band};
+use crate::{Aim, Asked, Decision, FormError, Forming, Tile, Work, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::Band;
 use subaperture_signal::fast_length::fast_length;
@@ -61,7 +62,8 @@ const RANGE_PADDING: usize = 10;
 const MOST_DOPPLER_PADDING: usize = 1024;
 
 /// What the thesis varies beside the sub-CPI's length.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Thesis {
     /// Whether slow time is resampled; if not, it goes to the Doppler transform as it is.
     pub keystone: bool,
@@ -83,156 +85,248 @@ impl Default for Thesis {
     }
 }
 
-/// The image.
-pub(super) fn form(
-    task: &Task,
-    sub_cpi_length: usize,
-    options: Thesis,
-    asked: &Asked,
-) -> Result<Formed, FormError> {
-    let collection = task.history.collection();
-    let band = crate::sub_cpi::shared_band(collection)?;
-    if sub_cpi_length == 0 {
-        return Err(FormError::Unsuited(
-            "a sub-CPI needs at least one pulse".to_owned(),
-        ));
+/// What a plan fixes.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct Choices {
+    sub_cpi: usize,
+    keystone: bool,
+    doppler_padding: usize,
+}
+
+impl Choices {
+    pub(super) fn new(sub_cpi: usize, options: &Thesis) -> Result<Self, FormError> {
+        if sub_cpi == 0 {
+            return Err(FormError::Unsuited(
+                "a sub-CPI needs at least one pulse".to_owned(),
+            ));
+        }
+        let doppler_padding = options.doppler_padding;
+        if !(1..=MOST_DOPPLER_PADDING).contains(&doppler_padding) {
+            return Err(FormError::Unsuited(format!(
+                "Doppler cannot be padded {doppler_padding} times: give 1 to {MOST_DOPPLER_PADDING}"
+            )));
+        }
+        Ok(Self {
+            sub_cpi,
+            keystone: options.keystone,
+            doppler_padding,
+        })
     }
-    let Thesis {
-        keystone,
-        doppler_padding,
-        error_db: _,
-    } = options;
-    if !(1..=MOST_DOPPLER_PADDING).contains(&doppler_padding) {
-        return Err(FormError::Unsuited(format!(
-            "Doppler cannot be padded {doppler_padding} times: give 1 to {MOST_DOPPLER_PADDING}"
-        )));
+
+    /// What the error of these will be, for `aim`.
+    pub(super) fn decide(&self, aim: &Aim, asked: &Asked) -> Result<Decision, FormError> {
+        let opened = Opened::new(*aim, *self)?;
+        let (num_samples, longest) = (opened.band.count, opened.longest);
+        let linear = |cycles_a_bin: f64| (TAU * cycles_a_bin).powi(2) / 120f64.sqrt();
+        let planned_db = rounding::total_db(&[
+            Reading {
+                aim,
+                band: &opened.band,
+                keystone: self.keystone,
+            }
+            .worst(&opened.sub_cpis),
+            // The band's edge; slow time is evenly filled, and the mean of x^4 over it a fifth.
+            linear(num_samples as f64 / 2.0 / opened.range_length as f64),
+            linear(longest as f64 / 2.0 / opened.doppler_length as f64) / 5f64.sqrt(),
+        ]);
+        asked.check(planned_db, || {
+            "the thesis's method on sub-CPIs of this length: use a smaller --sub-cpi, or --mode precise".to_owned()
+        })?;
+        Ok(Decision {
+            choices: json!({ "thesis": self }),
+            settings: json!({
+                "mode": "thesis",
+                "keystone": self.keystone,
+                "doppler_padding": self.doppler_padding,
+                "sub_cpi_pulses": longest,
+                "sub_cpis": opened.sub_cpis.len(),
+                "doppler_length": opened.doppler_length,
+                "range_length": opened.range_length,
+            }),
+            planned_db,
+        })
     }
-    let (num_samples, num_pulses) = (band.count, collection.pulses.len());
-    let longest = sub_cpi_length.min(num_pulses);
-    let doppler_length = fast_length(doppler_padding * longest);
-    let range_length = fast_length(RANGE_PADDING * num_samples);
+}
 
-    let mut budget = Budget::for_task(task, 8)?;
-    let advice = "use a smaller --sub-cpi, --mode precise, or raise --memory";
-    let map_values = doppler_length as u128 * (range_length + num_samples) as u128;
-    budget.take("a range-Doppler map", map_values * 8, advice)?;
-    if keystone {
-        let weight_bytes = 2 * u128::from(SincKeystone::bytes(num_samples, longest));
-        budget.take("Keystone weights", weight_bytes, advice)?;
+/// Ready to form.
+pub(super) struct Opened<'a> {
+    aim: Aim<'a>,
+    choices: Choices,
+    band: Band,
+    sub_cpis: Vec<Range<usize>>,
+    /// Pulses of the longest.
+    longest: usize,
+    doppler_length: usize,
+    range_length: usize,
+    /// Windows, normalised.
+    fast: Vec<f32>,
+    norm: f64,
+    doppler_fft: Arc<dyn Fft<f32>>,
+    range_fft: Arc<dyn Fft<f32>>,
+}
+
+/// Samples, spectra over Doppler and the map of a sub-CPI.
+struct Buffers {
+    samples: Vec<Complex32>,
+    doppler: Vec<Complex32>,
+    map: Vec<Complex32>,
+}
+
+impl<'a> Opened<'a> {
+    pub(super) fn new(aim: Aim<'a>, choices: Choices) -> Result<Self, FormError> {
+        let band = shared_band(aim.collection)?;
+        let num_pulses = aim.collection.pulses.len();
+        let longest = choices.sub_cpi.min(num_pulses);
+        let doppler_length = fast_length(choices.doppler_padding * longest);
+        let range_length = fast_length(RANGE_PADDING * band.count);
+        Ok(Self {
+            sub_cpis: sub_cpi::cut(
+                num_pulses,
+                &sub_cpi::breaks(aim.collection),
+                choices.sub_cpi,
+            ),
+            longest,
+            doppler_length,
+            range_length,
+            fast: aim.weights.fast.iter().map(|&w| w as f32).collect(),
+            norm: aim.weights.normalisation(),
+            doppler_fft: fft::inverse(doppler_length),
+            range_fft: fft::inverse(range_length),
+            band,
+            aim,
+            choices,
+        })
     }
-    budget.take("a sub-CPI", (longest * num_samples) as u128 * 8, advice)?;
 
-    let sub_cpis = sub_cpi::cut(num_pulses, &sub_cpi::breaks(collection), sub_cpi_length);
-    let linear = |cycles_a_bin: f64| (TAU * cycles_a_bin).powi(2) / 120f64.sqrt();
-    let planned_db = rounding::total_db(&[
-        Reading {
-            task,
-            band: &band,
-            keystone,
+    fn buffers(&self, memory_bytes: u64) -> Result<Buffers, FormError> {
+        let (num_samples, longest) = (self.band.count, self.longest);
+        let mut budget = Budget::new(memory_bytes);
+        let advice = "use a smaller --sub-cpi, --mode precise, or raise --memory";
+        let map_values = self.doppler_length as u128 * (self.range_length + num_samples) as u128;
+        budget.take("a range-Doppler map", map_values * 8, advice)?;
+        if self.choices.keystone {
+            let weight_bytes = 2 * u128::from(SincKeystone::bytes(num_samples, longest));
+            budget.take("Keystone weights", weight_bytes, advice)?;
         }
-        .worst(&sub_cpis),
-        // The band's edge; slow time is evenly filled, and the mean of x^4 over it a fifth.
-        linear(num_samples as f64 / 2.0 / range_length as f64),
-        linear(longest as f64 / 2.0 / doppler_length as f64) / 5f64.sqrt(),
-    ]);
-    asked.check(planned_db, || {
-        "the thesis's method on sub-CPIs of this length: use a smaller --sub-cpi, or --mode precise".to_owned()
-    })?;
+        budget.take("a sub-CPI", (longest * num_samples) as u128 * 8, advice)?;
+        let zeros = |count: usize| vec![Complex32::ZERO; count];
+        Ok(Buffers {
+            samples: zeros(longest * num_samples),
+            doppler: zeros(num_samples * self.doppler_length),
+            map: zeros(self.doppler_length * self.range_length),
+        })
+    }
 
-    let scales = band.scales();
-    let fast: Vec<f32> = task.weights.fast.iter().map(|&w| w as f32).collect();
-    let norm = task.weights.normalisation();
-    let doppler_fft = fft::inverse(doppler_length);
-    let range_fft = fft::inverse(range_length);
-    let cycles_m = band.centre_hz() / SPEED_OF_LIGHT_M_S;
-    let range_bins_m = range_length as f64 * band.step_hz / SPEED_OF_LIGHT_M_S;
-
-    let mut samples = vec![Complex32::ZERO; longest * num_samples];
-    let mut doppler = vec![Complex32::ZERO; num_samples * doppler_length];
-    let mut map = vec![Complex32::ZERO; doppler_length * range_length];
-    let mut pixels = vec![Complex32::ZERO; task.grid.num_pixels() as usize];
-    let mut resampler: Option<(usize, SincKeystone)> = None;
-
-    for (index, pulses) in sub_cpis.iter().enumerate() {
-        let m = pulses.len();
-        let samples = &mut samples[..m * num_samples];
-        task.history.read(pulses.clone(), samples)?;
-        for (n, row) in pulses.clone().zip(samples.chunks_exact_mut(num_samples)) {
-            let slow = (task.weights.slow[n] * norm) as f32;
-            row.iter_mut().zip(&fast).for_each(|(z, w)| *z *= w * slow);
+    /// Samples of `pulses`, weighted.
+    fn read(
+        &self,
+        work: &Work,
+        pulses: &Range<usize>,
+        samples: &mut [Complex32],
+    ) -> Result<(), FormError> {
+        work.history.read(pulses.clone(), samples)?;
+        for (n, row) in pulses
+            .clone()
+            .zip(samples.chunks_exact_mut(self.band.count))
+        {
+            let slow = (self.aim.weights.slow[n] * self.norm) as f32;
+            row.iter_mut()
+                .zip(&self.fast)
+                .for_each(|(z, w)| *z *= w * slow);
         }
-        if task.monitor.cancelled() {
-            return Err(FormError::Cancelled);
-        }
-        if keystone && resampler.as_ref().is_none_or(|(length, _)| *length != m) {
-            resampler = Some((m, SincKeystone::new(&scales, m)));
-        }
-        let resampler = resampler.as_ref().map(|(_, resampler)| resampler);
+        Ok(())
+    }
 
+    /// From slow time to Doppler, frequency by frequency.
+    fn to_doppler(
+        &self,
+        samples: &[Complex32],
+        m: usize,
+        resampler: Option<&SincKeystone>,
+        doppler: &mut [Complex32],
+    ) {
+        let (length, fft) = (self.doppler_length, &self.doppler_fft);
+        let scratch = || vec![Complex32::ZERO; fft.get_inplace_scratch_len().max(2 * m)];
         doppler
-            .par_chunks_exact_mut(doppler_length)
+            .par_chunks_exact_mut(length)
             .enumerate()
-            .for_each_init(
-                || vec![Complex32::ZERO; doppler_fft.get_inplace_scratch_len().max(2 * m)],
-                |scratch, (k, row)| {
-                    let (slow, resampled) = scratch.split_at_mut(m);
-                    for (z, pulse) in slow.iter_mut().zip(samples.chunks_exact(num_samples)) {
-                        *z = pulse[k];
-                    }
-                    match resampler {
-                        Some(resampler) => resampler.resample(k, slow, resampled),
-                        None => resampled[..m].copy_from_slice(slow),
-                    }
-                    row.fill(Complex32::ZERO);
-                    for (i, z) in resampled[..m].iter().enumerate() {
-                        row[(i + doppler_length - m / 2) % doppler_length] = *z;
-                    }
-                    doppler_fft.process_with_scratch(row, scratch);
-                },
-            );
-        map.par_chunks_exact_mut(range_length)
-            .enumerate()
-            .for_each_init(
-                || vec![Complex32::ZERO; range_fft.get_inplace_scratch_len()],
-                |scratch, (d, row)| {
-                    row.fill(Complex32::ZERO);
-                    for (k, values) in doppler.chunks_exact(doppler_length).enumerate() {
-                        row[(k + range_length - num_samples / 2) % range_length] = values[d];
-                    }
-                    range_fft.process_with_scratch(row, scratch);
-                },
-            );
+            .for_each_init(scratch, |scratch, (k, row)| {
+                let (slow, resampled) = scratch.split_at_mut(m);
+                for (z, pulse) in slow.iter_mut().zip(samples.chunks_exact(self.band.count)) {
+                    *z = pulse[k];
+                }
+                match resampler {
+                    Some(resampler) => resampler.resample(k, slow, resampled),
+                    None => resampled[..m].copy_from_slice(slow),
+                }
+                row.fill(Complex32::ZERO);
+                for (i, z) in resampled[..m].iter().enumerate() {
+                    row[(i + length - m / 2) % length] = *z;
+                }
+                fft.process_with_scratch(row, scratch);
+            });
+    }
 
-        let state = CentreState::new(collection, pulses.clone());
+    /// From frequency to range, Doppler bin by Doppler bin.
+    fn to_range(&self, doppler: &[Complex32], map: &mut [Complex32]) {
+        let (length, fft) = (self.range_length, &self.range_fft);
+        let scratch = || vec![Complex32::ZERO; fft.get_inplace_scratch_len()];
+        map.par_chunks_exact_mut(length)
+            .enumerate()
+            .for_each_init(scratch, |scratch, (d, row)| {
+                row.fill(Complex32::ZERO);
+                for (k, values) in doppler.chunks_exact(self.doppler_length).enumerate() {
+                    row[(k + length - self.band.count / 2) % length] = values[d];
+                }
+                fft.process_with_scratch(row, scratch);
+            });
+    }
+
+    /// Adds the map of a sub-CPI to every pixel.
+    fn add(&self, work: &Work, pulses: &Range<usize>, map: &[Complex32], tiles: &mut [Tile]) {
+        let cycles_m = self.band.centre_hz() / SPEED_OF_LIGHT_M_S;
+        let range_bins_m = self.range_length as f64 * self.band.step_hz / SPEED_OF_LIGHT_M_S;
+        let lengths = [self.doppler_length, self.range_length];
+        let state = CentreState::new(self.aim.collection, pulses.clone());
+        let m = pulses.len();
         // Slow time was rotated by whole pulses; for even M half a pulse is left.
         let left_over = (m as f64 - 1.0) / 2.0 - (m / 2) as f64;
-        add_to_each(task, &mut pixels, |point| {
+        for_each(self.aim.grid, tiles, work.monitor, |point, pixel| {
             let (path_m, rate_m) = state.path_and_rate(point);
             let nu = rate_m * cycles_m;
-            let value = bilinear(
-                &map,
-                [doppler_length, range_length],
-                [nu * doppler_length as f64, path_m * range_bins_m],
-            );
-            value * phasor32(path_m * cycles_m - nu * left_over)
+            let place = [nu * lengths[0] as f64, path_m * range_bins_m];
+            let value = bilinear(map, lengths, place);
+            *pixel += value * phasor32(path_m * cycles_m - nu * left_over);
         });
-        if task.monitor.cancelled() {
-            return Err(FormError::Cancelled);
-        }
-        task.monitor
-            .progress((index + 1) as f64 / sub_cpis.len() as f64);
     }
+}
 
-    let settings = json!({
-        "mode": "thesis",
-        "keystone": keystone,
-        "doppler_padding": doppler_padding,
-        "sub_cpi_pulses": longest,
-        "sub_cpis": sub_cpis.len(),
-        "doppler_length": doppler_length,
-        "range_length": range_length,
-    });
-    Ok(Formed::new(task, pixels, planned_db, settings))
+impl Forming for Opened<'_> {
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        let mut buffers = self.buffers(work.memory_bytes)?;
+        let mut resampler: Option<(usize, SincKeystone)> = None;
+        for (index, pulses) in self.sub_cpis.iter().enumerate() {
+            let m = pulses.len();
+            let samples = &mut buffers.samples[..m * self.band.count];
+            self.read(work, pulses, samples)?;
+            if work.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            if self.choices.keystone && resampler.as_ref().is_none_or(|(length, _)| *length != m) {
+                resampler = Some((m, SincKeystone::new(&self.band.scales(), m)));
+            }
+            let resampler = resampler.as_ref().map(|(_, resampler)| resampler);
+            self.to_doppler(samples, m, resampler, &mut buffers.doppler);
+            self.to_range(&buffers.doppler, &mut buffers.map);
+            self.add(work, pulses, &buffers.map, tiles);
+            if work.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            let done = (index + 1) as f64 / self.sub_cpis.len() as f64;
+            work.monitor.progress(done);
+        }
+        Ok(())
+    }
 }
 
 /// Reads `map` (rows of `lengths[1]`, both axes periodic) at a place in bins.
@@ -257,7 +351,7 @@ const PROBED_SUB_CPIS: usize = 8;
 
 /// What a pixel makes of the samples.
 struct Reading<'a> {
-    task: &'a Task<'a>,
+    aim: &'a Aim<'a>,
     band: &'a Band,
     keystone: bool,
 }
@@ -283,12 +377,12 @@ impl Reading<'_> {
     /// Of one sub-CPI: `sum_i W[i][m] exp(j 2 pi nu u_i)`, which is what sample `m` is multiplied by, against
     /// what it ought to be.
     fn error(&self, pulses: &Range<usize>, frequencies: &[usize]) -> f64 {
-        let collection = self.task.history.collection();
+        let collection = self.aim.collection;
         let m = pulses.len();
         let centre = (m as f64 - 1.0) / 2.0;
         let state = CentreState::new(collection, pulses.clone());
         let cycles_m = self.band.centre_hz() / SPEED_OF_LIGHT_M_S;
-        let grid = self.task.grid;
+        let grid = self.aim.grid;
         let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
         let mut points: Vec<_> = [0, rows / 2, rows]
             .into_iter()
