@@ -11,4 +11,5 @@ mod points;
 mod random;
 mod random_case;
 mod sweep_motion;
+mod tiles;
 mod track_scene;

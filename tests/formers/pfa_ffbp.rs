@@ -492,16 +492,3 @@ fn threads_memory_and_stopping() {
         assert!(matches!(error, FormError::Cancelled), "{error}");
     }
 }
-
-/// With memory for some pulses only, fast factorised backprojection takes the aperture in stretches.
-#[test]
-fn little_memory_takes_short_stretches() {
-    let history = Preset::Table41.simulate(&Variation::default());
-    let grid = "x=-40:40:1.37,y=-40:40:1.31";
-    let exact = form(&Exact, &history, grid).image;
-    let tight = try_form(&ffbp(-60.0), &history, grid, 4_000_000, &Silent).unwrap();
-    let error = error_db(&tight.image, &exact);
-    let stretches = tight.settings["stretches"].as_u64().unwrap();
-    println!("4 MB: {stretches} stretches, {error:.1} dB");
-    assert!(stretches > 1 && error <= -60.0, "{stretches}, {error}");
-}

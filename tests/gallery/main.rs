@@ -1,3 +1,58 @@
-//! The gallery of both theses' figures: what the items find, and the command that makes them.
+//! The gallery of both theses' figures: what every item finds, against figures stated here, and the command that makes them.
+//!
+//! An item says itself whether it agrees with its thesis; nothing here asks it. What it found is read from what it says and held
+//! against the tables in `schone_points.rs`, `schone_scenes.rs` and `chim.rs`: the thesis's number, or one that follows from a formula written here.
 
+mod chim;
 mod command;
+mod figures;
+mod schone_points;
+mod schone_scenes;
+mod sub_cpis;
+
+use subaperture::monitor::Silent;
+use subaperture_gallery::{Context, items};
+
+/// What an item may take, bytes.
+const MEMORY_BYTES: u64 = 1 << 30;
+
+/// The item finds the figures that the tables state for it, all of them and no others.
+#[track_caller]
+fn holds(id: &str) {
+    let item = items().into_iter().find(|item| item.id == id);
+    let context = Context {
+        memory_bytes: MEMORY_BYTES,
+        monitor: &Silent,
+        gotcha: &[],
+    };
+    let found = (item.expect("an item of this name").reproduce)(&context).unwrap();
+    let tables = [
+        schone_points::figures,
+        schone_scenes::figures,
+        chim::figures,
+    ];
+    let expected = tables.iter().find_map(|table| table(id));
+    figures::compare(&expected.expect("a table for the item"), &found.checks);
+}
+
+macro_rules! gallery {
+    ($($name:ident)*) => {
+        $(
+            #[test]
+            fn $name() {
+                holds(&stringify!($name).replace('_', "-"));
+            }
+        )*
+
+        #[test]
+        fn every_item_is_held_to_its_figures() {
+            let here = [$(stringify!($name)),*].map(|name| name.replace('_', "-"));
+            assert!(items().iter().map(|item| item.id).eq(here), "the list below is not that of the items");
+        }
+    };
+}
+
+gallery! {
+    s_table_2_1 s_2_2 s_2_3 s_table_4_1 s_4_1 s_4_2 s_4_3 s_4_4 s_4_5 s_4_6 s_4_10 s_4_11 s_4_12 s_4_13 s_4_14 s_table_5_1 s_5_2
+    c_2_10 c_2_22 c_3_1 c_3_2 c_3_3 c_3_4 c_4_5 c_5_13
+}

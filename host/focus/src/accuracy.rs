@@ -46,7 +46,6 @@ use rayon::prelude::*;
 
 use super::budget::Budget;
 use super::exact::{LANES, add_pulse};
-use super::patch::Rectangle;
 use super::{Aim, Decision, FormError, Formed, ImageFormer, Task, Tile, Work, rounding, sweep};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::power;
@@ -240,11 +239,14 @@ fn attempt<F: ImageFormer + ?Sized>(
     task.check()?;
     let aim = task.aim();
     let swept = swept(former, &aim, asked)?;
-    let everywhere = [Tile::place_of(task.grid)];
-    let sampled = Sampled::new(task.history, aim, &everywhere);
+    let probes = Probes::new(aim);
+    let sampled = Sampled {
+        history: task.history,
+        probes: &probes,
+    };
     let (tile, decision) = whole(former, task, asked, &sampled, form)?;
     let planned_db = with_sweep(decision.planned_db, swept);
-    let record = sampled.record(&tile);
+    let record = probes.record(&tile);
     let num_sampled = record.as_ref().map_or(0, |record| record.seen.len());
     // A former that left pulses out has no image of them all.
     let measured_db = record.map_or(f64::INFINITY, |record| {
@@ -399,14 +401,19 @@ pub(super) fn seen_error_db(aim: &Aim, records: &[TileRecord], planned_db: f64) 
     }
 }
 
-/// A history that keeps the exact sum at some pixels as its pulses are read.
-pub(super) struct Sampled<'a> {
-    history: &'a dyn PhaseHistory,
+/// The exact sum at some pixels, kept as pulses are read.
+pub(super) struct Probes<'a> {
     aim: Aim<'a>,
     /// Indices of pixels, ascending, and where they lie.
     pixels: Vec<usize>,
     points: Vec<DVec3>,
     sums: Mutex<Sums>,
+}
+
+/// A history whose pulses go to probes as they are read.
+pub(super) struct Sampled<'a> {
+    pub(super) history: &'a dyn PhaseHistory,
+    pub(super) probes: &'a Probes<'a>,
 }
 
 /// Sums so far, and the pulses that are in them.
@@ -417,16 +424,10 @@ struct Sums {
     pulses: Range<usize>,
 }
 
-impl<'a> Sampled<'a> {
-    /// Of the pixels that lie in one of `places`.
-    pub(super) fn new(history: &'a dyn PhaseHistory, aim: Aim<'a>, places: &[Rectangle]) -> Self {
+impl<'a> Probes<'a> {
+    pub(super) fn new(aim: Aim<'a>) -> Self {
         let columns = aim.grid.columns.count;
-        let mut pixels = sampled_pixels(aim.grid);
-        pixels.retain(|i| {
-            places
-                .iter()
-                .any(|place| place.contains(i / columns, i % columns))
-        });
+        let pixels = sampled_pixels(aim.grid);
         let points: Vec<DVec3> = pixels
             .iter()
             .map(|i| aim.grid.position_m(i / columns, i % columns))
@@ -437,7 +438,6 @@ impl<'a> Sampled<'a> {
             pulses: 0..0,
         });
         Self {
-            history,
             aim,
             pixels,
             points,
@@ -447,7 +447,7 @@ impl<'a> Sampled<'a> {
 
     /// Adds pulses, unless they are in the sums: a former may read some twice.
     fn add(&self, pulses: Range<usize>, samples: &[Complex32]) {
-        let width = self.collection().num_samples;
+        let width = self.aim.collection.num_samples;
         let weights = self.aim.weights;
         let mut sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
         if sums.pulses.end != pulses.start {
@@ -462,7 +462,7 @@ impl<'a> Sampled<'a> {
                 let lanes = part.chunks_mut(LANES).zip(self.points.chunks(LANES));
                 for (sums, points) in lanes {
                     for (&n, row) in numbers.iter().zip(samples.chunks_exact(width)) {
-                        let pulse = &self.collection().pulses[n];
+                        let pulse = &self.aim.collection.pulses[n];
                         add_pulse(pulse, weights.slow[n], &weights.fast, row, points, sums);
                     }
                 }
@@ -484,7 +484,7 @@ impl<'a> Sampled<'a> {
     /// What is to be kept of `tile`, formed of these pulses. `None` if they were not all read.
     pub(super) fn record(&self, tile: &Tile) -> Option<TileRecord> {
         let sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
-        if sums.pulses.end != self.collection().pulses.len() {
+        if sums.pulses.end != self.aim.collection.pulses.len() {
             return None;
         }
         let norm = self.aim.weights.normalisation();
@@ -514,7 +514,7 @@ impl PhaseHistory for Sampled<'_> {
 
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
         self.history.read(pulses.clone(), samples)?;
-        self.add(pulses, samples);
+        self.probes.add(pulses, samples);
         Ok(())
     }
 

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 
-use super::accuracy::{self, Asked, Misses, Sampled, TileRecord, seen_error_db};
+use super::accuracy::{self, Asked, Misses, Probes, Sampled, TileRecord, seen_error_db};
 use super::patch::{PatchSize, Rectangle};
 use super::{Aim, FormError, Forming, ImageFormer, Tile, Work, formers};
 use subaperture_model::geometry::ImageGrid;
@@ -331,6 +331,7 @@ impl Plan {
             plan: self,
             aim,
             forming: former.open(aim, &self.choices)?,
+            probes: Probes::new(aim),
         })
     }
 }
@@ -354,6 +355,8 @@ pub struct Opened<'a> {
     plan: &'a Plan,
     aim: Aim<'a>,
     forming: Box<dyn Forming + 'a>,
+    /// Once all pulses were read, the sums of them all: what tiles share may be kept, and pulses not read again.
+    probes: Probes<'a>,
 }
 
 /// Where formed tiles go.
@@ -408,10 +411,12 @@ impl Opened<'_> {
         let fit = (left_bytes / 3 / tile_bytes.max(1)).clamp(1, most_a_pass.max(1) as u64);
         let mut done = 0;
         for indices in indices.chunks(fit as usize) {
-            let places = || indices.iter().map(|&index| self.plan.tile(index));
-            let mut tiles: Vec<Tile> = places().map(Tile::new).collect();
-            let places: Vec<Rectangle> = places().collect();
-            let sampled = Sampled::new(work.history, self.aim, &places);
+            let places = indices.iter().map(|&index| self.plan.tile(index));
+            let mut tiles: Vec<Tile> = places.map(Tile::new).collect();
+            let sampled = Sampled {
+                history: work.history,
+                probes: &self.probes,
+            };
             let all = self.plan.num_tiles().max(1) as f64;
             let pass = Pass {
                 monitor: work.monitor,
@@ -427,7 +432,7 @@ impl Opened<'_> {
             self.forming.form(&within, &mut tiles)?;
             for (&index, tile) in indices.iter().zip(tiles) {
                 tile.check_finite(self.aim.grid)?;
-                let record = sampled.record(&tile).ok_or(FormError::PulsesLeftOut)?;
+                let record = self.probes.record(&tile).ok_or(FormError::PulsesLeftOut)?;
                 sink.take(index, tile, record).map_err(FormError::Sink)?;
             }
             done += indices.len();

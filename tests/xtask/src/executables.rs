@@ -64,6 +64,7 @@ pub(crate) struct Run {
     pub(crate) name: String,
     pub(crate) output: String,
     pub(crate) succeeded: bool,
+    pub(crate) took: Duration,
 }
 
 /// Builds with `cargo test --no-run` and the like, whose messages are asked for as JSON.
@@ -99,22 +100,34 @@ fn executable(message: &Value) -> Option<Executable> {
         name: message["target"]["name"].as_str()?.to_owned(),
         path: path.into(),
         folder: manifest.parent()?.to_owned(),
-        is_ring: message["target"]["kind"] == serde_json::json!(["test"]),
+        is_ring: message["target"]["kind"][0] == "test",
     })
 }
 
 /// The modules of a ring, or the whole of what is none or does not list its tests.
-fn parts(executable: Executable, prepare: &impl Fn(&mut Command)) -> Vec<Part> {
+fn parts(executable: Executable) -> Vec<Part> {
     let mut list = command(&executable);
     list.args(["--list", "--format", "terse"]);
-    prepare(&mut list);
     let listed = match executable.is_ring.then(|| list.output()) {
         Some(Ok(output)) if output.status.success() => output.stdout,
         _ => Vec::new(),
     };
-    let mut modules = by_module(&String::from_utf8_lossy(&listed));
-    if modules.len() < 2 {
-        modules = BTreeMap::from([(None, Vec::new())]);
+    split(executable, &String::from_utf8_lossy(&listed))
+}
+
+/// A part for each module of what the executable lists, a line such as `module::deeper::name: test` each; what stands in none is a
+/// part too. The whole if nothing is listed.
+fn split(executable: Executable, listed: &str) -> Vec<Part> {
+    let mut modules = BTreeMap::<_, Vec<String>>::new();
+    let names = listed
+        .lines()
+        .filter_map(|line| line.strip_suffix(": test"));
+    for name in names {
+        let module = name.split_once("::").map(|(module, _)| module.to_owned());
+        modules.entry(module).or_default().push(name.to_owned());
+    }
+    if modules.is_empty() {
+        modules.insert(None, Vec::new());
     }
     let part = |(module, tests): (Option<String>, _)| Part {
         name: match module {
@@ -125,19 +138,6 @@ fn parts(executable: Executable, prepare: &impl Fn(&mut Command)) -> Vec<Part> {
         tests,
     };
     modules.into_iter().map(part).collect()
-}
-
-/// The tests that an executable lists, a line such as `module::deeper::name: test` each.
-fn by_module(listed: &str) -> BTreeMap<Option<String>, Vec<String>> {
-    let mut modules = BTreeMap::<_, Vec<String>>::new();
-    for name in listed
-        .lines()
-        .filter_map(|line| line.strip_suffix(": test"))
-    {
-        let module = name.split_once("::").map(|(module, _)| module.to_owned());
-        modules.entry(module).or_default().push(name.to_owned());
-    }
-    modules
 }
 
 /// An executable's command, started as cargo would.
@@ -155,10 +155,7 @@ pub(crate) fn run_all(
     done: impl FnMut(Run) + Send,
 ) {
     let rank = |name: &str| LONGEST.iter().position(|known| *known == name);
-    let mut all: Vec<Part> = executables
-        .into_iter()
-        .flat_map(|executable| parts(executable, &prepare))
-        .collect();
+    let mut all: Vec<Part> = executables.into_iter().flat_map(parts).collect();
     all.sort_by_key(|part| (rank(&part.name).unwrap_or(LONGEST.len()), part.name.clone()));
     let workers = std::thread::available_parallelism().map_or(1, usize::from);
     let waiting = Mutex::new(VecDeque::from(all));
@@ -186,6 +183,7 @@ fn run(one: &Part, prepare: &impl Fn(&mut Command)) -> Run {
     }
     prepare(&mut command);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let start = Instant::now();
     let (output, succeeded) = match command.spawn() {
         Ok(child) => finish(child, LIMIT),
         Err(error) => (
@@ -197,6 +195,7 @@ fn run(one: &Part, prepare: &impl Fn(&mut Command)) -> Run {
         name: one.name.clone(),
         output,
         succeeded,
+        took: start.elapsed(),
     }
 }
 
@@ -279,7 +278,7 @@ mod tests {
             json!({
                 "reason": "compiler-artifact",
                 "manifest_path": "/w/tests/Cargo.toml",
-                "target": { "name": "formers" },
+                "target": { "name": "formers", "kind": ["test"] },
                 "profile": { "test": test },
                 "executable": executable,
             })
@@ -289,8 +288,39 @@ mod tests {
             (found.name.as_str(), found.folder.to_str()),
             ("formers", Some("/w/tests"))
         );
+        assert!(found.is_ring);
         assert!(executable(&artifact(false, json!("/w/target/subap"))).is_none());
         assert!(executable(&artifact(true, Value::Null)).is_none());
         assert!(executable(&json!({ "reason": "build-finished", "success": true })).is_none());
+    }
+
+    #[test]
+    fn a_ring_is_run_module_by_module_and_no_test_is_lost() {
+        let ring = |listed: &str| {
+            let executable = Executable {
+                name: "ring".to_owned(),
+                path: "ring".into(),
+                folder: ".".into(),
+                is_ring: true,
+            };
+            let parts = split(executable, listed).into_iter();
+            parts
+                .map(|part| (part.name, part.tests))
+                .collect::<Vec<_>>()
+        };
+        let part = |name: &str, tests: &[&str]| {
+            let tests = tests.iter().map(|name| (*name).to_owned());
+            (name.to_owned(), tests.collect::<Vec<_>>())
+        };
+        assert_eq!(
+            ring("b::two: test\na::deep::one: test\nb::one: test\nalone: test\n"),
+            [
+                part("ring", &["alone"]),
+                part("ring::a", &["a::deep::one"]),
+                part("ring::b", &["b::two", "b::one"]),
+            ]
+        );
+        // What lists nothing is run as it is.
+        assert_eq!(ring(""), [part("ring", &[])]);
     }
 }

@@ -8,6 +8,8 @@ pub(crate) struct TestLog {
     pub(crate) passed: u64,
     /// Tests that failed.
     pub(crate) failed: u64,
+    /// The names of those, as far as they were told.
+    pub(crate) failures: Vec<String>,
     /// Every line that says what was skipped, once.
     pub(crate) skipped: Vec<String>,
     /// Inside the output of tests that passed.
@@ -20,6 +22,10 @@ impl TestLog {
     pub(crate) fn add_line(&mut self, line: &str) -> bool {
         if line.starts_with("skipped: ") {
             note(&mut self.skipped, line);
+        }
+        let failure = line.strip_prefix("test ");
+        if let Some(name) = failure.and_then(|rest| rest.strip_suffix(" ... FAILED")) {
+            self.failures.push(name.to_owned());
         }
         if line == "successes:" {
             self.in_successes = true;
@@ -129,6 +135,7 @@ test result: FAILED. 2 passed; 1 failed; 0 ignored; 0 measured; 0 filtered out"
             ]
         );
         assert_eq!((log.passed, log.failed), (2, 1));
+        assert_eq!(log.failures, ["c"]);
         assert_eq!(
             log.skipped,
             ["skipped: x.mat not found", "skipped: y.mat not found"]

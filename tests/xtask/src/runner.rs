@@ -25,6 +25,8 @@ pub(crate) struct Runner {
     steps: Vec<Step>,
     passed: u64,
     failed: u64,
+    /// Lines that say what failed.
+    failures: Vec<String>,
     /// Lines that say what was skipped and why.
     skipped: Vec<String>,
 }
@@ -35,6 +37,7 @@ impl Runner {
             steps: Vec::new(),
             passed: 0,
             failed: 0,
+            failures: Vec::new(),
             skipped: Vec::new(),
         }
     }
@@ -74,7 +77,7 @@ impl Runner {
                 false
             }
         };
-        self.add(&log, passed);
+        self.add(name, &log, passed);
         self.record(name, passed, start);
     }
 
@@ -105,10 +108,12 @@ impl Runner {
                  name,
                  output,
                  succeeded,
+                 took,
              }| {
                 let mut log = TestLog::default();
                 println!(
-                    "\n     Ran {name}, {:.1} s from the start",
+                    "\n     Ran {name} in {:.1} s, {:.1} s from the start",
+                    took.as_secs_f64(),
                     start.elapsed().as_secs_f64()
                 );
                 for line in output.lines() {
@@ -117,19 +122,25 @@ impl Runner {
                     }
                 }
                 all_passed &= succeeded;
-                self.add(&log, succeeded);
+                self.add(&name, &log, succeeded);
             },
         );
         self.record(name, all_passed, start);
     }
 
     /// Adds what a run of tests printed; one that failed without naming a failed test counts as one failure.
-    fn add(&mut self, log: &TestLog, passed: bool) {
+    fn add(&mut self, name: &str, log: &TestLog, passed: bool) {
         self.passed += log.passed;
         self.failed += match (passed, log.failed) {
             (false, 0) => 1,
             (_, failed) => failed,
         };
+        let named = log.failures.iter();
+        self.failures
+            .extend(named.map(|test| format!("FAILED: {name}: {test}")));
+        if !passed && log.failures.is_empty() {
+            self.failures.push(format!("FAILED: {name}"));
+        }
         for line in &log.skipped {
             note(&mut self.skipped, line);
         }
@@ -176,7 +187,7 @@ impl Runner {
             let seconds = step.took.as_secs_f64();
             println!("{:>8} {seconds:7.1} s  {}", word(step.outcome), step.name);
         }
-        for line in &self.skipped {
+        for line in self.skipped.iter().chain(&self.failures) {
             println!("{line}");
         }
         println!("{} passed, {} failed", self.passed, self.failed);

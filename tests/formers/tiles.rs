@@ -1,0 +1,244 @@
+//! A pixel's bits follow from the plan and the samples alone: not from threads, memory, tiles or their order, for every
+//! former.
+
+use num_complex::Complex32;
+use subaperture::focus::formers::FORMERS;
+use subaperture::focus::patch::PatchSize;
+use subaperture::focus::plan::{InMemory, PlanError, Request};
+use subaperture::focus::{DEFAULT_ERROR_DB, Misses, Plan, SCRATCH_BYTES, Task, Work};
+use subaperture::geometry::ImageGrid;
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Noise, Preset, Simulated, Variation};
+
+/// Sizes of no symmetry: 71 columns, 53 rows.
+const GRID: &str = "x=-40:37.4:1.09,y=-38:39.9:1.47";
+
+fn history() -> Simulated {
+    Preset::Table41.simulate(&Variation {
+        noise: Some(Noise {
+            power_db: -20.0,
+            seed: 4,
+        }),
+        ..Variation::default()
+    })
+}
+
+fn plan(name: &str, settings: &serde_json::Value, history: &Simulated, scratch_bytes: u64) -> Plan {
+    let former = subaperture::focus::formers::former(name, settings).unwrap();
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let request = Request {
+        collection: history.collection(),
+        grid: &grid,
+        fast: Window::Hamming,
+        slow: Window::default(),
+        scratch_bytes,
+        misses: Misses::Allowed,
+    };
+    Plan::new(&*former, &request, &Silent).unwrap()
+}
+
+/// How a plan is carried out: nothing of it may matter.
+struct Way {
+    threads: usize,
+    memory_bytes: u64,
+    tile: Option<[usize; 2]>,
+    most_a_pass: usize,
+    backwards: bool,
+}
+
+const WHOLE: Way = Way {
+    threads: 2,
+    memory_bytes: 2 << 30,
+    tile: None,
+    most_a_pass: usize::MAX,
+    backwards: false,
+};
+
+fn carried_out(plan: &Plan, history: &Simulated, way: &Way) -> Vec<Complex32> {
+    let mut plan = Plan::from_text(&plan.to_text()).unwrap();
+    if let Some([rows, columns]) = way.tile {
+        plan.tile = PatchSize { rows, columns };
+    }
+    let weights = plan.weights(history.collection()).unwrap();
+    let opened = plan.open(history.collection(), &weights).unwrap();
+    let work = Work {
+        history,
+        memory_bytes: way.memory_bytes,
+        monitor: &Silent,
+    };
+    let mut indices: Vec<usize> = (0..plan.num_tiles()).collect();
+    if way.backwards {
+        indices.reverse();
+    }
+    let mut image = InMemory::new(&plan.grid);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(way.threads);
+    pool.build()
+        .unwrap()
+        .install(|| opened.form(&work, &indices, way.most_a_pass, &mut image))
+        .unwrap();
+    assert_eq!(image.records.len(), plan.num_tiles());
+    image.pixels
+}
+
+#[test]
+fn bits_are_those_of_the_plan_alone() {
+    let history = history();
+    // What the largest array of a former needs here: the strips' spectrum, 10 MB.
+    let little = history.held_bytes() + (16 << 20);
+    let ways = [
+        Way {
+            threads: 1,
+            memory_bytes: 64 << 20,
+            ..WHOLE
+        },
+        Way {
+            threads: 7,
+            tile: Some([53, 19]),
+            most_a_pass: 2,
+            ..WHOLE
+        },
+        Way {
+            memory_bytes: little,
+            tile: Some([17, 23]),
+            most_a_pass: 1,
+            backwards: true,
+            ..WHOLE
+        },
+        Way {
+            tile: Some([1, 71]),
+            most_a_pass: 5,
+            ..WHOLE
+        },
+        Way {
+            tile: Some([11, 3]),
+            most_a_pass: 1000,
+            backwards: true,
+            ..WHOLE
+        },
+    ];
+    for entry in &FORMERS {
+        let both = match entry.name {
+            "rdbp" => vec![
+                serde_json::json!({}),
+                serde_json::json!({ "mode": { "thesis": {} } }),
+            ],
+            _ => vec![serde_json::json!({})],
+        };
+        for settings in both {
+            // The thesis's mode, whose maps are of the whole scene, takes 0.3 s a pass.
+            let ways = match settings["mode"].is_null() {
+                true => &ways[..],
+                false => &ways[..2],
+            };
+            let plan = plan(entry.name, &settings, &history, SCRATCH_BYTES);
+            let whole = carried_out(&plan, &history, &WHOLE);
+            assert!(whole.iter().any(|z| z.norm_sqr() > 0.5), "{}", entry.name);
+            for (index, way) in ways.iter().enumerate() {
+                // Passes cost as much as the image.
+                if entry.name == "exact" && index > 1 {
+                    continue;
+                }
+                let image = carried_out(&plan, &history, way);
+                assert!(image == whole, "{} {settings}, way {index}", entry.name);
+            }
+        }
+    }
+}
+
+/// The image of a task is that of a plan with its windows and the scratch that tasks have.
+#[test]
+fn a_task_is_a_plan_carried_out_at_once() {
+    let history = history();
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
+    for entry in &FORMERS {
+        let settings = serde_json::json!({});
+        let former = (entry.of)(&settings).unwrap();
+        assert_eq!(former.name(), entry.name);
+        assert_eq!(
+            former.bound_db().unwrap_or(DEFAULT_ERROR_DB),
+            DEFAULT_ERROR_DB
+        );
+        let task = Task {
+            history: &history,
+            grid: &grid,
+            weights: &weights,
+            memory_bytes: 2 << 30,
+            monitor: &Silent,
+        };
+        let formed = former.form_best(&task).unwrap();
+        if !formed.settings["planned_error_db"].is_null()
+            && formed.settings.contains_key("planned_for_db")
+        {
+            // Planned for once more.
+            continue;
+        }
+        let plan = plan(entry.name, &settings, &history, SCRATCH_BYTES);
+        let image = carried_out(&plan, &history, &WHOLE);
+        assert!(image == formed.image.pixels, "{}", entry.name);
+    }
+}
+
+/// A plan for little scratch takes other ways, and keeps its bound: stretches of pulses, smaller maps.
+#[test]
+fn little_scratch_is_part_of_the_plan() {
+    let history = history();
+    let settings = serde_json::json!({});
+    for (name, scratch_bytes) in [("ffbp", 600_000), ("rdbp", 150_000)] {
+        let ample = plan(name, &settings, &history, SCRATCH_BYTES);
+        let little = plan(name, &settings, &history, scratch_bytes);
+        assert_ne!(ample.summary, little.summary, "{name}");
+        assert!(little.planned_db <= -60.0, "{name}");
+        let exact = carried_out(
+            &plan("exact", &settings, &history, SCRATCH_BYTES),
+            &history,
+            &WHOLE,
+        );
+        let image = carried_out(&little, &history, &WHOLE);
+        let (mut error, mut power) = (0.0, 0.0);
+        for (a, b) in image.iter().zip(&exact) {
+            error += f64::from((a - b).norm_sqr());
+            power += f64::from(b.norm_sqr());
+        }
+        let error_db = 10.0 * (error / power).log10();
+        println!("{name}: {error_db:.1} dB by {}", little.summary);
+        assert!(error_db <= -60.0, "{name}: {error_db}");
+    }
+}
+
+#[test]
+fn plans_of_other_recordings_and_other_texts_are_refused() {
+    let history = history();
+    let plan = plan("bp", &serde_json::json!({}), &history, SCRATCH_BYTES);
+    let mut other = history.collection().clone();
+    other.pulses[7].receiver_m.z += 1e-9;
+    let weights = plan.weights(&other).unwrap();
+    let error = plan.open(&other, &weights).err().unwrap();
+    assert!(matches!(error, PlanError::Recording { .. }), "{error}");
+
+    let text = plan.to_text();
+    let refused = |from: &str, to: &str| {
+        assert!(text.contains(from), "{from} in {text}");
+        let text = text.replace(from, to);
+        let plan = Plan::from_text(&text)?;
+        plan.weights(history.collection())?;
+        plan.open(history.collection(), &weights)?;
+        Ok(())
+    };
+    let message = |from: &str, to: &str| {
+        let error: Result<(), PlanError> = refused(from, to);
+        error.expect_err(to).to_string()
+    };
+    let error = message("subaperture-plan-1", "subaperture-plan-9");
+    assert!(error.contains("subaperture-plan-9"), "{error}");
+    let error = message("\"bp\"", "\"bq\"");
+    assert!(error.contains("no former 'bq'"), "{error}");
+    let error = message("\"error_db\"", "\"eror_db\"");
+    assert!(error.contains("eror_db"), "{error}");
+    let error = message("\"oversampling\": ", "\"oversampling\": \"x\", \"x\": ");
+    assert!(error.contains("none of bp's"), "{error}");
+    let error = message("\"hamming\"", "\"hammer\"");
+    assert!(error.contains("hammer"), "{error}");
+}
