@@ -67,7 +67,6 @@ impl Shape {
 /// assert_eq!(axes.centre_hz(), 1.005e9);
 /// assert_eq!(axes.path_m(8), 0.0);
 /// assert_eq!(axes.path_m(16), SPEED_OF_LIGHT_M_S / 1.0e6 / 2.0);
-/// assert_eq!(axes.doppler_cycles_per_pulse(0), -0.5);
 /// # Ok::<(), subaperture_core::ParamError>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,13 +119,6 @@ impl Axes {
     /// Relative two-way path of a range bin, metres: `(bin - R/2) c / (R step_hz)`.
     pub fn path_m(&self, range_bin: usize) -> f64 {
         (range_bin as f64 - (self.shape.num_range_bins / 2) as f64) / self.range_bins_per_metre()
-    }
-
-    /// Doppler of a bin in cycles a pulse at the reference frequency, positive when approaching:
-    /// `(bin - D/2) / D`. Divide by the PRI for hertz.
-    pub fn doppler_cycles_per_pulse(&self, doppler_bin: usize) -> f64 {
-        let d = self.shape.num_doppler_bins as f64;
-        (doppler_bin as f64 - (self.shape.num_doppler_bins / 2) as f64) / d
     }
 
     /// Range bins a metre of two-way path, `R step_hz / c`.

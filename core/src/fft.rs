@@ -31,7 +31,7 @@ pub const fn supports(length: usize) -> bool {
 /// Transforms `buffer` in place.
 ///
 /// A buffer of a length that [`supports`] does not admit is left as it is: [`crate::Plan::new`] and
-/// [`crate::stream::Setup::check`] admit no others, and a target must not be able to panic here.
+/// the stream's `Setup::check` admit no others, and a target must not be able to panic here.
 // All lengths' code is tens of kilobytes: once, and not wherever it is called.
 #[inline(never)]
 pub fn forward(buffer: &mut [Complex32]) {

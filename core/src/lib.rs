@@ -42,63 +42,60 @@
 //! [`window`], [`keystone`], [`range`] and [`accumulate`] do not know each other; [`Plan`] knows their
 //! order, [`stream::SubCpiProcessor`] that of the stream. Only [`fft`] knows the FFT library.
 //!
-//! # Example
-//! A stream of one sub-CPI and one patch. The scatterer's path is one range bin longer than that of the
-//! patch's centre, and shrinks by one Doppler bin:
+//! [`Plan`] and [`stream`] have an example each.
 //!
-//! ```
-//! use subaperture_core::stream::{FloatBuffers, Patch, Progress, Setup};
-//! use subaperture_core::{Pulse, SPEED_OF_LIGHT_M_S as C, Turns};
+//! # Features
+//! The Keystone is always there: [`Plan`] and its stages, [`Map`], and [`accumulate`] for whole maps, on
+//! `num-complex`, `libm` and `microfft`. What more there is:
 //!
-//! // 8 pulses of 16 frequencies, range transforms of 32 points, 5 Doppler rows, 1 patch.
-//! let mut buffers = FloatBuffers::<8, 16, 32, 5, 1>::new();
-//! let mut processor = buffers.processor();
-//! let setup = Setup {
-//!     num_pulses: 8,
-//!     num_frequencies: 16,
-//!     range_length: 32,
-//!     doppler_length: 16,
-//!     start_hz: 1.0e9,
-//!     step_hz: 1.0e6,
-//! };
-//! processor.configure(&setup)?;
-//! let patch = Patch { centre_m: [0.0, 1000.0, 0.0], range_reach: 3, doppler_reach: 2 };
-//! processor.set_patch(0, &patch)?;
-//! processor.start(0)?;
-//! // An antenna at rest at the origin, phases relative to the patch's centre: 2000 m there and back.
-//! for m in 0..8 {
-//!     let pulse = Pulse { number: m, reference_path_m: 2000.0, weight: 1.0, ..Pulse::EMPTY };
-//!     let longer_m = C / (32.0 * 1.0e6) - C / (16.0 * 1.008e9) * (f64::from(m) - 3.5);
-//!     let samples = (0..16u32).map(|k| {
-//!         let frequency_hz = 1.0e9 + f64::from(k) * 1.0e6;
-//!         Turns::from_f64(-frequency_hz * longer_m / C).phasor()
-//!     });
-//!     assert_eq!(processor.push(&pulse, samples), Ok(()));
-//! }
-//! while processor.work() == Progress::Busy {}
-//! let map = processor.map().expect("eight of eight pulses");
-//! // Phase at 1.008 GHz: a range bin is 31.5 wavelengths.
-//! assert!((map.at(1, 1) + 1.0).l1_norm() < 1e-5);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+//! | feature | adds | needs | dependencies |
+//! |---|---|---|---|
+//! | `stream` | [`stream`] in float32, [`cfar`], and [`accumulate`] for maps of patches | | `heapless`, for lists of detections |
+//! | `fixed` | 16-bit samples, and the stream in fixed point without floating-point arithmetic: `fixed_point` | `stream` | `fixed` |
+//! | `link` | [`link`], the wire format of a module; `serde` for what it sends | `fixed`: both forms of samples are sent | `cobs`, `crc`, `postcard`, `serde` |
+//! | `selftest` | [`selftest`]: checksums that every machine must get; of the stream too if there is `link` | | |
+//! | `defmt` | log formatting of everything that is logged on a target | | `defmt` |
 //!
-//! [`Plan`] has an example of its own.
+//! The first four are on unless `default-features = false`: a program holds only what it calls, whatever
+//! the features, so that leaving one out saves compiling and dependencies, and makes no program smaller.
+//!
+// Names of what is not there lead to the table above.
+#![cfg_attr(
+    not(feature = "stream"),
+    doc = "[`cfar`]: crate#features",
+    doc = "[`stream`]: crate#features",
+    doc = "[`stream::FloatBuffers`]: crate#features",
+    doc = "[`stream::SubCpiProcessor`]: crate#features"
+)]
+#![cfg_attr(not(feature = "link"), doc = "[`link`]: crate#features")]
+#![cfg_attr(
+    not(feature = "selftest"),
+    doc = "[`selftest`]: crate#features",
+    doc = "[`selftest::SelfTest`]: crate#features"
+)]
 #![no_std]
 #![forbid(unsafe_code)]
 
 pub mod accumulate;
 mod axes;
+#[cfg(feature = "stream")]
 pub mod cfar;
 pub mod fft;
+#[cfg(feature = "fixed")]
 pub mod fixed_point;
 pub mod keystone;
+#[cfg(feature = "link")]
 pub mod link;
 mod map;
 mod plan;
+#[cfg(feature = "stream")]
 mod pulse;
 pub mod range;
+#[cfg(feature = "fixed")]
 mod sample;
+#[cfg(feature = "selftest")]
 pub mod selftest;
+#[cfg(feature = "stream")]
 pub mod stream;
 mod turns;
 pub mod window;
@@ -107,10 +104,17 @@ pub use axes::{Axes, ParamError, Shape};
 pub use map::Map;
 pub use num_complex::Complex32;
 pub use plan::{LengthError, Params, Plan, Tables};
+#[cfg(feature = "stream")]
 pub use pulse::Pulse;
+#[cfg(feature = "fixed")]
 pub use sample::Sc16;
 pub use turns::Turns;
 pub use window::Window;
 
 /// Speed of light in vacuum, metres a second (exact by definition).
 pub const SPEED_OF_LIGHT_M_S: f64 = 299_792_458.0;
+
+/// The crate's page on crates.io, whose example is run with the others.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

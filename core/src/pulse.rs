@@ -4,7 +4,8 @@
 ///
 /// Positions are metres in any Cartesian frame. Samples have the phase
 /// `-2 pi f (path - reference_path_m) / c`, path from transmitter to scatterer to receiver.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Pulse {
     /// Running number; sub-CPI `n` of `M` pulses holds the numbers `n M .. (n + 1) M`.

@@ -3,6 +3,8 @@
 use fixed::types::I1F15;
 use num_complex::Complex32;
 
+use crate::stream::{Sample, Sealed};
+
 /// A complex sample of 16-bit parts in `[-1, 1)`: `sc16`, the converter's and the radio's own format.
 ///
 /// ```
@@ -53,6 +55,20 @@ impl Sc16 {
     pub fn at_limit(self) -> bool {
         let limit = |part: I1F15| part == I1F15::MAX || part == I1F15::MIN;
         limit(self.re) || limit(self.im)
+    }
+}
+
+impl Sealed for Sc16 {}
+
+impl Sample for Sc16 {
+    const ZERO: Self = Self::ZERO;
+
+    fn is_finite(self) -> bool {
+        true
+    }
+
+    fn at_limit(self) -> bool {
+        Self::at_limit(self)
     }
 }
 

@@ -21,8 +21,6 @@
 use core::f64::consts::{PI, TAU};
 use core::fmt;
 
-use heapless::Vec;
-
 /// A window, by formula or by its weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Window<'a> {
@@ -65,9 +63,9 @@ impl Window<'_> {
     /// See [`WindowError`]; `weights` is then unchanged.
     pub fn fill(&self, weights: &mut [f32]) -> Result<(), WindowError> {
         let n = weights.len();
-        let taylor = match *self {
+        let (taylor, orders) = match *self {
             Self::Taylor { side_lobe_db } => taylor_coefficients(side_lobe_db)?,
-            _ => Vec::new(),
+            _ => ([0.0; MAX_COEFFICIENTS], 0),
         };
         if let Self::Weights(own) = *self
             && own.len() != n
@@ -82,9 +80,12 @@ impl Window<'_> {
             match *self {
                 Self::Rectangular => 1.0,
                 Self::Hamming => 0.54 + 0.46 * libm::cos(TAU * u),
-                Self::Taylor { .. } => taylor.iter().zip(1..).fold(1.0, |sum, (f, order)| {
-                    sum + 2.0 * f * libm::cos(TAU * f64::from(order) * u)
-                }),
+                Self::Taylor { .. } => {
+                    let terms = taylor.iter().take(orders).zip(1..);
+                    terms.fold(1.0, |sum, (f, order)| {
+                        sum + 2.0 * f * libm::cos(TAU * f64::from(order) * u)
+                    })
+                }
                 Self::Weights(own) => own.get(i).copied().map_or(0.0, f64::from),
             }
         };
@@ -99,8 +100,8 @@ impl Window<'_> {
     }
 }
 
-/// `F_1 .. F_{n_bar - 1}`.
-fn taylor_coefficients(side_lobe_db: f64) -> Result<Vec<f64, MAX_COEFFICIENTS>, WindowError> {
+/// `F_1 .. F_{n_bar - 1}`, and how many they are.
+fn taylor_coefficients(side_lobe_db: f64) -> Result<([f64; MAX_COEFFICIENTS], usize), WindowError> {
     if !(15.0..=100.0).contains(&side_lobe_db) {
         return Err(WindowError::SideLobe(side_lobe_db));
     }
@@ -108,8 +109,8 @@ fn taylor_coefficients(side_lobe_db: f64) -> Result<Vec<f64, MAX_COEFFICIENTS>, 
     let n_bar = libm::ceil(2.0 * a * a + 0.5).max(2.0);
     let zero_scale = n_bar * n_bar / (a * a + (n_bar - 0.5) * (n_bar - 0.5));
     let orders = (1..n_bar as u32).map(f64::from);
-    let mut coefficients = Vec::new();
-    for m in orders.clone() {
+    let mut coefficients = [0.0; MAX_COEFFICIENTS];
+    for (coefficient, m) in coefficients.iter_mut().zip(orders.clone()) {
         // The pattern's zeros: moved ones above the line, the sinc's own below.
         let mut f = if m % 2.0 == 1.0 { 0.5 } else { -0.5 };
         for i in orders.clone() {
@@ -118,9 +119,9 @@ fn taylor_coefficients(side_lobe_db: f64) -> Result<Vec<f64, MAX_COEFFICIENTS>, 
                 f /= 1.0 - m * m / (i * i);
             }
         }
-        let _ = coefficients.push(f); // never full: see `MAX_COEFFICIENTS`
+        *coefficient = f;
     }
-    Ok(coefficients)
+    Ok((coefficients, orders.count()))
 }
 
 impl fmt::Display for WindowError {

@@ -3,6 +3,7 @@
 mod accumulate;
 mod cfar;
 mod chip;
+mod features;
 mod fixed;
 mod fixed_scene;
 mod fixed_stages;

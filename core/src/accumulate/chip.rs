@@ -31,9 +31,7 @@ use num_complex::Complex32;
 use super::coherent::add_pixels;
 use super::{CoherentGrid, Kernel, PixelGrid};
 use crate::pulse::distance_m;
-use crate::stream::{
-    BlockFloat, MapSamples, Node, PatchMap, Setup, node_offset_pulses, power_of_two,
-};
+use crate::stream::{Node, PatchMap, Setup, node_offset_pulses};
 use crate::{LengthError, SPEED_OF_LIGHT_M_S, Turns};
 
 /// Adds `weight` times a patch's map to the pixels of `grid`; the number of pixels that it reached.
@@ -176,7 +174,7 @@ fn read<const TAPS: usize, const PHASES: usize>(
     let (first_d, weights_d) = kernel.place(doppler_bin);
     let (first_r, weights_r) = kernel.place(range_bin);
     let rows = (first_d..).zip(&weights_d);
-    let taps = TAPS as i32;
+    let (width, taps) = (patch.num_range_bins(), TAPS as i32);
     let whole = first_r >= -reach_r && first_r + taps - 1 <= reach_r;
     let mut value = Complex32::ZERO;
     for (d, weight_d) in rows {
@@ -187,12 +185,8 @@ fn read<const TAPS: usize, const PHASES: usize>(
             return None;
         }
         let along_range = if whole {
-            row(
-                map,
-                (d + reach_d) as usize,
-                (first_r + reach_r) as usize,
-                &weights_r,
-            )?
+            let (row, first) = ((d + reach_d) as usize, (first_r + reach_r) as usize);
+            map.samples.weighted(width, row, first, &weights_r)?
         } else {
             edge(map, d, first_r, &weights_r)?
         };
@@ -201,40 +195,7 @@ fn read<const TAPS: usize, const PHASES: usize>(
     Some(value)
 }
 
-/// Weighted sum of samples of a row, all of which there are.
-#[inline]
-fn row<const TAPS: usize>(
-    map: &PatchMap<'_>,
-    row: usize,
-    first: usize,
-    weights: &[f32; TAPS],
-) -> Option<Complex32> {
-    let width = map.header.patch.num_range_bins();
-    let start = row * width + first;
-    let mut sum = Complex32::ZERO;
-    match map.samples {
-        MapSamples::Float(samples) => {
-            let samples = samples.get(start..)?.first_chunk::<TAPS>()?;
-            for (sample, weight) in samples.iter().zip(weights) {
-                sum += *sample * *weight;
-            }
-        }
-        MapSamples::Fixed(BlockFloat {
-            mantissas,
-            exponents,
-        }) => {
-            let mantissas = mantissas.get(start..)?.first_chunk::<TAPS>()?;
-            let exponents = exponents.get(row * BlockFloat::blocks(width)..)?;
-            for ((column, mantissa), weight) in (first..).zip(mantissas).zip(weights) {
-                let scale = power_of_two(*exponents.get(column / BlockFloat::BLOCK)?);
-                sum += mantissa.to_complex32() * (scale * *weight);
-            }
-        }
-    }
-    Some(sum)
-}
-
-/// The same where some of the samples may be missing.
+/// The weighted sum of samples of a row of which some may be missing.
 #[cold]
 fn edge(map: &PatchMap<'_>, d: i32, first: i32, weights: &[f32]) -> Option<Complex32> {
     let reach = i32::from(map.header.patch.range_reach);

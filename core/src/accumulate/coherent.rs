@@ -22,7 +22,6 @@
 //! in float64 to about 1e-9 turns at 1e6 wavelengths of path; `tests/core_accumulate.rs` holds a
 //! simulated point to 1 within the bound above, phase included.
 
-use heapless::Vec;
 use num_complex::Complex32;
 
 use super::{AccumulateError, Centre, PixelGrid};
@@ -103,7 +102,9 @@ pub(super) fn add_pixels(
 #[derive(Debug)]
 pub struct CoherentGrid<const CAPACITY: usize> {
     grid: PixelGrid,
-    pixels: Vec<Complex32, CAPACITY>,
+    /// The grid's pixels, then some that are not in use.
+    pixels: [Complex32; CAPACITY],
+    num_pixels: usize,
 }
 
 impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
@@ -120,7 +121,8 @@ impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
                 num_columns: 0,
                 num_rows: 0,
             },
-            pixels: Vec::new(),
+            pixels: [Complex32::ZERO; CAPACITY],
+            num_pixels: 0,
         }
     }
 
@@ -130,23 +132,23 @@ impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
     /// [`AccumulateError::Capacity`] if it does not fit; the image in hand then stays.
     pub fn set_grid(&mut self, grid: &PixelGrid) -> Result<(), AccumulateError> {
         let wanted = grid.num_pixels().unwrap_or(usize::MAX);
-        if wanted > CAPACITY {
+        let Some(pixels) = self.pixels.get_mut(..wanted) else {
             return Err(AccumulateError::Capacity {
                 capacity: CAPACITY,
                 wanted,
             });
-        }
+        };
+        pixels.fill(Complex32::ZERO);
         self.grid = *grid;
-        self.pixels.clear();
-        // Cannot fail: the capacity was compared above.
-        let _ = self.pixels.resize(wanted, Complex32::ZERO);
+        self.num_pixels = wanted;
         Ok(())
     }
 
     /// Adds `weight` times a map; the number of pixels inside it.
     pub fn accumulate(&mut self, map: &Map<'_>, centre: &Centre, weight: f32) -> usize {
+        let (grid, pixels) = self.parts();
         // Cannot fail: the pixels are the grid's.
-        add_map(&mut self.pixels, &self.grid, map, centre, weight).unwrap_or(0)
+        add_map(pixels, grid, map, centre, weight).unwrap_or(0)
     }
 
     /// The grid.
@@ -156,12 +158,13 @@ impl<const CAPACITY: usize> CoherentGrid<CAPACITY> {
 
     /// The pixels, row-major.
     pub fn pixels(&self) -> &[Complex32] {
-        &self.pixels
+        self.pixels.get(..self.num_pixels).unwrap_or_default()
     }
 
     /// The grid, and the pixels to add to.
     pub(super) fn parts(&mut self) -> (&PixelGrid, &mut [Complex32]) {
-        (&self.grid, &mut self.pixels)
+        let pixels = self.pixels.get_mut(..self.num_pixels);
+        (&self.grid, pixels.unwrap_or_default())
     }
 }
 

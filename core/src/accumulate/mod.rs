@@ -1,19 +1,25 @@
 //! Accumulation of maps: coherent into pixels, non-coherent into power.
 //!
-//! Whole maps ([`crate::Map`]) and maps of patches ([`crate::stream::PatchMap`]) add up in the same
-//! owners: [`CoherentGrid`] and [`PowerMap`].
+//! Whole maps ([`crate::Map`]) and, with the feature `stream`, maps of patches (its `PatchMap`) add up in
+//! the same owners: [`CoherentGrid`] and [`PowerMap`].
 
 mod centre;
+#[cfg(feature = "stream")]
 mod chip;
 mod coherent;
+#[cfg(feature = "stream")]
 mod kernel;
+#[cfg(feature = "stream")]
+mod patch_power;
 mod power;
 
 use core::fmt;
 
 pub use centre::{Centre, PixelGrid};
+#[cfg(feature = "stream")]
 pub use chip::add_patch_map;
 pub use coherent::{CoherentGrid, add_map};
+#[cfg(feature = "stream")]
 pub use kernel::Kernel;
 pub use power::{PowerMap, add_power};
 

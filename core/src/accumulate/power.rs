@@ -6,11 +6,9 @@
 //! **Accuracy**: a sum of `n` float32 terms, relative error below `(n + 2) 2^-24`
 //! (`tests/core_accumulate.rs`).
 
-use heapless::Vec;
 use num_complex::Complex32;
 
 use super::AccumulateError;
-use crate::stream::PatchMap;
 use crate::{LengthError, Map};
 
 /// Adds the power of `samples` to `power`, element by element.
@@ -44,7 +42,9 @@ pub struct PowerMap<const CAPACITY: usize> {
     /// Doppler and range bins.
     bins: [usize; 2],
     num_maps: u32,
-    power: Vec<f32, CAPACITY>,
+    /// The bins, then some that are not in use.
+    power: [f32; CAPACITY],
+    num_bins: usize,
 }
 
 impl<const CAPACITY: usize> PowerMap<CAPACITY> {
@@ -56,7 +56,8 @@ impl<const CAPACITY: usize> PowerMap<CAPACITY> {
         Self {
             bins: [0; 2],
             num_maps: 0,
-            power: Vec::new(),
+            power: [0.0; CAPACITY],
+            num_bins: 0,
         }
     }
 
@@ -70,33 +71,21 @@ impl<const CAPACITY: usize> PowerMap<CAPACITY> {
         self.add(bins, map.samples().iter().copied())
     }
 
-    /// Adds a patch's map. The first since [`PowerMap::clear`] sets the shape. Whether the patches are
-    /// of one place is for the caller to know.
-    ///
-    /// # Errors
-    /// [`AccumulateError`] if it does not fit or is of another shape; the sum then stays.
-    pub fn accumulate_patch(&mut self, map: &PatchMap<'_>) -> Result<(), AccumulateError> {
-        let patch = &map.header.patch;
-        let bins = [patch.num_doppler_bins(), patch.num_range_bins()];
-        let (d, r) = (i32::from(patch.doppler_reach), i32::from(patch.range_reach));
-        let samples = (-d..=d).flat_map(|d| (-r..=r).map(move |r| map.at(d, r)));
-        self.add(bins, samples)
-    }
-
-    fn add(
+    pub(super) fn add(
         &mut self,
         bins: [usize; 2],
         samples: impl Iterator<Item = Complex32>,
     ) -> Result<(), AccumulateError> {
         if self.num_maps == 0 {
             let wanted = bins[0].saturating_mul(bins[1]);
-            self.power
-                .resize(wanted, 0.0)
-                .map_err(|_| AccumulateError::Capacity {
+            let Some(power) = self.power.get_mut(..wanted) else {
+                return Err(AccumulateError::Capacity {
                     capacity: CAPACITY,
                     wanted,
-                })?;
-            self.bins = bins;
+                });
+            };
+            power.fill(0.0);
+            (self.bins, self.num_bins) = (bins, wanted);
         }
         if bins != self.bins {
             return Err(AccumulateError::Shape {
@@ -113,7 +102,7 @@ impl<const CAPACITY: usize> PowerMap<CAPACITY> {
 
     /// Summed power, `[doppler][range]`; empty before the first map.
     pub fn power(&self) -> &[f32] {
-        &self.power
+        self.power.get(..self.num_bins).unwrap_or_default()
     }
 
     /// Doppler and range bins; zeros before the first map.
@@ -130,7 +119,7 @@ impl<const CAPACITY: usize> PowerMap<CAPACITY> {
     pub fn clear(&mut self) {
         self.num_maps = 0;
         self.bins = [0; 2];
-        self.power.clear();
+        self.num_bins = 0;
     }
 }
 

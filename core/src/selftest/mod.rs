@@ -8,15 +8,19 @@
 //! | test | what runs | checksum of |
 //! |---|---|---|
 //! | [`SelfTest`] | one sub-CPI through [`Plan`], by the sinc Keystone and by the exact one | both maps, pixels, power |
-//! | [`FloatStreamSelfTest`], [`FixedStreamSelfTest`] | two runs of [`crate::stream`] | maps with their headers, the frames of [`crate::link`] |
+//! | `FloatStreamSelfTest`, `FixedStreamSelfTest` (with the feature `link`) | two runs of the stream | maps with their headers, the frames of the link |
 //!
 //! The expected numbers are held by `tests/core_selftest.rs`; `tests/firmware.rs` and `tests/golden.rs`
 //! compare those of other machines.
 
+#[cfg(feature = "link")]
 mod frames;
+#[cfg(feature = "link")]
 mod scene;
+#[cfg(feature = "link")]
 mod stream;
 
+#[cfg(feature = "link")]
 pub use stream::{FixedStreamSelfTest, FloatStreamSelfTest, StreamSelfTestError};
 
 use num_complex::Complex32;
@@ -215,18 +219,6 @@ impl Lcg {
     /// Uniform in [-1, 1), 24 bits, exact in float32.
     fn next(&mut self) -> f32 {
         (self.next_bits() >> 8) as f32 / 8_388_608.0
-    }
-
-    /// Uniform in [-1/32, 1/32), in units of 2^-15.
-    fn next_part(&mut self) -> i16 {
-        (self.next_bits() >> 21) as i16
-    }
-
-    /// Leaves out `count` numbers.
-    fn skip(&mut self, count: u32) {
-        for _ in 0..count {
-            self.next_bits();
-        }
     }
 }
 

@@ -96,6 +96,20 @@ pub(super) fn samples(
     })
 }
 
+impl Lcg {
+    /// Uniform in [-1/32, 1/32), in units of 2^-15.
+    fn next_part(&mut self) -> i16 {
+        (self.next_bits() >> 21) as i16
+    }
+
+    /// Leaves out `count` numbers.
+    pub(super) fn skip(&mut self, count: u32) {
+        for _ in 0..count {
+            self.next_bits();
+        }
+    }
+}
+
 /// Sample `k` of pulse `m` without noise, parts in units of 2^-15.
 fn scatterers(m: i64, k: i64) -> (i16, i16) {
     // The shift takes 2^-30 to 2^-15 of the amplitude.

@@ -1,7 +1,8 @@
 //! Where the pulses of a run went.
 
 /// What became of the pulses; every one is in one of the first five.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PulseCounters {
     /// Stored, and in a map unless its sub-CPI was given up.

@@ -43,12 +43,64 @@
 //! | [`FloatScratch`], [`FixedScratch`] | `8 R + 40 M + 4 F + 32 P` | 11600 | `8 R + 48 M + 4 F + 32 P` | 11840 |
 //!
 //! (`tests/stream_memory.rs` holds these figures, and that they are all.)
+//!
+//! # Example
+//! A stream of one sub-CPI and one patch. The scatterer's path is one range bin longer than that of the
+//! patch's centre, and shrinks by one Doppler bin:
+//!
+//! ```
+//! use subaperture_core::stream::{FloatBuffers, Patch, Progress, Setup};
+//! use subaperture_core::{Pulse, SPEED_OF_LIGHT_M_S as C, Turns};
+//!
+//! // 8 pulses of 16 frequencies, range transforms of 32 points, 5 Doppler rows, 1 patch.
+//! let mut buffers = FloatBuffers::<8, 16, 32, 5, 1>::new();
+//! let mut processor = buffers.processor();
+//! let setup = Setup {
+//!     num_pulses: 8,
+//!     num_frequencies: 16,
+//!     range_length: 32,
+//!     doppler_length: 16,
+//!     start_hz: 1.0e9,
+//!     step_hz: 1.0e6,
+//! };
+//! processor.configure(&setup)?;
+//! let patch = Patch { centre_m: [0.0, 1000.0, 0.0], range_reach: 3, doppler_reach: 2 };
+//! processor.set_patch(0, &patch)?;
+//! processor.start(0)?;
+//! // An antenna at rest at the origin, phases relative to the patch's centre: 2000 m there and back.
+//! for m in 0..8 {
+//!     let pulse = Pulse { number: m, reference_path_m: 2000.0, weight: 1.0, ..Pulse::EMPTY };
+//!     let longer_m = C / (32.0 * 1.0e6) - C / (16.0 * 1.008e9) * (f64::from(m) - 3.5);
+//!     let samples = (0..16u32).map(|k| {
+//!         let frequency_hz = 1.0e9 + f64::from(k) * 1.0e6;
+//!         Turns::from_f64(-frequency_hz * longer_m / C).phasor()
+//!     });
+//!     assert_eq!(processor.push(&pulse, samples), Ok(()));
+//! }
+//! while processor.work() == Progress::Busy {}
+//! let map = processor.map().expect("eight of eight pulses");
+//! // Phase at 1.008 GHz: a range bin is 31.5 wavelengths.
+//! assert!((map.at(1, 1) + 1.0).l1_norm() < 1e-5);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+// Names of what is not there lead to the table of features.
+#![cfg_attr(
+    not(feature = "fixed"),
+    doc = "[`FixedEngine`]: crate#features",
+    doc = "[`FixedMap`]: crate#features",
+    doc = "[`FixedScratch`]: crate#features"
+)]
 
+#[cfg(feature = "fixed")]
+mod block_float;
 mod counters;
 mod engine;
+#[cfg(feature = "fixed")]
 mod fixed_buffers;
 mod float;
 mod float_buffers;
+mod map_samples;
 mod patch;
 mod processor;
 mod sample;
@@ -56,16 +108,24 @@ mod setup;
 mod stores;
 mod track;
 
+#[cfg(feature = "fixed")]
 pub use crate::fixed_point::FixedEngine;
+#[cfg(feature = "fixed")]
+pub use block_float::{BlockFloat, power_of_two};
 pub use counters::PulseCounters;
 pub use engine::{Engine, Work};
+#[cfg(feature = "fixed")]
 pub use fixed_buffers::{FixedBuffers, FixedMap, FixedScratch};
+#[cfg(feature = "fixed")]
 pub(crate) use float::compensation;
 pub use float::{ANCHOR, FloatEngine, PulsePhase};
 pub use float_buffers::{FloatBuffers, FloatMap, FloatScratch};
-pub use patch::{BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two};
+pub use map_samples::MapSamples;
+pub use patch::{MapHeader, Node, Patch, PatchMap};
 pub use processor::{Progress, PulseError, SubCpiProcessor};
 pub use sample::Sample;
+#[cfg(feature = "fixed")]
+pub(crate) use sample::sealed::Sealed;
 pub use setup::{Capacity, Quantity, Setup, SetupError};
 pub use stores::{PulseStores, Store};
 pub(crate) use track::node_offset_pulses;

@@ -2,13 +2,14 @@
 
 use num_complex::Complex32;
 
-use crate::Sc16;
+use super::MapSamples;
 
 /// A patch of the scene: its centre, and how much of the range-Doppler map around it is kept.
 ///
 /// A map has the bins `-range_reach ..= range_reach` and `-doppler_reach ..= doppler_reach` about the
 /// patch's centre.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Patch {
     /// Centre, metres, in the frame of the antenna positions.
@@ -44,7 +45,8 @@ impl Patch {
 }
 
 /// Antennas at one place of the fitted track, metres.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Node {
     /// Transmitter.
@@ -54,7 +56,8 @@ pub struct Node {
 }
 
 /// What a map is of: everything that forming an image from it needs, beside the axes.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MapHeader {
     /// Number of the sub-CPI: first pulse's number divided by the pulses of a full sub-CPI.
@@ -72,35 +75,6 @@ pub struct MapHeader {
     /// Antennas at `u = -u_g` and `u = +u_g`, `u_g^2 = (M^2 - 1) / 12`: Gauss's nodes, from a quadratic
     /// fitted to the positions, `u` in pulses from the sub-CPI's middle.
     pub nodes: [Node; 2],
-}
-
-/// Samples of a map, Doppler bin by Doppler bin (ascending), range bins (ascending) contiguous.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum MapSamples<'a> {
-    /// By the floating-point path.
-    Float(&'a [Complex32]),
-    /// By the fixed-point path, in blocks of a common exponent.
-    Fixed(BlockFloat<'a>),
-}
-
-/// 16-bit samples in blocks of a common exponent: sample `i` of a row is
-/// `mantissas[i] 2^exponents[i / BLOCK]`, `mantissas` in `[-1, 1)`. Every row begins a new block.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BlockFloat<'a> {
-    /// Row by row.
-    pub mantissas: &'a [Sc16],
-    /// Row by row, [`BlockFloat::blocks`] each.
-    pub exponents: &'a [i8],
-}
-
-impl BlockFloat<'_> {
-    /// Samples that share an exponent.
-    pub const BLOCK: usize = 32;
-
-    /// Exponents of a row of `len` samples.
-    pub const fn blocks(len: usize) -> usize {
-        len.div_ceil(Self::BLOCK)
-    }
 }
 
 /// A map as the processor hands it out.
@@ -123,29 +97,7 @@ impl PatchMap<'_> {
         if column >= width || row >= patch.num_doppler_bins() {
             return Complex32::ZERO;
         }
-        let index = row * width + column;
-        let value = match self.samples {
-            MapSamples::Float(samples) => samples.get(index).copied(),
-            MapSamples::Fixed(block_float) => {
-                let mantissa = block_float.mantissas.get(index);
-                let place = row * BlockFloat::blocks(width) + column / BlockFloat::BLOCK;
-                let exponent = block_float.exponents.get(place);
-                mantissa
-                    .zip(exponent)
-                    .map(|(mantissa, exponent)| mantissa.to_complex32() * power_of_two(*exponent))
-            }
-        };
+        let value = self.samples.at(width, row, column);
         value.unwrap_or(Complex32::ZERO)
-    }
-}
-
-/// `2^exponent`, exact.
-pub fn power_of_two(exponent: i8) -> f32 {
-    // Within the normal numbers for exponents above -127; -127 and -128 are denormal and exact too.
-    let biased = i32::from(exponent) + 127;
-    if biased > 0 {
-        f32::from_bits((biased as u32) << 23)
-    } else {
-        f32::from_bits(1 << (22 + biased))
     }
 }

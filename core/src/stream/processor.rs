@@ -221,11 +221,6 @@ where
         self.stage = Stage::Begin;
     }
 
-    /// Whether pulses are taken.
-    pub fn is_running(&self) -> bool {
-        self.running
-    }
-
     /// Whether a sub-CPI waits for work or is in work.
     pub fn is_working(&self) -> bool {
         self.stores.iter().any(|store| store.full)

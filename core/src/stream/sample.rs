@@ -1,6 +1,6 @@
 //! What a processor asks of a sample.
 
-use crate::{Complex32, Sc16};
+use crate::Complex32;
 
 /// A sample as stored.
 pub trait Sample: Copy + sealed::Sealed {
@@ -26,20 +26,8 @@ impl Sample for Complex32 {
     }
 }
 
-impl Sample for Sc16 {
-    const ZERO: Self = Sc16::ZERO;
-
-    fn is_finite(self) -> bool {
-        true
-    }
-
-    fn at_limit(self) -> bool {
-        Sc16::at_limit(self)
-    }
-}
-
-mod sealed {
+pub(crate) mod sealed {
+    /// What only this crate's own samples are.
     pub trait Sealed {}
     impl Sealed for crate::Complex32 {}
-    impl Sealed for crate::Sc16 {}
 }

@@ -6,7 +6,8 @@ use super::Patch;
 use crate::fft;
 
 /// What stays the same for a run. Sizes are at most those that the buffers were built for.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Setup {
     /// Pulses a sub-CPI, `M`, at least 1.
@@ -25,7 +26,8 @@ pub struct Setup {
 }
 
 /// Sizes that buffers were built for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Capacity {
     /// Most pulses a sub-CPI.
@@ -41,7 +43,8 @@ pub struct Capacity {
 }
 
 /// Why a setup or a patch was refused. Nothing has changed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SetupError {
     /// A size is zero, or more than the buffers hold.
@@ -64,7 +67,8 @@ pub enum SetupError {
 }
 
 /// What a size is of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "link", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Quantity {
     /// Pulses a sub-CPI.

@@ -3,7 +3,7 @@
 use std::process::{Command, Stdio};
 
 use subaperture_xtask::firmware::TARGET;
-use subaperture_xtask::root;
+use subaperture_xtask::{root, target_folder};
 
 use crate::prerequisites::cargo_deny;
 use crate::runner::Runner;
@@ -26,6 +26,18 @@ const CLIPPY: [(&str, &str); 4] = [
         "clippy, firmware, STM32H743, fixed, defmt",
         "board-h743,fixed,defmt",
     ),
+];
+
+/// The core with each set of features that is not implied by another: what its users here, who name
+/// all of them, never build.
+const CORE: [(&str, &str); 7] = [
+    ("clippy, core, the Keystone alone", ""),
+    ("clippy, core, stream", "stream"),
+    ("clippy, core, fixed", "fixed"),
+    ("clippy, core, link", "link"),
+    ("clippy, core, selftest", "selftest"),
+    ("clippy, core, stream, selftest", "stream,selftest"),
+    ("clippy, core, fixed, selftest", "fixed,selftest"),
 ];
 
 const DOC: [(&str, &str); 2] = [
@@ -71,6 +83,17 @@ pub(crate) fn clippy_host(runner: &mut Runner) {
     );
 }
 
+pub(crate) fn clippy_core(runner: &mut Runner) {
+    for (name, features) in CORE {
+        runner.check(
+            name,
+            cargo(&["clippy", "--package", "subaperture-core", "--locked"])
+                .args(["--no-default-features", "--features", features])
+                .args(["--", "-D", "warnings"]),
+        );
+    }
+}
+
 pub(crate) fn clippy_firmware(runner: &mut Runner) {
     for (name, features) in CLIPPY {
         runner.check(
@@ -91,6 +114,21 @@ pub(crate) fn doc_host(runner: &mut Runner) {
             .args(["--no-deps", "--locked"])
             .env("RUSTDOCFLAGS", "-D warnings"),
     );
+    // Links to what a feature brings. In a folder of its own: `target/doc` is of all features.
+    let folder = target_folder().join("core-doc");
+    for (name, features) in [
+        ("documentation, core, the Keystone alone", ""),
+        ("documentation, core, stream", "stream"),
+    ] {
+        runner.check(
+            name,
+            cargo(&["doc", "--package", "subaperture-core", "--no-deps"])
+                .args(["--no-default-features", "--features", features])
+                .args(["--locked", "--target-dir"])
+                .arg(&folder)
+                .env("RUSTDOCFLAGS", "-D warnings"),
+        );
+    }
 }
 
 pub(crate) fn doc_firmware(runner: &mut Runner) {

@@ -23,7 +23,8 @@ Usage: cargo xtask COMMAND
 
   test       install what is missing, then run everything below
   fmt        rustfmt, checking only
-  clippy     clippy on the host and on the firmware's target, warnings are errors
+  clippy     clippy on the host, on the core with fewer features and on the firmware's target, warnings
+             are errors
   doc        rustdoc, warnings are errors
   deny       licences, sources, bans and (when its database can be reached) advisories
   unit       the tests of core, host and tests, doc tests included
@@ -64,6 +65,7 @@ fn main() -> ExitCode {
         ["fmt"] => ensure(&[Need::Rustfmt], Talk::Shown).map(|()| checks::fmt(&mut runner)),
         ["clippy"] => ensure(&[Need::Clippy, Need::FIRMWARE_TARGET], Talk::Shown).map(|()| {
             checks::clippy_host(&mut runner);
+            checks::clippy_core(&mut runner);
             checks::clippy_firmware(&mut runner);
         }),
         ["doc"] => ensure(&[Need::FIRMWARE_TARGET], Talk::Shown).map(|()| {
@@ -110,6 +112,7 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     });
     checks::fmt(runner);
     checks::clippy_host(runner);
+    checks::clippy_core(runner);
     checks::doc_host(runner);
     checks::clippy_firmware(runner);
     checks::doc_firmware(runner);

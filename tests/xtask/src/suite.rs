@@ -24,6 +24,12 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
     let mut examples = cargo(&PACKAGES);
     examples.args(["--doc", "--no-fail-fast", "--locked", "--", SHOW_OUTPUT]);
     runner.tests("documentation's examples", &mut examples);
+    let mut keystone = cargo(&["test", "--package", "subaperture-core", "--doc"]);
+    keystone.args(["--no-default-features", "--locked", "--", SHOW_OUTPUT]);
+    runner.tests(
+        "documentation's examples, the Keystone alone",
+        &mut keystone,
+    );
 }
 
 /// Only what runs under QEMU.
