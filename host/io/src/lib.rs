@@ -18,6 +18,7 @@ pub mod product;
 pub mod recorded_track;
 pub mod recording;
 pub mod staging;
+pub mod tiles;
 pub mod track_axes;
 pub mod track_csv;
 pub mod unfinished;

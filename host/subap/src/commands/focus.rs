@@ -3,6 +3,7 @@
 mod check;
 mod from_maps;
 pub(crate) mod record;
+pub(crate) mod tiled;
 
 use std::time::Instant;
 
@@ -22,12 +23,21 @@ use subaperture::resolution::survey::Survey;
 use crate::ahead::Ahead;
 use crate::args::{Focus, Mode};
 use crate::config::{DEFAULT_ERROR_DB, Session, former};
+use crate::failure::Usage;
 use crate::{interrupt, messages, text};
 
 /// Forms the image and writes its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     if let Some(path) = &typed.from_maps {
         return from_maps::run(session, typed, path);
+    }
+    if typed.tiled.wanted() {
+        return tiled::run(session, typed);
+    }
+    if typed.tiled.scratch.is_some() {
+        return Err(
+            Usage("--scratch is for --tiled and for plans: leave it out".to_owned()).into(),
+        );
     }
     let start = Instant::now();
     // What can be refused is refused before anything is read.
@@ -193,6 +203,18 @@ fn deliver(
     }
     .write(&typed.out)?;
     writing.finish();
+    let size = [image.rows, image.columns];
+    tell(session, typed, size, record, metadata)
+}
+
+/// Says what was written: an image of so many rows and columns.
+fn tell(
+    session: &Session,
+    typed: &Focus,
+    [rows, columns]: [usize; 2],
+    record: &record::Record,
+    metadata: Value,
+) -> anyhow::Result<()> {
     if session.json() {
         let mut metadata = metadata;
         metadata["folder"] = typed.out.display().to_string().into();
@@ -204,8 +226,8 @@ fn deliver(
     text::say(format!(
         "{}: {} x {} pixels in {}",
         typed.out.display(),
-        image.columns,
-        image.rows,
+        columns,
+        rows,
         text::duration(record.taken)
     ))?;
     text::say(match record.peak {
