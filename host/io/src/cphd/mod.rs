@@ -42,8 +42,8 @@
 //!
 //! # Accuracy
 //! FX samples written by [`write()`] read back to the same bits, positions to 2 nm (float64 in ECF), TOA
-//! samples to a relative RMS error below 1.2e-7: `tests/cphd_round_trip.rs`. The files pass sarkit's
-//! `cphdcheck` without failure or warning: `tests/cphd_sarkit.rs`. Excepted is motion exactly along
+//! samples to a relative RMS error below 1.2e-7: `tests/recordings/cphd/round_trip.rs`. The files pass sarkit's
+//! `cphdcheck` without failure or warning: `tests/recordings/cphd/sarkit.rs`. Excepted is motion exactly along
 //! the line of sight, where the standard's equations for `TwistAngle`, `SlopeAngle` and
 //! `LayoverAngle` are 0/0: they are written as 0 and fail the check.
 //!

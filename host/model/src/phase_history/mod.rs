@@ -61,16 +61,19 @@ pub struct Pulse {
 
 impl Pulse {
     /// Two-way path from transmitter to `point` to receiver, metres, at the moment of sample `K/2`.
+    #[inline]
     pub fn path_m(&self, point: DVec3) -> f64 {
         (point - self.transmitter_m).length() + (point - self.receiver_m).length()
     }
 
     /// Path to `point` relative to the one the phase is compensated to, metres.
+    #[inline]
     pub fn relative_path_m(&self, point: DVec3) -> f64 {
         self.path_m(point) - self.reference_path_m
     }
 
     /// Frequency of sample `k`, hertz.
+    #[inline]
     pub fn frequency_hz(&self, k: usize) -> f64 {
         self.start_hz + k as f64 * self.step_hz
     }
@@ -107,11 +110,13 @@ pub struct Band {
 
 impl Band {
     /// Frequency of sample `k`, hertz.
+    #[inline]
     pub fn frequency_hz(&self, k: usize) -> f64 {
         self.start_hz + k as f64 * self.step_hz
     }
 
     /// Reference frequency of all phase and Keystone terms: that of sample `count / 2`, hertz.
+    #[inline]
     pub fn centre_hz(&self) -> f64 {
         self.frequency_hz(self.count / 2)
     }
@@ -135,6 +140,7 @@ impl Band {
 
 impl Collection {
     /// Whether antennas move from sample to sample of any pulse.
+    #[inline]
     pub fn sweeps(&self) -> bool {
         self.pulses.iter().any(|pulse| !pulse.sweep.is_at_once())
     }

@@ -46,6 +46,7 @@ pub struct TrackError(pub String);
 
 /// The attitude of a body that flies along a velocity without roll: x along it, y level. Of a body that
 /// goes straight up or down, y is along the scene's; of one that stands, the attitude is the scene's axes.
+#[inline]
 pub fn heading(velocity: DVec3) -> DQuat {
     let pitch = -velocity.z.atan2(velocity.x.hypot(velocity.y));
     turned(0.0, pitch, velocity.y.atan2(velocity.x))
@@ -53,6 +54,7 @@ pub fn heading(velocity: DVec3) -> DQuat {
 
 /// The attitude after a turn by yaw about z, then pitch about the new y, then roll about the new x, radians,
 /// each right-handed.
+#[inline]
 pub fn turned(roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, yaw_rad, pitch_rad, roll_rad)
 }
