@@ -13,8 +13,10 @@ use std::time::{Duration, Instant};
 
 use subaperture_core::link::AssembledMap;
 
+use super::ending::{Ending, LinkError};
+use super::intake::{MapSink, SinkError};
 use super::job::{Job, PulseSource};
-use super::session::{Ending, LinkError, MapSink, Session, SinkError, Watch};
+use super::session::{Session, Watch};
 use subaperture_focus::forecast::Forecast;
 use subaperture_model::phase_history::{PhaseHistory, Stretch};
 
