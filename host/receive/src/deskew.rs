@@ -55,7 +55,7 @@
 //! White noise stays white where echoes of the scene can be: every step but the fading, of what is cut away, is a
 //! rotation in time or in frequency.
 //!
-//! Cost: two FFTs in float64 a pulse. Accuracy: `tests/simulate_chain.rs`, against a pulsed radar.
+//! Cost: two FFTs in float64 a pulse. Accuracy: `tests/simulate/chain.rs`, against a pulsed radar.
 
 use std::f64::consts::TAU;
 use std::ops::Range;

@@ -12,7 +12,7 @@ use super::measure::{
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
 use subaperture_model::geometry::Axis;
 use subaperture_model::image::{Comparison, Image};
-use subaperture_model::phase_history::{PhaseHistory, Recorded};
+use subaperture_model::phase_history::{InMemory, PhaseHistory};
 use subaperture_planner::grating::{Lobe, lobes};
 use subaperture_plot::{Chart, Curve, Stroke, lines};
 use subaperture_resolution::survey::Survey;
@@ -487,12 +487,12 @@ fn single_sub_cpi(context: &Context) -> Result<Finding, ItemError> {
 }
 
 /// A run of pulses as a recording of its own.
-fn middle_pulses(history: &dyn PhaseHistory, pulses: Range<usize>) -> Result<Recorded, ItemError> {
+fn middle_pulses(history: &dyn PhaseHistory, pulses: Range<usize>) -> Result<InMemory, ItemError> {
     let mut collection = history.collection().clone();
     let mut samples = vec![Complex32::ZERO; pulses.len() * collection.num_samples];
     history.read(pulses.clone(), &mut samples)?;
     collection.pulses = collection.pulses[pulses].to_vec();
-    Ok(Recorded::new(collection, samples)?)
+    Ok(InMemory::new(collection, samples)?)
 }
 
 fn same(what: &str, first: f64, second: f64) -> Check {

@@ -11,7 +11,7 @@ use subaperture_describe::values::Values;
 use subaperture_describe::{place, radar};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::Extent;
-use subaperture_model::phase_history::{Band, Collection, PhaseHistory, Pulse, Recorded, Sweep};
+use subaperture_model::phase_history::{Band, Collection, InMemory, PhaseHistory, Pulse, Sweep};
 use subaperture_model::radar::{Reference, Waveform};
 use subaperture_receive::{
     Compressed, Deskewed, EchoCollection, EchoPulse, Filter, Held, ProfileAxis, Profiles,
@@ -26,7 +26,7 @@ pub(super) fn adapt(
     source: &Source,
     samples: Samples,
     pulses: &Pulses,
-) -> Result<Recorded, Found> {
+) -> Result<InMemory, Found> {
     let (recording, values) = (source.recording, top.section("radar"));
     // The samples once as they are, once in the adapter, once as phase history.
     let needed = 24 * (pulses.chosen.len() as u64).saturating_mul(samples.num_samples as u64);
@@ -202,7 +202,7 @@ impl Header<'_> {
 }
 
 /// All of a history in memory, its reference paths as they are without the bias.
-fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<Recorded, String> {
+fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<InMemory, String> {
     let mut collection = history.collection().clone();
     let count = collection.pulses.len();
     let mut samples = vec![Complex32::ZERO; count * collection.num_samples];
@@ -228,7 +228,7 @@ fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<Recorded, String
             row.iter_mut().for_each(|z| *z *= calibration);
         }
     }
-    Recorded::new(collection, samples).map_err(|error| error.to_string())
+    InMemory::new(collection, samples).map_err(|error| error.to_string())
 }
 
 fn name(top: &Values, source: &Source) -> String {

@@ -33,7 +33,7 @@
 //! track shook within a sub-CPI, if no plan is recorded, and maps that are missing.
 //!
 //! Cost: `W^2 + 60` operations or so a pixel and map. Memory: 32 bytes a pixel, one map. Accuracy:
-//! `tests/maps_image.rs`, against the exact sum. The number of threads changes no bit.
+//! `tests/link/maps_image.rs`, against the exact sum. The number of threads changes no bit.
 
 mod default_grid;
 mod forecast;

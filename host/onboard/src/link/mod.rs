@@ -15,8 +15,8 @@
 //! the whole map, and is of the sub-CPI, patch, times and number of pulses that were asked for.
 //!
 //! **Cost**: memory of one map, 64 pulses and two frames; one thread, which waits for the line.
-//! **Accuracy, errors**: `tests/link_session.rs`, lines with faults of every kind;
-//! `tests/link_emulated.rs`, the same with the firmware under emulation, resets and lost power;
+//! **Accuracy, errors**: `tests/link/session.rs`, lines with faults of every kind;
+//! `tests/firmware/sessions.rs`, the same with the firmware under emulation, resets and lost power;
 //! [`LinkError`].
 
 mod conversation;
@@ -43,7 +43,7 @@ pub use emulator::Emulator;
 pub use ending::{Ending, LinkError, Outcome};
 pub use intake::{MapSink, SinkError};
 pub use job::{Job, PulseSource};
-pub use place::{Module, Place, PlaceError};
+pub use place::{Firmware, Place, PlaceError};
 pub use rehearsal::rehearse;
 pub use running_image::{MOST_WAITING, RunningImage};
 pub use session::{Buffers, Identity, Session, Settings, Watch};

@@ -34,7 +34,7 @@
 //! [`Response::turn_is_known`] says which. A carrier does not make the phase better than the position: a
 //! thousandth of 3 cm off in range is 0.7 degrees.
 //!
-//! Accuracy (`tests/quality.rs`): position to 1/128 of the resolution, width to 1 %, PSLR and ISLR to
+//! Accuracy (`tests/images/quality.rs`): position to 1/128 of the resolution, width to 1 %, PSLR and ISLR to
 //! 0.2 dB of theory, for unweighted, Hamming and Taylor bands. Memory: the chip at
 //! [`UPSAMPLING`] times its rate, at most 27 MB.
 

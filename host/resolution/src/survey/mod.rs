@@ -41,7 +41,8 @@ pub enum Side {
     Right,
 }
 
-/// The findings. `None` means that the geometry has no such number (an antenna that stands still
+/// What a collection can show, in numbers, surveyed before any image is formed: its band, aperture and geometry, and the
+/// resolution, ambiguities and pixels that follow from them. `None` means that the geometry has no such number (an antenna that stands still
 /// has no cross-range resolution) or that the record does not tell.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Survey {

@@ -16,7 +16,7 @@ use subaperture::onboard::link::{
 use subaperture::onboard::maps::{Arithmetic, Closing, OwnedMap, Run};
 use subaperture::onboard::maps_file as maps;
 use subaperture::onboard::maps_file::{MOST_MAPS, MapWriter};
-use subaperture::onboard::plan::{ModulePlan, Request, Room};
+use subaperture::onboard::plan::{OnboardPlan, Requirements, Room};
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::resolution::survey::Survey;
 use subaperture_core::link as wire;
@@ -86,12 +86,12 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
         wire::Arithmetic::Float => (Arithmetic::Float, Encoding::Complex32),
         wire::Arithmetic::Fixed => (Arithmetic::Fixed, Encoding::Sc16),
     };
-    let request = Request {
+    let requirements = Requirements {
         error_db,
         room: Room::Built(identity.capacity),
         arithmetic,
     };
-    let plan = ModulePlan::new(collection, &grid, &request)?;
+    let plan = OnboardPlan::new(collection, &grid, &requirements)?;
     session.note(1, || {
         format!(
             "{} patches, {} sub-CPIs of {} pulses, predicted error {:.1} dB",
@@ -277,7 +277,7 @@ fn provenance(
     typed: &Link,
     identity: &Identity,
     grid: &ImageGrid,
-    plan: &ModulePlan,
+    plan: &OnboardPlan,
     job: &Job<'_>,
     history: &dyn PhaseHistory,
 ) -> anyhow::Result<Map<String, Value>> {

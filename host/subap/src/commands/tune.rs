@@ -14,7 +14,7 @@ use subaperture::autofocus::{
 use subaperture::focus::FormError;
 use subaperture::focus::forecast::Forecast;
 use subaperture::io::recording::{RecordingFile, Take};
-use subaperture::phase_history::Recorded;
+use subaperture::phase_history::InMemory;
 
 use crate::ahead::Ahead;
 use crate::args::{Tune, Vary};
@@ -222,7 +222,7 @@ impl Varied<'_> {
         varied.map_err(|error| FormError::Read(error.into()))
     }
 
-    fn history(&self, values: &[f64]) -> Result<Recorded, FormError> {
+    fn history(&self, values: &[f64]) -> Result<InMemory, FormError> {
         Ok(self.set(values)?.history(self.memory_bytes)?)
     }
 

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use serde_json::json;
 use subaperture::onboard::maps::Arithmetic;
-use subaperture::onboard::plan::{LinkBudget, ModulePlan, Request, Room};
+use subaperture::onboard::plan::{LinkBudget, OnboardPlan, Requirements, Room};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
 
@@ -19,7 +19,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         Some(grid) => grid,
         None => session.default_grid(&survey)?,
     };
-    let request = Request {
+    let requirements = Requirements {
         error_db: typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
         room: Room::Ram { bytes: typed.ram },
         arithmetic: if typed.fixed {
@@ -29,12 +29,12 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         },
     };
     let planning = session.progress("planning");
-    let plan = ModulePlan::new(history.collection(), &grid, &request)?;
+    let plan = OnboardPlan::new(history.collection(), &grid, &requirements)?;
     let pulse_rate_hz = typed.pulse_rate.or(survey.pri_s.map(|pri_s| 1.0 / pri_s));
     let spacing_m = [grid.columns.step, grid.rows.step];
     let sheet = Sheet {
         typed,
-        error_db: request.error_db,
+        error_db: requirements.error_db,
         plan: &plan,
         link: plan.link(typed.link),
         period_s: pulse_rate_hz.map(|rate_hz| f64::from(plan.setup.num_pulses) / rate_hz),
@@ -54,7 +54,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
 }
 
 /// What gaps in the track mean for a plan, if there are any.
-pub(crate) fn gaps(plan: &ModulePlan) -> Option<String> {
+pub(crate) fn gaps(plan: &OnboardPlan) -> Option<String> {
     let first = plan.gaps.first()?;
     Some(format!(
         "{} before pulse {first}: a module's sub-CPIs go on across a gap, which keeps them short; recordings \
@@ -70,7 +70,7 @@ pub(crate) fn gaps(plan: &ModulePlan) -> Option<String> {
 struct Sheet<'a> {
     typed: &'a PlanModule,
     error_db: f64,
-    plan: &'a ModulePlan,
+    plan: &'a OnboardPlan,
     link: LinkBudget,
     /// From sub-CPI to sub-CPI, seconds.
     period_s: Option<f64>,
