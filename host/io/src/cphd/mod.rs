@@ -109,6 +109,7 @@ mod signal;
 mod source;
 mod start;
 mod toa;
+mod vectors;
 mod write;
 mod write_options;
 mod xml;
