@@ -9,7 +9,7 @@ use subaperture::resolution::survey::Survey;
 
 use crate::args::PlanModule;
 use crate::config::{DEFAULT_MAPS_ERROR_DB, Session};
-use crate::text::{self, bytes, metres};
+use crate::text::{self, Fact, bytes, metres};
 
 /// Prints the plan.
 pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
@@ -102,7 +102,17 @@ impl Sheet<'_> {
     }
 
     fn to_text(&self) -> String {
-        let (plan, link) = (self.plan, &self.link);
+        let mut facts = self.plan_facts();
+        facts.extend(self.link_facts());
+        let mut lines = text::facts(&facts);
+        lines.push(String::new());
+        lines.push(self.memory_table());
+        lines.join("\n")
+    }
+
+    /// Sub-CPIs, patches, maps and their error.
+    fn plan_facts(&self) -> Vec<Fact> {
+        let plan = self.plan;
         let setup = &plan.setup;
         let rows = plan
             .patches
@@ -151,6 +161,13 @@ impl Sheet<'_> {
         if let Some(gaps) = gaps(plan) {
             facts.push(("track", gaps));
         }
+        facts
+    }
+
+    /// What goes over the link, and whether it keeps up.
+    fn link_facts(&self) -> Vec<Fact> {
+        let link = &self.link;
+        let mut facts = Vec::new();
         facts.push((
             "sub-CPI up",
             format!(
@@ -184,10 +201,12 @@ impl Sheet<'_> {
                 None => "unknown: the recording tells no times; give --pulse-rate".to_owned(),
             },
         ));
-        let mut lines: Vec<String> = facts
-            .into_iter()
-            .map(|(label, value)| format!("{label:<16} {value}"))
-            .collect();
+        facts
+    }
+
+    /// Memory of every buffer.
+    fn memory_table(&self) -> String {
+        let plan = self.plan;
         let mut memory: Vec<Vec<String>> = plan
             .ram
             .buffers
@@ -203,8 +222,6 @@ impl Sheet<'_> {
             "beside: detections, chip".to_owned(),
             plan.ram.options_bytes.to_string(),
         ]);
-        lines.push(String::new());
-        lines.push(text::table(&["memory", "bytes"], &memory));
-        lines.join("\n")
+        text::table(&["memory", "bytes"], &memory)
     }
 }
