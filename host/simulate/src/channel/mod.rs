@@ -87,6 +87,15 @@ impl Eye<'_> {
         pulse_s + after_s.unwrap_or(0.0)
     }
 
+    /// The collection's name; with those of the antennas where there are several pairs.
+    fn name(&self) -> String {
+        let name = &self.experiment.name;
+        match self.experiment.pairs().len() {
+            1 => name.clone(),
+            _ => format!("{name} {}-{}", self.transmitter.name, self.receiver.name),
+        }
+    }
+
     /// What is seen from a body at that time.
     fn look(&self, body: &dyn Trajectory, time_s: f64) -> Sight {
         look(
@@ -165,10 +174,7 @@ impl<'a> Channel<'a> {
             }
         });
         let collection = EchoCollection {
-            name: match experiment.pairs().len() {
-                1 => experiment.name.clone(),
-                _ => format!("{} {}-{}", experiment.name, transmitter.name, receiver.name),
-            },
+            name: eye.name(),
             waveform: radar.waveform.clone(),
             pulses: pulses.collect(),
             frame: experiment.frame,
