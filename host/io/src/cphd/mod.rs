@@ -56,7 +56,7 @@
 //! use subaperture_model::monitor::Silent;
 //! use subaperture_model::geometry::SceneFrame;
 //! use subaperture_io::cphd::{Channel, Cphd, WriteOptions, write};
-//! use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep};
+//! use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, InMemory, Sweep};
 //!
 //! let pulse = |time_s: f64| {
 //!     let antenna = DVec3::new(100.0 * time_s, -4000.0, 3000.0);
@@ -83,7 +83,7 @@
 //!     extent: None,
 //!     timed: true,
 //! };
-//! let ones = Recorded::new(collection, vec![Complex32::ONE; 6])?;
+//! let ones = InMemory::new(collection, vec![Complex32::ONE; 6])?;
 //! let folder = tempfile::tempdir()?;
 //! let path = folder.path().join("example.cphd");
 //! write(&path, &[Channel::new("1", &ones)], &WriteOptions::default(), &Silent)?;
@@ -105,17 +105,18 @@ mod prepare;
 mod pvp;
 mod read;
 mod reference_geometry;
-mod request;
 mod signal;
 mod source;
 mod start;
 mod toa;
+mod vectors;
 mod write;
+mod write_options;
 mod xml;
 
 pub use conventions::{Domain, Polarization, Sgn, SignalFormat};
 pub use metadata::{ChannelInfo, CphdInfo, ReferenceSurface};
 pub use read::Cphd;
-pub use request::{Channel, WriteError, WriteOptions};
 pub use write::{file_bytes, write};
+pub use write_options::{Channel, WriteError, WriteOptions};
 pub use xml::MetadataError;

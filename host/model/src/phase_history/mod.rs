@@ -9,10 +9,10 @@
 //! (Schone 2020 (2.11), moved to the pulse's reference point). Where samples are taken one after another, both paths
 //! are those of the sample's moment: [`Sweep`].
 
-mod aperture;
+mod in_memory;
+mod joined;
 mod order;
 pub mod physical;
-mod recorded;
 mod stretch;
 mod sweep;
 mod track_error;
@@ -28,9 +28,12 @@ use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
 use crate::quantity::bytes;
 
-pub use aperture::Aperture;
+pub use in_memory::InMemory;
+pub use joined::Joined;
 use order::ranks_by_angle;
-pub use recorded::Recorded;
+// Its name before; `focus` says it still.
+#[doc(hidden)]
+pub use in_memory::InMemory as Recorded;
 pub use stretch::Stretch;
 pub use sweep::{PathTerms, Sweep};
 pub use track_error::TrackError;
@@ -93,7 +96,7 @@ pub struct Collection {
     /// The part of the scene the collection is meant for, if it says so.
     pub extent: Option<Extent>,
     /// Whether the recording tells times; if not, pulses are numbered as if a second apart. Pulses of several
-    /// recordings are in the order of time, or of angle where it tells none ([`Aperture`]).
+    /// recordings are in the order of time, or of angle where it tells none ([`Joined`]).
     pub timed: bool,
 }
 

@@ -3,7 +3,7 @@
 //! | track | position | velocity |
 //! |---|---|---|
 //! | [`Linear`], [`Circular`] | smooth | smooth |
-//! | [`Spline`], [`Recorded`] | twice continuously differentiable | continuous |
+//! | [`Spline`], [`SampledTrack`] | twice continuously differentiable | continuous |
 //! | [`Profile`] | once continuously differentiable | continuous |
 //! | [`Waypoints`], [`Rail`], [`Arc`] | continuous | jumps at waypoints, ends and turns |
 //!
@@ -23,7 +23,7 @@ mod cubic;
 mod linear;
 mod profile;
 mod rail;
-mod recorded;
+mod sampled_track;
 mod spline;
 mod waypoints;
 
@@ -35,7 +35,7 @@ pub use circular::Circular;
 pub use linear::Linear;
 pub use profile::Profile;
 pub use rail::Rail;
-pub use recorded::{Fix, Recorded};
+pub use sampled_track::{Fix, SampledTrack};
 pub use spline::Spline;
 pub use waypoints::Waypoints;
 
