@@ -21,6 +21,7 @@ pub mod budget;
 pub mod forecast;
 pub mod former;
 pub mod formers;
+pub mod machine;
 pub mod moving;
 pub mod patch;
 pub mod path_model;

@@ -34,7 +34,7 @@ fn main() -> ExitCode {
     };
     let done = config::Session::new(&typed.global).and_then(|session| {
         let done = commands::run(&session, command);
-        if let Some(bytes) = memory::peak_bytes() {
+        if let Some(bytes) = subaperture::focus::machine::peak_bytes() {
             session.note(1, || {
                 format!("{} of memory at the most", text::bytes(bytes.into()))
             });

@@ -8,6 +8,7 @@ use anyhow::{Context, bail};
 use serde_json::{Map, Value, json};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::ours::Kind;
+use subaperture::io::product::record::grid as grid_record;
 use subaperture::monitor::Monitor;
 use subaperture::onboard::link::{
     self, Buffers, Counts, Ending, HostCore, Identity, Job, LinkError, MapSink, Outcome, Place,
@@ -25,7 +26,6 @@ use subaperture_core::link::{AssembledMap, Encoding};
 use self::picture::Picture;
 use crate::ahead::Ahead;
 use crate::args::Link;
-use crate::commands::focus::record::grid as grid_record;
 use crate::commands::plan::gaps;
 use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, record_of_run};
 use crate::failure::{InterruptedWithMaps, Usage};
