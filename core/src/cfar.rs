@@ -37,7 +37,7 @@
 //! **Input** powers `[doppler][range]`, or a [`PatchMap`]. **Output** places in bins from the centre
 //! (that of `n` bins is `n / 2`, rounded down), strongest first. **Cost** 32 bytes of [`Column`] a range
 //! bin, lent; sums slide, so that a cell costs five powers and at most twelve float64 additions whatever
-//! the ring's size, and one `expm1` whenever `N` changes. **Accuracy** (`tests/core_cfar.rs`): counted on
+//! the ring's size, and one `expm1` whenever `N` changes. **Accuracy** (`tests/stream/cfar.rs`): counted on
 //! 14 million cells of noise, false alarms are as many as asked for within the count's own error (2.7 % at
 //! `Pfa = 1e-4`), edges included. Sums carry the rounding of float64, `2^-53` of the strongest cell that
 //! slid through. A single point without noise is found within, in either axis and for both together:

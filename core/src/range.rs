@@ -9,7 +9,7 @@
 //! **Neglected**: nothing. **Input** `R` samples, frequencies at their columns times their signs,
 //! anything in between. **Output** `R` range bins of `c / (R step_hz)` two-way path, path 0 at
 //! `R/2`. **Cost** no memory, one FFT of `R`. **Accuracy** that of [`crate::fft`]
-//! (`tests/core_stages.rs`).
+//! (`tests/stream/stages.rs`).
 //!
 //! ```
 //! use num_complex::Complex32;

@@ -39,7 +39,7 @@ impl Turns {
     ///
     /// The phase is reduced to the nearest quarter turn by integers, so the argument of sine and
     /// cosine is within `pi/4` and known to `2^-33` turns, where short polynomials do (S. L. Moshier's,
-    /// of the Cephes library); the error of each part is at most 1.6e-7 (`tests/core_stages.rs`), at
+    /// of the Cephes library); the error of each part is at most 1.6e-7 (`tests/stream/stages.rs`), at
     /// quarter turns none.
     pub fn phasor(self) -> Complex32 {
         let quadrant = self.0.wrapping_add(1 << 61) >> 62;

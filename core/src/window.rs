@@ -8,7 +8,7 @@
 //!   `cosh(pi A) = 10^(side_lobe_db / 20)`.
 //!
 //! **Cost.** Planning only; nothing is kept but the weights. **Accuracy.** Computed in float64 and
-//! rounded once; side lobes are measured in `tests/core_stages.rs`.
+//! rounded once; side lobes are measured in `tests/stream/stages.rs`.
 //!
 //! ```
 //! use subaperture_core::Window;

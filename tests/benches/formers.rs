@@ -16,7 +16,7 @@ use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{PhaseHistory, Recorded, Weights};
+use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
 use subaperture_tests::error_db;
@@ -32,7 +32,7 @@ fn main() {
         .read(0..num_pulses, &mut samples)
         .expect("simulated samples are finite");
     // Held in memory: the simulator's own time stays out.
-    let history = Recorded::new(collection, samples).expect("simulated samples are finite");
+    let history = InMemory::new(collection, samples).expect("simulated samples are finite");
 
     let grid: ImageGrid = "x=-45:45:0.25,y=-45:45:0.25".parse().expect("a grid");
     let weights = Weights::new(history.collection(), Window::None, Window::None);

@@ -15,4 +15,5 @@ mod quality;
 mod recordings;
 mod results;
 mod simulate;
+mod tiles;
 mod usage;

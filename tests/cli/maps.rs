@@ -10,7 +10,7 @@ use subaperture::io::npy;
 use subaperture::monitor::Silent;
 use subaperture::onboard::maps::{Arithmetic, Closing, Run};
 use subaperture::onboard::maps_file::MapWriter;
-use subaperture::onboard::plan::{ModulePlan, Request, Room};
+use subaperture::onboard::plan::{OnboardPlan, Requirements, Room};
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Simulated, Variation};
@@ -30,12 +30,12 @@ fn simulated() -> (Simulated, Weights) {
 fn write(path: &Path, keep: impl Fn(u32) -> bool) {
     let (history, weights) = simulated();
     let collection = history.collection();
-    let request = Request {
+    let requirements = Requirements {
         error_db: -60.0,
         room: Room::Ram { bytes: 1 << 20 },
         arithmetic: Arithmetic::Float,
     };
-    let plan = ModulePlan::new(collection, &GRID.parse().unwrap(), &request).unwrap();
+    let plan = OnboardPlan::new(collection, &GRID.parse().unwrap(), &requirements).unwrap();
     let fast = fast_weights(&weights.fast);
     let setup = Run {
         name: "bench run".to_owned(),

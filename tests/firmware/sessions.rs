@@ -10,8 +10,8 @@ use std::time::Duration;
 use crate::emulated::{Begin, Emulated, Wire, application};
 use subaperture::monitor::Silent;
 use subaperture::onboard::link::{
-    Buffers, Emulator, Ending, HostCore, LinkError, Module, Outcome, Session, Settings, Transport,
-    Verified,
+    Buffers, Emulator, Ending, Firmware, HostCore, LinkError, Outcome, Session, Settings,
+    Transport, Verified,
 };
 use subaperture_core::link::{Arithmetic, Encoding};
 use subaperture_tests::faults::{Faults, FaultyLine};
@@ -328,7 +328,7 @@ fn everything_at_once() {
 #[test]
 fn a_firmware_cannot_reach_the_host() {
     let elf = build(&Build::bin("selftest", ""));
-    let mut line = Emulator::start(Module::Float, Some(&elf), false).unwrap();
+    let mut line = Emulator::start(Firmware::Float, Some(&elf), false).unwrap();
     // It takes a fraction of a second.
     std::thread::sleep(Duration::from_secs(3));
     let read = line.read(&mut [0; 64], Duration::ZERO);

@@ -14,11 +14,11 @@ use subaperture::geometry::ImageGrid;
 use subaperture::io::open::{Options, open_all};
 use subaperture::monitor::Silent;
 use subaperture::onboard::crosscheck::crosscheck;
-use subaperture::phase_history::{Aperture, PhaseHistory, Weights};
+use subaperture::phase_history::{Joined, PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 
 /// Both degrees of the recording as one aperture, if at hand.
-fn gotcha() -> Option<Aperture> {
+fn gotcha() -> Option<Joined> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/gotcha");
     let paths = [1, 2].map(|i| folder.join(format!("data_3dsar_pass1_az00{i}_HH.mat")));
     if let Some(missing) = paths.iter().find(|path| !path.exists()) {

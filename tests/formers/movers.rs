@@ -15,7 +15,7 @@ use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::image::Image;
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep, Weights};
+use subaperture::phase_history::{Collection, InMemory, PhaseHistory, Pulse, Sweep, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
 use subaperture_tests::error_db;
@@ -28,7 +28,7 @@ fn path_m(pulse: &Pulse, start: DVec3, velocity: DVec3) -> f64 {
 }
 
 /// The echo of one unit target.
-fn echo(collection: Collection, start: DVec3, velocity: DVec3) -> Recorded {
+fn echo(collection: Collection, start: DVec3, velocity: DVec3) -> InMemory {
     let mut samples = Vec::new();
     for pulse in &collection.pulses {
         let path = path_m(pulse, start, velocity);
@@ -38,11 +38,11 @@ fn echo(collection: Collection, start: DVec3, velocity: DVec3) -> Recorded {
             samples.push(Complex32::new(z.re as f32, z.im as f32));
         }
     }
-    Recorded::new(collection, samples).unwrap()
+    InMemory::new(collection, samples).unwrap()
 }
 
 /// The matched filter for a target from `start` at `velocity`, without windows.
-fn plain_sum(history: &Recorded, start: DVec3, velocity: DVec3) -> Complex32 {
+fn plain_sum(history: &InMemory, start: DVec3, velocity: DVec3) -> Complex32 {
     let collection = history.collection();
     let width = collection.num_samples;
     let mut samples = vec![Complex32::ZERO; collection.pulses.len() * width];
@@ -74,7 +74,7 @@ fn form(former: &dyn ImageFormer, history: &dyn PhaseHistory, grid: &ImageGrid) 
 }
 
 /// The oracle's image, pixel by pixel: positions on `grid` at one velocity.
-fn plain_image(history: &Recorded, grid: &ImageGrid, velocity: DVec3) -> Image {
+fn plain_image(history: &InMemory, grid: &ImageGrid, velocity: DVec3) -> Image {
     let (rows, columns) = (grid.rows.count, grid.columns.count);
     let pixels = (0..rows * columns)
         .map(|i| plain_sum(history, grid.position_m(i / columns, i % columns), velocity))
@@ -100,7 +100,7 @@ fn rdbp(mode: Mode, sub_cpi: Option<usize>) -> RangeDoppler {
 }
 
 /// S 4.3: 5 m/s at 45 degrees from the scene's centre, on Table 4.1.
-fn thesis_target() -> (Recorded, DVec3) {
+fn thesis_target() -> (InMemory, DVec3) {
     let velocity = DVec3::new(0.5f64.sqrt(), 0.5f64.sqrt(), 0.0) * 5.0;
     let collection = Preset::Table41
         .simulate(&Variation::default())

@@ -21,7 +21,7 @@ use subaperture::focus::rdbp::{Mode, RangeDoppler};
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{PhaseHistory, Recorded, Weights};
+use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 use subaperture::quality::response::{Response, Settings, SideLobes, Target, measure};
 use subaperture::resolution::theory::expected;
 use subaperture::signal::window::Window;
@@ -31,7 +31,7 @@ const C_M_S: f64 = 299_792_458.0;
 const ERROR_DB: f64 = -60.0;
 
 /// Table 4.1 with one scatterer, its samples in memory.
-fn one_point(position_m: DVec3) -> Recorded {
+fn one_point(position_m: DVec3) -> InMemory {
     let collection = Preset::Table41
         .simulate(&Variation::default())
         .collection()
@@ -44,7 +44,7 @@ fn one_point(position_m: DVec3) -> Recorded {
     let num_pulses = collection.pulses.len();
     let mut samples = vec![Default::default(); num_pulses * collection.num_samples];
     simulated.read(0..num_pulses, &mut samples).unwrap();
-    Recorded::new(collection, samples).unwrap()
+    InMemory::new(collection, samples).unwrap()
 }
 
 /// Cells of theory at a place, metres along x and y: one over the spectrum's extent. The aperture's 1040

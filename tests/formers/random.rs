@@ -22,7 +22,7 @@ use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
 use subaperture::focus::{FormError, ImageFormer, Task};
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{PhaseHistory, Recorded, Weights};
+use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 
 /// The formers that are held to the contract here.
 const CHECKED: &[&str] = &[
@@ -84,7 +84,7 @@ enum Outcome {
 /// A case's recording, ready to be formed.
 struct Bench {
     case: Case,
-    history: Recorded,
+    history: InMemory,
     weights: Weights,
     exact: Vec<Complex64>,
 }

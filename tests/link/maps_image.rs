@@ -12,8 +12,8 @@ use subaperture::monitor::{Monitor, Silent};
 use subaperture::onboard::image::{MapsTask, Report, form};
 use subaperture::onboard::maps::{Arithmetic, Closing, OwnedMap, Run};
 use subaperture::onboard::maps_file::{MapFile, MapWriter};
-use subaperture::onboard::plan::{ModulePlan, PlanError, Request, Room};
-use subaperture::phase_history::{Aperture, PhaseHistory, Recorded, Weights};
+use subaperture::onboard::plan::{OnboardPlan, PlanError, Requirements, Room};
+use subaperture::phase_history::{InMemory, Joined, PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Simulated, Variation};
 use subaperture_tests::error_db;
@@ -24,7 +24,7 @@ struct Bench<'a> {
     history: &'a dyn PhaseHistory,
     grid: ImageGrid,
     weights: Weights,
-    plan: ModulePlan,
+    plan: OnboardPlan,
     maps: Vec<OwnedMap>,
 }
 
@@ -33,12 +33,12 @@ impl<'a> Bench<'a> {
         let grid: ImageGrid = grid.parse().unwrap();
         let collection = history.collection();
         let weights = Weights::new(collection, window, window);
-        let request = Request {
+        let requirements = Requirements {
             error_db,
             room: Room::Ram { bytes: 1 << 20 },
             arithmetic: Arithmetic::Float,
         };
-        let plan = ModulePlan::new(collection, &grid, &request).unwrap();
+        let plan = OnboardPlan::new(collection, &grid, &requirements).unwrap();
         let fast = fast_weights(&weights.fast);
         let maps = maps(history, &plan.setup, &plan.patches, &fast, &weights.slow);
         println!(
@@ -292,12 +292,12 @@ fn plans_fit_their_room_or_say_what_would() {
     let collection = history.collection();
     let grid: ImageGrid = GRID.parse().unwrap();
     let plan = |room: Room, error_db: f64, arithmetic: Arithmetic| {
-        let request = Request {
+        let requirements = Requirements {
             error_db,
             room,
             arithmetic,
         };
-        ModulePlan::new(collection, &grid, &request)
+        OnboardPlan::new(collection, &grid, &requirements)
     };
     let wide = plan(Room::Ram { bytes: 1 << 30 }, -60.0, Arithmetic::Float).unwrap();
     // Buffers built for a plan have room for it; with one pulse less they do not.
@@ -332,7 +332,7 @@ fn plans_fit_their_room_or_say_what_would() {
 }
 
 /// Checks the image of a plan's maps: within the bound and close to the prediction.
-fn check_prediction(history: &dyn PhaseHistory, grid: &str) -> ModulePlan {
+fn check_prediction(history: &dyn PhaseHistory, grid: &str) -> OnboardPlan {
     let bench = Bench::new(history, grid, Window::None, -60.0);
     let (image, report) = bench.form(&bench.maps, -60.0);
     let measured_db = error_db(&image, &bench.exact());
@@ -365,7 +365,7 @@ fn gaps_in_the_track_are_in_the_prediction() {
         collection.pulses.drain(gap.clone());
         let mut samples = samples.clone();
         samples.drain(gap.start * width..gap.end * width);
-        Recorded::new(collection, samples).unwrap()
+        InMemory::new(collection, samples).unwrap()
     };
     let grid = "x=-6:6:1,y=-6:6:1";
     let whole = check_prediction(&whole, grid);
@@ -381,7 +381,7 @@ fn gaps_in_the_track_are_in_the_prediction() {
     assert!(lost.setup.num_pulses < longest);
 }
 
-fn gotcha(degrees: &[u8]) -> Option<Aperture> {
+fn gotcha(degrees: &[u8]) -> Option<Joined> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/gotcha");
     let paths: Vec<_> = degrees
         .iter()

@@ -11,7 +11,7 @@ use subaperture::monitor::Silent;
 use subaperture::onboard::link::{
     Buffers, Counts, Ending, HostCore, LinkError, Outcome, Session, Settings, Verified, Watch,
 };
-use subaperture::phase_history::Recorded;
+use subaperture::phase_history::InMemory;
 use subaperture_core::link::{Arithmetic, Encoding};
 use subaperture_tests::faults::{Faults, FaultyLine};
 use subaperture_tests::link_scene::{
@@ -455,7 +455,7 @@ fn maps_are_verified_against_the_core_on_the_host() {
         if changed {
             let mut samples = scene.samples.concat();
             samples[16 * 5].re = f32::from_bits(samples[16 * 5].re.to_bits() ^ 0x0040_0000);
-            other = Recorded::new(
+            other = InMemory::new(
                 subaperture::phase_history::PhaseHistory::collection(&recording).clone(),
                 samples,
             )

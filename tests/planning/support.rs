@@ -11,7 +11,7 @@ use glam::DVec3;
 use num_complex::Complex64;
 use subaperture::geometry::SceneFrame;
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep};
+use subaperture::phase_history::{Collection, InMemory, Pulse, Sweep};
 use subaperture::resolution::support::{Looks, RecordedLooks, measured_gains};
 use subaperture::signal::window::Window;
 
@@ -364,7 +364,7 @@ fn a_beam_is_measured_from_the_echoes() {
             samples.push(num_complex::Complex32::new(z.re as f32, z.im as f32));
         }
     }
-    let history = Recorded::new(case.collection.clone(), samples).unwrap();
+    let history = InMemory::new(case.collection.clone(), samples).unwrap();
     let gains = measured_gains(&history, case.place_m, Window::None, &Silent).unwrap();
     let lit = Looks::new(&case.collection, Window::None, Window::None)
         .lit(|part| gains[(part * NUM_PULSES as f64) as usize]);

@@ -7,13 +7,13 @@ use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{
-    Aperture, Collection, InputFile, PhaseHistory, Pulse, ReadError, Recorded, Sweep, Weights,
+    Collection, InMemory, InputFile, Joined, PhaseHistory, Pulse, ReadError, Sweep, Weights,
 };
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Scatterer, Simulated};
 
 /// A recording that knows when it began.
-struct Started(Recorded, Option<i64>);
+struct Started(InMemory, Option<i64>);
 
 impl PhaseHistory for Started {
     fn collection(&self) -> &Collection {
@@ -76,12 +76,12 @@ fn recorded(name: &str, antennas: &[DVec3], timed: bool) -> (Collection, Vec<Com
 
 type Part = (Collection, Vec<Complex32>, Option<i64>);
 
-fn join(parts: &[&Part]) -> Result<Aperture, ReadError> {
+fn join(parts: &[&Part]) -> Result<Joined, ReadError> {
     let boxed = parts.iter().map(|(collection, samples, start_ns)| {
-        let recorded = Recorded::new(collection.clone(), samples.clone()).unwrap();
+        let recorded = InMemory::new(collection.clone(), samples.clone()).unwrap();
         Box::new(Started(recorded, *start_ns)) as Box<dyn PhaseHistory>
     });
-    Aperture::join(boxed.collect())
+    Joined::join(boxed.collect())
 }
 
 fn image(history: &dyn PhaseHistory) -> Vec<Complex32> {
@@ -98,7 +98,7 @@ fn image(history: &dyn PhaseHistory) -> Vec<Complex32> {
     former.form(&task).unwrap().image.pixels
 }
 
-fn antennas(aperture: &Aperture) -> Vec<DVec3> {
+fn antennas(aperture: &Joined) -> Vec<DVec3> {
     let pulses = &aperture.collection().pulses;
     pulses.iter().map(|p| p.transmitter_m).collect()
 }
@@ -209,7 +209,7 @@ fn pulses_that_take_turns_are_interleaved() {
         joined.read(range.clone(), &mut got).unwrap();
         assert_eq!(got, samples[range.start * 16..range.end * 16]);
     }
-    let recorded = Recorded::new(whole, samples).unwrap();
+    let recorded = InMemory::new(whole, samples).unwrap();
     assert!(image(&joined) == image(&recorded));
 }
 
@@ -226,7 +226,7 @@ fn one_recording_is_put_in_order_too() {
     let joined = join(&[&(part, rows.collect(), None)]).unwrap();
     assert_eq!(joined.collection().name, "whole");
     assert_eq!(antennas(&joined), all);
-    assert!(image(&joined) == image(&Recorded::new(whole, samples).unwrap()));
+    assert!(image(&joined) == image(&InMemory::new(whole, samples).unwrap()));
 }
 
 #[test]

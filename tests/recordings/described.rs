@@ -16,7 +16,7 @@ use subaperture::image::Image;
 use subaperture::io::open::{Options, open};
 use subaperture::io::recording::{RecordingFile, examples};
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{PhaseHistory, Recorded, Weights};
+use subaperture::phase_history::{InMemory, PhaseHistory, Weights};
 use subaperture::quality::response::{Settings, Target, measure};
 use subaperture::signal::window::Window;
 
@@ -521,7 +521,7 @@ fn the_rail_s_reflector_images_where_it_was_surveyed() {
         ("recording.every", "1".to_owned()),
     ];
     let settings = settings.iter().map(|(key, value)| (*key, value.as_str()));
-    let history: Recorded = file.with(settings).unwrap().history(u64::MAX).unwrap();
+    let history: InMemory = file.with(settings).unwrap().history(u64::MAX).unwrap();
     let grid: ImageGrid = "x=1.2:3.2:0.02,y=-4.8:-2.8:0.02,z=0.0375".parse().unwrap();
     let image = form(&history, &grid, Window::default());
     let peak = image.peak().unwrap();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use num_complex::Complex32;
 use subaperture::io::gotcha;
 use subaperture::io::open::{self, Options};
-use subaperture::phase_history::{PhaseHistory, ReadError, Recorded};
+use subaperture::phase_history::{InMemory, PhaseHistory, ReadError};
 use subaperture_tests::matlab::{self, Value};
 
 /// A real file, or `None` with a message.
@@ -20,7 +20,7 @@ fn real_file(name: &str) -> Option<PathBuf> {
     None
 }
 
-fn read_bytes(bytes: &[u8]) -> Result<Recorded, ReadError> {
+fn read_bytes(bytes: &[u8]) -> Result<InMemory, ReadError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sample.mat");
     std::fs::write(&path, bytes).unwrap();

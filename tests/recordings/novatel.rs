@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 use subaperture::geometry::SceneFrame;
 use subaperture::io::novatel::{self, Damage, Source};
-use subaperture::track::{Recorded, Trajectory};
+use subaperture::track::{SampledTrack, Trajectory};
 
 /// 115 s of a walk with a ProPak6, 20 records a second.
 fn recording() -> Option<novatel::Log> {
@@ -49,7 +49,7 @@ fn the_track_agrees_with_recorded_velocities_and_the_other_positions() {
         y_axis_ecf: DVec3::new(-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat),
     };
     let fixes = log.fixes(Source::Inspvax, &frame, first.time).unwrap();
-    let track = Recorded::new(&fixes).unwrap();
+    let track = SampledTrack::new(&fixes).unwrap();
     assert!((fixes.last().unwrap().time_s - 114.4).abs() < 1e-9);
     let mut errors = Vec::new();
     let inertial = log.records.iter().filter(|r| r.source == Source::Inspvax);

@@ -6,7 +6,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::geometry::SceneFrame;
 use subaperture::onboard::link::{Job, MapSink, PulseSource, SinkError};
-use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep};
+use subaperture::phase_history::{Collection, InMemory, Pulse, Sweep};
 use subaperture_core::link::{AssembledMap, Encoding};
 use subaperture_core::stream::{FloatBuffers, MapHeader, Progress};
 
@@ -24,7 +24,7 @@ pub fn scene() -> Scene {
 }
 
 /// Its pulses as a recording.
-pub fn recorded(scene: &Scene) -> Recorded {
+pub fn recorded(scene: &Scene) -> InMemory {
     let pulses = scene.pulses.iter().map(|pulse| Pulse {
         time_s: pulse.time_s,
         transmitter_m: DVec3::from(pulse.transmitter_m),
@@ -43,11 +43,11 @@ pub fn recorded(scene: &Scene) -> Recorded {
         extent: None,
         timed: true,
     };
-    Recorded::new(collection, scene.samples.concat()).unwrap()
+    InMemory::new(collection, scene.samples.concat()).unwrap()
 }
 
 /// The job of it.
-pub fn job<'a>(scene: &Scene, recording: &'a Recorded, encoding: Encoding) -> Job<'a> {
+pub fn job<'a>(scene: &Scene, recording: &'a InMemory, encoding: Encoding) -> Job<'a> {
     let weights: Vec<f64> = scene
         .pulses
         .iter()

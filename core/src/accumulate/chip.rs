@@ -23,7 +23,7 @@
 //! **Output** pixels, row-major. **Cost** 8 bytes a pixel; a pixel and map two float64 roots (four where
 //! transmitter and receiver are apart), one phasor, `2 T^2 + 2 T` multiply-adds for the reading of `T`
 //! taps. **Accuracy** against the exact sum over pulses and frequencies in float64, relative RMS over
-//! the chip, `R = 2F`, `D = 2M`, no windows (`tests/core_chip.rs`): 8 taps -64.4 dB, 10 taps
+//! the chip, `R = 2F`, `D = 2M`, no windows (`tests/stream/chip.rs`): 8 taps -64.4 dB, 10 taps
 //! -70.3 dB, of which curvature alone is -71.0 dB; bilinear reading of the same map -17.2 dB.
 
 use num_complex::Complex32;

@@ -19,7 +19,7 @@
 //! weights that sum to 1 over the sub-CPIs a unit scatterer reads 1. **Cost** 8 bytes a pixel; a
 //! pixel and map two float64 roots, one phasor, four complex reads: 490 instructions under QEMU's
 //! Cortex-M7, 7.8 k where float64 is not in hardware. **Accuracy**: geometry and phase
-//! in float64 to about 1e-9 turns at 1e6 wavelengths of path; `tests/core_accumulate.rs` holds a
+//! in float64 to about 1e-9 turns at 1e6 wavelengths of path; `tests/stream/accumulate.rs` holds a
 //! simulated point to 1 within the bound above, phase included.
 
 use num_complex::Complex32;

@@ -13,7 +13,7 @@
 //! `PHASES` values of `t` from 0 to 1, both ends included, linear between.
 //!
 //! **Accuracy**, relative to the amplitude of the wave that is read, worst over frequency and `t` in
-//! the band and root mean square over both, 128 phases (`tests/core_kernel.rs`):
+//! the band and root mean square over both, 128 phases (`tests/stream/kernel.rs`):
 //!
 //! | | worst, dB | RMS, dB |
 //! |---|---|---|

@@ -4,7 +4,7 @@
 //! scatterer must stay within a bin. In maps of one patch, relative to its centre, it does so longer.
 //! **Cost** 4 bytes a bin; two multiply-adds a bin and map.
 //! **Accuracy**: a sum of `n` float32 terms, relative error below `(n + 2) 2^-24`
-//! (`tests/core_accumulate.rs`).
+//! (`tests/stream/accumulate.rs`).
 
 use num_complex::Complex32;
 

@@ -16,7 +16,7 @@
 //! 2^30.4`. Radix 2 comes first, has no twiddles, and gives at most `2^30`.
 //!
 //! **Accuracy**, error relative in RMS: -152 dB or better on noise of amplitude `2^31`, -131 dB on noise
-//! of `2^20`, all lengths (`tests/core_fixed_stages.rs`). **Cost**: no memory; a radix-4 butterfly is 12
+//! of `2^20`, all lengths (`tests/stream/fixed_stages.rs`). **Cost**: no memory; a radix-4 butterfly is 12
 //! multiplications of 32 to 64 bits, and there are `N/4 log4 N` of them.
 //!
 //! ```

@@ -15,7 +15,7 @@
 //! The narrow store in the middle is what makes a map as small as the samples (4 bytes a cell), and its
 //! rounding is the largest error: a part is off by at most half a unit of `2^-15` of its column's power
 //! of two. **Accuracy** of all arithmetic, against a float64 sum over the same samples, relative RMS
-//! over the map (`tests/core_fixed.rs`): -84.6 dB or better for 30 pulses, 424 frequencies and 41 by 201
+//! over the map (`tests/stream/fixed.rs`): -84.6 dB or better for 30 pulses, 424 frequencies and 41 by 201
 //! bins, on points, on a single point and on noise, samples at full scale, 30 dB and 60 dB below; -74.3 dB
 //! the worst of all shapes tested, 200 pulses and 201 Doppler bins.
 //!

@@ -10,7 +10,7 @@
 //!
 //! **Neglected**: the cube, `delta^3 / 6 < 7.6e-11 = 0.08` units. **Accuracy**: a part errs by less than
 //! 2 units of `2^-30`: phase rounded to `2^-32` turns (0.79 at most), table (0.5), the last rounding
-//! (0.5), the cube (0.08). `tests/core_fixed_stages.rs` shows it. At multiples of `1/4096` turn it is the table.
+//! (0.5), the cube (0.08). `tests/stream/fixed_stages.rs` shows it. At multiples of `1/4096` turn it is the table.
 //!
 //! **Cost**: 4100 bytes of constants, six 32-bit multiplications to 64 bits.
 //!

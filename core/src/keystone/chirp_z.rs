@@ -24,7 +24,7 @@
 //!
 //! **Accuracy.** `c(n)` has the phase of `n^2` times an integer rate, in units of `2^-64` turns, so
 //! it is as good for the last `n` as for the first. Against float64: -132 dB or better
-//! (`tests/core_map.rs`).
+//! (`tests/stream/map.rs`).
 //!
 //! ```
 //! use num_complex::Complex32;

@@ -11,14 +11,14 @@
 //! where `a < 1` (`a > 1`) the output pulses reach past (stop short of) the sub-CPI's ends by up to
 //! `M/2 |1 - 1/a|` pulses. More pulses do not make that smaller. Measured on four scatterers, 32
 //! pulses, 200 MHz at 10 GHz: the map is -32.9 dB from the exact one without a slow-time window and
-//! -43.9 dB with Hamming's, which is applied before resampling (`tests/core_map.rs`). Use
+//! -43.9 dB with Hamming's, which is applied before resampling (`tests/stream/map.rs`). Use
 //! [`super::chirp_z`] where that matters.
 //!
 //! **Input** `M` windowed samples of one frequency. **Output** `D` Doppler bins, `1/D` cycles a
 //! pulse at `f_ref` each, zero at `D/2`, unscaled. **Cost** a matrix of `M M` f32 a frequency, read
 //! once; `2 M M` multiply-adds and one FFT of `D`: 12 k instructions at `M = 32`, `D = 64` under QEMU's
 //! Cortex-M7. **Accuracy** against its own definition in float64: -131 dB or better
-//! (`tests/core_map.rs`).
+//! (`tests/stream/map.rs`).
 //!
 //! ```
 //! use num_complex::Complex32;

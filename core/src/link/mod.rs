@@ -129,8 +129,8 @@
 //! a frame at most [`MAX_DETECTIONS`] detections, and weights are sent as few at a time as fit.
 //! Buffers: [`max_received_bytes`] and [`max_frame_bytes`] of the most samples in a message.
 //!
-//! **Cost**: see the parts. **Accuracy, errors**: `tests/link_frames.rs` (every message there and back
-//! and byte by byte, every bit flipped, lines with bit errors), `tests/link_assembly.rs`.
+//! **Cost**: see the parts. **Accuracy, errors**: `tests/link/frames.rs` (every message there and back
+//! and byte by byte, every bit flipped, lines with bit errors), `tests/link/assembly.rs`.
 
 mod assembly;
 mod command;

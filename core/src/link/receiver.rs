@@ -9,7 +9,7 @@
 //! shorter than 91 607 bits are always seen (Koopman 2002: Hamming distance 4 of this CRC); of other
 //! damage, that to the codes of the stuffing included, one frame in `2^32` has a CRC that happens to be
 //! right. At a hundred damaged frames a second that is one in 500 days; a message that then
-//! does not deserialise to its last byte is refused still (`tests/link_frames.rs`).
+//! does not deserialise to its last byte is refused still (`tests/link/frames.rs`).
 //!
 //! **Sequence numbers** count 1, 2, ... `2^32 - 1`, 1, ...; 0 is sent with [`Command::Hello`] and
 //! [`Report::Identity`] alone and always, and begins the count anew, without a loss. That is safe

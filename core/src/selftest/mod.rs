@@ -10,7 +10,7 @@
 //! | [`SelfTest`] | one sub-CPI through [`Plan`], by the sinc Keystone and by the exact one | both maps, pixels, power |
 //! | `FloatStreamSelfTest`, `FixedStreamSelfTest` (with the feature `link`) | two runs of the stream | maps with their headers, the frames of the link |
 //!
-//! The expected numbers are held by `tests/core_selftest.rs`; `tests/firmware.rs` and `tests/golden.rs`
+//! The expected numbers are held by `tests/stream/selftest.rs`; `tests/firmware/selftest.rs` and `tests/firmware/golden.rs`
 //! compare those of other machines.
 
 #[cfg(feature = "link")]

@@ -16,7 +16,7 @@
 //! and computes no bin that is not kept; [`crate::keystone::chirp_z`] takes 31 k for all 64 bins of 32
 //! pulses, which is five thousand pulses times bins of this.
 //!
-//! **Neglected**: nothing. **Accuracy**: -127 dB or better against float64 (`tests/stream_float.rs`).
+//! **Neglected**: nothing. **Accuracy**: -127 dB or better against float64 (`tests/stream/float.rs`).
 //! **Cost**: `firmware/REPORT.md`; memory `8 (M + R)` bytes and 32 a pulse for phases, beside the map.
 
 use num_complex::Complex32;

@@ -42,7 +42,7 @@
 //! | [`FloatMap`], [`FixedMap`] | `8 F rows` | 139072 | `(4 F + B + 1) rows + F` | 70576 |
 //! | [`FloatScratch`], [`FixedScratch`] | `8 R + 40 M + 4 F + 32 P` | 11600 | `8 R + 48 M + 4 F + 32 P` | 11840 |
 //!
-//! (`tests/stream_memory.rs` holds these figures, and that they are all.)
+//! (`tests/stream/memory.rs` holds these figures, and that they are all.)
 //!
 //! # Example
 //! A stream of one sub-CPI and one patch. The scatterer's path is one range bin longer than that of the

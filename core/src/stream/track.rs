@@ -14,7 +14,7 @@
 //!
 //! **Units** metres, `u` in pulses. **Cost** two passes over `M` positions in float64, no memory beyond
 //! them. **Accuracy** rounding only: positions are taken relative to the first, so that digits are kept
-//! far from the origin (`tests/core_kernel.rs`: within 4e-9 m at 7e6 m, where a position resolves
+//! far from the origin (`tests/stream/kernel.rs`: within 4e-9 m at 7e6 m, where a position resolves
 //! 1e-9 m). Positions that are not numbers make nodes that are not.
 
 use super::Node;

@@ -2,7 +2,7 @@
 //!
 //! Prints the memory of the buffers and one checksum, the same to the bit wherever it runs. On the emulated
 //! board it exits the emulator with success, after any failure with an error;
-//! `tests/firmware.rs` runs it.
+//! `tests/firmware/selftest.rs` runs it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

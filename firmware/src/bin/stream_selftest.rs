@@ -3,7 +3,7 @@
 //! Prints a line for each: name, bytes of its buffers, a checksum that is the same wherever it runs
 //! (the bytes differ with the size of a pointer). A Cortex-M0 has memory for the fixed-point one only, and
 //! says how much stack it took. Under emulation it ends the emulator with success, after any failure with an
-//! error; `tests/golden.rs` runs it.
+//! error; `tests/firmware/golden.rs` runs it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 use core::fmt::{Arguments, Display};

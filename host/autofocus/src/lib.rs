@@ -25,7 +25,7 @@
 //!
 //! Focus does not tell everything. A shift that stays focused (of ranges seen from a short aperture, of clocks while the
 //! platform goes evenly) needs a point of known place: [`Sight::Points`]. Measured on a public recording of a radar pushed
-//! along a rail (`tests/recordings.rs`): sharpness finds the clocks' offset to 0.06 s and leaves the range bias open, the power at
+//! along a rail (`tests/recordings/described.rs`): sharpness finds the clocks' offset to 0.06 s and leaves the range bias open, the power at
 //! one surveyed reflector finds both, and the reflector then lies within 3 cm of its survey.
 //!
 //! Every evaluation is made once. The result depends on nothing but the merit: it is deterministic if that is.

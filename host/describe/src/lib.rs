@@ -15,6 +15,7 @@
 mod edit;
 pub mod error;
 pub mod keys;
+mod of_kind;
 pub mod place;
 pub mod radar;
 pub mod receiver;

@@ -65,89 +65,102 @@ const LONGEST_RECORD_S: f64 = 1e3;
 fn waveform(values: &Values) -> Result<Waveform, Found> {
     let centre_hz = values.number("centre");
     let count = values.count("samples") as usize;
-    let within_centre = |bandwidth_hz: f64, values: &Values| {
-        if bandwidth_hz >= 2.0 * centre_hz {
-            return Err(values.fault(
-                "bandwidth",
-                "the band reaches below 0 Hz: take less than twice the centre",
-            ));
-        }
-        Ok(bandwidth_hz)
-    };
-    let sampled_s = |rate_hz: f64| {
-        let duration_s = count as f64 / rate_hz;
-        if duration_s > LONGEST_RECORD_S {
-            return Err(values.fault(
-                "sample_rate",
-                format!(
-                    "{count} samples last {}: raise the rate",
-                    seconds(duration_s)
-                ),
-            ));
-        }
-        Ok(duration_s)
-    };
-    let band = |bandwidth_hz: f64| {
-        let step_hz = bandwidth_hz / count as f64;
-        Band {
-            start_hz: centre_hz - (count / 2) as f64 * step_hz,
-            step_hz,
-            count,
-        }
-    };
     match values.text("kind") {
         "ideal" => Ok(Waveform::Ideal {
-            band: band(within_centre(values.number("bandwidth"), values)?),
+            band: band(values, centre_hz, count)?,
         }),
-        "stepped" => {
-            let step_s = values.number("step_time");
-            let dwell_s = values.optional_number("dwell").unwrap_or(step_s);
-            if dwell_s > step_s * (1.0 + 1e-9) {
-                return Err(values.fault("dwell", "the dwell is longer than step_time: shorten it"));
-            }
-            Ok(Waveform::Stepped {
-                band: band(within_centre(values.number("bandwidth"), values)?),
-                step_s,
-                dwell_s,
-            })
-        }
-        "fmcw" => {
-            let bandwidth_hz = within_centre(values.number("bandwidth"), values)?;
-            let sample_rate_hz = values.number("sample_rate");
-            let duration_s = sampled_s(sample_rate_hz)?;
-            let direction = if values.text("sweep") == "down" {
-                -1.0
-            } else {
-                1.0
-            };
-            Ok(Waveform::Fmcw {
-                start_hz: centre_hz - direction * bandwidth_hz / 2.0,
-                chirp_hz_s: direction * bandwidth_hz / duration_s,
-                sample_rate_hz,
-                num_samples: count,
-                mixer_delay_s: values.number("mixer_delay"),
-            })
-        }
-        _ => {
-            let sample_rate_hz = values.number("sample_rate");
-            sampled_s(sample_rate_hz)?;
-            if sample_rate_hz >= 2.0 * centre_hz {
-                return Err(values.fault(
-                    "sample_rate",
-                    "the sampled band reaches below 0 Hz: take less than twice the centre",
-                ));
-            }
-            Ok(Waveform::Pulsed {
-                centre_hz,
-                sample_rate_hz,
-                num_samples: count,
-                window_start_s: values
-                    .optional_number("window_start")
-                    .unwrap_or(f64::INFINITY),
-                shape: shape(values.section("pulse"), sample_rate_hz)?,
-            })
-        }
+        "stepped" => stepped(values, centre_hz, count),
+        "fmcw" => fmcw(values, centre_hz, count),
+        _ => pulsed(values, centre_hz, count),
     }
+}
+
+fn stepped(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Found> {
+    let step_s = values.number("step_time");
+    let dwell_s = values.optional_number("dwell").unwrap_or(step_s);
+    if dwell_s > step_s * (1.0 + 1e-9) {
+        return Err(values.fault("dwell", "the dwell is longer than step_time: shorten it"));
+    }
+    Ok(Waveform::Stepped {
+        band: band(values, centre_hz, count)?,
+        step_s,
+        dwell_s,
+    })
+}
+
+fn fmcw(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Found> {
+    let bandwidth_hz = bandwidth_hz(values, centre_hz)?;
+    let sample_rate_hz = values.number("sample_rate");
+    let duration_s = sampled_s(values, sample_rate_hz, count)?;
+    let direction = if values.text("sweep") == "down" {
+        -1.0
+    } else {
+        1.0
+    };
+    Ok(Waveform::Fmcw {
+        start_hz: centre_hz - direction * bandwidth_hz / 2.0,
+        chirp_hz_s: direction * bandwidth_hz / duration_s,
+        sample_rate_hz,
+        num_samples: count,
+        mixer_delay_s: values.number("mixer_delay"),
+    })
+}
+
+fn pulsed(values: &Values, centre_hz: f64, count: usize) -> Result<Waveform, Found> {
+    let sample_rate_hz = values.number("sample_rate");
+    sampled_s(values, sample_rate_hz, count)?;
+    if sample_rate_hz >= 2.0 * centre_hz {
+        return Err(values.fault(
+            "sample_rate",
+            "the sampled band reaches below 0 Hz: take less than twice the centre",
+        ));
+    }
+    Ok(Waveform::Pulsed {
+        centre_hz,
+        sample_rate_hz,
+        num_samples: count,
+        window_start_s: values
+            .optional_number("window_start")
+            .unwrap_or(f64::INFINITY),
+        shape: shape(values.section("pulse"), sample_rate_hz)?,
+    })
+}
+
+/// The bandwidth, if the band has no frequencies below 0.
+fn bandwidth_hz(values: &Values, centre_hz: f64) -> Result<f64, Found> {
+    let bandwidth_hz = values.number("bandwidth");
+    if bandwidth_hz >= 2.0 * centre_hz {
+        return Err(values.fault(
+            "bandwidth",
+            "the band reaches below 0 Hz: take less than twice the centre",
+        ));
+    }
+    Ok(bandwidth_hz)
+}
+
+/// `count` frequencies about the centre.
+fn band(values: &Values, centre_hz: f64, count: usize) -> Result<Band, Found> {
+    let step_hz = bandwidth_hz(values, centre_hz)? / count as f64;
+    Ok(Band {
+        start_hz: centre_hz - (count / 2) as f64 * step_hz,
+        step_hz,
+        count,
+    })
+}
+
+/// How long `count` samples last, if that is no longer than a record may be.
+fn sampled_s(values: &Values, rate_hz: f64, count: usize) -> Result<f64, Found> {
+    let duration_s = count as f64 / rate_hz;
+    if duration_s > LONGEST_RECORD_S {
+        return Err(values.fault(
+            "sample_rate",
+            format!(
+                "{count} samples last {}: raise the rate",
+                seconds(duration_s)
+            ),
+        ));
+    }
+    Ok(duration_s)
 }
 
 /// Barker's codes: the sign of each chip.

@@ -4,11 +4,11 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 
 use super::error::{At, Found};
+use super::of_kind::value;
 use super::schema::{Key, Kind, Need, Presence, Schema, Section};
 use super::tree::{Node, Raw, Table, parse_setting};
 use super::values::{Given, Value, Values};
 use subaperture_model::nearest::nearest;
-use subaperture_model::units::{Dimension, example_row, parse_row};
 
 /// Unknown keys that are looked into; far more than are told.
 const MOST_FOUND: usize = 1000;
@@ -23,42 +23,10 @@ pub(crate) fn resolve(
     faults: &mut Vec<Found>,
 ) -> Values {
     let selected = selected(section, table);
-    let suits = |when: &[&str]| match &selected {
-        // With a selector that is wrong itself, nothing more can be said.
-        _ if when.is_empty() => Some(true),
-        None => None,
-        Some(value) => Some(when.contains(&value.as_str())),
-    };
+    let suits = |when: &[&str]| suits(when, selected.as_deref());
     let children: Vec<&'static Section> = schema.within(section.path).collect();
 
-    for (name, (key_at, node)) in table {
-        let when = match (
-            section.key(name),
-            children.iter().find(|child| child.name() == name),
-        ) {
-            (Some(key), _) => key.when,
-            (None, Some(child)) if !is_slip(section, name, node) => child.when,
-            (None, _) => {
-                // What was meant by each of a million is not worth the time.
-                if faults.len() < MOST_FOUND {
-                    faults.push(Found::new(key_at, unknown(schema, section, name, node)));
-                }
-                continue;
-            }
-        };
-        if suits(when) == Some(false) {
-            faults.push(Found::new(
-                key_at,
-                format!(
-                    "'{name}' says nothing with {} = \"{}\": leave it out, or choose {}",
-                    section.selector,
-                    selected.as_deref().unwrap_or_default(),
-                    Kind::Choice(when).words()
-                ),
-            ));
-        }
-    }
-
+    check_names(schema, section, table, selected.as_deref(), faults);
     let mut values = Values {
         section,
         at: at.clone(),
@@ -73,21 +41,7 @@ pub(crate) fn resolve(
             Some((_, node)) => value(key, node).map(|value| (value, node.at.clone())),
             None => match key.need {
                 Need::Optional(_) => continue,
-                Need::Default(text) => {
-                    let node = parse_setting(text, 0);
-                    let value = value(key, &node).map_err(|found| found.message);
-                    Ok((value.expect("defaults are sound"), at.clone()))
-                }
-                Need::Required(example) => Err(Found::new(
-                    at,
-                    format!(
-                        "{} needs '{}', {}: write for example {} = {example}",
-                        section.header(),
-                        key.name,
-                        first_sentence(key.doc),
-                        key.name
-                    ),
-                )),
+                need => unwritten(section, key, need, at),
             },
         };
         match checked {
@@ -110,6 +64,73 @@ pub(crate) fn resolve(
         values.within.insert(child.name(), found);
     }
     values
+}
+
+/// Whether what is there for these of the selector's values is there; unknown where the selector is wrong itself.
+fn suits(when: &[&str], selected: Option<&str>) -> Option<bool> {
+    if when.is_empty() {
+        return Some(true);
+    }
+    selected.map(|value| when.contains(&value))
+}
+
+/// Adds what is wrong with the names that a section's table has.
+fn check_names(
+    schema: &Schema,
+    section: &'static Section,
+    table: &Table,
+    selected: Option<&str>,
+    faults: &mut Vec<Found>,
+) {
+    let children: Vec<&'static Section> = schema.within(section.path).collect();
+    for (name, (key_at, node)) in table {
+        let when = match (
+            section.key(name),
+            children.iter().find(|child| child.name() == name),
+        ) {
+            (Some(key), _) => key.when,
+            (None, Some(child)) if !is_slip(section, name, node) => child.when,
+            (None, _) => {
+                // What was meant by each of a million is not worth the time.
+                if faults.len() < MOST_FOUND {
+                    faults.push(Found::new(key_at, unknown(schema, section, name, node)));
+                }
+                continue;
+            }
+        };
+        if suits(when, selected) == Some(false) {
+            faults.push(Found::new(
+                key_at,
+                format!(
+                    "'{name}' says nothing with {} = \"{}\": leave it out, or choose {}",
+                    section.selector,
+                    selected.unwrap_or_default(),
+                    Kind::Choice(when).words()
+                ),
+            ));
+        }
+    }
+}
+
+/// What a key that is not written stands for.
+fn unwritten(section: &Section, key: &Key, need: Need, at: &At) -> Result<(Value, At), Found> {
+    match need {
+        Need::Default(text) => {
+            let node = parse_setting(text, 0);
+            let value = value(key, &node).map_err(|found| found.message);
+            Ok((value.expect("defaults are sound"), at.clone()))
+        }
+        Need::Required(example) | Need::Optional(example) => Err(Found::new(
+            at,
+            format!(
+                "{} needs '{}', {}: write for example {} = {example}",
+                section.header(),
+                key.name,
+                first_sentence(key.doc),
+                key.name
+            ),
+        )),
+    }
 }
 
 /// The selector's value as it is given, or its default; `None` if it is neither.
@@ -234,147 +255,4 @@ fn first_sentence(doc: &str) -> String {
         .flat_map(char::to_lowercase)
         .collect();
     first + letters.as_str()
-}
-
-/// A key's value from what the text has.
-fn value(key: &Key, node: &Node) -> Result<Value, Found> {
-    let fail = |message: String| Found::new(&node.at, message);
-    let wrong = |wanted: &str| {
-        fail(format!(
-            "'{}' is {} and {wanted} is wanted: write for example {} = {}",
-            key.name,
-            node.raw.name(),
-            key.name,
-            key.example()
-        ))
-    };
-    match key.kind {
-        Kind::Text | Kind::Path => match &node.raw {
-            Raw::Text(text) if text.trim().is_empty() => Err(fail(format!(
-                "'{}' is empty: write for example {}",
-                key.name,
-                key.example()
-            ))),
-            Raw::Text(text) => Ok(Value::Text(text.clone())),
-            _ => Err(wrong("a text in quotes")),
-        },
-        Kind::Paths => {
-            let one = |node: &Node| match &node.raw {
-                Raw::Text(text) if !text.trim().is_empty() => Ok(text.clone()),
-                _ => Err(Found::new(
-                    &node.at,
-                    format!(
-                        "'{}' wants texts that are not empty: write for example {}",
-                        key.name,
-                        key.example()
-                    ),
-                )),
-            };
-            match &node.raw {
-                Raw::Array(items) if !items.is_empty() => items
-                    .iter()
-                    .map(one)
-                    .collect::<Result<_, _>>()
-                    .map(Value::Texts),
-                Raw::Text(_) => one(node).map(|text| Value::Texts(vec![text])),
-                _ => Err(wrong("a text in quotes, or an array of them,")),
-            }
-        }
-        Kind::Choice(words) => match &node.raw {
-            Raw::Text(text) if words.contains(&text.as_str()) => Ok(Value::Text(text.clone())),
-            Raw::Text(text) => {
-                let meant = nearest(text, words.iter().copied())
-                    .map(|word| format!(" (did you mean \"{word}\"?)"))
-                    .unwrap_or_default();
-                Err(fail(format!(
-                    "'{}' has no \"{text}\"{meant}: choose {}",
-                    key.name,
-                    key.kind.words()
-                )))
-            }
-            _ => Err(wrong("a word in quotes")),
-        },
-        Kind::Flag => match node.raw {
-            Raw::Flag(flag) => Ok(Value::Flag(flag)),
-            _ => Err(wrong("true or false")),
-        },
-        Kind::Count(from, to) => match node.raw {
-            Raw::Integer(Some(count)) => match u64::try_from(count) {
-                Ok(count) if (from..=to).contains(&count) => Ok(Value::Count(count)),
-                _ => Err(fail(format!(
-                    "'{}' is {count} and must be a {}",
-                    key.name,
-                    key.kind.words()
-                ))),
-            },
-            Raw::Integer(None) => Err(fail(format!(
-                "'{}' is too large: write a {}",
-                key.name,
-                key.kind.words()
-            ))),
-            _ => Err(wrong("a whole number without a unit")),
-        },
-        Kind::Quantity(dimension, bounds) => {
-            let number = match (&node.raw, dimension) {
-                (Raw::Integer(Some(n)), Dimension::Ratio) => *n as f64,
-                (Raw::Float(number), Dimension::Ratio) if number.is_finite() => *number,
-                (Raw::Text(text), _) => dimension.parse(text).map_err(fail)?,
-                (Raw::Integer(_) | Raw::Float(_), _) => {
-                    return Err(unitless(key, node, &[dimension]));
-                }
-                _ => return Err(wrong(dimension.name())),
-            };
-            match bounds.refuse(number) {
-                None => Ok(Value::Number(number)),
-                Some(wanted) => Err(fail(format!("'{}' must be {wanted}", key.name))),
-            }
-        }
-        Kind::Vector(dimension) => numbers(key, node, &[dimension; 3]).map(Value::Numbers),
-        Kind::Interval(dimension) => {
-            let ends = numbers(key, node, &[dimension; 2])?;
-            if ends[0] < ends[1] {
-                Ok(Value::Numbers(ends))
-            } else {
-                Err(fail(format!(
-                    "'{}' ends before it begins: write the smaller first",
-                    key.name
-                )))
-            }
-        }
-        Kind::Rows(dimensions, least) => match &node.raw {
-            Raw::Array(items) if items.len() >= least => {
-                let rows = items.iter().map(|item| numbers(key, item, dimensions));
-                rows.collect::<Result<_, _>>().map(Value::Rows)
-            }
-            Raw::Array(items) => Err(fail(format!(
-                "'{}' has {} and needs {least} or more",
-                key.name,
-                items.len()
-            ))),
-            _ => Err(wrong("an array of texts")),
-        },
-    }
-}
-
-/// A text with a row of quantities.
-fn numbers(key: &Key, node: &Node, dimensions: &[Dimension]) -> Result<Vec<f64>, Found> {
-    match &node.raw {
-        Raw::Text(text) => {
-            parse_row(text, dimensions).map_err(|message| Found::new(&node.at, message))
-        }
-        _ => Err(unitless(key, node, dimensions)),
-    }
-}
-
-/// For a number or an array without units.
-fn unitless(key: &Key, node: &Node, dimensions: &[Dimension]) -> Found {
-    Found::new(
-        &node.at,
-        format!(
-            "'{}' is {} without a unit: write a text such as {}",
-            key.name,
-            node.raw.name(),
-            example_row(dimensions)
-        ),
-    )
 }

@@ -34,7 +34,7 @@
 //! of the aperture make; errors that are larger there are larger in it, with the range-Doppler algorithm by up to 14 dB.
 //! A prediction of -3 dB or more says that the image is worth nothing, not how far it errs.
 //!
-//! Accuracy: `tests/random_formers.rs` measures every former against the sum over thousands of random
+//! Accuracy: `tests/formers/random.rs` measures every former against the sum over thousands of random
 //! geometries, scenes and grids.
 
 use std::ops::Range;

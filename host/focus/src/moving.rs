@@ -28,7 +28,7 @@
 //! Cost: [`Moving`] copies the geometry, 240 bytes a pulse; [`VelocityPlane`] is
 //! [`super::bp`] with as many pixels as velocities.
 //!
-//! Accuracy: `tests/moving_targets.rs` compares both with the plain sum over a target in motion.
+//! Accuracy: `tests/formers/movers.rs` compares both with the plain sum over a target in motion.
 
 use std::ops::Range;
 

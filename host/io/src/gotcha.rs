@@ -42,7 +42,7 @@ use super::input::Stamp;
 use super::matlab::{Array, Content, MatError, find_variable};
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history::{
-    Collection, InputFile, Pulse, ReadError, Recorded, Sweep, check_finite,
+    Collection, InMemory, InputFile, Pulse, ReadError, Sweep, check_finite,
 };
 
 /// Bands that start below are taken to be in another unit than hertz.
@@ -60,7 +60,7 @@ pub fn needed_bytes(file_bytes: u64) -> u64 {
 /// # Errors
 /// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not such a file, naming the field at fault;
 /// [`ReadError::NotFinite`] for a NaN or infinite sample; [`ReadError::Memory`].
-pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Recorded, ReadError> {
+pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<InMemory, ReadError> {
     let path = path.as_ref();
     let io = |source| ReadError::Io {
         path: path.to_owned(),
@@ -105,14 +105,14 @@ pub fn read(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Recorded, ReadE
         .unwrap_or(path.as_os_str())
         .to_string_lossy()
         .into_owned();
-    // Here and not in `Recorded` alone, which knows no path.
+    // Here and not in `InMemory` alone, which knows no path.
     check_finite(
         &path.display().to_string(),
         0,
         collection.num_samples,
         &samples,
     )?;
-    Ok(Recorded::new(collection, samples)?.with_inputs(vec![input]))
+    Ok(InMemory::new(collection, samples)?.with_inputs(vec![input]))
 }
 
 fn malformed(path: &Path, what: &str) -> ReadError {

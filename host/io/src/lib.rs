@@ -42,6 +42,7 @@ pub mod recorded_track;
 #[cfg(feature = "recording")]
 pub mod recording;
 pub mod staging;
+pub mod tiles;
 #[cfg(feature = "recording")]
 pub mod track_axes;
 #[cfg(feature = "recording")]

@@ -109,28 +109,57 @@ struct Columns {
     unit_m: f64,
 }
 
+/// The unit of lengths in metres, and whether rotations are quaternions, by the first header line.
+fn conventions(first: &[String]) -> Result<(f64, bool), String> {
+    let said = |what: &str| {
+        let at = first.iter().position(|cell| cell == what)?;
+        first.get(at + 1).map(String::as_str)
+    };
+    let unit_m = match said("Length Units") {
+        Some("Meters") => 1.0,
+        Some("Centimeters") => 1e-2,
+        Some("Millimeters") => 1e-3,
+        Some(other) => return Err(format!("Length Units of the first line are '{other}': export in Meters or Millimeters")),
+        None => return Err("the first line names no Length Units: export with the header, in Meters or Millimeters".to_owned()),
+    };
+    if let Some(other) = said("Coordinate Space").filter(|space| *space != "Global") {
+        return Err(format!(
+            "positions are in the space '{other}': export in Global coordinates"
+        ));
+    }
+    let quaternions = said("Rotation Type").is_none_or(|kind| kind == "Quaternion");
+    Ok((unit_m, quaternions))
+}
+
+/// The rigid body that is asked for, or the only one.
+fn chosen(asked: Option<&str>, bodies: &[String]) -> Result<String, String> {
+    let list = || {
+        bodies
+            .iter()
+            .map(|name| format!("'{name}'"))
+            .collect::<Vec<_>>()
+            .join(", ")
+    };
+    match (asked, bodies) {
+        (Some(asked), _) if bodies.iter().any(|name| name == asked) => Ok(asked.to_owned()),
+        (Some(asked), _) => Err(format!(
+            "there is no rigid body '{asked}': the take has {}",
+            list()
+        )),
+        (None, [only]) => Ok(only.clone()),
+        (None, _) => Err(format!(
+            "the take has several rigid bodies: name one of {} by 'body'",
+            list()
+        )),
+    }
+}
+
 impl Columns {
     fn of(headers: &[Vec<String>], letters: &[&str], body: Option<&str>) -> Result<Self, String> {
         let (first, rows) = headers
             .split_first()
             .ok_or("the table has no header lines before it")?;
-        let said = |what: &str| {
-            let at = first.iter().position(|cell| cell == what)?;
-            first.get(at + 1).map(String::as_str)
-        };
-        let unit_m = match said("Length Units") {
-            Some("Meters") => 1.0,
-            Some("Centimeters") => 1e-2,
-            Some("Millimeters") => 1e-3,
-            Some(other) => return Err(format!("Length Units of the first line are '{other}': export in Meters or Millimeters")),
-            None => return Err("the first line names no Length Units: export with the header, in Meters or Millimeters".to_owned()),
-        };
-        if let Some(other) = said("Coordinate Space").filter(|space| *space != "Global") {
-            return Err(format!(
-                "positions are in the space '{other}': export in Global coordinates"
-            ));
-        }
-        let quaternions = said("Rotation Type").is_none_or(|kind| kind == "Quaternion");
+        let (unit_m, quaternions) = conventions(first)?;
         let rows: Vec<&Vec<String>> = rows
             .iter()
             .filter(|row| row.iter().any(|cell| !cell.is_empty()))
@@ -151,29 +180,7 @@ impl Columns {
                 bodies.push(name);
             }
         }
-        let list = || {
-            bodies
-                .iter()
-                .map(|name| format!("'{name}'"))
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
-        let body = match (body, &bodies[..]) {
-            (Some(body), _) if bodies.iter().any(|name| name == body) => body.to_owned(),
-            (Some(body), _) => {
-                return Err(format!(
-                    "there is no rigid body '{body}': the take has {}",
-                    list()
-                ));
-            }
-            (None, [only]) => only.clone(),
-            (None, _) => {
-                return Err(format!(
-                    "the take has several rigid bodies: name one of {} by 'body'",
-                    list()
-                ));
-            }
-        };
+        let body = chosen(body, &bodies)?;
         let find = |kind: &str, letter: &str| {
             (2..letters.len()).find(|column| {
                 of_body(column)

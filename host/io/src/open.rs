@@ -11,7 +11,7 @@ use super::cphd;
 use super::gotcha;
 #[cfg(feature = "recording")]
 use super::recording;
-use subaperture_model::phase_history::{Aperture, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{Joined, PhaseHistory, ReadError};
 
 const CPHD_MAGIC: &[u8] = b"CPHD/1.";
 /// What a MATLAB 5 file begins with.
@@ -156,12 +156,12 @@ pub fn cphd_info(path: &Path) -> Result<Option<cphd::CphdInfo>, ReadError> {
     cphd::CphdInfo::read(path).map(Some)
 }
 
-/// Opens recordings and joins them into one aperture, its pulses in the order of [`Aperture`] whatever that of
+/// Opens recordings and joins them into one aperture, its pulses in the order of [`Joined`] whatever that of
 /// `paths`.
 ///
 /// # Errors
 /// As [`open`], and [`ReadError::Mismatch`] if there are none or they do not fit together.
-pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Aperture, ReadError> {
+pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Joined, ReadError> {
     let mut left = *options;
     let mut parts = Vec::with_capacity(paths.len());
     for path in paths {
@@ -169,7 +169,7 @@ pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Apertu
         left.memory_bytes = left.memory_bytes.saturating_sub(part.held_bytes());
         parts.push(part);
     }
-    let joining = Aperture::joining_bytes(&parts);
+    let joining = Joined::joining_bytes(&parts);
     if let [.., last] = paths
         && joining > left.memory_bytes
     {
@@ -179,7 +179,7 @@ pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Apertu
             allowed_bytes: left.memory_bytes,
         });
     }
-    Aperture::join(parts)
+    Joined::join(parts)
 }
 
 /// The first bytes: enough to know every format by.

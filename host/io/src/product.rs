@@ -3,6 +3,7 @@
 //! | file | holds |
 //! |---|---|
 //! | `image.npy` | complex64, rows (y ascending) x columns (x ascending) |
+//! | `image.zarr` | in its place, an image that was formed in tiles ([`tiles`]) |
 //! | `image.json` | axes, frame, settings; under `files` the size and CRC-32 of the other two |
 //! | `image.png` | the quicklook, if there is one |
 //!
@@ -31,6 +32,7 @@ use serde_json::{Value, json};
 use super::atomic::WriteError;
 use super::npy;
 use super::staging::Staged;
+use super::tiles::{self, TileStore};
 use subaperture_model::image::Image;
 
 pub use read::{ReadError, StoredProduct, read};
@@ -41,6 +43,62 @@ const QUICKLOOK: &str = "image.png";
 
 /// Names of the files of a product.
 pub const NAMES: [&str; 3] = [IMAGE, METADATA, QUICKLOOK];
+
+/// Names of the files of a product in tiles, beside [`tiles::NAME`].
+pub const TILED_NAMES: [&str; 2] = [METADATA, QUICKLOOK];
+
+/// What a folder is to hold beside an image in tiles, all of which are there.
+#[derive(Clone, Copy, Debug)]
+pub struct TiledProduct<'a> {
+    /// The image.
+    pub store: &'a TileStore,
+    /// As [`Product::metadata`].
+    pub metadata: &'a Value,
+    /// As [`Product::quicklook`].
+    pub quicklook: &'a [u8],
+}
+
+impl TiledProduct<'_> {
+    /// Writes record and picture into `folder`, in which the store lies.
+    ///
+    /// # Errors
+    /// [`WriteError`], as [`Product::write`].
+    ///
+    /// # Panics
+    /// If `metadata` is not an object.
+    pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
+        let layout = self.store.layout();
+        let image = json!({ "tiles": layout.count(), "bytes": layout.bytes() });
+        let files = json!({ tiles::NAME: image });
+        write_beside(folder, self.metadata, self.quicklook, files)
+    }
+}
+
+/// Writes record and picture; `files` are what else the record is of.
+fn write_beside(
+    folder: &Path,
+    metadata: &Value,
+    quicklook: &[u8],
+    mut files: Value,
+) -> Result<(), WriteError> {
+    let staged = Staged::begin(folder, quicklook.len() as u64)?;
+    files[QUICKLOOK] = staged.write(QUICKLOOK, |out| out.write_all(quicklook))?;
+    write_metadata(&staged, metadata, files)?;
+    staged.commit(&[QUICKLOOK], &[METADATA])
+}
+
+fn write_metadata(staged: &Staged, metadata: &Value, files: Value) -> Result<(), WriteError> {
+    let mut metadata = metadata.clone();
+    metadata
+        .as_object_mut()
+        .expect("metadata is a JSON object")
+        .insert("files".to_owned(), files);
+    staged.write(METADATA, |out| {
+        serde_json::to_writer_pretty(&mut *out, &metadata)?;
+        out.write_all(b"\n")
+    })?;
+    Ok(())
+}
 
 /// What a folder is to hold.
 #[derive(Clone, Copy, Debug)]
@@ -85,15 +143,7 @@ impl Product<'_> {
             files[QUICKLOOK] = staged.write(QUICKLOOK, |out| out.write_all(self.quicklook))?;
             names.push(QUICKLOOK);
         }
-        let mut metadata = self.metadata.clone();
-        metadata
-            .as_object_mut()
-            .expect("metadata is a JSON object")
-            .insert("files".to_owned(), files);
-        staged.write(METADATA, |out| {
-            serde_json::to_writer_pretty(&mut *out, &metadata)?;
-            out.write_all(b"\n")
-        })?;
+        write_metadata(&staged, self.metadata, files)?;
         staged.commit(&names, &[METADATA])?;
         if self.quicklook.is_empty() {
             remove(&folder.join(QUICKLOOK))?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::novatel::{self, Damage, Source};
 use crate::track_csv;
 use subaperture_model::geometry::SceneFrame;
-use subaperture_model::track::{Fix, Recorded, Trajectory};
+use subaperture_model::track::{Fix, SampledTrack, Trajectory};
 
 use subaperture_describe::error::Found;
 use subaperture_describe::values::Values;
@@ -27,7 +27,7 @@ pub fn build(
         log(values, &path, frame).map_err(|what| values.fault("file", what))?
     };
     let named = |error| values.fault("file", format!("{}: {error}", path.display()));
-    Ok(Arc::new(Recorded::new(&fixes).map_err(named)?))
+    Ok(Arc::new(SampledTrack::new(&fixes).map_err(named)?))
 }
 
 /// The records of a NovAtel log, times from its first on.

@@ -75,17 +75,7 @@ pub fn crosscheck(
     let shape = shape(band.count, num_pulses)?;
     let chirp_length = shape.chirp_length();
 
-    let mut budget = Budget::new(memory_bytes);
-    let held_bytes = u128::from(history.held_bytes());
-    budget.take("the recording", held_bytes, "raise --memory")?;
-    let advice = "use a smaller --sub-cpi, or raise --memory";
-    let tables = ScaledDft::table_bytes(band.count, num_pulses, shape.num_doppler_bins);
-    let values = 2 * shape.history_len() + 2 * shape.map_len() + 3 * chirp_length;
-    budget.take(
-        "a pair of maps",
-        u128::from(tables) + 8 * values as u128,
-        advice,
-    )?;
+    take_memory(history, &shape, memory_bytes)?;
 
     let window = Window::Hamming;
     let (fast, slow) = (window.weights(band.count), window.weights(num_pulses));
@@ -140,6 +130,29 @@ pub fn crosscheck(
         shape,
         differences_db,
     })
+}
+
+/// Checks that the budget has room for the recording and for a map by either side.
+fn take_memory(
+    history: &dyn PhaseHistory,
+    shape: &core::Shape,
+    memory_bytes: u64,
+) -> Result<(), FormError> {
+    let mut budget = Budget::new(memory_bytes);
+    let held_bytes = u128::from(history.held_bytes());
+    budget.take("the recording", held_bytes, "raise --memory")?;
+    let advice = "use a smaller --sub-cpi, or raise --memory";
+    let tables = ScaledDft::table_bytes(
+        shape.num_frequencies,
+        shape.num_pulses,
+        shape.num_doppler_bins,
+    );
+    let values = 2 * shape.history_len() + 2 * shape.map_len() + 3 * shape.chirp_length();
+    budget.take(
+        "a pair of maps",
+        u128::from(tables) + 8 * values as u128,
+        advice,
+    )
 }
 
 /// Map sizes: twice the data's, as far as the core goes.

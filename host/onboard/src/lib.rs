@@ -5,6 +5,8 @@
 //!                           └─> maps, maps_file ─> image
 //! ```
 //!
+//! This processor is called the module, here as in the words of the command line.
+//!
 //! - [`plan`]: sub-CPIs, patches and buffers that keep a bound on the error within a module's memory;
 //! - [`link`]: a session with a module over a serial line, or with one under emulation;
 //! - [`maps`]: range-Doppler maps of patches; [`maps_file`]: kept in a file; [`image`]: an image of them;

@@ -45,7 +45,7 @@
 //! Neglected: Keystone's truncated edges (-50 dB or so), the dependence of `e_m`'s phase on frequency (half the
 //! relative bandwidth), zero padding and bilinear reading (-60 dB).
 //!
-//! Accuracy: `tests/planner.rs` forms the image. With 20 sub-CPIs of Table 4.1 the first three lobes (-21.1, -33.6 and
+//! Accuracy: `tests/planning/radar.rs` forms the image. With 20 sub-CPIs of Table 4.1 the first three lobes (-21.1, -33.6 and
 //! -41.7 dB) lie within 0.1 m and 0.4 dB of both predictions; with 10 and 8 sub-CPIs (-8.4 and -3.7 dB, the thesis's
 //! "slightly less than 4 dB") within 0.1 dB of the sum. Below -48 dB what is neglected shows.
 

@@ -79,8 +79,8 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
         typical: levels,
         cells: Box::new(move |height, width| {
             let cells = resample(size, |i| f64::from(heat.values[i]), height, width);
-            (cells, levels)
+            Ok((cells, levels))
         }),
     };
-    page(&[sheet], 1, super::LONGEST).into_png()
+    page(&[sheet], 1, super::LONGEST)?.into_png()
 }

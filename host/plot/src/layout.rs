@@ -5,6 +5,7 @@ use super::colours::Colours;
 use super::orientation::Arrow;
 use super::scale::Levels;
 use super::ticks::{ticks, ticks_apart};
+use super::{PartsError, PlotError};
 
 const LABEL_PX: f32 = 15.0;
 const TITLE_PX: f32 = 18.0;
@@ -65,7 +66,8 @@ pub(super) struct Sheet<'a> {
 }
 
 /// Makes the levels of `height x width` cells, row 0 first, and those of the darkest and brightest colour.
-pub(super) type Cells<'a> = Box<dyn Fn(usize, usize) -> (Vec<f64>, Levels) + 'a>;
+pub(super) type Cells<'a> =
+    Box<dyn Fn(usize, usize) -> Result<(Vec<f64>, Levels), PartsError> + 'a>;
 
 /// Where a panel's parts lie, in pixels.
 struct Plan {
@@ -129,7 +131,9 @@ fn bar_ticks(levels: Levels, height: usize) -> Ticks {
 }
 
 /// The page with all sheets drawn, the longer side of each at most `limit` pixels.
-pub(super) fn page(sheets: &[Sheet], columns: usize, limit: usize) -> Canvas {
+/// # Errors
+/// [`PlotError::Parts`].
+pub(super) fn page(sheets: &[Sheet], columns: usize, limit: usize) -> Result<Canvas, PlotError> {
     let plans: Vec<Plan> = sheets.iter().map(|s| Plan::new(s, limit)).collect();
     let rows = sheets.len().div_ceil(columns);
     let mut lefts = vec![0; columns];
@@ -147,9 +151,9 @@ pub(super) fn page(sheets: &[Sheet], columns: usize, limit: usize) -> Canvas {
         let (row, column) = (i / columns, i % columns);
         let x = lefts[column] + widths[..column].iter().sum::<usize>();
         let y = TOP + heights[..row].iter().sum::<usize>();
-        draw(&mut canvas, sheet, plan, (x, y));
+        draw(&mut canvas, sheet, plan, (x, y))?;
     }
-    canvas
+    Ok(canvas)
 }
 
 /// Width and height of the plot, its longer side at most `limit` pixels. Small images are enlarged by
@@ -177,9 +181,14 @@ fn plot_size(sheet: &Sheet, limit: usize) -> (usize, usize) {
     (side(across), side(up))
 }
 
-fn draw(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize)) {
+fn draw(
+    canvas: &mut Canvas,
+    sheet: &Sheet,
+    plan: &Plan,
+    (x, y): (usize, usize),
+) -> Result<(), PlotError> {
     let (width, height) = (plan.width, plan.height);
-    let (cells, levels) = (sheet.cells)(height, width);
+    let (cells, levels) = (sheet.cells)(height, width).map_err(PlotError::Parts)?;
     let mut capped = false;
     for (row, cells) in cells.chunks_exact(width).enumerate() {
         for (column, &cell) in cells.iter().enumerate() {
@@ -226,6 +235,7 @@ fn draw(canvas: &mut Canvas, sheet: &Sheet, plan: &Plan, (x, y): (usize, usize))
         );
         draw_arrow(canvas, arrow, at);
     }
+    Ok(())
 }
 
 /// The small print, to the right of the label across if it fits there.

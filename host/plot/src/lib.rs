@@ -25,6 +25,7 @@ mod scale;
 mod ticks;
 
 use layout::Sheet;
+use num_complex::Complex32;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, power};
 
@@ -34,11 +35,69 @@ pub use lines::{Chart, Curve, Stroke, lines};
 pub use orientation::Orientation;
 pub use scale::Scale;
 
+/// Why a part of an image was not read.
+pub type PartsError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Where the pixels of a picture come from.
+#[derive(Clone, Copy, Debug)]
+pub enum Source<'a> {
+    /// An image in memory.
+    Whole(&'a Image),
+    /// One that need not fit there.
+    Parts(&'a dyn Parts),
+}
+
+/// An image that is read part by part.
+pub trait Parts: std::fmt::Debug {
+    /// Rows and columns.
+    fn size(&self) -> (usize, usize);
+
+    /// Hands over every pixel once, in runs of a row: row, first column, values.
+    ///
+    /// # Errors
+    /// If a part cannot be read.
+    fn each(&self, of: &mut dyn FnMut(usize, usize, &[Complex32])) -> Result<(), PartsError>;
+}
+
+impl<'a> From<&'a Image> for Source<'a> {
+    fn from(image: &'a Image) -> Self {
+        Self::Whole(image)
+    }
+}
+
+impl Source<'_> {
+    fn size(&self) -> (usize, usize) {
+        match self {
+            Self::Whole(image) => (image.rows, image.columns),
+            Self::Parts(parts) => parts.size(),
+        }
+    }
+
+    /// Powers on `height x width` cells.
+    fn powers(&self, height: usize, width: usize) -> Result<Vec<f64>, PartsError> {
+        match self {
+            Self::Whole(image) => Ok(raster::resample(
+                self.size(),
+                |i| power(image.pixels[i]),
+                height,
+                width,
+            )),
+            Self::Parts(parts) => {
+                let mut reduced = raster::Reduced::new(self.size(), height, width);
+                parts.each(&mut |row, column, values| {
+                    reduced.add(row, column, values.iter().map(|&z| power(z)));
+                })?;
+                Ok(reduced.finish())
+            }
+        }
+    }
+}
+
 /// An image and how to show it.
 #[derive(Clone, Debug)]
 pub struct Panel<'a> {
     /// The image.
-    pub image: &'a Image,
+    pub image: Source<'a>,
     /// Its grid: rows and columns as the image's.
     pub grid: &'a ImageGrid,
     /// The line above it; cut short if it does not fit.
@@ -122,9 +181,13 @@ impl ShownAxis {
 
 impl<'a> Panel<'a> {
     /// A grey picture with a scale of its own, its axes those of an image.
-    pub fn new(image: &'a Image, grid: &'a ImageGrid, title: impl Into<String>) -> Self {
+    pub fn new(
+        image: impl Into<Source<'a>>,
+        grid: &'a ImageGrid,
+        title: impl Into<String>,
+    ) -> Self {
         Self {
-            image,
+            image: image.into(),
             grid,
             title: title.into(),
             scale: Scale::default(),
@@ -163,8 +226,7 @@ impl<'a> Panel<'a> {
             // whole decibels of three digits, fit the least room anyhow.
             typical: self.scale.levels(&[]),
             cells: Box::new(move |height, width| {
-                let size = (image.rows, image.columns);
-                let mut cells = raster::resample(size, |i| power(image.pixels[i]), height, width);
+                let mut cells = image.powers(height, width)?;
                 let levels = self.scale.levels(&cells);
                 for cell in &mut cells {
                     *cell = 10.0 * cell.log10();
@@ -172,7 +234,7 @@ impl<'a> Panel<'a> {
                 if grid.polar {
                     cells.chunks_exact_mut(width).for_each(<[f64]>::reverse);
                 }
-                (cells, levels)
+                Ok((cells, levels))
             }),
         }
     }
@@ -196,6 +258,9 @@ pub enum PlotError {
         /// What is wrong.
         what: String,
     },
+    /// A part of an image could not be read.
+    #[error(transparent)]
+    Parts(PartsError),
     /// The picture could not be encoded.
     #[error("cannot encode the picture: {0}")]
     Encoding(#[from] png::EncodingError),
@@ -247,19 +312,23 @@ pub fn panels(panels: &[Panel], columns: usize) -> Result<Vec<u8>, PlotError> {
 fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotError> {
     for panel in panels {
         let (rows, columns) = (panel.grid.rows.count, panel.grid.columns.count);
-        let image = panel.image;
-        let pixels = image.rows.checked_mul(image.columns);
-        if (image.rows, image.columns) != (rows, columns) || pixels != Some(image.pixels.len()) {
+        let (height, width) = panel.image.size();
+        let whole = match panel.image {
+            Source::Whole(image) => height.checked_mul(width) == Some(image.pixels.len()),
+            Source::Parts(_) => true,
+        };
+        if (height, width) != (rows, columns) || !whole {
             return Err(PlotError::Unsuited {
                 title: panel.title.clone(),
                 what: format!(
-                    "the image has {} rows x {} columns, the grid {rows} x {columns}",
-                    image.rows, image.columns
+                    "the image has {height} rows x {width} columns, the grid {rows} x {columns}"
                 ),
             });
         }
     }
-    let empty = panels.iter().find(|p| p.image.pixels.is_empty());
+    let empty = panels
+        .iter()
+        .find(|p| p.image.size().0 * p.image.size().1 == 0);
     if panels.is_empty() || empty.is_some() {
         return Err(PlotError::Unsuited {
             title: empty.map_or_else(String::new, |p| p.title.clone()),
@@ -267,5 +336,5 @@ fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotE
         });
     }
     let sheets: Vec<Sheet> = panels.iter().map(Panel::sheet).collect();
-    layout::page(&sheets, columns.clamp(1, panels.len()), limit).into_png()
+    layout::page(&sheets, columns.clamp(1, panels.len()), limit)?.into_png()
 }

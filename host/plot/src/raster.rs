@@ -34,6 +34,52 @@ pub(super) fn resample(
     cells
 }
 
+/// The same of values that come in any order, a run of a row at a time.
+pub(super) struct Reduced {
+    across: Vec<Span>,
+    down: Vec<Span>,
+    width: usize,
+    cells: Vec<f64>,
+    weights: Vec<f64>,
+}
+
+impl Reduced {
+    pub(super) fn new(size: (usize, usize), height: usize, width: usize) -> Self {
+        Self {
+            // The cells that a pixel lies on.
+            across: spans(width, size.1),
+            down: spans(height, size.0),
+            width,
+            cells: vec![0.0; height * width],
+            weights: vec![0.0; height * width],
+        }
+    }
+
+    /// Adds pixels from a row and column on.
+    pub(super) fn add(&mut self, row: usize, column: usize, values: impl Iterator<Item = f64>) {
+        for (value, across) in values.zip(&self.across[column..]) {
+            if !value.is_finite() {
+                continue;
+            }
+            for (cell_row, down) in self.down[row].cells() {
+                for (cell_column, along) in across.cells() {
+                    let cell = cell_row * self.width + cell_column;
+                    self.cells[cell] += down * along * value;
+                    self.weights[cell] += down * along;
+                }
+            }
+        }
+    }
+
+    /// The cells.
+    pub(super) fn finish(mut self) -> Vec<f64> {
+        let cells = self.cells.iter_mut().zip(&self.weights);
+        // 0 / 0 is the NaN promised.
+        cells.for_each(|(cell, weight)| *cell /= weight);
+        self.cells
+    }
+}
+
 /// A run of source pixels, the first and last in part.
 struct Span {
     first: usize,
@@ -75,7 +121,7 @@ fn spans(count: usize, cells: usize) -> Vec<Span> {
 
 #[cfg(test)]
 mod tests {
-    use super::resample;
+    use super::{Reduced, resample};
 
     #[test]
     fn values_are_averaged_by_area() {
@@ -86,6 +132,27 @@ mod tests {
         // Two by two on one.
         let cells = resample((2, 2), |i| [1.0, 4.0, 9.0, 16.0][i], 1, 1);
         assert!((cells[0] - 30.0 / 4.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn pieces_in_any_order_are_the_same() {
+        let value = |i: usize| match i {
+            17 => f64::NAN,
+            _ => (i * 7919 % 101) as f64,
+        };
+        for (height, width) in [(3, 4), (7, 9), (20, 31), (1, 1), (5, 2)] {
+            let whole = resample((7, 9), value, height, width);
+            let mut reduced = Reduced::new((7, 9), height, width);
+            for (columns, rows) in [(5..9, 3..7), (0..5, 0..7), (5..9, 0..3)] {
+                for row in rows {
+                    let values = columns.clone().map(|column| value(row * 9 + column));
+                    reduced.add(row, columns.start, values);
+                }
+            }
+            for (a, b) in whole.iter().zip(reduced.finish()) {
+                assert!((a - b).abs() < 1e-9 || a.is_nan() && b.is_nan(), "{a} {b}");
+            }
+        }
     }
 
     #[test]

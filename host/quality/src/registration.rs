@@ -13,7 +13,7 @@
 //! The correlation is circular: what leaves on one side is taken to come back on the other, so shifts
 //! should be small against the image. A magnitude's band is wider than the image's; pixels of half
 //! the resolution hold most of it, and the error of what they fold is below a hundredth of a pixel
-//! (`tests/quality.rs`). Memory: 48 bytes a pixel. Pixels that are not finite count as the mean.
+//! (`tests/images/quality.rs`). Memory: 48 bytes a pixel. Pixels that are not finite count as the mean.
 
 use num_complex::Complex64;
 use subaperture_fft::FftDirection;

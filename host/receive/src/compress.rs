@@ -25,7 +25,7 @@
 //! is motion while the pulse lasts: its Doppler shift times its length is `2 v T / lambda` turns, 0.07
 //! for 100 m/s, 10 us and 3 cm, the same for all that moves alike.
 //!
-//! Cost: an FFT in float64 a pulse. Accuracy: `tests/simulate_chain.rs`.
+//! Cost: an FFT in float64 a pulse. Accuracy: `tests/simulate/chain.rs`.
 
 use std::ops::Range;
 use std::sync::Arc;

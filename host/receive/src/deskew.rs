@@ -1,7 +1,7 @@
 //! De-chirped sweeps (FMCW) become phase history: residual video phase and range skew removed.
 //!
 //! With `a = chirp_hz_s`, `t_m = mixer_delay_s`, `d = tau - t_m`, a sweep's beat is (see
-//! [`Waveform::Fmcw`])
+//! [`Waveform::Fmcw`](subaperture_model::radar::Waveform::Fmcw))
 //!
 //! ```text
 //! s(t) = exp(-j 2 pi (start + a (t - t_m)) d) exp(+j pi a d^2)
@@ -55,7 +55,9 @@
 //! White noise stays white where echoes of the scene can be: every step but the fading, of what is cut away, is a
 //! rotation in time or in frequency.
 //!
-//! Cost: two FFTs in float64 a pulse. Accuracy: `tests/simulate_chain.rs`, against a pulsed radar.
+//! Cost: two FFTs in float64 a pulse. Accuracy: `tests/simulate/chain.rs`, against a pulsed radar.
+
+mod sweep;
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -67,12 +69,11 @@ use rayon::prelude::*;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
-use super::{EchoCollection, EchoPulse, Echoes, ReceiveError, collection_of, in_blocks};
+use self::sweep::{Sweep, ends_of_delays_s, seen_half_delay_s, sweep_of};
+use super::{Echoes, ReceiveError, collection_of, in_blocks};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::geometry::Extent;
 use subaperture_model::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
-use subaperture_model::quantity::{hertz, seconds};
-use subaperture_model::radar::Waveform;
+use subaperture_model::quantity::hertz;
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::phase::{narrow, phasor, widen};
 
@@ -84,15 +85,6 @@ pub enum Skew {
     Removed,
     /// Left where they are, to show what they do.
     Left,
-}
-
-/// A sweep's numbers.
-#[derive(Clone, Copy, Debug)]
-struct Sweep {
-    start_hz: f64,
-    chirp_hz_s: f64,
-    sample_rate_hz: f64,
-    mixer_delay_s: f64,
 }
 
 /// How a sweep is faded in: the integral of a Gaussian.
@@ -174,47 +166,15 @@ impl<E: Echoes> Deskewed<E> {
     pub fn new(echoes: E, half_delay_s: Option<f64>, skew: Skew) -> Result<Self, ReceiveError> {
         let collection = echoes.collection();
         let fault = |what: String| ReceiveError::new(collection, what);
-        let Waveform::Fmcw {
+        let (sweep, num_samples) = sweep_of(collection).map_err(fault)?;
+        let Sweep {
             start_hz,
             chirp_hz_s,
             sample_rate_hz,
-            num_samples,
             mixer_delay_s,
-        } = collection.waveform
-        else {
-            return Err(fault("its waveform is not a linear sweep".to_owned()));
-        };
-        let moves = chirp_hz_s.is_finite() && chirp_hz_s != 0.0;
-        if !(moves && sample_rate_hz > 0.0 && num_samples > 0 && !collection.pulses.is_empty()) {
-            return Err(fault("its sweep does not sweep, or is empty".to_owned()));
-        }
-        let Some(half_delay_s) = half_delay_s.or_else(|| half_delay(collection)) else {
-            return Err(fault(
-                "nothing says how large its scene is: give the extent or the half delay".to_owned(),
-            ));
-        };
-        if !(half_delay_s >= 0.0 && half_delay_s.is_finite()) {
-            return Err(fault(format!(
-                "a scene of delays up to {half_delay_s} s from the reference: give a number, 0 or more"
-            )));
-        }
-        // All that the samples tell apart is allowed, whatever the rounding.
-        if half_delay_s * chirp_hz_s.abs() > sample_rate_hz / 2.0 * (1.0 + 1e-9) {
-            return Err(fault(format!(
-                "delays up to {} from the reference beat at up to {}, more than half the sampling rate of {}: \
-                 sample faster, sweep slower or see less",
-                seconds(half_delay_s),
-                hertz(half_delay_s * chirp_hz_s.abs()),
-                hertz(sample_rate_hz)
-            )));
-        }
-        let delays = collection
-            .pulses
-            .iter()
-            .map(|p| p.reference_path_m / SPEED_OF_LIGHT_M_S - mixer_delay_s);
-        let (least_s, most_s) = delays.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), d| {
-            (a.min(d), b.max(d))
-        });
+        } = sweep;
+        let half_delay_s = seen_half_delay_s(collection, half_delay_s, &sweep).map_err(fault)?;
+        let (least_s, most_s) = ends_of_delays_s(collection, mixer_delay_s);
         let drift_s = 0.5 * (most_s - least_s);
         let edge = Edge::new(chirp_hz_s.abs(), sample_rate_hz, half_delay_s);
         let cut_s = half_delay_s + edge.begin_s + edge.end_s + drift_s;
@@ -252,12 +212,7 @@ impl<E: Echoes> Deskewed<E> {
         Ok(Self {
             echoes,
             collection,
-            sweep: Sweep {
-                start_hz,
-                chirp_hz_s,
-                sample_rate_hz,
-                mixer_delay_s,
-            },
+            sweep,
             raw_samples: num_samples,
             skew,
             fade,
@@ -366,29 +321,4 @@ impl<E: Echoes> PhaseHistory for Deskewed<E> {
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
         self.echoes.inputs()
     }
-}
-
-/// Largest difference of a delay in the extent, at height 0, from the reference's.
-fn half_delay(collection: &EchoCollection) -> Option<f64> {
-    let Extent { x_m, y_m } = collection.extent?;
-    let of_pulse = |pulse: &EchoPulse| {
-        // Delays are convex: largest at a corner, least near the point below the antennas or the nearest.
-        let middle_m = 0.5 * (pulse.transmitter_m + pulse.receiver_m);
-        let nearest = (
-            middle_m.x.clamp(x_m.0, x_m.1),
-            middle_m.y.clamp(y_m.0, y_m.1),
-        );
-        let corners = [
-            (x_m.0, y_m.0),
-            (x_m.0, y_m.1),
-            (x_m.1, y_m.0),
-            (x_m.1, y_m.1),
-        ];
-        corners
-            .into_iter()
-            .chain([nearest])
-            .map(|(x, y)| pulse.relative_delay_s(DVec3::new(x, y, 0.0)).abs())
-            .fold(0.0, f64::max)
-    };
-    Some(collection.pulses.iter().map(of_pulse).fold(0.0, f64::max))
 }

@@ -2,7 +2,7 @@
 //!
 //! - [`support`]: which spatial frequencies pulses sample, their projection on a line and the response along it;
 //! - [`theory`]: widths and side lobes of a response;
-//! - [`survey`]: a whole collection's findings: aperture, resolution, sampling, and a grid to form without being told.
+//! - [`survey`]: what a whole collection can show, in numbers: aperture, resolution, sampling, and a grid to form without being told.
 #![forbid(unsafe_code)]
 
 pub mod support;

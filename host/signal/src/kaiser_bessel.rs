@@ -45,22 +45,26 @@ impl KaiserBessel {
     }
 
     /// Number of taps.
+    #[inline]
     pub fn taps(&self) -> usize {
         self.taps
     }
 
     /// `phi(t)`, `t` in samples.
+    #[inline]
     pub fn at(&self, t: f64) -> f64 {
         self.window.at(t)
     }
 
     /// `Phi(x)`, the kernel's spectrum at `x` cycles a sample.
+    #[inline]
     pub fn spectrum(&self, x: f64) -> f64 {
         self.window.spectrum(x)
     }
 
     /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
     /// `whole - W/2 + 1 + i` has weight `i`.
+    #[inline]
     pub fn weights<const W: usize>(&self, fraction: f32) -> [f32; W] {
         self.table.weights(fraction)
     }

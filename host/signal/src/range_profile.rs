@@ -76,6 +76,7 @@ impl RangeProfiler {
     }
 
     /// Values in a profile, the repeated first one not counted.
+    #[inline]
     pub fn length(&self) -> usize {
         self.fft.len()
     }

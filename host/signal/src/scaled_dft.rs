@@ -49,6 +49,7 @@ pub struct Shape {
 
 impl Shape {
     /// Pulse index of phase zero at frequency `k` of `count`.
+    #[inline]
     pub fn centre_of(&self, k: usize, count: usize) -> f64 {
         self.input_centre - self.input_drift * (k as f64 - (count / 2) as f64)
     }
@@ -112,6 +113,7 @@ impl ScaledDft {
     }
 
     /// The shape it was planned for.
+    #[inline]
     pub fn shape(&self) -> &Shape {
         &self.shape
     }
@@ -135,6 +137,7 @@ impl ScaledDft {
     ///
     /// # Panics
     /// If a length is wrong.
+    #[inline]
     pub fn transform(
         &self,
         k: usize,

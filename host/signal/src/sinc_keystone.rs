@@ -57,6 +57,7 @@ impl SincKeystone {
 }
 
 /// `sin(pi x) / (pi x)`.
+#[inline]
 pub fn sinc(x: f64) -> f64 {
     let angle = std::f64::consts::PI * x;
     if angle == 0.0 {

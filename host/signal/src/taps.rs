@@ -16,6 +16,7 @@ pub(super) struct KaiserWindow {
 }
 
 impl KaiserWindow {
+    #[inline]
     pub(super) fn new(taps: usize, beta: f64) -> Self {
         Self {
             width: taps as f64,
@@ -25,6 +26,7 @@ impl KaiserWindow {
     }
 
     /// Its value at `t` samples from the middle.
+    #[inline]
     pub(super) fn at(&self, t: f64) -> f64 {
         let u = 2.0 * t / self.width;
         let inside = 1.0 - u * u;
@@ -37,6 +39,7 @@ impl KaiserWindow {
 
     /// Its transform at `x` cycles a sample:
     /// `W sinh(sqrt(beta^2 - (pi W x)^2)) / (I0(beta) sqrt(beta^2 - (pi W x)^2))`.
+    #[inline]
     pub(super) fn spectrum(&self, x: f64) -> f64 {
         let inside = self.beta * self.beta - (PI * self.width * x).powi(2);
         let root = inside.abs().sqrt();
@@ -61,6 +64,7 @@ pub(super) struct WeightTable {
 
 impl WeightTable {
     /// Of a kernel with the value `at(t)` at `t` samples.
+    #[inline]
     pub(super) fn new(taps: usize, at: impl Fn(f64) -> f64) -> Self {
         let half = taps as f64 / 2.0;
         let rows = (0..=STEPS)
@@ -75,6 +79,7 @@ impl WeightTable {
 
     /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
     /// `whole - W/2 + 1 + i` has weight `i`.
+    #[inline]
     pub(super) fn weights<const W: usize>(&self, fraction: f32) -> [f32; W] {
         debug_assert_eq!(W, self.taps);
         let place = fraction * STEPS as f32;

@@ -63,17 +63,20 @@ impl WindowedSinc {
     }
 
     /// Number of taps.
+    #[inline]
     pub fn taps(&self) -> usize {
         self.taps
     }
 
     /// `h(t)`, `t` in samples.
+    #[inline]
     pub fn at(&self, t: f64) -> f64 {
         self.window.at(t) * sinc(t)
     }
 
     /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
     /// `whole - W/2 + 1 + i` has weight `i`.
+    #[inline]
     pub fn weights<const W: usize>(&self, fraction: f32) -> [f32; W] {
         self.table.weights(fraction)
     }

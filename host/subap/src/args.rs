@@ -3,6 +3,7 @@
 mod focus;
 mod look;
 mod plan;
+mod tiled;
 mod tune;
 mod values;
 
@@ -18,8 +19,9 @@ use subaperture::simulate::{Preset, scenario};
 use crate::log::Format;
 pub(crate) use focus::{Algorithm, Focus, Mode, Velocity};
 pub(crate) use look::{Look, Picture};
-pub(crate) use plan::{Plan, PlanModule, PlanRadar, PlanTarget};
+pub(crate) use plan::{Plan, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 use subaperture::units::Dimension;
+pub(crate) use tiled::{Part, Tiled};
 pub(crate) use tune::{Recording, Tune, Vary};
 pub(crate) use values::At;
 use values::{

@@ -17,7 +17,7 @@ use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::claim::Claims;
 use subaperture::io::open::{Options, open_all};
-use subaperture::phase_history::{Aperture, PhaseHistory, ReadError};
+use subaperture::phase_history::{Joined, PhaseHistory, ReadError};
 use subaperture::resolution::survey::Survey;
 
 use crate::args::{self, Algorithm, Global};
@@ -100,7 +100,7 @@ impl Session {
     }
 
     /// Opens the recordings given, as one aperture within the budget.
-    pub(crate) fn open(&self, input: &args::Input) -> Result<Aperture, ReadError> {
+    pub(crate) fn open(&self, input: &args::Input) -> Result<Joined, ReadError> {
         let options = Options {
             channel: input.channel.as_deref(),
             memory_bytes: self.memory_bytes,

@@ -138,6 +138,17 @@ pub(crate) fn table(header: &[&str], rows: &[Vec<String>]) -> String {
     lines.join("\n")
 }
 
+/// Something known, and the label that it is told by.
+pub(crate) type Fact = (&'static str, String);
+
+/// Facts as lines.
+pub(crate) fn facts(facts: &[Fact]) -> Vec<String> {
+    facts
+        .iter()
+        .map(|(label, value)| format!("{label:<16} {value}"))
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

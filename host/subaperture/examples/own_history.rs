@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::geometry::SceneFrame;
-use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep};
+use subaperture::phase_history::{Collection, InMemory, Pulse, Sweep};
 use subaperture::prelude::*;
 
 const PULSES: usize = 128;
@@ -37,7 +37,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         extent: None,
         timed: true,
     };
-    let recording = Recorded::new(collection, samples)?;
+    let recording = InMemory::new(collection, samples)?;
 
     let grid: ImageGrid = "x=-8:8:0.25,y=-8:8:0.25,z=0".parse()?;
     let image = Backprojection::default().focus(&recording, &grid)?;

@@ -10,7 +10,7 @@
 //! defaults for all the rest; [`Focusing`] has them: windows, memory, progress, what to do where the bound is missed. The
 //! image comes with its grid, frame, band and settings ([`FocusedImage`]).
 //!
-//! Nothing need be on a disk. Phase history of one's own is a [`phase_history::Recorded`] of arrays or implements
+//! Nothing need be on a disk. Phase history of one's own is a [`phase_history::InMemory`] of arrays or implements
 //! [`phase_history::PhaseHistory`]; simulated, it looks like this:
 //!
 #![cfg_attr(feature = "simulate", doc = "```")]

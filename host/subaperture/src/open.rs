@@ -4,7 +4,7 @@ use std::path::Path;
 
 use subaperture_focus::machine;
 use subaperture_io::open;
-use subaperture_model::phase_history::{Aperture, ReadError};
+use subaperture_model::phase_history::{Joined, ReadError};
 
 /// Opens a recording by what the file holds: CPHD, GOTCHA, or a raw recording's description (`.toml`).
 ///
@@ -13,7 +13,7 @@ use subaperture_model::phase_history::{Aperture, ReadError};
 ///
 /// # Errors
 /// [`ReadError`], also for a format whose feature is off.
-pub fn open(path: impl AsRef<Path>) -> Result<Aperture, ReadError> {
+pub fn open(path: impl AsRef<Path>) -> Result<Joined, ReadError> {
     open_all(&[path])
 }
 
@@ -22,7 +22,7 @@ pub fn open(path: impl AsRef<Path>) -> Result<Aperture, ReadError> {
 ///
 /// # Errors
 /// As [`open`], and [`ReadError::Mismatch`] if there are none or they do not fit together.
-pub fn open_all<P: AsRef<Path>>(paths: &[P]) -> Result<Aperture, ReadError> {
+pub fn open_all<P: AsRef<Path>>(paths: &[P]) -> Result<Joined, ReadError> {
     let options = open::Options {
         memory_bytes: machine::default_bytes(),
         ..open::Options::default()

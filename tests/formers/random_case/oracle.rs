@@ -4,14 +4,14 @@ use std::f64::consts::TAU;
 
 use num_complex::{Complex32, Complex64};
 use subaperture::geometry::SceneFrame;
-use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep, Weights};
+use subaperture::phase_history::{Collection, InMemory, Pulse, Sweep, Weights};
 
 use super::draw::Random;
 use super::{Case, LIGHT_M_S};
 
 /// What the radar records: `sum_s A_s exp(-j 2 pi f_k (path_n(s) - reference_n) / c)` and noise, rounded to
 /// float32.
-pub(crate) fn history(case: &Case) -> Recorded {
+pub(crate) fn history(case: &Case) -> InMemory {
     let count = case.num_pulses;
     let mut samples = Vec::with_capacity(count * case.num_samples);
     let mut random = Random::new(case.seed ^ 0x006e_6f69_7365);
@@ -55,11 +55,11 @@ pub(crate) fn history(case: &Case) -> Recorded {
         extent: None,
         timed: true,
     };
-    Recorded::new(collection, samples).expect("samples are finite and as many as they should be")
+    InMemory::new(collection, samples).expect("samples are finite and as many as they should be")
 }
 
 /// `sum_n sum_k w_n w_k z[n][k] exp(+j 2 pi f_k (path_n(p) - reference_n) / c)`, normalised, at every pixel.
-pub(crate) fn exact_sum(case: &Case, history: &Recorded, weights: &Weights) -> Vec<Complex64> {
+pub(crate) fn exact_sum(case: &Case, history: &InMemory, weights: &Weights) -> Vec<Complex64> {
     use subaperture::phase_history::PhaseHistory;
     let (count, width) = (case.num_pulses, case.num_samples);
     let mut samples = vec![Complex32::ZERO; count * width];

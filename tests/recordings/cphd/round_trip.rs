@@ -11,7 +11,7 @@ use subaperture::io::cphd::{
     Channel, Cphd, Domain, Polarization, Sgn, WriteError, WriteOptions, write,
 };
 use subaperture::monitor::{Monitor, Silent};
-use subaperture::phase_history::{Collection, PhaseHistory, ReadError, Recorded};
+use subaperture::phase_history::{Collection, InMemory, PhaseHistory, ReadError};
 
 use super::scene::{Scene, TRACK, bits, read_all, relative_rms};
 
@@ -204,7 +204,7 @@ fn inputs_name_the_whole_file() {
 
 /// Fails, or asks for cancellation, when the reading is half done.
 struct Interrupting {
-    inner: Recorded,
+    inner: InMemory,
     reads: AtomicUsize,
     fails: bool,
 }
@@ -251,7 +251,7 @@ fn nothing_is_left_behind_and_an_old_file_stays() {
     let samples = vec![Complex32::new(1.0, -1.0); 5 << 18];
     for fails in [true, false] {
         let history = Interrupting {
-            inner: Recorded::new(scene.collection(), samples.clone()).unwrap(),
+            inner: InMemory::new(scene.collection(), samples.clone()).unwrap(),
             reads: AtomicUsize::new(0),
             fails,
         };
@@ -291,7 +291,7 @@ fn what_cphd_cannot_express_is_refused() {
     let refused = |change: &dyn Fn(&mut Collection), part: &str| {
         let mut collection = scene.collection();
         change(&mut collection);
-        let recorded = Recorded::new(collection, scene.samples()).unwrap();
+        let recorded = InMemory::new(collection, scene.samples()).unwrap();
         let channel = Channel::new("1", &recorded);
         let error = write(&path, &[channel], &WriteOptions::default(), &Silent)
             .unwrap_err()

@@ -4,7 +4,7 @@
 use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::geometry::{Extent, SceneFrame};
-use subaperture::phase_history::{Collection, Pulse, Recorded, Sweep};
+use subaperture::phase_history::{Collection, InMemory, Pulse, Sweep};
 
 const C: f64 = 299_792_458.0;
 
@@ -122,8 +122,8 @@ impl Scene {
         samples
     }
 
-    pub(crate) fn recorded(&self) -> Recorded {
-        Recorded::new(self.collection(), self.samples()).unwrap()
+    pub(crate) fn recorded(&self) -> InMemory {
+        InMemory::new(self.collection(), self.samples()).unwrap()
     }
 }
 

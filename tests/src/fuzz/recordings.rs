@@ -14,7 +14,7 @@ use subaperture::geometry::{Extent, ImageGrid, SceneFrame};
 use subaperture::io::cphd::{Channel, Cphd, CphdInfo, Domain, Sgn, WriteOptions, write};
 use subaperture::io::gotcha;
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep, Weights};
+use subaperture::phase_history::{Collection, InMemory, PhaseHistory, Pulse, Sweep, Weights};
 use subaperture::resolution::survey::Survey;
 use subaperture::signal::window::Window;
 
@@ -73,7 +73,7 @@ pub(super) const MATLAB_WORDS: &[&str] = &[
 ];
 
 /// An aircraft 5 km away over the equator.
-fn scene(num_pulses: usize, num_samples: usize) -> Recorded {
+fn scene(num_pulses: usize, num_samples: usize) -> InMemory {
     let pulse = |n: usize| {
         let antenna = DVec3::new(12.0 * n as f64 - 30.0, -4000.0, 3000.0);
         Pulse {
@@ -103,7 +103,7 @@ fn scene(num_pulses: usize, num_samples: usize) -> Recorded {
         timed: true,
     };
     let samples = (0..num_pulses * num_samples).map(|i| Complex32::cis(i as f32));
-    Recorded::new(collection, samples.collect()).expect("a sound collection")
+    InMemory::new(collection, samples.collect()).expect("a sound collection")
 }
 
 pub(super) fn cphd_seeds() -> Vec<Vec<u8>> {

@@ -7,7 +7,7 @@ use subaperture::geometry::SceneFrame;
 use subaperture::io::novatel::{self, Damage, Source};
 use subaperture::io::track_axes::TrackAxes;
 use subaperture::io::{motive, track_csv};
-use subaperture::track::{Fix, Recorded, Trajectory};
+use subaperture::track::{Fix, SampledTrack, Trajectory};
 
 pub(super) const NOVATEL_WORDS: &[&str] = &[
     "#INSPVAA",
@@ -140,7 +140,7 @@ fn follow(fixes: &[Fix]) -> String {
         .iter()
         .all(|fix| fix.position_m.is_finite() && fix.time_s.is_finite());
     assert!(places, "a fix that is not finite");
-    let track = match Recorded::new(fixes) {
+    let track = match SampledTrack::new(fixes) {
         Ok(track) => track,
         Err(error) => return error.to_string(),
     };

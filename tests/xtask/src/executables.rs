@@ -21,19 +21,23 @@ const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Begin first, longest first: whatever starts late and takes long is waited for alone. Those that build firmware, one at a time
 /// over all processes, stand apart, so that they do not wait for each other.
-const LONGEST: [&str; 13] = [
+const LONGEST: [&str; 17] = [
     "firmware::golden",
-    "formers::random",
     "recordings::tune_certainty",
-    "firmware::cli_link",
-    "cli::overwrite",
+    "gallery",
     "firmware::budgets",
-    "damage::fuzz_targets",
+    "cli::overwrite",
+    "formers::random",
+    "firmware::cli_link",
     "formers::pfa_ffbp",
     "firmware::selftest",
     "formers::sweep_motion",
     "firmware::gotcha",
+    "formers::frequency_domain",
+    "formers::backprojection",
+    "damage::fuzz_targets",
     "firmware::sessions",
+    "cli::memory",
     "cli::messages",
 ];
 

@@ -7,11 +7,12 @@ use num_complex::{Complex32, Complex64};
 
 use super::chim_strip::{Map, band, cycles, error_db, focused, l_band, rms, with_task};
 use super::forming::{ERROR_DB, grid_about};
-use crate::{Check, Context, Finding, Item, ItemError};
+use crate::{Check, Context, Finding, Item, ItemError, Picture};
 use subaperture_focus::omega_k::OmegaK;
 use subaperture_focus::strip::{Stage, StageKind};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::geometry::Axis;
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::image::Image;
 use subaperture_model::phase_history::PhaseHistory;
 use subaperture_signal::phase::widen;
 use subaperture_signal::window::Window;
@@ -77,13 +78,21 @@ impl Spectrum {
     }
 }
 
-fn omega_k(context: &Context) -> Result<Finding, ItemError> {
-    let history = l_band(REFERENCE_M, 30.0, 0.05, &[(0.0, RANGE_M - REFERENCE_M)])?;
-    let band = band(&history)?;
-    let grid = grid_about(DVec3::ZERO, 5.0, 5.0, 0.1);
-    let (mut before, mut after) = (None, None);
+/// What the former holds before the mapping and after, and its image.
+struct Observed {
+    before: Spectrum,
+    after: Spectrum,
+    image: Image,
+}
+
+fn observed(
+    context: &Context,
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+) -> Result<Observed, ItemError> {
     let first_pulse_m = history.collection().pulses[0].transmitter_m.x;
-    let formed = with_task(context, &history, &grid, Window::None, |task| {
+    let (mut before, mut after) = (None, None);
+    let formed = with_task(context, history, grid, Window::None, |task| {
         FORMER.form_observed(task, &mut |stage| match stage.kind {
             StageKind::Spectrum => {
                 let referred = |(i, &z): (usize, &Complex32)| {
@@ -107,6 +116,35 @@ fn omega_k(context: &Context) -> Result<Finding, ItemError> {
     let (Some(before), Some(after)) = (before, after) else {
         return Err(ItemError::Measure("the former showed nothing".to_owned()));
     };
+    Ok(Observed {
+        before,
+        after,
+        image: formed.image,
+    })
+}
+
+/// A spectrum's stripes of equal phase.
+fn stripes(spectrum: &Spectrum, name: &str, caption: &str, up: &str) -> Result<Picture, ItemError> {
+    let columns = cycles(&spectrum.columns);
+    let map = Map {
+        name,
+        caption,
+        labels: ["azimuth frequency (1/m)", up],
+        rows: spectrum.rows,
+        columns,
+    };
+    Ok(map.values(&spectrum.stripes(), (-1.0, 1.0), "real part")?)
+}
+
+fn omega_k(context: &Context) -> Result<Finding, ItemError> {
+    let history = l_band(REFERENCE_M, 30.0, 0.05, &[(0.0, RANGE_M - REFERENCE_M)])?;
+    let band = band(&history)?;
+    let grid = grid_about(DVec3::ZERO, 5.0, 5.0, 0.1);
+    let Observed {
+        before,
+        after,
+        image,
+    } = observed(context, &history, &grid)?;
 
     let offset_m = RANGE_M - REFERENCE_M;
     let kappa = before.nearest(4.0 * PI * band.centre_hz() / SPEED_OF_LIGHT_M_S);
@@ -121,17 +159,6 @@ fn omega_k(context: &Context) -> Result<Finding, ItemError> {
     let small = grid_about(DVec3::new(0.0, offset_m, 0.0), 1.5, 1.5, 0.05);
     let error_db = error_db(context, &history, &small, &FORMER)?;
 
-    let map = |spectrum: &Spectrum, name: &str, caption: &str, up: &str| {
-        let columns = cycles(&spectrum.columns);
-        Map {
-            name,
-            caption,
-            labels: ["azimuth frequency (1/m)", up],
-            rows: spectrum.rows,
-            columns,
-        }
-        .values(&spectrum.stripes(), (-1.0, 1.0), "real part")
-    };
     Ok(Finding {
         thesis: "2-D FFT, multiplication with the reference's phase, Stolt mapping sqrt((f0 + f)^2 - c^2 f_x^2 / \
                  4) -> f0 + f', 2-D inverse FFT: after the mapping the phase is linear, -4 pi (R0 - Rref) (f0 + \
@@ -171,19 +198,19 @@ fn omega_k(context: &Context) -> Result<Finding, ItemError> {
         ],
         why: None,
         pictures: vec![
-            map(
+            stripes(
                 &before,
                 "before",
                 "Spectrum referred to 30 m: bent stripes of equal phase",
                 "two-way wavenumber (rad/m)",
             )?,
-            map(
+            stripes(
                 &after,
                 "after",
                 "After Stolt mapping: straight ones",
                 "range wavenumber (rad/m)",
             )?,
-            focused(&formed.image, &grid, "The image")?,
+            focused(&image, &grid, "The image")?,
         ],
     })
 }

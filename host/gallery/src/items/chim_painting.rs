@@ -10,7 +10,7 @@ use super::forming::{backprojection, form, grid_about, side_by_side};
 use crate::{Check, Context, Finding, Item, ItemError};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, power};
-use subaperture_model::phase_history::{PhaseHistory, Recorded};
+use subaperture_model::phase_history::{InMemory, PhaseHistory};
 
 pub(super) const ITEMS: [Item; 1] = [Item {
     id: "c-3-4",
@@ -108,7 +108,7 @@ fn painting(context: &Context) -> Result<Finding, ItemError> {
 }
 
 /// Some pulses as a recording of their own.
-fn pulses_of(history: &dyn PhaseHistory, chosen: &[usize]) -> Result<Recorded, ItemError> {
+fn pulses_of(history: &dyn PhaseHistory, chosen: &[usize]) -> Result<InMemory, ItemError> {
     let mut collection = history.collection().clone();
     let width = collection.num_samples;
     let mut samples = vec![Complex32::ZERO; chosen.len() * width];
@@ -116,7 +116,7 @@ fn pulses_of(history: &dyn PhaseHistory, chosen: &[usize]) -> Result<Recorded, I
         history.read(pulse..pulse + 1, row)?;
     }
     collection.pulses = chosen.iter().map(|&n| collection.pulses[n]).collect();
-    Ok(Recorded::new(collection, samples)?)
+    Ok(InMemory::new(collection, samples)?)
 }
 
 /// Distance of the brightest point of every column from `centre`, where it is inside the grid.

@@ -159,6 +159,49 @@ fn compressed(history: &Simulated, shown_m: (f64, f64)) -> Result<Picture, ItemE
     Ok(map.levels(&powers)?)
 }
 
+/// How the line of the scatterer at [`RANGE_M`] runs, metres.
+struct Migration {
+    /// Its largest departure from that range before correction, and after.
+    migration_m: f64,
+    left_m: f64,
+    /// Its departure from the exact hyperbola, RMS.
+    from_exact_m: f64,
+    /// Its largest departure from the parabola of (3.6) within the beam, and in all.
+    in_beam_m: f64,
+    wide_m: f64,
+}
+
+impl Migration {
+    fn of(stages: &Stages) -> Self {
+        let lines = stages.lines(RANGE_M, MOST_SINE);
+        let largest =
+            |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |a, b| f64::max(a, b.abs()));
+        let migration_m = largest(&mut lines.iter().map(|(_, [before, _])| before - RANGE_M));
+        let left_m = largest(&mut lines.iter().map(|(_, [_, after])| after - RANGE_M));
+        let from_exact_m = rms(lines
+            .iter()
+            .map(|(sine, [before, _])| before - RANGE_M / (1.0 - sine * sine).sqrt()));
+        // (lambda f_x)^2 / 8 with f_x = 2 sine / lambda is sine^2 / 2.
+        let parabola =
+            |(sine, [before, _]): &(f64, [f64; 2])| before - RANGE_M * (1.0 + sine * sine / 2.0);
+        let beam = 6.65f64.to_radians().sin();
+        let in_beam_m = largest(
+            &mut lines
+                .iter()
+                .filter(|(sine, _)| sine.abs() <= beam)
+                .map(parabola),
+        );
+        let wide_m = largest(&mut lines.iter().map(parabola));
+        Self {
+            migration_m,
+            left_m,
+            from_exact_m,
+            in_beam_m,
+            wide_m,
+        }
+    }
+}
+
 fn long_aperture(context: &Context) -> Result<Finding, ItemError> {
     let places = [(0.0, 0.0), (-3.0, -4.0), (3.0, 4.0)];
     let history = l_band(RANGE_M, 30.0, SPACING_M, &places)?;
@@ -166,25 +209,13 @@ fn long_aperture(context: &Context) -> Result<Finding, ItemError> {
     let shown_m = (24.0, 40.0);
     let stages = Stages::of(context, &history, &grid, shown_m)?;
     let cell_m = SPEED_OF_LIGHT_M_S / (2.0 * stages.band.bandwidth_hz());
-    let lines = stages.lines(RANGE_M, MOST_SINE);
-    let largest =
-        |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |a, b| f64::max(a, b.abs()));
-    let migration_m = largest(&mut lines.iter().map(|(_, [before, _])| before - RANGE_M));
-    let left_m = largest(&mut lines.iter().map(|(_, [_, after])| after - RANGE_M));
-    let from_exact_m = rms(lines
-        .iter()
-        .map(|(sine, [before, _])| before - RANGE_M / (1.0 - sine * sine).sqrt()));
-    // (lambda f_x)^2 / 8 with f_x = 2 sine / lambda is sine^2 / 2.
-    let parabola =
-        |(sine, [before, _]): &(f64, [f64; 2])| before - RANGE_M * (1.0 + sine * sine / 2.0);
-    let beam = 6.65f64.to_radians().sin();
-    let in_beam_m = largest(
-        &mut lines
-            .iter()
-            .filter(|(sine, _)| sine.abs() <= beam)
-            .map(parabola),
-    );
-    let wide_m = largest(&mut lines.iter().map(parabola));
+    let Migration {
+        migration_m,
+        left_m,
+        from_exact_m,
+        in_beam_m,
+        wide_m,
+    } = Migration::of(&stages);
 
     let small = grid_about(glam::DVec3::ZERO, 1.5, 1.5, 0.05);
     let alone = l_band(RANGE_M, 30.0, SPACING_M, &places[..1])?;

@@ -78,7 +78,8 @@ fn phase_rad(range_m: f64, skew: Skew) -> Result<f64, ItemError> {
     Ok(beside.sum::<Complex64>().arg())
 }
 
-fn residual_phase(_: &Context) -> Result<Finding, ItemError> {
+/// Residual phase at range and phase, followed from range 0 outward, and the most of it that is left after removal.
+fn measured_rad() -> Result<(Vec<(f64, f64)>, f64), ItemError> {
     let mut left = Vec::new();
     let mut removed_rad: f64 = 0.0;
     let mut unwrapped = 0.0;
@@ -89,13 +90,18 @@ fn residual_phase(_: &Context) -> Result<Finding, ItemError> {
         left.push((range_m, unwrapped));
         removed_rad = removed_rad.max(phase_rad(range_m, Skew::Removed)?.abs());
     }
-    let delay_s = |range_m: f64| 2.0 * range_m / SPEED_OF_LIGHT_M_S;
-    let closed = |range_m: f64| PI * CHIRP_HZ_S * delay_s(range_m).powi(2);
-    let (far_m, far_rad) = left[left.len() - 1];
-    let off_rad = left
-        .iter()
-        .map(|&(range_m, phase)| (phase - closed(range_m)).abs())
-        .fold(0.0, f64::max);
+    Ok((left, removed_rad))
+}
+
+/// `pi a tau^2`.
+fn closed(range_m: f64) -> f64 {
+    let delay_s = 2.0 * range_m / SPEED_OF_LIGHT_M_S;
+    PI * CHIRP_HZ_S * delay_s.powi(2)
+}
+
+/// What was measured, and what (2.22) says.
+fn chart(left: &[(f64, f64)]) -> Result<Vec<u8>, ItemError> {
+    let (far_m, _) = left[left.len() - 1];
     let curve = |name: &str, points: Vec<(f64, f64)>, stroke: Stroke| Curve {
         name: name.to_owned(),
         points,
@@ -107,19 +113,29 @@ fn residual_phase(_: &Context) -> Result<Finding, ItemError> {
             .map(|range_m| (range_m, factor * closed(range_m)))
             .collect::<Vec<_>>()
     };
-    let png = lines(&Chart {
+    Ok(lines(&Chart {
         title: "Residual video phase of a sweep of 3 MHz/us".to_owned(),
         across_label: "range (m)".to_owned(),
         up_label: "phase (rad)".to_owned(),
         curves: vec![
-            curve("measured", left.clone(), Stroke::Dots),
+            curve("measured", left.to_vec(), Stroke::Dots),
             curve("pi a tau^2", of(1.0), Stroke::Solid),
             curve("2 pi a tau^2, (2.22)", of(2.0), Stroke::Dashed),
         ],
         // Room for the legend.
         up: Some((-0.5, 11.0)),
         ..Chart::default()
-    })?;
+    })?)
+}
+
+fn residual_phase(_: &Context) -> Result<Finding, ItemError> {
+    let (left, removed_rad) = measured_rad()?;
+    let (far_m, far_rad) = left[left.len() - 1];
+    let off_rad = left
+        .iter()
+        .map(|&(range_m, phase)| (phase - closed(range_m)).abs())
+        .fold(0.0, f64::max);
+    let png = chart(&left)?;
     Ok(Finding {
         thesis: "An echo that is tau late beats at f = alpha tau, (2.23), and has the residual video phase exp(-j 2 \
                  pi alpha tau^2), (2.22), which (3.1) removes."

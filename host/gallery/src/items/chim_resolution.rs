@@ -13,6 +13,8 @@ use crate::{Check, Context, Finding, Item, ItemError};
 use subaperture_focus::ImageFormer;
 use subaperture_focus::rda::RangeDopplerAlgorithm;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::image::Image;
 use subaperture_model::phase_history::Band;
 use subaperture_model::radar::{Pattern, Reference, Waveform};
 use subaperture_model::track::Linear;
@@ -69,13 +71,12 @@ fn pass(pattern: Pattern) -> Experiment {
     truck
 }
 
-fn resolutions(context: &Context) -> Result<Finding, ItemError> {
-    let beam_rad = BEAM_DEG.to_radians();
-    let pattern = Pattern::Gaussian {
-        azimuth_rad: beam_rad,
-        elevation_rad: PI / 2.0,
-    };
-    let experiment = pass(pattern);
+/// The scatterer's image relative to its peak, and its widths at half power along the track and in range.
+fn image_and_widths_m(
+    context: &Context,
+    experiment: &Experiment,
+    grid: &ImageGrid,
+) -> Result<(Image, [f64; 2]), ItemError> {
     let pair = Pair {
         transmitter: 0,
         receiver: 0,
@@ -87,13 +88,12 @@ fn resolutions(context: &Context) -> Result<Finding, ItemError> {
         error_db: ERROR_DB,
         secondary_compression: true,
     };
-    let grid = grid_about(DVec3::ZERO, 3.0, 6.0, 0.05);
-    let formed = with_task(context, &recording, &grid, Window::None, |task| {
+    let formed = with_task(context, &recording, grid, Window::None, |task| {
         former.form_best(task)
     })?;
     let response = measure(
         &formed.image,
-        &grid,
+        grid,
         Target::Brightest,
         &Settings {
             half_chip: Some([100, 40]),
@@ -101,7 +101,21 @@ fn resolutions(context: &Context) -> Result<Finding, ItemError> {
         },
     )
     .map_err(|error| ItemError::Measure(error.to_string()))?;
-    let [along_m, range_m] = [0, 1].map(|i: usize| response.cuts[i].width_3db.unwrap_or(f64::NAN));
+    let widths_m = [0, 1].map(|i: usize| response.cuts[i].width_3db.unwrap_or(f64::NAN));
+    let mut image = formed.image;
+    let peak = image.peak().map_or(1.0, |peak| peak.value.norm());
+    image.pixels.iter_mut().for_each(|z| *z /= peak);
+    Ok((image, widths_m))
+}
+
+fn resolutions(context: &Context) -> Result<Finding, ItemError> {
+    let beam_rad = BEAM_DEG.to_radians();
+    let pattern = Pattern::Gaussian {
+        azimuth_rad: beam_rad,
+        elevation_rad: PI / 2.0,
+    };
+    let grid = grid_about(DVec3::ZERO, 3.0, 6.0, 0.05);
+    let (image, [along_m, range_m]) = image_and_widths_m(context, &pass(pattern), &grid)?;
 
     let wavelength_m = SPEED_OF_LIGHT_M_S / 1.85e9;
     let of_half_m = cross_range_resolution_m(wavelength_m, beam_rad / 2.0);
@@ -110,9 +124,6 @@ fn resolutions(context: &Context) -> Result<Finding, ItemError> {
     // wavenumber: its transform falls to half the power at x = 2 sqrt 2 ln 2 / (kappa beam).
     let gaussian_m = 4.0 * 2f64.sqrt() * LN_2 * wavelength_m / (4.0 * PI * beam_rad);
     let cell_m = range_resolution_m(300e6);
-    let mut image = formed.image;
-    let peak = image.peak().map_or(1.0, |peak| peak.value.norm());
-    image.pixels.iter_mut().for_each(|z| *z /= peak);
     Ok(Finding {
         thesis: "1.7 to 2.0 GHz: a range resolution of 0.5 m; a beam of 13.3 degrees, thus an azimuth resolution \
                  of about 0.13 m. Images by the range-Doppler algorithm."

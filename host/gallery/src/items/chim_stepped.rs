@@ -155,17 +155,9 @@ fn recorded(experiment: &Experiment) -> Result<(Vec<Complex32>, Band), ItemError
     Ok((samples, band))
 }
 
-fn profile(_: &Context) -> Result<Finding, ItemError> {
-    let (scene, band) = recorded(&experiment(true))?;
-    let (lone, _) = recorded(&experiment(false))?;
+/// Resolution and largest range, and where the profile has its three peaks.
+fn sizes_and_peaks(band: &Band, plain: &Profile) -> Vec<Check> {
     let longest_m = band.unambiguous_path_m() / 2.0;
-    let of = |samples: &[Complex32], window: Window| {
-        let shown_m = (0.0, longest_m - 0.1);
-        let (powers, axis) = profiles(samples, &band, window, RANGES_M[1], shown_m);
-        Profile { powers, axis }
-    };
-    let (plain, hamming) = (of(&scene, Window::None), of(&scene, Window::Hamming));
-    let alone_m = of(&lone, Window::None).peak_m(RANGES_M[1]);
     let cell_m = SPEED_OF_LIGHT_M_S / (2.0 * band.bandwidth_hz());
     let names = ["wall at 1 m", "corner reflector at 6.3 m", "wall at 16 m"];
     let mut checks = vec![
@@ -198,6 +190,45 @@ fn profile(_: &Context) -> Result<Finding, ItemError> {
             "m",
         ));
     }
+    checks
+}
+
+/// The profile, unweighted and under a Hamming window.
+fn chart(plain: &Profile, hamming: &Profile) -> Result<Vec<u8>, ItemError> {
+    Ok(lines(&Chart {
+        title: "50 carriers from 1.1 to 1.3 GHz".to_owned(),
+        across_label: "range (m)".to_owned(),
+        up_label: "level (dB)".to_owned(),
+        curves: vec![
+            Curve {
+                name: "unweighted".to_owned(),
+                points: plain.points_db(),
+                stroke: Stroke::Solid,
+            },
+            Curve {
+                name: "Hamming".to_owned(),
+                points: hamming.points_db(),
+                stroke: Stroke::Dashed,
+            },
+        ],
+        marks: RANGES_M.to_vec(),
+        up: Some((-60.0, 5.0)),
+        ..Chart::default()
+    })?)
+}
+
+fn profile(_: &Context) -> Result<Finding, ItemError> {
+    let (scene, band) = recorded(&experiment(true))?;
+    let (lone, _) = recorded(&experiment(false))?;
+    let longest_m = band.unambiguous_path_m() / 2.0;
+    let of = |samples: &[Complex32], window: Window| {
+        let shown_m = (0.0, longest_m - 0.1);
+        let (powers, axis) = profiles(samples, &band, window, RANGES_M[1], shown_m);
+        Profile { powers, axis }
+    };
+    let (plain, hamming) = (of(&scene, Window::None), of(&scene, Window::Hamming));
+    let alone_m = of(&lone, Window::None).peak_m(RANGES_M[1]);
+    let mut checks = sizes_and_peaks(&band, &plain);
     let far_db = plain.level_db(15.5, 16.5);
     let behind = [&plain, &hamming].map(|p| p.level_db(19.0, 30.0) - p.level_db(15.5, 16.5));
     checks.push(Check::claim(
@@ -234,26 +265,7 @@ fn profile(_: &Context) -> Result<Finding, ItemError> {
         pictures: vec![Picture {
             name: "profile".to_owned(),
             caption: "Range profile, unweighted and under a Hamming window".to_owned(),
-            png: lines(&Chart {
-                title: "50 carriers from 1.1 to 1.3 GHz".to_owned(),
-                across_label: "range (m)".to_owned(),
-                up_label: "level (dB)".to_owned(),
-                curves: vec![
-                    Curve {
-                        name: "unweighted".to_owned(),
-                        points: plain.points_db(),
-                        stroke: Stroke::Solid,
-                    },
-                    Curve {
-                        name: "Hamming".to_owned(),
-                        points: hamming.points_db(),
-                        stroke: Stroke::Dashed,
-                    },
-                ],
-                marks: RANGES_M.to_vec(),
-                up: Some((-60.0, 5.0)),
-                ..Chart::default()
-            })?,
+            png: chart(&plain, &hamming)?,
         }],
     })
 }

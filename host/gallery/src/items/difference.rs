@@ -5,7 +5,7 @@ use super::large_scene::{Scene, begun, scale_of, scenes, sub_cpi};
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
 use subaperture_model::image::{Image, power};
 use subaperture_plot::{Colours, Heat, heat};
-use subaperture_quality::difference::percent_difference;
+use subaperture_quality::difference::{PercentDifference, percent_difference};
 use subaperture_signal::window::Window;
 
 pub(super) const ITEMS: [Item; 1] = [Item {
@@ -58,21 +58,48 @@ fn examine(
     let traditional = by(0, &backprojection())?;
     let two_dimensional = by(1, &thesis(length))?;
     let difference = percent_difference(&two_dimensional, &traditional, NO_FLOOR_DB)?;
-    let values = &difference.map.values;
     let title = scene.title;
     finding.method.push_str(&format!(
         " The {title}: {length} pulses a sub-CPI, as much of sqrt(lambda R) as the thesis's {THESIS_SUB_CPI}."
     ));
 
+    finding
+        .checks
+        .extend(checks(title, &two_dimensional, &traditional, &difference)?);
+    finding.pictures.push(side_by_side_at(
+        &format!("{}-images", scene.name),
+        &format!("The {title} by backprojection, and by sub-CPIs of {length} pulses"),
+        scale_of(&traditional, 70.0),
+        &[
+            ("backprojection", &traditional, grid),
+            (
+                &format!("sub-CPIs of {length} pulses"),
+                &two_dimensional,
+                grid,
+            ),
+        ],
+    )?);
+    finding.pictures.extend(maps(scene, &difference)?);
+    Ok(())
+}
+
+/// What the thesis says of the difference, and what it is here.
+fn checks(
+    title: &str,
+    two_dimensional: &Image,
+    traditional: &Image,
+    difference: &PercentDifference,
+) -> Result<Vec<Check>, ItemError> {
+    let values = &difference.map.values;
     let within = values.iter().filter(|&&v| f64::from(v) <= AXIS.1).count();
     let share = 100.0 * within as f64 / values.len() as f64;
-    let dark_db = darkness_of_largest_db(&traditional, values);
+    let dark_db = darkness_of_largest_db(traditional, values);
     let peak = traditional
         .peak()
         .ok_or_else(|| ItemError::Measure(format!("{title}: the image is empty")))?;
     let other = two_dimensional.pixels[peak.row * traditional.columns + peak.column];
     let gain_db = 10.0 * (power(other) / power(peak.value)).log10();
-    finding.checks.extend([
+    Ok(vec![
         Check::claim(
             &format!("{title}: pixels within 0 to 200 %"),
             "a majority",
@@ -89,7 +116,9 @@ fn examine(
                 .is_some_and(|median| median < 10.0),
         ),
         Check::claim(
-            &format!("{title}: where the largest thousandth of differences lie, against the image's median"),
+            &format!(
+                "{title}: where the largest thousandth of differences lie, against the image's median"
+            ),
             "very dark",
             format!("{dark_db:.1} dB"),
             dark_db < -10.0,
@@ -100,28 +129,21 @@ fn examine(
             format!("{:.3} dB", gain_db.abs()),
             gain_db.abs() < 0.1,
         ),
-    ]);
-    finding.pictures.push(side_by_side_at(
-        &format!("{}-images", scene.name),
-        &format!("The {title} by backprojection, and by sub-CPIs of {length} pulses"),
-        scale_of(&traditional, 70.0),
-        &[
-            ("backprojection", &traditional, grid),
-            (
-                &format!("sub-CPIs of {length} pulses"),
-                &two_dimensional,
-                grid,
-            ),
-        ],
-    )?);
+    ])
+}
+
+/// The difference as maps, on the thesis's axis and on a closer one.
+fn maps(scene: &Scene, difference: &PercentDifference) -> Result<Vec<Picture>, ItemError> {
+    let (grid, values) = (&scene.grid, &difference.map.values);
     // The thesis's axis, and one on which differences this small can be seen.
     let typical = difference.summary.percentile_95.unwrap_or(AXIS.1);
-    for (name, top) in [
+    let axes = [
         ("difference", AXIS.1),
         ("difference-closer", typical.clamp(0.1, AXIS.1)),
-    ] {
-        let caption = format!("Percent difference, {title}, 0 to {top:.1} %");
-        finding.pictures.push(Picture {
+    ];
+    let map = |(name, top)| {
+        let caption = format!("Percent difference, {}, 0 to {top:.1} %", scene.title);
+        Ok(Picture {
             name: format!("{}-{name}", scene.name),
             png: heat(&Heat {
                 values,
@@ -136,9 +158,9 @@ fn examine(
                 proportional: true,
             })?,
             caption,
-        });
-    }
-    Ok(())
+        })
+    };
+    axes.into_iter().map(map).collect()
 }
 
 /// Median level of an image's pixels where `values` are largest, a thousandth of them, against the median level

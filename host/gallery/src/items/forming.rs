@@ -11,7 +11,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::Image;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Collection, PhaseHistory, Recorded, Weights};
+use subaperture_model::phase_history::{Collection, InMemory, PhaseHistory, Weights};
 use subaperture_plot::{Panel, PlotError, Scale, panels};
 use subaperture_signal::window::Window;
 use subaperture_simulate::experiment::{Experiment, Pair};
@@ -46,7 +46,7 @@ pub(super) fn experiment(name: &str, text: &str) -> Result<Experiment, ScenarioE
 }
 
 /// Everything that the experiment's only pair of antennas records, so that it is simulated once.
-pub(super) fn record(context: &Context, experiment: &Experiment) -> Result<Recorded, ItemError> {
+pub(super) fn record(context: &Context, experiment: &Experiment) -> Result<InMemory, ItemError> {
     let pair = Pair {
         transmitter: 0,
         receiver: 0,
@@ -55,7 +55,7 @@ pub(super) fn record(context: &Context, experiment: &Experiment) -> Result<Recor
 }
 
 /// A phase history as a recording in memory.
-pub(super) fn hold(context: &Context, history: &dyn PhaseHistory) -> Result<Recorded, ItemError> {
+pub(super) fn hold(context: &Context, history: &dyn PhaseHistory) -> Result<InMemory, ItemError> {
     let collection = history.collection().clone();
     let (num_pulses, width) = (collection.pulses.len(), collection.num_samples);
     let mut samples = vec![Complex32::ZERO; num_pulses * width];
@@ -66,7 +66,7 @@ pub(super) fn hold(context: &Context, history: &dyn PhaseHistory) -> Result<Reco
         let first = block * BLOCK_PULSES;
         history.read(first..first + samples.len() / width, samples)?;
     }
-    Ok(Recorded::new(collection, samples)?)
+    Ok(InMemory::new(collection, samples)?)
 }
 
 /// The thesis's former with its Doppler padded as it does most.

@@ -8,7 +8,7 @@ use subaperture_focus::moving::{Moving, VelocityPlane, velocity_resolution_m_s};
 use subaperture_focus::rdbp::Thesis;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::{Image, power};
-use subaperture_model::phase_history::{Collection, PhaseHistory, Recorded};
+use subaperture_model::phase_history::{Collection, InMemory, PhaseHistory};
 use subaperture_plot::{Colours, Heat, Panel, Scale, heat, quicklook};
 use subaperture_simulate::{Preset, Variation};
 
@@ -54,7 +54,7 @@ const SCALE: Scale = Scale::Fixed {
 
 /// Table 4.1 with 40 scatterers that stand still, and the target, which is at the centre in the middle of
 /// the collection.
-fn still_scene_and_target(context: &Context) -> Result<Recorded, ItemError> {
+fn still_scene_and_target(context: &Context) -> Result<InMemory, ItemError> {
     let mut experiment = experiment("mover", include_str!("scenes/mover.toml"))?;
     let preset = Preset::Table41.simulate(&Variation::default());
     // All but the one in the centre, where the target passes.

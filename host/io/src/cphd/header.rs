@@ -39,105 +39,144 @@ impl Header {
 
     /// `bytes` are the first of a file of `file_len`.
     fn parse(bytes: &[u8], file_len: u64) -> Result<Self, String> {
-        if bytes.is_empty() {
-            return Err("the file is empty; copy it again".to_owned());
-        }
-        if !bytes.starts_with(b"CPHD/") {
-            let seen: Vec<u8> = bytes[..bytes.len().min(16)].to_vec();
-            return Err(format!(
-                "byte 0: a CPHD file starts with 'CPHD/1.1.0', this one with '{}'",
-                seen.escape_ascii()
-            ));
-        }
-        let end = bytes
-            .windows(SECTION_END.len())
-            .position(|w| w == SECTION_END)
-            .ok_or_else(|| {
-                format!(
-                    "byte 0: no end of the header (form feed, newline) within {} bytes: the file \
-                     is cut short or not CPHD; copy it again",
-                    bytes.len()
-                )
-            })?;
-        let text = std::str::from_utf8(&bytes[..end])
-            .map_err(|e| format!("byte {}: the header is not text", e.valid_up_to()))?;
-        let mut lines = text.split('\n');
-        let version = lines
-            .next()
-            .and_then(|l| l.strip_prefix("CPHD/"))
-            .unwrap_or_default()
-            .trim();
-        let known = |series: &str| {
-            version
-                .strip_prefix(series)
-                .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-        };
-        if !(known("1.0") || known("1.1")) {
-            return Err(format!(
-                "byte 5: version '{version}' is not one of those read here: 1.1.0 and 1.0.x"
-            ));
-        }
-        let mut keys = BTreeMap::new();
-        let mut at = 0;
-        for line in text.split('\n') {
-            if at > 0 && !line.is_empty() {
-                let (key, value) = line.split_once(":=").ok_or_else(|| {
-                    format!("byte {at}: header line '{line}' is not 'KEY := value'")
-                })?;
-                if keys.insert(key.trim(), value.trim()).is_some() {
-                    return Err(format!(
-                        "byte {at}: header key {} is given twice",
-                        key.trim()
-                    ));
-                }
-            }
-            at += line.len() + 1;
-        }
-        let header_len = (end + SECTION_END.len()) as u64;
-        let block = |name: &str| -> Result<Block, String> {
-            let number = |key: String| -> Result<u64, String> {
-                let text = keys
-                    .get(key.as_str())
-                    .ok_or_else(|| format!("header: no {key}; the file cannot be read without"))?;
-                text.parse()
-                    .map_err(|_| format!("header: {key} is '{text}', not a number of bytes"))
-            };
-            let size = number(format!("{name}_BLOCK_SIZE"))?;
-            let offset = number(format!("{name}_BLOCK_BYTE_OFFSET"))?;
-            if size == 0 {
-                return Err(format!(
-                    "header: {name}_BLOCK_SIZE is 0: the block is empty"
-                ));
-            }
-            if offset < header_len {
-                return Err(format!(
-                    "header: {name}_BLOCK_BYTE_OFFSET {offset} lies within the header, which ends \
-                     at byte {header_len}"
-                ));
-            }
-            match offset.checked_add(size) {
-                Some(end) if end <= file_len => Ok(Block { offset, size }),
-                _ => Err(format!(
-                    "header: the {name} block takes {size} bytes from byte {offset} on, but the \
-                     file ends at byte {file_len}: it is cut short; copy it again"
-                )),
-            }
+        let text = header_text(bytes)?;
+        let version = version(text)?;
+        let keys = keys(text)?;
+        let places = Places {
+            keys: &keys,
+            header_len: (text.len() + SECTION_END.len()) as u64,
+            file_len,
         };
         // Not read, so it may be empty; but a file cut within it is still cut.
         let no_support = keys
             .get("SUPPORT_BLOCK_SIZE")
             .is_some_and(|s| s.parse() == Ok(0));
         if keys.contains_key("SUPPORT_BLOCK_BYTE_OFFSET") && !no_support {
-            block("SUPPORT")?;
+            places.block("SUPPORT")?;
         }
         Ok(Self {
             version: version.to_owned(),
             classification: keys.get("CLASSIFICATION").map(|&v| v.to_owned()),
             release_info: keys.get("RELEASE_INFO").map(|&v| v.to_owned()),
-            xml: block("XML")?,
-            pvp: block("PVP")?,
-            signal: block("SIGNAL")?,
+            xml: places.block("XML")?,
+            pvp: places.block("PVP")?,
+            signal: places.block("SIGNAL")?,
         })
+    }
+}
+
+/// The header's text, without what ends it.
+fn header_text(bytes: &[u8]) -> Result<&str, String> {
+    if bytes.is_empty() {
+        return Err("the file is empty; copy it again".to_owned());
+    }
+    if !bytes.starts_with(b"CPHD/") {
+        let seen: Vec<u8> = bytes[..bytes.len().min(16)].to_vec();
+        return Err(format!(
+            "byte 0: a CPHD file starts with 'CPHD/1.1.0', this one with '{}'",
+            seen.escape_ascii()
+        ));
+    }
+    let end = bytes
+        .windows(SECTION_END.len())
+        .position(|w| w == SECTION_END)
+        .ok_or_else(|| {
+            format!(
+                "byte 0: no end of the header (form feed, newline) within {} bytes: the file \
+                 is cut short or not CPHD; copy it again",
+                bytes.len()
+            )
+        })?;
+    std::str::from_utf8(&bytes[..end])
+        .map_err(|e| format!("byte {}: the header is not text", e.valid_up_to()))
+}
+
+/// The version of the first line, if it is one of those read here.
+fn version(text: &str) -> Result<&str, String> {
+    let mut lines = text.split('\n');
+    let version = lines
+        .next()
+        .and_then(|l| l.strip_prefix("CPHD/"))
+        .unwrap_or_default()
+        .trim();
+    let known = |series: &str| {
+        version
+            .strip_prefix(series)
+            .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+    };
+    if !(known("1.0") || known("1.1")) {
+        return Err(format!(
+            "byte 5: version '{version}' is not one of those read here: 1.1.0 and 1.0.x"
+        ));
+    }
+    Ok(version)
+}
+
+/// Keys and values of the lines after the first.
+fn keys(text: &str) -> Result<BTreeMap<&str, &str>, String> {
+    let mut keys = BTreeMap::new();
+    let mut at = 0;
+    for line in text.split('\n') {
+        if at > 0 && !line.is_empty() {
+            let (key, value) = line
+                .split_once(":=")
+                .ok_or_else(|| format!("byte {at}: header line '{line}' is not 'KEY := value'"))?;
+            if keys.insert(key.trim(), value.trim()).is_some() {
+                return Err(format!(
+                    "byte {at}: header key {} is given twice",
+                    key.trim()
+                ));
+            }
+        }
+        at += line.len() + 1;
+    }
+    Ok(keys)
+}
+
+/// Where blocks lie by the header's keys, and between what they may.
+struct Places<'h> {
+    keys: &'h BTreeMap<&'h str, &'h str>,
+    header_len: u64,
+    file_len: u64,
+}
+
+impl Places<'_> {
+    fn number(&self, key: &str) -> Result<u64, String> {
+        let text = self
+            .keys
+            .get(key)
+            .ok_or_else(|| format!("header: no {key}; the file cannot be read without"))?;
+        text.parse()
+            .map_err(|_| format!("header: {key} is '{text}', not a number of bytes"))
+    }
+
+    /// The block of this name, if it lies between the header and the end of the file.
+    fn block(&self, name: &str) -> Result<Block, String> {
+        let Self {
+            header_len,
+            file_len,
+            ..
+        } = self;
+        let size = self.number(&format!("{name}_BLOCK_SIZE"))?;
+        let offset = self.number(&format!("{name}_BLOCK_BYTE_OFFSET"))?;
+        if size == 0 {
+            return Err(format!(
+                "header: {name}_BLOCK_SIZE is 0: the block is empty"
+            ));
+        }
+        if offset < *header_len {
+            return Err(format!(
+                "header: {name}_BLOCK_BYTE_OFFSET {offset} lies within the header, which ends \
+                 at byte {header_len}"
+            ));
+        }
+        match offset.checked_add(size) {
+            Some(end) if end <= *file_len => Ok(Block { offset, size }),
+            _ => Err(format!(
+                "header: the {name} block takes {size} bytes from byte {offset} on, but the \
+                 file ends at byte {file_len}: it is cut short; copy it again"
+            )),
+        }
     }
 }
 

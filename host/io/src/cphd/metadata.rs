@@ -149,18 +149,7 @@ pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError
     let version = root.namespace().rsplit('/').next().unwrap_or_default();
 
     let global = root.child("Global")?;
-    let domain = global.child("DomainType")?;
-    let domain = match &*domain.text() {
-        "FX" => Domain::Fx,
-        "TOA" => Domain::Toa,
-        other => return Err(domain.fault(format!("'{other}' is neither FX nor TOA"))),
-    };
-    let sgn = global.child("SGN")?;
-    let sgn = match &*sgn.text() {
-        "-1" => Sgn::Minus,
-        "+1" | "1" => Sgn::Plus,
-        other => return Err(sgn.fault(format!("'{other}' is neither -1 nor +1"))),
-    };
+    let (domain, sgn) = (domain(&global)?, sgn(&global)?);
     let optional_pair = |parent: Option<Element>, first, second| -> Result<_, MetadataError> {
         parent.map(|e| e.pair(first, second)).transpose()
     };
@@ -174,28 +163,9 @@ pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError
     let image_area = image_area(&scene.child("ImageArea")?)?;
 
     let data = root.child("Data")?;
-    let format = data.child("SignalArrayFormat")?;
-    let signal_format = match &*format.text() {
-        "CI2" => SignalFormat::Ci2,
-        "CI4" => SignalFormat::Ci4,
-        "CF8" => SignalFormat::Cf8,
-        other => return Err(format.fault(format!("'{other}' is none of CI2, CI4, CF8"))),
-    };
+    let signal_format = signal_format(&data)?;
     let channel_node = root.child("Channel")?;
-    // By identifier, the first of each: a search for every channel would be quadratic in them.
-    let mut parameters: HashMap<String, Element> = HashMap::new();
-    for entry in channel_node.children("Parameters") {
-        if let Some(id) = entry.optional_text("Identifier") {
-            parameters.entry(id).or_insert(entry);
-        }
-    }
-    let channels: Vec<ChannelInfo> = data
-        .children("Channel")
-        .map(|entry| channel_info(&entry, &parameters))
-        .collect::<Result<_, _>>()?;
-    if channels.is_empty() {
-        return Err(data.fault("no element Channel: the file holds no phase history"));
-    }
+    let channels = channel_infos(&data, &channel_node)?;
 
     let collection = root.optional("CollectionID");
     let of_collection = |name| collection.as_ref().and_then(|c| c.optional_text(name));
@@ -229,6 +199,56 @@ pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError
         .child("PVP")
         .and_then(|pvp| Layout::parse(&pvp, &data.child("NumBytesPVP")?));
     Ok((info, layout))
+}
+
+fn domain(global: &Element) -> Result<Domain, MetadataError> {
+    let domain = global.child("DomainType")?;
+    match &*domain.text() {
+        "FX" => Ok(Domain::Fx),
+        "TOA" => Ok(Domain::Toa),
+        other => Err(domain.fault(format!("'{other}' is neither FX nor TOA"))),
+    }
+}
+
+fn sgn(global: &Element) -> Result<Sgn, MetadataError> {
+    let sgn = global.child("SGN")?;
+    match &*sgn.text() {
+        "-1" => Ok(Sgn::Minus),
+        "+1" | "1" => Ok(Sgn::Plus),
+        other => Err(sgn.fault(format!("'{other}' is neither -1 nor +1"))),
+    }
+}
+
+fn signal_format(data: &Element) -> Result<SignalFormat, MetadataError> {
+    let format = data.child("SignalArrayFormat")?;
+    match &*format.text() {
+        "CI2" => Ok(SignalFormat::Ci2),
+        "CI4" => Ok(SignalFormat::Ci4),
+        "CF8" => Ok(SignalFormat::Cf8),
+        other => Err(format.fault(format!("'{other}' is none of CI2, CI4, CF8"))),
+    }
+}
+
+/// All channels of the file, at least one.
+fn channel_infos(
+    data: &Element,
+    channel_node: &Element,
+) -> Result<Vec<ChannelInfo>, MetadataError> {
+    // By identifier, the first of each: a search for every channel would be quadratic in them.
+    let mut parameters: HashMap<String, Element> = HashMap::new();
+    for entry in channel_node.children("Parameters") {
+        if let Some(id) = entry.optional_text("Identifier") {
+            parameters.entry(id).or_insert(entry);
+        }
+    }
+    let channels: Vec<ChannelInfo> = data
+        .children("Channel")
+        .map(|entry| channel_info(&entry, &parameters))
+        .collect::<Result<_, _>>()?;
+    if channels.is_empty() {
+        return Err(data.fault("no element Channel: the file holds no phase history"));
+    }
+    Ok(channels)
 }
 
 fn channel_info(

@@ -42,8 +42,8 @@
 //!
 //! # Accuracy
 //! FX samples written by [`write()`] read back to the same bits, positions to 2 nm (float64 in ECF), TOA
-//! samples to a relative RMS error below 1.2e-7: `tests/cphd_round_trip.rs`. The files pass sarkit's
-//! `cphdcheck` without failure or warning: `tests/cphd_sarkit.rs`. Excepted is motion exactly along
+//! samples to a relative RMS error below 1.2e-7: `tests/recordings/cphd/round_trip.rs`. The files pass sarkit's
+//! `cphdcheck` without failure or warning: `tests/recordings/cphd/sarkit.rs`. Excepted is motion exactly along
 //! the line of sight, where the standard's equations for `TwistAngle`, `SlopeAngle` and
 //! `LayoverAngle` are 0/0: they are written as 0 and fail the check.
 //!
@@ -56,7 +56,7 @@
 //! use subaperture_model::monitor::Silent;
 //! use subaperture_model::geometry::SceneFrame;
 //! use subaperture_io::cphd::{Channel, Cphd, WriteOptions, write};
-//! use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, Recorded, Sweep};
+//! use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, InMemory, Sweep};
 //!
 //! let pulse = |time_s: f64| {
 //!     let antenna = DVec3::new(100.0 * time_s, -4000.0, 3000.0);
@@ -83,7 +83,7 @@
 //!     extent: None,
 //!     timed: true,
 //! };
-//! let ones = Recorded::new(collection, vec![Complex32::ONE; 6])?;
+//! let ones = InMemory::new(collection, vec![Complex32::ONE; 6])?;
 //! let folder = tempfile::tempdir()?;
 //! let path = folder.path().join("example.cphd");
 //! write(&path, &[Channel::new("1", &ones)], &WriteOptions::default(), &Silent)?;
@@ -105,17 +105,18 @@ mod prepare;
 mod pvp;
 mod read;
 mod reference_geometry;
-mod request;
 mod signal;
 mod source;
 mod start;
 mod toa;
+mod vectors;
 mod write;
+mod write_options;
 mod xml;
 
 pub use conventions::{Domain, Polarization, Sgn, SignalFormat};
 pub use metadata::{ChannelInfo, CphdInfo, ReferenceSurface};
 pub use read::Cphd;
-pub use request::{Channel, WriteError, WriteOptions};
 pub use write::{file_bytes, write};
+pub use write_options::{Channel, WriteError, WriteOptions};
 pub use xml::MetadataError;

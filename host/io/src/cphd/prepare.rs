@@ -6,8 +6,8 @@ use glam::DVec3;
 use super::conventions::Domain;
 use super::pvp::{Record, record_bytes};
 use super::reference_geometry;
-use super::request::WriteError;
 use super::toa::Bins;
+use super::write_options::WriteError;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Extent, SceneFrame};
 use subaperture_model::phase_history::{Collection, Pulse};
@@ -67,30 +67,11 @@ impl Prepared {
         let toa2 = 0.5 * SWATH / largest_step_hz;
         let extent = match collection.extent {
             Some(extent) => check_area(extent).map_err(unsuited)?,
-            None => {
-                // The square within the circle that the swath covers at any aspect.
-                let half_m = toa2 * SPEED_OF_LIGHT_M_S / 2.0 / std::f64::consts::SQRT_2;
-                Extent {
-                    x_m: (-half_m, half_m),
-                    y_m: (-half_m, half_m),
-                }
-            }
+            None => covered_square(toa2),
         };
         let mut records = Vec::with_capacity(pulses.len());
         for (index, pulse) in pulses.iter().enumerate() {
-            let reference_m = compensated_point(pulse).ok_or_else(|| {
-                unsuited(format!(
-                    "pulse {index} is compensated to a path of {:?} m, which no point near its \
-                     reference point has: compensate it to a point of the scene",
-                    pulse.reference_path_m
-                ))
-            })?;
-            if !pulse.sweep.is_at_once() && pulse.sweep.reference_m_s != Some(DVec3::ZERO) {
-                return Err(unsuited(format!(
-                    "the antennas move from sample to sample of pulse {index}, and its phases do not follow a \
-                     reference point that stands still, as those of a CPHD vector do: refer them to a point"
-                )));
-            }
+            let reference_m = reference_point(index, pulse).map_err(unsuited)?;
             let ecf = |position| collection.frame.to_ecf_m(position);
             let (tx_pos, rcv_pos) = (ecf(pulse.transmitter_m), ecf(pulse.receiver_m));
             let srp_pos = ecf(reference_m);
@@ -161,6 +142,33 @@ impl Prepared {
         let first = self.records[0].srp_pos;
         self.records.iter().all(|r| r.srp_pos == first)
     }
+}
+
+/// The square within the circle that a swath up to `toa2` covers at any aspect.
+fn covered_square(toa2: f64) -> Extent {
+    let half_m = toa2 * SPEED_OF_LIGHT_M_S / 2.0 / std::f64::consts::SQRT_2;
+    Extent {
+        x_m: (-half_m, half_m),
+        y_m: (-half_m, half_m),
+    }
+}
+
+/// The point of the scene that pulse `index` is compensated to, if there is one that a CPHD vector can name.
+fn reference_point(index: usize, pulse: &Pulse) -> Result<DVec3, String> {
+    let reference_m = compensated_point(pulse).ok_or_else(|| {
+        format!(
+            "pulse {index} is compensated to a path of {:?} m, which no point near its \
+             reference point has: compensate it to a point of the scene",
+            pulse.reference_path_m
+        )
+    })?;
+    if !pulse.sweep.is_at_once() && pulse.sweep.reference_m_s != Some(DVec3::ZERO) {
+        return Err(format!(
+            "the antennas move from sample to sample of pulse {index}, and its phases do not follow a \
+             reference point that stands still, as those of a CPHD vector do: refer them to a point"
+        ));
+    }
+    Ok(reference_m)
 }
 
 fn check_frame(frame: &SceneFrame) -> Result<(), String> {

@@ -1,6 +1,5 @@
 //! CPHD files as phase history, read on demand.
 
-use std::collections::TryReserveError;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -11,16 +10,16 @@ use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
 use super::conventions::{Domain, Sgn};
-use super::header::Block;
+use super::header::{Block, Header};
 use super::metadata::{ChannelInfo, CphdInfo};
 use super::preamble::{Preamble, in_xml};
-use super::pvp::{Layout, Vector};
+use super::pvp::Layout;
 use super::source::{CHUNK_BYTES, Source};
 use super::start;
 use super::toa::{Bins, Transform};
-use subaperture_model::SPEED_OF_LIGHT_M_S;
+use super::vectors::Vectors;
 use subaperture_model::phase_history::{
-    Collection, InputFile, PhaseHistory, Pulse, ReadError, Sweep, check_finite,
+    Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite,
 };
 
 /// Kept of a vector besides its [`Pulse`], at most: AmpSF, SIGNAL and a shift.
@@ -48,7 +47,7 @@ const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 /// - Added parameters `TxPosTrue` and `RcvPosTrue`, as [`write`](super::write()) makes them, are the
 ///   true positions of the antennas.
 /// - Where `aFRR2` is given, samples were taken one after another, at a rate of `2 / (c aFRR2)` hertz a second
-///   ([`Sweep`]); velocities are `TxVel` and `RcvVel`, accelerations the slope of these from vector to vector.
+///   ([`Sweep`](subaperture_model::phase_history::Sweep)); velocities are `TxVel` and `RcvVel`, accelerations the slope of these from vector to vector.
 /// - `reference_path_m` is the path by way of `SRPPos`, of the positions as stored: what they were rounded to (1e-9 m
 ///   as float64 in ECF, more if they were float32 once) cancels in differences of paths. See the [module](super)
 ///   for the atmosphere.
@@ -101,50 +100,21 @@ impl Cphd {
         } = Preamble::read(&source, memory_bytes)?;
         let layout = layout.map_err(|e| malformed(in_xml(&e, xml_offset)))?;
         let chosen = info.channel(channel).map_err(malformed)?.clone();
-        if let Some(name) = &info.compression {
-            return Err(source.malformed(format!(
-                "the signal arrays are compressed ('{name}'); only uncompressed CI2, CI4 and CF8 \
-                 are read: decompress the file with its producer's tool"
-            )));
-        }
-        for entry in &info.channels {
-            check_extent(&info, entry, &layout, &header.pvp, &header.signal).map_err(malformed)?;
-        }
+        check_readable(&info, &layout, &header).map_err(malformed)?;
         let pvp_offset = header.pvp.offset + chosen.pvp_offset;
         let signal_offset = header.signal.offset + chosen.signal_offset;
         let too_large = || source.malformed(format!("channel '{}' is too large", chosen.id));
         let stored_samples = usize::try_from(chosen.num_samples).map_err(|_| too_large())?;
         let num_vectors = usize::try_from(chosen.num_vectors).map_err(|_| too_large())?;
 
-        let transformed = match info.domain {
-            Domain::Fx => 0,
-            Domain::Toa => chosen.num_samples,
-        };
-        let truth_bytes = if layout.has_true_antennas() {
-            size_of::<[DVec3; 2]>() as u64
-        } else {
-            0
-        };
-        let held_bytes = (chosen.num_vectors)
-            .saturating_mul(size_of::<Pulse>() as u64 + KEPT_BYTES + truth_bytes)
-            .saturating_add(transformed.saturating_mul(TRANSFORM_BYTES));
+        let held_bytes = held_bytes(&chosen, info.domain, &layout);
         let records = chosen.num_vectors.saturating_mul(layout.num_bytes);
         source.check_memory(
             held_bytes.saturating_add(records.min(CHUNK_BYTES as u64)),
             memory_bytes,
         )?;
 
-        let mut vectors = Vectors {
-            domain: info.domain,
-            stored_samples,
-            frame: info.frame,
-            pulses: Vec::new(),
-            amp_sf: Vec::new(),
-            has_signal: Vec::new(),
-            shifts: Vec::new(),
-            true_antennas: Vec::new(),
-            bins: None,
-        };
+        let mut vectors = Vectors::to_be_read(&info, stored_samples);
         vectors
             .reserve(num_vectors, &layout)
             .map_err(|_| too_large())?;
@@ -307,6 +277,36 @@ impl PhaseHistory for Cphd {
     }
 }
 
+/// Checks that the samples of all channels can be read and lie within their blocks.
+fn check_readable(info: &CphdInfo, layout: &Layout, header: &Header) -> Result<(), String> {
+    if let Some(name) = &info.compression {
+        return Err(format!(
+            "the signal arrays are compressed ('{name}'); only uncompressed CI2, CI4 and CF8 \
+             are read: decompress the file with its producer's tool"
+        ));
+    }
+    for entry in &info.channels {
+        check_extent(info, entry, layout, &header.pvp, &header.signal)?;
+    }
+    Ok(())
+}
+
+/// Bytes that a channel holds while it is open.
+fn held_bytes(channel: &ChannelInfo, domain: Domain, layout: &Layout) -> u64 {
+    let transformed = match domain {
+        Domain::Fx => 0,
+        Domain::Toa => channel.num_samples,
+    };
+    let truth_bytes = if layout.has_true_antennas() {
+        size_of::<[DVec3; 2]>() as u64
+    } else {
+        0
+    };
+    (channel.num_vectors)
+        .saturating_mul(size_of::<Pulse>() as u64 + KEPT_BYTES + truth_bytes)
+        .saturating_add(transformed.saturating_mul(TRANSFORM_BYTES))
+}
+
 /// Whether a channel's arrays lie within their blocks, without overflow.
 fn check_extent(
     info: &CphdInfo,
@@ -376,182 +376,6 @@ fn read_records(
         }
     }
     Ok(())
-}
-
-/// What is kept of the PVP.
-struct Vectors {
-    domain: Domain,
-    stored_samples: usize,
-    frame: subaperture_model::geometry::SceneFrame,
-    pulses: Vec<Pulse>,
-    amp_sf: Vec<f64>,
-    has_signal: Vec<bool>,
-    shifts: Vec<f64>,
-    true_antennas: Vec<[DVec3; 2]>,
-    bins: Option<Bins>,
-}
-
-impl Vectors {
-    /// Makes room for `count` vectors and no more.
-    fn reserve(&mut self, count: usize, layout: &Layout) -> Result<(), TryReserveError> {
-        self.pulses.try_reserve_exact(count)?;
-        self.has_signal.try_reserve_exact(count)?;
-        if layout.has_amp_sf() {
-            self.amp_sf.try_reserve_exact(count)?;
-        }
-        if layout.has_true_antennas() {
-            self.true_antennas.try_reserve_exact(count)?;
-        }
-        if self.domain == Domain::Toa {
-            self.shifts.try_reserve_exact(count)?;
-        }
-        Ok(())
-    }
-
-    fn push(&mut self, index: u64, vector: &Vector) -> Result<(), String> {
-        let (start_hz, step_hz) = match self.domain {
-            Domain::Fx => (vector.sc0, vector.scss),
-            Domain::Toa => self.arrival_band(index, vector)?,
-        };
-        let pulse = Pulse {
-            time_s: vector.tx_time,
-            transmitter_m: self.frame.from_ecf_m(vector.tx_pos),
-            receiver_m: self.frame.from_ecf_m(vector.rcv_pos),
-            reference_m: self.frame.from_ecf_m(vector.srp_pos),
-            // From the ECF positions, not from those in the scene frame: one rounding less.
-            reference_path_m: (vector.tx_pos - vector.srp_pos).length()
-                + (vector.rcv_pos - vector.srp_pos).length(),
-            start_hz,
-            step_hz,
-            sweep: self.sweep(vector, step_hz),
-        };
-        let count = self.bins.map_or(self.stored_samples, |bins| bins.count);
-        if let Some(what) = pulse.fault(count) {
-            return Err(format!(
-                "vector {index}: {what} (TxTime, TxPos, RcvPos, SRPPos, SC0 or SCSS); repair or drop it"
-            ));
-        }
-        if !self.is_sweep(&pulse.sweep) {
-            return Err(format!(
-                "vector {index}: TxVel, RcvVel or aFRR2 is beyond all measure; repair or drop it"
-            ));
-        }
-        self.pulses.push(pulse);
-        if let Some(amp_sf) = vector.amp_sf {
-            self.amp_sf.push(amp_sf);
-        }
-        if let Some(truth) = vector.true_antennas {
-            self.true_antennas
-                .push(truth.map(|p| self.frame.from_ecf_m(p)));
-        }
-        self.has_signal.push(vector.signal != Some(0));
-        Ok(())
-    }
-
-    /// Motion within a vector: the rate of its sweep is `2 / (c aFRR2)`.
-    fn sweep(&self, vector: &Vector, step_hz: f64) -> Sweep {
-        let Some(([transmitter, receiver], a_frr2)) = vector.sweep else {
-            return Sweep::AT_ONCE;
-        };
-        Sweep {
-            sample_s: 0.5 * SPEED_OF_LIGHT_M_S * a_frr2 * step_hz,
-            transmitter_m_s: self.frame.direction_from_ecf(transmitter),
-            receiver_m_s: self.frame.direction_from_ecf(receiver),
-            reference_m_s: Some(DVec3::ZERO),
-            ..Sweep::AT_ONCE
-        }
-    }
-
-    /// Whether a sweep is one that a radar can make: of a second at most a sample, slower than light.
-    fn is_sweep(&self, sweep: &Sweep) -> bool {
-        let slow = |v: DVec3| v.length() < SPEED_OF_LIGHT_M_S;
-        sweep.sample_s.abs() < 1.0 && slow(sweep.transmitter_m_s) && slow(sweep.receiver_m_s)
-    }
-
-    /// Accelerations: the slope, at each vector, of the polynomial through its velocity and those of two vectors before and
-    /// two after. (Two neighbours alone leave `(w h)^2 / 6` of a vibration of `w` radians a second, `h` seconds from
-    /// vector to vector: 8 % of 1.8 Hz at 60 ms. Four leave `(w h)^4 / 30`, 0.7 %.)
-    fn set_accelerations(&mut self) {
-        const NEIGHBOURS: usize = 2;
-        for i in 0..self.pulses.len() {
-            let [first, end] = [
-                i.saturating_sub(NEIGHBOURS),
-                self.pulses.len().min(i + NEIGHBOURS + 1),
-            ];
-            let near = &self.pulses[first..end];
-            let rise = |pair: &[Pulse]| pair[1].time_s > pair[0].time_s;
-            if near.iter().any(|pulse| pulse.sweep.sample_s == 0.0) || !near.windows(2).all(rise) {
-                continue;
-            }
-            let times_s: Vec<f64> = near.iter().map(|pulse| pulse.time_s).collect();
-            let weights = slope_weights(&times_s, i - first);
-            let slope = |of: fn(&Sweep) -> DVec3| -> DVec3 {
-                let terms = near.iter().zip(&weights);
-                terms
-                    .map(|(pulse, &weight)| of(&pulse.sweep) * weight)
-                    .sum()
-            };
-            let transmitter_m_s2 = slope(|sweep| sweep.transmitter_m_s);
-            let receiver_m_s2 = slope(|sweep| sweep.receiver_m_s);
-            let sweep = &mut self.pulses[i].sweep;
-            (sweep.transmitter_m_s2, sweep.receiver_m_s2) = (transmitter_m_s2, receiver_m_s2);
-        }
-    }
-
-    /// First frequency and step of a TOA vector's spectrum.
-    fn arrival_band(&mut self, index: u64, vector: &Vector) -> Result<(f64, f64), String> {
-        let n = self.stored_samples;
-        let bandwidth_hz = vector.fx2 - vector.fx1;
-        let bins = Bins::of_band(bandwidth_hz, vector.scss, n).ok_or_else(|| {
-            format!(
-                "vector {index}: the band FX1 to FX2 of {bandwidth_hz:?} Hz needs 1 to {n} of the \
-                 bins of {:?} Hz that {n} samples {:?} s apart (SCSS) have; the vector is \
-                 under-sampled or damaged",
-                1.0 / (n as f64 * vector.scss),
-                vector.scss
-            )
-        })?;
-        match self.bins {
-            Some(first) if first != bins => {
-                return Err(format!(
-                    "vector {index}: its band FX1 to FX2 holds {} frequencies and that of vector \
-                     0 {}; vectors of unequal bands are not read in the TOA domain",
-                    bins.count, first.count
-                ));
-            }
-            _ => self.bins = Some(bins),
-        }
-        let period_s = n as f64 * vector.scss;
-        self.shifts.push(vector.sc0 / period_s);
-        let step_hz = 1.0 / period_s;
-        let start_hz = 0.5 * (vector.fx1 + vector.fx2) + bins.first as f64 * step_hz;
-        if start_hz > 0.0 && (vector.sc0 / period_s).is_finite() {
-            Ok((start_hz, step_hz))
-        } else {
-            Err(format!(
-                "vector {index}: FX1 {:?} Hz, FX2 {:?} Hz, SC0 {:?} s and SCSS {:?} s give no \
-                 positive frequencies; repair or drop it",
-                vector.fx1, vector.fx2, vector.sc0, vector.scss
-            ))
-        }
-    }
-}
-
-/// What to multiply values at `times_s`, all different, by, so that their sum is the slope at time `at` of the polynomial through them.
-fn slope_weights(times_s: &[f64], at: usize) -> Vec<f64> {
-    let others = |skipped: usize| {
-        let all = times_s.iter().enumerate();
-        all.filter(move |&(k, _)| k != at && k != skipped)
-    };
-    let here = times_s[at];
-    let weight = |j: usize| -> f64 {
-        if j == at {
-            return others(at).map(|(_, time)| 1.0 / (here - time)).sum();
-        }
-        let ratios = others(j).map(|(_, time)| (here - time) / (times_s[j] - time));
-        ratios.product::<f64>() / (times_s[j] - here)
-    };
-    (0..times_s.len()).map(weight).collect()
 }
 
 /// CoreName, or else the file's name; with the channel where there are several.

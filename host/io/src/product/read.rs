@@ -5,11 +5,13 @@ use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use num_complex::Complex32;
 use serde_json::Value;
 
 use super::{IMAGE, METADATA};
 use crate::input::Stamp;
 use crate::npy::{self, NpyError};
+use crate::tiles::{self, StoreError, TileStore};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::Image;
 
@@ -57,6 +59,9 @@ pub enum ReadError {
     /// The image is damaged.
     #[error(transparent)]
     Npy(#[from] NpyError),
+    /// A tile of it is.
+    #[error(transparent)]
+    Tiles(#[from] StoreError),
 }
 
 fn advice(source: &io::Error) -> &'static str {
@@ -100,17 +105,13 @@ pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
     if let Some(fault) = grid.fault() {
         return Err(wrong(fault.to_string()));
     }
-    // Opened once, so that what is checked is what is read, whatever is renamed into its place.
-    let image = folder.join(IMAGE);
-    let mut file = File::open(&image).map_err(|source| ReadError::Io {
-        path: image.clone(),
-        source,
-    })?;
-    check(&mut file, &image, &metadata["files"][IMAGE])?;
-    let image = npy::read_open(file, &image)?;
+    let image = match metadata["files"][tiles::NAME].is_null() {
+        true => read_image(folder, &metadata)?,
+        false => read_tiles(folder)?,
+    };
     if (image.rows, image.columns) != (grid.rows.count, grid.columns.count) {
         return Err(wrong(format!(
-            "its grid has {} rows x {} columns, {IMAGE} {} x {}",
+            "its grid has {} rows x {} columns, the image {} x {}",
             grid.rows.count, grid.columns.count, image.rows, image.columns
         )));
     }
@@ -118,6 +119,43 @@ pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
         image,
         grid,
         metadata,
+    })
+}
+
+/// `image.npy`, checked.
+fn read_image(folder: &Path, metadata: &Value) -> Result<Image, ReadError> {
+    // Opened once, so that what is checked is what is read, whatever is renamed into its place.
+    let image = folder.join(IMAGE);
+    let mut file = File::open(&image).map_err(|source| ReadError::Io {
+        path: image.clone(),
+        source,
+    })?;
+    check(&mut file, &image, &metadata["files"][IMAGE])?;
+    Ok(npy::read_open(file, &image)?)
+}
+
+/// All tiles of `image.zarr`, each checked.
+fn read_tiles(folder: &Path) -> Result<Image, ReadError> {
+    let Some(store) = TileStore::open(folder)? else {
+        return Err(ReadError::Changed {
+            path: folder.join(tiles::NAME),
+            what: "it is not there".to_owned(),
+        });
+    };
+    let [rows, columns] = store.layout().image;
+    let mut pixels = vec![Complex32::ZERO; rows * columns];
+    for index in 0..store.layout().count() {
+        let [tile_rows, tile_columns] = store.layout().place(index);
+        let tile = store.read(index)?;
+        for (row, values) in tile_rows.zip(tile.chunks_exact(tile_columns.len())) {
+            let first = row * columns + tile_columns.start;
+            pixels[first..first + values.len()].copy_from_slice(values);
+        }
+    }
+    Ok(Image {
+        rows,
+        columns,
+        pixels,
     })
 }
 

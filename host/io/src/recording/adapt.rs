@@ -11,7 +11,7 @@ use subaperture_describe::values::Values;
 use subaperture_describe::{place, radar};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::Extent;
-use subaperture_model::phase_history::{Band, Collection, PhaseHistory, Pulse, Recorded, Sweep};
+use subaperture_model::phase_history::{Band, Collection, InMemory, PhaseHistory, Pulse, Sweep};
 use subaperture_model::radar::{Reference, Waveform};
 use subaperture_receive::{
     Compressed, Deskewed, EchoCollection, EchoPulse, Filter, Held, ProfileAxis, Profiles,
@@ -26,33 +26,44 @@ pub(super) fn adapt(
     source: &Source,
     samples: Samples,
     pulses: &Pulses,
-) -> Result<Recorded, Found> {
+) -> Result<InMemory, Found> {
     let (recording, values) = (source.recording, top.section("radar"));
-    // The samples once as they are, once in the adapter, once as phase history.
-    let needed = 24 * (pulses.chosen.len() as u64).saturating_mul(samples.num_samples as u64);
-    let left = source.left_bytes();
-    if needed > left {
-        return Err(recording.fault(
-            "file",
-            format!(
-                "{} pulses of {} samples need {needed} bytes of memory and {left} are left: raise --memory or \
-                 choose fewer pulses",
-                pulses.chosen.len(),
-                samples.num_samples
-            ),
-        ));
-    }
-    let bias_path_m = 2.0 * recording.number("range_bias");
+    check_memory(source, pulses.chosen.len(), samples.num_samples)?;
     let scene_values = top.section("scene");
-    let extent = place::extent(scene_values)?;
-    let given = place::reference(scene_values)?;
     let header = Header {
         name: name(top, source),
         pulses,
-        extent,
-        bias_path_m,
-        given,
+        extent: place::extent(scene_values)?,
+        bias_path_m: 2.0 * recording.number("range_bias"),
+        given: place::reference(scene_values)?,
     };
+    let mut raw = rows_of(recording, pulses, &samples);
+    remove(recording, pulses, samples.num_samples, &mut raw)?;
+    match values.text("kind") {
+        "profiles" => from_profiles(values, source, &samples, &header, raw)?,
+        kind => from_echoes(values, kind, samples.num_samples, &header, raw)?,
+    }
+    .map_err(|what| recording.fault("file", what))
+}
+
+/// Checks that there is memory for the samples once as they are, once in the adapter, once as phase history.
+fn check_memory(source: &Source, num_pulses: usize, num_samples: usize) -> Result<(), Found> {
+    let needed = 24 * (num_pulses as u64).saturating_mul(num_samples as u64);
+    let left = source.left_bytes();
+    if needed <= left {
+        return Ok(());
+    }
+    Err(source.recording.fault(
+        "file",
+        format!(
+            "{num_pulses} pulses of {num_samples} samples need {needed} bytes of memory and {left} are left: raise \
+             --memory or choose fewer pulses"
+        ),
+    ))
+}
+
+/// The samples of the pulses chosen, sweeps of a pulse averaged.
+fn rows_of(recording: &Values, pulses: &Pulses, samples: &Samples) -> Vec<Complex32> {
     let a_pulse = sweeps_a_pulse(recording);
     let (every, turns) = (
         recording.count("transmitters") as usize,
@@ -67,60 +78,70 @@ pub(super) fn adapt(
             receiver: channel.receiver,
         }
     });
-    let mut raw = samples.of(rows);
-    remove(recording, pulses, samples.num_samples, &mut raw)?;
+    samples.of(rows)
+}
 
-    let count = samples.num_samples;
+/// Phase history from range profiles. The inner error is of the file.
+fn from_profiles(
+    values: &Values,
+    source: &Source,
+    samples: &Samples,
+    header: &Header<'_>,
+    raw: Vec<Complex32>,
+) -> Result<Result<InMemory, String>, Found> {
+    let (axis, band_hz) = profiles(values, source, samples)?;
+    let middle_m = axis.first_range_m + axis.range_step_m * samples.num_samples as f64 / 2.0;
+    let collection = header.collection(middle_m);
+    let profiles = Profiles::new(collection, axis, band_hz, raw);
+    let profiles = profiles.map_err(|error| values.fault("band", error.to_string()))?;
+    Ok(whole(&profiles, header))
+}
+
+/// Phase history from the echoes of a waveform. The inner error is of the file.
+fn from_echoes(
+    values: &Values,
+    kind: &str,
+    num_samples: usize,
+    header: &Header<'_>,
+    raw: Vec<Complex32>,
+) -> Result<Result<InMemory, String>, Found> {
     let received = |error: ReceiveError| Found::new(&values.at, error.what);
-    match values.text("kind") {
-        "profiles" => {
-            let (axis, band_hz) = profiles(values, source, &samples)?;
-            let middle_m = axis.first_range_m + axis.range_step_m * count as f64 / 2.0;
-            let collection = header.collection(middle_m);
-            let profiles = Profiles::new(collection, axis, band_hz, raw);
-            let profiles = profiles.map_err(|error| values.fault("band", error.to_string()))?;
-            whole(&profiles, &header)
+    let waveform = waveform(values, kind, num_samples)?;
+    let middle_m = middle_of_window_m(&waveform);
+    let half_delay_s = match (&waveform, header.extent) {
+        (
+            Waveform::Fmcw {
+                chirp_hz_s,
+                sample_rate_hz,
+                ..
+            },
+            None,
+        ) => {
+            // What complex samples can hold.
+            Some(0.5 * sample_rate_hz / chirp_hz_s.abs())
         }
-        kind => {
-            let waveform = waveform(values, kind, count)?;
-            let middle_m = middle_of_window_m(&waveform);
-            let half_delay_s = match (&waveform, extent) {
-                (
-                    Waveform::Fmcw {
-                        chirp_hz_s,
-                        sample_rate_hz,
-                        ..
-                    },
-                    None,
-                ) => {
-                    // What complex samples can hold.
-                    Some(0.5 * sample_rate_hz / chirp_hz_s.abs())
-                }
-                _ => None,
-            };
-            let moves = values.optional_text("motion") == Some("true");
-            let echoes = header.echoes(waveform, middle_m);
-            let held = InMotion {
-                held: Held::new(echoes, raw).map_err(received)?,
-                moves,
-                point: header.point(),
-                pulses,
-                bias_path_m,
-            };
-            match kind {
-                "fmcw" => whole(
-                    &Deskewed::new(held, half_delay_s, Skew::Removed).map_err(received)?,
-                    &header,
-                ),
-                "pulsed" => whole(
-                    &Compressed::new(held, Filter::Inverse).map_err(received)?,
-                    &header,
-                ),
-                _ => whole(&Referenced::new(held).map_err(received)?, &header),
-            }
-        }
-    }
-    .map_err(|what| recording.fault("file", what))
+        _ => None,
+    };
+    let moves = values.optional_text("motion") == Some("true");
+    let echoes = header.echoes(waveform, middle_m);
+    let held = InMotion {
+        held: Held::new(echoes, raw).map_err(received)?,
+        moves,
+        point: header.point(),
+        pulses: header.pulses,
+        bias_path_m: header.bias_path_m,
+    };
+    Ok(match kind {
+        "fmcw" => whole(
+            &Deskewed::new(held, half_delay_s, Skew::Removed).map_err(received)?,
+            header,
+        ),
+        "pulsed" => whole(
+            &Compressed::new(held, Filter::Inverse).map_err(received)?,
+            header,
+        ),
+        _ => whole(&Referenced::new(held).map_err(received)?, header),
+    })
 }
 
 /// What all kinds have in common.
@@ -202,7 +223,7 @@ impl Header<'_> {
 }
 
 /// All of a history in memory, its reference paths as they are without the bias.
-fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<Recorded, String> {
+fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<InMemory, String> {
     let mut collection = history.collection().clone();
     let count = collection.pulses.len();
     let mut samples = vec![Complex32::ZERO; count * collection.num_samples];
@@ -228,7 +249,7 @@ fn whole(history: &dyn PhaseHistory, header: &Header) -> Result<Recorded, String
             row.iter_mut().for_each(|z| *z *= calibration);
         }
     }
-    Recorded::new(collection, samples).map_err(|error| error.to_string())
+    InMemory::new(collection, samples).map_err(|error| error.to_string())
 }
 
 fn name(top: &Values, source: &Source) -> String {

@@ -50,7 +50,7 @@ use std::path::{Path, PathBuf};
 use arrays::Arrays;
 use subaperture_describe::error::Found;
 use subaperture_describe::{Description, DescriptionError};
-use subaperture_model::phase_history::{InputFile, PhaseHistory, ReadError, Recorded};
+use subaperture_model::phase_history::{InMemory, InputFile, PhaseHistory, ReadError};
 
 pub use write::{Raw, WriteError, names, write};
 
@@ -61,7 +61,7 @@ type Faults = Vec<Found>;
 #[derive(Clone, Debug)]
 pub struct Take {
     /// The phase history.
-    pub history: Recorded,
+    pub history: InMemory,
     /// Which pulses of the recording its pulses are, from 0: the pulse's number times the number of channels used, and
     /// the channel's.
     pub pulses: Vec<usize>,
@@ -157,7 +157,7 @@ impl RecordingFile {
     /// # Errors
     /// [`ReadError::Description`] with everything that is wrong with the text and the files, as far as one error
     /// does not hide another.
-    pub fn history(&self, memory_bytes: u64) -> Result<Recorded, ReadError> {
+    pub fn history(&self, memory_bytes: u64) -> Result<InMemory, ReadError> {
         self.take(memory_bytes, None).map(|take| take.history)
     }
 

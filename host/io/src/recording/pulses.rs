@@ -107,46 +107,10 @@ pub(super) fn select(
         channels,
     };
     let track = &antennas.track;
-    let first = recording.count("first") as usize;
-    let most = recording
-        .optional_count("count")
-        .map_or(usize::MAX, |n| n as usize);
-    let every = recording.count("every") as usize;
-    if first >= count {
-        return Err(recording.fault(
-            "first",
-            format!(
-                "'first' is {first} and the pulses are numbered from 0 to {}: lower it",
-                count - 1
-            ),
-        ));
-    }
-    if let Some(asked) = recording.optional_count("count")
-        && asked > (count - first) as u64
-    {
-        return Err(recording.fault(
-            "count",
-            format!(
-                "'count' is {asked} and from pulse {first} on there are {}: lower it, or leave it out to take all",
-                count - first
-            ),
-        ));
-    }
+    let asked = asked(recording, count, antennas.channels.len(), given)?;
     let least_m_s = recording.number("moving_above");
     let only_moving = recording.text("pulses") == "moving";
     let mut chosen = Vec::new();
-    let width = antennas.channels.len();
-    let asked: Vec<(usize, usize)> = match given {
-        Some(given) => given
-            .iter()
-            .map(|label| (label / width, label % width))
-            .collect(),
-        None => (first..count)
-            .take(most)
-            .step_by(every)
-            .flat_map(|index| (0..width).map(move |channel| (index, channel)))
-            .collect(),
-    };
     for (index, channel) in asked {
         let time_s = times_s[index] + antennas.channels[channel].after_s;
         let tracked = track.knows(time_s);
@@ -180,6 +144,51 @@ pub(super) fn select(
         timed,
         chosen,
         antennas,
+    })
+}
+
+/// Index and channel of every pulse that is asked for, whether or not it moves.
+fn asked(
+    recording: &Values,
+    count: usize,
+    num_channels: usize,
+    given: Option<&[usize]>,
+) -> Result<Vec<(usize, usize)>, Found> {
+    let first = recording.count("first") as usize;
+    let most = recording
+        .optional_count("count")
+        .map_or(usize::MAX, |n| n as usize);
+    let every = recording.count("every") as usize;
+    if first >= count {
+        return Err(recording.fault(
+            "first",
+            format!(
+                "'first' is {first} and the pulses are numbered from 0 to {}: lower it",
+                count - 1
+            ),
+        ));
+    }
+    if let Some(asked) = recording.optional_count("count")
+        && asked > (count - first) as u64
+    {
+        return Err(recording.fault(
+            "count",
+            format!(
+                "'count' is {asked} and from pulse {first} on there are {}: lower it, or leave it out to take all",
+                count - first
+            ),
+        ));
+    }
+    Ok(match given {
+        Some(given) => given
+            .iter()
+            .map(|label| (label / num_channels, label % num_channels))
+            .collect(),
+        None => (first..count)
+            .take(most)
+            .step_by(every)
+            .flat_map(|index| (0..num_channels).map(move |channel| (index, channel)))
+            .collect(),
     })
 }
 

@@ -134,6 +134,17 @@ fn joined(
     Ok((all, num_sweeps))
 }
 
+/// An array as one of two axes; receivers in the middle are rows of their own.
+fn rows_and_columns(array: &Array, receivers: usize, turned: bool) -> Option<(usize, usize)> {
+    match array.shape[..] {
+        [rows, columns] => Some((rows, columns)),
+        [sweeps, middle, samples] if middle == receivers && !turned => {
+            Some((sweeps * middle, samples))
+        }
+        _ => None,
+    }
+}
+
 fn array(source: &Source, conjugate: bool) -> Result<Samples, Found> {
     let recording = source.recording;
     let receivers = recording.count("receivers") as usize;
@@ -148,23 +159,17 @@ fn array(source: &Source, conjugate: bool) -> Result<Samples, Found> {
     for path in source.files()? {
         let array = source.hold((path.clone(), name.clone()));
         let array = array.map_err(|what| recording.fault(key, what))?;
-        let (rows, columns) = match array.shape[..] {
-            [rows, columns] => (rows, columns),
-            [sweeps, middle, samples] if middle == receivers && !turned => {
-                (sweeps * middle, samples)
-            }
-            _ => {
-                return Err(recording.fault(
-                    key,
-                    format!(
-                        "{} has shape {:?}; two axes, pulses and samples, are wanted, or three, pulses, receivers and \
-                         samples, with as many in the middle as receivers says ({receivers})",
-                        path.display(),
-                        array.shape
-                    ),
-                ));
-            }
-        };
+        let (rows, columns) = rows_and_columns(&array, receivers, turned).ok_or_else(|| {
+            recording.fault(
+                key,
+                format!(
+                    "{} has shape {:?}; two axes, pulses and samples, are wanted, or three, pulses, receivers and \
+                     samples, with as many in the middle as receivers says ({receivers})",
+                    path.display(),
+                    array.shape
+                ),
+            )
+        })?;
         let (num_rows, num_samples) = if turned {
             (columns, rows)
         } else {

@@ -11,7 +11,7 @@ use crate::{motive, recorded_track, track_csv};
 use subaperture_describe::error::Found;
 use subaperture_describe::values::Values;
 use subaperture_model::geometry::SceneFrame;
-use subaperture_model::track::{self, Fix, Pose, Rail, Recorded, Trajectory, turned};
+use subaperture_model::track::{self, Fix, Pose, Rail, SampledTrack, Trajectory, turned};
 
 /// A track, and the times that it is known for; all if `None`.
 pub(super) struct Track {
@@ -123,11 +123,11 @@ fn way(
         "arrays" => "times",
         _ => "file",
     };
-    let track = Recorded::new(&fixes).map_err(|error| values.fault(key, error.to_string()))?;
+    let track = SampledTrack::new(&fixes).map_err(|error| values.fault(key, error.to_string()))?;
     let receiver: Option<Arc<dyn Trajectory>> = match values.optional_text("receiver_positions") {
         Some(_) => {
             let fixes = arrays(values, source, "receiver_positions")?;
-            let track = Recorded::new(&fixes);
+            let track = SampledTrack::new(&fixes);
             Some(Arc::new(track.map_err(|error| {
                 values.fault("receiver_positions", error.to_string())
             })?))

@@ -24,6 +24,7 @@ pub struct Axis {
 
 impl Axis {
     /// Value of element `i`.
+    #[inline]
     pub fn at(&self, i: usize) -> f64 {
         self.start + i as f64 * self.step
     }
@@ -135,16 +136,19 @@ impl ImageGrid {
     }
 
     /// Rows times columns; cannot overflow for axes of at most 1e9 elements.
+    #[inline]
     pub fn num_pixels(&self) -> u64 {
         self.rows.count as u64 * self.columns.count as u64
     }
 
     /// The scene point of a pixel, metres.
+    #[inline]
     pub fn position_m(&self, row: usize, column: usize) -> DVec3 {
         self.point_m(self.rows.at(row), self.columns.at(column))
     }
 
     /// The scene point at grid coordinates: y and x, or range and angle.
+    #[inline]
     pub fn point_m(&self, row_value: f64, column_value: f64) -> DVec3 {
         if self.polar {
             let (sin, cos) = column_value.sin_cos();
@@ -164,6 +168,7 @@ const MOST_ELEMENTS: f64 = 1e9;
 impl ImageGrid {
     /// How the scene point moves with the column's value and with the row's, at grid coordinates: unit vectors, but metres a
     /// radian for the angle of a polar grid.
+    #[inline]
     pub fn directions(&self, row_value: f64, column_value: f64) -> [DVec3; 2] {
         if !self.polar {
             return [self.x_axis, self.y_axis];
@@ -176,6 +181,7 @@ impl ImageGrid {
     }
 
     /// Grid coordinates, row's and column's, of the point of the grid's plane that is nearest to a scene point.
+    #[inline]
     pub fn coordinates(&self, point_m: DVec3) -> [f64; 2] {
         let from = point_m - self.origin_m;
         let (x, y) = (from.dot(self.x_axis), from.dot(self.y_axis));

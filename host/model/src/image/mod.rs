@@ -50,6 +50,7 @@ impl Image {
 }
 
 /// `|z|^2` in float64, where the square of no float32 overflows or vanishes.
+#[inline]
 pub fn power(z: Complex32) -> f64 {
     let (re, im) = (f64::from(z.re), f64::from(z.im));
     re * re + im * im

@@ -9,10 +9,10 @@
 //! (Schone 2020 (2.11), moved to the pulse's reference point). Where samples are taken one after another, both paths
 //! are those of the sample's moment: [`Sweep`].
 
-mod aperture;
+mod in_memory;
+mod joined;
 mod order;
 pub mod physical;
-mod recorded;
 mod stretch;
 mod sweep;
 mod track_error;
@@ -28,9 +28,12 @@ use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
 use crate::quantity::bytes;
 
-pub use aperture::Aperture;
+pub use in_memory::InMemory;
+pub use joined::Joined;
 use order::ranks_by_angle;
-pub use recorded::Recorded;
+// Its name before; `focus` says it still.
+#[doc(hidden)]
+pub use in_memory::InMemory as Recorded;
 pub use stretch::Stretch;
 pub use sweep::{PathTerms, Sweep};
 pub use track_error::TrackError;
@@ -61,16 +64,19 @@ pub struct Pulse {
 
 impl Pulse {
     /// Two-way path from transmitter to `point` to receiver, metres, at the moment of sample `K/2`.
+    #[inline]
     pub fn path_m(&self, point: DVec3) -> f64 {
         (point - self.transmitter_m).length() + (point - self.receiver_m).length()
     }
 
     /// Path to `point` relative to the one the phase is compensated to, metres.
+    #[inline]
     pub fn relative_path_m(&self, point: DVec3) -> f64 {
         self.path_m(point) - self.reference_path_m
     }
 
     /// Frequency of sample `k`, hertz.
+    #[inline]
     pub fn frequency_hz(&self, k: usize) -> f64 {
         self.start_hz + k as f64 * self.step_hz
     }
@@ -90,7 +96,7 @@ pub struct Collection {
     /// The part of the scene the collection is meant for, if it says so.
     pub extent: Option<Extent>,
     /// Whether the recording tells times; if not, pulses are numbered as if a second apart. Pulses of several
-    /// recordings are in the order of time, or of angle where it tells none ([`Aperture`]).
+    /// recordings are in the order of time, or of angle where it tells none ([`Joined`]).
     pub timed: bool,
 }
 
@@ -107,11 +113,13 @@ pub struct Band {
 
 impl Band {
     /// Frequency of sample `k`, hertz.
+    #[inline]
     pub fn frequency_hz(&self, k: usize) -> f64 {
         self.start_hz + k as f64 * self.step_hz
     }
 
     /// Reference frequency of all phase and Keystone terms: that of sample `count / 2`, hertz.
+    #[inline]
     pub fn centre_hz(&self) -> f64 {
         self.frequency_hz(self.count / 2)
     }
@@ -135,6 +143,7 @@ impl Band {
 
 impl Collection {
     /// Whether antennas move from sample to sample of any pulse.
+    #[inline]
     pub fn sweeps(&self) -> bool {
         self.pulses.iter().any(|pulse| !pulse.sweep.is_at_once())
     }

@@ -71,6 +71,7 @@ impl Sweep {
     };
 
     /// Whether it is of numbers.
+    #[inline]
     pub fn is_finite(&self) -> bool {
         let vectors = [
             self.transmitter_m_s,
@@ -83,6 +84,7 @@ impl Sweep {
     }
 
     /// Whether paths are the same for all samples of the pulse.
+    #[inline]
     pub fn is_at_once(&self) -> bool {
         let still = [
             self.transmitter_m_s,
@@ -97,6 +99,7 @@ impl Sweep {
 
 impl Pulse {
     /// Two-way path to `point` at the moment that is `after` samples after sample `K/2`, metres.
+    #[inline]
     pub fn path_after_m(&self, point: DVec3, after: f64) -> f64 {
         let [transmitter_m, receiver_m] = self.antennas_after_m(after);
         (point - transmitter_m).length() + (point - receiver_m).length()
@@ -104,6 +107,7 @@ impl Pulse {
 
     /// Path to `point` relative to the one that the phase of that sample is compensated to, metres; at sample
     /// `K/2` the same as [`Self::relative_path_m`].
+    #[inline]
     pub fn relative_path_after_m(&self, point: DVec3, after: f64) -> f64 {
         if self.sweep.sample_s == 0.0 {
             return self.relative_path_m(point);
@@ -112,6 +116,7 @@ impl Pulse {
     }
 
     /// Transmitter and receiver at the moment that is `after` samples after sample `K/2`, metres.
+    #[inline]
     pub fn antennas_after_m(&self, after: f64) -> [DVec3; 2] {
         let sweep = &self.sweep;
         let s = after * sweep.sample_s;
@@ -122,6 +127,7 @@ impl Pulse {
     }
 
     /// How much longer the reference path is at that sample than at sample `K/2`, metres.
+    #[inline]
     pub fn reference_drift_m(&self, after: f64) -> f64 {
         let Some(velocity_m_s) = self.sweep.reference_m_s else {
             return 0.0;
@@ -132,6 +138,7 @@ impl Pulse {
 
     /// The path to a point that is at `point` at sample `K/2` and moves at `velocity_m_s`, with its derivatives by
     /// the sample's index. Metres; of the path itself, not relative to the reference's.
+    #[inline]
     pub fn path_terms(&self, point: DVec3, velocity_m_s: DVec3) -> PathTerms {
         let sweep = &self.sweep;
         let leg = |antenna_m: DVec3, antenna_m_s: DVec3, antenna_m_s2: DVec3| {
@@ -167,6 +174,7 @@ impl Pulse {
     }
 
     /// The path that phases are referred to, with its derivatives by the sample's index.
+    #[inline]
     pub fn reference_terms(&self) -> PathTerms {
         let mut terms = match self.sweep.reference_m_s {
             Some(velocity_m_s) => self.path_terms(self.reference_m, velocity_m_s),
@@ -180,6 +188,7 @@ impl Pulse {
 impl std::ops::Sub for PathTerms {
     type Output = Self;
 
+    #[inline]
     fn sub(self, other: Self) -> Self {
         Self {
             path_m: self.path_m - other.path_m,

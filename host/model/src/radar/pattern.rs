@@ -29,6 +29,7 @@ impl Antenna {
     /// One-way amplitude towards a direction, 1 on boresight; negative where the field's sign is turned.
     ///
     /// `attitude` is that of the body which carries the antenna, `towards` a unit vector in scene axes.
+    #[inline]
     pub fn amplitude(&self, attitude: DQuat, towards: DVec3) -> f64 {
         if self.pattern == Pattern::Isotropic {
             return 1.0;

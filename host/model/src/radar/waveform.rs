@@ -4,6 +4,7 @@ use super::Waveform;
 
 impl Waveform {
     /// Raw samples a pulse.
+    #[inline]
     pub fn num_samples(&self) -> usize {
         match self {
             Self::Ideal { band } | Self::Stepped { band, .. } => band.count,
@@ -12,6 +13,7 @@ impl Waveform {
     }
 
     /// The middle of the frequencies transmitted, hertz.
+    #[inline]
     pub fn centre_hz(&self) -> f64 {
         match *self {
             Self::Ideal { band } | Self::Stepped { band, .. } => band.centre_hz(),
@@ -28,6 +30,7 @@ impl Waveform {
 
     /// Time of raw sample `k` after the pulse's start, seconds. All frequencies of an ideal waveform are
     /// taken at once.
+    #[inline]
     pub fn sample_s(&self, k: usize) -> f64 {
         let k = k as f64;
         match *self {
@@ -43,6 +46,7 @@ impl Waveform {
     }
 
     /// Time of the middle sample, `count / 2`, whose geometry stands for the pulse's.
+    #[inline]
     pub fn middle_s(&self) -> f64 {
         self.sample_s(self.num_samples() / 2)
     }

@@ -17,6 +17,7 @@ pub struct Pose {
 
 impl Pose {
     /// The scene position of a point of the body (body axes, metres).
+    #[inline]
     pub fn point_m(&self, body_m: DVec3) -> DVec3 {
         self.position_m + self.attitude * body_m
     }

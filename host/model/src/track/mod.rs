@@ -3,7 +3,7 @@
 //! | track | position | velocity |
 //! |---|---|---|
 //! | [`Linear`], [`Circular`] | smooth | smooth |
-//! | [`Spline`], [`Recorded`] | twice continuously differentiable | continuous |
+//! | [`Spline`], [`SampledTrack`] | twice continuously differentiable | continuous |
 //! | [`Profile`] | once continuously differentiable | continuous |
 //! | [`Waypoints`], [`Rail`], [`Arc`] | continuous | jumps at waypoints, ends and turns |
 //!
@@ -23,7 +23,7 @@ mod cubic;
 mod linear;
 mod profile;
 mod rail;
-mod recorded;
+mod sampled_track;
 mod spline;
 mod waypoints;
 
@@ -35,7 +35,7 @@ pub use circular::Circular;
 pub use linear::Linear;
 pub use profile::Profile;
 pub use rail::Rail;
-pub use recorded::{Fix, Recorded};
+pub use sampled_track::{Fix, SampledTrack};
 pub use spline::Spline;
 pub use waypoints::Waypoints;
 
@@ -46,6 +46,7 @@ pub struct TrackError(pub String);
 
 /// The attitude of a body that flies along a velocity without roll: x along it, y level. Of a body that
 /// goes straight up or down, y is along the scene's; of one that stands, the attitude is the scene's axes.
+#[inline]
 pub fn heading(velocity: DVec3) -> DQuat {
     let pitch = -velocity.z.atan2(velocity.x.hypot(velocity.y));
     turned(0.0, pitch, velocity.y.atan2(velocity.x))
@@ -53,6 +54,7 @@ pub fn heading(velocity: DVec3) -> DQuat {
 
 /// The attitude after a turn by yaw about z, then pitch about the new y, then roll about the new x, radians,
 /// each right-handed.
+#[inline]
 pub fn turned(roll_rad: f64, pitch_rad: f64, yaw_rad: f64) -> DQuat {
     DQuat::from_euler(EulerRot::ZYX, yaw_rad, pitch_rad, roll_rad)
 }

@@ -33,7 +33,7 @@
 //! track shook within a sub-CPI, if no plan is recorded, and maps that are missing.
 //!
 //! Cost: `W^2 + 60` operations or so a pixel and map. Memory: 32 bytes a pixel, one map. Accuracy:
-//! `tests/maps_image.rs`, against the exact sum. The number of threads changes no bit.
+//! `tests/link/maps_image.rs`, against the exact sum. The number of threads changes no bit.
 
 mod default_grid;
 mod forecast;
@@ -147,15 +147,7 @@ pub fn memory_bytes(task: &MapsTask) -> u128 {
 /// [`FormError`]: no maps, maps that contradict one another, not enough memory, or as the maps' reader.
 pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
     let patches = patches(task.maps)?;
-    let mut budget = Budget::new(task.memory_bytes);
-    let [index, image, map] = taken_bytes(task);
-    budget.take("the maps' index", index, "raise --memory")?;
-    budget.take(
-        "the image",
-        image,
-        "use a smaller or coarser --grid, or raise --memory",
-    )?;
-    budget.take("a map", map, "raise --memory")?;
+    take_memory(task)?;
     let headers = task.maps.headers();
 
     let kernels = Kernels::for_bound(&task.maps.run().setup, task.error_db);
@@ -181,15 +173,7 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
         report.maps_missing = report.maps_missing.saturating_add(missing);
         let members = &order[start..end];
         start = end;
-        let probes = some_of(task.grid, members);
-        let taps = kernels.range.taps();
-        let left = probe(task.maps, patch, |header| {
-            // Pixels outside of the gate are not read.
-            let places = Places::new(&task.maps.run().setup, header);
-            let inside = |&point: &DVec3| places.of(point).is_within(taps, header);
-            probes.iter().copied().filter(inside).collect()
-        });
-        model_error = model_error.max(left);
+        model_error = model_error.max(model_error_of(task, patch, members, &kernels));
         let mut sums = vec![Sum::default(); members.len()];
         for &index in &patch.maps {
             if !members.is_empty() {
@@ -212,9 +196,50 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
             }
         }
     }
+    predict(task, &mut report, model_error, kernels.error)?;
+    let place = Tile::place_of(task.grid);
+    let tile = Tile { place, pixels };
+    tile.check_finite(task.grid)?;
+    let mut formed = Formed::on(task.grid, tile.pixels, report.predicted_db, json!(report));
+    formed.expect(Some(task.error_db), report.predicted_db);
+    Ok((formed, report))
+}
+
+/// Checks that the budget has room for what [`form`] takes.
+fn take_memory(task: &MapsTask) -> Result<(), FormError> {
+    let mut budget = Budget::new(task.memory_bytes);
+    let [index, image, map] = taken_bytes(task);
+    budget.take("the maps' index", index, "raise --memory")?;
+    budget.take(
+        "the image",
+        image,
+        "use a smaller or coarser --grid, or raise --memory",
+    )?;
+    budget.take("a map", map, "raise --memory")
+}
+
+/// What the straight line of paths leaves at some of a patch's pixels, relative.
+fn model_error_of(task: &MapsTask, patch: &PatchMaps, members: &[usize], kernels: &Kernels) -> f64 {
+    let probes = some_of(task.grid, members);
+    let taps = kernels.range.taps();
+    probe(task.maps, patch, |header| {
+        // Pixels outside of the gate are not read.
+        let places = Places::new(&task.maps.run().setup, header);
+        let inside = |&point: &DVec3| places.of(point).is_within(taps, header);
+        probes.iter().copied().filter(inside).collect()
+    })
+}
+
+/// Predicts the image's error, and checks that it is within the bound.
+fn predict(
+    task: &MapsTask,
+    report: &mut Report,
+    model_error: f64,
+    kernel_error: f64,
+) -> Result<(), FormError> {
     // The plan's prediction holds kernels too.
     let own_error = model_error
-        .hypot(kernels.error)
+        .hypot(kernel_error)
         .max(planned_error(task.maps));
     report.predicted_db = 20.0 * own_error.hypot(arithmetic_error(task.maps)).log10();
     let asked = Asked {
@@ -228,13 +253,7 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
             report.kernel_db,
             20.0 * model_error.log10()
         )
-    })?;
-    let place = Tile::place_of(task.grid);
-    let tile = Tile { place, pixels };
-    tile.check_finite(task.grid)?;
-    let mut formed = Formed::on(task.grid, tile.pixels, report.predicted_db, json!(report));
-    formed.expect(Some(task.error_db), report.predicted_db);
-    Ok((formed, report))
+    })
 }
 
 /// The error that the run's plan predicted, if it is recorded.

@@ -51,7 +51,7 @@ pub(super) fn growth(before: &LinkCounters, now: &LinkCounters) -> Frames {
 
 /// What the module says became of pulses, all runs together; as [`PulseCounters`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct ModulePulses {
+pub struct ProcessorPulses {
     /// Stored.
     pub accepted: u64,
     /// Never came; of those at a run's end, by the number that it waits for in vain.
@@ -70,7 +70,7 @@ pub struct ModulePulses {
     pub sub_cpis_incomplete: u64,
 }
 
-impl ModulePulses {
+impl ProcessorPulses {
     pub(super) fn add(&mut self, run: &PulseCounters) {
         self.accepted += u64::from(run.accepted);
         self.lost += u64::from(run.lost);
@@ -113,7 +113,7 @@ pub struct Counts {
     /// Parts of samples beyond 16 bits that had to be clamped.
     pub samples_clamped: u64,
     /// What the module says became of them.
-    pub module_pulses: ModulePulses,
+    pub module_pulses: ProcessorPulses,
     /// Maps that there are to be: sub-CPIs times patches.
     pub maps_wanted: u64,
     /// Maps taken, each once.

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::place::Module;
+use super::place::Firmware;
 use super::transport::{Transport, read_stream, write_stream};
 use super::trust::trusted;
 
@@ -58,14 +58,14 @@ impl Emulator {
     ///
     /// # Errors
     /// If emulator or firmware are missing, or the firmware found is one that others may have written.
-    pub fn start(module: Module, firmware: Option<&Path>, verbose: bool) -> io::Result<Self> {
+    pub fn start(kind: Firmware, firmware: Option<&Path>, verbose: bool) -> io::Result<Self> {
         let firmware = match firmware {
             Some(path) if path.is_file() => path.to_owned(),
             Some(path) => {
                 let text = format!("the firmware {} is no file", path.display());
                 return Err(io::Error::new(ErrorKind::NotFound, text));
             }
-            None => built(module)?,
+            None => built(kind)?,
         };
         let mut emulator = Self {
             firmware,
@@ -102,8 +102,8 @@ impl Emulator {
 }
 
 /// The firmware where `cargo xtask module` leaves it.
-fn built(module: Module) -> io::Result<PathBuf> {
-    let name = Path::new("target/module").join(module.name());
+fn built(kind: Firmware) -> io::Result<PathBuf> {
+    let name = Path::new("target/module").join(kind.name());
     let here = std::env::current_dir()?;
     let found = here
         .ancestors()

@@ -56,6 +56,15 @@ pub(super) struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
+    /// None.
+    pub(super) fn nothing() -> Self {
+        Self {
+            num_pulses: 1,
+            patches: Vec::new(),
+            pulses: &[],
+        }
+    }
+
     /// Sub-CPIs, the last one of fewer pulses included.
     pub(super) fn num_sub_cpis(&self) -> u32 {
         (self.pulses.len() as u32).div_ceil(self.num_pulses)

@@ -4,7 +4,7 @@ use subaperture_core::Sc16;
 use subaperture_core::link::{AssembledMap, Encoding, complex32s, sc16s};
 use subaperture_core::stream::BlockFloat;
 
-use super::session::{MapSink, SinkError};
+use super::intake::{MapSink, SinkError};
 use crate::maps::{OwnedMap, OwnedSamples};
 use crate::maps_file::MapWriter;
 
@@ -51,26 +51,12 @@ impl<S: MapSink + ?Sized> MapSink for &mut S {
 mod tests {
     use num_complex::Complex32;
     use subaperture_core::link::write_block_row;
-    use subaperture_core::stream::{MapHeader, Node, Patch};
 
     use super::*;
+    use crate::maps::example;
 
     #[test]
     fn narrow_rows_come_apart_as_they_were_put_together() {
-        let patch = Patch {
-            centre_m: [0.0; 3],
-            range_reach: 20,
-            doppler_reach: 1,
-        };
-        let header = MapHeader {
-            sub_cpi: 0,
-            patch_index: 0,
-            num_pulses: 1,
-            patch,
-            time_s: [0.0; 2],
-            weight_sum: 1.0,
-            nodes: [Node::default(); 2],
-        };
         let mut bytes = Vec::new();
         for row in 0..3i16 {
             let mantissas: Vec<Sc16> = (0..41).map(|i| Sc16::from_bits(i, 16 * row)).collect();
@@ -80,7 +66,7 @@ mod tests {
         }
         let map = AssembledMap {
             map: 0,
-            header,
+            header: example::header(),
             encoding: Encoding::Sc16,
             bytes: &bytes,
         };

@@ -1,4 +1,4 @@
-//! A transport with frames on it: what is to go waits in a queue, so that writing never keeps from
+//! A transport with frames on it: what is to go waits in an [`Outbox`], so that writing never keeps from
 //! reading.
 
 use std::io;
@@ -21,8 +21,8 @@ const SLOW_BYTES_S: f64 = 4e3;
 /// Most bytes that a system's buffers hold before a line.
 const BUFFERED_BYTES: f64 = 256e3;
 
-pub(super) struct Line<'b> {
-    transport: &'b mut dyn Transport,
+/// Frames on their way to the module. It does no input or output: a [`Line`] carries away what it holds.
+pub(super) struct Outbox {
     encoder: Encoder,
     /// Number of the next frame, as the encoder counts.
     next: u32,
@@ -30,25 +30,17 @@ pub(super) struct Line<'b> {
     queue: Vec<u8>,
     /// Bytes of the queue that have gone.
     gone: usize,
-    inbox: Vec<u8>,
-    /// Bytes to the module and from it.
-    pub(super) bytes_out: u64,
-    pub(super) bytes_in: u64,
     clear_at: Instant,
 }
 
-impl<'b> Line<'b> {
-    pub(super) fn new(transport: &'b mut dyn Transport) -> Self {
+impl Outbox {
+    pub(super) fn new() -> Self {
         Self {
-            transport,
             encoder: Encoder::new(),
             next: 1,
             frame: vec![0; max_frame_bytes(MOST_SAMPLES)],
             queue: Vec::new(),
             gone: 0,
-            inbox: vec![0; 1 << 16],
-            bytes_out: 0,
-            bytes_in: 0,
             clear_at: Instant::now(),
         }
     }
@@ -75,27 +67,6 @@ impl<'b> Line<'b> {
         self.queue.len() - self.gone
     }
 
-    /// Writes what goes, then reads what has come, waiting for it up to `wait`.
-    pub(super) fn exchange(&mut self, wait: Duration) -> io::Result<&[u8]> {
-        if self.backlog() > 0 {
-            let written = self.transport.write(&self.queue[self.gone..])?;
-            self.gone += written;
-            self.bytes_out += written as u64;
-            self.written(written);
-            if self.backlog() == 0 {
-                self.queue.clear();
-                self.gone = 0;
-            }
-        }
-        let wait = match self.backlog() {
-            0 => wait,
-            _ => wait.min(TURN),
-        };
-        let count = self.transport.read(&mut self.inbox, wait)?;
-        self.bytes_in += count as u64;
-        Ok(&self.inbox[..count])
-    }
-
     /// When all that was written has passed, at the latest; until then a question waits behind it.
     pub(super) fn clear_at(&self) -> Instant {
         self.clear_at
@@ -106,21 +77,68 @@ impl<'b> Line<'b> {
         self.clear_at = Instant::now();
     }
 
-    fn written(&mut self, bytes: usize) {
-        let bytes_s = self
-            .transport
-            .baud()
-            .map_or(SLOW_BYTES_S, |baud| f64::from(baud) / 10.0);
+    /// So many bytes have gone, on a line of this speed.
+    pub(super) fn written(&mut self, bytes: usize, baud: Option<u32>) {
+        let bytes_s = baud.map_or(SLOW_BYTES_S, |baud| f64::from(baud) / 10.0);
         let now = Instant::now();
         let clear_at = self.clear_at.max(now) + Duration::from_secs_f64(bytes as f64 / bytes_s);
         self.clear_at = clear_at.min(now + Duration::from_secs_f64(BUFFERED_BYTES / bytes_s));
+        self.gone += bytes;
+        if self.backlog() == 0 {
+            self.queue.clear();
+            self.gone = 0;
+        }
+    }
+
+    /// What was to go is forgotten.
+    fn forget(&mut self) {
+        self.queue.clear();
+        self.gone = 0;
+        self.is_clear();
+    }
+}
+
+/// A transport, and what is to go over it.
+pub(super) struct Line<'b> {
+    transport: &'b mut dyn Transport,
+    pub(super) outbox: Outbox,
+    inbox: Vec<u8>,
+    /// Bytes to the module and from it.
+    pub(super) bytes_out: u64,
+    pub(super) bytes_in: u64,
+}
+
+impl<'b> Line<'b> {
+    pub(super) fn new(transport: &'b mut dyn Transport) -> Self {
+        Self {
+            transport,
+            outbox: Outbox::new(),
+            inbox: vec![0; 1 << 16],
+            bytes_out: 0,
+            bytes_in: 0,
+        }
+    }
+
+    /// Writes what goes, then reads what has come, waiting for it up to `wait`.
+    pub(super) fn exchange(&mut self, wait: Duration) -> io::Result<&[u8]> {
+        let outbox = &mut self.outbox;
+        if outbox.backlog() > 0 {
+            let written = self.transport.write(&outbox.queue[outbox.gone..])?;
+            self.bytes_out += written as u64;
+            outbox.written(written, self.transport.baud());
+        }
+        let wait = match outbox.backlog() {
+            0 => wait,
+            _ => wait.min(TURN),
+        };
+        let count = self.transport.read(&mut self.inbox, wait)?;
+        self.bytes_in += count as u64;
+        Ok(&self.inbox[..count])
     }
 
     /// Connects anew; what was to go is forgotten.
     pub(super) fn reconnect(&mut self) -> io::Result<()> {
-        self.queue.clear();
-        self.gone = 0;
-        self.is_clear();
+        self.outbox.forget();
         self.transport.reconnect()
     }
 }

@@ -15,19 +15,21 @@
 //! the whole map, and is of the sub-CPI, patch, times and number of pulses that were asked for.
 //!
 //! **Cost**: memory of one map, 64 pulses and two frames; one thread, which waits for the line.
-//! **Accuracy, errors**: `tests/link_session.rs`, lines with faults of every kind;
-//! `tests/link_emulated.rs`, the same with the firmware under emulation, resets and lost power;
+//! **Accuracy, errors**: `tests/link/session.rs`, lines with faults of every kind;
+//! `tests/firmware/sessions.rs`, the same with the firmware under emulation, resets and lost power;
 //! [`LinkError`].
 
+mod conversation;
 mod counts;
 #[cfg(unix)]
 mod emulator;
+mod ending;
+mod intake;
 mod job;
 mod keep;
 mod line;
 mod place;
 mod rehearsal;
-mod run;
 mod running_image;
 mod session;
 mod transport;
@@ -38,12 +40,12 @@ mod verify;
 pub use counts::Counts;
 #[cfg(unix)]
 pub use emulator::Emulator;
+pub use ending::{Ending, LinkError, Outcome};
+pub use intake::{MapSink, SinkError};
 pub use job::{Job, PulseSource};
-pub use place::{Module, Place, PlaceError};
+pub use place::{Firmware, Place, PlaceError};
 pub use rehearsal::rehearse;
 pub use running_image::{MOST_WAITING, RunningImage};
-pub use session::{
-    Buffers, Ending, Identity, LinkError, MapSink, Outcome, Session, Settings, SinkError, Watch,
-};
+pub use session::{Buffers, Identity, Session, Settings, Watch};
 pub use transport::{Transport, open};
 pub use verify::{HostCore, Verified};

@@ -10,10 +10,10 @@ const DEFAULT_BAUD: u32 = 921_600;
 /// Where a module is.
 ///
 /// ```
-/// use subaperture_onboard::link::{Module, Place};
+/// use subaperture_onboard::link::{Firmware, Place};
 /// let place: Place = "serial:/dev/ttyACM0@115200".parse()?;
 /// assert_eq!(place, Place::Serial { device: "/dev/ttyACM0".into(), baud: 115_200 });
-/// assert_eq!("emulate".parse(), Ok(Place::Emulate(Module::Float)));
+/// assert_eq!("emulate".parse(), Ok(Place::Emulate(Firmware::Float)));
 /// assert_eq!(place.to_string(), "serial:/dev/ttyACM0@115200");
 /// # Ok::<(), subaperture_onboard::link::PlaceError>(())
 /// ```
@@ -34,19 +34,19 @@ pub enum Place {
         baud: u32,
     },
     /// The firmware under emulation on this machine.
-    Emulate(Module),
+    Emulate(Firmware),
 }
 
 /// Firmware by the arithmetic of its maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Module {
+pub enum Firmware {
     /// Float32.
     Float,
     /// 16-bit integers.
     Fixed,
 }
 
-impl Module {
+impl Firmware {
     /// `float` or `fixed`.
     pub fn name(self) -> &'static str {
         match self {
@@ -109,8 +109,8 @@ impl FromStr for Place {
             });
         }
         match text {
-            "emulate" | "emulate:float" => Ok(Self::Emulate(Module::Float)),
-            "emulate:fixed" => Ok(Self::Emulate(Module::Fixed)),
+            "emulate" | "emulate:float" => Ok(Self::Emulate(Firmware::Float)),
+            "emulate:fixed" => Ok(Self::Emulate(Firmware::Fixed)),
             _ if text.starts_with("emulate") => Err(wrong("there is no such firmware")),
             _ => Err(wrong("it begins with none of tcp, serial and emulate")),
         }

@@ -13,8 +13,10 @@ use std::time::{Duration, Instant};
 
 use subaperture_core::link::AssembledMap;
 
+use super::ending::{Ending, LinkError};
+use super::intake::{MapSink, SinkError};
 use super::job::{Job, PulseSource};
-use super::session::{Ending, LinkError, MapSink, Session, SinkError, Watch};
+use super::session::{Session, Watch};
 use subaperture_focus::forecast::Forecast;
 use subaperture_model::phase_history::{PhaseHistory, Stretch};
 
@@ -36,13 +38,13 @@ impl MapSink for Clock {
     }
 }
 
-/// Has `module` do the first sub-CPIs of `job`, which is of `history`. `None` if maps of theirs were lost: then the line is too bad to
+/// Has the module of `session` do the first sub-CPIs of `job`, which is of `history`. `None` if maps of theirs were lost: then the line is too bad to
 /// say.
 ///
 /// # Errors
 /// [`LinkError`].
 pub fn rehearse(
-    module: &mut Session<'_>,
+    session: &mut Session<'_>,
     job: &Job<'_>,
     history: &dyn PhaseHistory,
     watch: &mut dyn Watch,
@@ -62,7 +64,7 @@ pub fn rehearse(
         start: Instant::now(),
         came: [None; SUB_CPIS],
     };
-    match module.transfer(&mut part, &mut clock, watch).ending {
+    match session.transfer(&mut part, &mut clock, watch).ending {
         Ending::Complete => {}
         Ending::Incomplete => return Ok(None),
         Ending::Failed(error) => return Err(error),

@@ -1,34 +1,27 @@
-//! A conversation with a module: greeting, questions and answers, and everything that comes.
+//! A session with a module: the input and output of a [`Conversation`].
 //!
 //! **What it does.** [`Session::open`] greets a module and learns who it is; [`Session::transfer`] has it do
-//! a [`Job`]. Every command but a pulse is repeated until it is answered. Whatever comes is
-//! taken in one place, between any two steps: a module that began anew is greeted, told by its
-//! status, configured again, and asked for what is still missing.
+//! a [`Job`]. Both are led by the state machine of [`super::conversation`], which says at every step what is
+//! to be done: exchange bytes, send a pulse, connect anew. Whatever comes is taken in one place, between any
+//! two steps.
 //!
 //! **Errors**: [`LinkError`] where no module answers or it refuses; once it has answered,
 //! [`Outcome::ending`] says how the transfer ended, and the maps taken so far are good.
 
-use std::io;
 use std::time::{Duration, Instant};
 
 use subaperture_core::link::{
-    Arithmetic, AssembledMap, Command, Damage, LinkCounters, Receiver, Refusal, Report, State,
-    Status, max_received_bytes,
+    Arithmetic, Command, LinkCounters, Receiver, Report, max_received_bytes,
 };
 use subaperture_core::stream::Capacity;
 
+use super::conversation::{Conversation, Event, Ledger, Step, TICK, Told};
 use super::counts::{Counts, growth};
-use super::job::Job;
+use super::ending::{Ending, LinkError, Outcome};
+use super::intake::{Intake, MapSink, Nowhere};
+use super::job::{Job, PulseSource, Wanted};
 use super::line::{Line, MOST_SAMPLES};
-use super::run::Intake;
 use super::transport::Transport;
-use subaperture_model::phase_history::ReadError;
-
-/// Times that a question is asked. Half of all answers lost, all of these are once in `10^15`.
-pub(super) const ATTEMPTS: u32 = 50;
-
-/// Longest wait in one go, so that Ctrl-C is heard.
-pub(super) const TICK: Duration = Duration::from_millis(20);
 
 /// How patient a session is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,18 +52,6 @@ impl Default for Settings {
         }
     }
 }
-
-/// Takes the maps that come.
-pub trait MapSink {
-    /// Takes a map that came whole and was asked for; every one once, in any order.
-    ///
-    /// # Errors
-    /// Ends the transfer.
-    fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError>;
-}
-
-/// What a sink fails with.
-pub type SinkError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Watches a session.
 pub trait Watch {
@@ -104,79 +85,6 @@ pub struct Identity {
     pub version: String,
 }
 
-/// Why a session did not do what it should.
-#[derive(Debug, thiserror::Error)]
-pub enum LinkError {
-    /// The line is gone.
-    #[error("the line to the module: {0}")]
-    Line(#[from] io::Error),
-    /// Nothing that makes sense comes.
-    #[error(
-        "the module does not answer: is it running this firmware, at this speed, and is nobody else \
-         talking to it?"
-    )]
-    Silent,
-    /// Another protocol.
-    #[error(
-        "the module speaks protocol version {0}, this program version {PROTOCOL}: update the older \
-         of the two", PROTOCOL = subaperture_core::link::PROTOCOL_VERSION
-    )]
-    Version(u8),
-    /// It said no.
-    #[error("the module refuses: {0}")]
-    Refused(Refusal),
-    /// It answers, but takes no pulse and sends no map.
-    #[error(
-        "the module answers, but for {0:?} it has taken no pulse and sent no map: its line may lose every \
-         long frame, or it hangs; switch it off and on"
-    )]
-    Stuck(Duration),
-    /// It began anew.
-    #[error("the module began anew again and again, without a map in between")]
-    Restarted,
-    /// Samples cannot be read.
-    #[error(transparent)]
-    Recording(#[from] ReadError),
-    /// A map cannot be kept.
-    #[error("{0}")]
-    Sink(SinkError),
-    /// The user wants it so.
-    #[error("interrupted")]
-    Cancelled,
-}
-
-impl LinkError {
-    /// Whether connecting and configuring anew may help.
-    pub(super) fn is_passing(&self) -> bool {
-        matches!(
-            self,
-            Self::Line(_) | Self::Silent | Self::Stuck(_) | Self::Restarted
-        )
-    }
-}
-
-/// How a transfer ended.
-#[derive(Debug)]
-pub enum Ending {
-    /// Every map was taken.
-    Complete,
-    /// All was done that was to be; maps are missing.
-    Incomplete,
-    /// It broke off.
-    Failed(LinkError),
-}
-
-/// What came of a transfer.
-#[derive(Debug)]
-pub struct Outcome {
-    /// What was done.
-    pub counts: Counts,
-    /// Sub-CPI and patch of every map that is missing.
-    pub missing: Vec<(u32, u16)>,
-    /// How it ended.
-    pub ending: Ending,
-}
-
 /// Memory for what comes, lent to a session.
 pub struct Buffers {
     received: Vec<u8>,
@@ -197,43 +105,18 @@ impl Default for Buffers {
     }
 }
 
-/// What has come and nobody has asked about yet.
-#[derive(Debug, Default)]
-pub(super) struct News {
-    pub(super) identity: Option<Identity>,
-    pub(super) status: Option<Status>,
-    pub(super) refusal: Option<(u32, Refusal)>,
-    version: Option<u8>,
-}
-
-/// Who watches, and where maps go.
-pub(super) struct Context<'c> {
-    pub(super) watch: &'c mut dyn Watch,
-    pub(super) intake: Option<Intake<'c>>,
+/// The way to a module, and the time since it was opened.
+struct Way<'b> {
+    line: Line<'b>,
+    receiver: Receiver<'b>,
+    opened: Instant,
 }
 
 /// A conversation with a module.
 pub struct Session<'b> {
-    pub(super) line: Line<'b>,
-    receiver: Receiver<'b>,
-    pub(super) settings: Settings,
+    way: Way<'b>,
+    ledger: Ledger,
     identity: Identity,
-    pub(super) news: News,
-    pub(super) counts: Counts,
-    opened: Instant,
-    /// When a frame came last.
-    heard: Instant,
-    /// When it was greeted last.
-    greeted: Instant,
-    /// When a run went on last: a pulse was taken, or a part of a map came.
-    pub(super) advanced: Instant,
-    /// The module's counters by its last status.
-    module_link: Option<LinkCounters>,
-    /// Numbers of the configuration and the run that are in force.
-    pub(super) configuration: u32,
-    pub(super) run: u32,
-    /// A run is going on, and a module that greets has to say how it stands.
-    pub(super) running: bool,
 }
 
 impl<'b> Session<'b> {
@@ -247,38 +130,22 @@ impl<'b> Session<'b> {
         settings: Settings,
         watch: &mut dyn Watch,
     ) -> Result<Self, LinkError> {
-        let now = Instant::now();
-        let mut session = Self {
+        let mut way = Way {
             line: Line::new(transport),
             receiver: Receiver::new(&mut buffers.received),
-            settings,
-            identity: Identity {
-                arithmetic: Arithmetic::Float,
-                capacity: Capacity {
-                    pulses: 0,
-                    frequencies: 0,
-                    range_bins: 0,
-                    doppler_bins: 0,
-                    patches: 0,
-                },
-                version: String::new(),
-            },
-            news: News::default(),
-            counts: Counts::default(),
-            opened: now,
-            heard: now,
-            greeted: now,
-            advanced: now,
-            module_link: None,
-            configuration: settings.first_number,
-            run: settings.first_number,
-            running: false,
+            opened: Instant::now(),
         };
-        session.identity = session.greet(&mut Context {
-            watch,
-            intake: None,
-        })?;
-        Ok(session)
+        let mut ledger = Ledger::new(settings);
+        let mut nowhere = Nowhere;
+        let intake = Intake::new(Wanted::nothing(), &mut [], &mut nowhere);
+        let mut conversation = Conversation::new(&mut ledger, Told::nothing(), intake, None);
+        way.lead(&mut conversation, None, watch)?;
+        let identity = conversation.identity().cloned().ok_or(LinkError::Silent)?;
+        Ok(Self {
+            way,
+            ledger,
+            identity,
+        })
     }
 
     /// Who answered.
@@ -288,13 +155,7 @@ impl<'b> Session<'b> {
 
     /// What has been done so far.
     pub fn counts(&self) -> Counts {
-        Counts {
-            seconds: self.opened.elapsed().as_secs_f64(),
-            bytes_to_module: self.line.bytes_out,
-            bytes_from_module: self.line.bytes_in,
-            frames_from_module: growth(&LinkCounters::default(), self.receiver.counters()),
-            ..self.counts
-        }
+        self.way.counts(&self.ledger)
     }
 
     /// Has the module do `job`. Maps go to `sink` as they come; however it ends, those are good.
@@ -305,30 +166,28 @@ impl<'b> Session<'b> {
         watch: &mut dyn Watch,
     ) -> Outcome {
         let wanted = job.wanted();
-        self.counts.pulses = job.pulses.len().into();
-        self.counts.maps_wanted = wanted.num_maps();
+        self.ledger.counts.pulses = job.pulses.len().into();
+        self.ledger.counts.maps_wanted = wanted.num_maps();
         let mut buffer = vec![0; Intake::room_bytes(&wanted)];
-        let mut context = Context {
-            watch,
-            intake: Some(Intake::new(wanted, &mut buffer, sink)),
+        let told = Told {
+            setup: job.setup,
+            fast_weights: &job.fast_weights,
+            patches: &job.patches,
         };
-        let led = self.lead(job, &mut context);
-        if self.running {
-            // It may well not hear it; then the next session does the same.
-            self.running = false;
-            self.line.send(&Command::Abort);
-            let started = Instant::now();
-            while self.line.backlog() > 0 && started.elapsed() < self.settings.answer {
-                // Not by `pump`, which does nothing more once the user wants to stop.
-                if self.line.exchange(TICK).is_err() {
-                    break;
-                }
-            }
+        let mut conversation = Conversation::new(
+            &mut self.ledger,
+            told,
+            Intake::new(wanted, &mut buffer, sink),
+            Some(self.identity.clone()),
+        );
+        let led = self
+            .way
+            .lead(&mut conversation, Some(&mut job.pulses), watch);
+        if conversation.is_in_run() {
+            self.way.abort(conversation.ledger.settings.answer);
         }
-        self.counts.samples_clamped = job.pulses.clamped();
-        let missing = context
-            .intake
-            .map_or_else(Vec::new, |intake| intake.missing_maps());
+        let missing = conversation.missing_maps();
+        self.ledger.counts.samples_clamped = job.pulses.clamped();
         Outcome {
             counts: self.counts(),
             ending: match led {
@@ -339,166 +198,129 @@ impl<'b> Session<'b> {
             missing,
         }
     }
+}
 
-    /// Opens the conversation.
-    pub(super) fn greet(&mut self, context: &mut Context<'_>) -> Result<Identity, LinkError> {
-        self.heard = Instant::now();
-        self.news.identity = None;
-        for _ in 0..ATTEMPTS {
-            self.line.send(&Command::Hello);
-            let mut asked = Instant::now();
-            self.greeted = asked;
-            while asked.elapsed() < self.settings.answer {
-                self.pump(TICK.min(self.settings.answer), context)?;
-                if self.line.backlog() > 0 {
-                    asked = Instant::now();
-                }
-                if let Some(identity) = self.news.identity.take() {
-                    return Ok(identity);
-                }
-                if let Some(version) = self.news.version.take() {
-                    return Err(LinkError::Version(version));
-                }
-            }
-        }
-        Err(LinkError::Silent)
-    }
-
-    /// Sends a command until a status satisfies.
-    pub(super) fn ask(
+impl Way<'_> {
+    /// Does for a conversation what it says, until it is over.
+    fn lead(
         &mut self,
-        command: &Command<'_>,
-        attempts: u32,
-        context: &mut Context<'_>,
-        mut satisfies: impl FnMut(&Status) -> Result<bool, LinkError>,
-    ) -> Result<Status, LinkError> {
-        let mut asked_in_vain = 0;
-        while asked_in_vain < attempts {
-            self.news.status = None;
-            self.news.refusal = None;
-            let sequence = self.line.send(command);
-            let mut asked = Instant::now();
-            while asked.elapsed() < self.settings.answer {
-                self.pump(TICK.min(self.settings.answer), context)?;
-                if self.line.backlog() > 0 {
-                    asked = Instant::now();
+        conversation: &mut Conversation<'_>,
+        mut pulses: Option<&mut PulseSource<'_>>,
+        watch: &mut dyn Watch,
+    ) -> Result<(), LinkError> {
+        let mut event = Event::Begun;
+        loop {
+            let step = conversation.step(event, Instant::now(), &mut self.line.outbox);
+            let done = match step {
+                Step::Exchange(wait) => self.exchange(wait, conversation, watch),
+                Step::Pulse(number) => self.send(number, pulses.as_deref_mut()),
+                Step::Anew(error) => {
+                    let answer = conversation.ledger.settings.answer;
+                    self.begin_anew(&error, answer, watch)
                 }
-                if let Some((number, what)) = self.news.refusal.take()
-                    && number == sequence
-                {
-                    return Err(LinkError::Refused(what));
-                }
-                if let Some(status) = self.news.status.take()
-                    && satisfies(&status)?
-                {
-                    return Ok(status);
-                }
-            }
-            // A question waits behind all that was sent before it; that is not in vain yet.
-            asked_in_vain += u32::from(Instant::now() >= self.line.clear_at());
+                Step::Over(ending) => return ending,
+            };
+            event = done.unwrap_or_else(Event::Failed);
         }
-        Err(LinkError::Silent)
     }
 
-    /// Writes and reads once, waiting up to `wait`, and takes everything that came.
-    pub(super) fn pump(
+    /// Writes and reads once, waiting up to `wait`; everything that came is heard.
+    fn exchange(
         &mut self,
         wait: Duration,
-        context: &mut Context<'_>,
-    ) -> Result<(), LinkError> {
-        if context.watch.cancelled() {
+        conversation: &mut Conversation<'_>,
+        watch: &mut dyn Watch,
+    ) -> Result<Event, LinkError> {
+        if watch.cancelled() {
             return Err(LinkError::Cancelled);
         }
         let mut bytes = self.line.exchange(wait)?;
-        let mut behind = false;
-        let mut anew = false;
         while let Some(frame) = self.receiver.receive::<Report<'_>>(&mut bytes) {
-            let report = match frame {
-                Ok(received) => received.message,
-                Err(Damage::Repeated(_)) => {
-                    behind = true;
-                    continue;
-                }
-                Err(Damage::Version(version)) => {
-                    self.news.version = Some(version);
-                    continue;
-                }
-                Err(_) => continue,
-            };
-            self.heard = Instant::now();
-            match report {
-                Report::Identity {
-                    protocol,
-                    arithmetic,
-                    capacity,
-                    version,
-                } => {
-                    anew = true;
-                    if protocol != subaperture_core::link::PROTOCOL_VERSION {
-                        self.news.version = Some(protocol);
+            match frame {
+                Ok(received) => {
+                    if let Report::Log { text } = received.message {
+                        watch.log(&shown(text));
                     }
-                    self.news.identity = Some(Identity {
-                        arithmetic,
-                        capacity,
-                        version: shown(version),
-                    });
+                    conversation.hear(&received.message)?;
                 }
-                Report::Status(status) => {
-                    let before = self.module_link.unwrap_or(status.link);
-                    let grown = growth(&before, &status.link);
-                    self.counts.frames_to_module.add(grown);
-                    self.module_link = Some(status.link);
-                    self.news.status = Some(status);
-                }
-                Report::Refused { sequence, what } => self.news.refusal = Some((sequence, what)),
-                Report::Log { text } => context.watch.log(&shown(text)),
-                report => {
-                    self.advanced = self.heard;
-                    if let Some(intake) = &mut context.intake {
-                        intake.take(&report, &mut self.counts)?;
-                    }
-                }
+                Err(damage) => conversation.mishear(&damage),
             }
         }
-        if anew && self.running {
-            self.line.send(&Command::Status);
-        }
-        if behind && self.greeted.elapsed() > self.settings.answer {
-            self.greeted = Instant::now();
-            self.line.send(&Command::Hello);
-        }
-        let counts = self.counts();
-        context.watch.update(&counts);
-        let passing = self
-            .line
-            .clear_at()
-            .saturating_duration_since(Instant::now());
-        if self.heard.elapsed() > self.settings.idle + passing {
-            return Err(LinkError::Silent);
-        }
-        Ok(())
+        watch.update(&self.counts(conversation.ledger));
+        Ok(Event::Exchanged)
     }
 
-    /// Fails unless the status is of the run that is going on: else the module began anew.
-    pub(super) fn check_mine(&self, status: &Status) -> Result<(), LinkError> {
-        if status.configuration == self.configuration && status.run == self.run {
-            Ok(())
-        } else {
-            Err(LinkError::Restarted)
+    /// Puts a pulse on the line.
+    fn send(
+        &mut self,
+        number: u32,
+        pulses: Option<&mut PulseSource<'_>>,
+    ) -> Result<Event, LinkError> {
+        if let Some(pulses) = pulses {
+            let encoding = pulses.encoding();
+            let (pulse, samples) = pulses.pulse(number)?;
+            self.line.outbox.send(&Command::Pulse {
+                pulse,
+                encoding,
+                samples,
+            });
+        }
+        Ok(Event::Sent)
+    }
+
+    /// Connects anew, unless it is the module that began anew.
+    fn begin_anew(
+        &mut self,
+        because: &LinkError,
+        answer: Duration,
+        watch: &mut dyn Watch,
+    ) -> Result<Event, LinkError> {
+        watch.log(&format!("{because}: beginning anew"));
+        if !matches!(because, LinkError::Restarted)
+            && let Err(failure) = self.line.reconnect()
+        {
+            // It may be on its way back.
+            let started = Instant::now();
+            while started.elapsed() < answer {
+                if watch.cancelled() {
+                    return Err(LinkError::Cancelled);
+                }
+                std::thread::sleep(TICK.min(answer));
+            }
+            return Err(failure.into());
+        }
+        Ok(Event::Connected)
+    }
+
+    /// Tells the module to end its run. It may well not hear it; then the next session does the same.
+    fn abort(&mut self, patience: Duration) {
+        self.line.outbox.send(&Command::Abort);
+        let started = Instant::now();
+        while self.line.outbox.backlog() > 0 && started.elapsed() < patience {
+            // Whether or not the user wants to stop.
+            if self.line.exchange(TICK).is_err() {
+                break;
+            }
+        }
+    }
+
+    /// What has been done so far.
+    fn counts(&self, ledger: &Ledger) -> Counts {
+        Counts {
+            seconds: self.opened.elapsed().as_secs_f64(),
+            bytes_to_module: self.line.bytes_out,
+            bytes_from_module: self.line.bytes_in,
+            frames_from_module: growth(&LinkCounters::default(), self.receiver.counters()),
+            ..ledger.counts
         }
     }
 }
 
 /// A module's words as they are shown: what would reach a terminal as a command is replaced.
-fn shown(text: &str) -> String {
+pub(super) fn shown(text: &str) -> String {
     let replaced = |c: char| match c.is_control() {
         true => char::REPLACEMENT_CHARACTER,
         false => c,
     };
     text.chars().map(replaced).collect()
-}
-
-/// Whether a run is going on.
-pub(super) fn is_busy(status: &Status) -> bool {
-    matches!(status.state, State::Running | State::Finishing)
 }

@@ -16,8 +16,8 @@ use subaperture_core::stream::{
 };
 use subaperture_core::{Pulse, Sc16};
 
+use super::intake::{MapSink, SinkError};
 use super::job::Job;
-use super::session::{MapSink, SinkError};
 use crate::maps::Arithmetic;
 use crate::plan::least_capacity;
 use subaperture_model::phase_history::ReadError;

@@ -5,6 +5,8 @@
 //! [`subaperture_core::stream`]. [`crate::maps_file`] keeps them in a file, [`crate::image`] forms
 //! the image.
 
+#[cfg(test)]
+pub(crate) mod example;
 mod owned;
 
 use subaperture_core::stream::{MapHeader, Setup};

@@ -94,26 +94,13 @@ impl OwnedMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use subaperture_core::stream::Node;
+    use crate::maps::example;
 
     #[test]
     fn values_are_those_of_the_view() {
-        let patch = Patch {
-            centre_m: [0.0; 3],
-            range_reach: 20,
-            doppler_reach: 1,
-        };
         let blocks = BlockFloat::blocks(41);
         let map = OwnedMap {
-            header: MapHeader {
-                sub_cpi: 0,
-                patch_index: 0,
-                num_pulses: 1,
-                patch,
-                time_s: [0.0; 2],
-                weight_sum: 1.0,
-                nodes: [Node::default(); 2],
-            },
+            header: example::header(),
             samples: OwnedSamples::Fixed {
                 mantissas: (0..123).map(|i| Sc16::from_bits(i * 11, -i)).collect(),
                 exponents: (0..3 * blocks as i8).map(|i| i * 3 - 8).collect(),

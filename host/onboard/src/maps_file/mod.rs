@@ -35,7 +35,7 @@
 //! anything is allocated.
 //!
 //! **Errors.** Every byte stands under a checksum: damage is an error that names the section or map, or
-//! leaves the file incomplete; it never changes a value. `tests/maps_file.rs` damages every byte of a
+//! leaves the file incomplete; it never changes a value. `tests/link/maps_file.rs` damages every byte of a
 //! file, and cuts it everywhere.
 
 mod fields;

@@ -5,7 +5,7 @@
 
 use subaperture_core::stream::BlockFloat;
 
-use super::ModulePlan;
+use super::OnboardPlan;
 use crate::maps::Arithmetic;
 
 /// Bits on the wire for every byte.
@@ -36,7 +36,7 @@ pub struct LinkBudget {
 
 impl LinkBudget {
     /// For a plan over a link of `baud` bits a second.
-    pub fn new(plan: &ModulePlan, baud: u32) -> Self {
+    pub fn new(plan: &OnboardPlan, baud: u32) -> Self {
         let setup = &plan.setup;
         let sample_bytes = match plan.arithmetic {
             Arithmetic::Float => 8,

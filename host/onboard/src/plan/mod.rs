@@ -1,16 +1,16 @@
 //! Planning for a module: a small computer on the platform that makes maps of patches
 //! ([`subaperture_core::stream`]) and sends them to the host.
 //!
-//! [`ModulePlan`] chooses sub-CPI length, patches and kernel; [`RamBudget`] says what memory that takes,
+//! [`OnboardPlan`] chooses sub-CPI length, patches and kernel; [`RamBudget`] says what memory that takes,
 //! buffer by buffer; [`LinkBudget`] what goes over the link.
 
 mod link;
-mod module_plan;
+mod onboard_plan;
 mod ram;
 mod reach;
 mod search;
 
 pub use link::LinkBudget;
-pub use module_plan::{ModulePlan, PlanError, Request, Room};
+pub use onboard_plan::{OnboardPlan, PlanError, Requirements, Room};
 pub(crate) use ram::least_capacity;
 pub use ram::{Buffer, RamBudget};

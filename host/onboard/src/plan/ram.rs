@@ -21,7 +21,7 @@
 //! ([`RamBudget::options_bytes`]): `32 F` for detections and 8192 for a chip of 1024 pixels. Not counted
 //! are the code and the stack.
 //!
-//! **Accuracy**: exact, `tests/stream_memory.rs` (against the types that the firmware declares).
+//! **Accuracy**: exact, `tests/stream/memory.rs` (against the types that the firmware declares).
 
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};

@@ -2,7 +2,7 @@
 
 use subaperture_core::stream::{Capacity, Patch, Setup};
 
-use super::module_plan::{ModulePlan, Room};
+use super::onboard_plan::{OnboardPlan, Room};
 use super::ram::{RamBudget, least_capacity};
 use super::reach::Reach;
 use crate::image::kernels::Kernels;
@@ -190,7 +190,7 @@ impl Search<'_> {
     }
 
     /// The choice on all patches and sub-CPIs; `None` if it turns out impossible.
-    pub(super) fn work_out(&self, candidate: &Candidate) -> Option<ModulePlan> {
+    pub(super) fn work_out(&self, candidate: &Candidate) -> Option<OnboardPlan> {
         let &Candidate {
             length,
             patch,
@@ -233,7 +233,7 @@ impl Search<'_> {
             .iter()
             .map(|sub_cpi| probe.measure(sub_cpi, patch).model_error)
             .fold(0.0, f64::max);
-        let plan = ModulePlan {
+        let plan = OnboardPlan {
             ram: RamBudget::new(&capacity, self.arithmetic),
             capacity,
             setup,

@@ -34,7 +34,7 @@
 //! [`Response::turn_is_known`] says which. A carrier does not make the phase better than the position: a
 //! thousandth of 3 cm off in range is 0.7 degrees.
 //!
-//! Accuracy (`tests/quality.rs`): position to 1/128 of the resolution, width to 1 %, PSLR and ISLR to
+//! Accuracy (`tests/images/quality.rs`): position to 1/128 of the resolution, width to 1 %, PSLR and ISLR to
 //! 0.2 dB of theory, for unweighted, Hamming and Taylor bands. Memory: the chip at
 //! [`UPSAMPLING`] times its rate, at most 27 MB.
 
@@ -232,17 +232,7 @@ pub fn measure(
     target: Target,
     settings: &Settings<'_>,
 ) -> Result<Response, ResponseError> {
-    let (rows, columns) = (image.rows, image.columns);
-    if (rows, columns) != (grid.rows.count, grid.columns.count)
-        || rows.checked_mul(columns) != Some(image.pixels.len())
-    {
-        return Err(ResponseError::Unsuited(format!(
-            "the image has {rows} rows x {columns} columns and {} pixels, its grid {} x {}",
-            image.pixels.len(),
-            grid.rows.count,
-            grid.columns.count
-        )));
-    }
+    check_shape(image, grid)?;
     let (row, column) = brightest(image, grid, target, settings)?;
     if let Some(looks) = settings.looks {
         check_sampling(looks, grid, (row, column))?;
@@ -276,33 +266,13 @@ pub fn measure(
         grid.rows.step * stride[0] as f64,
         grid.columns.step * stride[1] as f64,
     ];
-    // Direction of a cut as rows and columns for each unit of length.
-    let mut directions = vec![
-        (Direction::X, [0.0, 1.0 / steps[1]]),
-        (Direction::Y, [1.0 / steps[0], 0.0]),
-    ];
-    if let (Some(angle), false) = (settings.line_of_sight_rad, grid.polar) {
-        let (sin, cos) = angle.sin_cos();
-        directions.push((Direction::Range, [sin / steps[0], cos / steps[1]]));
-        directions.push((Direction::CrossRange, [cos / steps[0], -sin / steps[1]]));
-    }
     let top = value.norm_sqr();
-    let cuts: Vec<Cut> = directions
+    let line_of_sight_rad = settings.line_of_sight_rad.filter(|_| !grid.polar);
+    let cuts: Vec<Cut> = directions(steps, line_of_sight_rad)
         .into_iter()
         .map(|(along, pixels)| {
             let length = cut_length(pixels, [y, x], half);
-            // As fine as the upsampled chip along the axis that advances faster.
-            let fastest = pixels[0].abs().max(pixels[1].abs());
-            let step = 1.0 / (fastest * UPSAMPLING as f64);
-            let count = (length / step).floor() as usize;
-            let offsets: Vec<f64> = (0..=2 * count)
-                .map(|i| (i as f64 - count as f64) * step)
-                .collect();
-            let powers = offsets
-                .iter()
-                .map(|s| chip.power(y + s * pixels[0], x + s * pixels[1]) / top)
-                .collect();
-            Cut::new(along, offsets, powers, count, settings.main_lobe_widths)
+            cut(&chip, [y, x], (along, pixels), length, top, settings)
         })
         .collect();
     let fine = chip.upsampled(UPSAMPLING);
@@ -328,6 +298,59 @@ pub fn measure(
             steps,
         ),
     })
+}
+
+/// Checks that image and grid are of one size.
+fn check_shape(image: &Image, grid: &ImageGrid) -> Result<(), ResponseError> {
+    let (rows, columns) = (image.rows, image.columns);
+    if (rows, columns) != (grid.rows.count, grid.columns.count)
+        || rows.checked_mul(columns) != Some(image.pixels.len())
+    {
+        return Err(ResponseError::Unsuited(format!(
+            "the image has {rows} rows x {columns} columns and {} pixels, its grid {} x {}",
+            image.pixels.len(),
+            grid.rows.count,
+            grid.columns.count
+        )));
+    }
+    Ok(())
+}
+
+/// Directions of the cuts, each as rows and columns for a unit of length; `steps` are those of the chip.
+fn directions(steps: [f64; 2], line_of_sight_rad: Option<f64>) -> Vec<(Direction, [f64; 2])> {
+    let mut directions = vec![
+        (Direction::X, [0.0, 1.0 / steps[1]]),
+        (Direction::Y, [1.0 / steps[0], 0.0]),
+    ];
+    if let Some(angle) = line_of_sight_rad {
+        let (sin, cos) = angle.sin_cos();
+        directions.push((Direction::Range, [sin / steps[0], cos / steps[1]]));
+        directions.push((Direction::CrossRange, [cos / steps[0], -sin / steps[1]]));
+    }
+    directions
+}
+
+/// The cut through the peak along a direction, of `length` to either side, relative to the power `top` of the peak.
+fn cut(
+    chip: &Chip,
+    [y, x]: [f64; 2],
+    (along, pixels): (Direction, [f64; 2]),
+    length: f64,
+    top: f64,
+    settings: &Settings<'_>,
+) -> Cut {
+    // As fine as the upsampled chip along the axis that advances faster.
+    let fastest = pixels[0].abs().max(pixels[1].abs());
+    let step = 1.0 / (fastest * UPSAMPLING as f64);
+    let count = (length / step).floor() as usize;
+    let offsets: Vec<f64> = (0..=2 * count)
+        .map(|i| (i as f64 - count as f64) * step)
+        .collect();
+    let powers = offsets
+        .iter()
+        .map(|s| chip.power(y + s * pixels[0], x + s * pixels[1]) / top)
+        .collect();
+    Cut::new(along, offsets, powers, count, settings.main_lobe_widths)
 }
 
 /// Row and column of the brightest pixel of the target.

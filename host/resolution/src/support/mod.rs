@@ -29,7 +29,7 @@
 //!   with pixels farther apart than one over it folds.
 //!
 //! Neglected: that `K` changes over the width of the response itself (the wave front's curvature over a cell, which
-//! moves all pulses' phases nearly alike). `tests/support.rs` holds predicted widths to 2 % of those of the plain sum, for
+//! moves all pulses' phases nearly alike). `tests/planning/support.rs` holds predicted widths to 2 % of those of the plain sum, for
 //! squinted, curved, near-range, wide-band, wide-angle, stripmap and bistatic geometries and a turned plane.
 //!
 //! Large collections are represented by at most [`MOST_LOOKS`] pulses, each for its share, and
@@ -164,6 +164,7 @@ fn representatives(count: usize, most: usize, share: Share) -> impl Iterator<Ite
 }
 
 /// `u_t + u_r`: how the path grows with the scene point.
+#[inline]
 pub fn path_gradient(transmitter_m: DVec3, receiver_m: DVec3, place_m: DVec3) -> DVec3 {
     (place_m - transmitter_m).normalize_or_zero() + (place_m - receiver_m).normalize_or_zero()
 }

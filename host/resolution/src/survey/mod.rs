@@ -41,7 +41,8 @@ pub enum Side {
     Right,
 }
 
-/// The findings. `None` means that the geometry has no such number (an antenna that stands still
+/// What a collection can show, in numbers, surveyed before any image is formed: its band, aperture and geometry, and the
+/// resolution, ambiguities and pixels that follow from them. `None` means that the geometry has no such number (an antenna that stands still
 /// has no cross-range resolution) or that the record does not tell.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Survey {
@@ -132,6 +133,53 @@ pub struct Widths {
     pub cross_range_m: Option<f64>,
 }
 
+impl Widths {
+    /// Of the response at `centre` along line of sight, range and cross-range.
+    fn of(
+        collection: &Collection,
+        window: Window,
+        centre: DVec3,
+        (line_of_sight, range, cross): (Option<DVec3>, DVec3, DVec3),
+        slant_range_m: f64,
+    ) -> Self {
+        let looks = Looks::new(collection, window, window);
+        let support = looks.at(centre);
+        let width =
+            |direction: DVec3| resolved(support.along(direction)?.width_3db_m(), slant_range_m);
+        Self {
+            slant_range_m: line_of_sight.and_then(width),
+            range_m: width(range),
+            cross_range_m: width(cross),
+        }
+    }
+}
+
+/// What is wider than the range is long is no resolution.
+fn resolved(width_m: Option<f64>, slant_range_m: f64) -> Option<f64> {
+    width_m.filter(|&m| m < slant_range_m)
+}
+
+/// Lowest and highest frequency of any pulse.
+fn ends_of_band_hz(collection: &Collection) -> (f64, f64) {
+    let pulses = collection.pulses.iter();
+    let lowest_hz = pulses
+        .clone()
+        .map(|p| p.start_hz)
+        .fold(f64::INFINITY, f64::min);
+    let top = collection.num_samples.saturating_sub(1);
+    let highest_hz = pulses.map(|p| p.frequency_hz(top)).fold(0.0, f64::max);
+    (lowest_hz, highest_hz)
+}
+
+/// Median distance from pulse to pulse.
+fn pulse_spacing_m(pulses: &[Pulse]) -> Option<f64> {
+    median(
+        pulses
+            .windows(2)
+            .map(|w| phase_centre(&w[0]).distance(phase_centre(&w[1]))),
+    )
+}
+
 impl Survey {
     /// Of the scene's centre; `None` if `collection` has no pulses.
     pub fn of(collection: &Collection) -> Option<Self> {
@@ -147,15 +195,7 @@ impl Survey {
         let looks = Looks::new(collection, Window::None, Window::None);
         let support = looks.at(centre);
 
-        let lowest_hz = pulses
-            .iter()
-            .map(|p| p.start_hz)
-            .fold(f64::INFINITY, f64::min);
-        let top = num_samples.saturating_sub(1);
-        let highest_hz = pulses
-            .iter()
-            .map(|p| p.frequency_hz(top))
-            .fold(0.0, f64::max);
+        let (lowest_hz, highest_hz) = ends_of_band_hz(collection);
         let bandwidth_hz = num_samples as f64 * first.step_hz;
 
         let slant_range_m = middle.path_m(centre) / 2.0;
@@ -163,19 +203,10 @@ impl Survey {
         // The path of the bisector grows by this, 2 of a monostatic radar.
         let gradient = path_gradient(middle.transmitter_m, middle.receiver_m, centre);
         let [range, cross] = support.range_and_cross([DVec3::X, DVec3::Y]);
-        // What is wider than the range is long is no resolution.
-        let resolved = |width_m: Option<f64>| width_m.filter(|&m| m < slant_range_m);
+        let resolved = |width_m| resolved(width_m, slant_range_m);
         let resolution = |direction| resolved(support.along(direction)?.resolution_m());
-        let widths = |window: Window| {
-            let looks = Looks::new(collection, window, window);
-            let support = looks.at(centre);
-            let width = |direction| resolved(support.along(direction)?.width_3db_m());
-            Widths {
-                slant_range_m: gradient.try_normalize().and_then(width),
-                range_m: width(range),
-                cross_range_m: width(cross),
-            }
-        };
+        let directions = (gradient.try_normalize(), range, cross);
+        let widths = |window| Widths::of(collection, window, centre, directions, slant_range_m);
         let aperture = Aperture::of(pulses, centre);
         let velocity = velocity_direction(pulses);
         let to_antenna = -line_of_sight;
@@ -206,11 +237,7 @@ impl Survey {
             ),
             duration_s: timed(positive(pulses[pulses.len() - 1].time_s - first.time_s)),
             pri_s: timed(median(pulses.windows(2).map(|w| w[1].time_s - w[0].time_s))),
-            pulse_spacing_m: median(
-                pulses
-                    .windows(2)
-                    .map(|w| phase_centre(&w[0]).distance(phase_centre(&w[1]))),
-            ),
+            pulse_spacing_m: pulse_spacing_m(pulses),
             aperture_length_m: aperture.length_m,
             aperture_angle_deg: aperture.angle_rad.to_degrees(),
             aperture_azimuth_deg: aperture.azimuth_rad.to_degrees(),

@@ -73,6 +73,56 @@ pub struct Channel<'a> {
     saturated: Vec<AtomicU32>,
 }
 
+/// A pair of antennas of an experiment.
+struct Eye<'a> {
+    experiment: &'a Experiment,
+    transmitter: &'a Antenna,
+    receiver: &'a Antenna,
+}
+
+impl Eye<'_> {
+    /// When positions of a pulse are taken that begins at `pulse_s`: in its middle, of a radar that moves meanwhile.
+    fn seen_at_s(&self, waveform: &Waveform, pulse_s: f64) -> f64 {
+        let after_s = moving(self.experiment.radar.motion).then(|| waveform.middle_s());
+        pulse_s + after_s.unwrap_or(0.0)
+    }
+
+    /// The collection's name; with those of the antennas where there are several pairs.
+    fn name(&self) -> String {
+        let name = &self.experiment.name;
+        match self.experiment.pairs().len() {
+            1 => name.clone(),
+            _ => format!("{name} {}-{}", self.transmitter.name, self.receiver.name),
+        }
+    }
+
+    /// What is seen from a body at that time.
+    fn look(&self, body: &dyn Trajectory, time_s: f64) -> Sight {
+        look(
+            self.experiment,
+            body,
+            self.transmitter,
+            self.receiver,
+            time_s,
+        )
+    }
+}
+
+/// Range of the reference point at the middle pulse, at which amplitudes are 1.
+fn reference_range_m(experiment: &Experiment, true_antennas: &[[DVec3; 2]]) -> Result<f64, String> {
+    let origin_m = match experiment.reference {
+        Reference::Point(point_m) => point_m,
+        Reference::Range(_) => DVec3::ZERO,
+    };
+    let [transmit_m, receive_m] =
+        true_antennas[true_antennas.len() / 2].map(|antenna| antenna.distance(origin_m));
+    let reference_range_m = (transmit_m * receive_m).sqrt();
+    if reference_range_m < 1e-3 {
+        return Err("the radar is at its own reference point".to_owned());
+    }
+    Ok(reference_range_m)
+}
+
 impl<'a> Channel<'a> {
     pub(super) fn new(
         experiment: &'a Experiment,
@@ -107,16 +157,14 @@ impl<'a> Channel<'a> {
             );
             return Err(fault(what));
         }
-        let sight = |body: &dyn Trajectory, waveform: &Waveform, pulse_s: f64| {
-            let after_s = moving(radar.motion).then(|| waveform.middle_s());
-            let time_s = pulse_s + after_s.unwrap_or(0.0);
-            (
-                time_s,
-                look(experiment, body, transmitter, receiver, time_s),
-            )
+        let eye = Eye {
+            experiment,
+            transmitter,
+            receiver,
         };
         let pulses = times_s.par_iter().map(|&pulse_s| {
-            let (time_s, seen) = sight(measured.as_ref(), &radar.waveform, pulse_s);
+            let time_s = eye.seen_at_s(&radar.waveform, pulse_s);
+            let seen = eye.look(measured.as_ref(), time_s);
             EchoPulse {
                 time_s,
                 transmitter_m: seen.antennas_m[0],
@@ -126,10 +174,7 @@ impl<'a> Channel<'a> {
             }
         });
         let collection = EchoCollection {
-            name: match experiment.pairs().len() {
-                1 => experiment.name.clone(),
-                _ => format!("{} {}-{}", experiment.name, transmitter.name, receiver.name),
-            },
+            name: eye.name(),
             waveform: radar.waveform.clone(),
             pulses: pulses.collect(),
             frame: experiment.frame,
@@ -139,22 +184,11 @@ impl<'a> Channel<'a> {
         let true_antennas: Vec<[DVec3; 2]> = times_s
             .par_iter()
             .map(|&pulse_s| {
-                let pulse_s = pulse_s / (1.0 + clock.offset);
-                sight(experiment.track.as_ref(), &waveform, pulse_s)
-                    .1
-                    .antennas_m
+                let time_s = eye.seen_at_s(&waveform, pulse_s / (1.0 + clock.offset));
+                eye.look(experiment.track.as_ref(), time_s).antennas_m
             })
             .collect();
-        let origin_m = match experiment.reference {
-            Reference::Point(point_m) => point_m,
-            Reference::Range(_) => DVec3::ZERO,
-        };
-        let [transmit_m, receive_m] =
-            true_antennas[true_antennas.len() / 2].map(|antenna| antenna.distance(origin_m));
-        let reference_range_m = (transmit_m * receive_m).sqrt();
-        if reference_range_m < 1e-3 {
-            return Err(fault("the radar is at its own reference point".to_owned()));
-        }
+        let reference_range_m = reference_range_m(experiment, &true_antennas).map_err(fault)?;
         let mut channel = Self {
             engine: Engine::new(&experiment.scene, experiment.method),
             pulsed: Pulsed::new(experiment, &true_antennas).map_err(fault)?,

@@ -67,6 +67,50 @@ struct Seen {
     im: f32,
 }
 
+/// Cells beside and above the track, index along it, and number of a scatterer.
+type Placed = (i64, i64, i64, u32);
+
+/// Index of a point along the track and what is left over, in metres.
+fn place(from_origin_m: f64, spacing_m: f64) -> (f64, f64) {
+    let x = from_origin_m / spacing_m;
+    (x.round(), (x - x.round()).abs() * spacing_m)
+}
+
+/// Into how many spacings a step of the track falls apart so that all points lie on them.
+fn spacings(scene: &Scene, origin_m: DVec3, step_m: DVec3, slack_m: f64) -> Option<u32> {
+    let along = step_m.try_normalize()?;
+    (1..=MAX_SPACINGS).find(|&n| {
+        let spacing_m = step_m.length() / f64::from(n);
+        scene.points.iter().all(|point| {
+            let x_m = (point.position_m - origin_m).dot(along);
+            place(x_m, spacing_m).1 <= slack_m
+        })
+    })
+}
+
+/// All points, sorted by what is beside and above the track, then along it.
+fn in_rows(
+    scene: &Scene,
+    origin_m: DVec3,
+    along: DVec3,
+    pitch_m: f64,
+    slack_m: f64,
+) -> Vec<Placed> {
+    let beside = along.any_orthonormal_vector();
+    let above = along.cross(beside);
+    let mut order: Vec<Placed> = (0u32..)
+        .zip(&scene.points)
+        .map(|(i, point)| {
+            let from_m = point.position_m - origin_m;
+            let cell = |axis| (from_m.dot(axis) / slack_m).round() as i64;
+            let index = place(from_m.dot(along), pitch_m).0 as i64;
+            (cell(beside), cell(above), index, i)
+        })
+        .collect();
+    order.par_sort_unstable();
+    order
+}
+
 impl Lattice {
     /// Tables for `views`, if they fit into `memory_bytes` and pay.
     pub(super) fn new(scene: &Scene, views: &[View], memory_bytes: u64) -> Option<Lattice> {
@@ -78,42 +122,12 @@ impl Lattice {
         let origin_m = scene.points.first()?.position_m;
         let wavelength_m = SPEED_OF_LIGHT_M_S / first.sweep.start_hz;
         let slack_m = 1e-7 * wavelength_m;
-        // Index along the track and what is left, in spacings.
-        let place = |point: &Scatterer, spacing_m: f64| {
-            let x = (point.position_m - origin_m).dot(along) / spacing_m;
-            (x.round(), (x - x.round()).abs() * spacing_m)
-        };
-        let spacings = (1..=MAX_SPACINGS).find(|&n| {
-            let spacing_m = step_m.length() / f64::from(n);
-            scene
-                .points
-                .iter()
-                .all(|point| place(point, spacing_m).1 <= slack_m)
-        })?;
+        let spacings = spacings(scene, origin_m, step_m, slack_m)?;
         let pitch_m = step_m / f64::from(spacings);
         let last = (views.len() - 1) as i64 * i64::from(spacings);
-
-        // Rows: sorted by what is beside and above the track, then along it.
-        let beside = along.any_orthonormal_vector();
-        let above = along.cross(beside);
-        let key = |point: &Scatterer| {
-            let from_m = point.position_m - origin_m;
-            let cell = |axis| (from_m.dot(axis) / slack_m).round() as i64;
-            let index = place(point, pitch_m.length()).0 as i64;
-            (cell(beside), cell(above), index)
-        };
-        let mut order: Vec<(i64, i64, i64, u32)> = (0u32..)
-            .zip(&scene.points)
-            .map(|(i, point)| {
-                let (beside, above, index) = key(point);
-                (beside, above, index, i)
-            })
-            .collect();
-        order.par_sort_unstable();
-        let rows: Vec<&[(i64, i64, i64, u32)]> =
-            order.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).collect();
-        let length =
-            |row: &[(i64, i64, i64, u32)]| (row[row.len() - 1].2 - row[0].2 + last + 1) as u64;
+        let order = in_rows(scene, origin_m, along, pitch_m.length(), slack_m);
+        let rows: Vec<&[Placed]> = order.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).collect();
+        let length = |row: &[Placed]| (row[row.len() - 1].2 - row[0].2 + last + 1) as u64;
         let differences = rows
             .iter()
             .fold(0u64, |sum, row| sum.saturating_add(length(row)));

@@ -11,7 +11,7 @@
 //! with `g_s` the antennas' amplitude towards the scatterer and, if asked, the spreading. The sum over
 //! everything in the scene is all this module does; noise, windows and files are others' work.
 //!
-//! [`Method::Fast`] is held to -90 dB of [`Method::Sum`] by `tests/simulate_engine.rs`; measured are -124 dB
+//! [`Method::Fast`] is held to -90 dB of [`Method::Sum`] by `tests/simulate/engine.rs`; measured are -124 dB
 //! with the radar standing still and -109 dB with true motion. One core, 512 samples, plain x86-64, a point and
 //! pulse (`benches/simulate.rs`): 1500 ns the sum, 17 ns fast, 12 ns recycled, 67 ns with true motion. Where
 //! the antennas' ways bend too much for runs of 16 samples, or a scatterer sits on an antenna in true

@@ -10,7 +10,7 @@
 //!
 //! The grid is float32, in two planes, emptied into a float64 grid before roundings add up: with at most
 //! [`FLUSH`] values a time. With kernel and table the error is -125 dB on random scenes
-//! (`tests/simulate_engine.rs`).
+//! (`tests/simulate/engine.rs`).
 //!
 //! Cost: 16 multiply-adds a value, and an FFT of `M`.
 

@@ -215,11 +215,8 @@ fn every_example_is_recorded() {
     }
 }
 
-/// What makes no sense, by the text that a sound scenario is changed to, the line and column that the error
-/// must point at, and a part of it.
-#[test]
-fn senseless_scenarios_are_refused_at_their_place() {
-    const SOUND: &str = "\
+/// A scenario that makes sense.
+const SOUND: &str = "\
 [radar]
 kind = \"pulsed\"
 pulses = 64
@@ -238,26 +235,31 @@ kind = \"linear\"
 position = \"0, -5, 3 km\"
 velocity = \"100, 0, 0 m/s\"
 ";
-    let refuse = |changes: &[(&str, &str)], line: usize, column: usize, part: &str| {
-        let mut text = SOUND.to_owned();
-        for (old, new) in changes {
-            assert!(text.contains(old), "{old}");
-            text = text.replace(old, new);
-        }
-        let error = Scenario::new("a.toml", &text, ".")
-            .experiment()
-            .unwrap_err();
-        let fault = error
-            .faults
-            .iter()
-            .find(|fault| fault.message.contains(part));
-        let fault = fault.unwrap_or_else(|| panic!("no '{part}' in: {error}"));
-        assert_eq!(
-            (fault.line, fault.column),
-            (Some(line), Some(column)),
-            "{error}"
-        );
-    };
+
+/// Changes texts of the sound scenario: the error must point at this line and column, and say `part`.
+fn refuse(changes: &[(&str, &str)], line: usize, column: usize, part: &str) {
+    let mut text = SOUND.to_owned();
+    for (old, new) in changes {
+        assert!(text.contains(old), "{old}");
+        text = text.replace(old, new);
+    }
+    let error = Scenario::new("a.toml", &text, ".")
+        .experiment()
+        .unwrap_err();
+    let fault = error
+        .faults
+        .iter()
+        .find(|fault| fault.message.contains(part));
+    let fault = fault.unwrap_or_else(|| panic!("no '{part}' in: {error}"));
+    assert_eq!(
+        (fault.line, fault.column),
+        (Some(line), Some(column)),
+        "{error}"
+    );
+}
+
+#[test]
+fn senseless_scenarios_are_refused_at_their_place() {
     assert!(Scenario::new("a.toml", SOUND, ".").experiment().is_ok());
     refuse(
         &[("\"1 ms\"", "\"500 ns\"")],
@@ -306,6 +308,10 @@ velocity = \"100, 0, 0 m/s\"
         11,
         "which misses it",
     );
+}
+
+#[test]
+fn senseless_bands_and_rates_are_refused_at_their_place() {
     refuse(&[("\"10 GHz\"", "\"10 MHz\"")], 6, 15, "below 0 Hz");
     refuse(
         &[

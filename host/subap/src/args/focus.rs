@@ -10,7 +10,7 @@ use subaperture::signal::window::Window;
 use subaperture::units::Dimension;
 
 use super::values::{above_zero, any, axis, error_bound, output, positive, vector};
-use super::{Input, Look, Rehearsal, Writing};
+use super::{Input, Look, Rehearsal, Tiled, Writing};
 
 /// `subap focus`.
 #[derive(Debug, Group)]
@@ -85,6 +85,9 @@ pub(crate) struct Focus {
     /// Form N pixels, chosen by a fixed seed, by the exact sum too and report the image's error
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) check: Option<usize>,
+
+    #[command(flatten)]
+    pub(crate) tiled: Tiled,
 
     #[command(flatten)]
     pub(crate) look: Look,

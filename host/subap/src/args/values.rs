@@ -221,6 +221,12 @@ pub(super) fn ram_size(text: &str) -> Result<u64, String> {
     size_from(text, 1 << 10).ok_or_else(|| "give a size such as 512K or 1M, at least 1K".to_owned())
 }
 
+/// A size of scratch.
+pub(super) fn scratch_size(text: &str) -> Result<u64, String> {
+    size_from(text, 1 << 16)
+        .ok_or_else(|| "give a size such as 512K or 48M, at least 64K".to_owned())
+}
+
 /// A size of at least `least` bytes.
 fn size_from(text: &str, least: u32) -> Option<u64> {
     let split = text

@@ -14,10 +14,11 @@ use subaperture::focus::omega_k::OmegaK;
 use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
-use subaperture::focus::{FormError, ImageFormer, Task};
+use subaperture::focus::{FormError, Formed, ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Comparison, Image};
 use subaperture::io::atomic::write_atomically;
+use subaperture::io::claim::Claims;
 use subaperture::io::product::{self, Product};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
@@ -183,16 +184,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         None => GRID.parse()?,
     };
     session.check_grid(&grid, IMAGES)?;
-    let mut claims = session.claims::<&Path>(&typed.writing, &[]);
-    let folders: Vec<&str> = ways().iter().map(|way| way.folder).collect();
-    let pictures = folders
-        .iter()
-        .map(|folder| format!("difference-{folder}.png"));
-    let own = ["overview.png", "errors.md", "errors.json"].map(str::to_owned);
-    claims.folder(&typed.out, pictures.chain(own))?;
-    for folder in folders.iter().chain(&["exact"]) {
-        claims.folder(&typed.out.join(folder), product::NAMES)?;
-    }
+    let _claims = claim(session, typed)?;
     Product::prepare(&typed.out.join("exact"), grid.num_pixels() * IMAGES)?;
 
     let simulated = Preset::Table41.simulate(&Variation::default());
@@ -211,46 +203,9 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         ahead(session, typed, &task)?.announce(session, &typed.rehearsal)?;
         return Ok(());
     }
-    let form = |way: &Way| {
-        let progress = session.progress(way.title);
-        let begun = Instant::now();
-        // The demonstration measures every image's error and shows it.
-        let formed = way.former.form_best(&Task {
-            monitor: &progress,
-            ..task
-        });
-        (formed, begun.elapsed())
-    };
-
-    let (exact, exact_taken) = form(&oracle());
+    let (exact, exact_taken) = form(session, &task, &oracle());
     let exact = exact?;
-    let mut outcomes = Vec::new();
-    for mut way in ways() {
-        if typed.grid.is_some() {
-            // Bounds are relative to an image of all the scene's bright scatterers.
-            way.bound_db = None;
-        }
-        let (formed, taken) = form(&way);
-        let formed = match formed {
-            // On a grid that somebody chose, not every former need be able.
-            Err(FormError::Unsuited(why)) if typed.grid.is_some() => {
-                messages::warning(format!("{} is left out: {why}", way.title));
-                continue;
-            }
-            formed => formed?,
-        };
-        let comparison = Comparison::between(&formed.image, &exact.image)?;
-        let difference = subtract(&formed.image, &exact.image);
-        let (image, settings) = (formed.image, formed.settings);
-        outcomes.push(Outcome {
-            way,
-            image,
-            difference,
-            comparison,
-            settings,
-            taken,
-        });
-    }
+    let outcomes = outcomes(session, typed, &task, &exact.image)?;
     interrupt::check()?;
 
     let Some(survey) = Survey::of(collection) else {
@@ -283,6 +238,70 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         ))?;
     }
     Ok(())
+}
+
+/// Claims everything that is to be written. Held until the command's end.
+fn claim(session: &Session, typed: &Demo) -> anyhow::Result<Claims> {
+    let mut claims = session.claims::<&Path>(&typed.writing, &[]);
+    let folders: Vec<&str> = ways().iter().map(|way| way.folder).collect();
+    let pictures = folders
+        .iter()
+        .map(|folder| format!("difference-{folder}.png"));
+    let own = ["overview.png", "errors.md", "errors.json"].map(str::to_owned);
+    claims.folder(&typed.out, pictures.chain(own))?;
+    for folder in folders.iter().chain(&["exact"]) {
+        claims.folder(&typed.out.join(folder), product::NAMES)?;
+    }
+    Ok(claims)
+}
+
+/// An image by one of the ways, and how long it took.
+fn form(session: &Session, task: &Task, way: &Way) -> (Result<Formed, FormError>, Duration) {
+    let progress = session.progress(way.title);
+    let begun = Instant::now();
+    // The demonstration measures every image's error and shows it.
+    let formed = way.former.form_best(&Task {
+        monitor: &progress,
+        ..*task
+    });
+    (formed, begun.elapsed())
+}
+
+/// The images of all ways, compared with the exact one.
+fn outcomes(
+    session: &Session,
+    typed: &Demo,
+    task: &Task,
+    exact: &Image,
+) -> anyhow::Result<Vec<Outcome>> {
+    let mut outcomes = Vec::new();
+    for mut way in ways() {
+        if typed.grid.is_some() {
+            // Bounds are relative to an image of all the scene's bright scatterers.
+            way.bound_db = None;
+        }
+        let (formed, taken) = form(session, task, &way);
+        let formed = match formed {
+            // On a grid that somebody chose, not every former need be able.
+            Err(FormError::Unsuited(why)) if typed.grid.is_some() => {
+                messages::warning(format!("{} is left out: {why}", way.title));
+                continue;
+            }
+            formed => formed?,
+        };
+        let comparison = Comparison::between(&formed.image, exact)?;
+        let difference = subtract(&formed.image, exact);
+        let (image, settings) = (formed.image, formed.settings);
+        outcomes.push(Outcome {
+            way,
+            image,
+            difference,
+            comparison,
+            settings,
+            taken,
+        });
+    }
+    Ok(outcomes)
 }
 
 /// What all the images will take.
@@ -338,43 +357,16 @@ fn write(
     report: &report::Report,
     start: Instant,
 ) -> anyhow::Result<()> {
-    let check_amid_files = || {
-        let folder = || typed.out.display().to_string();
-        interrupt::check().map_err(|_| InterruptedAmidFiles(folder()))
-    };
     let image_panel = |image, title: &str| Panel {
         scale: IMAGE_SCALE,
         ..Panel::new(image, grid, title)
     };
-    let save = |folder: &str, image: &Image, metadata, panel: &Panel| {
-        check_amid_files()?;
-        let quicklook = plot::quicklook(panel)?;
-        Product {
-            image,
-            metadata: &metadata,
-            quicklook: &quicklook,
-        }
-        .write(&typed.out.join(folder))?;
-        anyhow::Ok(())
-    };
-    let metadata = |title: &str, settings: serde_json::Value, taken: Duration| {
-        json!({
-            "schema": "subaperture-demo-image",
-            "schema_version": 1,
-            "run": record_of_run(session, taken),
-            "title": title,
-            "collection": Preset::Table41.name(),
-            "window": Window::default().to_string(),
-            "slow_window": Window::default().to_string(),
-            "grid": typed.grid.map_or(json!(GRID), |_| json!("as given on the command line")),
-            "settings": settings,
-        })
-    };
     let panel = image_panel(exact, "exact");
     save(
+        typed,
         "exact",
+        record(session, typed, "exact", json!({}), report.exact_taken),
         exact,
-        metadata("exact", json!({}), report.exact_taken),
         &panel,
     )?;
     let mut panels = vec![panel];
@@ -394,9 +386,9 @@ fn write(
             taken,
         } = outcome;
         let panel = image_panel(image, way.title);
-        let mut record = metadata(way.title, json!(settings), *taken);
-        record["comparison"] = json!(comparison);
-        save(way.folder, image, record, &panel)?;
+        let mut metadata = record(session, typed, way.title, json!(settings), *taken);
+        metadata["comparison"] = json!(comparison);
+        save(typed, way.folder, metadata, image, &panel)?;
         panels.push(panel);
         let error = comparison.error_db.unwrap_or(f64::NAN);
         differences.push(Panel {
@@ -410,17 +402,8 @@ fn write(
         let name = format!("difference-{}.png", outcome.way.folder);
         write_bytes(&typed.out.join(name), &picture)?;
     }
-    check_amid_files()?;
-    // Rows of images, each above the row of their differences.
-    let mut page = Vec::new();
-    for (images, differences) in panels.chunks(COLUMNS).zip(differences.chunks(COLUMNS)) {
-        page.extend_from_slice(images);
-        page.extend_from_slice(differences);
-    }
-    write_bytes(
-        &typed.out.join("overview.png"),
-        &plot::panels(&page, COLUMNS)?,
-    )?;
+    check_amid_files(typed)?;
+    overview(typed, &panels, &differences)?;
     write_bytes(
         &typed.out.join("errors.md"),
         report.to_markdown().as_bytes(),
@@ -429,6 +412,65 @@ fn write(
     table["run"] = record_of_run(session, start.elapsed());
     let table = serde_json::to_vec_pretty(&table)?;
     write_bytes(&typed.out.join("errors.json"), &table)
+}
+
+/// All images on one page: rows of images, each above the row of their differences.
+fn overview(typed: &Demo, panels: &[Panel], differences: &[Panel]) -> anyhow::Result<()> {
+    let mut page = Vec::new();
+    for (images, differences) in panels.chunks(COLUMNS).zip(differences.chunks(COLUMNS)) {
+        page.extend_from_slice(images);
+        page.extend_from_slice(differences);
+    }
+    write_bytes(
+        &typed.out.join("overview.png"),
+        &plot::panels(&page, COLUMNS)?,
+    )
+}
+
+/// What stands beside an image.
+fn record(
+    session: &Session,
+    typed: &Demo,
+    title: &str,
+    settings: serde_json::Value,
+    taken: Duration,
+) -> serde_json::Value {
+    json!({
+        "schema": "subaperture-demo-image",
+        "schema_version": 1,
+        "run": record_of_run(session, taken),
+        "title": title,
+        "collection": Preset::Table41.name(),
+        "window": Window::default().to_string(),
+        "slow_window": Window::default().to_string(),
+        "grid": typed.grid.map_or(json!(GRID), |_| json!("as given on the command line")),
+        "settings": settings,
+    })
+}
+
+/// Writes an image's folder.
+fn save(
+    typed: &Demo,
+    folder: &str,
+    metadata: serde_json::Value,
+    image: &Image,
+    panel: &Panel,
+) -> anyhow::Result<()> {
+    check_amid_files(typed)?;
+    let quicklook = plot::quicklook(panel)?;
+    Product {
+        image,
+        metadata: &metadata,
+        quicklook: &quicklook,
+    }
+    .write(&typed.out.join(folder))?;
+    Ok(())
+}
+
+/// Fails if the user wants to stop, now that some files are written.
+fn check_amid_files(typed: &Demo) -> Result<(), InterruptedAmidFiles> {
+    let folder = || typed.out.display().to_string();
+    interrupt::check().map_err(|_| InterruptedAmidFiles(folder()))
 }
 
 fn write_bytes(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {

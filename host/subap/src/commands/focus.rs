@@ -3,25 +3,24 @@
 mod check;
 mod from_maps;
 mod record;
+pub(crate) mod tiled;
 
 use std::time::Instant;
 
-use anyhow::Context;
 use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
-use subaperture::focus::{FormError, Task};
+use subaperture::focus::{FormError, Formed, ImageFormer};
 use subaperture::image::Image;
 use subaperture::io::product::record::Brightest;
-use subaperture::io::product::{self, Product};
-use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::phase_history::PhaseHistory;
 use subaperture::planner::forecast;
-use subaperture::plot::{self, Orientation, Panel};
+use subaperture::plot::{Orientation, Panel};
 use subaperture::resolution::support::RecordedLooks;
-use subaperture::resolution::survey::Survey;
 
-use crate::ahead::Ahead;
 use crate::args::{Focus, Mode};
+use crate::commands::forming::{self, Forming};
 use crate::config::{DEFAULT_ERROR_DB, Session, former};
+use crate::failure::Usage;
 use crate::{interrupt, messages, text};
 
 /// Forms the image and writes its folder, complete or not at all.
@@ -29,18 +28,31 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     if let Some(path) = &typed.from_maps {
         return from_maps::run(session, typed, path);
     }
+    if typed.tiled.wanted() {
+        return tiled::run(session, typed);
+    }
+    if typed.tiled.scratch.is_some() {
+        return Err(
+            Usage("--scratch is for --tiled and for plans: leave it out".to_owned()).into(),
+        );
+    }
     let start = Instant::now();
     // What can be refused is refused before anything is read.
     let former = former(typed)?;
     if let Some(grid) = &typed.grid {
         session.check_grid(grid, 1)?;
     }
-    let mut claims = session.claims(&typed.writing, &typed.input.paths);
-    claims.folder(&typed.out, product::NAMES)?;
-    Product::prepare(&typed.out, typed.grid.map_or(0, |grid| grid.num_pixels()))?;
+    let num_pixels = typed.grid.map_or(0, |grid| grid.num_pixels());
+    let _claims = forming::claim(
+        session,
+        &typed.writing,
+        &typed.input.paths,
+        &typed.out,
+        num_pixels,
+    )?;
 
     let recorded = session.open(&typed.input)?;
-    let survey = Survey::of(recorded.collection()).context("the input holds no pulses")?;
+    let survey = forming::survey(&recorded)?;
     let first_s = recorded.collection().pulses[0].time_s;
     let moving = typed.velocity.map(|v| Moving::new(&recorded, v, first_s));
     let moving = moving.transpose()?;
@@ -48,15 +60,9 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         Some(moving) => moving,
         None => &recorded,
     };
-    let grid = match typed.grid {
-        Some(grid) => grid,
-        None => {
-            let grid = session.default_grid(&survey)?;
-            session.check_grid(&grid, 1)?;
-            Product::prepare(&typed.out, grid.num_pixels())?;
-            grid
-        }
-    };
+    let grid = forming::grid_or(session, typed.grid, &typed.out, || {
+        session.default_grid(&survey)
+    })?;
     session.note(1, || {
         let (columns, rows) = (grid.columns.count, grid.rows.count);
         format!(
@@ -66,63 +72,11 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         )
     });
 
-    let weights = Weights::new(history.collection(), typed.window, typed.slow_window);
-    let progress = session.progress("focusing");
-    let task = Task {
-        history,
-        grid: &grid,
-        weights: &weights,
-        memory_bytes: session.memory_bytes,
-        monitor: &progress,
-    };
-    let settings = forecast::Settings {
-        error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
-        sub_cpi: typed.sub_cpi,
-        is_thesis: typed.mode == Some(Mode::Thesis),
-    };
-    let ahead = Ahead::of_image(
-        session,
-        &typed.rehearsal,
-        &*former,
-        &task,
-        &settings,
-        &typed.out,
-    )?;
-    if ahead.announce(session, &typed.rehearsal)? {
+    let windows = [typed.window, typed.slow_window];
+    let forming = Forming::new(session, history, &grid, windows);
+    let Some((formed, check)) = form(session, typed, &*former, &forming)? else {
         return Ok(());
-    }
-    let checking = typed.check.map(|count| check::Plan::new(&task, count));
-    let checking = checking.transpose()?;
-    let formed = former
-        .form_asked(&task, typed.misses())
-        .map_err(with_advice)?;
-    progress.finish();
-    pass_on_warnings(&formed.settings);
-    if formed.bound_missed {
-        messages::bound_missed(format!(
-            "the predicted error is {:.1} dB, above the {} dB asked",
-            formed.predicted_error_db,
-            former.bound_db().unwrap_or_default()
-        ));
-    }
-    for (key, value) in &formed.settings {
-        messages::setting(key, value);
-    }
-
-    let check = match checking {
-        None => None,
-        Some(plan) => {
-            let progress = session.progress("checking");
-            let task = Task {
-                monitor: &progress,
-                ..task
-            };
-            Some(plan.against_exact(&task, &formed.image)?)
-        }
     };
-    if let (Some(check), Some(bound_db)) = (&check, former.bound_db()) {
-        check.judge(bound_db);
-    }
     interrupt::check()?;
     let checksums = session.progress("checksums");
     let inputs = history.inputs()?;
@@ -154,6 +108,52 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Forms the image and checks it, if that is asked for; nothing if only what it takes was wanted.
+fn form(
+    session: &Session,
+    typed: &Focus,
+    former: &dyn ImageFormer,
+    forming: &Forming<'_>,
+) -> anyhow::Result<Option<(Formed, Option<check::Check>)>> {
+    let progress = session.progress("focusing");
+    let task = forming.task(&progress);
+    let settings = forecast::Settings {
+        error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
+        sub_cpi: typed.sub_cpi,
+        is_thesis: typed.mode == Some(Mode::Thesis),
+    };
+    let rehearsal = &typed.rehearsal;
+    if forming::announce(session, rehearsal, former, &task, &settings, &typed.out)? {
+        return Ok(None);
+    }
+    let checking = typed.check.map(|count| check::Plan::new(&task, count));
+    let checking = checking.transpose()?;
+    let formed = former
+        .form_asked(&task, typed.misses())
+        .map_err(with_advice)?;
+    progress.finish();
+    pass_on_warnings(&formed.settings);
+    if formed.bound_missed {
+        messages::bound_missed(format!(
+            "the predicted error is {:.1} dB, above the {} dB asked",
+            formed.predicted_error_db,
+            former.bound_db().unwrap_or_default()
+        ));
+    }
+    for (key, value) in &formed.settings {
+        messages::setting(key, value);
+    }
+    let against_exact = |plan: check::Plan| {
+        let progress = session.progress("checking");
+        plan.against_exact(&forming.task(&progress), &formed.image)
+    };
+    let check = checking.map(against_exact).transpose()?;
+    if let (Some(check), Some(bound_db)) = (&check, former.bound_db()) {
+        check.judge(bound_db);
+    }
+    Ok(Some((formed, check)))
+}
+
 /// `error`, with what the command line can do about a missed bound.
 fn with_advice(error: FormError) -> anyhow::Error {
     match error {
@@ -176,23 +176,27 @@ fn deliver(
 ) -> anyhow::Result<()> {
     interrupt::check()?;
     let writing = session.progress("writing");
-    let quicklook = plot::quicklook_within(
-        &Panel {
-            scale: typed.look.scale(),
-            colours: typed.look.colours(),
-            orientation: record.orientation,
-            ..Panel::new(image, record.grid, title.as_str())
-        },
-        session.memory.picture_bytes,
-    )?;
+    let panel = Panel {
+        scale: typed.look.scale(),
+        colours: typed.look.colours(),
+        orientation: record.orientation,
+        ..Panel::new(image, record.grid, title.as_str())
+    };
     let metadata = record.to_json(&title);
-    Product {
-        image,
-        metadata: &metadata,
-        quicklook: &quicklook,
-    }
-    .write(&typed.out)?;
+    forming::write(session, &typed.out, image, &panel, &metadata)?;
     writing.finish();
+    let size = [image.rows, image.columns];
+    tell(session, typed, size, record, metadata)
+}
+
+/// Says what was written: an image of so many rows and columns.
+fn tell(
+    session: &Session,
+    typed: &Focus,
+    [rows, columns]: [usize; 2],
+    record: &record::Record,
+    metadata: Value,
+) -> anyhow::Result<()> {
     if session.json() {
         let mut metadata = metadata;
         metadata["folder"] = typed.out.display().to_string().into();
@@ -204,8 +208,8 @@ fn deliver(
     text::say(format!(
         "{}: {} x {} pixels in {}",
         typed.out.display(),
-        image.columns,
-        image.rows,
+        columns,
+        rows,
         text::duration(record.taken)
     ))?;
     text::say(match record.peak {

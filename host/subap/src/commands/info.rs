@@ -17,7 +17,7 @@ use subaperture::signal::window::Window;
 use crate::args::Info;
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::text::{self, bytes, degrees, hertz, metres};
+use crate::text::{self, Fact, bytes, degrees, hertz, metres};
 use stored::Kind;
 
 /// Prints the survey of the inputs as one aperture.
@@ -230,13 +230,20 @@ impl Advice {
 }
 
 fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
-    let mut text = String::new();
-    let mut line = |label: &str, value: String| {
-        let _ = writeln!(text, "{label:<16} {value}");
-    };
-    line("collection", survey.name.clone());
+    let mut facts = band_facts(survey);
+    facts.extend(resolution_facts(survey));
+    facts.extend(geometry_facts(survey));
+    facts.push(("default grid", default_grid(session, survey)));
+    facts.push(("sub-CPI, precise", precise(advice)));
+    facts.push(("sub-CPI, thesis", thesis(survey, advice)));
+    text::facts(&facts).join("\n") + "\n"
+}
+
+fn band_facts(survey: &Survey) -> Vec<Fact> {
+    let mut facts = Vec::new();
+    facts.push(("collection", survey.name.clone()));
     let samples_bytes = survey.num_pulses as u128 * survey.num_samples as u128 * 8;
-    line(
+    facts.push((
         "size",
         format!(
             "{} pulses of {} frequencies, {} as complex64",
@@ -244,10 +251,16 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
             survey.num_samples,
             bytes(samples_bytes)
         ),
-    );
-    line("band", band(survey));
-    line("wavelength", metres(Some(survey.wavelength_m)));
-    line(
+    ));
+    facts.push(("band", band(survey)));
+    facts.push(("wavelength", metres(Some(survey.wavelength_m))));
+    facts
+}
+
+/// What can be told apart, and how large a scene is unambiguous.
+fn resolution_facts(survey: &Survey) -> Vec<Fact> {
+    let mut facts = Vec::new();
+    facts.push((
         "resolution",
         format!(
             "{} in slant range; in the plane {} in range, {} in cross-range (Rayleigh's; no window, no beam)",
@@ -255,7 +268,7 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
             metres(survey.range_resolution_m),
             metres(survey.cross_range_resolution_m),
         ),
-    );
+    ));
     let widths = |widths: &Widths| {
         format!(
             "{} in slant range; in the plane {} in range, {} in cross-range",
@@ -264,23 +277,23 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
             metres(widths.cross_range_m)
         )
     };
-    line(
+    facts.push((
         "half power",
         format!("{} without windows", widths(&survey.half_power)),
-    );
-    line(
+    ));
+    facts.push((
         "",
         format!(
             "{} under {}",
             widths(&survey.half_power_windowed),
             Window::default()
         ),
-    );
+    ));
     let [x, y, z] = survey.scene_centre_m;
     if (x, y, z) != (0.0, 0.0, 0.0) {
-        line("", format!("seen from x {x:.3} m, y {y:.3} m, z {z:.3} m"));
+        facts.push(("", format!("seen from x {x:.3} m, y {y:.3} m, z {z:.3} m")));
     }
-    line(
+    facts.push((
         "unambiguous",
         format!(
             "{} in slant range; in the plane {} in range, {} in cross-range",
@@ -288,11 +301,17 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
             metres(survey.unambiguous_range_m),
             metres(survey.unambiguous_cross_range_m),
         ),
-    );
+    ));
     if let Some(ambiguity) = survey.ambiguity() {
-        line("", ambiguity);
+        facts.push(("", ambiguity));
     }
-    line(
+    facts
+}
+
+/// Aperture, times and where the antenna is.
+fn geometry_facts(survey: &Survey) -> Vec<Fact> {
+    let mut facts = Vec::new();
+    facts.push((
         "aperture",
         format!(
             "{} long, {:.3} deg wide, {:.3} deg of azimuth",
@@ -300,9 +319,9 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
             survey.aperture_angle_deg,
             survey.aperture_azimuth_deg
         ),
-    );
-    line("pulse spacing", metres(survey.pulse_spacing_m));
-    line(
+    ));
+    facts.push(("pulse spacing", metres(survey.pulse_spacing_m)));
+    facts.push((
         "timing",
         match (survey.pri_s, survey.duration_s) {
             (Some(pri_s), Some(duration_s)) => {
@@ -310,8 +329,8 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
             }
             _ => "unknown".to_owned(),
         },
-    );
-    line(
+    ));
+    facts.push((
         "geometry",
         format!(
             "slant range {}, grazing angle {}, antenna at {} from x towards y",
@@ -319,9 +338,9 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
             degrees(survey.grazing_angle_deg),
             degrees(survey.azimuth_deg)
         ),
-    );
-    line("looking", looking(survey));
-    line(
+    ));
+    facts.push(("looking", looking(survey)));
+    facts.push((
         "scene frame",
         match survey.origin {
             Some(origin) => format!(
@@ -330,51 +349,52 @@ fn describe(session: &Session, survey: &Survey, advice: &Advice) -> String {
             ),
             None => "the recording's own axes, not tied to the Earth".to_owned(),
         },
-    );
-    line(
-        "default grid",
-        match survey.default_grid() {
-            Ok(DefaultGrid { grid, cropped }) => {
-                let (x, y) = (grid.columns, grid.rows);
-                let image_bytes = u128::from(grid.num_pixels()) * 8;
-                let fits = image_bytes <= u128::from(session.memory_bytes);
-                format!(
-                    "x={:.6}:{:.6}:{},y={:.6}:{:.6}:{},z=0 ({} x {} pixels, {}{}){}",
-                    x.start,
-                    x.at(x.count),
-                    x.step,
-                    y.start,
-                    y.at(y.count),
-                    y.step,
-                    x.count,
-                    y.count,
-                    bytes(image_bytes),
-                    if fits {
-                        ""
-                    } else {
-                        ", more than --memory allows"
-                    },
-                    cropped.map_or_else(String::new, |why| format!("\n{:17}{why}", ""))
-                )
-            }
-            Err(why) => why.to_string(),
-        },
-    );
-    line(
-        "sub-CPI, precise",
-        match &advice.precise {
-            Some(plan) => format!(
-                "{} pulses on patches of {} by {}: {:.1} dB predicted, {BOUND_DB} dB asked",
-                plan.pulses,
-                metres(Some(plan.patch_m[0])),
-                metres(Some(plan.patch_m[1])),
-                plan.predicted_db
-            ),
-            None => "none: there is no default grid to plan for".to_owned(),
-        },
-    );
-    line("sub-CPI, thesis", thesis(survey, advice));
-    text
+    ));
+    facts
+}
+
+/// The grid that an image is formed on unless another is given.
+fn default_grid(session: &Session, survey: &Survey) -> String {
+    match survey.default_grid() {
+        Ok(DefaultGrid { grid, cropped }) => {
+            let (x, y) = (grid.columns, grid.rows);
+            let image_bytes = u128::from(grid.num_pixels()) * 8;
+            let fits = image_bytes <= u128::from(session.memory_bytes);
+            format!(
+                "x={:.6}:{:.6}:{},y={:.6}:{:.6}:{},z=0 ({} x {} pixels, {}{}){}",
+                x.start,
+                x.at(x.count),
+                x.step,
+                y.start,
+                y.at(y.count),
+                y.step,
+                x.count,
+                y.count,
+                bytes(image_bytes),
+                if fits {
+                    ""
+                } else {
+                    ", more than --memory allows"
+                },
+                cropped.map_or_else(String::new, |why| format!("\n{:17}{why}", ""))
+            )
+        }
+        Err(why) => why.to_string(),
+    }
+}
+
+/// The sub-CPIs of the precise mode.
+fn precise(advice: &Advice) -> String {
+    match &advice.precise {
+        Some(plan) => format!(
+            "{} pulses on patches of {} by {}: {:.1} dB predicted, {BOUND_DB} dB asked",
+            plan.pulses,
+            metres(Some(plan.patch_m[0])),
+            metres(Some(plan.patch_m[1])),
+            plan.predicted_db
+        ),
+        None => "none: there is no default grid to plan for".to_owned(),
+    }
 }
 
 fn band(survey: &Survey) -> String {

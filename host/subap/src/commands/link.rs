@@ -17,8 +17,8 @@ use subaperture::onboard::link::{
 use subaperture::onboard::maps::{Arithmetic, Closing, OwnedMap, Run};
 use subaperture::onboard::maps_file as maps;
 use subaperture::onboard::maps_file::{MOST_MAPS, MapWriter};
-use subaperture::onboard::plan::{ModulePlan, Request, Room};
-use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::onboard::plan::{OnboardPlan, Requirements, Room};
+use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture::resolution::survey::Survey;
 use subaperture_core::link as wire;
 use subaperture_core::link::{AssembledMap, Encoding};
@@ -35,14 +35,7 @@ use crate::{interrupt, messages, text};
 /// Has the module compute the maps. Those that came are kept, however it ends.
 pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let start = Instant::now();
-    if typed.firmware.is_some() && !matches!(typed.place, Place::Emulate(_)) {
-        let what = format!(
-            "--firmware is what to emulate, and {} runs its own",
-            typed.place
-        );
-        return Err(Usage(what).into());
-    }
-    let error_db = typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB);
+    check_firmware(typed)?;
     let mut claims = session.claims(&typed.writing, &typed.input.paths);
     claims.file(&typed.out, Kind::Maps)?;
     if let Some(picture) = &typed.picture {
@@ -59,18 +52,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
 
     let verbose = session.verbosity() > 0;
     let mut transport = link::open(&typed.place, typed.firmware.as_deref(), verbose)?;
-    let settings = Settings {
-        // Half a second, and four of the longest frames on a line of this speed.
-        answer: Duration::from_millis(500)
-            + transport.baud().map_or(Duration::ZERO, |baud| {
-                let bits = 10.0 * wire::max_frame_bytes(collection.num_samples) as f64;
-                Duration::from_secs_f64(4.0 * bits / f64::from(baud))
-            }),
-        retries: typed.retries,
-        rate_hz: typed.rate,
-        first_number: number_of_now(),
-        ..Settings::default()
-    };
+    let settings = settings(typed, transport.baud(), collection.num_samples);
     let mut watch = Watching {
         bar: session.progress("linking"),
         verbose,
@@ -82,16 +64,61 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let identity = module.identity().clone();
     session.note(1, || format!("{} at {}", identity.version, typed.place));
 
-    let (arithmetic, encoding) = match identity.arithmetic {
-        wire::Arithmetic::Float => (Arithmetic::Float, Encoding::Complex32),
-        wire::Arithmetic::Fixed => (Arithmetic::Fixed, Encoding::Sc16),
-    };
-    let request = Request {
-        error_db,
+    let plan = plan(session, typed, collection, &grid, &identity)?;
+    let work = Work::new(session, typed, &history, &grid, &plan);
+    let mut job = work.job()?;
+    if typed.rehearsal.dry_run {
+        return work.rehearse(&mut module, &job, &mut watch);
+    }
+    let run = work.run(&survey.name, &identity, &job)?;
+    work.transfer(&mut module, &run, &mut job, &mut watch, start)
+}
+
+/// A program is given only where there is one to emulate.
+fn check_firmware(typed: &Link) -> Result<(), Usage> {
+    if typed.firmware.is_some() && !matches!(typed.place, Place::Emulate(_)) {
+        let what = format!(
+            "--firmware is what to emulate, and {} runs its own",
+            typed.place
+        );
+        return Err(Usage(what));
+    }
+    Ok(())
+}
+
+/// How patient the session is, on a line of this speed.
+fn settings(typed: &Link, baud: Option<u32>, num_samples: usize) -> Settings {
+    Settings {
+        // Half a second, and four of the longest frames on a line of this speed.
+        answer: Duration::from_millis(500)
+            + baud.map_or(Duration::ZERO, |baud| {
+                let bits = 10.0 * wire::max_frame_bytes(num_samples) as f64;
+                Duration::from_secs_f64(4.0 * bits / f64::from(baud))
+            }),
+        retries: typed.retries,
+        rate_hz: typed.rate,
+        first_number: number_of_now(),
+        ..Settings::default()
+    }
+}
+
+/// The plan for a module that was built so.
+fn plan(
+    session: &Session,
+    typed: &Link,
+    collection: &Collection,
+    grid: &ImageGrid,
+    identity: &Identity,
+) -> anyhow::Result<OnboardPlan> {
+    let requirements = Requirements {
+        error_db: typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
         room: Room::Built(identity.capacity),
-        arithmetic,
+        arithmetic: match identity.arithmetic {
+            wire::Arithmetic::Float => Arithmetic::Float,
+            wire::Arithmetic::Fixed => Arithmetic::Fixed,
+        },
     };
-    let plan = ModulePlan::new(collection, &grid, &request)?;
+    let plan = OnboardPlan::new(collection, grid, &requirements)?;
     session.note(1, || {
         format!(
             "{} patches, {} sub-CPIs of {} pulses, predicted error {:.1} dB",
@@ -104,96 +131,204 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     if let Some(gaps) = gaps(&plan) {
         session.note(1, || format!("track: {gaps}"));
     }
-    let num_maps = plan.num_sub_cpis as u64 * plan.patches.len() as u64;
+    let num_maps = num_maps(&plan);
     if num_maps > MOST_MAPS {
         bail!(
             "{num_maps} maps are more than the {MOST_MAPS} of a file: give a smaller --grid, or link the \
              recordings one by one"
         );
     }
-    let weights = Weights::new(collection, typed.window, typed.slow_window);
-    let fast_sum: f64 = weights.fast.iter().sum();
-    let fast_weights: Vec<f32> = weights.fast.iter().map(|w| (w / fast_sum) as f32).collect();
-    let job = || -> anyhow::Result<Job<'_>> {
-        Ok(Job {
-            setup: plan.setup,
-            fast_weights: fast_weights.clone(),
-            patches: plan.patches.clone(),
-            pulses: PulseSource::new(&history, &weights.slow, encoding)?,
-        })
-    };
-    let mut work = job()?;
-    if typed.rehearsal.dry_run {
-        let time = link::rehearse(&mut module, &work, &history, &mut watch)?;
-        watch.bar.finish();
-        let what = format!(
-            "{num_maps} maps of {} pulses by the module at {}; lost ones come on top",
-            work.pulses.len(),
-            typed.place
-        );
-        let file_bytes = maps::file_bytes(plan.num_sub_cpis as u64, &plan.patches, arithmetic);
-        let picture_bytes = match &typed.picture {
-            Some(_) => link::RunningImage::held_bytes(&grid, &plan.patches),
-            None => 0,
-        };
-        let held_bytes = history.held_bytes() + picture_bytes;
-        let disk = vec![(typed.out.clone(), file_bytes)];
-        Ahead::new(session, what, held_bytes, time, disk).announce(session, &typed.rehearsal)?;
-        return Ok(());
-    }
-    let run = Run {
-        name: survey.name.clone(),
-        setup: plan.setup,
-        arithmetic,
-        fast_window: typed.window.to_string(),
-        fast_weights: fast_weights.clone(),
-        frame: collection.frame,
-        provenance: provenance(session, typed, &identity, &grid, &plan, &work, &history)?,
-    };
-    // From here on an interruption keeps the maps that came.
-    let _keeping = interrupt::Keeping::begin();
-    let mut writer = MapWriter::create(&typed.out, &run)?;
-    let picture = typed.picture.as_deref().map(|path| {
-        let image = link::RunningImage::new(
-            &run,
-            &grid,
-            plan.patches.len(),
-            error_db,
-            session.memory_bytes,
-        );
-        Picture::start(path, image, &grid, survey.name.clone())
-    });
-    let mut keep = Keep {
-        writer: &mut writer,
-        picture,
-    };
-    let (outcome, compared) = if typed.verify {
-        let core = HostCore::new(job()?)?;
-        let mut verified = Verified::new(&mut keep, core);
-        let outcome = module.transfer(&mut work, &mut verified, &mut watch);
-        (outcome, Some(verified.counts()))
-    } else {
-        (module.transfer(&mut work, &mut keep, &mut watch), None)
-    };
-    watch.bar.finish();
-    let picture = keep.picture.take();
-    let maps = writer.num_maps() as u64;
-    if maps > 0 {
-        writer.finish(&closing(&outcome, &work, compared, maps))?;
-    }
-    // The maps are safe before the last picture is drawn.
-    let drawn = picture.map(Picture::finish);
-    report(session, typed, &outcome, compared, maps, start.elapsed())?;
-    if let Some(drawn) = drawn {
-        let left_out = drawn?;
-        if left_out > 0 {
-            messages::warning(format!(
-                "{left_out} maps came too fast for --picture and are not in it; they are in {}",
-                typed.out.display()
-            ));
+    Ok(plan)
+}
+
+/// Maps that there are to be.
+fn num_maps(plan: &OnboardPlan) -> u64 {
+    plan.num_sub_cpis as u64 * plan.patches.len() as u64
+}
+
+/// What the module is to do.
+struct Work<'w> {
+    session: &'w Session,
+    typed: &'w Link,
+    history: &'w dyn PhaseHistory,
+    grid: &'w ImageGrid,
+    plan: &'w OnboardPlan,
+    /// One a frequency; they sum to 1.
+    fast_weights: Vec<f32>,
+    slow_weights: Vec<f64>,
+}
+
+impl<'w> Work<'w> {
+    fn new(
+        session: &'w Session,
+        typed: &'w Link,
+        history: &'w dyn PhaseHistory,
+        grid: &'w ImageGrid,
+        plan: &'w OnboardPlan,
+    ) -> Self {
+        let weights = Weights::new(history.collection(), typed.window, typed.slow_window);
+        let fast_sum: f64 = weights.fast.iter().sum();
+        Self {
+            session,
+            typed,
+            history,
+            grid,
+            plan,
+            fast_weights: weights.fast.iter().map(|w| (w / fast_sum) as f32).collect(),
+            slow_weights: weights.slow,
         }
     }
-    Ok(())
+
+    fn job(&self) -> anyhow::Result<Job<'w>> {
+        let encoding = match self.plan.arithmetic {
+            Arithmetic::Float => Encoding::Complex32,
+            Arithmetic::Fixed => Encoding::Sc16,
+        };
+        Ok(Job {
+            setup: self.plan.setup,
+            fast_weights: self.fast_weights.clone(),
+            patches: self.plan.patches.clone(),
+            pulses: PulseSource::new(self.history, &self.slow_weights, encoding)?,
+        })
+    }
+
+    /// Says what the transfer will take.
+    fn rehearse(
+        &self,
+        module: &mut link::Session<'_>,
+        job: &Job<'_>,
+        watch: &mut Watching,
+    ) -> anyhow::Result<()> {
+        let Self { typed, plan, .. } = *self;
+        let time = link::rehearse(module, job, self.history, watch)?;
+        watch.bar.finish();
+        let what = format!(
+            "{} maps of {} pulses by the module at {}; lost ones come on top",
+            num_maps(plan),
+            job.pulses.len(),
+            typed.place
+        );
+        let file_bytes = maps::file_bytes(plan.num_sub_cpis as u64, &plan.patches, plan.arithmetic);
+        let picture_bytes = match &typed.picture {
+            Some(_) => link::RunningImage::held_bytes(self.grid, &plan.patches),
+            None => 0,
+        };
+        let held_bytes = self.history.held_bytes() + picture_bytes;
+        let disk = vec![(typed.out.clone(), file_bytes)];
+        Ahead::new(self.session, what, held_bytes, time, disk)
+            .announce(self.session, &typed.rehearsal)?;
+        Ok(())
+    }
+
+    /// What the file says of its maps before there are any.
+    fn run(&self, name: &str, identity: &Identity, job: &Job<'_>) -> anyhow::Result<Run> {
+        Ok(Run {
+            name: name.to_owned(),
+            setup: self.plan.setup,
+            arithmetic: self.plan.arithmetic,
+            fast_window: self.typed.window.to_string(),
+            fast_weights: self.fast_weights.clone(),
+            frame: self.history.collection().frame,
+            provenance: self.provenance(identity, job)?,
+        })
+    }
+
+    /// Has the module do it, and keeps the maps that come.
+    fn transfer(
+        &self,
+        module: &mut link::Session<'_>,
+        run: &Run,
+        job: &mut Job<'_>,
+        watch: &mut Watching,
+        start: Instant,
+    ) -> anyhow::Result<()> {
+        let Self { session, typed, .. } = *self;
+        // From here on an interruption keeps the maps that came.
+        let _keeping = interrupt::Keeping::begin();
+        let mut writer = MapWriter::create(&typed.out, run)?;
+        let mut keep = Keep {
+            writer: &mut writer,
+            picture: self.picture(run),
+        };
+        let (outcome, compared) = if typed.verify {
+            let core = HostCore::new(self.job()?)?;
+            let mut verified = Verified::new(&mut keep, core);
+            let outcome = module.transfer(job, &mut verified, watch);
+            (outcome, Some(verified.counts()))
+        } else {
+            (module.transfer(job, &mut keep, watch), None)
+        };
+        watch.bar.finish();
+        let picture = keep.picture.take();
+        let maps = writer.num_maps() as u64;
+        if maps > 0 {
+            writer.finish(&closing(&outcome, job, compared, maps))?;
+        }
+        // The maps are safe before the last picture is drawn.
+        let drawn = picture.map(Picture::finish);
+        report(session, typed, &outcome, compared, maps, start.elapsed())?;
+        if let Some(drawn) = drawn {
+            let left_out = drawn?;
+            if left_out > 0 {
+                messages::warning(format!(
+                    "{left_out} maps came too fast for --picture and are not in it; they are in {}",
+                    typed.out.display()
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// The picture that grows with the maps, if it is wanted.
+    fn picture(&self, run: &Run) -> Option<Picture> {
+        let path = self.typed.picture.as_deref()?;
+        let image = link::RunningImage::new(
+            run,
+            self.grid,
+            self.plan.patches.len(),
+            self.typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
+            self.session.memory_bytes,
+        );
+        Some(Picture::start(path, image, self.grid, run.name.clone()))
+    }
+
+    /// Where the maps come from.
+    fn provenance(&self, identity: &Identity, job: &Job<'_>) -> anyhow::Result<Map<String, Value>> {
+        let Self {
+            session,
+            typed,
+            history,
+            grid,
+            plan,
+            ..
+        } = *self;
+        let capacity = identity.capacity;
+        let record = json!({
+            "run": record_of_run(session, Duration::ZERO),
+            "module": {
+                "place": typed.place.to_string(),
+                "version": identity.version,
+                "capacity": {
+                    "pulses": capacity.pulses,
+                    "frequencies": capacity.frequencies,
+                    "range_bins": capacity.range_bins,
+                    "doppler_bins": capacity.doppler_bins,
+                    "patches": capacity.patches,
+                },
+            },
+            "inputs": history.inputs()?,
+            "grid": grid_record(grid),
+            "error_db": typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
+            "predicted_error_db": plan.predicted_db,
+            "slow_window": typed.slow_window.to_string(),
+            "rate_hz": typed.rate,
+            "amplitude_scale": job.pulses.amplitude_scale(),
+        });
+        match record {
+            Value::Object(object) => Ok(object),
+            _ => Ok(Map::new()),
+        }
+    }
 }
 
 /// What is said at the end, and whether it is a failure: it is unless every map came.
@@ -269,44 +404,6 @@ fn report(
 fn number_of_now() -> u32 {
     let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
     now.map_or(1, |now| now.as_millis() as u32)
-}
-
-/// Where the maps come from.
-fn provenance(
-    session: &Session,
-    typed: &Link,
-    identity: &Identity,
-    grid: &ImageGrid,
-    plan: &ModulePlan,
-    job: &Job<'_>,
-    history: &dyn PhaseHistory,
-) -> anyhow::Result<Map<String, Value>> {
-    let capacity = identity.capacity;
-    let record = json!({
-        "run": record_of_run(session, Duration::ZERO),
-        "module": {
-            "place": typed.place.to_string(),
-            "version": identity.version,
-            "capacity": {
-                "pulses": capacity.pulses,
-                "frequencies": capacity.frequencies,
-                "range_bins": capacity.range_bins,
-                "doppler_bins": capacity.doppler_bins,
-                "patches": capacity.patches,
-            },
-        },
-        "inputs": history.inputs()?,
-        "grid": grid_record(grid),
-        "error_db": typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
-        "predicted_error_db": plan.predicted_db,
-        "slow_window": typed.slow_window.to_string(),
-        "rate_hz": typed.rate,
-        "amplitude_scale": job.pulses.amplitude_scale(),
-    });
-    match record {
-        Value::Object(object) => Ok(object),
-        _ => Ok(Map::new()),
-    }
 }
 
 /// What is known at the end.

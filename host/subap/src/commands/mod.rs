@@ -5,6 +5,7 @@ mod completions;
 mod crosscheck;
 mod demo;
 mod focus;
+mod forming;
 mod info;
 mod link;
 mod picture;

@@ -6,15 +6,16 @@ mod written;
 use std::time::Instant;
 
 use anyhow::Context;
-use serde_json::json;
+use serde_json::{Value, json};
 use subaperture::autofocus::{
     Expected, Measure, Model, Order, Problem, Scan, Search, Sight, TuneError, Tuned, Verdict,
     determine, rehearse,
 };
 use subaperture::focus::FormError;
 use subaperture::focus::forecast::Forecast;
+use subaperture::io::claim::Claims;
 use subaperture::io::recording::{RecordingFile, Take};
-use subaperture::phase_history::Recorded;
+use subaperture::phase_history::InMemory;
 
 use crate::ahead::Ahead;
 use crate::args::{Tune, Vary};
@@ -29,23 +30,7 @@ const MOST_KEYS: usize = 3;
 pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
     let start = Instant::now();
     let keys = &typed.vary;
-    if keys.len() > MOST_KEYS {
-        return Err(Usage(format!("--vary: at most {MOST_KEYS} keys")).into());
-    }
-    let twice = |i: usize| keys[..i].iter().any(|other| other.key == keys[i].key);
-    if let Some(i) = (0..keys.len()).find(|&i| twice(i)) {
-        return Err(Usage(format!("--vary {}: given twice", keys[i].key)).into());
-    }
-    if let Some(grid) = &typed.grid {
-        session.check_grid(grid, 1)?;
-    }
-    written::check(typed)?;
-    let mut claims = session.claims(&typed.writing, &[&typed.recording]);
-    if let Some(folder) = &typed.out {
-        let own = ["tune.json", "map.png", "image.png"].map(str::to_owned);
-        let keys = keys.iter().map(|vary| format!("{}.png", vary.key));
-        claims.folder(folder, keys.chain(own))?;
-    }
+    let _claims = check_and_claim(session, typed)?;
     let mut recording = RecordingFile::read(&typed.recording)
         .with_context(|| format!("cannot read {}", typed.recording.display()))?;
     for (key, value) in &typed.set {
@@ -56,31 +41,14 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         keys,
         memory_bytes: session.memory_bytes,
     };
-    // What is wrong with a key is said before long work, with both of its ends.
-    for end in [0, usize::MAX] {
-        let values = keys
-            .iter()
-            .map(|vary| vary.axis.at(end.min(vary.axis.count - 1)));
-        varied.check(&values.collect::<Vec<f64>>())?;
-    }
-    let sight = match typed.grid {
-        Some(grid) => Sight::Grid(grid, typed.measure),
-        None => Sight::Points(typed.at.clone()),
-    };
-    let wanted = Search {
-        order: if typed.in_turn {
-            Order::InTurn
-        } else {
-            Order::Product
-        },
-        refinements: typed.refine.into(),
-    };
+    varied.check_ends()?;
+    let sight = sight(typed);
     let intervals: Vec<_> = keys.iter().map(|vary| vary.axis).collect();
     let progress = session.progress("tuning");
     let problem = Problem {
         model: &varied,
         intervals: &intervals,
-        search: wanted,
+        search: search(typed),
         sight: &sight,
         windows: [typed.window, typed.slow_window],
         memory_bytes: session.memory_bytes,
@@ -100,7 +68,98 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         TuneError::Nothing => anyhow::Error::new(error),
     })?;
     interrupt::check()?;
-    let record = json!({
+    let record = record(session, typed, &found, &recording, start)?;
+    if let Some(folder) = &typed.out {
+        let tuned = varied.history(&found.best)?;
+        pictures::write(
+            session,
+            typed,
+            folder,
+            &record,
+            &found,
+            [&recording.history(session.memory_bytes), &Ok(tuned)],
+        )?;
+    }
+    if !session.json() {
+        report(typed, &found, start)?;
+    }
+    let values: Vec<(&str, String)> = keys
+        .iter()
+        .zip(&found.best)
+        .map(|(vary, &best)| (vary.key.as_str(), vary.text(rounded(vary, best))))
+        .collect();
+    check_determined(typed, &found)?;
+    let file = written::write(typed, &recording, &values)?;
+    if session.json() {
+        return text::say_json("tune", record);
+    }
+    text::say(match file {
+        Some(file) => format!("written to {}", file.display()),
+        None => format!(
+            "to use it: add --write, or {}",
+            values
+                .iter()
+                .map(|(key, value)| format!("--set {key}=\"{value}\""))
+                .collect::<Vec<_>>()
+                .join(" ")
+        ),
+    })?;
+    Ok(())
+}
+
+/// Refuses what can be refused before anything is read, and claims what is to be written. Held until the command's end.
+fn check_and_claim(session: &Session, typed: &Tune) -> anyhow::Result<Claims> {
+    let keys = &typed.vary;
+    if keys.len() > MOST_KEYS {
+        return Err(Usage(format!("--vary: at most {MOST_KEYS} keys")).into());
+    }
+    let twice = |i: usize| keys[..i].iter().any(|other| other.key == keys[i].key);
+    if let Some(i) = (0..keys.len()).find(|&i| twice(i)) {
+        return Err(Usage(format!("--vary {}: given twice", keys[i].key)).into());
+    }
+    if let Some(grid) = &typed.grid {
+        session.check_grid(grid, 1)?;
+    }
+    written::check(typed)?;
+    let mut claims = session.claims(&typed.writing, &[&typed.recording]);
+    if let Some(folder) = &typed.out {
+        let own = ["tune.json", "map.png", "image.png"].map(str::to_owned);
+        let keys = keys.iter().map(|vary| format!("{}.png", vary.key));
+        claims.folder(folder, keys.chain(own))?;
+    }
+    Ok(claims)
+}
+
+/// Where the image is looked at.
+fn sight(typed: &Tune) -> Sight {
+    match typed.grid {
+        Some(grid) => Sight::Grid(grid, typed.measure),
+        None => Sight::Points(typed.at.clone()),
+    }
+}
+
+/// How values are searched.
+fn search(typed: &Tune) -> Search {
+    Search {
+        order: if typed.in_turn {
+            Order::InTurn
+        } else {
+            Order::Product
+        },
+        refinements: typed.refine.into(),
+    }
+}
+
+/// What was found, as JSON.
+fn record(
+    session: &Session,
+    typed: &Tune,
+    found: &Tuned,
+    recording: &RecordingFile,
+    start: Instant,
+) -> anyhow::Result<Value> {
+    let keys = &typed.vary;
+    Ok(json!({
         "schema": "subaperture-tune",
         "schema_version": 1,
         "run": record_of_run(session, start.elapsed()),
@@ -120,27 +179,13 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
         })).collect::<Vec<_>>(),
         "without_parts": found.without_parts,
         "inputs": recording.inputs()?,
-    });
-    if let Some(folder) = &typed.out {
-        let tuned = varied.history(&found.best)?;
-        pictures::write(
-            session,
-            typed,
-            folder,
-            &record,
-            &found,
-            [&recording.history(session.memory_bytes), &Ok(tuned)],
-        )?;
-    }
-    let values: Vec<(&str, String)> = keys
-        .iter()
-        .zip(&found.best)
-        .map(|(vary, &best)| (vary.key.as_str(), vary.text(rounded(vary, best))))
-        .collect();
-    if !session.json() {
-        report(typed, &found, start)?;
-    }
-    let open: Vec<&str> = keys
+    }))
+}
+
+/// Fails if values are to be written that the search did not determine.
+fn check_determined(typed: &Tune, found: &Tuned) -> anyhow::Result<()> {
+    let open: Vec<&str> = typed
+        .vary
         .iter()
         .zip(&found.scans)
         .filter(|(_, scan)| !matches!(scan.verdict, Verdict::Determined | Verdict::Unknown))
@@ -153,21 +198,6 @@ pub(crate) fn run(session: &Session, typed: &Tune) -> anyhow::Result<()> {
             open.join(", ")
         );
     }
-    let file = written::write(typed, &recording, &values)?;
-    if session.json() {
-        return text::say_json("tune", record);
-    }
-    text::say(match file {
-        Some(file) => format!("written to {}", file.display()),
-        None => format!(
-            "to use it: add --write, or {}",
-            values
-                .iter()
-                .map(|(key, value)| format!("--set {key}=\"{value}\""))
-                .collect::<Vec<_>>()
-                .join(" ")
-        ),
-    })?;
     Ok(())
 }
 
@@ -222,8 +252,21 @@ impl Varied<'_> {
         varied.map_err(|error| FormError::Read(error.into()))
     }
 
-    fn history(&self, values: &[f64]) -> Result<Recorded, FormError> {
+    fn history(&self, values: &[f64]) -> Result<InMemory, FormError> {
         Ok(self.set(values)?.history(self.memory_bytes)?)
+    }
+
+    /// Checks the keys with both of their ends.
+    fn check_ends(&self) -> Result<(), FormError> {
+        // What is wrong with a key is said before long work, with both of its ends.
+        for end in [0, usize::MAX] {
+            let values = self
+                .keys
+                .iter()
+                .map(|vary| vary.axis.at(end.min(vary.axis.count - 1)));
+            self.check(&values.collect::<Vec<f64>>())?;
+        }
+        Ok(())
     }
 
     fn check(&self, values: &[f64]) -> Result<(), FormError> {

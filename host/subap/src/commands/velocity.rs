@@ -2,21 +2,19 @@
 
 use std::time::Instant;
 
-use anyhow::Context;
 use glam::DVec3;
-use serde_json::json;
+use serde_json::{Value, json};
 use subaperture::focus::moving::{VelocityPlane, velocity_resolution_m_s};
-use subaperture::focus::{ImageFormer, Task};
+use subaperture::focus::{Formed, ImageFormer};
 use subaperture::geometry::{Axis, ImageGrid};
-use subaperture::image::power;
-use subaperture::io::product::{self, Product};
-use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::image::{Image, power};
+use subaperture::phase_history::PhaseHistory;
 use subaperture::planner::forecast::Settings;
-use subaperture::plot::{self, Panel, ShownAxis};
+use subaperture::plot::{Panel, ShownAxis};
 use subaperture::resolution::survey::Survey;
 
-use crate::ahead::Ahead;
 use crate::args::Velocity;
+use crate::commands::forming::{self, Forming};
 use crate::config::{DEFAULT_ERROR_DB, Session, command_line, record_of_run};
 use crate::{interrupt, messages, text};
 
@@ -25,98 +23,53 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     let start = Instant::now();
     let grid = ImageGrid::horizontal(typed.vx, typed.vy, typed.vz);
     session.check_grid(&grid, 1)?;
-    let mut claims = session.claims(&typed.writing, &typed.input.paths);
-    claims.folder(&typed.out, product::NAMES)?;
-    Product::prepare(&typed.out, grid.num_pixels())?;
+    let _claims = forming::claim(
+        session,
+        &typed.writing,
+        &typed.input.paths,
+        &typed.out,
+        grid.num_pixels(),
+    )?;
 
     let history = session.open(&typed.input)?;
     let collection = history.collection();
-    let survey = Survey::of(collection).context("the input holds no pulses")?;
+    let survey = forming::survey(&history)?;
     let former = VelocityPlane {
         position_m: typed.at,
         epoch_s: collection.pulses[0].time_s,
         error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
     };
-    let weights = Weights::new(collection, typed.window, typed.slow_window);
+    let windows = [typed.window, typed.slow_window];
+    let forming = Forming::new(session, &history, &grid, windows);
     let progress = session.progress("focusing");
-    let task = Task {
-        history: &history,
-        grid: &grid,
-        weights: &weights,
-        memory_bytes: session.memory_bytes,
-        monitor: &progress,
-    };
+    let task = forming.task(&progress);
     let settings = Settings::within(former.error_db);
-    let ahead = Ahead::of_image(
-        session,
-        &typed.rehearsal,
-        &former,
-        &task,
-        &settings,
-        &typed.out,
-    )?;
-    if ahead.announce(session, &typed.rehearsal)? {
+    let rehearsal = &typed.rehearsal;
+    if forming::announce(session, rehearsal, &former, &task, &settings, &typed.out)? {
         return Ok(());
     }
     let formed = former.form(&task)?;
     progress.finish();
 
-    let peak = formed.image.peak().filter(|peak| power(peak.value) > 0.0);
-    let brightest = peak.map(|peak| {
-        let velocity = grid.position_m(peak.row, peak.column);
-        (velocity, 10.0 * power(peak.value).log10())
-    });
-    let resolution = |direction| {
-        let value = velocity_resolution_m_s(collection, typed.at, former.epoch_s, direction);
-        value.is_finite().then_some(value)
+    let brightest = brightest(&formed.image, &grid);
+    let plane = Plane {
+        typed,
+        history: &history,
+        survey: &survey,
+        former: &former,
+        grid: &grid,
+        formed: &formed,
+        brightest,
     };
-    let axis = |name: &str, axis: &Axis| json!({ "axis": name, "start": axis.start, "step": axis.step, "count": axis.count });
-    let metadata = json!({
-        "schema": "subaperture-velocity-plane",
-        "schema_version": 1,
-        "run": record_of_run(session, start.elapsed()),
-        "command_line": command_line(),
-        "image": {
-            "file": "image.npy",
-            "type": "complex64, C order, [rows, columns]",
-            "scale": "a unit scatterer at this place and a pixel's velocity reads 1",
-        },
-        "velocities": {
-            "columns": axis("v_x in m/s", &grid.columns),
-            "rows": axis("v_y in m/s", &grid.rows),
-            "v_z_m_s": typed.vz,
-        },
-        "position_m": typed.at.to_array(),
-        "epoch_s": former.epoch_s,
-        "resolution_m_s": { "v_x": resolution(DVec3::X), "v_y": resolution(DVec3::Y) },
-        "settings": {
-            "window": typed.window.to_string(),
-            "slow_window": typed.slow_window.to_string(),
-            "resolved": formed.settings,
-        },
-        "collection": serde_json::to_value(&survey)?,
-        "inputs": history.inputs()?,
-        "brightest": brightest.map(|(velocity, level_db)| {
-            json!({ "velocity_m_s": velocity.to_array(), "level_db": level_db })
-        }),
-        "warnings": messages::warnings(),
-    });
+    let metadata = plane.record(session, start)?;
     interrupt::check()?;
     let DVec3 { x, y, z } = typed.at;
     let title = format!("{}, from x {x} m, y {y} m, z {z} m", survey.name);
-    let quicklook = plot::quicklook_within(
-        &Panel {
-            axes: ["v_x (m/s)", "v_y (m/s)"].map(ShownAxis::plain),
-            ..Panel::new(&formed.image, &grid, title)
-        },
-        session.memory.picture_bytes,
-    )?;
-    Product {
-        image: &formed.image,
-        metadata: &metadata,
-        quicklook: &quicklook,
-    }
-    .write(&typed.out)?;
+    let panel = Panel {
+        axes: ["v_x (m/s)", "v_y (m/s)"].map(ShownAxis::plain),
+        ..Panel::new(&formed.image, &grid, title)
+    };
+    forming::write(session, &typed.out, &formed.image, &panel, &metadata)?;
     if session.json() {
         return text::say_json("velocity-plane", metadata);
     }
@@ -141,4 +94,68 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
         None => "no brightest velocity: the plane is zero".to_owned(),
     })?;
     Ok(())
+}
+
+/// The velocity of the brightest pixel and its level, dB; `None` of a plane of zeros.
+fn brightest(image: &Image, grid: &ImageGrid) -> Option<(DVec3, f64)> {
+    let peak = image.peak().filter(|peak| power(peak.value) > 0.0)?;
+    let velocity = grid.position_m(peak.row, peak.column);
+    Some((velocity, 10.0 * power(peak.value).log10()))
+}
+
+/// A velocity plane and what it was formed of.
+struct Plane<'p> {
+    typed: &'p Velocity,
+    history: &'p dyn PhaseHistory,
+    survey: &'p Survey,
+    former: &'p VelocityPlane,
+    grid: &'p ImageGrid,
+    formed: &'p Formed,
+    brightest: Option<(DVec3, f64)>,
+}
+
+impl Plane<'_> {
+    /// As the JSON beside the image.
+    fn record(&self, session: &Session, start: Instant) -> anyhow::Result<Value> {
+        let resolution = |direction| {
+            let value = velocity_resolution_m_s(
+                self.history.collection(),
+                self.typed.at,
+                self.former.epoch_s,
+                direction,
+            );
+            value.is_finite().then_some(value)
+        };
+        let axis = |name: &str, axis: &Axis| json!({ "axis": name, "start": axis.start, "step": axis.step, "count": axis.count });
+        Ok(json!({
+            "schema": "subaperture-velocity-plane",
+            "schema_version": 1,
+            "run": record_of_run(session, start.elapsed()),
+            "command_line": command_line(),
+            "image": {
+                "file": "image.npy",
+                "type": "complex64, C order, [rows, columns]",
+                "scale": "a unit scatterer at this place and a pixel's velocity reads 1",
+            },
+            "velocities": {
+                "columns": axis("v_x in m/s", &self.grid.columns),
+                "rows": axis("v_y in m/s", &self.grid.rows),
+                "v_z_m_s": self.typed.vz,
+            },
+            "position_m": self.typed.at.to_array(),
+            "epoch_s": self.former.epoch_s,
+            "resolution_m_s": { "v_x": resolution(DVec3::X), "v_y": resolution(DVec3::Y) },
+            "settings": {
+                "window": self.typed.window.to_string(),
+                "slow_window": self.typed.slow_window.to_string(),
+                "resolved": self.formed.settings,
+            },
+            "collection": serde_json::to_value(self.survey)?,
+            "inputs": self.history.inputs()?,
+            "brightest": self.brightest.map(|(velocity, level_db)| {
+                json!({ "velocity_m_s": velocity.to_array(), "level_db": level_db })
+            }),
+            "warnings": messages::warnings(),
+        }))
+    }
 }

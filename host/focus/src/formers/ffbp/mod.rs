@@ -38,7 +38,7 @@
 //!
 //! Memory: a stretch of pulses, and at most four times as much again a thread; the image.
 //!
-//! Accuracy: the bound asked for, against [`crate::exact`], in `tests/more_formers.rs`.
+//! Accuracy: the bound asked for, against [`crate::exact`], in `tests/formers/pfa_ffbp.rs`.
 
 mod patch_history;
 mod track;

@@ -28,7 +28,7 @@
 //! Cost beyond what is shared: 6 complex multiply-adds and a phasor for each of `K Q` samples, `Q`
 //! transforms of `2 R`.
 //!
-//! Accuracy, against [`crate::exact`] without windows (`tests/strip_formers.rs`):
+//! Accuracy, against [`crate::exact`] without windows (`tests/formers/frequency_domain.rs`):
 //!
 //! | scene | error, dB |
 //! |---|---|

@@ -40,7 +40,7 @@
 //! it does not grow with pulses times pixels. Memory: three rasters of about `(2 D W_K)^2` values, `D` the grid's
 //! extent and `W_K` the spectrum's, in each direction.
 //!
-//! Accuracy: `tests/more_formers.rs`, near the centre against the bound and far from it against the
+//! Accuracy: `tests/formers/pfa_ffbp.rs`, near the centre against the bound and far from it against the
 //! formula above.
 
 mod plane;

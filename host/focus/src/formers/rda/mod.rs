@@ -33,7 +33,7 @@
 //! Cost beyond what is shared: `Q` transforms of `2 K`, 6 multiply-adds and a phasor for each of `Q R`
 //! range bins.
 //!
-//! Accuracy, against [`crate::exact`] without windows (`tests/strip_formers.rs`), dB:
+//! Accuracy, against [`crate::exact`] without windows (`tests/formers/frequency_domain.rs`), dB:
 //!
 //! | scene | with secondary compression (predicted) | without (predicted) |
 //! |---|---|---|

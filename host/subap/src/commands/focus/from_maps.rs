@@ -6,7 +6,6 @@ use std::time::Instant;
 use serde_json::json;
 use subaperture::io::npy;
 use subaperture::io::product::record::Brightest;
-use subaperture::io::product::{self, Product};
 use subaperture::onboard::image::{
     MapsTask, Report, default_grid, forecast as forecast_of_maps, form, memory_bytes,
 };
@@ -18,6 +17,7 @@ use super::record::Record;
 use super::{deliver, with_advice};
 use crate::ahead::Ahead;
 use crate::args::Focus;
+use crate::commands::forming;
 use crate::config::{DEFAULT_ERROR_DB, Session};
 use crate::messages;
 
@@ -27,9 +27,8 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     if let Some(grid) = &typed.grid {
         session.check_grid(grid, 1)?;
     }
-    let mut claims = session.claims(&typed.writing, &[path]);
-    claims.folder(&typed.out, product::NAMES)?;
-    Product::prepare(&typed.out, typed.grid.map_or(0, |grid| grid.num_pixels()))?;
+    let num_pixels = typed.grid.map_or(0, |grid| grid.num_pixels());
+    let _claims = forming::claim(session, &typed.writing, &[path], &typed.out, num_pixels)?;
 
     let maps = MapFile::open(path)?;
     if !maps.is_complete() {
@@ -42,15 +41,9 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     let planned = maps.run().provenance.get("error_db");
     let planned = planned.and_then(serde_json::Value::as_f64);
     let error_db = typed.error_db.or(planned).unwrap_or(DEFAULT_ERROR_DB);
-    let grid = match typed.grid {
-        Some(grid) => grid,
-        None => {
-            let grid = default_grid(&maps, error_db)?;
-            session.check_grid(&grid, 1)?;
-            Product::prepare(&typed.out, grid.num_pixels())?;
-            grid
-        }
-    };
+    let grid = forming::grid_or(session, typed.grid, &typed.out, || {
+        Ok(default_grid(&maps, error_db)?)
+    })?;
     let progress = session.progress("focusing");
     let task = MapsTask {
         maps: &maps,
@@ -61,14 +54,9 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         monitor: &progress,
     };
     if typed.rehearsal.dry_run {
-        let (columns, rows) = (grid.columns.count, grid.rows.count);
-        let num_maps = maps.headers().len();
-        let what = format!("{num_maps} maps onto {columns} x {rows} pixels");
-        let held_bytes = memory_bytes(&task) as u64;
-        let disk = vec![(typed.out.clone(), npy::file_bytes(grid.num_pixels()))];
-        let time = forecast_of_maps(&task)?;
+        let ahead = ahead(session, typed, &maps, &task)?;
         progress.finish();
-        Ahead::new(session, what, held_bytes, time, disk).announce(session, &typed.rehearsal)?;
+        ahead.announce(session, &typed.rehearsal)?;
         return Ok(());
     }
     let (formed, report) = form(&task).map_err(with_advice)?;
@@ -107,6 +95,23 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     };
     let title = format!("{}, from maps", run.name);
     deliver(session, typed, &formed.image, &record, title)
+}
+
+/// What the image will take.
+fn ahead(
+    session: &Session,
+    typed: &Focus,
+    maps: &MapFile,
+    task: &MapsTask,
+) -> anyhow::Result<Ahead> {
+    let grid = task.grid;
+    let (columns, rows) = (grid.columns.count, grid.rows.count);
+    let num_maps = maps.headers().len();
+    let what = format!("{num_maps} maps onto {columns} x {rows} pixels");
+    let held_bytes = memory_bytes(task) as u64;
+    let disk = vec![(typed.out.clone(), npy::file_bytes(grid.num_pixels()))];
+    let time = forecast_of_maps(task)?;
+    Ok(Ahead::new(session, what, held_bytes, time, disk))
 }
 
 /// What the user should know of an image that is not all it could be.

@@ -60,11 +60,7 @@ impl Record<'_> {
 }
 
 /// What was given (`null` where it was left to the program) and what it came to.
-pub(super) fn settings(
-    typed: &Focus,
-    former: &'static str,
-    resolved: &Map<String, Value>,
-) -> Value {
+pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value>) -> Value {
     json!({
         "algorithm": former,
         "window": typed.window.to_string(),

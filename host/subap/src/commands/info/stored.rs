@@ -77,33 +77,7 @@ fn product(path: &Path) -> anyhow::Result<Description> {
         serde_json::from_slice(&record).with_context(|| format!("{}: not JSON", file.display()))?;
     let mut text = line("image", &folder.display().to_string());
     let string = |value: &Value| value.as_str().map(str::to_owned);
-    let axes = match record["grid"].is_object() {
-        true => &record["grid"],
-        false => &record["velocities"],
-    };
-    let axis = |name: &str| {
-        let axis = &axes[name];
-        let number = |key: &str| axis[key].as_f64();
-        let (start, step, count) = (number("start")?, number("step")?, number("count")?);
-        let end = start + step * (count - 1.0);
-        let shown = |value| text::significant(value, 6);
-        Some(format!(
-            "{} from {} to {} by {}",
-            axis["axis"].as_str().unwrap_or(name),
-            shown(start),
-            shown(end),
-            shown(step)
-        ))
-    };
-    if let Some(grid) = string(&record["grid"]) {
-        text += &line("grid", &grid);
-    }
-    for name in ["columns", "rows"] {
-        if let Some(axis) = axis(name) {
-            let count = axes[name]["count"].as_u64().unwrap_or(0);
-            text += &line(name, &format!("{count}: {axis}"));
-        }
-    }
+    text += &axes_lines(&record);
     if let Some(collection) = string(&record["collection"]["name"]) {
         text += &line("collection", &collection);
     }
@@ -146,6 +120,39 @@ fn product(path: &Path) -> anyhow::Result<Description> {
         text,
         json: json!({ "path": path.display().to_string(), "kind": "image", "record": record }),
     })
+}
+
+/// The grid, in words or axis by axis.
+fn axes_lines(record: &Value) -> String {
+    let mut text = String::new();
+    let axes = match record["grid"].is_object() {
+        true => &record["grid"],
+        false => &record["velocities"],
+    };
+    let axis = |name: &str| {
+        let axis = &axes[name];
+        let number = |key: &str| axis[key].as_f64();
+        let (start, step, count) = (number("start")?, number("step")?, number("count")?);
+        let end = start + step * (count - 1.0);
+        let shown = |value| text::significant(value, 6);
+        Some(format!(
+            "{} from {} to {} by {}",
+            axis["axis"].as_str().unwrap_or(name),
+            shown(start),
+            shown(end),
+            shown(step)
+        ))
+    };
+    if let Some(grid) = record["grid"].as_str() {
+        text += &line("grid", grid);
+    }
+    for name in ["columns", "rows"] {
+        if let Some(axis) = axis(name) {
+            let count = axes[name]["count"].as_u64().unwrap_or(0);
+            text += &line(name, &format!("{count}: {axis}"));
+        }
+    }
+    text
 }
 
 /// What was asked, predicted and measured.

@@ -3,13 +3,13 @@
 use anyhow::Context;
 use serde_json::json;
 use subaperture::onboard::maps::Arithmetic;
-use subaperture::onboard::plan::{LinkBudget, ModulePlan, Request, Room};
+use subaperture::onboard::plan::{LinkBudget, OnboardPlan, Requirements, Room};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
 
 use crate::args::PlanModule;
 use crate::config::{DEFAULT_MAPS_ERROR_DB, Session};
-use crate::text::{self, bytes, metres};
+use crate::text::{self, Fact, bytes, metres};
 
 /// Prints the plan.
 pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
@@ -19,7 +19,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         Some(grid) => grid,
         None => session.default_grid(&survey)?,
     };
-    let request = Request {
+    let requirements = Requirements {
         error_db: typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
         room: Room::Ram { bytes: typed.ram },
         arithmetic: if typed.fixed {
@@ -29,12 +29,12 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
         },
     };
     let planning = session.progress("planning");
-    let plan = ModulePlan::new(history.collection(), &grid, &request)?;
+    let plan = OnboardPlan::new(history.collection(), &grid, &requirements)?;
     let pulse_rate_hz = typed.pulse_rate.or(survey.pri_s.map(|pri_s| 1.0 / pri_s));
     let spacing_m = [grid.columns.step, grid.rows.step];
     let sheet = Sheet {
         typed,
-        error_db: request.error_db,
+        error_db: requirements.error_db,
         plan: &plan,
         link: plan.link(typed.link),
         period_s: pulse_rate_hz.map(|rate_hz| f64::from(plan.setup.num_pulses) / rate_hz),
@@ -54,7 +54,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
 }
 
 /// What gaps in the track mean for a plan, if there are any.
-pub(crate) fn gaps(plan: &ModulePlan) -> Option<String> {
+pub(crate) fn gaps(plan: &OnboardPlan) -> Option<String> {
     let first = plan.gaps.first()?;
     Some(format!(
         "{} before pulse {first}: a module's sub-CPIs go on across a gap, which keeps them short; recordings \
@@ -70,7 +70,7 @@ pub(crate) fn gaps(plan: &ModulePlan) -> Option<String> {
 struct Sheet<'a> {
     typed: &'a PlanModule,
     error_db: f64,
-    plan: &'a ModulePlan,
+    plan: &'a OnboardPlan,
     link: LinkBudget,
     /// From sub-CPI to sub-CPI, seconds.
     period_s: Option<f64>,
@@ -102,7 +102,17 @@ impl Sheet<'_> {
     }
 
     fn to_text(&self) -> String {
-        let (plan, link) = (self.plan, &self.link);
+        let mut facts = self.plan_facts();
+        facts.extend(self.link_facts());
+        let mut lines = text::facts(&facts);
+        lines.push(String::new());
+        lines.push(self.memory_table());
+        lines.join("\n")
+    }
+
+    /// Sub-CPIs, patches, maps and their error.
+    fn plan_facts(&self) -> Vec<Fact> {
+        let plan = self.plan;
         let setup = &plan.setup;
         let rows = plan
             .patches
@@ -151,6 +161,13 @@ impl Sheet<'_> {
         if let Some(gaps) = gaps(plan) {
             facts.push(("track", gaps));
         }
+        facts
+    }
+
+    /// What goes over the link, and whether it keeps up.
+    fn link_facts(&self) -> Vec<Fact> {
+        let link = &self.link;
+        let mut facts = Vec::new();
         facts.push((
             "sub-CPI up",
             format!(
@@ -184,10 +201,12 @@ impl Sheet<'_> {
                 None => "unknown: the recording tells no times; give --pulse-rate".to_owned(),
             },
         ));
-        let mut lines: Vec<String> = facts
-            .into_iter()
-            .map(|(label, value)| format!("{label:<16} {value}"))
-            .collect();
+        facts
+    }
+
+    /// Memory of every buffer.
+    fn memory_table(&self) -> String {
+        let plan = self.plan;
         let mut memory: Vec<Vec<String>> = plan
             .ram
             .buffers
@@ -203,8 +222,6 @@ impl Sheet<'_> {
             "beside: detections, chip".to_owned(),
             plan.ram.options_bytes.to_string(),
         ]);
-        lines.push(String::new());
-        lines.push(text::table(&["memory", "bytes"], &memory));
-        lines.join("\n")
+        text::table(&["memory", "bytes"], &memory)
     }
 }

@@ -12,7 +12,7 @@ use subaperture::io::atomic::write_atomically;
 use subaperture::phase_history::{Collection, PhaseHistory};
 use subaperture::planner::ambiguity::{Around, MOST_CELLS};
 use subaperture::planner::grating::PointResponse;
-use subaperture::planner::{Parameters, RadarPlan, Request};
+use subaperture::planner::{Parameters, RadarPlan, Request, SubCpis};
 use subaperture::plot::{Colours, Heat, Panel, Scale, heat, quicklook};
 use subaperture::radar::{LinkBudget, PulseShape};
 use subaperture::resolution::survey::Survey;
@@ -20,7 +20,7 @@ use subaperture::signal::window::Window;
 
 use crate::args::PlanRadar;
 use crate::config::{DEFAULT_ERROR_DB, Session};
-use crate::text::{self, bytes, metres};
+use crate::text::{self, Fact, bytes, metres};
 
 /// Pixels along a side of the picture.
 const PICTURE: usize = 401;
@@ -190,17 +190,26 @@ fn plot_ambiguity(shape: &PulseShape, folder: &Path) -> anyhow::Result<()> {
 }
 
 fn to_text(plan: &RadarPlan) -> String {
-    let (survey, aperture, sub_cpis) = (&plan.survey, &plan.aperture, &plan.sub_cpis);
-    let verdict = |sampled: Option<bool>| match sampled {
-        Some(true) => ": kept",
-        Some(false) => ": NOT kept, it folds",
-        None => "",
-    };
-    let rate = |need: &subaperture::planner::sampling::Need| {
-        need.doppler_band_hz
-            .map_or_else(String::new, |hz| format!(", {} or more", text::hertz(hz)))
-    };
-    let mut facts = vec![
+    let mut facts = resolution_facts(plan);
+    facts.extend(sampling_facts(plan));
+    facts.extend(sub_cpi_facts(plan));
+    facts.extend(echo_facts(plan));
+    let mut lines = text::facts(&facts);
+    if !plan.sub_cpis.thesis_lobes.is_empty() {
+        lines.push(String::new());
+        lines.push(lobes_table(&plan.sub_cpis));
+    }
+    lines.push(String::new());
+    lines.push(costs_table(plan));
+    lines.push(String::new());
+    lines.push(thesis_memory(plan));
+    lines.join("\n")
+}
+
+/// What can be told apart, and how large a scene is unambiguous.
+fn resolution_facts(plan: &RadarPlan) -> Vec<Fact> {
+    let (survey, aperture) = (&plan.survey, &plan.aperture);
+    vec![
         (
             "range",
             format!(
@@ -233,6 +242,22 @@ fn to_text(plan: &RadarPlan) -> String {
                 Window::default()
             ),
         ),
+    ]
+}
+
+/// How densely pulses come, and how densely they should.
+fn sampling_facts(plan: &RadarPlan) -> Vec<Fact> {
+    let (survey, aperture) = (&plan.survey, &plan.aperture);
+    let verdict = |sampled: Option<bool>| match sampled {
+        Some(true) => ": kept",
+        Some(false) => ": NOT kept, it folds",
+        None => "",
+    };
+    let rate = |need: &subaperture::planner::sampling::Need| {
+        need.doppler_band_hz
+            .map_or_else(String::new, |hz| format!(", {} or more", text::hertz(hz)))
+    };
+    let mut facts = vec![
         (
             "pulses",
             format!(
@@ -266,6 +291,13 @@ fn to_text(plan: &RadarPlan) -> String {
             ),
         ));
     }
+    facts
+}
+
+/// Sub-CPIs, of the precise mode and of the thesis's.
+fn sub_cpi_facts(plan: &RadarPlan) -> Vec<Fact> {
+    let sub_cpis = &plan.sub_cpis;
+    let mut facts = Vec::new();
     facts.push((
         "sub-CPIs",
         format!(
@@ -283,6 +315,12 @@ fn to_text(plan: &RadarPlan) -> String {
             format!("up to {clear} pulses a sub-CPI keep grating lobes out of the scene"),
         ));
     }
+    facts
+}
+
+/// How strong echoes are against the noise, if the power is known.
+fn echo_facts(plan: &RadarPlan) -> Vec<Fact> {
+    let mut facts = Vec::new();
     if let Some(sensitivity) = &plan.sensitivity {
         facts.push((
             "1 m² echoes",
@@ -295,27 +333,27 @@ fn to_text(plan: &RadarPlan) -> String {
             facts.push(("noise is like", format!("sigma0 of {sigma0_db:.1} dB")));
         }
     }
-    let mut lines: Vec<String> = facts
-        .into_iter()
-        .map(|(label, value)| format!("{label:<16} {value}"))
+    facts
+}
+
+/// The grating lobes of the thesis's mode.
+fn lobes_table(sub_cpis: &SubCpis) -> String {
+    let rows: Vec<Vec<String>> = sub_cpis
+        .thesis_lobes
+        .iter()
+        .map(|lobe| {
+            vec![
+                format!("lobe {} of {} pulses", lobe.order, sub_cpis.thesis_pulses),
+                metres(Some(lobe.cross_range_m)),
+                format!("{:.1}", lobe.level_db),
+            ]
+        })
         .collect();
+    text::table(&["thesis's mode", "cross-range", "dB"], &rows)
+}
 
-    if !sub_cpis.thesis_lobes.is_empty() {
-        let rows: Vec<Vec<String>> = sub_cpis
-            .thesis_lobes
-            .iter()
-            .map(|lobe| {
-                vec![
-                    format!("lobe {} of {} pulses", lobe.order, sub_cpis.thesis_pulses),
-                    metres(Some(lobe.cross_range_m)),
-                    format!("{:.1}", lobe.level_db),
-                ]
-            })
-            .collect();
-        lines.push(String::new());
-        lines.push(text::table(&["thesis's mode", "cross-range", "dB"], &rows));
-    }
-
+/// What each image former takes.
+fn costs_table(plan: &RadarPlan) -> String {
     let bp = plan.costs[0].operations;
     let rows: Vec<Vec<String>> = plan
         .costs
@@ -330,7 +368,6 @@ fn to_text(plan: &RadarPlan) -> String {
             ]
         })
         .collect();
-    lines.push(String::new());
     let header = [
         "image former",
         "memory",
@@ -338,16 +375,18 @@ fn to_text(plan: &RadarPlan) -> String {
         "a pixel and pulse",
         "of bp's",
     ];
-    lines.push(text::table(&header, &rows));
+    text::table(&header, &rows)
+}
+
+/// Memory as the thesis counts it.
+fn thesis_memory(plan: &RadarPlan) -> String {
     let memory = &plan.thesis_memory;
-    lines.push(String::new());
-    lines.push(format!(
+    format!(
         "In float64 as the thesis counts: profile {}, map {}, image {}, range and Doppler {}, line of sight {}",
         bytes(memory.profile_bytes),
         bytes(memory.map_bytes),
         bytes(memory.image_bytes),
         bytes(memory.range_and_doppler_bytes),
         bytes(memory.line_of_sight_bytes)
-    ));
-    lines.join("\n")
+    )
 }

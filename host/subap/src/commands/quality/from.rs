@@ -12,7 +12,7 @@ use subaperture::focus::forecast::Forecast;
 use subaperture::focus::moving::Moving;
 use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
-use subaperture::phase_history::{Aperture, PhaseHistory, Weights};
+use subaperture::phase_history::{Joined, PhaseHistory, Weights};
 use subaperture::planner::forecast;
 use subaperture::quality::response::{Settings, Target, brightest, measure};
 use subaperture::resolution::support::{Looks, measured_gains};
@@ -39,7 +39,7 @@ const BACKPROJECTION: Backprojection = Backprojection { error_db: ERROR_DB };
 pub(super) struct From<'a> {
     session: &'a Session,
     source: &'a Source,
-    recorded: Aperture,
+    recorded: Joined,
     velocity_m_s: Option<DVec3>,
     windows: [Window; 2],
 }

@@ -10,7 +10,7 @@ use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::atomic::write_atomically;
-use subaperture::phase_history::{PhaseHistory, ReadError, Recorded, Weights};
+use subaperture::phase_history::{InMemory, PhaseHistory, ReadError, Weights};
 use subaperture::plot::{self, Chart, Colours, Curve, Heat, Panel};
 
 use super::{figure, less_is_better, measure_name, rounded};
@@ -25,7 +25,7 @@ pub(super) fn write(
     folder: &Path,
     record: &Value,
     found: &Tuned,
-    histories: [&Result<Recorded, ReadError>; 2],
+    histories: [&Result<InMemory, ReadError>; 2],
 ) -> anyhow::Result<()> {
     let put = |name: &str, bytes: &[u8]| {
         write_atomically(&folder.join(name), bytes.len() as u64, |file| {
@@ -99,7 +99,7 @@ fn image(
     session: &Session,
     typed: &Tune,
     grid: &ImageGrid,
-    history: &Recorded,
+    history: &InMemory,
 ) -> anyhow::Result<Image> {
     let progress = session.progress("focusing");
     let task = Task {

@@ -42,7 +42,7 @@ pub enum Room {
 
 /// What is wanted of a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Request {
+pub struct Requirements {
     /// Bound on the relative RMS error of the image, dB (negative).
     pub error_db: f64,
     /// Room in the module.
@@ -53,7 +53,7 @@ pub struct Request {
 
 /// What a module is to do.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ModulePlan {
+pub struct OnboardPlan {
     /// Its settings.
     pub setup: Setup,
     /// Its patches, row by row of the grid.
@@ -135,7 +135,7 @@ fn least(bytes: u64) -> String {
     format!("the least memory that would is {bytes} bytes ({kibibytes}K)")
 }
 
-impl ModulePlan {
+impl OnboardPlan {
     /// Plans for the pixels of `grid`.
     ///
     /// # Errors
@@ -143,17 +143,17 @@ impl ModulePlan {
     pub fn new(
         collection: &Collection,
         grid: &ImageGrid,
-        request: &Request,
+        requirements: &Requirements,
     ) -> Result<Self, PlanError> {
         let band = shared_band(collection)?;
         if band.count > LONGEST_RANGE {
             return Err(PlanError::Frequencies(band.count));
         }
-        let target = 10f64.powf((request.error_db - MARGIN_DB) / 20.0);
+        let target = 10f64.powf((requirements.error_db - MARGIN_DB) / 20.0);
         let swept = sweep::residual(collection, grid);
         if swept > target {
             return Err(PlanError::Swept {
-                error_db: request.error_db,
+                error_db: requirements.error_db,
                 residual_db: 20.0 * swept.log10(),
             });
         }
@@ -161,13 +161,13 @@ impl ModulePlan {
             collection,
             grid,
             band: &band,
-            arithmetic: request.arithmetic,
-            error_db: request.error_db,
+            arithmetic: requirements.arithmetic,
+            error_db: requirements.error_db,
         };
         let mut candidates = search.candidates(target);
         candidates.sort_by(|a, b| a.cost().total_cmp(&b.cost()));
         // Estimates look at some patches and sub-CPIs; what is taken is worked out on all of them.
-        let hopeful = candidates.iter().filter(|c| match request.room {
+        let hopeful = candidates.iter().filter(|c| match requirements.room {
             Room::Ram { bytes } => 0.9 * c.ram_bytes as f64 <= bytes as f64,
             Room::Built(_) => true,
         });
@@ -175,11 +175,11 @@ impl ModulePlan {
         let mut sound = |candidate: &Candidate| {
             let plan = search.work_out(candidate)?;
             best_db = Some(best_db.map_or(plan.predicted_db, |best| best.min(plan.predicted_db)));
-            (plan.predicted_db <= request.error_db - MARGIN_DB).then_some(plan)
+            (plan.predicted_db <= requirements.error_db - MARGIN_DB).then_some(plan)
         };
         for candidate in hopeful {
             if let Some(plan) = sound(candidate)
-                && plan.fits(&request.room)
+                && plan.fits(&requirements.room)
             {
                 return Ok(plan);
             }
@@ -189,7 +189,7 @@ impl ModulePlan {
             .iter()
             .find_map(&mut sound)
             .map(|plan| plan.ram.total_bytes);
-        let error_db = request.error_db;
+        let error_db = requirements.error_db;
         Err(match least_bytes {
             Some(least_bytes) => PlanError::Room {
                 error_db,
@@ -201,7 +201,7 @@ impl ModulePlan {
                     let range_band = search.range_band();
                     let most = TAPS[TAPS.len() - 1];
                     let kernel = WindowedSinc::new(most, range_band).error(range_band);
-                    (kernel > Kernels::share(request.error_db)).then(|| 20.0 * kernel.log10())
+                    (kernel > Kernels::share(requirements.error_db)).then(|| 20.0 * kernel.log10())
                 }),
             },
         })

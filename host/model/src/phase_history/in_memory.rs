@@ -8,13 +8,13 @@ use super::{Collection, InputFile, PhaseHistory, ReadError, check_finite};
 
 /// Samples and geometry in memory: small recordings and tests.
 #[derive(Clone, Debug)]
-pub struct Recorded {
+pub struct InMemory {
     collection: Collection,
     samples: Vec<Complex32>,
     inputs: Vec<InputFile>,
 }
 
-impl Recorded {
+impl InMemory {
     /// Takes `samples` as pulse-major, `collection.num_samples` each.
     ///
     /// # Errors
@@ -55,7 +55,7 @@ impl Recorded {
     }
 }
 
-impl PhaseHistory for Recorded {
+impl PhaseHistory for InMemory {
     fn collection(&self) -> &Collection {
         &self.collection
     }

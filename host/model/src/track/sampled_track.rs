@@ -23,12 +23,12 @@ pub struct Fix {
 /// four parts, brought to unit length, so that an antenna away from the body's origin moves smoothly
 /// too; before the first fix and after the last they stay. Otherwise it heads where it goes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Recorded {
+pub struct SampledTrack {
     way: Spline,
     attitude: Option<Cubic<4>>,
 }
 
-impl Recorded {
+impl SampledTrack {
     /// A track through `fixes`, whose times ascend.
     ///
     /// # Errors
@@ -87,7 +87,7 @@ impl Recorded {
     }
 }
 
-impl Trajectory for Recorded {
+impl Trajectory for SampledTrack {
     fn pose(&self, time_s: f64) -> Pose {
         let mut pose = self.way.pose(time_s);
         if let Some(attitude) = &self.attitude {
@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn attitudes_are_followed_between_fixes_whatever_their_sign() {
-        let track = Recorded::new(&fixes(101)).unwrap();
+        let track = SampledTrack::new(&fixes(101)).unwrap();
         for i in 0..200 {
             let t = 5.0 + f64::from(i) * 0.07;
             let apart = track.pose(t).attitude.angle_between(rolling(t));
@@ -141,13 +141,13 @@ mod tests {
     fn without_attitudes_it_heads_where_it_goes() {
         let mut fixes = fixes(5);
         fixes.iter_mut().for_each(|f| f.attitude = None);
-        let track = Recorded::new(&fixes).unwrap();
+        let track = SampledTrack::new(&fixes).unwrap();
         assert!((track.pose(0.4).attitude * DVec3::X).distance(DVec3::X) < 1e-14);
     }
 
     #[test]
     fn attitudes_that_cannot_be_followed_are_refused() {
-        let message = |fixes: &[Fix]| Recorded::new(fixes).unwrap_err().to_string();
+        let message = |fixes: &[Fix]| SampledTrack::new(fixes).unwrap_err().to_string();
         let mut some = fixes(4);
         some[2].attitude = None;
         assert!(message(&some).contains("3 of 4 fixes"));

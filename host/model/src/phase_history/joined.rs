@@ -27,14 +27,14 @@ use super::order::travelled_angles;
 use super::{Collection, InputFile, PhaseHistory, Pulse, ReadError};
 
 /// Recordings joined into one. One recording is the common case.
-pub struct Aperture {
+pub struct Joined {
     /// That of all parts, unless it is that of the only one.
-    joined: Option<Joined>,
+    whole: Option<Whole>,
     parts: Vec<Box<dyn PhaseHistory>>,
 }
 
 /// What several parts are together.
-struct Joined {
+struct Whole {
     collection: Collection,
     /// True positions, if all parts know them.
     true_antennas: Option<Vec<[DVec3; 2]>>,
@@ -58,10 +58,10 @@ type Part = Box<dyn PhaseHistory>;
 /// A pulse: its part and its index there.
 type Place = [u32; 2];
 
-/// Bytes a pulse that [`Aperture::join`] takes for a while beside what it keeps.
+/// Bytes a pulse that [`Joined::join`] takes for a while beside what it keeps.
 const SCRATCH_BYTES: usize = 2 * size_of::<Place>() + 2 * size_of::<u64>();
 
-impl Aperture {
+impl Joined {
     /// Joins `parts`, in the order of their pulses and not in theirs. They must agree in samples a pulse and in
     /// scene frame.
     ///
@@ -70,10 +70,7 @@ impl Aperture {
     pub fn join(mut parts: Vec<Box<dyn PhaseHistory>>) -> Result<Self, ReadError> {
         check_alike(&parts)?;
         if !is_to_be_joined(&parts) {
-            return Ok(Self {
-                joined: None,
-                parts,
-            });
+            return Ok(Self { whole: None, parts });
         }
         parts.sort_by(|a, b| by_positions(pulses(a), pulses(b)));
         let clock = clock(&parts);
@@ -82,9 +79,9 @@ impl Aperture {
             Some(offsets) => by_time(&parts, offsets),
             None => by_angle(&parts),
         };
-        let joined = Joined::new(&parts, &order, clock.as_deref());
+        let whole = Whole::new(&parts, &order, clock.as_deref());
         Ok(Self {
-            joined: Some(joined),
+            whole: Some(whole),
             parts,
         })
     }
@@ -245,7 +242,7 @@ fn by_angle(parts: &[Part]) -> Vec<Place> {
     order
 }
 
-impl Joined {
+impl Whole {
     fn new(parts: &[Part], order: &[Place], clock: Option<&[f64]>) -> Self {
         let mut runs: Vec<Run> = Vec::new();
         let mut joined = Vec::with_capacity(order.len());
@@ -296,30 +293,30 @@ impl Joined {
     }
 }
 
-impl PhaseHistory for Aperture {
+impl PhaseHistory for Joined {
     fn collection(&self) -> &Collection {
-        match &self.joined {
-            Some(joined) => &joined.collection,
+        match &self.whole {
+            Some(whole) => &whole.collection,
             None => self.parts[0].collection(),
         }
     }
 
     fn read(&self, wanted: Range<usize>, mut samples: &mut [Complex32]) -> Result<(), ReadError> {
-        let Some(joined) = &self.joined else {
+        let Some(whole) = &self.whole else {
             return self.parts[0].read(wanted, samples);
         };
-        let num_pulses = joined.collection.pulses.len();
+        let num_pulses = whole.collection.pulses.len();
         assert!(
             wanted.end <= num_pulses,
             "pulses {wanted:?} are past the last one"
         );
-        let width = joined.collection.num_samples;
+        let width = whole.collection.num_samples;
         let mut at = wanted.start;
         // The run that the first pulse is in.
-        let mut run = joined.runs.partition_point(|run| run.start <= at) - 1;
+        let mut run = whole.runs.partition_point(|run| run.start <= at) - 1;
         while at < wanted.end {
-            let Run { start, part, first } = joined.runs[run];
-            let next = joined.runs.get(run + 1).map_or(num_pulses, |run| run.start);
+            let Run { start, part, first } = whole.runs[run];
+            let next = whole.runs.get(run + 1).map_or(num_pulses, |run| run.start);
             let end = next.min(wanted.end);
             let (head, tail) = samples.split_at_mut((end - at) * width);
             self.parts[part].read(first + (at - start)..first + (end - start), head)?;
@@ -333,8 +330,8 @@ impl PhaseHistory for Aperture {
     }
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
-        match &self.joined {
-            Some(joined) => joined.true_antennas.as_deref(),
+        match &self.whole {
+            Some(whole) => whole.true_antennas.as_deref(),
             None => self.parts[0].true_antennas(),
         }
     }
@@ -350,14 +347,14 @@ impl PhaseHistory for Aperture {
     }
 
     fn held_bytes(&self) -> u64 {
-        let own = self.joined.as_ref().map_or(0, Joined::bytes);
+        let own = self.whole.as_ref().map_or(0, Whole::bytes);
         own as u64 + self.parts.iter().map(|part| part.held_bytes()).sum::<u64>()
     }
 
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
         // In the order of their pulses.
-        let mut order: Vec<usize> = match &self.joined {
-            Some(joined) => joined.runs.iter().map(|run| run.part).collect(),
+        let mut order: Vec<usize> = match &self.whole {
+            Some(whole) => whole.runs.iter().map(|run| run.part).collect(),
             None => vec![0],
         };
         let mut seen = vec![false; self.parts.len()];
@@ -374,7 +371,7 @@ impl PhaseHistory for Aperture {
 mod tests {
     use super::*;
     use crate::geometry::SceneFrame;
-    use crate::phase_history::{Recorded, Sweep};
+    use crate::phase_history::{InMemory, Sweep};
 
     /// Pulses along x, of samples that tell which they are.
     fn whole(num_pulses: usize) -> (Collection, Vec<Complex32>) {
@@ -416,7 +413,7 @@ mod tests {
             let mut collection = whole.clone();
             collection.pulses = collection.pulses[pulses.clone()].to_vec();
             let samples = samples[pulses.start * width..pulses.end * width].to_vec();
-            Box::new(Recorded::new(collection, samples).unwrap()) as Box<dyn PhaseHistory>
+            Box::new(InMemory::new(collection, samples).unwrap()) as Box<dyn PhaseHistory>
         });
         let parts = parts.collect();
         (samples, parts)
@@ -425,7 +422,7 @@ mod tests {
     #[test]
     fn reading_across_joints_is_reading_the_whole() {
         let (samples, parts) = parts(&[3, 1, 4]);
-        let aperture = Aperture::join(parts).unwrap();
+        let aperture = Joined::join(parts).unwrap();
         let width = aperture.collection().num_samples;
         assert_eq!(aperture.collection().pulses.len(), 8);
         for start in 0..8 {
@@ -444,7 +441,7 @@ mod tests {
     #[test]
     fn a_lone_part_is_not_copied() {
         let (samples, parts) = parts(&[3]);
-        let aperture = Aperture::join(parts).unwrap();
+        let aperture = Joined::join(parts).unwrap();
         let width = aperture.collection().num_samples;
         assert_eq!(aperture.collection().pulses.len(), 3);
         let mut got = vec![Complex32::ZERO; 3 * width];
@@ -455,13 +452,13 @@ mod tests {
 
     #[test]
     fn what_does_not_belong_together_is_refused() {
-        assert!(Aperture::join(Vec::new()).is_err());
+        assert!(Joined::join(Vec::new()).is_err());
         let (_, mut parts) = parts(&[2, 2]);
         let mut other = parts[1].collection().clone();
         other.frame = SceneFrame::Local;
         let samples = vec![Complex32::ZERO; 2 * other.num_samples];
-        parts[1] = Box::new(Recorded::new(other, samples).unwrap());
-        let error = Aperture::join(parts).err().unwrap().to_string();
+        parts[1] = Box::new(InMemory::new(other, samples).unwrap());
+        let error = Joined::join(parts).err().unwrap().to_string();
         assert!(error.contains("do not share a scene frame"), "{error}");
     }
 }

@@ -1,0 +1,201 @@
+//! A key's value as its kind wants it: texts, words, counts, quantities, rows.
+
+use std::ops::RangeInclusive;
+
+use super::error::Found;
+use super::schema::{Key, Kind};
+use super::tree::{Node, Raw};
+use super::values::Value;
+use subaperture_model::nearest::nearest;
+use subaperture_model::units::{Dimension, example_row, parse_row};
+
+/// A key's value from what the text has.
+pub(super) fn value(key: &Key, node: &Node) -> Result<Value, Found> {
+    match key.kind {
+        Kind::Text | Kind::Path => some_text(key, node),
+        Kind::Paths => texts(key, node),
+        Kind::Choice(words) => choice(key, node, words),
+        Kind::Flag => match node.raw {
+            Raw::Flag(flag) => Ok(Value::Flag(flag)),
+            _ => Err(wrong(key, node, "true or false")),
+        },
+        Kind::Count(from, to) => count(key, node, from..=to),
+        Kind::Quantity(dimension, bounds) => {
+            let number = quantity(key, node, dimension)?;
+            match bounds.refuse(number) {
+                None => Ok(Value::Number(number)),
+                Some(wanted) => Err(fail(node, format!("'{}' must be {wanted}", key.name))),
+            }
+        }
+        Kind::Vector(dimension) => numbers(key, node, &[dimension; 3]).map(Value::Numbers),
+        Kind::Interval(dimension) => {
+            let ends = numbers(key, node, &[dimension; 2])?;
+            if ends[0] < ends[1] {
+                Ok(Value::Numbers(ends))
+            } else {
+                Err(fail(
+                    node,
+                    format!(
+                        "'{}' ends before it begins: write the smaller first",
+                        key.name
+                    ),
+                ))
+            }
+        }
+        Kind::Rows(dimensions, least) => rows(key, node, dimensions, least),
+    }
+}
+
+fn fail(node: &Node, message: String) -> Found {
+    Found::new(&node.at, message)
+}
+
+/// The value is of another kind than is wanted.
+fn wrong(key: &Key, node: &Node, wanted: &str) -> Found {
+    fail(
+        node,
+        format!(
+            "'{}' is {} and {wanted} is wanted: write for example {} = {}",
+            key.name,
+            node.raw.name(),
+            key.name,
+            key.example()
+        ),
+    )
+}
+
+/// A text that is not empty.
+fn some_text(key: &Key, node: &Node) -> Result<Value, Found> {
+    match &node.raw {
+        Raw::Text(text) if text.trim().is_empty() => Err(fail(
+            node,
+            format!(
+                "'{}' is empty: write for example {}",
+                key.name,
+                key.example()
+            ),
+        )),
+        Raw::Text(text) => Ok(Value::Text(text.clone())),
+        _ => Err(wrong(key, node, "a text in quotes")),
+    }
+}
+
+/// One text or several, none of them empty.
+fn texts(key: &Key, node: &Node) -> Result<Value, Found> {
+    let one = |node: &Node| match &node.raw {
+        Raw::Text(text) if !text.trim().is_empty() => Ok(text.clone()),
+        _ => Err(fail(
+            node,
+            format!(
+                "'{}' wants texts that are not empty: write for example {}",
+                key.name,
+                key.example()
+            ),
+        )),
+    };
+    match &node.raw {
+        Raw::Array(items) if !items.is_empty() => items
+            .iter()
+            .map(one)
+            .collect::<Result<_, _>>()
+            .map(Value::Texts),
+        Raw::Text(_) => one(node).map(|text| Value::Texts(vec![text])),
+        _ => Err(wrong(key, node, "a text in quotes, or an array of them,")),
+    }
+}
+
+/// One of the words that there are.
+fn choice(key: &Key, node: &Node, words: &[&str]) -> Result<Value, Found> {
+    match &node.raw {
+        Raw::Text(text) if words.contains(&text.as_str()) => Ok(Value::Text(text.clone())),
+        Raw::Text(text) => {
+            let meant = nearest(text, words.iter().copied())
+                .map(|word| format!(" (did you mean \"{word}\"?)"))
+                .unwrap_or_default();
+            Err(fail(
+                node,
+                format!(
+                    "'{}' has no \"{text}\"{meant}: choose {}",
+                    key.name,
+                    key.kind.words()
+                ),
+            ))
+        }
+        _ => Err(wrong(key, node, "a word in quotes")),
+    }
+}
+
+/// A whole number within bounds.
+fn count(key: &Key, node: &Node, bounds: RangeInclusive<u64>) -> Result<Value, Found> {
+    match node.raw {
+        Raw::Integer(Some(count)) => match u64::try_from(count) {
+            Ok(count) if bounds.contains(&count) => Ok(Value::Count(count)),
+            _ => Err(fail(
+                node,
+                format!(
+                    "'{}' is {count} and must be a {}",
+                    key.name,
+                    key.kind.words()
+                ),
+            )),
+        },
+        Raw::Integer(None) => Err(fail(
+            node,
+            format!("'{}' is too large: write a {}", key.name, key.kind.words()),
+        )),
+        _ => Err(wrong(key, node, "a whole number without a unit")),
+    }
+}
+
+/// A number in the base unit of its dimension.
+fn quantity(key: &Key, node: &Node, dimension: Dimension) -> Result<f64, Found> {
+    match (&node.raw, dimension) {
+        (Raw::Integer(Some(n)), Dimension::Ratio) => Ok(*n as f64),
+        (Raw::Float(number), Dimension::Ratio) if number.is_finite() => Ok(*number),
+        (Raw::Text(text), _) => dimension.parse(text).map_err(|what| fail(node, what)),
+        (Raw::Integer(_) | Raw::Float(_), _) => Err(unitless(key, node, &[dimension])),
+        _ => Err(wrong(key, node, dimension.name())),
+    }
+}
+
+/// Rows of quantities, at least so many.
+fn rows(key: &Key, node: &Node, dimensions: &[Dimension], least: usize) -> Result<Value, Found> {
+    match &node.raw {
+        Raw::Array(items) if items.len() >= least => {
+            let rows = items.iter().map(|item| numbers(key, item, dimensions));
+            rows.collect::<Result<_, _>>().map(Value::Rows)
+        }
+        Raw::Array(items) => Err(fail(
+            node,
+            format!(
+                "'{}' has {} and needs {least} or more",
+                key.name,
+                items.len()
+            ),
+        )),
+        _ => Err(wrong(key, node, "an array of texts")),
+    }
+}
+
+/// A text with a row of quantities.
+fn numbers(key: &Key, node: &Node, dimensions: &[Dimension]) -> Result<Vec<f64>, Found> {
+    match &node.raw {
+        Raw::Text(text) => {
+            parse_row(text, dimensions).map_err(|message| Found::new(&node.at, message))
+        }
+        _ => Err(unitless(key, node, dimensions)),
+    }
+}
+
+/// For a number or an array without units.
+fn unitless(key: &Key, node: &Node, dimensions: &[Dimension]) -> Found {
+    Found::new(
+        &node.at,
+        format!(
+            "'{}' is {} without a unit: write a text such as {}",
+            key.name,
+            node.raw.name(),
+            example_row(dimensions)
+        ),
+    )
+}

@@ -1,0 +1,203 @@
+//! The vectors of a channel as pulses: positions, bands, motion.
+
+use std::collections::TryReserveError;
+
+use glam::DVec3;
+
+use super::conventions::Domain;
+use super::metadata::CphdInfo;
+use super::pvp::{Layout, Vector};
+use super::toa::Bins;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::phase_history::{Pulse, Sweep};
+
+/// What is kept of the PVP.
+pub(super) struct Vectors {
+    pub(super) domain: Domain,
+    pub(super) stored_samples: usize,
+    pub(super) frame: subaperture_model::geometry::SceneFrame,
+    pub(super) pulses: Vec<Pulse>,
+    pub(super) amp_sf: Vec<f64>,
+    pub(super) has_signal: Vec<bool>,
+    pub(super) shifts: Vec<f64>,
+    pub(super) true_antennas: Vec<[DVec3; 2]>,
+    pub(super) bins: Option<Bins>,
+}
+
+impl Vectors {
+    /// Of this file, none read yet.
+    pub(super) fn to_be_read(info: &CphdInfo, stored_samples: usize) -> Self {
+        Self {
+            domain: info.domain,
+            stored_samples,
+            frame: info.frame,
+            pulses: Vec::new(),
+            amp_sf: Vec::new(),
+            has_signal: Vec::new(),
+            shifts: Vec::new(),
+            true_antennas: Vec::new(),
+            bins: None,
+        }
+    }
+
+    /// Makes room for `count` vectors and no more.
+    pub(super) fn reserve(&mut self, count: usize, layout: &Layout) -> Result<(), TryReserveError> {
+        self.pulses.try_reserve_exact(count)?;
+        self.has_signal.try_reserve_exact(count)?;
+        if layout.has_amp_sf() {
+            self.amp_sf.try_reserve_exact(count)?;
+        }
+        if layout.has_true_antennas() {
+            self.true_antennas.try_reserve_exact(count)?;
+        }
+        if self.domain == Domain::Toa {
+            self.shifts.try_reserve_exact(count)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn push(&mut self, index: u64, vector: &Vector) -> Result<(), String> {
+        let (start_hz, step_hz) = match self.domain {
+            Domain::Fx => (vector.sc0, vector.scss),
+            Domain::Toa => self.arrival_band(index, vector)?,
+        };
+        let pulse = Pulse {
+            time_s: vector.tx_time,
+            transmitter_m: self.frame.from_ecf_m(vector.tx_pos),
+            receiver_m: self.frame.from_ecf_m(vector.rcv_pos),
+            reference_m: self.frame.from_ecf_m(vector.srp_pos),
+            // From the ECF positions, not from those in the scene frame: one rounding less.
+            reference_path_m: (vector.tx_pos - vector.srp_pos).length()
+                + (vector.rcv_pos - vector.srp_pos).length(),
+            start_hz,
+            step_hz,
+            sweep: self.sweep(vector, step_hz),
+        };
+        let count = self.bins.map_or(self.stored_samples, |bins| bins.count);
+        if let Some(what) = pulse.fault(count) {
+            return Err(format!(
+                "vector {index}: {what} (TxTime, TxPos, RcvPos, SRPPos, SC0 or SCSS); repair or drop it"
+            ));
+        }
+        if !self.is_sweep(&pulse.sweep) {
+            return Err(format!(
+                "vector {index}: TxVel, RcvVel or aFRR2 is beyond all measure; repair or drop it"
+            ));
+        }
+        self.pulses.push(pulse);
+        if let Some(amp_sf) = vector.amp_sf {
+            self.amp_sf.push(amp_sf);
+        }
+        if let Some(truth) = vector.true_antennas {
+            self.true_antennas
+                .push(truth.map(|p| self.frame.from_ecf_m(p)));
+        }
+        self.has_signal.push(vector.signal != Some(0));
+        Ok(())
+    }
+
+    /// Motion within a vector: the rate of its sweep is `2 / (c aFRR2)`.
+    fn sweep(&self, vector: &Vector, step_hz: f64) -> Sweep {
+        let Some(([transmitter, receiver], a_frr2)) = vector.sweep else {
+            return Sweep::AT_ONCE;
+        };
+        Sweep {
+            sample_s: 0.5 * SPEED_OF_LIGHT_M_S * a_frr2 * step_hz,
+            transmitter_m_s: self.frame.direction_from_ecf(transmitter),
+            receiver_m_s: self.frame.direction_from_ecf(receiver),
+            reference_m_s: Some(DVec3::ZERO),
+            ..Sweep::AT_ONCE
+        }
+    }
+
+    /// Whether a sweep is one that a radar can make: of a second at most a sample, slower than light.
+    fn is_sweep(&self, sweep: &Sweep) -> bool {
+        let slow = |v: DVec3| v.length() < SPEED_OF_LIGHT_M_S;
+        sweep.sample_s.abs() < 1.0 && slow(sweep.transmitter_m_s) && slow(sweep.receiver_m_s)
+    }
+
+    /// Accelerations: the slope, at each vector, of the polynomial through its velocity and those of two vectors before and
+    /// two after. (Two neighbours alone leave `(w h)^2 / 6` of a vibration of `w` radians a second, `h` seconds from
+    /// vector to vector: 8 % of 1.8 Hz at 60 ms. Four leave `(w h)^4 / 30`, 0.7 %.)
+    pub(super) fn set_accelerations(&mut self) {
+        const NEIGHBOURS: usize = 2;
+        for i in 0..self.pulses.len() {
+            let [first, end] = [
+                i.saturating_sub(NEIGHBOURS),
+                self.pulses.len().min(i + NEIGHBOURS + 1),
+            ];
+            let near = &self.pulses[first..end];
+            let rise = |pair: &[Pulse]| pair[1].time_s > pair[0].time_s;
+            if near.iter().any(|pulse| pulse.sweep.sample_s == 0.0) || !near.windows(2).all(rise) {
+                continue;
+            }
+            let times_s: Vec<f64> = near.iter().map(|pulse| pulse.time_s).collect();
+            let weights = slope_weights(&times_s, i - first);
+            let slope = |of: fn(&Sweep) -> DVec3| -> DVec3 {
+                let terms = near.iter().zip(&weights);
+                terms
+                    .map(|(pulse, &weight)| of(&pulse.sweep) * weight)
+                    .sum()
+            };
+            let transmitter_m_s2 = slope(|sweep| sweep.transmitter_m_s);
+            let receiver_m_s2 = slope(|sweep| sweep.receiver_m_s);
+            let sweep = &mut self.pulses[i].sweep;
+            (sweep.transmitter_m_s2, sweep.receiver_m_s2) = (transmitter_m_s2, receiver_m_s2);
+        }
+    }
+
+    /// First frequency and step of a TOA vector's spectrum.
+    fn arrival_band(&mut self, index: u64, vector: &Vector) -> Result<(f64, f64), String> {
+        let n = self.stored_samples;
+        let bandwidth_hz = vector.fx2 - vector.fx1;
+        let bins = Bins::of_band(bandwidth_hz, vector.scss, n).ok_or_else(|| {
+            format!(
+                "vector {index}: the band FX1 to FX2 of {bandwidth_hz:?} Hz needs 1 to {n} of the \
+                 bins of {:?} Hz that {n} samples {:?} s apart (SCSS) have; the vector is \
+                 under-sampled or damaged",
+                1.0 / (n as f64 * vector.scss),
+                vector.scss
+            )
+        })?;
+        match self.bins {
+            Some(first) if first != bins => {
+                return Err(format!(
+                    "vector {index}: its band FX1 to FX2 holds {} frequencies and that of vector \
+                     0 {}; vectors of unequal bands are not read in the TOA domain",
+                    bins.count, first.count
+                ));
+            }
+            _ => self.bins = Some(bins),
+        }
+        let period_s = n as f64 * vector.scss;
+        self.shifts.push(vector.sc0 / period_s);
+        let step_hz = 1.0 / period_s;
+        let start_hz = 0.5 * (vector.fx1 + vector.fx2) + bins.first as f64 * step_hz;
+        if start_hz > 0.0 && (vector.sc0 / period_s).is_finite() {
+            Ok((start_hz, step_hz))
+        } else {
+            Err(format!(
+                "vector {index}: FX1 {:?} Hz, FX2 {:?} Hz, SC0 {:?} s and SCSS {:?} s give no \
+                 positive frequencies; repair or drop it",
+                vector.fx1, vector.fx2, vector.sc0, vector.scss
+            ))
+        }
+    }
+}
+
+/// What to multiply values at `times_s`, all different, by, so that their sum is the slope at time `at` of the polynomial through them.
+fn slope_weights(times_s: &[f64], at: usize) -> Vec<f64> {
+    let others = |skipped: usize| {
+        let all = times_s.iter().enumerate();
+        all.filter(move |&(k, _)| k != at && k != skipped)
+    };
+    let here = times_s[at];
+    let weight = |j: usize| -> f64 {
+        if j == at {
+            return others(at).map(|(_, time)| 1.0 / (here - time)).sum();
+        }
+        let ratios = others(j).map(|(_, time)| (here - time) / (times_s[j] - time));
+        ratios.product::<f64>() / (times_s[j] - here)
+    };
+    (0..times_s.len()).map(weight).collect()
+}

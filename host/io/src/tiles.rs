@@ -1,0 +1,529 @@
+//! An image kept by tiles in a folder that several processes may fill: a Zarr array of the third version
+//! (zarr-specs.readthedocs.io), without compression, so that any reader of Zarr opens it.
+//!
+//! | file | holds |
+//! |---|---|
+//! | `zarr.json` | the array's shape, `complex64`, chunks of one tile each |
+//! | `c/R/C` | tile of row `R` and column `C` of tiles: little-endian, row-major; tiles at the ends are filled up with zeros |
+//! | `plan.json` | by what plan tiles are formed: text that the maker of the store gave |
+//! | `done/R.C.json` | that a tile is whole: its CRC-32, and what its maker noted of it |
+//!
+//! **Complete or absent.** A tile, and its mark after it, is written beside, forced to the disk and renamed: a tile with a mark
+//! is whole, whatever was killed when. The folder itself is made beside and renamed, so that a store that is there has a
+//! plan. Two processes that write the same tile leave either's; by one plan both are the same to the bit.
+//!
+//! Memory: a tile.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use num_complex::Complex32;
+use serde_json::{Value, json};
+
+use super::atomic::{WriteError, check_room, sync_folder};
+use super::lock::Lock;
+use super::place::Place;
+use super::unfinished::{self, Thing};
+
+/// The folder's name in that of a product.
+pub const NAME: &str = "image.zarr";
+
+const ARRAY: &str = "zarr.json";
+const PLAN: &str = "plan.json";
+const CHUNKS: &str = "c";
+const MARKS: &str = "done";
+
+/// Longest text that is read: of a plan, a mark or the array's description.
+const LONGEST_BYTES: u64 = 256 << 20;
+
+/// Most bytes of a tile.
+const LARGEST_TILE_BYTES: u64 = 1 << 32;
+
+/// Sizes of an image and of its tiles, pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Rows and columns of the image.
+    pub image: [usize; 2],
+    /// Rows and columns of a tile; at the ends there are fewer.
+    pub tile: [usize; 2],
+}
+
+impl Layout {
+    /// Rows and columns of tiles.
+    pub fn tiles(&self) -> [usize; 2] {
+        [0, 1].map(|i| self.image[i].div_ceil(self.tile[i]))
+    }
+
+    /// Tiles in all.
+    pub fn count(&self) -> usize {
+        self.tiles().iter().product()
+    }
+
+    /// Rows and columns of the image that tile `index`, row by row, holds.
+    ///
+    /// # Panics
+    /// If there is no such tile.
+    pub fn place(&self, index: usize) -> [Range<usize>; 2] {
+        assert!(index < self.count(), "no tile {index}");
+        let at = self.at(index);
+        [0, 1].map(|i| {
+            let first = at[i] * self.tile[i];
+            first..(first + self.tile[i]).min(self.image[i])
+        })
+    }
+
+    /// Bytes that all tiles take on disk.
+    pub fn bytes(&self) -> u64 {
+        self.count() as u64 * self.tile_bytes()
+    }
+
+    fn tile_bytes(&self) -> u64 {
+        8 * (self.tile[0] as u64) * (self.tile[1] as u64)
+    }
+
+    fn at(&self, index: usize) -> [usize; 2] {
+        let across = self.tiles()[1];
+        [index / across, index % across]
+    }
+
+    fn of(array: &Value) -> Option<Self> {
+        let pair = |value: &Value| {
+            let [a, b] = <[Value; 2]>::try_from(value.as_array()?.clone()).ok()?;
+            Some([a.as_u64()? as usize, b.as_u64()? as usize])
+        };
+        let layout = Self {
+            image: pair(&array["shape"])?,
+            tile: pair(&array["chunk_grid"]["configuration"]["chunk_shape"])?,
+        };
+        let sides = layout.image.iter().chain(&layout.tile);
+        let possible = sides
+            .clone()
+            .all(|&side| (1..=1_000_000_000).contains(&side));
+        (possible && layout.tile_bytes() <= LARGEST_TILE_BYTES).then_some(layout)
+    }
+}
+
+/// Why a store was not read.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The operating system refused.
+    #[error("cannot read {}: {source}", path.display())]
+    Io {
+        /// File concerned.
+        path: PathBuf,
+        /// Cause.
+        source: io::Error,
+    },
+    /// It is no store of ours.
+    #[error("{}: {what}", path.display())]
+    Format {
+        /// File concerned.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// A tile is not what its mark says.
+    #[error("{}: {what}: remove {} and form the image again with --resume", path.display(), mark.display())]
+    Damaged {
+        /// The tile.
+        path: PathBuf,
+        /// Its mark.
+        mark: PathBuf,
+        /// How that shows.
+        what: String,
+    },
+}
+
+/// A store.
+#[derive(Debug)]
+pub struct TileStore {
+    folder: PathBuf,
+    layout: Layout,
+    plan: String,
+}
+
+impl TileStore {
+    /// Makes an empty store in the folder `product`, which is made if need be.
+    ///
+    /// # Errors
+    /// [`WriteError`], also if there is one already or the disk has no room for all tiles.
+    pub fn create(product: &Path, layout: Layout, plan: &str) -> Result<Self, WriteError> {
+        let folder = product.join(NAME);
+        let failed = |source: io::Error| WriteError::Io {
+            path: folder.clone(),
+            needed_bytes: layout.bytes(),
+            source,
+        };
+        fs::create_dir_all(product).map_err(failed)?;
+        check_room(&folder, product, layout.bytes())?;
+        let place = Place::of_folder(&folder)?;
+        let beside = product.join(place.lock.hidden_name(".zarr"));
+        fs::create_dir(&beside).map_err(failed)?;
+        unfinished::begin(Thing::Folder(beside.clone()));
+        let made = Self::fill(&beside, layout, plan).and_then(|()| {
+            let _moving = unfinished::commit();
+            fs::rename(&beside, &folder)?;
+            sync_folder(product)
+        });
+        let _ = fs::remove_dir_all(&beside);
+        unfinished::end(&beside);
+        made.map_err(failed)?;
+        Ok(Self {
+            folder,
+            layout,
+            plan: plan.to_owned(),
+        })
+    }
+
+    fn fill(folder: &Path, layout: Layout, plan: &str) -> io::Result<()> {
+        fs::create_dir(folder.join(CHUNKS))?;
+        fs::create_dir(folder.join(MARKS))?;
+        for row in 0..layout.tiles()[0] {
+            fs::create_dir(folder.join(CHUNKS).join(row.to_string()))?;
+        }
+        let array = json!({
+            "zarr_format": 3,
+            "node_type": "array",
+            "shape": layout.image,
+            "data_type": "complex64",
+            "chunk_grid": {
+                "name": "regular",
+                "configuration": { "chunk_shape": layout.tile },
+            },
+            "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
+            "fill_value": [0.0, 0.0],
+            "codecs": [{ "name": "bytes", "configuration": { "endian": "little" } }],
+            "dimension_names": ["row", "column"],
+            "attributes": {},
+        });
+        let text = serde_json::to_string_pretty(&array)? + "\n";
+        for (name, text) in [(PLAN, plan), (ARRAY, text.as_str())] {
+            let mut file = File::create_new(folder.join(name))?;
+            file.write_all(text.as_bytes())?;
+            file.sync_all()?;
+        }
+        sync_folder(folder)
+    }
+
+    /// Opens the store in the folder `product`. `None` if there is none.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn open(product: &Path) -> Result<Option<Self>, StoreError> {
+        let folder = product.join(NAME);
+        let path = folder.join(ARRAY);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = read_text(&path)?;
+        let array: Value = serde_json::from_str(&text).unwrap_or_default();
+        let codecs = array["codecs"].as_array();
+        let plain = codecs
+            .is_some_and(|all| all.len() == 1 && all[0]["configuration"]["endian"] == "little");
+        let layout = match array["data_type"] == "complex64" && plain {
+            true => Layout::of(&array),
+            false => None,
+        };
+        let Some(layout) = layout else {
+            return Err(StoreError::Format {
+                path,
+                what: "this is no image of complex64 in plain tiles".to_owned(),
+            });
+        };
+        let plan = read_text(&folder.join(PLAN))?;
+        Ok(Some(Self {
+            folder,
+            layout,
+            plan,
+        }))
+    }
+
+    /// Sizes of image and tiles.
+    pub fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    /// The plan's text.
+    pub fn plan(&self) -> &str {
+        &self.plan
+    }
+
+    /// The store's own folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Keeps other processes away from a part of the work, which `part` names, for as long as what is returned lives.
+    ///
+    /// # Errors
+    /// [`WriteError`] if another process is at it.
+    pub fn claim(&self, part: &str) -> Result<Claimed, WriteError> {
+        let place = Place::of_file(&self.folder.join(format!("part {part}")))?;
+        Ok(Claimed {
+            _lock: place.lock.clone(),
+            _place: place,
+        })
+    }
+
+    fn chunk(&self, index: usize) -> PathBuf {
+        let [row, column] = self.layout.at(index);
+        let row = self.folder.join(CHUNKS).join(row.to_string());
+        row.join(column.to_string())
+    }
+
+    fn mark(&self, index: usize) -> PathBuf {
+        let [row, column] = self.layout.at(index);
+        let name = format!("{row}.{column}.json");
+        self.folder.join(MARKS).join(name)
+    }
+
+    /// Writes a tile, row-major, and `note` of it.
+    ///
+    /// # Errors
+    /// [`WriteError`]; the tile is then as it was.
+    ///
+    /// # Panics
+    /// If there is no such tile, or `pixels` are not as many as it has.
+    pub fn put(&self, index: usize, pixels: &[Complex32], note: &Value) -> Result<(), WriteError> {
+        let [rows, columns] = self.layout.place(index);
+        assert_eq!(pixels.len(), rows.len() * columns.len());
+        let mut crc = crc32fast::Hasher::new();
+        let mut row_bytes = vec![0; 8 * self.layout.tile[1]];
+        let path = self.chunk(index);
+        beside(&path, |out| {
+            for row in 0..self.layout.tile[0] {
+                let first = row * columns.len();
+                let values = pixels.get(first..first + columns.len()).unwrap_or(&[]);
+                row_bytes.fill(0);
+                for (bytes, z) in row_bytes.chunks_exact_mut(8).zip(values) {
+                    bytes[..4].copy_from_slice(&z.re.to_le_bytes());
+                    bytes[4..].copy_from_slice(&z.im.to_le_bytes());
+                }
+                crc.update(&row_bytes);
+                out.write_all(&row_bytes)?;
+            }
+            Ok(())
+        })?;
+        let mark = json!({
+            "crc32": format!("{:08x}", crc.finalize()),
+            "note": note,
+        });
+        beside(&self.mark(index), |out| {
+            serde_json::to_writer(&mut *out, &mark)?;
+            out.write_all(b"\n")
+        })
+    }
+
+    /// Tiles that are whole, and what was noted of each.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn done(&self) -> Result<BTreeMap<usize, Value>, StoreError> {
+        let mut done = BTreeMap::new();
+        for index in 0..self.layout.count() {
+            let path = self.mark(index);
+            if !path.exists() {
+                continue;
+            }
+            let mark: Value =
+                serde_json::from_str(&read_text(&path)?).map_err(|error| StoreError::Format {
+                    path,
+                    what: format!("not the mark of a tile: {error}"),
+                })?;
+            done.insert(index, mark["note"].clone());
+        }
+        Ok(done)
+    }
+
+    /// Reads a tile, row-major.
+    ///
+    /// # Errors
+    /// [`StoreError`], also if it is not what its mark says.
+    ///
+    /// # Panics
+    /// If there is no such tile.
+    pub fn read(&self, index: usize) -> Result<Vec<Complex32>, StoreError> {
+        let [rows, columns] = self.layout.place(index);
+        let (path, mark_path) = (self.chunk(index), self.mark(index));
+        let mark: Value = serde_json::from_str(&read_text(&mark_path)?).unwrap_or_default();
+        let damaged = |what: String| StoreError::Damaged {
+            path: path.clone(),
+            mark: mark_path.clone(),
+            what,
+        };
+        let failed = |source| StoreError::Io {
+            path: path.clone(),
+            source,
+        };
+        let mut file = File::open(&path).map_err(failed)?;
+        let bytes = file.metadata().map_err(failed)?.len();
+        if bytes != self.layout.tile_bytes() {
+            let wanted = self.layout.tile_bytes();
+            return Err(damaged(format!("it has {bytes} bytes and not {wanted}")));
+        }
+        let mut crc = crc32fast::Hasher::new();
+        let mut row_bytes = vec![0; 8 * self.layout.tile[1]];
+        let mut pixels = Vec::with_capacity(rows.len() * columns.len());
+        for row in 0..self.layout.tile[0] {
+            file.read_exact(&mut row_bytes).map_err(failed)?;
+            crc.update(&row_bytes);
+            if row < rows.len() {
+                let values = row_bytes.chunks_exact(8).take(columns.len());
+                let number =
+                    |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+                pixels.extend(values.map(|z| Complex32::new(number(&z[..4]), number(&z[4..]))));
+            }
+        }
+        let crc32 = format!("{:08x}", crc.finalize());
+        match mark["crc32"].as_str() {
+            Some(stated) if stated == crc32 => Ok(pixels),
+            Some(stated) => Err(damaged(format!("its CRC-32 is {crc32} and not {stated}"))),
+            None => Err(damaged("no CRC-32 of it is recorded".to_owned())),
+        }
+    }
+}
+
+/// A part of a store's work that no other process is at.
+#[derive(Debug)]
+pub struct Claimed {
+    _lock: Arc<Lock>,
+    _place: Place,
+}
+
+/// Numbers hidden files of this process.
+static NUMBER: AtomicU64 = AtomicU64::new(0);
+
+/// Writes a file beside, forces it to the disk and renames it. Its folder is ours, and the name no link.
+fn beside(
+    path: &Path,
+    write: impl FnOnce(&mut io::BufWriter<&mut File>) -> io::Result<()>,
+) -> Result<(), WriteError> {
+    let (folder, name) = (
+        path.parent().unwrap_or(Path::new("")),
+        path.file_name().unwrap_or_default().to_string_lossy(),
+    );
+    let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+    let hidden = folder.join(format!(".{name}-{}-{number}", std::process::id()));
+    unfinished::begin(Thing::File(hidden.clone()));
+    let written = (|| {
+        let mut file = File::create_new(&hidden)?;
+        let mut out = io::BufWriter::with_capacity(1 << 16, &mut file);
+        write(&mut out)?;
+        out.flush()?;
+        drop(out);
+        file.sync_all()?;
+        let _moving = unfinished::commit();
+        fs::rename(&hidden, path)?;
+        sync_folder(folder)
+    })();
+    let _ = fs::remove_file(&hidden);
+    unfinished::end(&hidden);
+    written.map_err(|source| WriteError::Io {
+        path: path.to_owned(),
+        needed_bytes: 0,
+        source,
+    })
+}
+
+fn read_text(path: &Path) -> Result<String, StoreError> {
+    let mut text = String::new();
+    File::open(path)
+        .and_then(|file| file.take(LONGEST_BYTES).read_to_string(&mut text))
+        .map_err(|source| StoreError::Io {
+            path: path.to_owned(),
+            source,
+        })?;
+    Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAYOUT: Layout = Layout {
+        image: [5, 7],
+        tile: [2, 3],
+    };
+
+    fn tile(index: usize) -> Vec<Complex32> {
+        let [rows, columns] = LAYOUT.place(index);
+        let value = |(r, c): (usize, usize)| Complex32::new(r as f32, c as f32 + 0.5);
+        rows.flat_map(|r| columns.clone().map(move |c| (r, c)))
+            .map(value)
+            .collect()
+    }
+
+    #[test]
+    fn tiles_come_back_and_say_when_they_are_damaged() {
+        let folder = tempfile::tempdir().unwrap();
+        let product = folder.path().join("a/b");
+        assert!(TileStore::open(&product).unwrap().is_none());
+        let store = TileStore::create(&product, LAYOUT, "the plan").unwrap();
+        assert_eq!(LAYOUT.tiles(), [3, 3]);
+        for index in [8, 0, 5] {
+            store
+                .put(index, &tile(index), &json!({ "n": index }))
+                .unwrap();
+        }
+        let again = TileStore::open(&product).unwrap().unwrap();
+        assert_eq!((again.layout(), again.plan()), (LAYOUT, "the plan"));
+        let done: Vec<usize> = again.done().unwrap().into_keys().collect();
+        assert_eq!(done, [0, 5, 8]);
+        assert_eq!(again.done().unwrap()[&5]["n"], 5);
+        for index in done {
+            assert_eq!(again.read(index).unwrap(), tile(index));
+        }
+        // Row 2 of tiles is row 4 of the image and a row of zeros, column 2 the image's column 6 and two of zeros.
+        let bytes = fs::read(product.join("image.zarr/c/2/2")).unwrap();
+        assert_eq!(bytes.len(), 8 * 6);
+        assert_eq!(bytes[..8], [0, 0, 0x80, 0x40, 0, 0, 0xd0, 0x40]);
+        assert!(bytes[8..].iter().all(|&b| b == 0));
+
+        let chunk = product.join("image.zarr/c/0/0");
+        let mut bytes = fs::read(&chunk).unwrap();
+        bytes[3] ^= 1;
+        fs::write(&chunk, bytes).unwrap();
+        let error = again.read(0).unwrap_err().to_string();
+        assert!(error.contains("CRC-32"), "{error}");
+        fs::write(&chunk, [0; 3]).unwrap();
+        let error = again.read(0).unwrap_err().to_string();
+        assert!(error.contains("3 bytes and not 48"), "{error}");
+        // Nothing is left beside.
+        let names = fs::read_dir(product.join("image.zarr/c/1")).unwrap();
+        assert_eq!(names.count(), 1);
+        assert!(TileStore::create(&product, LAYOUT, "").is_err());
+    }
+
+    #[test]
+    fn what_is_no_store_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        TileStore::create(folder.path(), LAYOUT, "p").unwrap();
+        let path = folder.path().join("image.zarr/zarr.json");
+        let text = fs::read_to_string(&path).unwrap();
+        for (from, to) in [
+            ("complex64", "complex128"),
+            ("little", "big"),
+            ("7", "0"),
+            ("3", "70000000000"),
+            ("{", ""),
+        ] {
+            fs::write(&path, text.replace(from, to)).unwrap();
+            let error = TileStore::open(folder.path()).unwrap_err().to_string();
+            assert!(error.contains("no image of complex64"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_part_is_one_process_s() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = TileStore::create(folder.path(), LAYOUT, "p").unwrap();
+        let claimed = store.claim("1/8").unwrap();
+        drop(claimed);
+        store.claim("1/8").unwrap();
+    }
+}

@@ -1,0 +1,83 @@
+//! How a transfer ended, and why.
+
+use std::io;
+use std::time::Duration;
+
+use subaperture_core::link::Refusal;
+
+use super::counts::Counts;
+use super::intake::SinkError;
+use subaperture_model::phase_history::ReadError;
+
+/// Why a session did not do what it should.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The line is gone.
+    #[error("the line to the module: {0}")]
+    Line(#[from] io::Error),
+    /// Nothing that makes sense comes.
+    #[error(
+        "the module does not answer: is it running this firmware, at this speed, and is nobody else \
+         talking to it?"
+    )]
+    Silent,
+    /// Another protocol.
+    #[error(
+        "the module speaks protocol version {0}, this program version {PROTOCOL}: update the older \
+         of the two", PROTOCOL = subaperture_core::link::PROTOCOL_VERSION
+    )]
+    Version(u8),
+    /// It said no.
+    #[error("the module refuses: {0}")]
+    Refused(Refusal),
+    /// It answers, but takes no pulse and sends no map.
+    #[error(
+        "the module answers, but for {0:?} it has taken no pulse and sent no map: its line may lose every \
+         long frame, or it hangs; switch it off and on"
+    )]
+    Stuck(Duration),
+    /// It began anew.
+    #[error("the module began anew again and again, without a map in between")]
+    Restarted,
+    /// Samples cannot be read.
+    #[error(transparent)]
+    Recording(#[from] ReadError),
+    /// A map cannot be kept.
+    #[error("{0}")]
+    Sink(SinkError),
+    /// The user wants it so.
+    #[error("interrupted")]
+    Cancelled,
+}
+
+impl LinkError {
+    /// Whether connecting and configuring anew may help.
+    pub(super) fn is_passing(&self) -> bool {
+        matches!(
+            self,
+            Self::Line(_) | Self::Silent | Self::Stuck(_) | Self::Restarted
+        )
+    }
+}
+
+/// How a transfer ended.
+#[derive(Debug)]
+pub enum Ending {
+    /// Every map was taken.
+    Complete,
+    /// All was done that was to be; maps are missing.
+    Incomplete,
+    /// It broke off.
+    Failed(LinkError),
+}
+
+/// What came of a transfer.
+#[derive(Debug)]
+pub struct Outcome {
+    /// What was done.
+    pub counts: Counts,
+    /// Sub-CPI and patch of every map that is missing.
+    pub missing: Vec<(u32, u16)>,
+    /// How it ended.
+    pub ending: Ending,
+}

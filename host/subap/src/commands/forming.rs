@@ -1,0 +1,123 @@
+//! What `focus` and `velocity` have in common: a folder is claimed, a recording surveyed, what its image will take is
+//! told before it is formed, and the image is written beside its record.
+
+use std::path::Path;
+
+use anyhow::Context;
+use serde_json::Value;
+use subaperture::focus::{ImageFormer, Task};
+use subaperture::geometry::ImageGrid;
+use subaperture::image::Image;
+use subaperture::io::claim::Claims;
+use subaperture::io::product::{self, Product};
+use subaperture::monitor::Monitor;
+use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::planner::forecast::Settings;
+use subaperture::plot::{self, Panel};
+use subaperture::resolution::survey::Survey;
+use subaperture::signal::window::Window;
+
+use crate::ahead::Ahead;
+use crate::args::{Rehearsal, Writing};
+use crate::config::Session;
+
+/// Claims the folder of an image and checks that it can be written. Held until the command's end.
+pub(crate) fn claim<P: AsRef<Path>>(
+    session: &Session,
+    writing: &Writing,
+    inputs: &[P],
+    out: &Path,
+    num_pixels: u64,
+) -> anyhow::Result<Claims> {
+    let mut claims = session.claims(writing, inputs);
+    claims.folder(out, product::NAMES)?;
+    Product::prepare(out, num_pixels)?;
+    Ok(claims)
+}
+
+/// What the recording can show.
+pub(crate) fn survey(history: &dyn PhaseHistory) -> anyhow::Result<Survey> {
+    Survey::of(history.collection()).context("the input holds no pulses")
+}
+
+/// The grid that is given, or else the one that suits, if its image can be written.
+pub(crate) fn grid_or(
+    session: &Session,
+    given: Option<ImageGrid>,
+    out: &Path,
+    suited: impl FnOnce() -> anyhow::Result<ImageGrid>,
+) -> anyhow::Result<ImageGrid> {
+    if let Some(grid) = given {
+        return Ok(grid);
+    }
+    let grid = suited()?;
+    session.check_grid(&grid, 1)?;
+    Product::prepare(out, grid.num_pixels())?;
+    Ok(grid)
+}
+
+/// An image to be formed.
+pub(crate) struct Forming<'f> {
+    history: &'f dyn PhaseHistory,
+    grid: &'f ImageGrid,
+    weights: Weights,
+    memory_bytes: u64,
+}
+
+impl<'f> Forming<'f> {
+    /// Of a recording on a grid, under windows in fast and slow time.
+    pub(crate) fn new(
+        session: &Session,
+        history: &'f dyn PhaseHistory,
+        grid: &'f ImageGrid,
+        [fast, slow]: [Window; 2],
+    ) -> Self {
+        Self {
+            history,
+            grid,
+            weights: Weights::new(history.collection(), fast, slow),
+            memory_bytes: session.memory_bytes,
+        }
+    }
+
+    /// The work, watched by `monitor`.
+    pub(crate) fn task<'t>(&'t self, monitor: &'t dyn Monitor) -> Task<'t> {
+        Task {
+            history: self.history,
+            grid: self.grid,
+            weights: &self.weights,
+            memory_bytes: self.memory_bytes,
+            monitor,
+        }
+    }
+}
+
+/// Says what an image by `former` will take: whether that is all that was asked for.
+pub(crate) fn announce(
+    session: &Session,
+    rehearsal: &Rehearsal,
+    former: &dyn ImageFormer,
+    task: &Task,
+    settings: &Settings,
+    out: &Path,
+) -> anyhow::Result<bool> {
+    Ahead::of_image(session, rehearsal, former, task, settings, out)?.announce(session, rehearsal)
+}
+
+/// Writes an image, which `panel` shows, its record and its picture, complete or not at all.
+pub(crate) fn write(
+    session: &Session,
+    out: &Path,
+    image: &Image,
+    panel: &Panel,
+    metadata: &Value,
+) -> anyhow::Result<()> {
+    let quicklook = plot::quicklook_within(panel, session.memory.picture_bytes)?;
+    Product {
+        image,
+        metadata,
+        quicklook: &quicklook,
+    }
+    .write(out)?;
+    Ok(())
+}

@@ -1,0 +1,291 @@
+//! `subap focus --tiled` and `subap plan focus`: runs that are killed go on, parts make the whole, to the bit; two runs into one
+//! folder do not meet; an image larger than memory.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use subaperture_tests::subap::{command, run};
+
+/// A straight track, so that every former takes it.
+const SCENE: &str = r#"
+name = "tiles"
+seed = 3
+
+[scene]
+x = "-60, 60 m"
+y = "-60, 60 m"
+reference = "0, 0, 0 m"
+
+[scene.origin]
+latitude = "40 deg"
+longitude = "-86 deg"
+
+[[scene.point]]
+position = "3, 4, 0 m"
+
+[[scene.point]]
+position = "-31, 22, 0 m"
+
+[radar]
+kind = "ideal"
+pulses = 300
+pri = "4 ms"
+centre = "10 GHz"
+bandwidth = "100 MHz"
+samples = 200
+
+[platform]
+kind = "linear"
+position = "0, -4, 3 km"
+velocity = "100, 0, 0 m/s"
+at = "middle"
+"#;
+
+/// Every file of an image's store but its hidden ones, and what is in it.
+fn store(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    fn walk(root: &Path, folder: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            if path.is_dir() {
+                walk(root, &path, files);
+            } else if !name.starts_with('.') {
+                let key = path.strip_prefix(root).unwrap().display().to_string();
+                files.insert(key, fs::read(path).unwrap());
+            }
+        }
+    }
+    let root = folder.join("image.zarr");
+    let mut files = BTreeMap::new();
+    walk(&root, &root, &mut files);
+    files
+}
+
+fn recording(folder: &Path) {
+    fs::write(folder.join("scene.toml"), SCENE).unwrap();
+    run(folder, "simulate scene.toml -o a.cphd").succeeded();
+}
+
+/// How each former is run here, and for how long at the most it lives before it is killed.
+const FORMERS: [(&str, &str); 8] = [
+    ("exact", "-a exact --grid x=-40:40:0.9,y=-40:40:0.9"),
+    ("bp", "-a bp --grid x=-60:60:0.4,y=-60:60:0.4"),
+    ("rdbp", "-a rdbp --grid x=-60:60:0.1,y=-60:60:0.1"),
+    (
+        "thesis",
+        "-a rdbp --mode thesis --grid x=-60:60:0.3,y=-60:60:0.3",
+    ),
+    ("ffbp", "-a ffbp --grid x=-60:60:0.15,y=-60:60:0.15"),
+    (
+        "pfa",
+        "-a pfa --allow-error --grid x=-40:40:0.1,y=-40:40:0.1",
+    ),
+    (
+        "omega-k",
+        "-a omega-k --allow-error --grid x=-40:40:0.1,y=-40:40:0.1",
+    ),
+    (
+        "rda",
+        "-a rda --allow-error --grid x=-40:40:0.1,y=-40:40:0.1",
+    ),
+];
+
+/// Kills each former's run twenty times; what the last run leaves is what one that nobody disturbed leaves.
+#[test]
+fn killed_runs_go_on_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(folder);
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    for (name, options) in FORMERS {
+        let whole = format!("focus a.cphd {options} --tiled -o whole-{name}");
+        let begun = Instant::now();
+        let ran = run(folder, &whole);
+        assert!(matches!(ran.code, Some(0 | 3)), "{name}: {}", ran.stderr);
+        let took_ms = begun.elapsed().as_millis() as u64;
+        let expected = store(&folder.join(format!("whole-{name}")));
+        let tiles = expected.keys().filter(|key| key.starts_with('c')).count();
+
+        let line = format!("focus a.cphd {options} --tiled --resume -o {name}");
+        let (mut killed, mut amid) = (0, 0);
+        while killed < 20 {
+            let mut child = command(folder, line.split_whitespace())
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .spawn()
+                .unwrap();
+            // Mostly where tiles are formed and written.
+            sleep(Duration::from_millis(random.next_u64() % (took_ms + 1)));
+            child.kill().unwrap();
+            let status = child.wait().unwrap();
+            killed += 1;
+            let done = folder.join(format!("{name}/image.zarr/done"));
+            let there = fs::read_dir(done).map_or(0, |marks| {
+                marks
+                    .filter(|mark| {
+                        let name = mark.as_ref().unwrap().file_name();
+                        !name.to_string_lossy().starts_with('.')
+                    })
+                    .count()
+            });
+            amid += usize::from(there > 0 && there < tiles);
+            if status.success() || folder.join(format!("{name}/image.json")).exists() {
+                // It was quicker; from the beginning.
+                fs::remove_dir_all(folder.join(name)).unwrap();
+            }
+        }
+        let ran = run(folder, &line);
+        assert!(matches!(ran.code, Some(0 | 3)), "{name}: {}", ran.stderr);
+        println!(
+            "{name}: {tiles} tiles, {took_ms} ms undisturbed; {amid} of {killed} kills left a part of them"
+        );
+        let got = store(&folder.join(name));
+        assert!(got.keys().eq(expected.keys()), "{name}");
+        for (file, bytes) in &expected {
+            assert!(*bytes == got[file], "{name}: {file}");
+        }
+        assert!(folder.join(format!("{name}/image.png")).is_file());
+    }
+}
+
+/// Eight processes, a part each, in any order; two of them killed and started again.
+#[test]
+fn eight_processes_make_one_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(folder);
+    let grid = "--grid x=-60:60:0.25,y=-60:60:0.25";
+    run(
+        folder,
+        &format!("plan focus a.cphd -a bp {grid} -o plan.json"),
+    )
+    .succeeded();
+    run(folder, &format!("focus a.cphd -a bp {grid} --tiled -o one")).succeeded();
+    let start = |part: usize| -> std::process::Child {
+        let mut part_of: Command = command(
+            folder,
+            format!("focus a.cphd --plan plan.json --tiles {part}/8 -o all --threads 1")
+                .split_whitespace(),
+        );
+        part_of.stdout(Stdio::null()).spawn().unwrap()
+    };
+    let mut order: Vec<usize> = (1..=8).collect();
+    let mut random = ChaCha8Rng::seed_from_u64(2);
+    for i in (1..8).rev() {
+        order.swap(i, random.next_u64() as usize % (i + 1));
+    }
+    let mut running: Vec<(usize, std::process::Child)> =
+        order.iter().map(|&part| (part, start(part))).collect();
+    sleep(Duration::from_millis(250));
+    for (part, child) in running.iter_mut().take(2) {
+        child.kill().unwrap();
+        child.wait().unwrap();
+        *child = start(*part);
+    }
+    for (part, mut child) in running {
+        assert!(child.wait().unwrap().success(), "part {part}");
+    }
+    assert!(store(&folder.join("all")) == store(&folder.join("one")));
+    // Whoever was last made the record and the picture.
+    assert!(folder.join("all/image.png").is_file());
+    let said = run(folder, "compare one all");
+    assert!(
+        said.succeeded().contains("correlation          1.0000"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn what_is_there_is_not_lost_by_mistake() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(folder);
+    let grid = "--grid x=-20:20:0.5,y=-20:20:0.5";
+    let line = format!("focus a.cphd {grid} --tiled -o d");
+    run(folder, &line).succeeded();
+    let before = store(&folder.join("d"));
+    run(folder, &line).failed(2, &["image.zarr", "--resume", "--force"]);
+    run(folder, &format!("focus a.cphd {grid} --resume -a bp -o d"))
+        .failed(1, &["of another plan", "--force"]);
+    assert!(store(&folder.join("d")) == before);
+    // All is there: nothing is formed, and the record is written again.
+    let ran = run(folder, &format!("focus a.cphd {grid} --resume -o d"));
+    assert!(ran.succeeded().contains("80 x 80"), "{ran:?}");
+    assert!(store(&folder.join("d")) == before);
+    // Another recording by the same plan.
+    fs::write(
+        folder.join("other.toml"),
+        SCENE.replace("-4, 3 km", "-4, 2 km"),
+    )
+    .unwrap();
+    run(folder, "simulate other.toml -o b.cphd").succeeded();
+    run(folder, "focus b.cphd --plan d/image.zarr/plan.json -o e")
+        .failed(1, &["made for a recording of 300 pulses of 200 samples"]);
+    assert!(!folder.join("e/image.zarr").exists());
+    // Tiles that were damaged are told from the picture on.
+    let tile = folder.join("d/image.zarr/c/0/0");
+    let mut bytes = fs::read(&tile).unwrap();
+    bytes[9] ^= 4;
+    fs::write(&tile, bytes).unwrap();
+    run(folder, "picture d -o d.png").failed(1, &["CRC-32", "--resume"]);
+    fs::remove_file(folder.join("d/image.zarr/done/0.0.json")).unwrap();
+    run(folder, &format!("focus a.cphd {grid} --resume -o d")).succeeded();
+    assert!(store(&folder.join("d")) == before);
+    run(folder, &format!("{line} --force -a bp")).succeeded();
+    assert!(store(&folder.join("d")) != before);
+}
+
+#[test]
+fn options_that_make_no_sense_together_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for (line, what) in [
+        ("focus a.cphd -o d --tiles 1/2", "--plan"),
+        ("focus a.cphd -o d --plan p --tiles 3/2", "a part is wanted"),
+        ("focus a.cphd -o d --plan p -a bp", "--algorithm"),
+        ("focus a.cphd -o d --scratch 1M", "--tiled"),
+        ("focus a.cphd -o d --tiled --scratch 1K", "at least 64K"),
+        ("plan focus a.cphd -o p --velocity 1,2", "--velocity"),
+    ] {
+        run(folder, line).failed(2, &[what]);
+    }
+    fs::write(folder.join("p"), "{}").unwrap();
+    run(folder, "focus a.cphd -o d --plan p").failed(1, &["a.cphd"]);
+    recording(folder);
+    run(folder, "focus a.cphd -o d --plan p").failed(1, &["p", "plan again"]);
+    run(folder, "focus a.cphd -o d --plan none").failed(1, &["none"]);
+}
+
+/// A second run into one folder is refused while the first is at it.
+#[test]
+fn two_runs_into_one_folder_do_not_meet() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(folder);
+    let line = "focus a.cphd -a exact --grid x=-60:60:0.5,y=-60:60:0.5 --tiled --resume -o d";
+    let mut first = command(folder, line.split_whitespace())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let begun = Instant::now();
+    while !folder.join("d/image.zarr/zarr.json").exists() {
+        assert!(begun.elapsed() < Duration::from_secs(60));
+        sleep(Duration::from_millis(5));
+    }
+    sleep(Duration::from_millis(100));
+    let second = run(folder, line);
+    let still = first.try_wait().unwrap().is_none();
+    first.kill().unwrap();
+    first.wait().unwrap();
+    assert!(still, "the first run was over too soon to tell");
+    second.failed(1, &["another run"]);
+    // A dead run's lock is nobody's.
+    let bp = line.replace("exact", "bp");
+    run(folder, &bp).failed(1, &["another plan"]);
+}
