@@ -1,4 +1,5 @@
-//! The command `subap`: from phase history to a focused image.
+//! The command `subap`: from phase history to a focused image. The library behind it is the crate
+//! [`subaperture`](https://docs.rs/subaperture).
 #![forbid(unsafe_code)]
 
 mod ahead;

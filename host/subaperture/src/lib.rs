@@ -113,3 +113,7 @@ pub use focusing::{Focus, Focusing};
 pub use open::{open, open_all};
 pub use save::SaveError;
 pub use subaperture_resolution::survey::scene_grid;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
