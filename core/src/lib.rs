@@ -6,6 +6,8 @@
 //! its type and states its bytes as a constant, so that all memory is accounted for before the program
 //! runs; stream buffers of sizes that cannot be do not compile.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the host's side is the crate `subaperture`.
+//!
 //! # Two ways to a map
 //! - [`stream`]: pulses come one at a time and are stored raw; a bounded piece of work at a time, they
 //!   become a map of each patch of the scene, compensated to its centre with each pulse's antenna

@@ -1,6 +1,8 @@
-//! What is made of images: measures, comparisons, pictures, products.
+//! What is made of images: measures, comparisons, pictures, products; the library as its users have it.
 
 mod compare;
+mod examples;
+mod features;
 mod made;
 mod pairs;
 mod plot_lines;

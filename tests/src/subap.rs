@@ -11,35 +11,41 @@ pub use subaperture_xtask::root;
 /// The program, built on first use with the profile of the tests.
 pub fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
-    PROGRAM.get_or_init(|| {
-        let mut cargo = subaperture_xtask::cargo();
-        cargo
-            .args([
-                // The packages that are tested together: another selection has other features of
-                // dependencies, and all would be built once more.
-                "build",
-                "--quiet",
-                "--workspace",
-                "--exclude",
-                "subaperture-firmware",
-                "--bin",
-                "subap",
-            ])
-            .args(["--message-format", "json-render-diagnostics"])
-            .stderr(Stdio::inherit());
-        // The dev profile keeps debug assertions on and release does not.
-        if !cfg!(debug_assertions) {
-            cargo.arg("--release");
-        }
-        let output = cargo.output().expect("cargo starts");
-        assert!(output.status.success(), "subap does not build");
-        String::from_utf8(output.stdout)
-            .expect("cargo prints UTF-8")
-            .lines()
-            .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
-            .find_map(|message| message["executable"].as_str().map(PathBuf::from))
-            .expect("cargo names the executable")
-    })
+    PROGRAM.get_or_init(|| built(&["--bin", "subap"]))
+}
+
+/// An example of the library, built likewise.
+pub fn example(name: &str) -> PathBuf {
+    built(&["--example", name])
+}
+
+fn built(what: &[&str]) -> PathBuf {
+    let mut cargo = subaperture_xtask::cargo();
+    cargo
+        .args([
+            // The packages that are tested together: another selection has other features of
+            // dependencies, and all would be built once more.
+            "build",
+            "--quiet",
+            "--workspace",
+            "--exclude",
+            "subaperture-firmware",
+        ])
+        .args(what)
+        .args(["--message-format", "json-render-diagnostics"])
+        .stderr(Stdio::inherit());
+    // The dev profile keeps debug assertions on and release does not.
+    if !cfg!(debug_assertions) {
+        cargo.arg("--release");
+    }
+    let output = cargo.output().expect("cargo starts");
+    assert!(output.status.success(), "{what:?} does not build");
+    String::from_utf8(output.stdout)
+        .expect("cargo prints UTF-8")
+        .lines()
+        .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
+        .find_map(|message| message["executable"].as_str().map(PathBuf::from))
+        .expect("cargo names the executable")
 }
 
 /// What a run of `subap` printed and how it ended.

@@ -1,5 +1,8 @@
 //! Unknown geometry found by the sharpness of the image: a search over a few parameters.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
+//! has it as its module `autofocus`.
+//!
 //! A search knows its parameters only by their intervals, and the image only by a figure of merit, larger is better:
 //! the caller says how values become a merit, usually through [`merit`]. It goes
 //!

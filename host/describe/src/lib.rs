@@ -1,5 +1,8 @@
 //! Texts that describe something, a scenario or a recording: TOML whose quantities carry their units.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
+//! has it as its module `describe`.
+//!
 //! Everything is checked against one table of keys (`schema`), which can be printed. Errors point at file,
 //! line and column, show the line, and say what to do; several are told at once.
 //!

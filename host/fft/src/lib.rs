@@ -1,5 +1,7 @@
 //! Plans of discrete Fourier transforms ([`rustfft`]), compiled in this package and nowhere else.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation, and of little use without it.
+//!
 //! rustfft is generic over its numbers: whatever crate makes a plan compiles all kernels for all of the processor's
 //! extensions again, 25 s of processor time for float32 and as much for float64, and so does a crate into which a small
 //! function that makes one is inlined. Here both are made behind functions that are not inlined.

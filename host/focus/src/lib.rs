@@ -1,5 +1,8 @@
 //! Image formers: phase history in, complex image out.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
+//! has it as its module `focus`.
+//!
 //! Every former computes, or approximates, the matched filter of Schone 2020 (section 1.2): for a
 //! pixel at `p`
 //!
@@ -21,6 +24,7 @@ pub mod budget;
 pub mod forecast;
 pub mod former;
 pub mod formers;
+pub mod machine;
 pub mod moving;
 pub mod patch;
 pub mod path_model;

@@ -1,6 +1,8 @@
 //! The figures and tables of the two theses, made again from simulation, and held against what
 //! they show.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: what `subap reproduce` runs.
+//!
 //! An [`Item`] is one figure or table: it simulates what the thesis had, does what the thesis did, and
 //! returns a [`Finding`]: pictures, and checks that set the thesis's number beside ours. Whether the
 //! two agree is computed, never written down; where they do not, a line says why.

@@ -14,7 +14,6 @@ use super::atomic::WriteError;
 use super::input::same_path;
 use super::ours::{Kind, objection};
 use super::place::Place;
-use subaperture_describe::named_files;
 
 /// The outputs of one run.
 #[derive(Debug)]
@@ -32,8 +31,9 @@ impl Claims {
         let mut all: Vec<PathBuf> = Vec::new();
         for path in inputs.iter().map(AsRef::as_ref) {
             all.push(path.to_owned());
+            #[cfg(feature = "recording")]
             if path.extension().is_some_and(|end| end == "toml") {
-                all.extend(named_files(path));
+                all.extend(subaperture_describe::named_files(path));
             }
             // Of a product.
             if path.is_dir() {

@@ -1,24 +1,50 @@
-//! Files: recordings in, images out.
+//! Files: recordings in, images out. A part of [Subaperture](https://docs.rs/subaperture), whose crate `subaperture`
+//! has it as its module `io`.
+//!
+//! [`open`] opens recordings by what they hold; [`product`] is the folder that an image leaves; [`atomic`], [`place`],
+//! [`lock`] and [`claim`] see that outputs are complete or absent and nobody else's.
+//!
+//! # Features
+//! All are on by default.
+//!
+//! | feature | adds | dependencies |
+//! |---|---|---|
+//! | `cphd` | CPHD 1.x, read and written: `cphd` | `roxmltree` |
+//! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha` | `flate2` |
+//! | `npz` | arrays in NumPy's archives ([`npy::Array::read`]) | `zip`, `flate2` |
+//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `recorded_track`, `motive`, `novatel`, `track_csv`, `track_axes` | `subaperture-describe`, `subaperture-receive` |
+//!
+//! NumPy's `.npy` and images are always there. A file whose feature is off is known for what it is, and refused with the
+//! feature's name.
 #![forbid(unsafe_code)]
 
 pub mod atomic;
 pub mod claim;
+#[cfg(feature = "cphd")]
 pub mod cphd;
+#[cfg(feature = "gotcha")]
 pub mod gotcha;
 pub mod input;
 pub mod lock;
+#[cfg(feature = "gotcha")]
 mod matlab;
+#[cfg(feature = "recording")]
 pub mod motive;
+#[cfg(feature = "recording")]
 pub mod novatel;
 pub mod npy;
 pub mod open;
 pub mod ours;
 pub mod place;
 pub mod product;
+#[cfg(feature = "recording")]
 pub mod recorded_track;
+#[cfg(feature = "recording")]
 pub mod recording;
 pub mod staging;
 pub mod tiles;
+#[cfg(feature = "recording")]
 pub mod track_axes;
+#[cfg(feature = "recording")]
 pub mod track_csv;
 pub mod unfinished;

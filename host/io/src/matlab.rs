@@ -16,8 +16,7 @@ use std::io::Read;
 
 use flate2::read::ZlibDecoder;
 
-/// The text that every level 5 file starts with.
-pub(super) const MAGIC: &[u8] = b"MATLAB 5.0 MAT-file";
+use super::open::MATLAB_MAGIC;
 
 /// A packed variable may unpack to this many times the size of its file. Radar samples pack to a
 /// tenth at the very best; zlib itself reaches 1000, which is only of use to a trap.
@@ -359,7 +358,7 @@ pub(super) fn find_variable<'a>(
     name: &str,
     memory_bytes: u64,
 ) -> Result<std::result::Result<Cow<'a, [u8]>, Vec<String>>> {
-    if file.len() < HEADER_BYTES || !file.starts_with(MAGIC) {
+    if file.len() < HEADER_BYTES || !file.starts_with(MATLAB_MAGIC) {
         return fail(format!(
             "not a MATLAB 5 file: {} bytes without its header of {HEADER_BYTES}",
             file.len()

@@ -5,10 +5,17 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::{cphd, gotcha, matlab, recording};
+#[cfg(feature = "cphd")]
+use super::cphd;
+#[cfg(feature = "gotcha")]
+use super::gotcha;
+#[cfg(feature = "recording")]
+use super::recording;
 use subaperture_model::phase_history::{Joined, PhaseHistory, ReadError};
 
 const CPHD_MAGIC: &[u8] = b"CPHD/1.";
+/// What a MATLAB 5 file begins with.
+pub(super) const MATLAB_MAGIC: &[u8] = b"MATLAB 5.0 MAT-file";
 const SUPPORTED: &str =
     "CPHD 1.x and GOTCHA (MATLAB 5) files are read, and descriptions of raw recordings (.toml)";
 
@@ -19,8 +26,8 @@ pub struct Options<'a> {
     pub channel: Option<&'a str>,
     /// Bytes that all recordings opened together may hold in memory.
     pub memory_bytes: u64,
-    /// Keys of descriptions of raw recordings and the values that override them, as
-    /// [`recording::RecordingFile::set`] takes them; laid over every description opened.
+    /// Keys of descriptions of raw recordings and the values that override them, such as `radar.pri`; laid over
+    /// every description opened.
     pub settings: &'a [(String, String)],
 }
 
@@ -38,8 +45,8 @@ impl Default for Options<'_> {
 /// Opens a recording.
 ///
 /// # Errors
-/// [`ReadError::Malformed`] for a file of no known format, saying what it looks like, and for a
-/// broken one; [`ReadError::Mismatch`] for a channel or settings of a format that has none;
+/// [`ReadError::Malformed`] for a file of no known format, saying what it looks like, for one whose format is a feature
+/// that is off, and for a broken one; [`ReadError::Mismatch`] for a channel or settings of a format that has none;
 /// [`ReadError::Io`].
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, ReadError> {
     if path.is_dir() {
@@ -61,21 +68,17 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
             path.display()
         )));
     }
-    if start.starts_with(matlab::MAGIC) {
+    if start.starts_with(MATLAB_MAGIC) {
         if let Some(channel) = options.channel {
             return Err(ReadError::Mismatch(format!(
                 "{}: a GOTCHA file has no channels; leave out channel '{channel}'",
                 path.display()
             )));
         }
-        return Ok(Box::new(gotcha::read(path, options.memory_bytes)?));
+        return open_gotcha(path, options);
     }
     if start.starts_with(CPHD_MAGIC) {
-        return Ok(Box::new(cphd::Cphd::open(
-            path,
-            options.channel,
-            options.memory_bytes,
-        )?));
+        return open_cphd(path, options);
     }
     if described {
         if let Some(channel) = options.channel {
@@ -84,11 +87,7 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
                 path.display()
             )));
         }
-        return Ok(Box::new(recording::open(
-            path,
-            options.settings,
-            options.memory_bytes,
-        )?));
+        return open_described(path, options);
     }
     Err(ReadError::Malformed {
         path: path.to_owned(),
@@ -96,10 +95,56 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
     })
 }
 
+type Opened = Result<Box<dyn PhaseHistory>, ReadError>;
+
+#[cfg(feature = "gotcha")]
+fn open_gotcha(path: &Path, options: &Options) -> Opened {
+    Ok(Box::new(gotcha::read(path, options.memory_bytes)?))
+}
+
+#[cfg(not(feature = "gotcha"))]
+fn open_gotcha(path: &Path, _: &Options) -> Opened {
+    Err(is_off(path, "a MATLAB 5 file", "gotcha"))
+}
+
+#[cfg(feature = "cphd")]
+fn open_cphd(path: &Path, options: &Options) -> Opened {
+    let opened = cphd::Cphd::open(path, options.channel, options.memory_bytes)?;
+    Ok(Box::new(opened))
+}
+
+#[cfg(not(feature = "cphd"))]
+fn open_cphd(path: &Path, _: &Options) -> Opened {
+    Err(is_off(path, "a CPHD file", "cphd"))
+}
+
+#[cfg(feature = "recording")]
+fn open_described(path: &Path, options: &Options) -> Opened {
+    let opened = recording::open(path, options.settings, options.memory_bytes)?;
+    Ok(Box::new(opened))
+}
+
+#[cfg(not(feature = "recording"))]
+fn open_described(path: &Path, _: &Options) -> Opened {
+    Err(is_off(path, "a described recording", "recording"))
+}
+
+/// Of a format that this program was built without.
+#[cfg(not(all(feature = "cphd", feature = "gotcha", feature = "recording")))]
+fn is_off(path: &Path, what: &str, feature: &str) -> ReadError {
+    ReadError::Malformed {
+        path: path.to_owned(),
+        what: format!(
+            "{what}, and this program was built without the feature '{feature}' of subaperture"
+        ),
+    }
+}
+
 /// What a CPHD file says of itself in its header and XML; `None` for other files.
 ///
 /// # Errors
 /// As [`cphd::CphdInfo::read`].
+#[cfg(feature = "cphd")]
 pub fn cphd_info(path: &Path) -> Result<Option<cphd::CphdInfo>, ReadError> {
     let start = read_start(path).map_err(|source| ReadError::Io {
         path: path.to_owned(),

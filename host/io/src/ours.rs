@@ -150,6 +150,7 @@ fn begins_as_record(file: &mut File) -> io::Result<bool> {
 }
 
 /// A description with its first line.
+#[cfg(feature = "recording")]
 pub(super) fn marked_description(text: &str) -> String {
     format!("{}\n{text}", description_mark(text.as_bytes()))
 }

@@ -5,7 +5,7 @@
 //! | `image.npy` | complex64, rows (y ascending) x columns (x ascending) |
 //! | `image.zarr` | in its place, an image that was formed in tiles ([`tiles`]) |
 //! | `image.json` | axes, frame, settings; under `files` the size and CRC-32 of the other two |
-//! | `image.png` | the quicklook |
+//! | `image.png` | the quicklook, if there is one |
 //!
 //! How it is complete or absent. All three are written, and forced to disk, in a hidden staging folder
 //! on the same file system. Then
@@ -21,8 +21,10 @@
 //! [`read`] reads one back.
 
 mod read;
+pub mod record;
 
-use std::io::Write;
+use std::fs;
+use std::io::{self, Write};
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -105,7 +107,7 @@ pub struct Product<'a> {
     pub image: &'a Image,
     /// Everything that should be known of it: a JSON object, to which `files` is added.
     pub metadata: &'a Value,
-    /// The picture, as the bytes of a PNG file.
+    /// The picture, as the bytes of a PNG file; empty if there is none.
     pub quicklook: &'a [u8],
 }
 
@@ -121,7 +123,8 @@ impl Product<'_> {
         staged.check([IMAGE, METADATA, QUICKLOOK])
     }
 
-    /// Writes the three files into `folder`, which is made if need be, with its parents.
+    /// Writes the files into `folder`, which is made if need be, with its parents. A picture of an older product goes if
+    /// there is no new one.
     ///
     /// # Errors
     /// [`WriteError`]; then the folder is as it was, or, if replacing an older product failed half way,
@@ -134,9 +137,29 @@ impl Product<'_> {
             npy::file_bytes(self.image.pixels.len() as u64) + self.quicklook.len() as u64;
         let staged = Staged::begin(folder, needed_bytes)?;
         let image = staged.write(IMAGE, |out| npy::write_to(out, self.image))?;
-        let quicklook = staged.write(QUICKLOOK, |out| out.write_all(self.quicklook))?;
-        let files = json!({ IMAGE: image, QUICKLOOK: quicklook });
+        let mut files = json!({ IMAGE: image });
+        let mut names = vec![IMAGE];
+        if !self.quicklook.is_empty() {
+            files[QUICKLOOK] = staged.write(QUICKLOOK, |out| out.write_all(self.quicklook))?;
+            names.push(QUICKLOOK);
+        }
         write_metadata(&staged, self.metadata, files)?;
-        staged.commit(&[IMAGE, QUICKLOOK], &[METADATA])
+        staged.commit(&names, &[METADATA])?;
+        if self.quicklook.is_empty() {
+            remove(&folder.join(QUICKLOOK))?;
+        }
+        Ok(())
+    }
+}
+
+/// Removes what there may be.
+fn remove(path: &Path) -> Result<(), WriteError> {
+    match fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => Err(WriteError::Io {
+            path: path.to_owned(),
+            needed_bytes: 0,
+            source,
+        }),
+        _ => Ok(()),
     }
 }

@@ -1,5 +1,8 @@
 //! What every part of image formation speaks of, and nothing that any of them does.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
+//! has these modules as its own.
+//!
 //! | module | what it holds |
 //! |---|---|
 //! | [`geometry`] | the scene frame, places on the Earth, image grids |

@@ -1,5 +1,8 @@
 //! The processor on the platform, seen from the host: what it is to do, the line to it, and what becomes of its maps.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
+//! has it as its module `onboard`.
+//!
 //! ```text
 //! phase history ─> plan ─> link ═ serial ═ module        (subaperture-core: stream)
 //!                           └─> maps, maps_file ─> image

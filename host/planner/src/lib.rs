@@ -1,5 +1,8 @@
 //! Planning a collection: what a radar will show, what that takes, and what it costs.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
+//! has it as its module `planner`.
+//!
 //! [`RadarPlan`] gathers everything for one collection, be it a recording or a pass that exists in numbers only
 //! ([`Parameters`]). Each part stands for itself, with its equations:
 //!

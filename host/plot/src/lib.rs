@@ -1,5 +1,8 @@
 //! Pictures where people would rather look than read.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
+//! has it as its module `plot`.
+//!
 //! A picture of a complex image: its magnitude in decibels, `20 log10 |I|`, with a colour bar. Axes show the
 //! scene's coordinates in metres, rows upwards; those of a turned plane say which way they run
 //! ([`subaperture_model::geometry::SceneAxis`]). A polar grid shows range upwards and its angle, which grows

@@ -1,5 +1,8 @@
 //! How good an image is: responses of points, statistics of regions, one image against another.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
+//! has it as its module `quality`.
+//!
 //! - [`response`] measures a point's position, width, side lobes, magnitude and phase; [`subaperture_resolution::theory`] says
 //!   what a windowed band should give, and shares no code with the measurement.
 //! - [`statistics`] gives level, entropy, contrast and sharpness of an image or a part of it.

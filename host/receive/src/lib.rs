@@ -1,5 +1,8 @@
 //! From echoes to phase history: what a receiver's samples need before any image former can use them.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
+//! has it as its module `receive`.
+//!
 //! [`Echoes`] are raw samples with the record of how they were taken, simulated or measured. Adapters
 //! on top of them are [`PhaseHistory`](subaperture_model::phase_history::PhaseHistory), read on demand:
 //!

@@ -1,4 +1,7 @@
 //! Windows, transforms and kernels.
+//!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
+//! has it as its module `signal`.
 #![forbid(unsafe_code)]
 
 pub mod fast_length;

@@ -1,5 +1,8 @@
 //! Simulated recordings: a radar that can be told to do anything, and a scene that is known.
 //!
+//! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
+//! has it as its module `simulate`.
+//!
 //! The way of the data:
 //!
 //! ```text

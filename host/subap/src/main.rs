@@ -1,4 +1,5 @@
-//! The command `subap`: from phase history to a focused image.
+//! The command `subap`: from phase history to a focused image. The library behind it is the crate
+//! [`subaperture`](https://docs.rs/subaperture).
 #![forbid(unsafe_code)]
 
 mod ahead;
@@ -34,7 +35,7 @@ fn main() -> ExitCode {
     };
     let done = config::Session::new(&typed.global).and_then(|session| {
         let done = commands::run(&session, command);
-        if let Some(bytes) = memory::peak_bytes() {
+        if let Some(bytes) = subaperture::focus::machine::peak_bytes() {
             session.note(1, || {
                 format!("{} of memory at the most", text::bytes(bytes.into()))
             });

@@ -9,10 +9,8 @@
 //! SIZE is never more than the machine has, its container allows, or the limit on the address space (`ulimit -v`)
 //! leaves: what is refused before the work is not an abort within it.
 
-use std::fs;
-
 use anyhow::bail;
-use subaperture::focus::FormError;
+use subaperture::focus::{FormError, machine};
 use subaperture::phase_history::ReadError;
 
 use crate::failure::Usage;
@@ -46,7 +44,7 @@ impl Memory {
     /// # Errors
     /// If it is less than the program itself takes.
     pub(crate) fn new(asked: Option<u64>, threads: usize) -> anyhow::Result<Self> {
-        let has = machine_bytes();
+        let has = machine::memory_bytes();
         let total_bytes = asked.unwrap_or(has / 2).min(has);
         let own = PROGRAM_BYTES + THREAD_BYTES * threads as u64;
         let least = own + PICTURE_BYTES.0 + LEAST_WORK_BYTES;
@@ -98,44 +96,4 @@ impl Memory {
             "{error:#} (of {total} of memory, {work} are for the work, the rest is the program's own)"
         )
     }
-}
-
-/// What the machine has, its container allows, or the limit on the address space leaves, whichever is least; 4 GiB
-/// where nothing tells.
-fn machine_bytes() -> u64 {
-    let number = |path: &str| fs::read_to_string(path).ok()?.trim().parse::<u64>().ok();
-    [
-        kibibytes("/proc/meminfo", "MemTotal:"),
-        number("/sys/fs/cgroup/memory.max"),
-        number("/sys/fs/cgroup/memory/memory.limit_in_bytes"),
-        address_space(),
-    ]
-    .into_iter()
-    .flatten()
-    .min()
-    .unwrap_or(4 << 30)
-}
-
-/// What a limit on the address space leaves of it.
-fn address_space() -> Option<u64> {
-    let limits = fs::read_to_string("/proc/self/limits").ok()?;
-    let line = limits
-        .lines()
-        .find_map(|line| line.strip_prefix("Max address space"))?;
-    let limit: u64 = line.split_whitespace().next()?.parse().ok()?;
-    // Maps of the program's file count as well, and a heap for each thread is reserved before it is used.
-    let taken = kibibytes("/proc/self/status", "VmSize:").unwrap_or(0);
-    Some(limit.saturating_sub(taken) / 2)
-}
-
-/// The most that the process held at any time.
-pub(crate) fn peak_bytes() -> Option<u64> {
-    kibibytes("/proc/self/status", "VmHWM:")
-}
-
-fn kibibytes(path: &str, label: &str) -> Option<u64> {
-    let text = fs::read_to_string(path).ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix(label))?;
-    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kibibytes * 1024)
 }

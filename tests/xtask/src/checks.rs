@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use subaperture_xtask::firmware::TARGET;
 use subaperture_xtask::{root, target_folder};
 
-use crate::prerequisites::cargo_deny;
+use crate::prerequisites::{OLDEST_RUST, cargo_deny, toolchain_installed};
 use crate::runner::Runner;
 
 /// The firmware's package and the target it is built for.
@@ -38,6 +38,31 @@ const CORE: [(&str, &str); 7] = [
     ("clippy, core, selftest", "selftest"),
     ("clippy, core, stream, selftest", "stream,selftest"),
     ("clippy, core, fixed, selftest", "fixed,selftest"),
+];
+
+/// The library with each of its features alone: what the command, which names all of them, never builds.
+const LIBRARY: [(&str, &str); 11] = [
+    ("clippy, library without features", ""),
+    ("clippy, library, cphd", "cphd"),
+    ("clippy, library, gotcha", "gotcha"),
+    ("clippy, library, npz", "npz"),
+    ("clippy, library, recording", "recording"),
+    ("clippy, library, simulate", "simulate"),
+    ("clippy, library, quality", "quality"),
+    ("clippy, library, plot", "plot"),
+    ("clippy, library, planner", "planner"),
+    ("clippy, library, autofocus", "autofocus"),
+    ("clippy, library, link", "link"),
+];
+
+/// What is not published.
+const OURS_ALONE: [&str; 6] = [
+    "--exclude",
+    "subaperture-firmware",
+    "--exclude",
+    "subaperture-tests",
+    "--exclude",
+    "subaperture-xtask",
 ];
 
 const DOC: [(&str, &str); 2] = [
@@ -94,6 +119,48 @@ pub(crate) fn clippy_core(runner: &mut Runner) {
     }
 }
 
+pub(crate) fn clippy_library(runner: &mut Runner) {
+    for (name, features) in LIBRARY {
+        runner.check(
+            name,
+            cargo(&["clippy", "--package", "subaperture", "--locked"])
+                .args(["--lib", "--examples"])
+                .args(["--no-default-features", "--features", features])
+                .args(["--", "-D", "warnings"]),
+        );
+    }
+}
+
+/// Everything that is published, compiled by the oldest Rust that it says it needs, if that is at hand.
+pub(crate) fn oldest_rust(runner: &mut Runner) {
+    let name = "the oldest Rust";
+    if !toolchain_installed(OLDEST_RUST) {
+        let why = "rustup has no such toolchain and could not get it";
+        return runner.skip(name, &format!("{why}: {OLDEST_RUST}"));
+    }
+    let mut command = Command::new("rustup");
+    command
+        .args(["run", OLDEST_RUST, "cargo", "check", "--locked"])
+        .args(["--package", "subaperture", "--package", "subap"])
+        .args(["--all-features", "--target-dir"])
+        .arg(target_folder().join("oldest-rust"))
+        .env_remove("CARGO")
+        .current_dir(root());
+    runner.check(name, &mut command);
+}
+
+/// Whether every package that is published can be packed. What is packed is not compiled: it is what was compiled.
+pub(crate) fn packages(runner: &mut Runner) {
+    runner.check(
+        "packages",
+        cargo(&["package", "--workspace"]).args(OURS_ALONE).args([
+            "--no-verify",
+            "--allow-dirty",
+            "--offline",
+        ]),
+    );
+}
+
 pub(crate) fn clippy_firmware(runner: &mut Runner) {
     for (name, features) in CLIPPY {
         runner.check(
@@ -119,10 +186,15 @@ pub(crate) fn doc_host(runner: &mut Runner) {
     for (name, features) in [
         ("documentation, core, the Keystone alone", ""),
         ("documentation, core, stream", "stream"),
+        ("documentation, library without features", ""),
     ] {
+        let package = match name.contains("core") {
+            true => "subaperture-core",
+            false => "subaperture",
+        };
         runner.check(
             name,
-            cargo(&["doc", "--package", "subaperture-core", "--no-deps"])
+            cargo(&["doc", "--package", package, "--no-deps"])
                 .args(["--no-default-features", "--features", features])
                 .args(["--locked", "--target-dir"])
                 .arg(&folder)

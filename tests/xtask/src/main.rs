@@ -23,10 +23,12 @@ Usage: cargo xtask COMMAND
 
   test       install what is missing, then run everything below
   fmt        rustfmt, checking only
-  clippy     clippy on the host, on the core with fewer features and on the firmware's target, warnings
-             are errors
+  clippy     clippy on the host, on core and library with fewer features and on the firmware's target,
+             warnings are errors
   doc        rustdoc, warnings are errors
   deny       licences, sources, bans and (when its database can be reached) advisories
+  oldest     all that is published, compiled by the oldest Rust that it says it needs
+  package    whether all that is published can be packed for crates.io
   unit       the tests of core, host and tests, doc tests included
   firmware   the firmware under QEMU against the host, and the core's bits on other machines
   fuzz TARGET SECONDS
@@ -66,6 +68,7 @@ fn main() -> ExitCode {
         ["clippy"] => ensure(&[Need::Clippy, Need::FIRMWARE_TARGET], Talk::Shown).map(|()| {
             checks::clippy_host(&mut runner);
             checks::clippy_core(&mut runner);
+            checks::clippy_library(&mut runner);
             checks::clippy_firmware(&mut runner);
         }),
         ["doc"] => ensure(&[Need::FIRMWARE_TARGET], Talk::Shown).map(|()| {
@@ -73,6 +76,15 @@ fn main() -> ExitCode {
             checks::doc_firmware(&mut runner);
         }),
         ["deny"] => ensure(&[Need::CargoDeny], Talk::Shown).map(|()| checks::deny(&mut runner)),
+        ["oldest"] => {
+            ensure_if_possible(&[Need::OldestRust], Talk::Shown);
+            checks::oldest_rust(&mut runner);
+            Ok(())
+        }
+        ["package"] => {
+            checks::packages(&mut runner);
+            Ok(())
+        }
         ["unit"] => {
             let python = python(Talk::Shown);
             unit(&mut runner, python);
@@ -104,6 +116,7 @@ fn test(runner: &mut Runner) -> Result<(), String> {
         Talk::Shown,
     )?;
     ensure_if_possible(&prerequisites::OTHER_TARGETS, Talk::Shown);
+    ensure_if_possible(&[Need::OldestRust], Talk::Shown);
     let installation = thread::spawn(|| {
         let tested = ensure(&[Need::Qemu, Need::CargoDeny], Talk::OfFailure);
         let others = [prerequisites::OTHER_EMULATORS.as_slice(), &[Need::Chromium]].concat();
@@ -113,6 +126,9 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     checks::fmt(runner);
     checks::clippy_host(runner);
     checks::clippy_core(runner);
+    checks::clippy_library(runner);
+    checks::oldest_rust(runner);
+    checks::packages(runner);
     checks::doc_host(runner);
     checks::clippy_firmware(runner);
     checks::doc_firmware(runner);

@@ -21,7 +21,12 @@ pub(crate) enum Need {
     Python,
     Chromium,
     CargoDeny,
+    /// The compiler and library of [`OLDEST_RUST`].
+    OldestRust,
 }
+
+/// The workspace's `rust-version`.
+pub(crate) const OLDEST_RUST: &str = "1.89.0";
 
 /// Targets and emulators that the streaming core's bits are compared on: without them those tests are skipped.
 pub(crate) const OTHER_TARGETS: [Need; 3] = [
@@ -43,7 +48,7 @@ pub(crate) enum Talk {
 /// How a missing need is met.
 enum Source {
     Debian(&'static [&'static str]),
-    Rustup([&'static str; 3]),
+    Rustup(Vec<&'static str>),
     /// Built by cargo into [`tools`].
     Tool(&'static str),
 }
@@ -63,6 +68,7 @@ impl Need {
             Self::Python => python::interpreter().is_some(),
             Self::Chromium => works("chromium", &["--version"]),
             Self::CargoDeny => cargo_deny().is_some(),
+            Self::OldestRust => toolchain_installed(OLDEST_RUST),
         }
     }
 
@@ -73,10 +79,15 @@ impl Need {
             Self::QemuRiscv => Source::Debian(&["qemu-system-misc"]),
             Self::Python => Source::Debian(&["python3", "python3-venv"]),
             Self::Chromium => Source::Debian(&["chromium"]),
-            Self::Rustfmt => Source::Rustup(["component", "add", "rustfmt"]),
-            Self::Clippy => Source::Rustup(["component", "add", "clippy"]),
-            Self::Target(target) => Source::Rustup(["target", "add", target]),
+            Self::Rustfmt => Source::Rustup(vec!["component", "add", "rustfmt"]),
+            Self::Clippy => Source::Rustup(vec!["component", "add", "clippy"]),
+            Self::Target(target) => Source::Rustup(vec!["target", "add", target]),
             Self::CargoDeny => Source::Tool("cargo-deny"),
+            Self::OldestRust => {
+                let profile = ["--profile", "minimal"];
+                let install = ["toolchain", "install", OLDEST_RUST];
+                Source::Rustup([&install[..], &profile].concat())
+            }
         }
     }
 }
@@ -136,6 +147,11 @@ pub(crate) fn ensure_if_possible(needs: &[Need], talk: Talk) {
             eprintln!("{what_to_do}\n{need:?}: going on without it");
         }
     }
+}
+
+/// Whether rustup has a toolchain.
+pub(crate) fn toolchain_installed(toolchain: &str) -> bool {
+    works("rustup", &["run", toolchain, "rustc", "--version"])
 }
 
 /// Where tools are built that are missing: nothing of the user's is changed for them.
@@ -220,5 +236,18 @@ fn run(program: &str, arguments: &[&str], talk: Talk) -> Result<(), String> {
         Ok(status) if status.success() => Ok(()),
         Ok(_) => Err(format!("failed: {line}")),
         Err(error) => Err(format!("cannot start {line}: {error}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_oldest_rust_is_the_one_that_packages_name() {
+        let manifest = std::fs::read_to_string(root().join("Cargo.toml")).unwrap();
+        let (minor, _) = OLDEST_RUST.rsplit_once('.').unwrap();
+        let line = format!("\nrust-version = \"{minor}\"\n");
+        assert!(manifest.contains(&line), "no {line}");
     }
 }

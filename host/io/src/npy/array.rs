@@ -6,8 +6,8 @@ use std::path::Path;
 
 use num_complex::Complex32;
 
-use super::NpyError;
 use super::header::{Header, HeaderError};
+use super::{NpyError, archive};
 
 /// An array, its last index fastest.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,20 +58,7 @@ impl Array {
         let Some(name) = name else {
             return read(&mut &file);
         };
-        let mut archive = zip::ZipArchive::new(BufReader::new(&file))
-            .map_err(|error| unsuited(format!("not an archive of arrays (.npz): {error}")))?;
-        let member = format!("{}.npy", name.strip_suffix(".npy").unwrap_or(name));
-        let Some(index) = archive.index_for_name(&member) else {
-            let known: Vec<_> = archive.file_names().flatten().collect();
-            return Err(unsuited(format!(
-                "has no array {name}; it has {}",
-                known.join(", ").replace(".npy", "")
-            )));
-        };
-        let mut member = archive
-            .by_index(index)
-            .map_err(|error| unsuited(format!("array {name}: {error}")))?;
-        read(&mut member)
+        archive::read(&file, name, read).unwrap_or_else(|what| Err(unsuited(what)))
     }
 
     /// The values, if they are real.

@@ -9,6 +9,7 @@
 //! the shape, and brings 36 crates with a parser of all Python literals. One kind of header is a
 //! page.)
 
+mod archive;
 mod array;
 mod header;
 mod on_disk;

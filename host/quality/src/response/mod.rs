@@ -44,7 +44,7 @@ mod cut;
 
 use std::ops::Range;
 
-use num_complex::Complex64;
+use num_complex::{Complex32, Complex64};
 
 use chip::Chip;
 use subaperture_model::geometry::{Axis, ImageGrid};
@@ -338,10 +338,11 @@ pub fn measure(
     })
 }
 
-/// How far around a point an image that is read part by part is taken, pixels: a chip of a response some 80 pixels wide.
-const REACH_PX: usize = 1024;
+/// How far around a point an image that is read part by part is taken, pixels: at least, and at most, which is 128 MiB.
+const REACH_PX: (usize, usize) = (64, 2048);
 
-/// [`measure`] of an image that need not fit in memory: what lies within 1024 pixels of the point.
+/// [`measure`] of an image that need not fit in memory: what lies within [`REACH_WIDTHS`] 3 dB widths of the point, and
+/// within 2048 pixels.
 ///
 /// # Errors
 /// As [`measure`]; [`ResponseError::Unreadable`].
@@ -352,8 +353,8 @@ pub fn measure_in(
     settings: &Settings<'_>,
 ) -> Result<Response, ResponseError> {
     let (row, column) = brightest_in(image, grid, target, settings)?;
-    let around =
-        |at: usize, count: usize| at.saturating_sub(REACH_PX)..(at + REACH_PX + 1).min(count);
+    let reach = reach_px(image, (row, column))?;
+    let around = |at: usize, count: usize| at.saturating_sub(reach)..(at + reach + 1).min(count);
     let place = [
         around(row, grid.rows.count),
         around(column, grid.columns.count),
@@ -435,6 +436,30 @@ pub fn brightest_in(
         place[1].start + i % window.columns,
     );
     (top > 0.0).then_some(at).ok_or_else(none)
+}
+
+/// How far a chip may reach from a pixel, by the widths of the row and the column through it.
+fn reach_px(image: &dyn Parts, (row, column): (usize, usize)) -> Result<usize, ResponseError> {
+    let (rows, columns) = image.size();
+    let around =
+        |at: usize, count: usize| at.saturating_sub(REACH_PX.1)..(at + REACH_PX.1 + 1).min(count);
+    let lines = [
+        ([row..row + 1, around(column, columns)], column),
+        ([around(row, rows), column..column + 1], row),
+    ];
+    let mut widest = 1;
+    for (i, (place, at)) in lines.into_iter().enumerate() {
+        let line = image.window(&place).map_err(unreadable)?.pixels;
+        let at = at - place[1 - i].start;
+        let half = power(line[at]) / 2.0;
+        let falls = |z: &Complex32| power(*z) < half;
+        let left = line[..at].iter().rev().position(falls).unwrap_or(at);
+        let right = line[at + 1..].iter().position(falls);
+        let right = right.unwrap_or(line.len() - at - 1);
+        widest = widest.max(left + right + 1);
+    }
+    let reach = ((REACH_WIDTHS + 1.0) * widest as f64).ceil() as usize;
+    Ok(reach.clamp(REACH_PX.0, REACH_PX.1))
 }
 
 fn unreadable(error: PartsError) -> ResponseError {

@@ -2,6 +2,7 @@
 
 use super::Survey;
 use subaperture_model::geometry::{Axis, Extent, ImageGrid};
+use subaperture_model::phase_history::PhaseHistory;
 
 /// Why a collection has no default grid, and what to do.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -18,6 +19,16 @@ pub struct DefaultGrid {
     pub grid: ImageGrid,
     /// Why it does not cover the whole extent, if it does not.
     pub cropped: Option<String>,
+}
+
+/// The grid that suits a recording: [`Survey::default_grid`] of its collection.
+///
+/// # Errors
+/// [`NoDefaultGrid`], also if it holds no pulses.
+pub fn scene_grid(history: &dyn PhaseHistory) -> Result<ImageGrid, NoDefaultGrid> {
+    let survey = Survey::of(history.collection());
+    let survey = survey.ok_or_else(|| NoDefaultGrid("the recording holds no pulses".to_owned()))?;
+    Ok(survey.default_grid()?.grid)
 }
 
 impl Survey {

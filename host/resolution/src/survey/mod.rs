@@ -26,7 +26,7 @@ use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::phase_history::{Collection, Pulse};
 use subaperture_signal::window::Window;
 
-pub use default_grid::{DefaultGrid, MOST_PIXELS, NoDefaultGrid};
+pub use default_grid::{DefaultGrid, MOST_PIXELS, NoDefaultGrid, scene_grid};
 
 /// Places a side of the scene at which the support is looked at for the pixels that it needs.
 const PROBES: usize = 9;

@@ -2,7 +2,7 @@
 
 mod check;
 mod from_maps;
-pub(crate) mod record;
+mod record;
 pub(crate) mod tiled;
 
 use std::time::Instant;
@@ -10,8 +10,8 @@ use std::time::Instant;
 use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
 use subaperture::focus::{FormError, Formed, ImageFormer};
-use subaperture::geometry::ImageGrid;
-use subaperture::image::{Image, power};
+use subaperture::image::Image;
+use subaperture::io::product::record::Brightest;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::planner::forecast;
 use subaperture::plot::{Orientation, Panel};
@@ -81,7 +81,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let checksums = session.progress("checksums");
     let inputs = history.inputs()?;
     checksums.finish();
-    let peak = brightest(&formed.image, &grid);
+    let peak = Brightest::of(&formed.image, &grid);
     let record = record::Record {
         session,
         settings: record::settings(typed, former.name(), &formed.settings),
@@ -232,27 +232,4 @@ fn pass_on_warnings(settings: &Map<String, Value>) {
     for warning in told.into_iter().flatten().filter_map(Value::as_str) {
         messages::warning(warning);
     }
-}
-
-/// The brightest pixel of an image.
-#[derive(Clone, Copy, Debug, serde::Serialize)]
-struct Peak {
-    /// Where it is, metres in the scene frame.
-    position_m: [f64; 3],
-    /// Its magnitude, dB; 0 is a unit scatterer.
-    level_db: f64,
-    row: usize,
-    column: usize,
-}
-
-/// `None` of an image of zeros.
-fn brightest(image: &Image, grid: &ImageGrid) -> Option<Peak> {
-    let peak = image.peak()?;
-    let power = power(peak.value);
-    (power > 0.0).then(|| Peak {
-        position_m: grid.position_m(peak.row, peak.column).to_array(),
-        level_db: 10.0 * power.log10(),
-        row: peak.row,
-        column: peak.column,
-    })
 }

@@ -95,6 +95,14 @@ impl Default for FastFactorised {
     }
 }
 
+impl FastFactorised {
+    /// With this bound on the relative RMS error of the image, dB (negative).
+    #[must_use]
+    pub fn error_db(self, error_db: f64) -> Self {
+        Self { error_db }
+    }
+}
+
 /// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "ffbp",

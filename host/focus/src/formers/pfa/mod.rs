@@ -97,6 +97,23 @@ impl Default for PolarFormat {
     }
 }
 
+impl PolarFormat {
+    /// With this bound on the relative RMS error of the image, dB (negative).
+    #[must_use]
+    pub fn error_db(self, error_db: f64) -> Self {
+        Self { error_db, ..self }
+    }
+
+    /// With paths linearised at this point of the scene frame, metres.
+    #[must_use]
+    pub fn centre_m(self, centre_m: DVec3) -> Self {
+        Self {
+            centre_m: Some(centre_m),
+            ..self
+        }
+    }
+}
+
 /// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "pfa",

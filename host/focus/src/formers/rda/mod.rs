@@ -87,6 +87,23 @@ impl Default for RangeDopplerAlgorithm {
     }
 }
 
+impl RangeDopplerAlgorithm {
+    /// With this bound on the relative RMS error of the image, dB (negative).
+    #[must_use]
+    pub fn error_db(self, error_db: f64) -> Self {
+        Self { error_db, ..self }
+    }
+
+    /// With secondary range compression or without.
+    #[must_use]
+    pub fn secondary_compression(self, secondary_compression: bool) -> Self {
+        Self {
+            secondary_compression,
+            ..self
+        }
+    }
+}
+
 /// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "rda",

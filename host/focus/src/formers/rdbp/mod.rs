@@ -64,6 +64,38 @@ impl Default for RangeDoppler {
     }
 }
 
+impl RangeDoppler {
+    /// With this bound on the relative RMS error of the image, dB (negative).
+    #[must_use]
+    pub fn error_db(self, error_db: f64) -> Self {
+        Self { error_db, ..self }
+    }
+
+    /// With maps made and read in this way.
+    #[must_use]
+    pub fn mode(self, mode: Mode) -> Self {
+        Self { mode, ..self }
+    }
+
+    /// With so many pulses a sub-CPI.
+    #[must_use]
+    pub fn sub_cpi(self, pulses: usize) -> Self {
+        Self {
+            sub_cpi: Some(pulses),
+            ..self
+        }
+    }
+
+    /// With patches of this side, metres.
+    #[must_use]
+    pub fn patch_m(self, side_m: f64) -> Self {
+        Self {
+            patch_m: Some(side_m),
+            ..self
+        }
+    }
+}
+
 /// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "rdbp",

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde_json::json;
 use subaperture::io::npy;
+use subaperture::io::product::record::Brightest;
 use subaperture::onboard::image::{
     MapsTask, Report, default_grid, forecast as forecast_of_maps, form, memory_bytes,
 };
@@ -13,7 +14,7 @@ use subaperture::onboard::maps_file::MapFile;
 use subaperture::plot::Orientation;
 
 use super::record::Record;
-use super::{brightest, deliver, with_advice};
+use super::{deliver, with_advice};
 use crate::ahead::Ahead;
 use crate::args::Focus;
 use crate::commands::forming;
@@ -88,7 +89,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         support: None,
         inputs: &[maps.input()?],
         check: None,
-        peak: brightest(&formed.image, &grid),
+        peak: Brightest::of(&formed.image, &grid),
         orientation: Orientation::default(),
         taken: start.elapsed(),
     };

@@ -4,18 +4,15 @@ use std::time::Duration;
 
 use serde_json::{Map, Value, json};
 use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::io::product::record::{self, Brightest};
 use subaperture::phase_history::InputFile;
 use subaperture::plot::Orientation;
 use subaperture::resolution::support::RecordedLooks;
 
-use super::Peak;
 use super::check::Check;
 use crate::args::Focus;
 use crate::config::{Session, command_line, record_of_run};
 use crate::messages;
-
-/// Version of the record's layout; it grows when a reader would have to change.
-const SCHEMA_VERSION: u32 = 1;
 
 /// What goes into the record.
 pub(super) struct Record<'a> {
@@ -31,7 +28,7 @@ pub(super) struct Record<'a> {
     pub(super) inputs: &'a [InputFile],
     pub(super) check: Option<&'a Check>,
     /// `None` of an image of zeros.
-    pub(super) peak: Option<Peak>,
+    pub(super) peak: Option<Brightest>,
     /// What the picture shows beside it.
     pub(super) orientation: Orientation,
     pub(super) taken: Duration,
@@ -40,33 +37,25 @@ pub(super) struct Record<'a> {
 impl Record<'_> {
     /// The record as JSON; `title` is the picture's.
     pub(super) fn to_json(&self, title: &str) -> Value {
-        json!({
-            "schema": "subaperture-image",
-            "schema_version": SCHEMA_VERSION,
-            "run": record_of_run(self.session, self.taken),
-            "command_line": command_line(),
-            "image": {
-                "file": "image.npy",
-                "type": "complex64, C order, [rows, columns]",
-                "scale": "a unit scatterer on a pixel, seen alike by all pulses, reads 1; under a beam the weighted \
-                          mean of its amplitude over the pulses; phase refers to the pixel's own path",
-            },
-            "grid": grid(self.grid),
-            "frame": frame(self.frame),
-            "settings": self.settings,
-            "collection": self.collection,
-            "support": self.support,
-            "inputs": self.inputs,
-            "brightest": self.peak,
-            "picture": {
-                "file": "image.png",
-                "title": title,
-                "look": self.orientation.look.map(|v| v.to_array()),
-                "north": self.orientation.north.map(|v| v.to_array()),
-            },
-            "check": self.check,
-            "warnings": messages::warnings(),
-        })
+        record::Record {
+            run: record_of_run(self.session, self.taken),
+            command_line: json!(command_line()),
+            grid: self.grid,
+            frame: self.frame,
+            settings: self.settings.clone(),
+            collection: self.collection.clone(),
+            support: json!(self.support),
+            inputs: self.inputs,
+            brightest: self.peak,
+            picture: Some(record::Picture {
+                title,
+                look: self.orientation.look,
+                north: self.orientation.north,
+            }),
+            check: json!(self.check),
+            warnings: json!(messages::warnings()),
+        }
+        .to_json()
     }
 }
 
@@ -94,38 +83,4 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
         },
         "resolved": resolved,
     })
-}
-
-/// A grid's axes and plane.
-pub(crate) fn grid(grid: &ImageGrid) -> Value {
-    let (columns, rows) = if grid.polar {
-        ("angle in radians", "range in metres")
-    } else {
-        ("x in metres", "y in metres")
-    };
-    json!({
-        "kind": if grid.polar { "polar" } else { "cartesian" },
-        "columns": { "axis": columns, "start": grid.columns.start, "step": grid.columns.step, "count": grid.columns.count },
-        "rows": { "axis": rows, "start": grid.rows.start, "step": grid.rows.step, "count": grid.rows.count },
-        "origin_m": grid.origin_m.to_array(),
-        "x_axis": grid.x_axis.to_array(),
-        "y_axis": grid.y_axis.to_array(),
-    })
-}
-
-/// The scene frame.
-fn frame(frame: &SceneFrame) -> Value {
-    match frame {
-        SceneFrame::Local => json!({ "kind": "local" }),
-        SceneFrame::Earth {
-            origin_ecf_m,
-            x_axis_ecf,
-            y_axis_ecf,
-        } => json!({
-            "kind": "earth",
-            "origin_ecf_m": origin_ecf_m.to_array(),
-            "x_axis_ecf": x_axis_ecf.to_array(),
-            "y_axis_ecf": y_axis_ecf.to_array(),
-        }),
-    }
 }

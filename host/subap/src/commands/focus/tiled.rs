@@ -18,6 +18,7 @@ use subaperture::focus::plan::{Opened, Request, Sink};
 use subaperture::focus::{Plan, SCRATCH_BYTES, Tile, TileRecord, Work};
 use subaperture::image::PartsError;
 use subaperture::image::power;
+use subaperture::io::product::record::Brightest;
 use subaperture::io::product::{self, TiledProduct};
 use subaperture::io::tiles::{Layout, TileStore};
 use subaperture::phase_history::PhaseHistory;
@@ -25,7 +26,7 @@ use subaperture::plot::{self, Orientation, Panel};
 use subaperture::resolution::support::RecordedLooks;
 use subaperture::resolution::survey::Survey;
 
-use super::{Peak, record};
+use super::record;
 use crate::args::{Focus, Part};
 use crate::config::{Session, former};
 use crate::failure::Usage;
@@ -256,14 +257,14 @@ impl Whole<'_> {
     /// Judges it, and writes record and picture beside it.
     fn deliver(&self, notes: impl Iterator<Item = Value>, start: Instant) -> anyhow::Result<()> {
         let Self { session, plan, .. } = *self;
-        let (mut records, mut peak): (Vec<TileRecord>, Option<Peak>) = (Vec::new(), None);
+        let (mut records, mut peak): (Vec<TileRecord>, Option<Brightest>) = (Vec::new(), None);
         for note in notes {
             let (row, column) = (&note["peak"][0], &note["peak"][1]);
             let power = note["peak"][2].as_f64().unwrap_or(0.0);
             let level_db = 10.0 * power.log10();
             if power > 0.0 && peak.is_none_or(|peak| level_db > peak.level_db) {
                 let [row, column] = [row, column].map(|n| n.as_u64().unwrap_or(0) as usize);
-                peak = Some(Peak {
+                peak = Some(Brightest {
                     position_m: plan.grid.position_m(row, column).to_array(),
                     level_db,
                     row,

@@ -18,10 +18,10 @@ use super::picture::Picture;
 use super::{Keep, Watching, closing, report};
 use crate::ahead::Ahead;
 use crate::args::Link;
-use crate::commands::focus::record::grid as grid_record;
 use crate::commands::plan::gaps;
 use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, record_of_run};
 use crate::{interrupt, messages};
+use subaperture::io::product::record::grid as grid_record;
 
 /// The plan for a module that was built so.
 pub(super) fn plan(

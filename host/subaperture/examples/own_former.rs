@@ -1,0 +1,111 @@
+//! A former of one's own: every pixel's sum in float32, its phasors by a recurrence over frequency, held against the
+//! exact sum.
+
+use serde_json::{Value, json};
+use subaperture::SPEED_OF_LIGHT_M_S;
+use subaperture::focus::{Aim, Asked, Decision, FormError, Forming, ImageFormer, Tile, Work};
+use subaperture::image::Comparison;
+use subaperture::monitor::Monitor;
+use subaperture::num_complex::Complex64;
+use subaperture::prelude::*;
+use subaperture::simulate::{Preset, Variation};
+
+/// What it errs by: a sum of float32 values rounds each by 2^-25 of itself, and a recurrence in float64 adds less.
+const PLANNED_DB: f64 = -110.0;
+
+/// The former, which has nothing to be told.
+struct Recurrence;
+
+impl ImageFormer for Recurrence {
+    fn name(&self) -> &'static str {
+        "recurrence"
+    }
+
+    fn settings(&self) -> Value {
+        json!({})
+    }
+
+    fn bound_db(&self) -> Option<f64> {
+        Some(-100.0)
+    }
+
+    /// Before any sample is read: what will be done, and what it will err by.
+    fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
+        if aim.collection.sweeps() {
+            return Err(FormError::Unsuited(
+                "recurrence: antennas that move while a pulse lasts are not followed".to_owned(),
+            ));
+        }
+        asked.check(PLANNED_DB, || {
+            "float32 holds no more: ask for less".to_owned()
+        })?;
+        Ok(Decision {
+            choices: json!({}),
+            settings: json!({ "recurrence": "over frequency" }),
+            planned_db: PLANNED_DB,
+        })
+    }
+
+    fn open<'a>(&self, aim: Aim<'a>, _: &Value) -> Result<Box<dyn Forming + 'a>, FormError> {
+        Ok(Box::new(Opened { aim }))
+    }
+}
+
+struct Opened<'a> {
+    aim: Aim<'a>,
+}
+
+impl Forming for Opened<'_> {
+    /// One pulse at a time, which fits any memory.
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        let Aim {
+            collection,
+            grid,
+            weights,
+            ..
+        } = self.aim;
+        let factor = weights.normalisation();
+        let mut samples = vec![Complex32::ZERO; collection.num_samples];
+        for (n, pulse) in collection.pulses.iter().enumerate() {
+            if work.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+            work.monitor
+                .progress(n as f64 / collection.pulses.len() as f64);
+            work.history.read(n..n + 1, &mut samples)?;
+            for tile in tiles.iter_mut() {
+                let points: Vec<DVec3> = tile.points(grid).collect();
+                for (point_m, pixel) in points.into_iter().zip(&mut tile.pixels) {
+                    // exp(+j 2 pi f (path - reference path) / c) undoes the phase of an echo from the pixel.
+                    let delay_s = pulse.relative_path_m(point_m) / SPEED_OF_LIGHT_M_S;
+                    let turned =
+                        |hz: f64| Complex64::cis(std::f64::consts::TAU * (hz * delay_s).fract());
+                    let (mut phasor, step) = (turned(pulse.start_hz), turned(pulse.step_hz));
+                    let mut sum = Complex64::ZERO;
+                    for (sample, weight) in samples.iter().zip(&weights.fast) {
+                        let sample = Complex64::new(sample.re.into(), sample.im.into());
+                        sum += phasor * sample * *weight;
+                        phasor *= step;
+                    }
+                    sum *= factor * weights.slow[n];
+                    *pixel += Complex32::new(sum.re as f32, sum.im as f32);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let recording = Preset::Table41.simulate(&Variation::default());
+    let grid: ImageGrid = "x=-4:4:0.5,y=-4:4:0.5,z=0".parse()?;
+    let image = Recurrence.focus(&recording, &grid)?;
+    let exact = Exact.focus(&recording, &grid)?;
+    let found = Comparison::between(&image.image, &exact.image)?;
+    println!("predicted error: {:.1} dB", image.predicted_error_db);
+    println!(
+        "error: {:.1} dB",
+        found.error_db.ok_or("an image of zeros")?
+    );
+    Ok(())
+}

@@ -1,0 +1,15 @@
+//! Reads a recording and forms its image: `read_and_focus lot.cphd lot` leaves a folder `lot`.
+
+use subaperture::prelude::*;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let words: Vec<String> = std::env::args().collect();
+    let [_, file, folder] = words.as_slice() else {
+        return Err("give a recording and a folder".into());
+    };
+    let (recording, former) = (open(file)?, RangeDoppler::default().error_db(-60.0));
+    let image = former.focus(&recording, &scene_grid(&recording)?)?;
+    image.save(folder)?;
+    println!("predicted error: {:.1} dB", image.predicted_error_db);
+    Ok(())
+}

@@ -1,0 +1,114 @@
+//! Images written as `subap focus` writes them.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::FocusedImage;
+use subaperture_io::atomic::WriteError;
+use subaperture_io::claim::Claims;
+use subaperture_io::product::record::{Picture, Record};
+use subaperture_io::product::{self, Product};
+#[cfg(feature = "plot")]
+use subaperture_plot::{Panel, PlotError};
+
+/// Why an image was not saved.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SaveError {
+    /// Files could not be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    /// The picture could not be drawn.
+    #[cfg(feature = "plot")]
+    #[error(transparent)]
+    Picture(#[from] PlotError),
+}
+
+impl FocusedImage {
+    /// Writes `image.npy`, `image.json` and, with the feature `plot`, `image.png` into `folder`, which is made if need be:
+    /// all or none, as [`io::product`](crate::io::product) has it. `subap` measures, compares and draws what lies there.
+    ///
+    /// # Errors
+    /// [`SaveError`]: what was not written by Subaperture, and the recording's own files, are not replaced.
+    pub fn save(&self, folder: impl AsRef<Path>) -> Result<(), SaveError> {
+        let folder = folder.as_ref();
+        let inputs: Vec<&Path> = self.inputs.iter().map(|file| file.path.as_path()).collect();
+        let mut claims = Claims::new(&inputs, false);
+        claims.folder(folder, product::NAMES)?;
+        Ok(Product {
+            image: &self.image,
+            metadata: &self.record(),
+            quicklook: &self.drawn()?,
+        }
+        .write(folder)?)
+    }
+
+    /// What goes into `image.json`.
+    fn record(&self) -> Value {
+        let [fast, slow] = self.windows;
+        Record {
+            run: json!({
+                "program": "subaperture",
+                "version": env!("CARGO_PKG_VERSION"),
+                "run_time_s": self.taken.as_secs_f64(),
+                "memory_bytes": self.memory_bytes,
+            }),
+            command_line: Value::Null,
+            grid: &self.grid,
+            frame: &self.frame,
+            settings: json!({
+                "algorithm": self.former,
+                "window": fast.to_string(),
+                "slow_window": slow.to_string(),
+                "resolved": self.settings,
+            }),
+            collection: json!(self.survey),
+            support: json!(self.looks),
+            inputs: &self.inputs,
+            brightest: self.brightest(),
+            picture: self.shown(&self.title()),
+            check: Value::Null,
+            warnings: json!(self.warnings),
+        }
+        .to_json()
+    }
+}
+
+#[cfg(feature = "plot")]
+impl FocusedImage {
+    /// A picture in decibels over metres, as the bytes of a PNG file.
+    ///
+    /// # Errors
+    /// [`PlotError`].
+    pub fn picture(&self) -> Result<Vec<u8>, PlotError> {
+        subaperture_plot::quicklook(&Panel {
+            orientation: self.orientation,
+            ..Panel::new(&self.image, &self.grid, self.title())
+        })
+    }
+
+    fn drawn(&self) -> Result<Vec<u8>, SaveError> {
+        Ok(self.picture()?)
+    }
+
+    fn shown<'a>(&self, title: &'a str) -> Option<Picture<'a>> {
+        Some(Picture {
+            title,
+            look: self.orientation.look,
+            north: self.orientation.north,
+        })
+    }
+}
+
+#[cfg(not(feature = "plot"))]
+impl FocusedImage {
+    /// No picture.
+    fn drawn(&self) -> Result<Vec<u8>, SaveError> {
+        Ok(Vec::new())
+    }
+
+    fn shown<'a>(&self, _: &'a str) -> Option<Picture<'a>> {
+        None
+    }
+}

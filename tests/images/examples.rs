@@ -1,0 +1,113 @@
+//! The library's examples (`host/subaperture/examples`), run as their readers would: what they print is what they say.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use subaperture::io::product;
+use subaperture_tests::subap::{example, run};
+
+/// What the example prints when run in `folder`.
+fn prints(folder: &Path, name: &str, arguments: &[&str]) -> String {
+    let mut command = Command::new(example(name));
+    command.args(arguments).current_dir(folder);
+    let output = command.stdin(Stdio::null()).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{name}: {told}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The numbers of the line that begins with `label`.
+fn numbers(text: &str, label: &str) -> Vec<f64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(label));
+    let line = line.unwrap_or_else(|| panic!("no '{label}' in {text}"));
+    let words = line.split(|c: char| c.is_whitespace() || c == ',');
+    words.filter_map(|word| word.parse().ok()).collect()
+}
+
+#[test]
+fn a_recording_is_read_and_focused() {
+    let folder = tempfile::tempdir().unwrap();
+    run(
+        folder.path(),
+        "simulate --preset table-4-1 -o table.cphd -q",
+    )
+    .succeeded();
+    let text = prints(folder.path(), "read_and_focus", &["table.cphd", "lot"]);
+    // The bound of the program's text.
+    assert!(numbers(&text, "predicted error:")[0] < -60.0, "{text}");
+    let stored = product::read(&folder.path().join("lot")).unwrap();
+    assert_eq!(stored.metadata["settings"]["algorithm"], "rdbp");
+    assert_eq!(stored.metadata["inputs"][0]["path"], "table.cphd");
+    // The command takes the folder for one of its own, and its own image is the same.
+    run(folder.path(), "focus table.cphd --out other -q").succeeded();
+    let compared = run(folder.path(), "compare lot other");
+    assert!(compared.succeeded().contains("error   none"));
+    run(folder.path(), "quality lot").succeeded();
+    run(folder.path(), "picture lot -o lot.png").succeeded();
+    // What it wrote it replaces; what others wrote it does not.
+    prints(folder.path(), "read_and_focus", &["table.cphd", "lot"]);
+    std::fs::create_dir(folder.path().join("full")).unwrap();
+    std::fs::write(folder.path().join("full/image.npy"), b"a diary").unwrap();
+    let mut again = Command::new(example("read_and_focus"));
+    again
+        .args(["table.cphd", "full"])
+        .current_dir(folder.path());
+    let output = again.output().unwrap();
+    assert!(!output.status.success());
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("NotOurs"), "{told}");
+}
+
+/// A lone point of amplitude 1 on a pixel reads 1 there.
+#[test]
+fn arrays_are_phase_history() {
+    let text = prints(Path::new("."), "own_history", &[]);
+    assert_eq!(
+        numbers(&text.replace(['x', 'y'], " "), "brightest:"),
+        [2.0, -1.0]
+    );
+    // The bound of -60 dB is 0.009 dB of a magnitude.
+    assert!(numbers(&text, "level:")[0].abs() < 0.01, "{text}");
+}
+
+/// Half-power widths of an even band are 0.886 of `c / (2 B cos g)` and of `lambda R / (2 L)`.
+#[test]
+fn a_simulated_point_is_measured() {
+    let text = prints(Path::new("."), "simulate_and_measure", &[]);
+    let place = numbers(&text.replace(['x', 'y'], " "), "point:");
+    let off = (place[0] - 3.0).hypot(place[1] - 4.0);
+    assert!(off < 0.005, "{text}");
+    assert!(numbers(&text, "level:")[0].abs() < 0.02, "{text}");
+    let range_m = 3000f64.hypot(2000.0);
+    let across_m = 0.886 * (0.2998 / 10.0) * range_m / (2.0 * 256.0 * 5e-3 * 100.0);
+    let along_m = 0.886 * (299.8 / (2.0 * 300.0)) * range_m / 3000.0;
+    for (label, width_m) in [("width across:", across_m), ("width along:", along_m)] {
+        let found = numbers(&text, label);
+        // Printed to a millimetre; the point lies 5 m off the middle of the pass.
+        assert!(
+            found.iter().all(|m| (m / width_m - 1.0).abs() < 0.01),
+            "{width_m}: {text}"
+        );
+        assert_eq!(found.len(), 2, "{text}");
+    }
+}
+
+#[test]
+fn tiles_are_the_image() {
+    let text = prints(Path::new("."), "tiles", &[]);
+    assert!(numbers(&text, "expected error:")[0] < -60.0, "{text}");
+    assert_eq!(
+        numbers(&text, "pixels that differ from the whole image:"),
+        [0.0]
+    );
+    let tiles = text.lines().filter(|line| line.starts_with("tile "));
+    assert!(tiles.count() > 1, "{text}");
+}
+
+#[test]
+fn a_former_of_ones_own_keeps_its_word() {
+    let text = prints(Path::new("."), "own_former", &[]);
+    let predicted_db = numbers(&text, "predicted error:")[0];
+    let error_db = numbers(&text, "error:")[0];
+    assert!(error_db < predicted_db && predicted_db <= -100.0, "{text}");
+}

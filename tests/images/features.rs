@@ -1,0 +1,109 @@
+//! What each of the library's features costs in dependencies: as its documentation says, and no more.
+
+use std::collections::BTreeSet;
+
+use subaperture_xtask::cargo;
+
+/// Packages that somebody who forms images of arrays need not compile, and the features that bring each.
+const OPTIONAL: [(&str, &[&str]); 14] = [
+    ("roxmltree", &["cphd"]),
+    ("flate2", &["gotcha", "npz", "plot", "simulate"]),
+    ("zip", &["npz"]),
+    ("toml", &["recording", "simulate", "autofocus"]),
+    ("png", &["plot", "simulate"]),
+    ("ab_glyph", &["plot"]),
+    ("dejavu", &["plot"]),
+    ("rand_chacha", &["simulate"]),
+    ("rand_distr", &["simulate"]),
+    ("serial2", &["link"]),
+    ("subaperture-core", &["link"]),
+    ("subaperture-planner", &["planner"]),
+    ("subaperture-quality", &["quality", "autofocus"]),
+    ("subaperture-autofocus", &["autofocus"]),
+];
+
+/// What no library brings.
+const NEVER: [&str; 5] = [
+    "clap",
+    "anyhow",
+    "indicatif",
+    "ctrlc",
+    "subaperture-gallery",
+];
+
+/// Every feature that brings something of its own.
+const FEATURES: [&str; 10] = [
+    "cphd",
+    "gotcha",
+    "npz",
+    "recording",
+    "simulate",
+    "quality",
+    "plot",
+    "planner",
+    "autofocus",
+    "link",
+];
+
+/// All packages that are compiled into a program that uses the library with `features` alone.
+fn dependencies(features: &str) -> BTreeSet<String> {
+    let output = cargo()
+        .args(["tree", "--package", "subaperture", "--locked"])
+        .args(["--no-default-features", "--features", features])
+        .args(["--edges", "normal"])
+        .args(["--prefix", "none", "--format", "{p}"])
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{features}: {told}");
+    let lines = String::from_utf8(output.stdout).unwrap();
+    let names = lines.lines().filter_map(|line| line.split(' ').next());
+    names.map(String::from).collect()
+}
+
+#[test]
+fn without_features_there_is_neither_file_format_nor_picture_nor_terminal() {
+    let own = dependencies("");
+    let optional = OPTIONAL.iter().map(|(name, _)| *name);
+    for name in optional.chain(NEVER) {
+        assert!(!own.contains(name), "{name} in {own:?}");
+    }
+    assert!(own.contains("subaperture-focus") && own.contains("rustfft"));
+}
+
+#[test]
+fn a_feature_brings_what_is_written_of_it() {
+    for feature in FEATURES {
+        let found = dependencies(feature);
+        for (name, features) in OPTIONAL {
+            let expected = features.contains(&feature);
+            assert_eq!(found.contains(name), expected, "{feature}: {name}");
+        }
+        assert!(NEVER.iter().all(|name| !found.contains(*name)), "{feature}");
+    }
+}
+
+#[test]
+fn all_together_bring_no_more() {
+    let each = FEATURES.map(dependencies);
+    let union: BTreeSet<String> = each.into_iter().flatten().collect();
+    assert_eq!(dependencies("full"), union);
+}
+
+/// What is documented is what is declared.
+#[test]
+fn every_feature_is_written_of() {
+    let read = |path| std::fs::read_to_string(subaperture_xtask::root().join(path)).unwrap();
+    let manifest = read("host/subaperture/Cargo.toml");
+    let documentation = read("host/subaperture/src/lib.rs");
+    let (_, declared) = manifest.split_once("[features]\n").unwrap();
+    let (declared, _) = declared.split_once("\n\n[").unwrap();
+    let declared = declared.lines().filter_map(|line| line.split_once(" = "));
+    let declared: BTreeSet<_> = declared.map(|(name, _)| name).collect();
+    let known = BTreeSet::from(FEATURES);
+    assert_eq!(declared, &known | &BTreeSet::from(["default", "full"]));
+    for name in FEATURES {
+        let cell = format!("| `{name}` |");
+        assert!(documentation.contains(&cell), "no cell {cell}");
+    }
+}
