@@ -31,7 +31,6 @@ use crate::quantity::bytes;
 pub use in_memory::InMemory;
 pub use joined::Joined;
 use order::ranks_by_angle;
-// Its name before; `focus` says it still.
 pub use stretch::Stretch;
 pub use sweep::{PathTerms, Sweep};
 pub use track_error::TrackError;
