@@ -33,8 +33,8 @@ pub const TILE_PIXELS: usize = 1 << 20;
 /// Tiles of an image, about, if it has pixels for tiles of [`LEAST_TILE_PIXELS`].
 const TILES: usize = 64;
 
-/// Fewer pixels are no tile: reading pulses for it would take longer than forming it.
-const LEAST_TILE_PIXELS: usize = 1 << 16;
+/// Fewer pixels are no tile: its files would take longer than forming it.
+const LEAST_TILE_PIXELS: usize = 1 << 12;
 
 /// What a plan is asked for beside the former.
 #[derive(Clone, Copy)]

@@ -35,7 +35,7 @@ use super::staging::Staged;
 use super::tiles::{self, TileStore};
 use subaperture_model::image::Image;
 
-pub use read::{ReadError, StoredProduct, read};
+pub use read::{OpenProduct, Pixels, ReadError, StoredProduct, open, read};
 
 const IMAGE: &str = "image.npy";
 const METADATA: &str = "image.json";

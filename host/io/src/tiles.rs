@@ -27,8 +27,9 @@ use serde_json::{Value, json};
 
 use super::atomic::{WriteError, check_room, sync_folder};
 use super::lock::Lock;
-use super::place::Place;
+use super::place::Place as OutputPlace;
 use super::unfinished::{self, Thing};
+use subaperture_model::image::{Image, Parts, PartsError, Place};
 
 /// The folder's name in that of a product.
 pub const NAME: &str = "image.zarr";
@@ -162,7 +163,7 @@ impl TileStore {
         };
         fs::create_dir_all(product).map_err(failed)?;
         check_room(&folder, product, layout.bytes())?;
-        let place = Place::of_folder(&folder)?;
+        let place = OutputPlace::of_folder(&folder)?;
         let beside = product.join(place.lock.hidden_name(".zarr"));
         fs::create_dir(&beside).map_err(failed)?;
         unfinished::begin(Thing::Folder(beside.clone()));
@@ -264,7 +265,7 @@ impl TileStore {
     /// # Errors
     /// [`WriteError`] if another process is at it.
     pub fn claim(&self, part: &str) -> Result<Claimed, WriteError> {
-        let place = Place::of_file(&self.folder.join(format!("part {part}")))?;
+        let place = OutputPlace::of_file(&self.folder.join(format!("part {part}")))?;
         Ok(Claimed {
             _lock: place.lock.clone(),
             _place: place,
@@ -389,11 +390,61 @@ impl TileStore {
     }
 }
 
+impl Parts for TileStore {
+    fn size(&self) -> (usize, usize) {
+        let [rows, columns] = self.layout.image;
+        (rows, columns)
+    }
+
+    fn places(&self) -> Vec<Place> {
+        (0..self.layout.count())
+            .map(|index| self.layout.place(index))
+            .collect()
+    }
+
+    fn window(&self, place: &Place) -> Result<Image, PartsError> {
+        Ok(self.part(place)?)
+    }
+}
+
+impl TileStore {
+    /// A part of the image, from the tiles that it lies on.
+    ///
+    /// # Errors
+    /// [`StoreError`].
+    pub fn part(&self, [rows, columns]: &Place) -> Result<Image, StoreError> {
+        let mut window = Image {
+            rows: rows.len(),
+            columns: columns.len(),
+            pixels: vec![Complex32::ZERO; rows.len() * columns.len()],
+        };
+        let [height, width] = self.layout.tile;
+        let across = self.layout.tiles()[1];
+        for row in rows.start / height..rows.end.div_ceil(height) {
+            for column in columns.start / width..columns.end.div_ceil(width) {
+                let index = row * across + column;
+                let [tile_rows, tile_columns] = self.layout.place(index);
+                let tile = self.read(index)?;
+                let common =
+                    tile_columns.start.max(columns.start)..tile_columns.end.min(columns.end);
+                for row in tile_rows.start.max(rows.start)..tile_rows.end.min(rows.end) {
+                    let from = (row - tile_rows.start) * tile_columns.len();
+                    let from = from + common.start - tile_columns.start;
+                    let to = (row - rows.start) * columns.len() + common.start - columns.start;
+                    window.pixels[to..to + common.len()]
+                        .copy_from_slice(&tile[from..from + common.len()]);
+                }
+            }
+        }
+        Ok(window)
+    }
+}
+
 /// A part of a store's work that no other process is at.
 #[derive(Debug)]
 pub struct Claimed {
     _lock: Arc<Lock>,
-    _place: Place,
+    _place: OutputPlace,
 }
 
 /// Numbers hidden files of this process.
@@ -494,9 +545,19 @@ mod tests {
         fs::write(&chunk, [0; 3]).unwrap();
         let error = again.read(0).unwrap_err().to_string();
         assert!(error.contains("3 bytes and not 48"), "{error}");
+        // Any window is read from the tiles that it lies on.
+        for index in 0..LAYOUT.count() {
+            store.put(index, &tile(index), &Value::Null).unwrap();
+        }
+        let window = again.window(&[1..5, 2..7]).unwrap();
+        assert_eq!((window.rows, window.columns), (4, 5));
+        for (i, z) in window.pixels.iter().enumerate() {
+            let (row, column) = (1 + i / 5, 2 + i % 5);
+            assert_eq!(*z, Complex32::new(row as f32, column as f32 + 0.5));
+        }
         // Nothing is left beside.
         let names = fs::read_dir(product.join("image.zarr/c/1")).unwrap();
-        assert_eq!(names.count(), 1);
+        assert_eq!(names.count(), 3);
         assert!(TileStore::create(&product, LAYOUT, "").is_err());
     }
 

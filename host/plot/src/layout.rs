@@ -1,11 +1,12 @@
 //! Where everything on a page lies.
 
+use super::PlotError;
 use super::canvas::{Anchor, Canvas, INK, Typeface};
 use super::colours::Colours;
 use super::orientation::Arrow;
 use super::scale::Levels;
 use super::ticks::{ticks, ticks_apart};
-use super::{PartsError, PlotError};
+use subaperture_model::image::PartsError;
 
 const LABEL_PX: f32 = 15.0;
 const TITLE_PX: f32 = 18.0;

@@ -28,18 +28,14 @@ mod scale;
 mod ticks;
 
 use layout::Sheet;
-use num_complex::Complex32;
 use subaperture_model::geometry::{Axis, ImageGrid};
-use subaperture_model::image::{Image, power};
+use subaperture_model::image::{Image, Parts, PartsError, power};
 
 pub use colours::Colours;
 pub use heat::{Heat, heat};
 pub use lines::{Chart, Curve, Stroke, lines};
 pub use orientation::Orientation;
 pub use scale::Scale;
-
-/// Why a part of an image was not read.
-pub type PartsError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Where the pixels of a picture come from.
 #[derive(Clone, Copy, Debug)]
@@ -48,18 +44,6 @@ pub enum Source<'a> {
     Whole(&'a Image),
     /// One that need not fit there.
     Parts(&'a dyn Parts),
-}
-
-/// An image that is read part by part.
-pub trait Parts: std::fmt::Debug {
-    /// Rows and columns.
-    fn size(&self) -> (usize, usize);
-
-    /// Hands over every pixel once, in runs of a row: row, first column, values.
-    ///
-    /// # Errors
-    /// If a part cannot be read.
-    fn each(&self, of: &mut dyn FnMut(usize, usize, &[Complex32])) -> Result<(), PartsError>;
 }
 
 impl<'a> From<&'a Image> for Source<'a> {
@@ -87,9 +71,14 @@ impl Source<'_> {
             )),
             Self::Parts(parts) => {
                 let mut reduced = raster::Reduced::new(self.size(), height, width);
-                parts.each(&mut |row, column, values| {
-                    reduced.add(row, column, values.iter().map(|&z| power(z)));
-                })?;
+                for place in parts.places() {
+                    let window = parts.window(&place)?;
+                    let [rows, columns] = place;
+                    for (row, values) in rows.zip(window.pixels.chunks_exact(columns.len())) {
+                        let powers = values.iter().map(|&z| power(z));
+                        reduced.add(row, columns.start, powers);
+                    }
+                }
                 Ok(reduced.finish())
             }
         }

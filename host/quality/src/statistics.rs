@@ -13,16 +13,18 @@
 //! Standard deviations are of the population, over `n`. Pixels that are NaN or infinite are counted and
 //! left out. The level of an empty region is that of an unit scatterer that equals the noise.
 
+use std::ops::Range;
+
 use subaperture_model::geometry::{Axis, Extent, ImageGrid};
-use subaperture_model::image::{Image, power};
+use subaperture_model::image::{Image, Parts, PartsError, power};
 
 /// Rows and columns of an image, ends excluded.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Region {
     /// Rows.
-    pub rows: std::ops::Range<usize>,
+    pub rows: Range<usize>,
     /// Columns.
-    pub columns: std::ops::Range<usize>,
+    pub columns: Range<usize>,
 }
 
 /// No pixel of an image lies within an extent.
@@ -149,6 +151,116 @@ impl Statistics {
     }
 }
 
+/// Regions of so many pixels at most are read whole.
+const FEW_PIXELS: usize = 1 << 23;
+
+/// Bits of a power that a pass over an image tells more of its median.
+const MEDIAN_BITS: u32 = 16;
+
+impl Statistics {
+    /// The figures of a region of an image that need not fit in memory: it is read five times, part by part, in 0.5 MiB and
+    /// a part. All are as those of [`Self::of`] but for the order of sums; the median is found by its bits, from the highest on.
+    ///
+    /// # Errors
+    /// [`PartsError`] if a part cannot be read.
+    pub fn by_parts(image: &dyn Parts, region: &Region) -> Result<Self, PartsError> {
+        let (rows, columns) = image.size();
+        let region = Region {
+            rows: region.rows.start..region.rows.end.min(rows),
+            columns: region.columns.start..region.columns.end.min(columns),
+        };
+        let num_all = region.rows.len() * region.columns.len();
+        if num_all <= FEW_PIXELS {
+            let window = image.window(&[region.rows, region.columns])?;
+            return Ok(Self::of(&window, &Region::whole(&window)));
+        }
+        let (mut n, mut sum, mut amplitudes, mut peak) = (0usize, 0.0, 0.0, 0.0f64);
+        each_power(image, &region, |p| {
+            n += 1;
+            sum += p;
+            amplitudes += p.sqrt();
+            peak = peak.max(p);
+        })?;
+        let db = |p: f64| (p > 0.0).then(|| 10.0 * p.log10());
+        let (mean, mean_amplitude) = (sum / n as f64, amplitudes / n as f64);
+        let (mut of_power, mut of_amplitude, mut entropy, mut sharpness) = (0.0, 0.0, 0.0, 0.0);
+        each_power(image, &region, |p| {
+            of_power += (p - mean).powi(2);
+            of_amplitude += (p.sqrt() - mean_amplitude).powi(2);
+            let part = p / sum;
+            if part > 0.0 {
+                entropy -= part * part.ln();
+            }
+            sharpness += part * part;
+        })?;
+        let deviation = |squares: f64| (squares / n as f64).sqrt();
+        let of_lit = |figure: f64| (sum > 0.0).then_some(figure);
+        Ok(Self {
+            num_pixels: n,
+            num_not_finite: num_all - n,
+            mean_level_db: db(mean),
+            median_level_db: match n {
+                0 => None,
+                _ => db(median(image, &region, n / 2)?),
+            },
+            peak_level_db: db(peak),
+            entropy: of_lit(entropy + 0.0),
+            power_contrast: of_lit(deviation(of_power) / mean),
+            amplitude_contrast: of_lit(deviation(of_amplitude) / mean_amplitude),
+            sharpness: of_lit(sharpness),
+        })
+    }
+}
+
+/// Hands over the power of every pixel of a region that is finite.
+fn each_power(
+    image: &dyn Parts,
+    region: &Region,
+    mut of: impl FnMut(f64),
+) -> Result<(), PartsError> {
+    for [rows, columns] in image.places() {
+        let common = |a: &Range<usize>, b: &Range<usize>| a.start.max(b.start)..a.end.min(b.end);
+        let place = [
+            common(&rows, &region.rows),
+            common(&columns, &region.columns),
+        ];
+        if place.iter().any(Range::is_empty) {
+            continue;
+        }
+        let powers = image.window(&place)?.pixels;
+        powers
+            .into_iter()
+            .map(power)
+            .filter(|p| p.is_finite())
+            .for_each(&mut of);
+    }
+    Ok(())
+}
+
+/// The power of this rank, from 0. Powers are not negative, so that they are ordered as their bits are.
+fn median(image: &dyn Parts, region: &Region, mut rank: usize) -> Result<f64, PartsError> {
+    let mut known = 0u64;
+    let mut shift = u64::BITS;
+    while shift > 0 {
+        let above = shift;
+        shift -= MEDIAN_BITS;
+        let mut counts = vec![0usize; 1 << MEDIAN_BITS];
+        each_power(image, region, |p| {
+            let bits = p.to_bits();
+            if above == u64::BITS || bits >> above == known {
+                counts[(bits >> shift) as usize & ((1 << MEDIAN_BITS) - 1)] += 1;
+            }
+        })?;
+        let mut bucket = 0;
+        while rank >= counts[bucket] {
+            rank -= counts[bucket];
+            bucket += 1;
+        }
+        known = known << MEDIAN_BITS | bucket as u64;
+    }
+    Ok(f64::from_bits(known))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -185,6 +297,52 @@ mod tests {
         // Amplitudes 1, 1, 2, 4: mean 2, variance 22 / 4 - 4 = 1.5.
         near(s.amplitude_contrast, 1.5f64.sqrt() / 2.0);
         near(s.sharpness, 274.0 / 484.0);
+    }
+
+    /// Of more pixels than are read whole.
+    #[test]
+    fn by_parts_they_are_those_of_the_whole() {
+        let (rows, columns) = (4100, 2200);
+        let mut state = 1u32;
+        let pixels = (0..rows * columns).map(|i| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            match i % 100_003 {
+                7 => Complex32::new(f32::NAN, 0.0),
+                _ => Complex32::new((state >> 8) as f32 * 1e-6, (i % 17) as f32),
+            }
+        });
+        let image = Image {
+            rows,
+            columns,
+            pixels: pixels.collect(),
+        };
+        for region in [
+            Region::whole(&image),
+            Region {
+                rows: 11..4099,
+                columns: 3..2199,
+            },
+        ] {
+            assert!(region.rows.len() * region.columns.len() > FEW_PIXELS);
+            let whole = Statistics::of(&image, &region);
+            let parts = Statistics::by_parts(&image, &region).unwrap();
+            assert_eq!(
+                (parts.num_pixels, parts.num_not_finite),
+                (whole.num_pixels, whole.num_not_finite)
+            );
+            assert_eq!(parts.median_level_db, whole.median_level_db);
+            assert_eq!(parts.peak_level_db, whole.peak_level_db);
+            for figure in [
+                |s: &Statistics| s.mean_level_db,
+                |s: &Statistics| s.entropy,
+                |s: &Statistics| s.power_contrast,
+                |s: &Statistics| s.amplitude_contrast,
+                |s: &Statistics| s.sharpness,
+            ] {
+                let (a, b) = (figure(&parts).unwrap(), figure(&whole).unwrap());
+                assert!((a - b).abs() <= 1e-9 * b.abs(), "{a} {b}");
+            }
+        }
     }
 
     #[test]

@@ -18,6 +18,7 @@ mod measure;
 mod migration;
 mod moving;
 mod point;
+mod point_cuts;
 
 pub(super) use forming::{backprojection, grid_about, lone_scatterer};
 

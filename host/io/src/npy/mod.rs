@@ -12,20 +12,19 @@
 mod archive;
 mod array;
 mod header;
+mod on_disk;
 mod write;
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use num_complex::Complex32;
-
-use self::header::{Header, HeaderError};
+use self::header::Header;
 use super::atomic::{WriteError, write_atomically};
-use super::input::Stamp;
 use subaperture_model::image::Image;
 
 pub use array::{Array, Values};
+pub use on_disk::ImageFile;
 pub use write::{ArrayWriter, Number};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
@@ -101,54 +100,7 @@ pub fn read(path: &Path) -> Result<Image, NpyError> {
 
 /// [`read`] of a file that is open, from its start.
 pub(super) fn read_open(file: File, path: &Path) -> Result<Image, NpyError> {
-    let io = |source: io::Error| NpyError::Io {
-        path: path.to_owned(),
-        source,
-    };
-    let unsuited = |what: String| NpyError::Unsuited {
-        path: path.to_owned(),
-        what,
-    };
-    let file_bytes = file.metadata().map_err(io)?.len();
-    let stamp = Stamp::of(&file).map_err(io)?;
-    let mut reader = BufReader::new(file);
-    let header = Header::read(&mut reader).map_err(|error| match error {
-        HeaderError::Io(source) => io(source),
-        HeaderError::Unsuited(what) => unsuited(what),
-    })?;
-    let (rows, columns) = image_shape(&header).map_err(unsuited)?;
-    let needed = (u128::from(rows) * u128::from(columns)).saturating_mul(8);
-    let present = file_bytes.saturating_sub(header.bytes);
-    if needed != u128::from(present) {
-        return Err(unsuited(format!(
-            "{rows} x {columns} complex64 values need {needed} bytes after the header, but the file \
-             has {present}"
-        )));
-    }
-    let count = (present / 8) as usize;
-    let mut pixels = Vec::new();
-    pixels
-        .try_reserve_exact(count)
-        .map_err(|_| unsuited(format!("no memory for its {needed} bytes")))?;
-    for _ in 0..count {
-        let mut z = [0; 8];
-        reader.read_exact(&mut z).map_err(io)?;
-        let [a, b, c, d, e, f, g, h] = z;
-        pixels.push(Complex32::new(
-            f32::from_le_bytes([a, b, c, d]),
-            f32::from_le_bytes([e, f, g, h]),
-        ));
-    }
-    if let Some(how) = stamp.difference(reader.get_ref()).map_err(io)? {
-        return Err(unsuited(format!(
-            "was changed while it was read ({how}): start again when it is whole"
-        )));
-    }
-    Ok(Image {
-        rows: rows as usize,
-        columns: columns as usize,
-        pixels,
-    })
+    ImageFile::of(file, path)?.read()
 }
 
 /// Rows and columns of a complex64 image.

@@ -5,15 +5,14 @@ use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use num_complex::Complex32;
 use serde_json::Value;
 
 use super::{IMAGE, METADATA};
 use crate::input::Stamp;
-use crate::npy::{self, NpyError};
+use crate::npy::{ImageFile, NpyError};
 use crate::tiles::{self, StoreError, TileStore};
 use subaperture_model::geometry::{Axis, ImageGrid};
-use subaperture_model::image::Image;
+use subaperture_model::image::{Image, Parts, PartsError, Place};
 
 /// Most bytes of `image.json`, a thousand times what `subap focus` writes: it is parsed in memory.
 const MOST_METADATA_BYTES: u64 = 4 << 20;
@@ -28,6 +27,63 @@ pub struct StoredProduct {
     pub grid: ImageGrid,
     /// The whole of `image.json`.
     pub metadata: Value,
+}
+
+/// What a folder holds, pixels still in their files.
+#[derive(Debug)]
+pub struct OpenProduct {
+    /// The image.
+    pub pixels: Pixels,
+    /// Its grid.
+    pub grid: ImageGrid,
+    /// The whole of `image.json`.
+    pub metadata: Value,
+}
+
+/// An image in its files.
+#[derive(Debug)]
+pub enum Pixels {
+    /// One array.
+    Array(ImageFile),
+    /// Tiles.
+    Tiles(TileStore),
+}
+
+impl Pixels {
+    /// All of it.
+    ///
+    /// # Errors
+    /// [`ReadError`].
+    pub fn read(&self) -> Result<Image, ReadError> {
+        match self {
+            Self::Array(file) => Ok(file.read()?),
+            Self::Tiles(store) => {
+                let (rows, columns) = store.size();
+                Ok(store.part(&[0..rows, 0..columns])?)
+            }
+        }
+    }
+
+    fn parts(&self) -> &dyn Parts {
+        match self {
+            Self::Array(file) => file,
+            Self::Tiles(store) => store,
+        }
+    }
+}
+
+impl Parts for Pixels {
+    fn size(&self) -> (usize, usize) {
+        self.parts().size()
+    }
+
+    fn places(&self) -> Vec<Place> {
+        self.parts().places()
+    }
+
+    fn window(&self, place: &Place) -> Result<Image, PartsError> {
+        self.parts().window(place)
+    }
 }
 
 /// Why a product was not read.
@@ -78,6 +134,23 @@ fn advice(source: &io::Error) -> &'static str {
 /// # Errors
 /// [`ReadError`], also if the image's size or CRC-32 is not what the metadata say.
 pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
+    let OpenProduct {
+        pixels,
+        grid,
+        metadata,
+    } = open(folder)?;
+    Ok(StoredProduct {
+        image: pixels.read()?,
+        grid,
+        metadata,
+    })
+}
+
+/// Opens such a folder without reading its pixels, which may be more than memory holds.
+///
+/// # Errors
+/// As [`read`]; of tiles, size and CRC-32 are looked at when they are read.
+pub fn open(folder: &Path) -> Result<OpenProduct, ReadError> {
     let path = folder.join(METADATA);
     let wrong = |what: String| ReadError::Metadata {
         path: path.clone(),
@@ -107,25 +180,26 @@ pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
     if let Some(fault) = grid.fault() {
         return Err(wrong(fault.to_string()));
     }
-    let image = match metadata["files"][tiles::NAME].is_null() {
-        true => read_image(folder, &metadata)?,
-        false => read_tiles(folder)?,
+    let pixels = match metadata["files"][tiles::NAME].is_null() {
+        true => Pixels::Array(open_image(folder, &metadata)?),
+        false => Pixels::Tiles(open_tiles(folder)?),
     };
-    if (image.rows, image.columns) != (grid.rows.count, grid.columns.count) {
+    let (rows, columns) = pixels.size();
+    if (rows, columns) != (grid.rows.count, grid.columns.count) {
         return Err(wrong(format!(
             "its grid has {} rows x {} columns, the image {} x {}",
-            grid.rows.count, grid.columns.count, image.rows, image.columns
+            grid.rows.count, grid.columns.count, rows, columns
         )));
     }
-    Ok(StoredProduct {
-        image,
+    Ok(OpenProduct {
+        pixels,
         grid,
         metadata,
     })
 }
 
 /// `image.npy`, checked.
-fn read_image(folder: &Path, metadata: &Value) -> Result<Image, ReadError> {
+fn open_image(folder: &Path, metadata: &Value) -> Result<ImageFile, ReadError> {
     // Opened once, so that what is checked is what is read, whatever is renamed into its place.
     let image = folder.join(IMAGE);
     let mut file = File::open(&image).map_err(|source| ReadError::Io {
@@ -133,31 +207,14 @@ fn read_image(folder: &Path, metadata: &Value) -> Result<Image, ReadError> {
         source,
     })?;
     check(&mut file, &image, &metadata["files"][IMAGE])?;
-    Ok(npy::read_open(file, &image)?)
+    Ok(ImageFile::of(file, &image)?)
 }
 
-/// All tiles of `image.zarr`, each checked.
-fn read_tiles(folder: &Path) -> Result<Image, ReadError> {
-    let Some(store) = TileStore::open(folder)? else {
-        return Err(ReadError::Changed {
-            path: folder.join(tiles::NAME),
-            what: "it is not there".to_owned(),
-        });
-    };
-    let [rows, columns] = store.layout().image;
-    let mut pixels = vec![Complex32::ZERO; rows * columns];
-    for index in 0..store.layout().count() {
-        let [tile_rows, tile_columns] = store.layout().place(index);
-        let tile = store.read(index)?;
-        for (row, values) in tile_rows.zip(tile.chunks_exact(tile_columns.len())) {
-            let first = row * columns + tile_columns.start;
-            pixels[first..first + values.len()].copy_from_slice(values);
-        }
-    }
-    Ok(Image {
-        rows,
-        columns,
-        pixels,
+/// `image.zarr`, whose tiles are checked when they are read.
+fn open_tiles(folder: &Path) -> Result<TileStore, ReadError> {
+    TileStore::open(folder)?.ok_or_else(|| ReadError::Changed {
+        path: folder.join(tiles::NAME),
+        what: "it is not there".to_owned(),
     })
 }
 

@@ -4,7 +4,7 @@ use std::fmt;
 
 use num_complex::{Complex32, Complex64};
 
-use super::{Image, power};
+use super::{Image, Parts, Place, power};
 
 /// An image `a` against a reference `b` of the same size; sums in float64. A figure that the images
 /// leave undefined (by a reference or image of zeros) is `None`. Ratios are in dB of amplitude,
@@ -42,6 +42,9 @@ pub enum ComparisonError {
         /// Rows and columns of the reference.
         reference: (usize, usize),
     },
+    /// A part of an image could not be read.
+    #[error("{0}")]
+    Unreadable(String),
     /// A pixel is NaN or infinite.
     #[error("the {which} is not finite at row {row}, column {column}")]
     NotFinite {
@@ -64,38 +67,55 @@ impl Comparison {
     /// [`ComparisonError`] if sizes differ or a pixel is not finite.
     pub fn between(a: &Image, b: &Image) -> Result<Self, ComparisonError> {
         let (image, reference) = ((a.rows, a.columns), (b.rows, b.columns));
-        if image != reference || a.pixels.len() != b.pixels.len() {
+        if a.pixels.len() != b.pixels.len() {
             return Err(ComparisonError::Size { image, reference });
         }
-        check_finite(a, "image")?;
-        check_finite(b, "reference")?;
+        Self::by_parts(a, b)
+    }
 
-        let pairs = || a.pixels.iter().zip(&b.pixels);
+    /// The same of images that need not fit in memory: both are read twice, a part of `a` at a time.
+    ///
+    /// # Errors
+    /// [`ComparisonError`].
+    pub fn by_parts(a: &dyn Parts, b: &dyn Parts) -> Result<Self, ComparisonError> {
+        let (image, reference) = (a.size(), b.size());
+        if image != reference {
+            return Err(ComparisonError::Size { image, reference });
+        }
         let mut inner = Complex64::ZERO;
         let (mut a_power, mut b_power, mut b_peak, mut difference) = (0.0, 0.0, 0.0f64, 0.0);
-        for (&u, &v) in pairs() {
-            a_power += power(u);
-            b_power += power(v);
-            b_peak = b_peak.max(power(v));
-            inner += widen(u).conj() * widen(v);
-            difference += (widen(u) - widen(v)).norm_sqr();
+        for place in a.places() {
+            let (a, b) = read_both(a, b, &place)?;
+            check_finite(&a, "image", &place)?;
+            check_finite(&b, "reference", &place)?;
+            for (&u, &v) in a.pixels.iter().zip(&b.pixels) {
+                a_power += power(u);
+                b_power += power(v);
+                b_peak = b_peak.max(power(v));
+                inner += widen(u).conj() * widen(v);
+                difference += (widen(u) - widen(v)).norm_sqr();
+            }
         }
         let relative_db = |sum: f64| (b_power > 0.0).then(|| 10.0 * (sum / b_power).log10());
         let scale = (a_power > 0.0).then(|| inner / a_power);
-        let scaled_error_db = scale.and_then(|s| {
-            let left = pairs().map(|(&u, &v)| (widen(u) * s - widen(v)).norm_sqr());
-            relative_db(left.sum())
-        });
         // A zero inner product leaves the scale's phase undefined.
         let turned = scale.filter(|s| s.norm_sqr() > 0.0);
         let floor = b_peak * 10f64.powf(-Self::PEAK_SPAN_DB / 10.0);
-        let peak_phase_error = pairs()
-            .filter(|(_, v)| power(**v) >= floor)
-            .map(|(&u, &v)| match widen(u) * widen(v).conj() {
-                Complex64::ZERO => std::f64::consts::PI,
-                product => product.arg().abs(),
-            })
-            .fold(0.0, f64::max);
+        let (mut scaled, mut peak_phase_error) = (0.0, 0.0f64);
+        for place in a.places() {
+            let (a, b) = read_both(a, b, &place)?;
+            for (&u, &v) in a.pixels.iter().zip(&b.pixels) {
+                scaled += (widen(u) * scale.unwrap_or_default() - widen(v)).norm_sqr();
+                if power(v) >= floor {
+                    let error = match widen(u) * widen(v).conj() {
+                        Complex64::ZERO => std::f64::consts::PI,
+                        product => product.arg().abs(),
+                    };
+                    peak_phase_error = peak_phase_error.max(error);
+                }
+            }
+        }
+        let scaled_error_db = scale.and_then(|_| relative_db(scaled));
         Ok(Self {
             error_db: relative_db(difference),
             scaled_error_db,
@@ -108,17 +128,34 @@ impl Comparison {
     }
 }
 
+/// A part of both images.
+fn read_both(
+    a: &dyn Parts,
+    b: &dyn Parts,
+    place: &Place,
+) -> Result<(Image, Image), ComparisonError> {
+    let read = |image: &dyn Parts| {
+        let window = image.window(place);
+        window.map_err(|error| ComparisonError::Unreadable(error.to_string()))
+    };
+    Ok((read(a)?, read(b)?))
+}
+
 fn widen(z: Complex32) -> Complex64 {
     Complex64::new(f64::from(z.re), f64::from(z.im))
 }
 
-fn check_finite(image: &Image, which: &'static str) -> Result<(), ComparisonError> {
+fn check_finite(
+    image: &Image,
+    which: &'static str,
+    [rows, columns]: &Place,
+) -> Result<(), ComparisonError> {
     match image.pixels.iter().position(|z| !z.is_finite()) {
         None => Ok(()),
         Some(i) => Err(ComparisonError::NotFinite {
             which,
-            row: i / image.columns,
-            column: i % image.columns,
+            row: rows.start + i / image.columns,
+            column: columns.start + i % image.columns,
         }),
     }
 }

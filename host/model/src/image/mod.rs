@@ -1,10 +1,12 @@
 //! Complex images, and how far apart two of them are.
 
 mod comparison;
+mod parts;
 
 use num_complex::Complex32;
 
 pub use comparison::{Comparison, ComparisonError};
+pub use parts::{Parts, PartsError, Place, bands, peak_of};
 
 /// A complex image, row-major. Row and column meaning is the grid's
 /// ([`crate::geometry::ImageGrid`]). A unit scatterer on a pixel, seen alike

@@ -32,8 +32,6 @@ pub use in_memory::InMemory;
 pub use joined::Joined;
 use order::ranks_by_angle;
 // Its name before; `focus` says it still.
-#[doc(hidden)]
-pub use in_memory::InMemory as Recorded;
 pub use stretch::Stretch;
 pub use sweep::{PathTerms, Sweep};
 pub use track_error::TrackError;

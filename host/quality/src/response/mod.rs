@@ -42,11 +42,13 @@ mod carrier;
 mod chip;
 mod cut;
 
-use num_complex::Complex64;
+use std::ops::Range;
+
+use num_complex::{Complex32, Complex64};
 
 use chip::Chip;
-use subaperture_model::geometry::ImageGrid;
-use subaperture_model::image::{Image, power};
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::image::{Image, Parts, PartsError, peak_of, power};
 use subaperture_resolution::support::Looks;
 
 pub use carrier::{Carrier, Geometry};
@@ -202,6 +204,9 @@ pub enum ResponseError {
         /// Extent of the support along the axis.
         extent: f64,
     },
+    /// A part of the image could not be read.
+    #[error("{0}")]
+    Unreadable(String),
     /// Nothing stands out.
     #[error(
         "no point at row {row}, column {column}: the brightest pixel there is {above_db:.1} dB above \
@@ -225,6 +230,39 @@ pub enum ResponseError {
     },
 }
 
+impl ResponseError {
+    /// The same of an image that begins so many rows and columns before.
+    fn shifted(self, rows: usize, columns: usize) -> Self {
+        match self {
+            Self::NoPeak {
+                row,
+                column,
+                above_db,
+            } => Self::NoPeak {
+                row: row + rows,
+                column: column + columns,
+                above_db,
+            },
+            Self::Border {
+                row,
+                column,
+                room,
+                needed,
+            } => Self::Border {
+                row: row + rows,
+                column: column + columns,
+                room,
+                needed,
+            },
+            Self::NotFinite { row, column } => Self::NotFinite {
+                row: row + rows,
+                column: column + columns,
+            },
+            other => other,
+        }
+    }
+}
+
 /// Measures a point of `image`.
 ///
 /// # Errors
@@ -236,7 +274,7 @@ pub fn measure(
     settings: &Settings<'_>,
 ) -> Result<Response, ResponseError> {
     check_shape(image, grid)?;
-    let (row, column) = brightest(image, grid, target, settings)?;
+    let (row, column) = brightest_in(image, grid, target, settings)?;
     if let Some(looks) = settings.looks {
         check_sampling(looks, grid, (row, column))?;
     }
@@ -303,6 +341,161 @@ pub fn measure(
     })
 }
 
+/// How far around a point an image that is read part by part is taken, pixels: at least, and at most, which is 128 MiB.
+const REACH_PX: (usize, usize) = (64, 2048);
+
+/// [`measure`] of an image that need not fit in memory: what lies within [`REACH_WIDTHS`] 3 dB widths of the point, and
+/// within 2048 pixels.
+///
+/// # Errors
+/// As [`measure`]; [`ResponseError::Unreadable`].
+pub fn measure_in(
+    image: &dyn Parts,
+    grid: &ImageGrid,
+    target: Target,
+    settings: &Settings<'_>,
+) -> Result<Response, ResponseError> {
+    let (row, column) = brightest_in(image, grid, target, settings)?;
+    let reach = reach_px(image, (row, column))?;
+    let around = |at: usize, count: usize| at.saturating_sub(reach)..(at + reach + 1).min(count);
+    let place = [
+        around(row, grid.rows.count),
+        around(column, grid.columns.count),
+    ];
+    let window = image.window(&place).map_err(unreadable)?;
+    let [rows, columns] = place;
+    let part = |axis: Axis, range: &Range<usize>| Axis {
+        start: axis.at(range.start),
+        count: range.len(),
+        ..axis
+    };
+    let within = ImageGrid {
+        rows: part(grid.rows, &rows),
+        columns: part(grid.columns, &columns),
+        ..*grid
+    };
+    let target = Target::Near {
+        column_value: grid.columns.at(column),
+        row_value: grid.rows.at(row),
+    };
+    let settings = Settings {
+        search_px: 0,
+        ..*settings
+    };
+    let shifted = |error: ResponseError| error.shifted(rows.start, columns.start);
+    let mut response = measure(&window, &within, target, &settings).map_err(shifted)?;
+    response.row += rows.start as f64;
+    response.column += columns.start as f64;
+    Ok(response)
+}
+
+/// Row and column of the brightest pixel of the target.
+///
+/// # Errors
+/// [`ResponseError::Unsuited`] where there is none; [`ResponseError::Unreadable`].
+pub fn brightest_in(
+    image: &dyn Parts,
+    grid: &ImageGrid,
+    target: Target,
+    settings: &Settings<'_>,
+) -> Result<(usize, usize), ResponseError> {
+    if image.size() != (grid.rows.count, grid.columns.count) {
+        let (rows, columns) = image.size();
+        return Err(ResponseError::Unsuited(format!(
+            "the image has {rows} rows x {columns} columns, its grid {} x {}",
+            grid.rows.count, grid.columns.count
+        )));
+    }
+    let none = || ResponseError::Unsuited("there is no pixel above zero to measure".to_owned());
+    let Target::Near {
+        column_value,
+        row_value,
+    } = target
+    else {
+        let peak = peak_of(image).map_err(unreadable)?;
+        let peak = peak.filter(|p| power(p.value) > 0.0);
+        return peak.map(|p| (p.row, p.column)).ok_or_else(none);
+    };
+    let (row, column) = nearest(grid, row_value, column_value)?;
+    let around = |at: usize, count: usize| {
+        at.saturating_sub(settings.search_px)..(at + settings.search_px + 1).min(count)
+    };
+    let place = [
+        around(row, grid.rows.count),
+        around(column, grid.columns.count),
+    ];
+    let window = image.window(&place).map_err(unreadable)?;
+    // Of equals, the one typed.
+    let here = (row - place[0].start) * window.columns + column - place[1].start;
+    let mut best = (here, 0.0);
+    for (i, &z) in window.pixels.iter().enumerate() {
+        if power(z) > best.1 {
+            best = (i, power(z));
+        }
+    }
+    let (i, top) = best;
+    let at = (
+        place[0].start + i / window.columns,
+        place[1].start + i % window.columns,
+    );
+    (top > 0.0).then_some(at).ok_or_else(none)
+}
+
+/// How far a chip may reach from a pixel, by the widths of the row and the column through it.
+fn reach_px(image: &dyn Parts, (row, column): (usize, usize)) -> Result<usize, ResponseError> {
+    let (rows, columns) = image.size();
+    let around =
+        |at: usize, count: usize| at.saturating_sub(REACH_PX.1)..(at + REACH_PX.1 + 1).min(count);
+    let lines = [
+        ([row..row + 1, around(column, columns)], column),
+        ([around(row, rows), column..column + 1], row),
+    ];
+    let mut widest = 1;
+    for (i, (place, at)) in lines.into_iter().enumerate() {
+        let line = image.window(&place).map_err(unreadable)?.pixels;
+        let at = at - place[1 - i].start;
+        let half = power(line[at]) / 2.0;
+        let falls = |z: &Complex32| power(*z) < half;
+        let left = line[..at].iter().rev().position(falls).unwrap_or(at);
+        let right = line[at + 1..].iter().position(falls);
+        let right = right.unwrap_or(line.len() - at - 1);
+        widest = widest.max(left + right + 1);
+    }
+    let reach = ((REACH_WIDTHS + 1.0) * widest as f64).ceil() as usize;
+    Ok(reach.clamp(REACH_PX.0, REACH_PX.1))
+}
+
+fn unreadable(error: PartsError) -> ResponseError {
+    ResponseError::Unreadable(error.to_string())
+}
+
+/// The pixel nearest to a place in grid coordinates.
+fn nearest(
+    grid: &ImageGrid,
+    row_value: f64,
+    column_value: f64,
+) -> Result<(usize, usize), ResponseError> {
+    let nearest = |axis: &Axis, value: f64, name: &str| {
+        let at = (value - axis.start) / axis.step;
+        match (-0.5..=axis.count as f64 - 0.5).contains(&at) {
+            true => Ok((at.round().max(0.0) as usize).min(axis.count - 1)),
+            false => Err(ResponseError::Unsuited(format!(
+                "{name} {value} is not on the image, which reaches from {} to {}",
+                axis.start,
+                axis.at(axis.count - 1)
+            ))),
+        }
+    };
+    let (up, across) = match grid.polar {
+        true => ("range", "angle"),
+        false => ("y", "x"),
+    };
+    Ok((
+        nearest(&grid.rows, row_value, up)?,
+        nearest(&grid.columns, column_value, across)?,
+    ))
+}
+
 /// Checks that image and grid are of one size.
 fn check_shape(image: &Image, grid: &ImageGrid) -> Result<(), ResponseError> {
     let (rows, columns) = (image.rows, image.columns);
@@ -354,61 +547,6 @@ fn cut(
         .map(|s| chip.power(y + s * pixels[0], x + s * pixels[1]) / top)
         .collect();
     Cut::new(along, offsets, powers, count, settings.main_lobe_widths)
-}
-
-/// Row and column of the brightest pixel of the target.
-///
-/// # Errors
-/// [`ResponseError::Unsuited`] where there is none.
-pub fn brightest(
-    image: &Image,
-    grid: &ImageGrid,
-    target: Target,
-    settings: &Settings<'_>,
-) -> Result<(usize, usize), ResponseError> {
-    let none = || ResponseError::Unsuited("there is no pixel above zero to measure".to_owned());
-    let Target::Near {
-        column_value,
-        row_value,
-    } = target
-    else {
-        let peak = image.peak().filter(|p| power(p.value) > 0.0);
-        return peak.map(|p| (p.row, p.column)).ok_or_else(none);
-    };
-    let nearest = |axis: &subaperture_model::geometry::Axis, value: f64, name: &str| {
-        let at = (value - axis.start) / axis.step;
-        match (-0.5..=axis.count as f64 - 0.5).contains(&at) {
-            true => Ok((at.round().max(0.0) as usize).min(axis.count - 1)),
-            false => Err(ResponseError::Unsuited(format!(
-                "{name} {value} is not on the image, which reaches from {} to {}",
-                axis.start,
-                axis.at(axis.count - 1)
-            ))),
-        }
-    };
-    let row = nearest(
-        &grid.rows,
-        row_value,
-        if grid.polar { "range" } else { "y" },
-    )?;
-    let column = nearest(
-        &grid.columns,
-        column_value,
-        if grid.polar { "angle" } else { "x" },
-    )?;
-    let around = |at: usize, count: usize| {
-        at.saturating_sub(settings.search_px)..=(at + settings.search_px).min(count - 1)
-    };
-    let mut best = ((row, column), 0.0);
-    for i in around(row, image.rows) {
-        for j in around(column, image.columns) {
-            let power = power(image.pixels[i * image.columns + j]);
-            if power > best.1 {
-                best = ((i, j), power);
-            }
-        }
-    }
-    (best.1 > 0.0).then_some(best.0).ok_or_else(none)
 }
 
 /// Whether the grid's pixels hold the support at a pixel.

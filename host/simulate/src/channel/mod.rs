@@ -38,7 +38,7 @@ use rayon::prelude::*;
 
 use self::check::check;
 use self::pulsed::Pulsed;
-use self::sight::{Sight, look, moving};
+use self::sight::{Eye, Sight, look, moving};
 use self::sweep::sweep;
 use super::engine::{Engine, Method, Scratch, View};
 use super::experiment::{Experiment, Pair};
@@ -48,7 +48,6 @@ use super::recording::RecordError;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::ReadError;
 use subaperture_model::radar::{Antenna, Motion, Reference, Waveform};
-use subaperture_model::track::Trajectory;
 use subaperture_receive::{EchoCollection, EchoPulse, Echoes};
 use subaperture_signal::phase::{narrow, phasor};
 
@@ -71,41 +70,6 @@ pub struct Channel<'a> {
     pulsed: Option<Pulsed>,
     /// Saturated samples of each pulse as last read.
     saturated: Vec<AtomicU32>,
-}
-
-/// A pair of antennas of an experiment.
-struct Eye<'a> {
-    experiment: &'a Experiment,
-    transmitter: &'a Antenna,
-    receiver: &'a Antenna,
-}
-
-impl Eye<'_> {
-    /// When positions of a pulse are taken that begins at `pulse_s`: in its middle, of a radar that moves meanwhile.
-    fn seen_at_s(&self, waveform: &Waveform, pulse_s: f64) -> f64 {
-        let after_s = moving(self.experiment.radar.motion).then(|| waveform.middle_s());
-        pulse_s + after_s.unwrap_or(0.0)
-    }
-
-    /// The collection's name; with those of the antennas where there are several pairs.
-    fn name(&self) -> String {
-        let name = &self.experiment.name;
-        match self.experiment.pairs().len() {
-            1 => name.clone(),
-            _ => format!("{name} {}-{}", self.transmitter.name, self.receiver.name),
-        }
-    }
-
-    /// What is seen from a body at that time.
-    fn look(&self, body: &dyn Trajectory, time_s: f64) -> Sight {
-        look(
-            self.experiment,
-            body,
-            self.transmitter,
-            self.receiver,
-            time_s,
-        )
-    }
 }
 
 /// Range of the reference point at the middle pulse, at which amplitudes are 1.

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::experiment::Experiment;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::radar::{Antenna, Motion, Reference};
+use subaperture_model::radar::{Antenna, Motion, Reference, Waveform};
 use subaperture_model::track::Trajectory;
 
 /// Where antennas are when a wave is received, and the reference.
@@ -63,5 +63,40 @@ pub(super) fn look(
                 reference_path_m: 2.0 * range_m,
             }
         }
+    }
+}
+
+/// A pair of antennas of an experiment.
+pub(super) struct Eye<'a> {
+    pub(super) experiment: &'a Experiment,
+    pub(super) transmitter: &'a Antenna,
+    pub(super) receiver: &'a Antenna,
+}
+
+impl Eye<'_> {
+    /// When positions of a pulse are taken that begins at `pulse_s`: in its middle, of a radar that moves meanwhile.
+    pub(super) fn seen_at_s(&self, waveform: &Waveform, pulse_s: f64) -> f64 {
+        let after_s = moving(self.experiment.radar.motion).then(|| waveform.middle_s());
+        pulse_s + after_s.unwrap_or(0.0)
+    }
+
+    /// The collection's name; with those of the antennas where there are several pairs.
+    pub(super) fn name(&self) -> String {
+        let name = &self.experiment.name;
+        match self.experiment.pairs().len() {
+            1 => name.clone(),
+            _ => format!("{name} {}-{}", self.transmitter.name, self.receiver.name),
+        }
+    }
+
+    /// What is seen from a body at that time.
+    pub(super) fn look(&self, body: &dyn Trajectory, time_s: f64) -> Sight {
+        look(
+            self.experiment,
+            body,
+            self.transmitter,
+            self.receiver,
+            time_s,
+        )
     }
 }

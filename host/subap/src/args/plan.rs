@@ -31,7 +31,6 @@ pub(crate) enum PlanTarget {
 /// `subap plan focus`: the options of `subap focus` on which pixels depend.
 #[derive(Debug, Group)]
 #[command(
-    mut_arg("paths", |arg| arg.required(true)),
     mut_arg("out", |arg| arg.value_name("PLAN").help("File for the plan").value_hint(ValueHint::FilePath)),
     mut_args(|arg| if NOT_OF_PLANS.contains(&arg.get_id().as_str()) { arg.hide(true) } else { arg }),
 )]

@@ -9,12 +9,11 @@ use crate::{messages, text};
 
 /// Prints the differences of the two images.
 pub(crate) fn run(session: &Session, typed: &Compare) -> anyhow::Result<()> {
-    stored::check_memory(session, [&typed.image, &typed.reference], 1, "comparing")?;
     let progress = session.progress("comparing");
-    let image = stored::read(&typed.image)?;
-    let reference = stored::read(&typed.reference)?;
+    let image = stored::open(&typed.image)?;
+    let reference = stored::open(&typed.reference)?;
     image.check_same_grid(&reference)?;
-    let comparison = Comparison::between(&image.image, &reference.image)?;
+    let comparison = Comparison::by_parts(&*image.pixels, &*reference.pixels)?;
     progress.finish();
     if let (Some(bound_db), Some(error_db)) = (typed.error_db, comparison.error_db)
         && error_db > bound_db

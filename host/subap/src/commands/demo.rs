@@ -1,12 +1,12 @@
 //! `subap demo`: the thesis's Table 4.1 simulated, focused by every former, errors shown.
 
 mod report;
+mod writing;
 
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
-use serde_json::json;
 use subaperture::focus::bp::Backprojection;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::ffbp::FastFactorised;
@@ -15,15 +15,12 @@ use subaperture::focus::pfa::PolarFormat;
 use subaperture::focus::rda::RangeDopplerAlgorithm;
 use subaperture::focus::rdbp::{Mode, RangeDoppler, Thesis};
 use subaperture::focus::{FormError, Formed, ImageFormer, Task};
-use subaperture::geometry::ImageGrid;
 use subaperture::image::{Comparison, Image};
-use subaperture::io::atomic::write_atomically;
 use subaperture::io::claim::Claims;
 use subaperture::io::product::{self, Product};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::planner::forecast;
-use subaperture::plot::{self, Colours, Panel, Scale};
 use subaperture::resolution::survey::Survey;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
@@ -31,7 +28,6 @@ use subaperture::simulate::{Preset, Variation};
 use crate::ahead::Ahead;
 use crate::args::Demo;
 use crate::config::{Session, record_of_run};
-use crate::failure::InterruptedAmidFiles;
 use crate::{interrupt, messages, text};
 
 /// The scene's 80 x 80 m and 5 m about it, at about half the resolution (0.58 x 0.75 m).
@@ -41,22 +37,8 @@ const GRID: &str = "x=-45:45:0.3,y=-45:45:0.3,z=0";
 /// the room of one more for pictures.
 const IMAGES: u64 = 20;
 
-/// Images side by side in the overview: half of them all.
-const COLUMNS: usize = 5;
-
 /// Error bound of the formers that plan, dB.
 const ERROR_DB: f64 = -60.0;
-
-/// Levels of all images alike, dB: unit scatterers, and what a neighbour's side lobes add to them.
-const IMAGE_SCALE: Scale = Scale::Fixed {
-    top_db: 3.0,
-    span_db: 60.0,
-};
-/// Levels of all differences alike, dB.
-const DIFFERENCE_SCALE: Scale = Scale::Fixed {
-    top_db: -20.0,
-    span_db: 80.0,
-};
 
 /// A way to form the image, and how good it has to be.
 struct Way {
@@ -216,7 +198,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         exact_taken,
         grating_lobe_m: survey.grating_lobe_m(130),
     };
-    write(session, typed, &grid, &exact.image, &report, start)?;
+    writing::write(session, typed, &grid, &exact.image, &report, start)?;
     for outcome in outcomes.iter().filter(|outcome| outcome.misses_bound()) {
         messages::bound_missed(format!(
             "{} misses its bound; see the table",
@@ -346,135 +328,4 @@ fn subtract(image: &Image, reference: &Image) -> Image {
         pixels: pairs.map(|(a, b)| a - b).collect(),
         ..*image
     }
-}
-
-/// Writes every product, complete one by one, the table last.
-fn write(
-    session: &Session,
-    typed: &Demo,
-    grid: &ImageGrid,
-    exact: &Image,
-    report: &report::Report,
-    start: Instant,
-) -> anyhow::Result<()> {
-    let image_panel = |image, title: &str| Panel {
-        scale: IMAGE_SCALE,
-        ..Panel::new(image, grid, title)
-    };
-    let panel = image_panel(exact, "exact");
-    save(
-        typed,
-        "exact",
-        record(session, typed, "exact", json!({}), report.exact_taken),
-        exact,
-        &panel,
-    )?;
-    let mut panels = vec![panel];
-    // Below every image its difference; below the reference itself, for the scale.
-    let mut differences = vec![Panel {
-        scale: DIFFERENCE_SCALE,
-        colours: Colours::Viridis,
-        ..Panel::new(exact, grid, "exact, on this scale")
-    }];
-    for outcome in report.outcomes {
-        let Outcome {
-            way,
-            image,
-            difference,
-            comparison,
-            settings,
-            taken,
-        } = outcome;
-        let panel = image_panel(image, way.title);
-        let mut metadata = record(session, typed, way.title, json!(settings), *taken);
-        metadata["comparison"] = json!(comparison);
-        save(typed, way.folder, metadata, image, &panel)?;
-        panels.push(panel);
-        let error = comparison.error_db.unwrap_or(f64::NAN);
-        differences.push(Panel {
-            scale: DIFFERENCE_SCALE,
-            colours: Colours::Viridis,
-            ..Panel::new(difference, grid, format!("minus exact: {error:.1} dB"))
-        });
-    }
-    for (outcome, panel) in report.outcomes.iter().zip(&differences[1..]) {
-        let picture = plot::quicklook(panel)?;
-        let name = format!("difference-{}.png", outcome.way.folder);
-        write_bytes(&typed.out.join(name), &picture)?;
-    }
-    check_amid_files(typed)?;
-    overview(typed, &panels, &differences)?;
-    write_bytes(
-        &typed.out.join("errors.md"),
-        report.to_markdown().as_bytes(),
-    )?;
-    let mut table = report.to_json();
-    table["run"] = record_of_run(session, start.elapsed());
-    let table = serde_json::to_vec_pretty(&table)?;
-    write_bytes(&typed.out.join("errors.json"), &table)
-}
-
-/// All images on one page: rows of images, each above the row of their differences.
-fn overview(typed: &Demo, panels: &[Panel], differences: &[Panel]) -> anyhow::Result<()> {
-    let mut page = Vec::new();
-    for (images, differences) in panels.chunks(COLUMNS).zip(differences.chunks(COLUMNS)) {
-        page.extend_from_slice(images);
-        page.extend_from_slice(differences);
-    }
-    write_bytes(
-        &typed.out.join("overview.png"),
-        &plot::panels(&page, COLUMNS)?,
-    )
-}
-
-/// What stands beside an image.
-fn record(
-    session: &Session,
-    typed: &Demo,
-    title: &str,
-    settings: serde_json::Value,
-    taken: Duration,
-) -> serde_json::Value {
-    json!({
-        "schema": "subaperture-demo-image",
-        "schema_version": 1,
-        "run": record_of_run(session, taken),
-        "title": title,
-        "collection": Preset::Table41.name(),
-        "window": Window::default().to_string(),
-        "slow_window": Window::default().to_string(),
-        "grid": typed.grid.map_or(json!(GRID), |_| json!("as given on the command line")),
-        "settings": settings,
-    })
-}
-
-/// Writes an image's folder.
-fn save(
-    typed: &Demo,
-    folder: &str,
-    metadata: serde_json::Value,
-    image: &Image,
-    panel: &Panel,
-) -> anyhow::Result<()> {
-    check_amid_files(typed)?;
-    let quicklook = plot::quicklook(panel)?;
-    Product {
-        image,
-        metadata: &metadata,
-        quicklook: &quicklook,
-    }
-    .write(&typed.out.join(folder))?;
-    Ok(())
-}
-
-/// Fails if the user wants to stop, now that some files are written.
-fn check_amid_files(typed: &Demo) -> Result<(), InterruptedAmidFiles> {
-    let folder = || typed.out.display().to_string();
-    interrupt::check().map_err(|_| InterruptedAmidFiles(folder()))
-}
-
-fn write_bytes(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    use std::io::Write;
-    write_atomically(path, bytes.len() as u64, |file| file.write_all(bytes))?;
-    Ok(())
 }

@@ -1,33 +1,29 @@
 //! `subap link`: recordings to a module, its maps into a file.
 
 mod picture;
+mod work;
 
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, bail};
-use serde_json::{Map, Value, json};
-use subaperture::geometry::ImageGrid;
+use serde_json::json;
 use subaperture::io::ours::Kind;
-use subaperture::io::product::record::grid as grid_record;
 use subaperture::monitor::Monitor;
 use subaperture::onboard::link::{
-    self, Buffers, Counts, Ending, HostCore, Identity, Job, LinkError, MapSink, Outcome, Place,
-    PulseSource, Settings, SinkError, Verified, Watch,
+    self, Buffers, Counts, Ending, Job, LinkError, MapSink, Outcome, Place, Settings, SinkError,
+    Watch,
 };
-use subaperture::onboard::maps::{Arithmetic, Closing, OwnedMap, Run};
-use subaperture::onboard::maps_file as maps;
-use subaperture::onboard::maps_file::{MOST_MAPS, MapWriter};
-use subaperture::onboard::plan::{OnboardPlan, Requirements, Room};
-use subaperture::phase_history::{Collection, PhaseHistory, Weights};
+use subaperture::onboard::maps::{Closing, OwnedMap};
+use subaperture::onboard::maps_file::MapWriter;
+use subaperture::phase_history::PhaseHistory;
 use subaperture::resolution::survey::Survey;
 use subaperture_core::link as wire;
-use subaperture_core::link::{AssembledMap, Encoding};
+use subaperture_core::link::AssembledMap;
 
 use self::picture::Picture;
-use crate::ahead::Ahead;
+use self::work::{Work, plan};
 use crate::args::Link;
-use crate::commands::plan::gaps;
-use crate::config::{DEFAULT_MAPS_ERROR_DB, Session, record_of_run};
+use crate::config::{Session, record_of_run};
 use crate::failure::{InterruptedWithMaps, Usage};
 use crate::progress::Progress;
 use crate::{interrupt, messages, text};
@@ -99,235 +95,6 @@ fn settings(typed: &Link, baud: Option<u32>, num_samples: usize) -> Settings {
         rate_hz: typed.rate,
         first_number: number_of_now(),
         ..Settings::default()
-    }
-}
-
-/// The plan for a module that was built so.
-fn plan(
-    session: &Session,
-    typed: &Link,
-    collection: &Collection,
-    grid: &ImageGrid,
-    identity: &Identity,
-) -> anyhow::Result<OnboardPlan> {
-    let requirements = Requirements {
-        error_db: typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
-        room: Room::Built(identity.capacity),
-        arithmetic: match identity.arithmetic {
-            wire::Arithmetic::Float => Arithmetic::Float,
-            wire::Arithmetic::Fixed => Arithmetic::Fixed,
-        },
-    };
-    let plan = OnboardPlan::new(collection, grid, &requirements)?;
-    session.note(1, || {
-        format!(
-            "{} patches, {} sub-CPIs of {} pulses, predicted error {:.1} dB",
-            plan.patches.len(),
-            plan.num_sub_cpis,
-            plan.setup.num_pulses,
-            plan.predicted_db
-        )
-    });
-    if let Some(gaps) = gaps(&plan) {
-        session.note(1, || format!("track: {gaps}"));
-    }
-    let num_maps = num_maps(&plan);
-    if num_maps > MOST_MAPS {
-        bail!(
-            "{num_maps} maps are more than the {MOST_MAPS} of a file: give a smaller --grid, or link the \
-             recordings one by one"
-        );
-    }
-    Ok(plan)
-}
-
-/// Maps that there are to be.
-fn num_maps(plan: &OnboardPlan) -> u64 {
-    plan.num_sub_cpis as u64 * plan.patches.len() as u64
-}
-
-/// What the module is to do.
-struct Work<'w> {
-    session: &'w Session,
-    typed: &'w Link,
-    history: &'w dyn PhaseHistory,
-    grid: &'w ImageGrid,
-    plan: &'w OnboardPlan,
-    /// One a frequency; they sum to 1.
-    fast_weights: Vec<f32>,
-    slow_weights: Vec<f64>,
-}
-
-impl<'w> Work<'w> {
-    fn new(
-        session: &'w Session,
-        typed: &'w Link,
-        history: &'w dyn PhaseHistory,
-        grid: &'w ImageGrid,
-        plan: &'w OnboardPlan,
-    ) -> Self {
-        let weights = Weights::new(history.collection(), typed.window, typed.slow_window);
-        let fast_sum: f64 = weights.fast.iter().sum();
-        Self {
-            session,
-            typed,
-            history,
-            grid,
-            plan,
-            fast_weights: weights.fast.iter().map(|w| (w / fast_sum) as f32).collect(),
-            slow_weights: weights.slow,
-        }
-    }
-
-    fn job(&self) -> anyhow::Result<Job<'w>> {
-        let encoding = match self.plan.arithmetic {
-            Arithmetic::Float => Encoding::Complex32,
-            Arithmetic::Fixed => Encoding::Sc16,
-        };
-        Ok(Job {
-            setup: self.plan.setup,
-            fast_weights: self.fast_weights.clone(),
-            patches: self.plan.patches.clone(),
-            pulses: PulseSource::new(self.history, &self.slow_weights, encoding)?,
-        })
-    }
-
-    /// Says what the transfer will take.
-    fn rehearse(
-        &self,
-        module: &mut link::Session<'_>,
-        job: &Job<'_>,
-        watch: &mut Watching,
-    ) -> anyhow::Result<()> {
-        let Self { typed, plan, .. } = *self;
-        let time = link::rehearse(module, job, self.history, watch)?;
-        watch.bar.finish();
-        let what = format!(
-            "{} maps of {} pulses by the module at {}; lost ones come on top",
-            num_maps(plan),
-            job.pulses.len(),
-            typed.place
-        );
-        let file_bytes = maps::file_bytes(plan.num_sub_cpis as u64, &plan.patches, plan.arithmetic);
-        let picture_bytes = match &typed.picture {
-            Some(_) => link::RunningImage::held_bytes(self.grid, &plan.patches),
-            None => 0,
-        };
-        let held_bytes = self.history.held_bytes() + picture_bytes;
-        let disk = vec![(typed.out.clone(), file_bytes)];
-        Ahead::new(self.session, what, held_bytes, time, disk)
-            .announce(self.session, &typed.rehearsal)?;
-        Ok(())
-    }
-
-    /// What the file says of its maps before there are any.
-    fn run(&self, name: &str, identity: &Identity, job: &Job<'_>) -> anyhow::Result<Run> {
-        Ok(Run {
-            name: name.to_owned(),
-            setup: self.plan.setup,
-            arithmetic: self.plan.arithmetic,
-            fast_window: self.typed.window.to_string(),
-            fast_weights: self.fast_weights.clone(),
-            frame: self.history.collection().frame,
-            provenance: self.provenance(identity, job)?,
-        })
-    }
-
-    /// Has the module do it, and keeps the maps that come.
-    fn transfer(
-        &self,
-        module: &mut link::Session<'_>,
-        run: &Run,
-        job: &mut Job<'_>,
-        watch: &mut Watching,
-        start: Instant,
-    ) -> anyhow::Result<()> {
-        let Self { session, typed, .. } = *self;
-        // From here on an interruption keeps the maps that came.
-        let _keeping = interrupt::Keeping::begin();
-        let mut writer = MapWriter::create(&typed.out, run)?;
-        let mut keep = Keep {
-            writer: &mut writer,
-            picture: self.picture(run),
-        };
-        let (outcome, compared) = if typed.verify {
-            let core = HostCore::new(self.job()?)?;
-            let mut verified = Verified::new(&mut keep, core);
-            let outcome = module.transfer(job, &mut verified, watch);
-            (outcome, Some(verified.counts()))
-        } else {
-            (module.transfer(job, &mut keep, watch), None)
-        };
-        watch.bar.finish();
-        let picture = keep.picture.take();
-        let maps = writer.num_maps() as u64;
-        if maps > 0 {
-            writer.finish(&closing(&outcome, job, compared, maps))?;
-        }
-        // The maps are safe before the last picture is drawn.
-        let drawn = picture.map(Picture::finish);
-        report(session, typed, &outcome, compared, maps, start.elapsed())?;
-        if let Some(drawn) = drawn {
-            let left_out = drawn?;
-            if left_out > 0 {
-                messages::warning(format!(
-                    "{left_out} maps came too fast for --picture and are not in it; they are in {}",
-                    typed.out.display()
-                ));
-            }
-        }
-        Ok(())
-    }
-
-    /// The picture that grows with the maps, if it is wanted.
-    fn picture(&self, run: &Run) -> Option<Picture> {
-        let path = self.typed.picture.as_deref()?;
-        let image = link::RunningImage::new(
-            run,
-            self.grid,
-            self.plan.patches.len(),
-            self.typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
-            self.session.memory_bytes,
-        );
-        Some(Picture::start(path, image, self.grid, run.name.clone()))
-    }
-
-    /// Where the maps come from.
-    fn provenance(&self, identity: &Identity, job: &Job<'_>) -> anyhow::Result<Map<String, Value>> {
-        let Self {
-            session,
-            typed,
-            history,
-            grid,
-            plan,
-            ..
-        } = *self;
-        let capacity = identity.capacity;
-        let record = json!({
-            "run": record_of_run(session, Duration::ZERO),
-            "module": {
-                "place": typed.place.to_string(),
-                "version": identity.version,
-                "capacity": {
-                    "pulses": capacity.pulses,
-                    "frequencies": capacity.frequencies,
-                    "range_bins": capacity.range_bins,
-                    "doppler_bins": capacity.doppler_bins,
-                    "patches": capacity.patches,
-                },
-            },
-            "inputs": history.inputs()?,
-            "grid": grid_record(grid),
-            "error_db": typed.error_db.unwrap_or(DEFAULT_MAPS_ERROR_DB),
-            "predicted_error_db": plan.predicted_db,
-            "slow_window": typed.slow_window.to_string(),
-            "rate_hz": typed.rate,
-            "amplitude_scale": job.pulses.amplitude_scale(),
-        });
-        match record {
-            Value::Object(object) => Ok(object),
-            _ => Ok(Map::new()),
-        }
     }
 }
 

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
 use subaperture::io::product;
-use subaperture::plot::{self, Orientation, Panel};
+use subaperture::plot::{self, Orientation, Panel, Source};
 
 use super::stored;
 use crate::args::Picture;
@@ -26,7 +26,7 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
     let mut claims = session.claims(&typed.writing, &[folder]);
     claims.file(&typed.out, Kind::Picture)?;
     let drawing = session.progress("drawing");
-    let stored = product::read(folder)?;
+    let stored = product::open(folder)?;
     let about = &stored.metadata["picture"];
     let name = typed.image.display().to_string();
     let title = about["title"].as_str().unwrap_or(&name);
@@ -38,7 +38,7 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
                 look: direction(&about["look"]),
                 north: direction(&about["north"]),
             },
-            ..Panel::new(&stored.image, &stored.grid, title)
+            ..Panel::new(Source::Parts(&stored.pixels), &stored.grid, title)
         },
         session.memory.picture_bytes,
     )?;

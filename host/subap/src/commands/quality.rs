@@ -12,7 +12,7 @@ use subaperture::image::Comparison;
 use subaperture::quality::coherence::coherence;
 use subaperture::quality::difference::{PercentDifference, PercentSummary, percent_difference};
 use subaperture::quality::registration::{Offset, offset};
-use subaperture::quality::response::{Cut, Response, Settings, Target, measure};
+use subaperture::quality::response::{Cut, Response, Settings, Target, measure_in};
 use subaperture::quality::statistics::{Region, Statistics};
 use subaperture::quality::{PairError, PixelMap};
 
@@ -65,7 +65,6 @@ struct Against {
 
 /// Measures and prints.
 pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
-    source::check_memory(session, &[Some(&typed.image), typed.against.as_ref()])?;
     let measuring = session.progress("measuring");
     let source = Source::open(&typed.image)?;
     if typed.line_of_sight.is_some() && source.grid.polar {
@@ -89,7 +88,7 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
     interrupt::check()?;
     let against = match &typed.against {
         None => None,
-        Some(path) => Some(against(typed, &source, &Source::open(path)?)?),
+        Some(path) => Some(against(session, typed, &source, &Source::open(path)?)?),
     };
     interrupt::check()?;
     let report = Report {
@@ -123,7 +122,10 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
 
 fn statistics(typed: &Quality, source: &Source) -> anyhow::Result<Statistics> {
     let region = match typed.extent {
-        None => Region::whole(&source.image),
+        None => Region {
+            rows: 0..source.grid.rows.count,
+            columns: 0..source.grid.columns.count,
+        },
         Some(Extent {
             x_m: (low, high),
             y_m,
@@ -132,7 +134,8 @@ fn statistics(typed: &Quality, source: &Source) -> anyhow::Result<Statistics> {
             Region::within(&Extent { x_m, y_m }, &source.grid).context("--extent")?
         }
     };
-    Ok(Statistics::of(&source.image, &region))
+    let statistics = Statistics::by_parts(&*source.pixels, &region);
+    statistics.map_err(|error| anyhow::anyhow!(error))
 }
 
 /// What the points are measured with, and which they are.
@@ -171,7 +174,7 @@ fn points(
 ) -> anyhow::Result<Vec<Point>> {
     let measured = targets.into_iter().map(|target| {
         let Some(from) = from else {
-            let response = measure(&source.image, &source.grid, target, settings)
+            let response = measure_in(&*source.pixels, &source.grid, target, settings)
                 .map_err(|error| source.explain(error))?;
             return Ok(Point {
                 theory: theory::of_cuts(basis, &response, &source.grid, basis.looks()),
@@ -185,11 +188,17 @@ fn points(
     measured.collect()
 }
 
-fn against(typed: &Quality, source: &Source, other: &Source) -> anyhow::Result<Against> {
-    let comparison = Comparison::between(&source.image, &other.image)?;
-    let difference = percent_difference(&source.image, &other.image, typed.floor)?;
-    let coherence = coherence(&source.image, &other.image, typed.coherence)?;
-    let offset_pixels = match offset(&source.image, &other.image) {
+fn against(
+    session: &Session,
+    typed: &Quality,
+    source: &Source,
+    other: &Source,
+) -> anyhow::Result<Against> {
+    let [image, reference] = source.both(session, other)?;
+    let comparison = Comparison::between(&image, &reference)?;
+    let difference = percent_difference(&image, &reference, typed.floor)?;
+    let coherence = coherence(&image, &reference, typed.coherence)?;
+    let offset_pixels = match offset(&image, &reference) {
         Ok(offset) => Some(offset),
         Err(PairError::Unsuited(_)) => None,
         Err(error) => return Err(error.into()),

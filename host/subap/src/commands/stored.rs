@@ -7,16 +7,15 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use serde_json::Value;
 use subaperture::geometry::ImageGrid;
-use subaperture::image::Image;
-use subaperture::io::{npy, product};
-
-use crate::config::Session;
-use crate::text;
+use subaperture::image::Parts;
+use subaperture::io::npy::ImageFile;
+use subaperture::io::product;
 
 /// An image, and what is stored beside it.
 pub(super) struct Stored {
     pub(super) path: PathBuf,
-    pub(super) image: Image,
+    /// In its files.
+    pub(super) pixels: Box<dyn Parts>,
     /// Grid and record of a product.
     pub(super) product: Option<(ImageGrid, Value)>,
 }
@@ -34,31 +33,31 @@ pub(super) fn product_folder(path: &Path) -> Option<&Path> {
     })
 }
 
-/// Reads a product or a complex64 `.npy`.
-pub(super) fn read(path: &Path) -> anyhow::Result<Stored> {
+/// Opens a product or a complex64 `.npy`.
+pub(super) fn open(path: &Path) -> anyhow::Result<Stored> {
     let path = path.to_owned();
     if let Some(folder) = product_folder(&path) {
         if is_velocity_plane(folder) {
             return Ok(Stored {
-                image: npy::read(&folder.join("image.npy"))?,
+                pixels: Box::new(ImageFile::open(&folder.join("image.npy"))?),
                 product: None,
                 path,
             });
         }
-        let stored = product::read(folder)?;
+        let stored = product::open(folder)?;
         return Ok(Stored {
-            image: stored.image,
+            pixels: Box::new(stored.pixels),
             product: Some((stored.grid, stored.metadata)),
             path,
         });
     }
     check_is_array(&path)?;
-    let image = npy::read(&path)?;
-    if image.pixels.is_empty() {
+    let file = ImageFile::open(&path)?;
+    if file.size().0 * file.size().1 == 0 {
         bail!("{}: an image without pixels", path.display());
     }
     Ok(Stored {
-        image,
+        pixels: Box::new(file),
         product: None,
         path,
     })
@@ -100,34 +99,4 @@ impl Stored {
         }
         Ok(())
     }
-}
-
-/// Refuses images that take, `times` over, more than the budget.
-pub(super) fn check_memory<'a>(
-    session: &Session,
-    paths: impl IntoIterator<Item = &'a PathBuf>,
-    times: u128,
-    doing: &str,
-) -> anyhow::Result<()> {
-    // A file that cannot be asked for its size cannot be read either, and reading says why.
-    let size = |path: &PathBuf| {
-        let folder = product_folder(path);
-        let file = folder.map_or_else(|| path.clone(), |folder| folder.join("image.npy"));
-        fs::metadata(file).map_or(0, |about| u128::from(about.len()))
-    };
-    let paths: Vec<&PathBuf> = paths.into_iter().collect();
-    let bytes = times * paths.iter().map(|path| size(path)).sum::<u128>();
-    if bytes > u128::from(session.memory_bytes) {
-        let names: Vec<String> = paths
-            .iter()
-            .map(|path| path.display().to_string())
-            .collect();
-        bail!(
-            "{doing} {} needs {}; --memory allows {}: raise --memory, or take smaller images",
-            names.join(" and "),
-            text::bytes(bytes),
-            text::bytes(session.memory_bytes.into())
-        );
-    }
-    Ok(())
 }

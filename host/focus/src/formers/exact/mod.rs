@@ -239,7 +239,7 @@ mod tests {
     use super::*;
     use subaperture_model::geometry::SceneFrame;
     use subaperture_model::monitor::Silent;
-    use subaperture_model::phase_history::{Collection, Recorded, Sweep};
+    use subaperture_model::phase_history::{Collection, InMemory, Sweep};
     use subaperture_signal::window::Window;
 
     /// Radar at 100 m on the x axis, pulses repeated in place: the image along x is the transform of
@@ -267,7 +267,7 @@ mod tests {
         };
         // A unit scatterer at the reference point: every sample is 1.
         let samples = vec![Complex32::ONE; num_samples * num_pulses];
-        let history = Recorded::new(collection.clone(), samples).unwrap();
+        let history = InMemory::new(collection.clone(), samples).unwrap();
         let weights = Weights::new(&collection, Window::None, Window::None);
         let xs: Vec<f64> = (0..40).map(|i| f64::from(i) * 0.37 - 7.0).collect();
         let points: Vec<DVec3> = xs.iter().map(|&x| DVec3::new(x, 0.0, 0.0)).collect();

@@ -12,17 +12,17 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use num_complex::Complex32;
 use serde_json::{Value, json};
 use subaperture::focus::moving::Moving;
 use subaperture::focus::plan::{Opened, Request, Sink};
 use subaperture::focus::{Plan, SCRATCH_BYTES, Tile, TileRecord, Work};
+use subaperture::image::PartsError;
 use subaperture::image::power;
 use subaperture::io::product::record::Brightest;
 use subaperture::io::product::{self, TiledProduct};
 use subaperture::io::tiles::{Layout, TileStore};
 use subaperture::phase_history::PhaseHistory;
-use subaperture::plot::{self, Orientation, Panel, Parts, PartsError};
+use subaperture::plot::{self, Orientation, Panel};
 use subaperture::resolution::support::RecordedLooks;
 use subaperture::resolution::survey::Survey;
 
@@ -345,13 +345,12 @@ impl Whole<'_> {
         } = *self;
         let writing = session.progress("writing");
         let title = format!("{}, {}", self.survey.name, plan.former);
-        let tiles = Tiles(store);
         let quicklook = plot::quicklook_within(
             &Panel {
                 scale: typed.look.scale(),
                 colours: typed.look.colours(),
                 orientation: record.orientation,
-                ..Panel::new(plot::Source::Parts(&tiles), record.grid, title.as_str())
+                ..Panel::new(plot::Source::Parts(store), record.grid, title.as_str())
             },
             session.memory.picture_bytes,
         )?;
@@ -371,27 +370,5 @@ impl Whole<'_> {
             record,
             metadata,
         )
-    }
-}
-
-/// A store's pixels, for a picture.
-#[derive(Debug)]
-pub(crate) struct Tiles<'a>(pub(crate) &'a TileStore);
-
-impl Parts for Tiles<'_> {
-    fn size(&self) -> (usize, usize) {
-        let [rows, columns] = self.0.layout().image;
-        (rows, columns)
-    }
-
-    fn each(&self, of: &mut dyn FnMut(usize, usize, &[Complex32])) -> Result<(), PartsError> {
-        for index in 0..self.0.layout().count() {
-            let [rows, columns] = self.0.layout().place(index);
-            let pixels = self.0.read(index)?;
-            for (row, values) in rows.zip(pixels.chunks_exact(columns.len())) {
-                of(row, columns.start, values);
-            }
-        }
-        Ok(())
     }
 }

@@ -14,7 +14,7 @@ use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::phase_history::{Joined, PhaseHistory, Weights};
 use subaperture::planner::forecast;
-use subaperture::quality::response::{Settings, Target, brightest, measure};
+use subaperture::quality::response::{Settings, Target, brightest_in, measure};
 use subaperture::resolution::support::{Looks, measured_gains};
 use subaperture::signal::window::Window;
 
@@ -161,7 +161,7 @@ impl<'a> From<'a> {
         let looks = Looks::new(collection, fast, slow);
 
         let coarse = &self.source.grid;
-        let (row, column) = brightest(&self.source.image, coarse, target, settings)?;
+        let (row, column) = brightest_in(&*self.source.pixels, coarse, target, settings)?;
         let (row_value, column_value) = (coarse.rows.at(row), coarse.columns.at(column));
         let support = looks.at(coarse.point_m(row_value, column_value));
         let [x, y] = coarse.directions(row_value, column_value);

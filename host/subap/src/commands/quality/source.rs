@@ -1,15 +1,15 @@
 //! The image that was given: a product with its grid, or an array in pixels.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::bail;
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
 use subaperture::geometry::{Axis, ImageGrid};
-use subaperture::image::Image;
-use subaperture::io::{npy, product};
+use subaperture::image::{Image, Parts};
+use subaperture::io::npy::ImageFile;
+use subaperture::io::product;
 use subaperture::quality::response::{Carrier, Direction, Geometry, Response, ResponseError};
 use subaperture::resolution::support::RecordedLooks;
 use subaperture::signal::window::Window;
@@ -24,7 +24,8 @@ use crate::text;
 pub(super) struct Source {
     /// As given.
     pub(super) name: String,
-    pub(super) image: Image,
+    /// In its files.
+    pub(super) pixels: Box<dyn Parts>,
     pub(super) grid: ImageGrid,
     /// Those of fast and slow time.
     pub(super) windows: Option<[Window; 2]>,
@@ -44,8 +45,9 @@ impl Source {
         let name = path.display().to_string();
         let Some(folder) = stored::product_folder(path) else {
             stored::check_is_array(path)?;
-            let image = npy::read(path)?;
-            if image.pixels.is_empty() {
+            let file = ImageFile::open(path)?;
+            let (rows, columns) = file.size();
+            if rows * columns == 0 {
                 bail!("{name}: an image without pixels");
             }
             let axis = |count| Axis {
@@ -55,8 +57,8 @@ impl Source {
             };
             return Ok(Self {
                 name,
-                grid: ImageGrid::horizontal(axis(image.columns), axis(image.rows), 0.0),
-                image,
+                grid: ImageGrid::horizontal(axis(columns), axis(rows), 0.0),
+                pixels: Box::new(file),
                 windows: None,
                 carrier: None,
                 looks: None,
@@ -64,7 +66,7 @@ impl Source {
                 in_pixels: true,
             });
         };
-        let stored = product::read(folder)?;
+        let stored = product::open(folder)?;
         let settings = &stored.metadata["settings"];
         let window = |key: &str| settings[key].as_str().and_then(|text| text.parse().ok());
         let seen = Geometry::deserialize(&stored.metadata["collection"]);
@@ -73,7 +75,7 @@ impl Source {
             carrier: seen.ok().map(|seen| Carrier::of(&seen)),
             windows: window("window").zip(window("slow_window")).map(Into::into),
             looks: RecordedLooks::deserialize(&stored.metadata["support"]).ok(),
-            image: stored.image,
+            pixels: Box::new(stored.pixels),
             grid: stored.grid,
             metadata: Some(stored.metadata),
             in_pixels: false,
@@ -197,22 +199,31 @@ impl Source {
     }
 }
 
-/// Refuses images whose measures would take more than the budget: at most six times their own size, of which
-/// registration takes most.
-pub(super) fn check_memory(session: &Session, paths: &[Option<&PathBuf>]) -> anyhow::Result<()> {
-    // A file that cannot be asked for its size cannot be read either, and reading says why.
-    let size = |path: &&PathBuf| {
-        let folder = stored::product_folder(path);
-        let file = folder.map_or_else(|| path.to_path_buf(), |folder| folder.join("image.npy"));
-        fs::metadata(file).map_or(0, |about| u128::from(about.len()))
-    };
-    let bytes = 6 * paths.iter().flatten().map(size).sum::<u128>();
-    if bytes > u128::from(session.memory_bytes) {
-        bail!(
-            "measuring needs up to {}; --memory allows {}: raise --memory, or measure smaller images",
-            text::bytes(bytes),
-            text::bytes(session.memory_bytes.into())
-        );
+impl Source {
+    /// All of the image and of another, to be set against one another, if the budget allows: at most six times their own
+    /// size, of which registration takes most.
+    pub(super) fn both(&self, session: &Session, other: &Self) -> anyhow::Result<[Image; 2]> {
+        let whole = |source: &Self| {
+            let (rows, columns) = source.pixels.size();
+            [0..rows, 0..columns]
+        };
+        let pixels = |source: &Self| {
+            let (rows, columns) = source.pixels.size();
+            rows as u128 * columns as u128
+        };
+        let bytes = 6 * 8 * (pixels(self) + pixels(other));
+        if bytes > u128::from(session.memory_bytes) {
+            bail!(
+                "setting them against one another needs up to {}; --memory allows {}: raise --memory, measure smaller \
+                 images, or compare them (subap compare), for which size is no matter",
+                text::bytes(bytes),
+                text::bytes(session.memory_bytes.into())
+            );
+        }
+        let read = |source: &Self| {
+            let read = source.pixels.window(&whole(source));
+            read.map_err(|error| anyhow::anyhow!(error))
+        };
+        Ok([read(self)?, read(other)?])
     }
-    Ok(())
 }

@@ -1,0 +1,163 @@
+//! An image in a `.npy` file, read part by part.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use num_complex::Complex32;
+
+use super::header::{Header, HeaderError};
+use super::{NpyError, image_shape};
+use crate::input::Stamp;
+use subaperture_model::image::{Image, Parts, PartsError, Place, bands};
+
+/// A complex64 image in an open file.
+#[derive(Debug)]
+pub struct ImageFile {
+    path: PathBuf,
+    file: Mutex<File>,
+    stamp: Stamp,
+    /// Bytes before the values.
+    start: u64,
+    rows: usize,
+    columns: usize,
+}
+
+impl ImageFile {
+    /// Opens a file and reads its header.
+    ///
+    /// # Errors
+    /// [`NpyError`] if it is no image, or has not as many bytes as its header says.
+    pub fn open(path: &Path) -> Result<Self, NpyError> {
+        let file = File::open(path).map_err(|source| NpyError::Io {
+            path: path.to_owned(),
+            source,
+        })?;
+        Self::of(file, path)
+    }
+
+    /// [`Self::open`] of a file that is open, from its start.
+    pub(crate) fn of(file: File, path: &Path) -> Result<Self, NpyError> {
+        let io = |source: io::Error| NpyError::Io {
+            path: path.to_owned(),
+            source,
+        };
+        let unsuited = |what: String| NpyError::Unsuited {
+            path: path.to_owned(),
+            what,
+        };
+        let file_bytes = file.metadata().map_err(io)?.len();
+        let stamp = Stamp::of(&file).map_err(io)?;
+        let header = Header::read(&mut BufReader::new(&file)).map_err(|error| match error {
+            HeaderError::Io(source) => io(source),
+            HeaderError::Unsuited(what) => unsuited(what),
+        })?;
+        let (rows, columns) = image_shape(&header).map_err(unsuited)?;
+        let needed = (u128::from(rows) * u128::from(columns)).saturating_mul(8);
+        let present = file_bytes.saturating_sub(header.bytes);
+        if needed != u128::from(present) {
+            return Err(unsuited(format!(
+                "{rows} x {columns} complex64 values need {needed} bytes after the header, but the file has {present}"
+            )));
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            file: Mutex::new(file),
+            stamp,
+            start: header.bytes,
+            rows: rows as usize,
+            columns: columns as usize,
+        })
+    }
+
+    /// All of it. No more memory is asked for than the file has bytes.
+    ///
+    /// # Errors
+    /// [`NpyError`].
+    pub fn read(&self) -> Result<Image, NpyError> {
+        self.part(&[0..self.rows, 0..self.columns])
+    }
+
+    fn part(&self, [rows, columns]: &Place) -> Result<Image, NpyError> {
+        let io = |source: io::Error| NpyError::Io {
+            path: self.path.clone(),
+            source,
+        };
+        let unsuited = |what: String| NpyError::Unsuited {
+            path: self.path.clone(),
+            what,
+        };
+        let count = rows.len() * columns.len();
+        let mut pixels = Vec::new();
+        pixels
+            .try_reserve_exact(count)
+            .map_err(|_| unsuited(format!("no memory for {} bytes of it", 8 * count)))?;
+        let mut file = self.file.lock().unwrap_or_else(|held| held.into_inner());
+        let whole_rows = columns.len() == self.columns;
+        let runs = if whole_rows { 1 } else { rows.len() };
+        let run = if whole_rows { count } else { columns.len() };
+        for i in 0..runs {
+            let first = (rows.start + i) * self.columns + columns.start;
+            file.seek(SeekFrom::Start(self.start + 8 * first as u64))
+                .map_err(io)?;
+            let mut reader = BufReader::new(&mut *file).take(8 * run as u64);
+            for _ in 0..run {
+                let mut z = [0; 8];
+                reader.read_exact(&mut z).map_err(io)?;
+                let [a, b, c, d, e, f, g, h] = z;
+                pixels.push(Complex32::new(
+                    f32::from_le_bytes([a, b, c, d]),
+                    f32::from_le_bytes([e, f, g, h]),
+                ));
+            }
+        }
+        if let Some(how) = self.stamp.difference(&file).map_err(io)? {
+            return Err(unsuited(format!(
+                "was changed while it was read ({how}): start again when it is whole"
+            )));
+        }
+        Ok(Image {
+            rows: rows.len(),
+            columns: columns.len(),
+            pixels,
+        })
+    }
+}
+
+impl Parts for ImageFile {
+    fn size(&self) -> (usize, usize) {
+        (self.rows, self.columns)
+    }
+
+    fn places(&self) -> Vec<Place> {
+        bands(self.rows, self.columns)
+    }
+
+    fn window(&self, place: &Place) -> Result<Image, PartsError> {
+        Ok(self.part(place)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_are_those_of_the_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.npy");
+        let image = Image {
+            rows: 5,
+            columns: 4,
+            pixels: (0..20).map(|i| Complex32::new(i as f32, -1.0)).collect(),
+        };
+        super::super::write(&path, &image).unwrap();
+        let file = ImageFile::open(&path).unwrap();
+        assert_eq!(file.size(), (5, 4));
+        assert_eq!(file.read().unwrap(), image);
+        for place in [[1..4, 1..3], [0..5, 0..4], [4..5, 3..4], [2..4, 0..4]] {
+            assert_eq!(file.window(&place).unwrap(), image.window(&place).unwrap());
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! The demonstration's files: every image's folder, the differences, the overview and the table.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use subaperture::geometry::ImageGrid;
+use subaperture::image::Image;
+use subaperture::io::atomic::write_atomically;
+use subaperture::io::product::Product;
+use subaperture::plot::{self, Colours, Panel, Scale};
+use subaperture::signal::window::Window;
+use subaperture::simulate::Preset;
+
+use super::{GRID, Outcome, report};
+use crate::args::Demo;
+use crate::config::{Session, record_of_run};
+use crate::failure::InterruptedAmidFiles;
+use crate::interrupt;
+
+/// Images side by side in the overview: half of them all.
+const COLUMNS: usize = 5;
+
+/// Levels of all images alike, dB: unit scatterers, and what a neighbour's side lobes add to them.
+const IMAGE_SCALE: Scale = Scale::Fixed {
+    top_db: 3.0,
+    span_db: 60.0,
+};
+
+/// Levels of all differences alike, dB.
+const DIFFERENCE_SCALE: Scale = Scale::Fixed {
+    top_db: -20.0,
+    span_db: 80.0,
+};
+
+/// Writes every product, complete one by one, the table last.
+pub(super) fn write(
+    session: &Session,
+    typed: &Demo,
+    grid: &ImageGrid,
+    exact: &Image,
+    report: &report::Report,
+    start: Instant,
+) -> anyhow::Result<()> {
+    let image_panel = |image, title: &str| Panel {
+        scale: IMAGE_SCALE,
+        ..Panel::new(image, grid, title)
+    };
+    let panel = image_panel(exact, "exact");
+    save(
+        typed,
+        "exact",
+        record(session, typed, "exact", json!({}), report.exact_taken),
+        exact,
+        &panel,
+    )?;
+    let mut panels = vec![panel];
+    // Below every image its difference; below the reference itself, for the scale.
+    let mut differences = vec![Panel {
+        scale: DIFFERENCE_SCALE,
+        colours: Colours::Viridis,
+        ..Panel::new(exact, grid, "exact, on this scale")
+    }];
+    for outcome in report.outcomes {
+        let Outcome {
+            way,
+            image,
+            difference,
+            comparison,
+            settings,
+            taken,
+        } = outcome;
+        let panel = image_panel(image, way.title);
+        let mut metadata = record(session, typed, way.title, json!(settings), *taken);
+        metadata["comparison"] = json!(comparison);
+        save(typed, way.folder, metadata, image, &panel)?;
+        panels.push(panel);
+        let error = comparison.error_db.unwrap_or(f64::NAN);
+        differences.push(Panel {
+            scale: DIFFERENCE_SCALE,
+            colours: Colours::Viridis,
+            ..Panel::new(difference, grid, format!("minus exact: {error:.1} dB"))
+        });
+    }
+    for (outcome, panel) in report.outcomes.iter().zip(&differences[1..]) {
+        let picture = plot::quicklook(panel)?;
+        let name = format!("difference-{}.png", outcome.way.folder);
+        write_bytes(&typed.out.join(name), &picture)?;
+    }
+    check_amid_files(typed)?;
+    overview(typed, &panels, &differences)?;
+    write_bytes(
+        &typed.out.join("errors.md"),
+        report.to_markdown().as_bytes(),
+    )?;
+    let mut table = report.to_json();
+    table["run"] = record_of_run(session, start.elapsed());
+    let table = serde_json::to_vec_pretty(&table)?;
+    write_bytes(&typed.out.join("errors.json"), &table)
+}
+
+/// All images on one page: rows of images, each above the row of their differences.
+fn overview(typed: &Demo, panels: &[Panel], differences: &[Panel]) -> anyhow::Result<()> {
+    let mut page = Vec::new();
+    for (images, differences) in panels.chunks(COLUMNS).zip(differences.chunks(COLUMNS)) {
+        page.extend_from_slice(images);
+        page.extend_from_slice(differences);
+    }
+    write_bytes(
+        &typed.out.join("overview.png"),
+        &plot::panels(&page, COLUMNS)?,
+    )
+}
+
+/// What stands beside an image.
+fn record(
+    session: &Session,
+    typed: &Demo,
+    title: &str,
+    settings: serde_json::Value,
+    taken: Duration,
+) -> serde_json::Value {
+    json!({
+        "schema": "subaperture-demo-image",
+        "schema_version": 1,
+        "run": record_of_run(session, taken),
+        "title": title,
+        "collection": Preset::Table41.name(),
+        "window": Window::default().to_string(),
+        "slow_window": Window::default().to_string(),
+        "grid": typed.grid.map_or(json!(GRID), |_| json!("as given on the command line")),
+        "settings": settings,
+    })
+}
+
+/// Writes an image's folder.
+fn save(
+    typed: &Demo,
+    folder: &str,
+    metadata: serde_json::Value,
+    image: &Image,
+    panel: &Panel,
+) -> anyhow::Result<()> {
+    check_amid_files(typed)?;
+    let quicklook = plot::quicklook(panel)?;
+    Product {
+        image,
+        metadata: &metadata,
+        quicklook: &quicklook,
+    }
+    .write(&typed.out.join(folder))?;
+    Ok(())
+}
+
+/// Fails if the user wants to stop, now that some files are written.
+fn check_amid_files(typed: &Demo) -> Result<(), InterruptedAmidFiles> {
+    let folder = || typed.out.display().to_string();
+    interrupt::check().map_err(|_| InterruptedAmidFiles(folder()))
+}
+
+fn write_bytes(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    use std::io::Write;
+    write_atomically(path, bytes.len() as u64, |file| file.write_all(bytes))?;
+    Ok(())
+}
