@@ -125,6 +125,7 @@ fn check_not_empty(collection: &Collection, grid: &ImageGrid) -> Result<(), Form
 
 /// A formed image and what it was formed with.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Formed {
     /// The image, rows and columns as the grid's.
     pub image: Image,
@@ -180,6 +181,7 @@ impl Formed {
 
 /// Why no image was formed.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FormError {
     /// Pulses could not be read.
     #[error(transparent)]

@@ -131,6 +131,7 @@ impl Fingerprint {
 
 /// Why a plan cannot be carried out.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PlanError {
     /// The text is none of a plan.
     #[error("this is no plan: {0}")]

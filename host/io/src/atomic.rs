@@ -10,6 +10,7 @@ use super::unfinished::{self, Thing};
 
 /// Why nothing was written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum WriteError {
     /// The operating system refused.
     #[error("cannot write {}: {source}{}", path.display(), advice(source, *needed_bytes))]

@@ -111,6 +111,7 @@ impl Layout {
 
 /// Why a store was not read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum StoreError {
     /// The operating system refused.
     #[error("cannot read {}: {source}", path.display())]

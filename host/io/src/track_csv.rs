@@ -40,6 +40,7 @@ const RADIANS: [&str; 3] = ["roll_rad", "pitch_rad", "yaw_rad"];
 
 /// Why a track was not read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum TrackCsvError {
     /// The operating system refused.
     #[error("cannot read {path}: {source}")]

@@ -107,6 +107,7 @@ pub struct SubCpis {
 
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PlanError {
     /// The collection has no pulses.
     #[error("the collection holds no pulses")]

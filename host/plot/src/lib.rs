@@ -241,6 +241,7 @@ fn edges(axis: &Axis) -> (f64, f64) {
 
 /// Why no picture was drawn.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PlotError {
     /// The image is not on this grid, or there is none.
     #[error("cannot draw {title:?}: {what}")]

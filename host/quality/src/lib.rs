@@ -43,6 +43,7 @@ impl PixelMap {
 
 /// Why two images cannot be set against each other.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PairError {
     /// Not the same rows and columns.
     #[error(

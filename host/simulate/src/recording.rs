@@ -13,6 +13,7 @@ use subaperture_receive::{Compressed, Deskewed, Echoes, Filter, ReceiveError, Re
 
 /// An experiment cannot be recorded.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum RecordError {
     /// A part of it does not make sense.
     #[error("{name}: {what}")]

@@ -67,6 +67,7 @@ impl Default for WriteOptions {
 
 /// Why no file was written. None is left behind.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum WriteError {
     /// The file could not be written.
     #[error(transparent)]

@@ -36,6 +36,7 @@ const LONGEST_LINE: u64 = 1 << 16;
 
 /// Why a log was not read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum NovatelError {
     /// The operating system refused.
     #[error("cannot read {path}: {source}")]

@@ -31,6 +31,7 @@ const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// Why an array was not read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum NpyError {
     /// The operating system refused.
     #[error("cannot read {path}: {source}")]

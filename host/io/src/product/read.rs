@@ -19,6 +19,7 @@ const MOST_METADATA_BYTES: u64 = 4 << 20;
 
 /// What a folder holds.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct StoredProduct {
     /// The image.
     pub image: Image,
@@ -87,6 +88,7 @@ impl Parts for Pixels {
 
 /// Why a product was not read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReadError {
     /// The operating system refused.
     #[error("cannot read {}: {source}{}", path.display(), advice(source))]

@@ -56,6 +56,7 @@ pub struct Raw<'a> {
 
 /// Why echoes were not written.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum WriteError {
     /// The files could not be written.
     #[error(transparent)]

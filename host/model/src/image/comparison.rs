@@ -10,6 +10,7 @@ use super::{Image, Parts, Place, power};
 /// leave undefined (by a reference or image of zeros) is `None`. Ratios are in dB of amplitude,
 /// `20 log10`; identical images have an error of minus infinity.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Comparison {
     /// Relative RMS error as the images are: `||a - b|| / ||b||`, dB.
     pub error_db: Option<f64>,
@@ -28,6 +29,7 @@ pub struct Comparison {
 
 /// Why two images cannot be compared.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ComparisonError {
     /// Not the same rows and columns.
     #[error(

@@ -182,6 +182,7 @@ fn lossily<S: serde::Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S:
 
 /// Why pulses could not be read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ReadError {
     /// The operating system refused.
     #[error("cannot read {path}: {source}")]

@@ -11,6 +11,7 @@ use subaperture_model::phase_history::ReadError;
 
 /// Why a session did not do what it should.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LinkError {
     /// The line is gone.
     #[error("the line to the module: {0}")]

@@ -78,6 +78,7 @@ pub struct OnboardPlan {
 
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PlanError {
     /// The recording does not suit.
     #[error(transparent)]

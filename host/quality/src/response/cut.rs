@@ -4,6 +4,7 @@ use subaperture_resolution::theory::SideLobes;
 
 /// A line through the peak: power relative to the peak's against the distance from it.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Cut {
     /// Along what.
     pub along: Direction,

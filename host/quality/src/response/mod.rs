@@ -124,6 +124,7 @@ impl Default for Settings<'_> {
 
 /// A point's response.
 #[derive(Clone, Debug, serde::Serialize)]
+#[non_exhaustive]
 pub struct Response {
     /// Row of the peak, a fraction included.
     pub row: f64,
@@ -156,6 +157,7 @@ pub struct Response {
 
 /// A chip at [`UPSAMPLING`] times its rate.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct UpsampledChip {
     /// Values, with the mean turn of the phase taken out.
     pub image: Image,
@@ -165,6 +167,7 @@ pub struct UpsampledChip {
 
 /// Why a point was not measured.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ResponseError {
     /// The image and its grid differ, or a position is not on it.
     #[error("{0}")]

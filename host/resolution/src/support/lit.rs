@@ -13,6 +13,7 @@ const SHARE: usize = 32;
 
 /// Why gains were not measured.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum GainsError {
     /// Pulses could not be read.
     #[error(transparent)]

@@ -45,6 +45,7 @@ pub enum Side {
 /// resolution, ambiguities and pixels that follow from them. `None` means that the geometry has no such number (an antenna that stands still
 /// has no cross-range resolution) or that the record does not tell.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Survey {
     /// The collection's name.
     pub name: String,
