@@ -43,7 +43,7 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         value["ambiguity"] = json!(survey.ambiguity());
         value["containers"] = containers.iter().map(Container::to_json).collect();
         value["default_grid"] = match survey.default_grid() {
-            Ok(DefaultGrid { grid, cropped }) => json!({
+            Ok(DefaultGrid { grid, cropped, .. }) => json!({
                 "x": grid.columns, "y": grid.rows, "z": grid.origin_m.z, "cropped": cropped
             }),
             Err(why) => json!({ "none": why.to_string() }),

@@ -135,7 +135,7 @@ fn geometry_facts(survey: &Survey) -> Vec<Fact> {
 /// The grid that an image is formed on unless another is given.
 fn default_grid(session: &Session, survey: &Survey) -> String {
     match survey.default_grid() {
-        Ok(DefaultGrid { grid, cropped }) => {
+        Ok(DefaultGrid { grid, cropped, .. }) => {
             let (x, y) = (grid.columns, grid.rows);
             let image_bytes = u128::from(grid.num_pixels()) * 8;
             let fits = image_bytes <= u128::from(session.memory_bytes);
