@@ -14,7 +14,6 @@ pub const MOST_PIXELS: usize = 1 << 22;
 
 /// The grid, and what should be said of it.
 #[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
 pub struct DefaultGrid {
     /// The pixels.
     pub grid: ImageGrid,
