@@ -410,7 +410,7 @@ impl Opened<'_> {
         let tile_bytes = pixels.saturating_mul(8 + self.forming.pixel_bytes());
         // A third, so that pulses and scratch have room.
         let fit = (left_bytes / 3 / tile_bytes.max(1)).clamp(1, most_a_pass.max(1) as u64);
-        let mut done = 0;
+        let (total, mut done) = (indices.len() as f64, 0);
         for indices in indices.chunks(fit as usize) {
             let places = indices.iter().map(|&index| self.plan.tile(index));
             let mut tiles: Vec<Tile> = places.map(Tile::new).collect();
@@ -418,11 +418,10 @@ impl Opened<'_> {
                 history: work.history,
                 probes: &self.probes,
             };
-            let all = self.plan.num_tiles().max(1) as f64;
             let pass = Pass {
                 monitor: work.monitor,
-                done: done as f64 / all,
-                share: indices.len() as f64 / all,
+                done: done as f64 / total,
+                share: indices.len() as f64 / total,
             };
             let tiles_bytes = tiles.iter().map(|tile| 8 * tile.pixels.len() as u64);
             let within = Work {

@@ -15,6 +15,7 @@ mod arrays;
 mod container;
 mod maps;
 mod mutate;
+mod plans;
 mod product;
 mod recordings;
 mod repair;
@@ -67,7 +68,15 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 17] = [
+pub static TARGETS: [Target; 18] = [
+    Target {
+        name: "plan",
+        read: plans::plan,
+        seeds: plans::plan_seeds,
+        repair: as_it_is,
+        words: plans::WORDS,
+        most_bytes: described,
+    },
     Target {
         name: "cphd",
         read: recordings::cphd,

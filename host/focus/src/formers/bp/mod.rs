@@ -48,6 +48,10 @@ use subaperture_signal::range_profile::RangeProfiler;
 
 /// Pulses whose terms of a pixel are summed before they are added to it: fixed, so that memory is no matter of bits.
 const SUMMED_PULSES: usize = 16;
+/// Upsampling beyond which no bound asks: of -120 dB it is a thousand.
+const MOST_OVERSAMPLING: f64 = 2048.0;
+/// Profiles a pulse that no motion from sample to sample needs.
+const MOST_BLURS: usize = 1 << 20;
 /// Of these sums, as many as are made at a time.
 const MOST_PARTS: usize = 4;
 
@@ -195,6 +199,7 @@ pub(crate) fn open<'a>(
     choices: Choices,
     target: impl Fn(&Pulse, DVec3) -> Target + Sync + 'a,
 ) -> Result<Box<dyn Forming + 'a>, FormError> {
+    choices.check(&aim)?;
     // Normalised here, before the transform sums: large samples stay within float32.
     let norm = aim.weights.normalisation();
     let window: Vec<f64> = aim.weights.fast.iter().map(|w| w * norm).collect();
@@ -207,6 +212,22 @@ pub(crate) fn open<'a>(
 }
 
 impl Choices {
+    /// Refuses what no decision came to.
+    fn check(&self, aim: &Aim) -> Result<(), FormError> {
+        let num_samples = aim.collection.num_samples;
+        let blurs = self.blurs.is_none_or(|blurs| {
+            let steps = blurs.least_turns.is_finite() && blurs.step_turns.is_finite();
+            steps && (1..=MOST_BLURS).contains(&blurs.count) && blurs.num_samples == num_samples
+        });
+        match (1.0..=MOST_OVERSAMPLING).contains(&self.oversampling) && blurs {
+            true => Ok(()),
+            false => Err(FormError::Choices {
+                former: ENTRY.name,
+                what: "its range profiles are none".to_owned(),
+            }),
+        }
+    }
+
     fn profiles_each(&self) -> usize {
         self.blurs.as_ref().map_or(1, |blurs| blurs.count)
     }

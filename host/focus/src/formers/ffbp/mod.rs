@@ -333,10 +333,11 @@ struct Opened<'a, const W: usize> {
 impl<'a, const W: usize> Opened<'a, W> {
     fn new(aim: Aim<'a>, choices: Choices, shares: Shares) -> Result<Self, FormError> {
         shared_band(aim.collection)?;
-        if choices.longest == 0 || choices.patch_rows * choices.patch_columns == 0 {
+        let known = choices.longest > 0 && choices.patch_rows > 0 && choices.patch_columns > 0;
+        if !(known && (-300.0..=0.0).contains(&choices.error_db)) {
             return Err(FormError::Choices {
                 former: "ffbp",
-                what: "its stretches or its patches are empty".to_owned(),
+                what: "its stretches or its patches are empty, or its bound is none".to_owned(),
             });
         }
         Ok(Self {

@@ -173,6 +173,12 @@ impl ImageFormer for PolarFormat {
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         let choices: Choices = chosen("pfa", choices)?;
+        if !choices.centre_m.iter().all(|x| x.abs() <= 1e12) {
+            return Err(FormError::Choices {
+                former: ENTRY.name,
+                what: "its centre is no place".to_owned(),
+            });
+        }
         Ok(match choices.taps {
             4 => Box::new(Opened::<4>::new(aim, choices)),
             _ => Box::new(Opened::<6>::new(aim, choices)),

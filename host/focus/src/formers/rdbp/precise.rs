@@ -128,18 +128,23 @@ impl<'a, const W: usize> Opened<'a, W> {
         let mut first = 0;
         let mut sub_cpis = Vec::with_capacity(choices.sub_cpis.len());
         for &count in &choices.sub_cpis {
-            let fits = count > 0 && first + count <= collection.pulses.len();
+            let fits = count > 0 && count <= collection.pulses.len() - first;
             if !fits || !choices.spans.contains_key(&count) {
                 return Err(misfit("sub-CPIs are not those of its pulses"));
             }
             sub_cpis.push(SubCpi::new(collection, first..first + count));
             first += count;
         }
-        if first != collection.pulses.len() || choices.patch_rows * choices.patch_columns == 0 {
+        let patches = choices.patch_rows > 0 && choices.patch_columns > 0;
+        if first != collection.pulses.len() || !patches {
             return Err(misfit("it is of other pulses, or its patches are empty"));
         }
         let mut shapes = BTreeMap::new();
         for (&inputs, &span) in &choices.spans {
+            // A cycle a pulse is all that Doppler has, and near antennas rates are a few.
+            if !(0.0..1e4).contains(&span) {
+                return Err(misfit("a Doppler span is none"));
+            }
             let sweep_pulses = drift.abs() * band.count as f64;
             let bins_per_cycle = bins_per_cycle(&band, inputs as f64 + sweep_pulses);
             // A tenth and a bin more than was seen at the sampled points, and the kernel's reach.

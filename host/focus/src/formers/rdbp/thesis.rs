@@ -95,22 +95,28 @@ pub(super) struct Choices {
 
 impl Choices {
     pub(super) fn new(sub_cpi: usize, options: &Thesis) -> Result<Self, FormError> {
-        if sub_cpi == 0 {
+        let choices = Self {
+            sub_cpi,
+            keystone: options.keystone,
+            doppler_padding: options.doppler_padding,
+        };
+        choices.check()?;
+        Ok(choices)
+    }
+
+    fn check(&self) -> Result<(), FormError> {
+        if self.sub_cpi == 0 {
             return Err(FormError::Unsuited(
                 "a sub-CPI needs at least one pulse".to_owned(),
             ));
         }
-        let doppler_padding = options.doppler_padding;
+        let doppler_padding = self.doppler_padding;
         if !(1..=MOST_DOPPLER_PADDING).contains(&doppler_padding) {
             return Err(FormError::Unsuited(format!(
                 "Doppler cannot be padded {doppler_padding} times: give 1 to {MOST_DOPPLER_PADDING}"
             )));
         }
-        Ok(Self {
-            sub_cpi,
-            keystone: options.keystone,
-            doppler_padding,
-        })
+        Ok(())
     }
 
     /// What the error of these will be, for `aim`.
@@ -174,6 +180,7 @@ struct Buffers {
 
 impl<'a> Opened<'a> {
     pub(super) fn new(aim: Aim<'a>, choices: Choices) -> Result<Self, FormError> {
+        choices.check()?;
         let band = shared_band(aim.collection)?;
         let num_pulses = aim.collection.pulses.len();
         let longest = choices.sub_cpi.min(num_pulses);
