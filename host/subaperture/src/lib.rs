@@ -5,7 +5,7 @@
 //!
 #![doc = concat!("```no_run\n", include_str!("../examples/read_and_focus.rs"), "```")]
 //!
-//! [`open`] reads CPHD, AFRL's GOTCHA files and raw samples described in TOML; [`scene_grid`] is a grid that suits what
+//! [`open()`] reads CPHD, AFRL's GOTCHA files and raw samples described in TOML; [`scene_grid`] is a grid that suits what
 //! was recorded, and any other is written as text or made of numbers ([`geometry::ImageGrid`]). [`Focus::focus`] takes
 //! defaults for all the rest; [`Focusing`] has them: windows, memory, progress, what to do where the bound is missed. The
 //! image comes with its grid, frame, band and settings ([`FocusedImage`]).

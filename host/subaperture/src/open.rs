@@ -21,7 +21,7 @@ pub fn open(path: impl AsRef<Path>) -> Result<Joined, ReadError> {
 /// recorded, whatever the order of `paths`.
 ///
 /// # Errors
-/// As [`open`], and [`ReadError::Mismatch`] if there are none or they do not fit together.
+/// As [`open()`], and [`ReadError::Mismatch`] if there are none or they do not fit together.
 pub fn open_all<P: AsRef<Path>>(paths: &[P]) -> Result<Joined, ReadError> {
     let options = open::Options {
         memory_bytes: machine::default_bytes(),
