@@ -77,8 +77,8 @@
 
 mod focused;
 mod focusing;
-mod open;
 pub mod prelude;
+mod reading;
 mod save;
 
 pub use subaperture_model::{
@@ -110,7 +110,7 @@ pub use {glam, num_complex};
 
 pub use focused::FocusedImage;
 pub use focusing::{Focus, Focusing};
-pub use open::{open, open_all};
+pub use reading::{open, open_all};
 pub use save::SaveError;
 pub use subaperture_resolution::survey::scene_grid;
 

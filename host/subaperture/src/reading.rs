@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use subaperture_focus::machine;
-use subaperture_io::open;
+use subaperture_io::open::{self as files, Options};
 use subaperture_model::phase_history::{Joined, ReadError};
 
 /// Opens a recording by what the file holds: CPHD, GOTCHA, or a raw recording's description (`.toml`).
@@ -23,9 +23,9 @@ pub fn open(path: impl AsRef<Path>) -> Result<Joined, ReadError> {
 /// # Errors
 /// As [`open()`], and [`ReadError::Mismatch`] if there are none or they do not fit together.
 pub fn open_all<P: AsRef<Path>>(paths: &[P]) -> Result<Joined, ReadError> {
-    let options = open::Options {
+    let options = Options {
         memory_bytes: machine::default_bytes(),
-        ..open::Options::default()
+        ..Options::default()
     };
-    open::open_all(paths, &options)
+    files::open_all(paths, &options)
 }
