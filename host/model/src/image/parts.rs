@@ -12,7 +12,7 @@ pub type Place = [Range<usize>; 2];
 pub type PartsError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Pixels of a part that is no tile, about.
-const PART_PIXELS: usize = 1 << 20;
+const PART_PIXELS: usize = 1 << 16;
 
 /// An image that is read part by part.
 pub trait Parts: Debug {
@@ -76,7 +76,7 @@ pub fn peak_of(image: &dyn Parts) -> Result<Option<Peak>, PartsError> {
     Ok(best)
 }
 
-/// Runs of whole rows, each of about a million pixels.
+/// Runs of whole rows, each of some ten thousand pixels.
 pub fn bands(rows: usize, columns: usize) -> Vec<Place> {
     let height = (PART_PIXELS / columns.max(1)).max(1);
     (0..rows)

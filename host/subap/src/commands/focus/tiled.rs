@@ -18,6 +18,8 @@ use subaperture::focus::plan::{Opened, Request, Sink};
 use subaperture::focus::{Plan, SCRATCH_BYTES, Tile, TileRecord, Work};
 use subaperture::image::PartsError;
 use subaperture::image::power;
+use subaperture::io::atomic::WriteError;
+use subaperture::io::claim::Claims;
 use subaperture::io::product::record::Brightest;
 use subaperture::io::product::{self, TiledProduct};
 use subaperture::io::tiles::{Layout, TileStore};
@@ -38,8 +40,9 @@ const PASSES: usize = 16;
 /// Forms the tiles that are missing of the part asked for.
 pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let start = Instant::now();
-    let mut claims = session.claims(&typed.writing, &typed.input.paths);
-    claims.folder(&typed.out, product::TILED_NAMES)?;
+    // Processes that carry out a plan side by side share the folder; only who makes the record has to have it alone.
+    let claims = claim(session, typed)?;
+    let own = claims.filter(|_| typed.tiled.plan.is_none());
     let recorded = session.open(&typed.input)?;
     let survey = Survey::of(recorded.collection()).context("the input holds no pulses")?;
     let first_s = recorded.collection().pulses[0].time_s;
@@ -91,6 +94,11 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         }
         return Ok(());
     }
+    let claimed = own.map_or_else(|| claim(session, typed), |own| Ok(Some(own)))?;
+    let Some(_claimed) = claimed else {
+        // Another process makes the record.
+        return Ok(());
+    };
     let whole = Whole {
         session,
         typed,
@@ -101,6 +109,17 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         store: &store,
     };
     whole.deliver(notes.into_values(), start)
+}
+
+/// Sees that record and picture may be written, and keeps others from it. `None` if another process is at it that
+/// carries out the same plan.
+fn claim(session: &Session, typed: &Focus) -> anyhow::Result<Option<Claims>> {
+    let mut claims = session.claims(&typed.writing, &typed.input.paths);
+    match claims.folder(&typed.out, product::TILED_NAMES) {
+        Ok(()) => Ok(Some(claims)),
+        Err(WriteError::Locked { .. }) if typed.tiled.plan.is_some() => Ok(None),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// The plan in a file.
@@ -197,18 +216,22 @@ fn store(typed: &Focus, plan: &Plan) -> anyhow::Result<TileStore> {
              --force and without --resume",
             name.display()
         ),
-        Some(_) if !typed.writing.force => {
+        Some(_) if typed.writing.force => {
+            std::fs::remove_dir_all(&name)
+                .with_context(|| format!("cannot remove {}", name.display()))?;
+        }
+        Some(_) => {
             return Err(Usage(format!(
                 "{}: there is one already: go on with it by --resume, or begin anew by --force",
                 name.display()
             ))
             .into());
         }
-        _ => {}
-    }
-    if name.exists() {
-        std::fs::remove_dir_all(&name)
-            .with_context(|| format!("cannot remove {}", name.display()))?;
+        None if typed.writing.force && name.exists() => {
+            std::fs::remove_dir_all(&name)
+                .with_context(|| format!("cannot remove {}", name.display()))?;
+        }
+        None => {}
     }
     match TileStore::create(&typed.out, layout, &text) {
         Ok(store) => Ok(store),
