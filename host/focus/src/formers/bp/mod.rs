@@ -48,8 +48,8 @@ use subaperture_signal::range_profile::RangeProfiler;
 
 /// Pulses whose terms of a pixel are summed before they are added to it: fixed, so that memory is no matter of bits.
 const SUMMED_PULSES: usize = 16;
-/// Upsampling beyond which no bound asks: of -120 dB it is a thousand.
-const MOST_OVERSAMPLING: f64 = 2048.0;
+/// Finest upsampling: -120 dB take a thousand, and float32 leaves no less than some -140.
+const MOST_OVERSAMPLING: f64 = 4096.0;
 /// Profiles a pulse that no motion from sample to sample needs.
 const MOST_BLURS: usize = 1 << 20;
 /// Of these sums, as many as are made at a time.
@@ -160,7 +160,7 @@ pub(crate) fn decide(
     let sweeps = collection.sweeps();
     // Half of the error's power for either interpolation, where there are two.
     let share_db = error_db - MARGIN_DB - if sweeps { 10.0 * 2f64.log10() } else { 0.0 };
-    let oversampling = RangeProfiler::oversampling_for(share_db);
+    let oversampling = RangeProfiler::oversampling_for(share_db).min(MOST_OVERSAMPLING);
     let (blurs, blurs_error) = match sweeps {
         true => Blurs::new(aim, share_db, target),
         false => (None, 0.0),
