@@ -235,11 +235,17 @@ impl Plan {
         let plan: Self = serde_json::from_value(value).map_err(wrong)?;
         match plan.grid.fault() {
             Some(fault) => Err(fault.into()),
-            None if plan.tile.rows * plan.tile.columns == 0 => {
-                Err(PlanError::Text("its tiles are empty".to_owned()))
-            }
+            None if !plan.has_tiles() => Err(PlanError::Text(
+                "its tiles are empty, or larger than the image".to_owned(),
+            )),
             None => Ok(plan),
         }
+    }
+
+    fn has_tiles(&self) -> bool {
+        let (grid, tile) = (&self.grid, self.tile);
+        (1..=grid.rows.count).contains(&tile.rows)
+            && (1..=grid.columns.count).contains(&tile.columns)
     }
 
     /// Tiles, in all.
