@@ -398,14 +398,14 @@ impl<'a, const W: usize> Opened<'a, W> {
 
 impl<const W: usize> Forming for Opened<'_, W> {
     fn grain(&self) -> PatchSize {
-        self.patches.size
+        self.patches.size()
     }
 
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
         let mut budget = Budget::new(work.memory_bytes);
         budget.take(
             "patches",
-            Patches::account_bytes(tiles, self.patches.size).into(),
+            self.patches.account_bytes(tiles).into(),
             "raise --memory",
         )?;
         let longest = self.tracks.iter().map(|track| track.pulses().len());

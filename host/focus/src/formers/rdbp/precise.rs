@@ -226,7 +226,7 @@ fn misfit(what: &str) -> FormError {
 
 impl<const W: usize> Forming for Opened<'_, W> {
     fn grain(&self) -> PatchSize {
-        self.patches.size
+        self.patches.size()
     }
 
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
@@ -234,7 +234,7 @@ impl<const W: usize> Forming for Opened<'_, W> {
         let mut budget = Budget::new(work.memory_bytes);
         budget.take(
             "patches",
-            Patches::account_bytes(tiles, self.patches.size).into(),
+            self.patches.account_bytes(tiles).into(),
             "use a larger --patch, or raise --memory",
         )?;
         let tables = self
