@@ -8,8 +8,8 @@ use clap::{Args as Group, ValueHint};
 #[derive(Debug, Group)]
 #[command(next_help_heading = "Tiles")]
 pub(crate) struct Tiled {
-    /// Form the image tile by tile into image.zarr instead of image.npy: it may be larger than memory, and a run
-    /// that was killed can go on
+    /// Form the image tile by tile into image.zarr instead of image.npy: a run that was killed can go on, and others
+    /// can help
     #[arg(long, conflicts_with_all = ["from_maps"])]
     pub(crate) tiled: bool,
 

@@ -12,6 +12,7 @@ use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
 use subaperture::focus::{FormError, Formed, ImageFormer};
 use subaperture::geometry::ImageGrid;
+use subaperture::io::atomic::WriteError;
 use subaperture::io::product::Product;
 use subaperture::io::product::record::Brightest;
 use subaperture::phase_history::PhaseHistory;
@@ -40,14 +41,10 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let start = Instant::now();
     // What can be refused is refused before anything is read.
     let former = former(typed)?;
-    let num_pixels = typed.grid.map_or(0, |grid| grid.num_pixels());
-    let _claims = forming::claim(
-        session,
-        &typed.writing,
-        &typed.input.paths,
-        &typed.out,
-        num_pixels,
-    )?;
+    if let Some(grid) = &typed.grid {
+        room(typed, grid)?;
+    }
+    let _claims = forming::claim(session, &typed.writing, &typed.input.paths, &typed.out, 0)?;
 
     let recorded = session.open(&typed.input)?;
     let survey = forming::survey(&recorded)?;
@@ -63,7 +60,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         start,
     };
     let grid = job.grid()?;
-    Product::prepare(&typed.out, grid.num_pixels())?;
+    room(typed, &grid)?;
     session.note(1, || {
         let (columns, rows) = (grid.columns.count, grid.rows.count);
         format!(
@@ -93,6 +90,19 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         about,
         deliver::Whole::Memory(&formed.image),
     )
+}
+
+/// Checks that the image can be written.
+fn room(typed: &Focus, grid: &ImageGrid) -> anyhow::Result<()> {
+    Product::prepare(&typed.out, grid.num_pixels()).map_err(|error| match error {
+        WriteError::NoSpace { .. } => anyhow::Error::from(error).context(format!(
+            "--grid has {} x {} pixels, an image of {}",
+            grid.columns.count,
+            grid.rows.count,
+            text::bytes(u128::from(grid.num_pixels()) * 8)
+        )),
+        error => error.into(),
+    })
 }
 
 /// An image that is to be formed of a recording.

@@ -62,11 +62,13 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         Some(path) => read_plan(path)?,
         None => make_plan(&job)?,
     };
-    let part = typed.tiled.tiles.unwrap_or(Part::WHOLE);
-    if typed.rehearsal.dry_run {
-        // What cannot be carried out says so now.
+    if typed.tiled.plan.is_some() {
+        // What cannot be carried out says so before anything is written.
         let weights = plan.weights(job.history.collection())?;
         plan.open(job.history.collection(), &weights)?;
+    }
+    if typed.rehearsal.dry_run {
+        let part = typed.tiled.tiles.unwrap_or(Part::WHOLE);
         return text::say(describe(&plan, part)).map_err(Into::into);
     }
     into_store(&job, plan, own)
