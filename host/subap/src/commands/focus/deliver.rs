@@ -14,7 +14,7 @@ use crate::{interrupt, text};
 /// A whole image, where its pixels are.
 pub(super) enum Whole<'a> {
     Memory(&'a Image),
-    Array(Grown),
+    Array(Box<Grown>),
     Tiles(&'a TileStore),
 }
 
@@ -22,7 +22,7 @@ impl Whole<'_> {
     pub(super) fn parts(&self) -> &dyn Parts {
         match self {
             Self::Memory(image) => *image,
-            Self::Array(grown) => grown,
+            Self::Array(grown) => &**grown,
             Self::Tiles(store) => *store,
         }
     }

@@ -94,7 +94,7 @@ pub(super) fn into_array(job: &Job, grid: &ImageGrid) -> anyhow::Result<()> {
         let Store::Array(growing) = keep.store else {
             unreachable!("an array is kept in an array")
         };
-        let whole = Whole::Array(growing.finish()?);
+        let whole = Whole::Array(Box::new(growing.finish()?));
         return judged.deliver(job, &weights, whole);
     }
 }
