@@ -33,7 +33,7 @@ use serde_json::json;
 
 use super::{Entry, of};
 use crate::budget::Budget;
-use crate::former::chosen;
+use crate::former::{chosen, misfit};
 use crate::pixels::for_each;
 use crate::sweep::{self, places};
 use crate::{
@@ -221,10 +221,7 @@ impl Choices {
         });
         match (1.0..=MOST_OVERSAMPLING).contains(&self.oversampling) && blurs {
             true => Ok(()),
-            false => Err(FormError::Choices {
-                former: ENTRY.name,
-                what: "its range profiles are none".to_owned(),
-            }),
+            false => Err(misfit(ENTRY.name, "its range profiles are none")),
         }
     }
 

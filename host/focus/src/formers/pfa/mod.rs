@@ -56,7 +56,7 @@ use serde_json::json;
 
 use super::{Entry, of};
 use crate::budget::Budget;
-use crate::former::chosen;
+use crate::former::{chosen, misfit};
 use crate::pixels::for_each;
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Tile, Work,
@@ -174,10 +174,7 @@ impl ImageFormer for PolarFormat {
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         let choices: Choices = chosen("pfa", choices)?;
         if !choices.centre_m.iter().all(|x| x.abs() <= 1e12) {
-            return Err(FormError::Choices {
-                former: ENTRY.name,
-                what: "its centre is no place".to_owned(),
-            });
+            return Err(misfit(ENTRY.name, "its centre is no place"));
         }
         Ok(match choices.taps {
             4 => Box::new(Opened::<4>::new(aim, choices)),

@@ -38,9 +38,11 @@ use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use subaperture_fft::{self as fft, Fft};
 
+use super::ENTRY;
 use super::plan::Plan;
 use crate::budget::{Budget, on_threads};
 use crate::exact::add_pulse;
+use crate::former::misfit;
 use crate::patch::{self, PatchSize, Patches, Rectangle, Segment};
 use crate::sub_cpi::{SubCpi, bins_per_cycle, pulses_a_sample, shared_band};
 use crate::{Aim, FormError, Forming, Tile, Work};
@@ -130,20 +132,23 @@ impl<'a, const W: usize> Opened<'a, W> {
         for &count in &choices.sub_cpis {
             let fits = count > 0 && count <= collection.pulses.len() - first;
             if !fits || !choices.spans.contains_key(&count) {
-                return Err(misfit("sub-CPIs are not those of its pulses"));
+                return Err(misfit(ENTRY.name, "sub-CPIs are not those of its pulses"));
             }
             sub_cpis.push(SubCpi::new(collection, first..first + count));
             first += count;
         }
         let patches = choices.patch_rows > 0 && choices.patch_columns > 0;
         if first != collection.pulses.len() || !patches {
-            return Err(misfit("it is of other pulses, or its patches are empty"));
+            return Err(misfit(
+                ENTRY.name,
+                "it is of other pulses, or its patches are empty",
+            ));
         }
         let mut shapes = BTreeMap::new();
         for (&inputs, &span) in &choices.spans {
             // A cycle a pulse is all that Doppler has, and near antennas rates are a few.
             if !(0.0..1e4).contains(&span) {
-                return Err(misfit("a Doppler span is none"));
+                return Err(misfit(ENTRY.name, "a Doppler span is none"));
             }
             let sweep_pulses = drift.abs() * band.count as f64;
             let bins_per_cycle = bins_per_cycle(&band, inputs as f64 + sweep_pulses);
@@ -214,13 +219,6 @@ impl<'a, const W: usize> Opened<'a, W> {
             }
         }
         Ok(())
-    }
-}
-
-fn misfit(what: &str) -> FormError {
-    FormError::Choices {
-        former: "rdbp",
-        what: what.to_owned(),
     }
 }
 
