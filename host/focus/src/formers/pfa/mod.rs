@@ -62,12 +62,13 @@ use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Tile, Work,
     rounding,
 };
+use subaperture_kernels::compensation::{self, Ramp};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
-use subaperture_signal::phase::{narrow, phasor, phasor32};
+use subaperture_signal::phase::phasor32;
 
 pub use plane::FIT_PULSES;
 use plane::{Extent, Plane};
@@ -262,12 +263,8 @@ impl<'a, const W: usize> Opened<'a, W> {
             pulse.relative_path_m(self.plane.centre_m) + gradient.dot(self.extent.centre_m);
         let delay_s = path_m / SPEED_OF_LIGHT_M_S;
         let weight = weights.slow[n] * self.norm;
-        let mut turn = phasor(pulse.start_hz * delay_s) * weight;
-        let step = phasor(pulse.step_hz * delay_s);
-        for (z, w) in row.iter_mut().zip(&weights.fast) {
-            *z *= narrow(turn * w);
-            turn *= step;
-        }
+        let ramp = Ramp::new(pulse.start_hz * delay_s, pulse.step_hz * delay_s, weight);
+        compensation::refer(row, &weights.fast, ramp);
         let cycles = gradient / SPEED_OF_LIGHT_M_S;
         Track {
             start: cycles * pulse.start_hz,
