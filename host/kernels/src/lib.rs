@@ -16,7 +16,7 @@
 //!
 //! Each is held in its own tests to the sum that defines it, written out anew in float64, within an error that is derived there.
 //!
-//! This is the one crate of Subaperture in which SIMD, and so `unsafe`, will ever be allowed: beside the portable loop, and
+//! This is the one crate of the library in which SIMD, and so `unsafe`, will ever be allowed: beside the portable loop, and
 //! held to the same tests. As yet there is none.
 #![forbid(unsafe_code)]
 

@@ -392,6 +392,7 @@ impl Opened<'_> {
     }
 
     /// Where a point reads the profiles of a pulse with motion from sample to sample.
+    #[inline(always)]
     fn blurred(&self, source: &Source, blurs: &Blurs, point: DVec3) -> Blurred {
         let (at, velocity_m_s) = self.meaning.target(source.pulse, point);
         let terms = source.pulse.path_terms(at, velocity_m_s) - source.reference;
