@@ -53,7 +53,7 @@ use serde_json::json;
 
 use super::{Entry, of};
 use crate::budget::{Budget, on_threads};
-use crate::former::chosen;
+use crate::former::{chosen, misfit};
 use crate::patch::{self, PatchSize, Patches, Rectangle, Segment};
 use crate::sub_cpi::{self, shared_band};
 use crate::{
@@ -335,10 +335,8 @@ impl<'a, const W: usize> Opened<'a, W> {
         shared_band(aim.collection)?;
         let known = choices.longest > 0 && choices.patch_rows > 0 && choices.patch_columns > 0;
         if !(known && (-300.0..=0.0).contains(&choices.error_db)) {
-            return Err(FormError::Choices {
-                former: "ffbp",
-                what: "its stretches or its patches are empty, or its bound is none".to_owned(),
-            });
+            let what = "its stretches or its patches are empty, or its bound is none";
+            return Err(misfit(ENTRY.name, what));
         }
         Ok(Self {
             tracks: choices.tracks(&aim, &shares),
