@@ -18,6 +18,12 @@ pub struct PatchSize {
 }
 
 impl PatchSize {
+    /// A single pixel.
+    pub const PIXEL: Self = Self {
+        rows: 1,
+        columns: 1,
+    };
+
     /// The size nearest to a square of side `side_m`, at least 4 pixels a side (fewer cost more to keep
     /// account of than they hold) and at most the grid. A polar grid's angle counts as the arc at its
     /// middle range.
@@ -130,6 +136,16 @@ impl Patches {
             columns: across,
             rows: down,
         }
+    }
+
+    /// How many there are.
+    pub(crate) fn count(&self) -> usize {
+        self.rows * self.columns
+    }
+
+    /// The one in the middle.
+    pub(crate) fn middle(&self) -> Rectangle {
+        self.rectangle(self.rows / 2 * self.columns + self.columns / 2)
     }
 
     fn all(self) -> impl Iterator<Item = Rectangle> {

@@ -21,6 +21,15 @@ pub struct Entry {
     pub of: fn(&serde_json::Value) -> Result<Box<dyn ImageFormer>, serde_json::Error>,
 }
 
+impl Entry {
+    /// The former within a bound on its error, dB, all else by default; without one if it has none.
+    pub fn within(&self, error_db: f64) -> Box<dyn ImageFormer> {
+        let bound = serde_json::json!({ "error_db": error_db });
+        let former = (self.of)(&bound).or_else(|_| (self.of)(&serde_json::json!({})));
+        former.expect("what is left out of settings is as by default")
+    }
+}
+
 /// All of them, the oracle first.
 pub static FORMERS: [Entry; 7] = [
     exact::ENTRY,

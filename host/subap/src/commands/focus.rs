@@ -13,13 +13,12 @@ use subaperture::focus::{FormError, Formed, ImageFormer};
 use subaperture::image::Image;
 use subaperture::io::product::record::Brightest;
 use subaperture::phase_history::PhaseHistory;
-use subaperture::planner::forecast;
 use subaperture::plot::{Orientation, Panel};
 use subaperture::resolution::support::RecordedLooks;
 
-use crate::args::{Focus, Mode};
+use crate::args::Focus;
 use crate::commands::forming::{self, Forming};
-use crate::config::{DEFAULT_ERROR_DB, Session, former};
+use crate::config::{Session, former};
 use crate::failure::Usage;
 use crate::{interrupt, messages, text};
 
@@ -117,13 +116,8 @@ fn form(
 ) -> anyhow::Result<Option<(Formed, Option<check::Check>)>> {
     let progress = session.progress("focusing");
     let task = forming.task(&progress);
-    let settings = forecast::Settings {
-        error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
-        sub_cpi: typed.sub_cpi,
-        is_thesis: typed.mode == Some(Mode::Thesis),
-    };
     let rehearsal = &typed.rehearsal;
-    if forming::announce(session, rehearsal, former, &task, &settings, &typed.out)? {
+    if forming::announce(session, rehearsal, former, &task, &typed.out)? {
         return Ok(None);
     }
     let checking = typed.check.map(|count| check::Plan::new(&task, count));

@@ -18,11 +18,13 @@
 //! there in radians. The term in `d^3` is neglected and predicted.
 //!
 //! Cost: a square root, a sine and cosine and about 20 operations a pixel and pulse; one transform a
-//! pulse; with motion from sample to sample twice as much, and a transform for each step of `q`. Memory: a
+//! pulse; with motion from sample to sample twice as much, and a transform for each step of `q` (`cost`). Memory: a
 //! block of upsampled profiles beside the image.
 //!
 //! Accuracy: the bound asked for, against [`crate::exact`], on the simulated and the recorded scenes of
 //! the tests.
+
+mod cost;
 
 use std::f64::consts::TAU;
 
@@ -34,6 +36,7 @@ use serde_json::json;
 use super::{Entry, of};
 use crate::budget::Budget;
 use crate::former::chosen;
+use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::sweep::{self, places};
 use crate::{
@@ -190,6 +193,8 @@ pub(crate) fn decide(
             "profiles_each": choices.profiles_each(),
         }),
         planned_db,
+        grain: PatchSize::PIXEL,
+        cost: cost::cost(aim, profiler.length(), choices.profiles_each()),
     })
 }
 

@@ -54,6 +54,7 @@ use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
 use super::{Entry, of};
+use crate::cost::transform;
 use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
 use crate::sub_cpi::shared_band;
 use crate::{
@@ -214,6 +215,12 @@ impl RangeMethod for Expansion {
             false => 0.0,
         };
         range_m * self.range_wavenumber(kappa, kx) + compressed_rad
+    }
+
+    /// Range compression by transforms of `2 K`; of each bin's migration and filter 6 taps, weights and a phasor.
+    fn operations(&self, samples: usize, sizes: &Sizes) -> f64 {
+        let wavenumbers = sizes.along_wavenumbers as f64;
+        wavenumbers * (transform(2.0 * samples as f64) + 44.0 * sizes.ranges as f64)
     }
 
     fn stage(&self, axes: &Axes) -> Box<dyn RangeStage> {
