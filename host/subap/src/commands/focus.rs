@@ -18,7 +18,7 @@ use subaperture::resolution::support::RecordedLooks;
 
 use crate::args::Focus;
 use crate::commands::forming::{self, Forming};
-use crate::config::{Session, former};
+use crate::config::Session;
 use crate::failure::Usage;
 use crate::{interrupt, messages, text};
 
@@ -30,18 +30,18 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     if typed.tiled.wanted() {
         return tiled::run(session, typed);
     }
-    if typed.tiled.scratch.is_some() {
+    if typed.image.scratch.is_some() {
         return Err(
             Usage("--scratch is for --tiled and for plans: leave it out".to_owned()).into(),
         );
     }
     let start = Instant::now();
     // What can be refused is refused before anything is read.
-    let former = former(typed)?;
-    if let Some(grid) = &typed.grid {
+    let former = typed.image.former.former()?;
+    if let Some(grid) = &typed.image.grid {
         session.check_grid(grid, 1)?;
     }
-    let num_pixels = typed.grid.map_or(0, |grid| grid.num_pixels());
+    let num_pixels = typed.image.grid.map_or(0, |grid| grid.num_pixels());
     let _claims = forming::claim(
         session,
         &typed.writing,
@@ -59,7 +59,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         Some(moving) => moving,
         None => &recorded,
     };
-    let grid = forming::grid_or(session, typed.grid, &typed.out, || {
+    let grid = forming::grid_or(session, typed.image.grid, &typed.out, || {
         session.default_grid(&survey)
     })?;
     session.note(1, || {
@@ -71,7 +71,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         )
     });
 
-    let windows = [typed.window, typed.slow_window];
+    let windows = [typed.image.window, typed.image.slow_window];
     let forming = Forming::new(session, history, &grid, windows);
     let Some((formed, check)) = form(session, typed, &*former, &forming)? else {
         return Ok(());
@@ -123,7 +123,7 @@ fn form(
     let checking = typed.check.map(|count| check::Plan::new(&task, count));
     let checking = checking.transpose()?;
     let formed = former
-        .form_asked(&task, typed.misses())
+        .form_asked(&task, typed.image.misses())
         .map_err(with_advice)?;
     progress.finish();
     pass_on_warnings(&formed.settings);

@@ -33,6 +33,7 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::budget::Budget;
 use crate::former::chosen;
@@ -101,6 +102,7 @@ impl Backprojection {
 pub(super) const ENTRY: Entry = Entry {
     name: "bp",
     summary: "backprojection: every pulse's range profile read at every pixel",
+    options: &[ERROR_DB],
     of: of::<Backprojection>,
 };
 

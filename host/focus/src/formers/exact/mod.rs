@@ -50,6 +50,7 @@ const PIXEL_BYTES: u64 = 24 + 16;
 pub(super) const ENTRY: Entry = Entry {
     name: "exact",
     summary: "the sum itself, in float64: slow, and the measure of all others",
+    options: &[],
     of: |_| Ok(Box::new(Exact)),
 };
 

@@ -54,6 +54,7 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::budget::{Budget, on_threads};
 use crate::former::chosen;
@@ -111,6 +112,7 @@ impl FastFactorised {
 pub(super) const ENTRY: Entry = Entry {
     name: "ffbp",
     summary: "fast factorised backprojection: patches within patches, any track",
+    options: &[ERROR_DB],
     of: of::<FastFactorised>,
 };
 

@@ -50,6 +50,7 @@ use serde_json::json;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
+use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::cost::transform;
 use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
@@ -91,6 +92,7 @@ impl OmegaK {
 pub(super) const ENTRY: Entry = Entry {
     name: "omega-k",
     summary: "omega-k: straight, even tracks",
+    options: &[ERROR_DB],
     of: of::<OmegaK>,
 };
 

@@ -55,6 +55,7 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::budget::Budget;
 use crate::former::chosen;
@@ -116,6 +117,7 @@ impl PolarFormat {
 pub(super) const ENTRY: Entry = Entry {
     name: "pfa",
     summary: "polar format: far scenes, small against their distance",
+    options: &[ERROR_DB],
     of: of::<PolarFormat>,
 };
 

@@ -53,6 +53,7 @@ use serde_json::json;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
+use super::options::{ERROR_DB, Opt, Takes};
 use super::{Entry, of};
 use crate::cost::transform;
 use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
@@ -105,10 +106,20 @@ impl RangeDopplerAlgorithm {
     }
 }
 
+const NO_SRC: Opt = Opt {
+    name: "no_src",
+    summary: "Leave out secondary range compression",
+    takes: Takes::Switch(false),
+    default: "",
+    at: &["secondary_compression"],
+    with: None,
+};
+
 /// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "rda",
     summary: "range-Doppler algorithm: straight, even tracks, little migration",
+    options: &[ERROR_DB, NO_SRC],
     of: of::<RangeDopplerAlgorithm>,
 };
 

@@ -13,6 +13,7 @@
 //!   the compensation; what varies across the patch sets how long a sub-CPI may be ([`Plan`]).
 
 mod cost;
+mod options;
 pub mod plan;
 pub mod precise;
 pub mod thesis;
@@ -101,6 +102,7 @@ impl RangeDoppler {
 pub(super) const ENTRY: Entry = Entry {
     name: "rdbp",
     summary: "sub-CPI range-Doppler backprojection: any track, fast",
+    options: &options::ALL,
     of: of::<RangeDoppler>,
 };
 

@@ -29,8 +29,8 @@ use subaperture::resolution::support::RecordedLooks;
 use subaperture::resolution::survey::Survey;
 
 use super::record;
-use crate::args::{Focus, Part};
-use crate::config::{Session, former};
+use crate::args::{Focus, Image, Part};
+use crate::config::Session;
 use crate::failure::Usage;
 use crate::{interrupt, messages, text};
 
@@ -54,7 +54,7 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     let plan = match &typed.tiled.plan {
         Some(path) => read_plan(path)?,
-        None => make_plan(session, typed, history, &survey)?,
+        None => make_plan(session, &typed.image, history, &survey)?,
     };
     let weights = plan.weights(history.collection())?;
     let opened = plan.open(history.collection(), &weights)?;
@@ -132,7 +132,7 @@ fn read_plan(path: &Path) -> anyhow::Result<Plan> {
 /// The plan that the options come to.
 pub(crate) fn make_plan(
     session: &Session,
-    typed: &Focus,
+    typed: &Image,
     history: &dyn PhaseHistory,
     survey: &Survey,
 ) -> anyhow::Result<Plan> {
@@ -145,11 +145,11 @@ pub(crate) fn make_plan(
         grid: &grid,
         fast: typed.window,
         slow: typed.slow_window,
-        scratch_bytes: typed.tiled.scratch.unwrap_or(SCRATCH_BYTES),
+        scratch_bytes: typed.scratch.unwrap_or(SCRATCH_BYTES),
         misses: typed.misses(),
     };
     let progress = session.progress("planning");
-    let former = former(typed)?;
+    let former = typed.former.former()?;
     let plan = Plan::new(&*former, &request, &progress).map_err(super::with_advice)?;
     progress.finish();
     Ok(plan)

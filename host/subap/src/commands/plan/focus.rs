@@ -12,23 +12,15 @@ use subaperture::resolution::survey::Survey;
 use crate::args::{Part, PlanFocus};
 use crate::commands::focus::tiled;
 use crate::config::Session;
-use crate::failure::Usage;
 use crate::text;
 
 /// Makes the plan, writes it, and says what it will take.
 pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
-    if let Some(option) = typed.stray() {
-        return Err(Usage(format!(
-            "{option} says nothing to a plan: give it to subap focus --plan"
-        ))
-        .into());
-    }
-    let typed = &typed.focus;
     let mut claims = session.claims(&typed.writing, &typed.input.paths);
     claims.file(&typed.out, Kind::Record)?;
     let history = session.open(&typed.input)?;
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
-    let plan = tiled::make_plan(session, typed, &history, &survey)?;
+    let plan = tiled::make_plan(session, &typed.image, &history, &survey)?;
     let text_of_plan = plan.to_text();
     write_atomically(&typed.out, text_of_plan.len() as u64, |file| {
         file.write_all(text_of_plan.as_bytes())
