@@ -18,7 +18,7 @@ use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
 use crate::log::Format;
-pub(crate) use focus::{Focus, Image, Velocity};
+pub(crate) use focus::{Focus, Imaging, Velocity};
 pub(crate) use look::{Look, Picture};
 pub(crate) use plan::{Plan, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 use subaperture::units::Dimension;

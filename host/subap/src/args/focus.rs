@@ -35,7 +35,7 @@ pub(crate) struct Focus {
     pub(crate) out: PathBuf,
 
     #[command(flatten)]
-    pub(crate) image: Image,
+    pub(crate) image: Imaging,
 
     /// Focus what moves at this velocity, m/s; pixels are places at the first pulse
     #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector(Dimension::Speed))]
@@ -60,7 +60,7 @@ pub(crate) struct Focus {
 
 /// What an image's pixels depend on, beside the recording: what a plan of it is made of.
 #[derive(Debug, Group)]
-pub(crate) struct Image {
+pub(crate) struct Imaging {
     #[command(flatten)]
     pub(crate) former: FormerOptions,
 
@@ -89,7 +89,7 @@ pub(crate) struct Image {
     pub(crate) scratch: Option<u64>,
 }
 
-impl Image {
+impl Imaging {
     /// Whether the image may be worse than asked.
     pub(crate) fn misses(&self) -> Misses {
         match self.allow_error {

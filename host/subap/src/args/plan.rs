@@ -8,7 +8,7 @@ use subaperture::radar::PulseShape;
 use subaperture::units::Dimension;
 
 use super::values::{above_zero, any, error_bound, from_zero, output, positive, ram_size};
-use super::{Image, Input, Writing};
+use super::{Imaging, Input, Writing};
 
 /// `subap plan`.
 #[derive(Debug, Group)]
@@ -39,7 +39,7 @@ pub(crate) struct PlanFocus {
     pub(crate) out: PathBuf,
 
     #[command(flatten)]
-    pub(crate) image: Image,
+    pub(crate) image: Imaging,
 
     #[command(flatten)]
     pub(crate) writing: Writing,

@@ -57,7 +57,7 @@ use serde_json::json;
 use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::budget::{Budget, on_threads};
-use crate::former::chosen;
+use crate::former::{chosen, misfit};
 use crate::patch::{self, PatchSize, Patches, Rectangle, Segment};
 use crate::sub_cpi::{self, shared_band};
 use crate::{
@@ -158,7 +158,7 @@ impl ImageFormer for FastFactorised {
                 "kernel_taps": taps,
             }),
             planned_db,
-            grain: patches.size,
+            grain: patches.size(),
             cost: cost::cost(aim, &stretches, &patches, taps, &shares),
             choices: json!(Choices {
                 error_db: self.error_db,
@@ -365,10 +365,8 @@ impl<'a, const W: usize> Opened<'a, W> {
         let patches = choices.patch_rows > 0 && choices.patch_columns > 0;
         let known = patches && (-300.0..=0.0).contains(&choices.error_db);
         let (Some(tracks), true) = (tracks, known) else {
-            return Err(FormError::Choices {
-                former: "ffbp",
-                what: "its stretches are not of these pulses, its patches are empty, or its bound is none".to_owned(),
-            });
+            let what = "its stretches are not of these pulses, its patches are empty, or its bound is none";
+            return Err(misfit(ENTRY.name, what));
         };
         Ok(Self {
             tracks,
@@ -431,7 +429,7 @@ impl<const W: usize> Forming for Opened<'_, W> {
         let mut budget = Budget::new(work.memory_bytes);
         budget.take(
             "patches",
-            Patches::account_bytes(tiles, self.patches.size).into(),
+            self.patches.account_bytes(tiles).into(),
             "raise --memory",
         )?;
         let longest = self.tracks.iter().map(|track| track.pulses().len());

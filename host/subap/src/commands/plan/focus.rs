@@ -2,15 +2,13 @@
 
 use std::io::Write;
 
-use anyhow::Context;
 use serde_json::json;
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
-use subaperture::phase_history::PhaseHistory;
-use subaperture::resolution::survey::Survey;
 
 use crate::args::{Part, PlanFocus};
-use crate::commands::focus::tiled;
+use crate::commands::focus::{grid_of, tiled};
+use crate::commands::forming;
 use crate::config::Session;
 use crate::text;
 
@@ -19,8 +17,9 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     let mut claims = session.claims(&typed.writing, &typed.input.paths);
     claims.file(&typed.out, Kind::Record)?;
     let history = session.open(&typed.input)?;
-    let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
-    let plan = tiled::make_plan(session, &typed.image, &history, &survey)?;
+    let survey = forming::survey(&history)?;
+    let grid = grid_of(session, &typed.image, &survey)?;
+    let plan = tiled::plan_image(session, &typed.image, &history, &grid)?;
     let text_of_plan = plan.to_text();
     write_atomically(&typed.out, text_of_plan.len() as u64, |file| {
         file.write_all(text_of_plan.as_bytes())
