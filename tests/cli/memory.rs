@@ -6,7 +6,7 @@ use std::io::Read;
 use std::path::Path;
 use std::process::Stdio;
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use subaperture_tests::subap::{command, listing, run};
 
@@ -79,6 +79,7 @@ fn peak_mib(at: &Path, line: &str, mib: u32) -> Option<f64> {
 #[track_caller]
 fn watched(at: &Path, line: &str, mib: u32) -> (f64, bool) {
     let words = format!("{line} --threads 2 --memory {mib}M -q");
+    let begun = Instant::now();
     let mut child = command(at, words.split_whitespace())
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
@@ -98,7 +99,12 @@ fn watched(at: &Path, line: &str, mib: u32) -> (f64, bool) {
         }
     };
     let mut told = String::new();
-    child.stderr.take().unwrap().read_to_string(&mut told).unwrap();
+    child
+        .stderr
+        .take()
+        .unwrap()
+        .read_to_string(&mut told)
+        .unwrap();
     let done = match ended.code() {
         // Status 3: with an error above the bound.
         Some(0 | 3) => true,
@@ -106,8 +112,14 @@ fn watched(at: &Path, line: &str, mib: u32) -> (f64, bool) {
         _ => panic!("{line}: {ended}: {told}"),
     };
     let peak_mib = peak_kib / 1024.0;
-    println!("{mib:5} MiB: {peak_mib:6.1} MiB, {done}: {line}");
-    assert!(peak_mib > 1.0 && peak_mib <= f64::from(mib), "{line}: {peak_mib} MiB of {mib}");
+    println!(
+        "{mib:5} MiB: {peak_mib:6.1} MiB, {done}, {:.1} s: {line}",
+        begun.elapsed().as_secs_f64()
+    );
+    assert!(
+        peak_mib > 1.0 && peak_mib <= f64::from(mib),
+        "{line}: {peak_mib} MiB of {mib}"
+    );
     (peak_mib, done)
 }
 
@@ -127,7 +139,11 @@ fn larger_than(mib: u32, both: &[&str]) {
     fs::write(at.join("large.toml"), scene(pulses, samples / pulses)).unwrap();
     fs::write(at.join("few.toml"), scene(4, 32)).unwrap();
     for name in ["large", "few"] {
-        run(at, &format!("simulate {name}.toml -o {name}.cphd --memory {mib}M")).succeeded();
+        run(
+            at,
+            &format!("simulate {name}.toml -o {name}.cphd --memory {mib}M"),
+        )
+        .succeeded();
     }
     let bytes = fs::metadata(at.join("large.cphd")).unwrap().len();
     assert!(bytes as f64 > f64::from(mib) * MIB);
