@@ -2,9 +2,11 @@
 
 mod accuracy;
 mod backprojection;
+mod channels;
 mod edges;
 mod frequency_domain;
 mod gotcha;
+mod live;
 mod movers;
 mod pfa_ffbp;
 mod points;

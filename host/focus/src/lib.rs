@@ -24,6 +24,7 @@ pub mod budget;
 pub mod forecast;
 pub mod former;
 pub mod formers;
+pub mod live;
 pub mod machine;
 pub mod moving;
 pub mod patch;

@@ -21,7 +21,7 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "set", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
+        "paths", "channel", "channels", "set", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
         "window", "slow_window", "check"
     ])]
     pub(crate) from_maps: Option<PathBuf>,

@@ -87,7 +87,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         settings: record::settings(typed, former.name(), &formed.settings),
         grid: &grid,
         frame: &history.collection().frame,
-        collection: serde_json::to_value(&survey)?,
+        collection: forming::about(&survey, history)?,
         support: {
             let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
             RecordedLooks::of(history.collection(), middle_m, [grid.x_axis, grid.y_axis])

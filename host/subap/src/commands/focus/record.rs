@@ -74,6 +74,7 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
             "patch_m": typed.patch,
             "velocity_m_s": typed.velocity.map(|v| v.to_array()),
             "channel": typed.input.channel,
+            "channels": typed.input.channels.as_ref().map(ToString::to_string),
             "set": typed.input.set.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>(),
             "check": typed.check,
             "no_keystone": typed.no_keystone,

@@ -30,6 +30,7 @@ use subaperture::resolution::survey::Survey;
 
 use super::record;
 use crate::args::{Focus, Part};
+use crate::commands::forming;
 use crate::config::{Session, former};
 use crate::failure::Usage;
 use crate::{interrupt, messages, text};
@@ -311,7 +312,7 @@ impl Whole<'_> {
             settings,
             grid,
             frame: &collection.frame,
-            collection: serde_json::to_value(self.survey)?,
+            collection: forming::about(self.survey, self.history)?,
             support: {
                 let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
                 RecordedLooks::of(collection, middle_m, [grid.x_axis, grid.y_axis])
