@@ -248,8 +248,13 @@ pub(crate) fn chosen<T: serde::de::DeserializeOwned>(
     former: &'static str,
     choices: &serde_json::Value,
 ) -> Result<T, FormError> {
-    T::deserialize(choices).map_err(|error| FormError::Choices {
+    T::deserialize(choices).map_err(|error| misfit(former, &error.to_string()))
+}
+
+/// The refusal of choices that this former never made for this aim.
+pub(crate) fn misfit(former: &'static str, what: &str) -> FormError {
+    FormError::Choices {
         former,
-        what: error.to_string(),
-    })
+        what: what.to_owned(),
+    }
 }

@@ -39,12 +39,12 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
-use super::accuracy::{Seen, TileRecord, misses, sampled_pixels, seen_error_db};
+use super::accuracy::{Seen, judge, sampled_pixels};
 use super::bp::Backprojection;
 use super::exact::{LANES, add_pulse};
 use super::{
-    Aim, Asked, DEFAULT_ERROR_DB, FormError, ImageFormer, Misses, SCRATCH_BYTES, Tile, Work,
-    rounding,
+    Aim, Asked, DEFAULT_ERROR_DB, FormError, ImageFormer, Judgement, Misses, SCRATCH_BYTES, Tile,
+    TileRecord, Work, rounding,
 };
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::{Image, power};
@@ -155,18 +155,6 @@ pub enum LiveError {
     /// asked to stop.
     #[error(transparent)]
     Form(#[from] FormError),
-}
-
-/// How far a live image errs.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct LiveAccuracy {
-    /// Planned relative RMS error, dB.
-    pub planned_db: f64,
-    /// The error to expect, dB: the planned one, or what is seen at 64 pixels if that is more.
-    pub predicted_db: f64,
-    /// Whether that is above the bound asked: the grid is dark beside something bright that it leaves out.
-    pub bound_missed: bool,
 }
 
 /// Sums over pulses, and how many they are of.
@@ -311,7 +299,7 @@ impl Ring {
 ///     let middle = live.image().pixels[2 * 4 + 2];
 ///     assert!((middle - Complex32::ONE).norm() < 1e-3);
 /// }
-/// assert!(live.accuracy().predicted_db < -60.0);
+/// assert!(live.accuracy().predicted_db() < -60.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct Live {
@@ -477,48 +465,40 @@ impl Live {
         }
     }
 
-    /// How far it errs, from what was planned and from the exact sum at some pixels. -200 dB before the first pulse.
-    pub fn accuracy(&self) -> LiveAccuracy {
+    /// How far it errs, as it was planned and as it shows at the pixels where the exact sum is known. Nothing is known before
+    /// the first pulse: -200 dB. One that is above the bound asked, though no pulse was planned so, says that the grid is
+    /// dark beside something bright that it leaves out.
+    pub fn accuracy(&self) -> Judgement {
         let Some((farthest, _)) = self.farthest else {
-            return LiveAccuracy {
+            return Judgement {
                 planned_db: -200.0,
-                predicted_db: -200.0,
-                bound_missed: false,
+                measured_db: -200.0,
+                num_sampled: 0,
             };
         };
         let norm = self.norm();
         let fast: f64 = self.weights.fast.iter().sum();
+        let pixel = |pixel: usize| narrow(self.shown.pixels[pixel] * norm);
         let seen = self.sampled.iter().zip(&self.shown.exact);
-        let seen = seen.map(|(&pixel, &sum)| {
-            let formed = narrow(self.shown.pixels[pixel] * norm);
-            let exact = sum * (norm / fast);
+        let seen = seen.map(|(&i, &sum)| {
+            let (formed, exact) = (pixel(i), sum * (norm / fast));
             Seen {
-                pixel,
+                pixel: i,
                 formed: [formed.re, formed.im],
                 exact: [exact.re, exact.im],
             }
         });
         let record = TileRecord {
-            power: self
-                .shown
-                .pixels
-                .iter()
-                .map(|sum| power(narrow(sum * norm)))
-                .sum(),
+            power: (0..self.shown.pixels.len()).map(|i| power(pixel(i))).sum(),
             seen: seen.collect(),
             terms: self.shown.terms * (norm / fast).powi(2),
         };
         let collection = lone(farthest, self.num_samples);
         let aim = aim(&collection, &self.grid, &self.weights);
-        // Pixels are rounded once more; squares may have been taken off to a rounding.
-        let mean = (self.shown.planned * norm).max(0.0);
-        let planned_db = rounding::total_db(&[mean.sqrt(), rounding::LARGEST_FLOAT32]);
-        let predicted_db = planned_db.max(seen_error_db(&aim, &[record], planned_db));
-        LiveAccuracy {
-            planned_db,
-            predicted_db,
-            bound_missed: misses(predicted_db, Some(self.settings.error_db)),
-        }
+        // Squares may have been taken off to a rounding; pixels are rounded once more.
+        let planned = (self.shown.planned * norm).max(0.0).sqrt();
+        let planned_db = rounding::total_db(&[planned, rounding::LARGEST_FLOAT32]);
+        judge(&aim, &[record], planned_db)
     }
 
     /// Bytes held, however many pulses there were.

@@ -42,9 +42,7 @@ use super::{
 };
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{
-    Channel, Collection, InputFile, PhaseHistory, Pulse, ReadError,
-};
+use subaperture_model::phase_history::{Channel, Collection, InputFile, PhaseHistory, ReadError};
 use subaperture_resolution::support::{self, Projection, path_gradient};
 
 /// A phase history as a target at constant velocity sees it: in a frame that moves with the target.
@@ -152,7 +150,7 @@ impl ImageFormer for VelocityPlane {
 
     fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
         require_times(aim.collection)?;
-        bp::decide(aim, self.error_db, asked, &self.target())
+        bp::decide(aim, self.error_db, asked, self.meaning())
     }
 
     fn open<'a>(
@@ -160,21 +158,15 @@ impl ImageFormer for VelocityPlane {
         aim: Aim<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        bp::open(aim, chosen(self.name(), choices)?, self.target())
+        bp::open(aim, chosen(self.name(), choices)?, self.meaning())
     }
 }
 
 impl VelocityPlane {
-    /// Where the target is at a pulse, by its velocity.
-    fn target(&self) -> impl Fn(&Pulse, DVec3) -> bp::Target + Sync + use<> {
-        let Self {
-            position_m,
-            epoch_s,
-            ..
-        } = *self;
-        move |pulse, velocity_m_s| {
-            let moved_m = velocity_m_s * (pulse.time_s - epoch_s);
-            (position_m + moved_m, velocity_m_s)
+    fn meaning(&self) -> bp::Meaning {
+        bp::Meaning::Velocities {
+            position_m: self.position_m,
+            epoch_s: self.epoch_s,
         }
     }
 }

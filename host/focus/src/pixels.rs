@@ -5,11 +5,12 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 
 use super::Tile;
+use subaperture_kernels::paths::Points;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 
 /// Pixels that a thread takes at a time.
-const PIXELS_A_TASK: usize = 256;
+pub(super) const PIXELS_A_TASK: usize = 256;
 
 /// Has `add` change every pixel of the tiles, knowing its scene point, on all threads. Returns
 /// early, leaving pixels out, when the monitor asks to stop.
@@ -30,6 +31,32 @@ pub(super) fn for_each(
                 let (row, column) = (place.row + i / columns, place.column + i % columns);
                 add(grid.position_m(row, column), pixel);
             }
+        });
+    });
+}
+
+/// The same for runs of pixels, at most [`PIXELS_A_TASK`], with their scene points and what `scratch` makes for a thread.
+pub(super) fn for_each_run<S>(
+    grid: &ImageGrid,
+    tiles: &mut [Tile],
+    monitor: &dyn Monitor,
+    scratch: impl Fn() -> S + Sync,
+    add: impl Fn(&mut S, &Points, &mut [Complex32]) + Sync,
+) {
+    tiles.par_iter_mut().for_each(|tile| {
+        let (place, columns) = (tile.place, tile.place.size.columns);
+        let parts = tile.pixels.par_chunks_mut(PIXELS_A_TASK).enumerate();
+        let own = || (Points::default(), scratch());
+        parts.for_each_init(own, |(points, scratch), (part, pixels)| {
+            if monitor.cancelled() {
+                return;
+            }
+            points.clear();
+            for i in (part * PIXELS_A_TASK..).take(pixels.len()) {
+                let (row, column) = (place.row + i / columns, place.column + i % columns);
+                points.push(grid.position_m(row, column).to_array());
+            }
+            add(scratch, points, pixels);
         });
     });
 }

@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         radar.read(n..n + 1, &mut samples)?;
         live.push(pulse, &samples)?;
         if live.num_pulses() % 260 == 0 {
-            let (count, error_db) = (live.num_pulses(), live.accuracy().predicted_db);
+            let (count, error_db) = (live.num_pulses(), live.accuracy().predicted_db());
             println!("after {count} pulses: error below {error_db:.1} dB");
         }
     }

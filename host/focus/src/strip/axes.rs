@@ -93,35 +93,11 @@ impl Axes {
             along_m[0] - track.along_m(track.num_pulses - 1),
             along_m[1] - track.along_m(0),
         ];
-        let sine = |u_m: f64, r_m: f64| u_m / r_m.hypot(u_m);
-        let needed = [
-            sine(reach_m[0], range_m[0]).min(sine(reach_m[0], range_m[1])),
-            sine(reach_m[1], range_m[0]).max(sine(reach_m[1], range_m[1])),
-        ];
-        let taper = Taper::new(needed, range_m[0] * least);
+        let taper = directions(reach_m, range_m, least)?;
         let ends = taper.ends;
-        let steepest = ends[0].abs().max(ends[1].abs());
-        if !(range_m[0] > 0.0 && least > 0.0 && steepest < LARGEST_SINE) {
-            return Err(FormError::Unsuited(format!(
-                "pixels from {:.3} m from the track's line on, seen up to {:.0} degrees off \
-                 broadside, are too near for a frequency-domain former: use --algorithm bp, or a \
-                 --grid farther away or narrower",
-                range_m[0],
-                needed[0].abs().max(needed[1].abs()).asin().to_degrees()
-            )));
-        }
-
-        // Where the reference ends, and a period that keeps its repetitions off the pixels.
-        let tangent = |s: f64| s / (1.0 - s * s).sqrt();
-        let spread_m = 2.0 * BETA / (taper.fall[0].min(taper.fall[1]) * least);
-        let end_m = |s: f64| (range_m[0] * tangent(s), range_m[1] * tangent(s));
-        let (low_a, low_b) = end_m(ends[0]);
-        let (high_a, high_b) = end_m(ends[1]);
-        let (low_m, high_m) = (low_a.min(low_b) - spread_m, high_a.max(high_b) + spread_m);
-        let period_m = (reach_m[1] - low_m).max(high_m - reach_m[0]);
-        let pulses = (period_m / track.spacing_m).ceil() + 1.0;
         let along_low = (least * ends[0]).min(most * ends[0]);
         let along_high = (least * ends[1]).max(most * ends[1]);
+        let pulses = pulses_a_period(track, &taper, reach_m, range_m, least);
         let bins = (along_high - along_low) * pulses * track.spacing_m / TAU;
         if !(pulses < LONGEST && bins < LONGEST) {
             return Err(FormError::Unsuited(format!(
@@ -137,16 +113,8 @@ impl Axes {
         let last_bin = (along_high / along_wavenumber_step).ceil() as i64;
         let num_bins = (last_bin - first_bin + 1) as usize;
         let along_length = super::fast_length((2 * num_bins).max(2 * TAPS));
-        let along_step_m = period_m / along_length as f64;
-        let margin = TAPS as i64 / 2 + 1;
-        let first_along = (along_m[0] / along_step_m).floor() as i64 - margin;
-        let last_along = (along_m[1] / along_step_m).ceil() as i64 + margin;
-        let along = ImageAxis {
-            first_m: first_along as f64 * along_step_m,
-            step_m: along_step_m,
-            count: (last_along - first_along + 1) as usize,
-            carrier: (first_bin + num_bins as i64 / 2) as f64 * along_wavenumber_step,
-        };
+        let carrier = (first_bin + num_bins as i64 / 2) as f64 * along_wavenumber_step;
+        let (first_along, along) = along_axis(along_m, period_m / along_length as f64, carrier);
         Ok(Self {
             range: range_axis(method, [least, most], ends, range_m)?,
             wavenumbers,
@@ -177,6 +145,59 @@ impl Axes {
     pub(super) fn along_wavenumber(&self, q: usize) -> f64 {
         (self.first_bin + q as i64) as f64 * self.along_wavenumber_step
     }
+}
+
+/// The directions in which pixels are seen, `wavenumber` the least.
+fn directions(reach_m: [f64; 2], range_m: [f64; 2], wavenumber: f64) -> Result<Taper, FormError> {
+    let sine = |u_m: f64, r_m: f64| u_m / r_m.hypot(u_m);
+    let needed = [
+        sine(reach_m[0], range_m[0]).min(sine(reach_m[0], range_m[1])),
+        sine(reach_m[1], range_m[0]).max(sine(reach_m[1], range_m[1])),
+    ];
+    let taper = Taper::new(needed, range_m[0] * wavenumber);
+    let steepest = taper.ends[0].abs().max(taper.ends[1].abs());
+    match range_m[0] > 0.0 && wavenumber > 0.0 && steepest < LARGEST_SINE {
+        true => Ok(taper),
+        false => Err(FormError::Unsuited(format!(
+            "pixels from {:.3} m from the track's line on, seen up to {:.0} degrees off \
+             broadside, are too near for a frequency-domain former: use --algorithm bp, or a \
+             --grid farther away or narrower",
+            range_m[0],
+            needed[0].abs().max(needed[1].abs()).asin().to_degrees()
+        ))),
+    }
+}
+
+/// Pulses after which slow time may repeat, so that where the reference ends its repetitions keep off the pixels.
+fn pulses_a_period(
+    track: &StraightTrack,
+    taper: &Taper,
+    reach_m: [f64; 2],
+    range_m: [f64; 2],
+    wavenumber: f64,
+) -> f64 {
+    let tangent = |s: f64| s / (1.0 - s * s).sqrt();
+    let spread_m = 2.0 * BETA / (taper.fall[0].min(taper.fall[1]) * wavenumber);
+    let end_m = |s: f64| (range_m[0] * tangent(s), range_m[1] * tangent(s));
+    let (low_a, low_b) = end_m(taper.ends[0]);
+    let (high_a, high_b) = end_m(taper.ends[1]);
+    let (low_m, high_m) = (low_a.min(low_b) - spread_m, high_a.max(high_b) + spread_m);
+    let period_m = (reach_m[1] - low_m).max(high_m - reach_m[0]);
+    (period_m / track.spacing_m).ceil() + 1.0
+}
+
+/// The axis along the track, and its first column's place from `x = 0`.
+fn along_axis(along_m: [f64; 2], step_m: f64, carrier: f64) -> (i64, ImageAxis) {
+    let margin = TAPS as i64 / 2 + 1;
+    let first = (along_m[0] / step_m).floor() as i64 - margin;
+    let last = (along_m[1] / step_m).ceil() as i64 + margin;
+    let axis = ImageAxis {
+        first_m: first as f64 * step_m,
+        step_m,
+        count: (last - first + 1) as usize,
+        carrier,
+    };
+    (first, axis)
 }
 
 /// The axis of closest range: as wide as the method's range wavenumbers ask for.

@@ -9,6 +9,7 @@ use subaperture_fft as fft;
 use super::{ImageAxis, RangeMethod, Strip, TAPS, stationary_phase_error, step_done};
 use crate::pixels::for_each;
 use crate::{FormError, Tile, Work};
+use subaperture_kernels::reading::weighted;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{narrow, phasor};
 
@@ -69,12 +70,12 @@ pub(super) fn pixels<M: RangeMethod>(
         let (along_m, range_m) = strip.track.along_and_range_m(point);
         let (row, row_weights) = taps(&kernel, &axes.range, range_m);
         let (column, column_weights) = taps(&kernel, &axes.along, along_m);
-        let mut sum = Complex32::ZERO;
-        for (i, row_weight) in (row..).zip(row_weights) {
-            let values = &image[i * columns + column..][..TAPS];
-            let along = values.iter().zip(column_weights);
-            sum += along.map(|(z, w)| z * w).sum::<Complex32>() * row_weight;
-        }
+        let sum = weighted(
+            image,
+            columns,
+            [row, column],
+            [&row_weights, &column_weights],
+        );
         let turns = (range_m * carrier + along_m * axes.along.carrier) / TAU;
         let bracket = stationary_phase_error(range_m * carrier) / at_reference;
         *pixel += sum * narrow(constant * bracket * phasor(turns) * range_m.sqrt());

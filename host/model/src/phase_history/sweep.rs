@@ -138,7 +138,8 @@ impl Pulse {
 
     /// The path to a point that is at `point` at sample `K/2` and moves at `velocity_m_s`, with its derivatives by
     /// the sample's index. Metres; of the path itself, not relative to the reference's.
-    #[inline]
+    // A call for every pixel and pulse would cost a third of backprojection's time.
+    #[inline(always)]
     pub fn path_terms(&self, point: DVec3, velocity_m_s: DVec3) -> PathTerms {
         let sweep = &self.sweep;
         let leg = |antenna_m: DVec3, antenna_m_s: DVec3, antenna_m_s2: DVec3| {

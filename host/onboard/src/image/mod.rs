@@ -54,6 +54,7 @@ use crate::maps::{Arithmetic, Maps, OwnedMap};
 use subaperture_focus::budget::Budget;
 use subaperture_focus::sub_cpi::{Datum, SubCpi};
 use subaperture_focus::{Asked, FormError, Formed, Misses, Tile};
+use subaperture_kernels::reading::weighted;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
@@ -468,16 +469,13 @@ impl Reading<'_> {
         let (first, fraction) = first_tap(W, column, self.width)?;
         let row_weights = self.kernels.doppler.weights::<W>(row_fraction);
         let weights = self.kernels.range.weights::<W>(fraction);
-        let rows = self.values[first_row * self.width..].chunks(self.width);
-        let mut sum = Complex32::ZERO;
-        for (row, row_weight) in rows.zip(row_weights) {
-            let mut line = Complex32::ZERO;
-            for (value, weight) in row[first..first + W].iter().zip(weights) {
-                line += value * weight;
-            }
-            sum += line * row_weight;
-        }
-        Some(sum)
+        let first = [first_row, first];
+        Some(weighted(
+            self.values,
+            self.width,
+            first,
+            [&row_weights, &weights],
+        ))
     }
 }
 

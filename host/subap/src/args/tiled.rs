@@ -8,18 +8,18 @@ use clap::{Args as Group, ValueHint};
 #[derive(Debug, Group)]
 #[command(next_help_heading = "Tiles")]
 pub(crate) struct Tiled {
-    /// Form the image tile by tile into image.zarr instead of image.npy: it may be larger than memory, and a run
-    /// that was killed can go on
-    #[arg(long, conflicts_with_all = ["from_maps", "check"])]
+    /// Form the image tile by tile into image.zarr instead of image.npy: a run that was killed can go on, and others
+    /// can help
+    #[arg(long, conflicts_with_all = ["from_maps"])]
     pub(crate) tiled: bool,
 
     /// Go on where a run with --tiled was ended
-    #[arg(long, conflicts_with_all = ["from_maps", "check"])]
+    #[arg(long, conflicts_with_all = ["from_maps"])]
     pub(crate) resume: bool,
 
     /// Carry out a plan of `subap plan focus`; what it has done already is not done again
     #[arg(long, value_name = "PLAN", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "from_maps", "check", "algorithm", "mode", "no_keystone", "error_db", "allow_error", "sub_cpi", "patch", "no_src",
+        "from_maps", "algorithm", "mode", "no_keystone", "error_db", "allow_error", "sub_cpi", "patch", "no_src",
         "window", "slow_window", "grid", "scratch"
     ])]
     pub(crate) plan: Option<PathBuf>,

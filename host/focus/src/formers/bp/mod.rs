@@ -33,13 +33,15 @@ use serde_json::json;
 
 use super::{Entry, of};
 use crate::budget::Budget;
-use crate::former::chosen;
-use crate::pixels::for_each;
+use crate::former::{chosen, misfit};
+use crate::pixels::for_each_run;
 use crate::sweep::{self, places};
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Tile, Work,
     rounding,
 };
+use subaperture_kernels::backprojection::{self, Blurred, Scale};
+use subaperture_kernels::paths::{Antennas, Points};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{PathTerms, Pulse};
@@ -66,17 +68,44 @@ pub struct Backprojection {
 /// What one pulse contributes with, beside its profiles.
 struct Source<'a> {
     pulse: &'a Pulse,
-    weight: f32,
-    centre_cycles_m: f64,
-    bins_m: f64,
+    antennas: Antennas,
+    scale: Scale,
     /// What phases are referred to, and how that changes from sample to sample.
     reference: PathTerms,
     /// `f_c / step`: samples by which a rate of a metre a sample shifts range, in metres.
     coupling: f64,
 }
 
-/// A target's place and velocity at the moment of a pulse, for a point of the grid. Metres, metres a second.
-pub(crate) type Target = (DVec3, DVec3);
+/// What the points of a grid are.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Meaning {
+    /// Places of what rests.
+    Places,
+    /// Velocities of what is at a place at a moment: metres a second where images have metres.
+    Velocities { position_m: DVec3, epoch_s: f64 },
+}
+
+impl Meaning {
+    /// Place and velocity at the moment of a pulse, metres and metres a second, for a point of the grid.
+    fn target(&self, pulse: &Pulse, point: DVec3) -> (DVec3, DVec3) {
+        match *self {
+            Self::Places => (point, DVec3::ZERO),
+            Self::Velocities {
+                position_m,
+                epoch_s,
+            } => (position_m + point * (pulse.time_s - epoch_s), point),
+        }
+    }
+}
+
+/// One thread's buffers, for a run of pixels.
+#[derive(Default)]
+struct Scratch {
+    sums: Vec<Complex32>,
+    /// Places at a pulse of what moves.
+    moved: Points,
+    blurred: Vec<Blurred>,
+}
 
 impl Default for Backprojection {
     fn default() -> Self {
@@ -123,7 +152,7 @@ impl ImageFormer for Backprojection {
     }
 
     fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
-        decide(aim, self.error_db, asked, &at_rest)
+        decide(aim, self.error_db, asked, Meaning::Places)
     }
 
     fn open<'a>(
@@ -131,12 +160,8 @@ impl ImageFormer for Backprojection {
         aim: Aim<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        open(aim, chosen("bp", choices)?, at_rest)
+        open(aim, chosen(ENTRY.name, choices)?, Meaning::Places)
     }
-}
-
-fn at_rest(_: &Pulse, point: DVec3) -> Target {
-    (point, DVec3::ZERO)
 }
 
 /// What a plan fixes.
@@ -148,12 +173,12 @@ pub(crate) struct Choices {
     blurs: Option<Blurs>,
 }
 
-/// Decides for `target(pulse, point)`, where a grid's point is.
+/// Decides for a grid of this meaning.
 pub(crate) fn decide(
     aim: &Aim,
     error_db: f64,
     asked: &Asked,
-    target: &(impl Fn(&Pulse, DVec3) -> Target + Sync),
+    meaning: Meaning,
 ) -> Result<Decision, FormError> {
     let collection = aim.collection;
     let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
@@ -162,7 +187,7 @@ pub(crate) fn decide(
     let share_db = error_db - MARGIN_DB - if sweeps { 10.0 * 2f64.log10() } else { 0.0 };
     let oversampling = RangeProfiler::oversampling_for(share_db).min(MOST_OVERSAMPLING);
     let (blurs, blurs_error) = match sweeps {
-        true => Blurs::new(aim, share_db, target),
+        true => Blurs::new(aim, share_db, meaning),
         false => (None, 0.0),
     };
     let profiler = RangeProfiler::new(&aim.weights.fast, oversampling);
@@ -197,7 +222,7 @@ pub(crate) fn decide(
 pub(crate) fn open<'a>(
     aim: Aim<'a>,
     choices: Choices,
-    target: impl Fn(&Pulse, DVec3) -> Target + Sync + 'a,
+    meaning: Meaning,
 ) -> Result<Box<dyn Forming + 'a>, FormError> {
     choices.check(&aim)?;
     // Normalised here, before the transform sums: large samples stay within float32.
@@ -207,7 +232,7 @@ pub(crate) fn open<'a>(
         profiler: RangeProfiler::new(&window, choices.oversampling),
         aim,
         choices,
-        target,
+        meaning,
     }))
 }
 
@@ -221,10 +246,7 @@ impl Choices {
         });
         match (1.0..=MOST_OVERSAMPLING).contains(&self.oversampling) && blurs {
             true => Ok(()),
-            false => Err(FormError::Choices {
-                former: ENTRY.name,
-                what: "its range profiles are none".to_owned(),
-            }),
+            false => Err(misfit(ENTRY.name, "its range profiles are none")),
         }
     }
 
@@ -233,14 +255,14 @@ impl Choices {
     }
 }
 
-struct Opened<'a, T> {
+struct Opened<'a> {
     aim: Aim<'a>,
     choices: Choices,
     profiler: RangeProfiler,
-    target: T,
+    meaning: Meaning,
 }
 
-impl<T: Fn(&Pulse, DVec3) -> Target + Sync> Forming for Opened<'_, T> {
+impl Forming for Opened<'_> {
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
         let collection = self.aim.collection;
         let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
@@ -262,19 +284,16 @@ impl<T: Fn(&Pulse, DVec3) -> Target + Sync> Forming for Opened<'_, T> {
             let profiles = &mut profiles[..pulses.len() * each * (length + 1)];
             self.profiles(samples, profiles);
             let sources: Vec<Source> = pulses.clone().map(|n| self.source(n)).collect();
-            let parts = || {
+            let add = |scratch: &mut Scratch, points: &Points, pixels: &mut [Complex32]| {
                 let profiles = profiles.chunks(SUMMED_PULSES * each * (length + 1));
-                sources.chunks(SUMMED_PULSES).zip(profiles)
-            };
-            let (grid, target) = (self.aim.grid, &self.target);
-            for_each(grid, tiles, work.monitor, |point, pixel| {
-                for (sources, profiles) in parts() {
-                    *pixel += match &self.choices.blurs {
-                        None => contribution(point, sources, profiles, length, target),
-                        Some(blurs) => blurred(point, sources, profiles, length, blurs, target),
-                    };
+                for (sources, profiles) in sources.chunks(SUMMED_PULSES).zip(profiles) {
+                    self.sum(sources, profiles, points, scratch);
+                    let sums = pixels.iter_mut().zip(&scratch.sums);
+                    sums.for_each(|(pixel, sum)| *pixel += sum);
                 }
-            });
+            };
+            let (grid, monitor) = (self.aim.grid, work.monitor);
+            for_each_run(grid, tiles, monitor, Scratch::default, add);
             if work.monitor.cancelled() {
                 return Err(FormError::Cancelled);
             }
@@ -284,7 +303,7 @@ impl<T: Fn(&Pulse, DVec3) -> Target + Sync> Forming for Opened<'_, T> {
     }
 }
 
-impl<T: Sync> Opened<'_, T> {
+impl Opened<'_> {
     /// The profiles of `samples`, pulse by pulse.
     fn profiles(&self, samples: &[Complex32], profiles: &mut [Complex32]) {
         let num_samples = self.aim.collection.num_samples;
@@ -316,69 +335,73 @@ impl<T: Sync> Opened<'_, T> {
         let centre_hz = pulse.frequency_hz(collection.num_samples / 2);
         Source {
             pulse,
-            weight: self.aim.weights.slow[n] as f32,
-            centre_cycles_m: centre_hz / SPEED_OF_LIGHT_M_S,
-            bins_m: pulse.step_hz / SPEED_OF_LIGHT_M_S,
+            antennas: Antennas {
+                transmitter_m: pulse.transmitter_m.to_array(),
+                receiver_m: pulse.receiver_m.to_array(),
+                datum_m: pulse.reference_path_m,
+            },
+            scale: Scale {
+                cycles_m: centre_hz / SPEED_OF_LIGHT_M_S,
+                bins_m: pulse.step_hz / SPEED_OF_LIGHT_M_S,
+                weight: self.aim.weights.slow[n] as f32,
+            },
             reference: pulse.reference_terms(),
             coupling: centre_hz / pulse.step_hz,
         }
     }
-}
 
-/// What some pulses add to one pixel.
-fn contribution(
-    point: DVec3,
-    sources: &[Source],
-    profiles: &[Complex32],
-    length: usize,
-    target: &impl Fn(&Pulse, DVec3) -> Target,
-) -> Complex32 {
-    let mut sum = Complex32::ZERO;
-    for (source, profile) in sources.iter().zip(profiles.chunks_exact(length + 1)) {
-        let path_m = source.pulse.relative_path_m(target(source.pulse, point).0);
-        let (whole, fraction) = place(path_m * source.bins_m, length);
-        let value = profile[whole] + (profile[whole + 1] - profile[whole]) * fraction;
-        sum += phasor32(path_m * source.centre_cycles_m) * value * source.weight;
-    }
-    sum
-}
-
-/// The same with motion from sample to sample.
-fn blurred(
-    point: DVec3,
-    sources: &[Source],
-    profiles: &[Complex32],
-    length: usize,
-    blurs: &Blurs,
-    target: &impl Fn(&Pulse, DVec3) -> Target,
-) -> Complex32 {
-    let mut sum = Complex32::ZERO;
-    let each = blurs.count * (length + 1);
-    for (source, profiles) in sources.iter().zip(profiles.chunks_exact(each)) {
-        let (at, velocity_m_s) = target(source.pulse, point);
-        let terms = source.pulse.path_terms(at, velocity_m_s) - source.reference;
-        let turns = (terms.path_m + terms.rate_m * source.coupling) * source.bins_m;
-        let (whole, fraction) = place(turns, length);
-        let read = |level: usize| {
-            let first = level * (length + 1) + whole;
-            profiles[first] + (profiles[first + 1] - profiles[first]) * fraction
-        };
-        let (level, part) = blurs.level(blurs.turns(source.pulse, &terms));
-        let mut value = read(level);
-        if part > 0.0 {
-            value += (read(level + 1) - value) * part;
+    /// Sums what some pulses add to a run of pixels, into the scratch.
+    fn sum(
+        &self,
+        sources: &[Source],
+        profiles: &[Complex32],
+        points: &Points,
+        scratch: &mut Scratch,
+    ) {
+        let length = self.profiler.length();
+        let each = self.choices.profiles_each() * (length + 1);
+        let Scratch {
+            sums,
+            moved,
+            blurred,
+        } = scratch;
+        sums.clear();
+        sums.resize(points.len(), Complex32::ZERO);
+        for (source, profiles) in sources.iter().zip(profiles.chunks_exact(each)) {
+            let (scale, antennas) = (&source.scale, &source.antennas);
+            match (&self.choices.blurs, self.meaning) {
+                (Some(blurs), _) => {
+                    blurred.clear();
+                    let places = points.iter().map(DVec3::from);
+                    blurred.extend(places.map(|point| self.blurred(source, blurs, point)));
+                    backprojection::add_blurred(profiles, length, scale, blurred, sums);
+                }
+                (None, Meaning::Places) => {
+                    backprojection::add_pulse(profiles, scale, antennas, points, sums);
+                }
+                (None, Meaning::Velocities { .. }) => {
+                    moved.clear();
+                    for point in points.iter().map(DVec3::from) {
+                        let (at, _) = self.meaning.target(source.pulse, point);
+                        moved.push(at.to_array());
+                    }
+                    backprojection::add_pulse(profiles, scale, antennas, moved, sums);
+                }
+            }
         }
-        sum += phasor32(terms.path_m * source.centre_cycles_m) * value * source.weight;
     }
-    sum
-}
 
-/// The bin of a profile before a place given in turns of the profile, and the part of a bin beyond it.
-fn place(turns: f64, length: usize) -> (usize, f32) {
-    let bin = (turns - turns.floor()) * length as f64;
-    // `turns - floor` may round to 1; the last whole bin then, where the repeated value stands.
-    let whole = (bin as usize).min(length - 1);
-    (whole, (bin - whole as f64) as f32)
+    /// Where a point reads the profiles of a pulse with motion from sample to sample.
+    #[inline(always)]
+    fn blurred(&self, source: &Source, blurs: &Blurs, point: DVec3) -> Blurred {
+        let (at, velocity_m_s) = self.meaning.target(source.pulse, point);
+        let terms = source.pulse.path_terms(at, velocity_m_s) - source.reference;
+        Blurred {
+            path_m: terms.path_m,
+            turns: (terms.path_m + terms.rate_m * source.coupling) * source.scale.bins_m,
+            level: blurs.level(blurs.turns(source.pulse, &terms)),
+        }
+    }
 }
 
 /// Even steps of the phase `q (K/2)^2`, turns at the band's edge, that motion from sample to sample leaves.
@@ -393,11 +416,7 @@ struct Blurs {
 impl Blurs {
     /// For all pulses and points of a grid, so fine that reading between the steps errs by `error_db`; and the relative RMS
     /// error that is left, of the steps and of what is no parabola.
-    fn new(
-        aim: &Aim,
-        error_db: f64,
-        target: &(impl Fn(&Pulse, DVec3) -> Target + Sync),
-    ) -> (Option<Self>, f64) {
+    fn new(aim: &Aim, error_db: f64, meaning: Meaning) -> (Option<Self>, f64) {
         let collection = aim.collection;
         let error;
         let mut blurs = Self {
@@ -411,7 +430,7 @@ impl Blurs {
         let of_pulse = |pulse: &Pulse| {
             let reference = pulse.reference_terms();
             let turns = points.iter().map(|&point| {
-                let (at, velocity_m_s) = target(pulse, point);
+                let (at, velocity_m_s) = meaning.target(pulse, point);
                 blurs.turns(pulse, &(pulse.path_terms(at, velocity_m_s) - reference))
             });
             turns.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| {
@@ -438,7 +457,7 @@ impl Blurs {
             error = (TAU * blurs.step_turns).powi(2) / 120f64.sqrt();
         }
         let cubic = sweep::worst(collection, aim.grid, |pulse, point, after| {
-            let (at, velocity_m_s) = target(pulse, point);
+            let (at, velocity_m_s) = meaning.target(pulse, point);
             let moved_m = velocity_m_s * (after * pulse.sweep.sample_s);
             let path_m = pulse.path_after_m(at + moved_m, after) - pulse.reference_drift_m(after);
             let terms = pulse.path_terms(at, velocity_m_s) - pulse.reference_terms();
@@ -461,14 +480,12 @@ impl Blurs {
         q / SPEED_OF_LIGHT_M_S * half * half
     }
 
-    /// The profile before a phase, and the part of a step beyond it.
-    fn level(&self, turns: f64) -> (usize, f32) {
-        if self.count == 1 {
-            return (0, 0.0);
+    /// The place of a phase among the profiles.
+    fn level(&self, turns: f64) -> f64 {
+        match self.count {
+            1 => 0.0,
+            _ => ((turns - self.least_turns) / self.step_turns).max(0.0),
         }
-        let place = ((turns - self.least_turns) / self.step_turns).max(0.0);
-        let level = (place as usize).min(self.count - 2);
-        (level, (place - level as f64) as f32)
     }
 
     /// A pulse without the blur of a level.

@@ -53,7 +53,7 @@ use serde_json::json;
 
 use super::{Entry, of};
 use crate::budget::{Budget, on_threads};
-use crate::former::chosen;
+use crate::former::{chosen, misfit};
 use crate::patch::{self, PatchSize, Patches, Rectangle, Segment};
 use crate::sub_cpi::{self, shared_band};
 use crate::{
@@ -335,10 +335,8 @@ impl<'a, const W: usize> Opened<'a, W> {
         shared_band(aim.collection)?;
         let known = choices.longest > 0 && choices.patch_rows > 0 && choices.patch_columns > 0;
         if !(known && (-300.0..=0.0).contains(&choices.error_db)) {
-            return Err(FormError::Choices {
-                former: "ffbp",
-                what: "its stretches or its patches are empty, or its bound is none".to_owned(),
-            });
+            let what = "its stretches or its patches are empty, or its bound is none";
+            return Err(misfit(ENTRY.name, what));
         }
         Ok(Self {
             tracks: choices.tracks(&aim, &shares),
@@ -398,14 +396,14 @@ impl<'a, const W: usize> Opened<'a, W> {
 
 impl<const W: usize> Forming for Opened<'_, W> {
     fn grain(&self) -> PatchSize {
-        self.patches.size
+        self.patches.size()
     }
 
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
         let mut budget = Budget::new(work.memory_bytes);
         budget.take(
             "patches",
-            Patches::account_bytes(tiles, self.patches.size).into(),
+            self.patches.account_bytes(tiles).into(),
             "raise --memory",
         )?;
         let longest = self.tracks.iter().map(|track| track.pulses().len());

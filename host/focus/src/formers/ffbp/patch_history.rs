@@ -23,10 +23,14 @@ use num_complex::{Complex32, Complex64};
 use super::track::Track;
 use super::{Shares, Target};
 use crate::patch::Rectangle;
+use subaperture_kernels::backprojection::{self, Scale};
+use subaperture_kernels::compensation::{self, Ramp};
+use subaperture_kernels::decimation;
+use subaperture_kernels::paths::{self, Points};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
-use subaperture_signal::phase::{narrow, phasor, phasor32};
+use subaperture_signal::phase::phasor;
 use subaperture_signal::range_profile::RangeProfiler;
 use subaperture_signal::windowed_sinc::WindowedSinc;
 
@@ -208,8 +212,24 @@ pub(super) struct Leaf {
     profilers: BTreeMap<usize, RangeProfiler>,
     profile: Vec<Complex32>,
     fft: Vec<Complex32>,
-    points: Vec<DVec3>,
+    points: Points,
     sums: Vec<Complex32>,
+}
+
+/// How many are left of `count` if `by` are made one.
+fn decimated<const W: usize>(count: usize, by: usize) -> usize {
+    match by {
+        1 => count,
+        _ => (count - 1) / by + W,
+    }
+}
+
+/// How far before the first of the old the first of the new lies, as the kernel reaches.
+fn before<const W: usize>(by: usize) -> f64 {
+    match by {
+        1 => 0.0,
+        _ => ((W / 2 - 1) * by) as f64,
+    }
 }
 
 /// Makes smaller histories, and images of them.
@@ -246,82 +266,76 @@ impl<'a, const W: usize> Refiner<'a, W> {
             return false;
         }
         let patch = Patch::new(self.grid, rectangle);
-        let centre = patch.centre;
-        let mut by_pulse = self.by_pulse(parent, track, &patch);
-        while by_pulse > 1 && !self.is_faithful(parent, track, &patch, by_pulse) {
-            by_pulse = self.worthwhile(by_pulse / 2, parent.num_pulses());
-        }
-        // Elements before the first: as far as the kernel reaches.
-        let lead = W / 2 - 1;
-        let decimated = |count: usize, by: usize| match by {
-            1 => count,
-            _ => (count - 1) / by + W,
-        };
-        let before = |by: usize| if by == 1 { 0.0 } else { (lead * by) as f64 };
-        own.antennas.clear();
-        if by_pulse == 1 {
-            own.antennas.extend_from_slice(&parent.antennas);
-        } else {
-            let count = decimated(parent.num_pulses(), by_pulse);
-            own.antennas
-                .extend((0..count).map(|i| self.decimated_antennas(parent, track, by_pulse, i)));
-        }
+        let by_pulse = self.by_pulse(parent, track, &patch);
+        self.place(parent, track, by_pulse, own);
         let by_sample = self.by_sample(parent, own, &patch);
         if by_pulse == 1 && by_sample == 1 {
             return false;
         }
-        own.num_samples = decimated(parent.num_samples, by_sample);
-        own.start_hz = parent.frequency_hz(-before(by_sample));
+        own.num_samples = decimated::<W>(parent.num_samples, by_sample);
+        own.start_hz = parent.frequency_hz(-before::<W>(by_sample));
         own.step_hz = parent.step_hz * by_sample as f64;
-        own.first_u = parent.first_u - before(by_pulse) * parent.step_u;
+        own.first_u = parent.first_u - before::<W>(by_pulse) * parent.step_u;
         own.step_u = parent.step_u * by_pulse as f64;
         for antennas in &mut own.antennas {
-            antennas.datum_m = antennas.path_m(centre);
+            antennas.datum_m = antennas.path_m(patch.centre);
         }
+        self.decimate(parent, patch.centre, by_pulse, by_sample, own);
+        true
+    }
+
+    /// The antennas of one pulse of `by`.
+    fn place(&self, parent: &PatchHistory, track: &Track, by: usize, own: &mut PatchHistory) {
+        own.antennas.clear();
+        if by == 1 {
+            own.antennas.extend_from_slice(&parent.antennas);
+            return;
+        }
+        let count = decimated::<W>(parent.num_pulses(), by);
+        let each = (0..count).map(|i| self.decimated_antennas(parent, track, by, i));
+        own.antennas.extend(each);
+    }
+
+    /// Samples and weights of `own`, compensated to `centre`.
+    fn decimate(
+        &self,
+        parent: &PatchHistory,
+        centre: DVec3,
+        by_pulse: usize,
+        by_sample: usize,
+        own: &mut PatchHistory,
+    ) {
+        let width = own.num_samples;
         own.weights.clear();
         own.weights.resize(own.antennas.len(), 0.0);
         own.samples.clear();
         own.samples
-            .resize(own.antennas.len() * own.num_samples, Complex32::ZERO);
-
+            .resize(own.antennas.len() * width, Complex32::ZERO);
         let fast_weights: Vec<[f32; W]> = self.phases(by_sample);
         let slow_weights: Vec<[f32; W]> = self.phases(by_pulse);
-        let mut row = vec![Complex32::ZERO; own.num_samples];
+        let mut row = vec![Complex32::ZERO; width];
         let rows = parent.samples.chunks_exact(parent.num_samples);
         for (n, (antennas, samples)) in parent.antennas.iter().zip(rows).enumerate() {
             let delay_s = (antennas.path_m(centre) - antennas.datum_m) / SPEED_OF_LIGHT_M_S;
-            let mut turn = phasor(parent.start_hz * delay_s);
-            let step = phasor(parent.step_hz * delay_s);
-            row.fill(Complex32::ZERO);
-            for (k, z) in samples.iter().enumerate() {
-                let value = z * narrow(turn);
-                turn *= step;
-                if by_sample == 1 {
-                    row[k] = value;
-                } else {
-                    let weights = &fast_weights[k % by_sample];
-                    let cells = &mut row[k / by_sample..k / by_sample + W];
-                    for (cell, weight) in cells.iter_mut().zip(weights) {
-                        *cell += value * weight;
-                    }
-                }
+            let ramp = Ramp::new(parent.start_hz * delay_s, parent.step_hz * delay_s, 1.0);
+            if by_sample == 1 {
+                compensation::turn(samples, ramp, &mut row);
+            } else {
+                row.fill(Complex32::ZERO);
+                decimation::add_samples(samples, ramp, &fast_weights, &mut row);
             }
-            let width = own.num_samples;
             if by_pulse == 1 {
                 own.weights[n] = parent.weights[n];
                 own.samples[n * width..(n + 1) * width].copy_from_slice(&row);
-            } else {
-                let first = n / by_pulse;
-                for (i, &weight) in slow_weights[n % by_pulse].iter().enumerate() {
-                    own.weights[first + i] += f64::from(weight * weight) * parent.weights[n];
-                    let cells = &mut own.samples[(first + i) * width..(first + i + 1) * width];
-                    for (cell, value) in cells.iter_mut().zip(&row) {
-                        *cell += value * weight;
-                    }
-                }
+                continue;
             }
+            let (first, weights) = (n / by_pulse, &slow_weights[n % by_pulse]);
+            for (own, &weight) in own.weights[first..].iter_mut().zip(weights) {
+                *own += f64::from(weight * weight) * parent.weights[n];
+            }
+            let new = &mut own.samples[first * width..(first + W) * width];
+            decimation::add_pulse(&row, weights, new);
         }
-        true
     }
 
     /// Weights of every fraction that a decimation meets.
@@ -359,9 +373,18 @@ impl<'a, const W: usize> Refiner<'a, W> {
         self.worthwhile(by, count)
     }
 
+    /// How many pulses are made one.
+    fn by_pulse(&self, parent: &PatchHistory, track: &Track, patch: &Patch) -> usize {
+        let mut by = self.by_rates(parent, track, patch);
+        while by > 1 && !self.is_faithful(parent, track, patch, by) {
+            by = self.worthwhile(by / 2, parent.num_pulses());
+        }
+        by
+    }
+
     /// How many pulses can be made one by the rates of paths, were the track as fitted and nothing lost at its
     /// ends.
-    fn by_pulse(&self, parent: &PatchHistory, track: &Track, patch: &Patch) -> usize {
+    fn by_rates(&self, parent: &PatchHistory, track: &Track, patch: &Patch) -> usize {
         if parent.num_pulses() == 1 || !patch.flat {
             return 1;
         }
@@ -472,26 +495,25 @@ impl<'a, const W: usize> Refiner<'a, W> {
         fft.resize(profiler.scratch_length(), Complex32::ZERO);
         points.clear();
         target.each(rectangle, |row, column, _| {
-            points.push(self.grid.position_m(row, column));
+            points.push(self.grid.position_m(row, column).to_array());
         });
         sums.clear();
         sums.resize(points.len(), Complex32::ZERO);
-        let centre_cycles_m =
-            history.frequency_hz((history.num_samples / 2) as f64) / SPEED_OF_LIGHT_M_S;
-        let bins_m = history.step_hz / SPEED_OF_LIGHT_M_S;
+        let centre_hz = history.frequency_hz((history.num_samples / 2) as f64);
+        let scale = Scale {
+            cycles_m: centre_hz / SPEED_OF_LIGHT_M_S,
+            bins_m: history.step_hz / SPEED_OF_LIGHT_M_S,
+            weight: 1.0,
+        };
         let rows = history.samples.chunks_exact(history.num_samples);
         for (antennas, row) in history.antennas.iter().zip(rows) {
             profiler.profile(row, profile, fft);
-            for (point, sum) in points.iter().zip(sums.iter_mut()) {
-                let path_m = antennas.path_m(*point) - antennas.datum_m;
-                let turns = path_m * bins_m;
-                let bin = (turns - turns.floor()) * length as f64;
-                // `turns - floor` may round to 1; the last whole bin then.
-                let whole = (bin as usize).min(length - 1);
-                let fraction = (bin - whole as f64) as f32;
-                let value = profile[whole] + (profile[whole + 1] - profile[whole]) * fraction;
-                *sum += phasor32(path_m * centre_cycles_m) * value;
-            }
+            let antennas = paths::Antennas {
+                transmitter_m: antennas.transmitter_m.to_array(),
+                receiver_m: antennas.receiver_m.to_array(),
+                datum_m: antennas.datum_m,
+            };
+            backprojection::add_pulse(profile, &scale, &antennas, points, sums);
         }
         let mut sums = sums.iter();
         target.each(rectangle, |_, _, pixel| {

@@ -56,18 +56,19 @@ use serde_json::json;
 
 use super::{Entry, of};
 use crate::budget::Budget;
-use crate::former::chosen;
+use crate::former::{chosen, misfit};
 use crate::pixels::for_each;
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Tile, Work,
     rounding,
 };
+use subaperture_kernels::compensation::{self, Ramp};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
-use subaperture_signal::phase::{narrow, phasor, phasor32};
+use subaperture_signal::phase::phasor32;
 
 pub use plane::FIT_PULSES;
 use plane::{Extent, Plane};
@@ -174,10 +175,7 @@ impl ImageFormer for PolarFormat {
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         let choices: Choices = chosen("pfa", choices)?;
         if !choices.centre_m.iter().all(|x| x.abs() <= 1e12) {
-            return Err(FormError::Choices {
-                former: ENTRY.name,
-                what: "its centre is no place".to_owned(),
-            });
+            return Err(misfit(ENTRY.name, "its centre is no place"));
         }
         Ok(match choices.taps {
             4 => Box::new(Opened::<4>::new(aim, choices)),
@@ -265,12 +263,8 @@ impl<'a, const W: usize> Opened<'a, W> {
             pulse.relative_path_m(self.plane.centre_m) + gradient.dot(self.extent.centre_m);
         let delay_s = path_m / SPEED_OF_LIGHT_M_S;
         let weight = weights.slow[n] * self.norm;
-        let mut turn = phasor(pulse.start_hz * delay_s) * weight;
-        let step = phasor(pulse.step_hz * delay_s);
-        for (z, w) in row.iter_mut().zip(&weights.fast) {
-            *z *= narrow(turn * w);
-            turn *= step;
-        }
+        let ramp = Ramp::new(pulse.start_hz * delay_s, pulse.step_hz * delay_s, weight);
+        compensation::refer(row, &weights.fast, ramp);
         let cycles = gradient / SPEED_OF_LIGHT_M_S;
         Track {
             start: cycles * pulse.start_hz,

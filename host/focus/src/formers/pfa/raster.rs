@@ -18,9 +18,11 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use subaperture_fft as fft;
 
-use super::plane::{Band, Extent};
+use super::plane::{self, Extent};
 use crate::FormError;
 use crate::budget::Budget;
+use subaperture_kernels::reading::weighted;
+use subaperture_kernels::spreading::{Band, Line};
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 
@@ -104,7 +106,7 @@ pub struct RasterSize {
 }
 
 impl RasterSize {
-    pub(super) fn new(band: Band, extent: Extent, taps: usize) -> Result<Self, FormError> {
+    pub(super) fn new(band: plane::Band, extent: Extent, taps: usize) -> Result<Self, FormError> {
         let axes = raster_axes(band, extent, taps)?;
         Ok(Self {
             taps,
@@ -122,7 +124,11 @@ impl RasterSize {
     }
 }
 
-fn raster_axes(band: Band, extent: Extent, taps: usize) -> Result<[RasterAxis; 2], FormError> {
+fn raster_axes(
+    band: plane::Band,
+    extent: Extent,
+    taps: usize,
+) -> Result<[RasterAxis; 2], FormError> {
     Ok([
         RasterAxis::new(band.low.x, band.high.x, extent.half_m.x, taps)?,
         RasterAxis::new(band.low.y, band.high.y, extent.half_m.y, taps)?,
@@ -144,7 +150,11 @@ pub(super) struct Raster<const W: usize> {
 }
 
 impl<const W: usize> Raster<W> {
-    pub(super) fn new(band: Band, extent: Extent, budget: &mut Budget) -> Result<Self, FormError> {
+    pub(super) fn new(
+        band: plane::Band,
+        extent: Extent,
+        budget: &mut Budget,
+    ) -> Result<Self, FormError> {
         let [rows, columns] = raster_axes(band, extent, W)?;
         budget.take(
             "the raster of the scene's spectrum",
@@ -163,39 +173,22 @@ impl<const W: usize> Raster<W> {
     pub(super) fn spread(&mut self, tracks: &[Track], samples: &[Complex32]) {
         let num_samples = samples.len() / tracks.len();
         let (rows, columns, kernel) = (self.rows, self.columns, &self.kernel);
+        let line = |track: &Track| Line {
+            start: [rows.cell(track.start.x), columns.cell(track.start.y)],
+            step: [track.step.x * rows.cells, track.step.y * columns.cells],
+        };
+        let lines: Vec<Line> = tracks.iter().map(line).collect();
         self.values
             .par_chunks_mut(ROWS_A_TASK * columns.count)
             .enumerate()
-            .for_each(|(task, values)| {
-                let first_row = task * ROWS_A_TASK;
-                let num_rows = values.len() / columns.count;
-                for (track, pulse) in tracks.iter().zip(samples.chunks_exact(num_samples)) {
-                    let row_start = rows.cell(track.start.x);
-                    let row_step = track.step.x * rows.cells;
-                    let column_start = columns.cell(track.start.y);
-                    let column_step = track.step.y * columns.cells;
-                    let low = first_row as f64 - W as f64;
-                    let high = (first_row + num_rows + W) as f64;
-                    for k in within(row_start, row_step, low, high, num_samples) {
-                        let row = row_start + k as f64 * row_step;
-                        let column = column_start + k as f64 * column_step;
-                        let (row_whole, column_whole) = (row.floor(), column.floor());
-                        let row_weights = kernel.weights::<W>((row - row_whole) as f32);
-                        let column_weights = kernel.weights::<W>((column - column_whole) as f32);
-                        let left = column_whole as usize + 1 - W / 2;
-                        let top = row_whole as isize + 1 - (W / 2) as isize - first_row as isize;
-                        for (i, row_weight) in (top..).zip(row_weights) {
-                            if i < 0 || i >= num_rows as isize {
-                                continue;
-                            }
-                            let value = pulse[k] * row_weight;
-                            let start = i as usize * columns.count + left;
-                            let cells = &mut values[start..start + W];
-                            for (cell, weight) in cells.iter_mut().zip(column_weights) {
-                                *cell += value * weight;
-                            }
-                        }
-                    }
+            .for_each(|(task, cells)| {
+                let mut band = Band {
+                    first_row: task * ROWS_A_TASK,
+                    columns: columns.count,
+                    cells,
+                };
+                for (line, pulse) in lines.iter().zip(samples.chunks_exact(num_samples)) {
+                    band.spread::<W>(kernel, line, pulse);
                 }
             });
     }
@@ -268,21 +261,6 @@ impl<const W: usize> Raster<W> {
     }
 }
 
-/// The samples `k` for which `low <= start + k step <= high`, or a few more.
-fn within(start: f64, step: f64, low: f64, high: f64, count: usize) -> std::ops::Range<usize> {
-    if step == 0.0 {
-        return if (low..=high).contains(&start) {
-            0..count
-        } else {
-            0..0
-        };
-    }
-    let (a, b) = ((low - start) / step, (high - start) / step);
-    let first = a.min(b).floor().clamp(0.0, count as f64) as usize;
-    let last = a.max(b).ceil().clamp(-1.0, count as f64 - 1.0) + 1.0;
-    first..(last as usize).max(first)
-}
-
 /// The image, to be read anywhere.
 pub(super) struct Readable<const W: usize> {
     /// The spectrum's middle, cycles a metre: taken out of what [`Self::at`] returns.
@@ -315,15 +293,8 @@ impl<const W: usize> Readable<W> {
         };
         let (row, row_weights) = tap(y.x, rows.length, kept_rows);
         let (column, column_weights) = tap(y.y, columns.length, kept_columns);
-        let mut sum = Complex32::ZERO;
-        for (i, column_weight) in column_weights.into_iter().enumerate() {
-            let start = (column + i) * kept_rows + row;
-            let mut line = Complex32::ZERO;
-            for (value, weight) in self.image[start..start + W].iter().zip(row_weights) {
-                line += value * weight;
-            }
-            sum += line * column_weight;
-        }
+        let weights = [&column_weights, &row_weights];
+        let sum = weighted(&self.image, kept_rows, [column, row], weights);
         let roll_off = self.kernel.spectrum(y.x) * self.kernel.spectrum(y.y);
         sum * (1.0 / roll_off) as f32
     }
@@ -350,7 +321,7 @@ mod tests {
         let samples: Vec<Complex32> = (0..200)
             .map(|i| Complex32::cis((i * i) as f32 * 0.37))
             .collect();
-        let band = Band {
+        let band = plane::Band {
             low: DVec2::new(10.0, -1.0),
             high: DVec2::new(12.0, 1.3),
         };

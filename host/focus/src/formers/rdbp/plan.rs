@@ -12,7 +12,7 @@
 //! patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
 
 use crate::patch::{self, PatchSize};
-use crate::path_model::{Measure, Probe, Probed, lengths, patch_sizes};
+use crate::path_model::{Measure, Probe, lengths, patch_sizes};
 use crate::sub_cpi::{self, SubCpi, bins_per_cycle, shared_band};
 use crate::{FormError, MARGIN_DB, rounding};
 use subaperture_model::geometry::ImageGrid;
@@ -116,70 +116,20 @@ impl Plan {
             measure: Measure::Worst,
         };
         let target = 10f64.powf((request.error_db - MARGIN_DB) / 20.0);
-        let kernels = [4, 6].map(|taps| (taps, kernel_error(taps, band.count, num_pulses)));
-
-        let mut best: Option<Choice> = None;
-        let mut first_patch = 0;
-        for &length in &lengths {
-            // A longer sub-CPI never allows a larger patch.
-            for (i, &patch) in patches.iter().enumerate().skip(first_patch) {
-                let Probed {
-                    model_error,
-                    doppler_span,
-                } = probe.run(length, patch);
-                for (taps, kernel_error) in kernels {
-                    let error = model_error.hypot(kernel_error);
-                    let fits = bytes(&probe, length, taps, doppler_span) <= request.memory_bytes;
-                    let meets = error <= target;
-                    let cost = cost(&probe, length, patch, taps, doppler_span);
-                    let choice = Choice {
-                        length,
-                        patch,
-                        taps,
-                        kernel_error,
-                        error,
-                        cost,
-                        fits,
-                        meets,
-                    };
-                    if best.is_none_or(|b| choice.better_than(&b)) {
-                        best = Some(choice);
-                    }
-                }
-                if model_error <= target {
-                    first_patch = i;
-                    break;
-                }
-            }
-        }
-        let best = best.expect("there is at least one length and one patch");
-        let kernel_error = best.kernel_error;
+        let best = Choice::best(&probe, &lengths, &patches, target, request.memory_bytes);
         // A given length is the user's word; it is measured, not changed.
         let allowed = match request.sub_cpi {
             Some(_) => f64::INFINITY,
-            None => (target * target - kernel_error * kernel_error)
+            None => (target * target - best.kernel_error * best.kernel_error)
                 .max(0.0)
                 .sqrt(),
         };
-        let mut smaller = patches.into_iter().skip_while(|&patch| patch != best.patch);
-        let mut patch = smaller.next().unwrap_or(best.patch);
-        let (sub_cpis, model_error) = loop {
-            let rectangles = patch::rectangles(grid, patch);
-            let mut sub_cpis = Vec::new();
-            let mut model_error = 0.0f64;
-            for pulses in sub_cpi::cut(num_pulses, &breaks, best.length) {
-                let worst = probe.halve_until(allowed, &rectangles, pulses, &mut sub_cpis);
-                model_error = model_error.max(worst);
-            }
-            if model_error <= allowed {
-                break (sub_cpis, model_error);
-            }
-            // A pulse alone has something to model too, where its samples are taken at different places.
-            match smaller.next() {
-                Some(next) => patch = next,
-                None => break (sub_cpis, model_error),
-            }
-        };
+        let smaller = patches.into_iter().skip_while(|&patch| patch != best.patch);
+        let Cut {
+            patch,
+            sub_cpis,
+            model_error,
+        } = Cut::new(&probe, &best, smaller, allowed);
         let rounding = ARITHMETIC.hypot(rounding::sum(sub_cpis.len()));
         Ok(Self {
             band,
@@ -188,8 +138,51 @@ impl Plan {
             patch,
             taps: best.taps,
             pulses_a_sample: probe.pulses_a_sample,
-            predicted_db: rounding::total_db(&[model_error, kernel_error, rounding]),
+            predicted_db: rounding::total_db(&[model_error, best.kernel_error, rounding]),
         })
+    }
+}
+
+/// The aperture in sub-CPIs, every one measured on every patch.
+struct Cut {
+    patch: PatchSize,
+    sub_cpis: Vec<SubCpi>,
+    model_error: f64,
+}
+
+impl Cut {
+    /// By `best`, sub-CPIs halved until each errs by what is `allowed`, and the patch the first of `smaller` on which that is
+    /// so.
+    fn new(
+        probe: &Probe,
+        best: &Choice,
+        mut smaller: impl Iterator<Item = PatchSize>,
+        allowed: f64,
+    ) -> Self {
+        let num_pulses = probe.collection.pulses.len();
+        let mut patch = smaller.next().unwrap_or(best.patch);
+        loop {
+            let rectangles = patch::rectangles(probe.grid, patch);
+            let mut sub_cpis = Vec::new();
+            let mut model_error = 0.0f64;
+            for pulses in sub_cpi::cut(num_pulses, probe.breaks, best.length) {
+                let worst = probe.halve_until(allowed, &rectangles, pulses, &mut sub_cpis);
+                model_error = model_error.max(worst);
+            }
+            let cut = Self {
+                patch,
+                sub_cpis,
+                model_error,
+            };
+            if model_error <= allowed {
+                return cut;
+            }
+            // A pulse alone has something to model too, where its samples are taken at different places.
+            match smaller.next() {
+                Some(next) => patch = next,
+                None => return cut,
+            }
+        }
     }
 }
 
@@ -206,6 +199,48 @@ struct Choice {
 }
 
 impl Choice {
+    /// The best of some lengths, the shortest first, and patches, the largest first, for an error of `target`.
+    fn best(
+        probe: &Probe,
+        lengths: &[usize],
+        patches: &[PatchSize],
+        target: f64,
+        memory_bytes: u64,
+    ) -> Self {
+        let num_pulses = probe.collection.pulses.len();
+        let kernels = [4, 6].map(|taps| (taps, kernel_error(taps, probe.band.count, num_pulses)));
+        let mut best: Option<Self> = None;
+        let mut first_patch = 0;
+        for &length in lengths {
+            // A longer sub-CPI never allows a larger patch.
+            for (i, &patch) in patches.iter().enumerate().skip(first_patch) {
+                let probed = probe.run(length, patch);
+                for (taps, kernel_error) in kernels {
+                    let span = probed.doppler_span;
+                    let error = probed.model_error.hypot(kernel_error);
+                    let choice = Self {
+                        length,
+                        patch,
+                        taps,
+                        kernel_error,
+                        error,
+                        cost: cost(probe, length, patch, taps, span),
+                        fits: bytes(probe, length, taps, span) <= memory_bytes,
+                        meets: error <= target,
+                    };
+                    if best.is_none_or(|b| choice.better_than(&b)) {
+                        best = Some(choice);
+                    }
+                }
+                if probed.model_error <= target {
+                    first_patch = i;
+                    break;
+                }
+            }
+        }
+        best.expect("there is at least one length and one patch")
+    }
+
     /// Fitting in memory comes first, then meeting the bound; then cost, or error where the bound is out
     /// of reach.
     fn better_than(&self, other: &Self) -> bool {

@@ -38,23 +38,30 @@ use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use subaperture_fft::{self as fft, Fft};
 
+use super::ENTRY;
 use super::plan::Plan;
 use crate::budget::{Budget, on_threads};
 use crate::exact::add_pulse;
+use crate::former::misfit;
 use crate::patch::{self, PatchSize, Patches, Rectangle, Segment};
 use crate::sub_cpi::{SubCpi, bins_per_cycle, pulses_a_sample, shared_band};
 use crate::{Aim, FormError, Forming, Tile, Work};
+use subaperture_kernels::compensation::{self, Ramp};
+use subaperture_kernels::reading::{Line, Map};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Band;
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
-use subaperture_signal::phase::{narrow, phasor, phasor32};
+use subaperture_signal::phase::{narrow, phasor};
 use subaperture_signal::scaled_dft::{ScaledDft, Shape};
 
 /// Pulses held at once, at most: enough for threads to have work between reads.
 const BLOCK_PULSES: usize = 4096;
+
+/// Pixels whose paths are held at a time.
+const RUN: usize = 64;
 
 /// What a plan fixes.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -130,20 +137,23 @@ impl<'a, const W: usize> Opened<'a, W> {
         for &count in &choices.sub_cpis {
             let fits = count > 0 && count <= collection.pulses.len() - first;
             if !fits || !choices.spans.contains_key(&count) {
-                return Err(misfit("sub-CPIs are not those of its pulses"));
+                return Err(misfit(ENTRY.name, "sub-CPIs are not those of its pulses"));
             }
             sub_cpis.push(SubCpi::new(collection, first..first + count));
             first += count;
         }
         let patches = choices.patch_rows > 0 && choices.patch_columns > 0;
         if first != collection.pulses.len() || !patches {
-            return Err(misfit("it is of other pulses, or its patches are empty"));
+            return Err(misfit(
+                ENTRY.name,
+                "it is of other pulses, or its patches are empty",
+            ));
         }
         let mut shapes = BTreeMap::new();
         for (&inputs, &span) in &choices.spans {
             // A cycle a pulse is all that Doppler has, and near antennas rates are a few.
             if !(0.0..1e4).contains(&span) {
-                return Err(misfit("a Doppler span is none"));
+                return Err(misfit(ENTRY.name, "a Doppler span is none"));
             }
             let sweep_pulses = drift.abs() * band.count as f64;
             let bins_per_cycle = bins_per_cycle(&band, inputs as f64 + sweep_pulses);
@@ -217,16 +227,9 @@ impl<'a, const W: usize> Opened<'a, W> {
     }
 }
 
-fn misfit(what: &str) -> FormError {
-    FormError::Choices {
-        former: "rdbp",
-        what: what.to_owned(),
-    }
-}
-
 impl<const W: usize> Forming for Opened<'_, W> {
     fn grain(&self) -> PatchSize {
-        self.patches.size
+        self.patches.size()
     }
 
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
@@ -234,7 +237,7 @@ impl<const W: usize> Forming for Opened<'_, W> {
         let mut budget = Budget::new(work.memory_bytes);
         budget.take(
             "patches",
-            Patches::account_bytes(tiles, self.patches.size).into(),
+            self.patches.account_bytes(tiles).into(),
             "use a larger --patch, or raise --memory",
         )?;
         let tables = self
@@ -415,14 +418,10 @@ impl<'a, const W: usize> Mapper<'a, W> {
                 continue;
             }
             let delay_s = pulse.relative_path_m(centre) / SPEED_OF_LIGHT_M_S;
-            let mut turn =
-                phasor(pulse.start_hz * delay_s) * (self.aim.weights.slow[n] * self.norm);
-            let step = phasor(pulse.step_hz * delay_s);
-            let column = slow[m..].iter_mut().step_by(num_pulses);
-            for ((out, z), w) in column.zip(row).zip(&self.range_weights) {
-                *out = z * narrow(turn) * w;
-                turn *= step;
-            }
+            let weight = self.aim.weights.slow[n] * self.norm;
+            let ramp = Ramp::new(pulse.start_hz * delay_s, pulse.step_hz * delay_s, weight);
+            let column = &mut slow[m..];
+            compensation::refer_to_column(row, &self.range_weights, ramp, column, num_pulses);
         }
     }
 
@@ -461,40 +460,26 @@ impl<'a, const W: usize> Mapper<'a, W> {
     ) {
         let grid = self.aim.grid;
         let datum = sub_cpi.datum(rectangle.centre_m(grid));
-        let length = self.range_fft.len();
-        let row_length = self.row_length();
-        let last_bin = stage.dft.shape().outputs - W;
+        let map = Map::<W> {
+            values: &map[..stage.dft.shape().outputs * self.row_length()],
+            length: self.range_fft.len(),
+            kernel: &self.kernel,
+            cycles_m: self.centre_cycles_m,
+            bins_per_cycle: stage.bins_per_cycle,
+            zero_bin: stage.centre,
+            range_bins_m: self.range_bins_m,
+        };
+        let mut lines = [Line::default(); RUN];
         for segment in segments {
-            let columns = segment.column..;
-            for (column, pixel) in columns.zip(segment.pixels.iter_mut()) {
-                let point = grid.position_m(segment.row, column);
-                let (path_m, rate_m) = sub_cpi.line(&datum, point);
-
-                let doppler = rate_m * self.centre_cycles_m * stage.bins_per_cycle + stage.centre;
-                let whole = doppler.floor();
-                let first_bin = whole - (W / 2 - 1) as f64;
-                if !(first_bin >= 0.0 && first_bin <= last_bin as f64) {
-                    *pixel += self.sum(sub_cpi, samples, point);
-                    continue;
+            for (run, pixels) in segment.pixels.chunks_mut(RUN).enumerate() {
+                let first = segment.column + run * RUN;
+                let point = |i: usize| grid.position_m(segment.row, first + i);
+                let lines = &mut lines[..pixels.len()];
+                for (i, line) in lines.iter_mut().enumerate() {
+                    let (path_m, rate_m) = sub_cpi.line(&datum, point(i));
+                    *line = Line { path_m, rate_m };
                 }
-                let doppler_weights = self.kernel.weights::<W>((doppler - whole) as f32);
-
-                let range = path_m * self.range_bins_m;
-                let whole = range.floor();
-                let range_weights = self.kernel.weights::<W>((range - whole) as f32);
-                let first = (whole as i64 - (W / 2 - 1) as i64).rem_euclid(length as i64) as usize;
-
-                let mut sum = Complex32::ZERO;
-                for (d, doppler_weight) in doppler_weights.into_iter().enumerate() {
-                    let start = (first_bin as usize + d) * row_length + first;
-                    let values = &map[start..start + W];
-                    let mut line = Complex32::ZERO;
-                    for (value, weight) in values.iter().zip(range_weights) {
-                        line += value * weight;
-                    }
-                    sum += line * doppler_weight;
-                }
-                *pixel += sum * phasor32(path_m * self.centre_cycles_m);
+                map.add(lines, pixels, |i| self.sum(sub_cpi, samples, point(i)));
             }
         }
     }

@@ -13,8 +13,9 @@ use subaperture::onboard::maps::Maps;
 use subaperture::onboard::maps_file::MapFile;
 use subaperture::plot::Orientation;
 
+use super::deliver::{Whole, deliver};
 use super::record::Record;
-use super::{deliver, with_advice};
+use super::with_advice;
 use crate::ahead::Ahead;
 use crate::args::Focus;
 use crate::commands::forming;
@@ -94,7 +95,13 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         taken: start.elapsed(),
     };
     let title = format!("{}, from maps", run.name);
-    deliver(session, typed, &formed.image, &record, title)
+    deliver(
+        session,
+        typed,
+        Whole::Memory(&formed.image),
+        &record,
+        &title,
+    )
 }
 
 /// What the image will take.

@@ -9,8 +9,10 @@ use subaperture::phase_history::InputFile;
 use subaperture::plot::Orientation;
 use subaperture::resolution::support::RecordedLooks;
 
+use super::Job;
 use super::check::Check;
 use crate::args::Focus;
+use crate::commands::forming;
 use crate::config::{Session, command_line, record_of_run};
 use crate::messages;
 
@@ -26,7 +28,7 @@ pub(super) struct Record<'a> {
     /// Pulses that stand for the recording's; of maps there are none.
     pub(super) support: Option<RecordedLooks>,
     pub(super) inputs: &'a [InputFile],
-    pub(super) check: Option<&'a Check>,
+    pub(super) check: Option<Check>,
     /// `None` of an image of zeros.
     pub(super) peak: Option<Brightest>,
     /// What the picture shows beside it.
@@ -34,7 +36,38 @@ pub(super) struct Record<'a> {
     pub(super) taken: Duration,
 }
 
-impl Record<'_> {
+/// What is known of an image once it is formed.
+pub(super) struct About {
+    pub(super) settings: Value,
+    pub(super) check: Option<Check>,
+    pub(super) peak: Option<Brightest>,
+}
+
+impl<'a> Record<'a> {
+    /// That of an image of a recording.
+    pub(super) fn of(
+        job: &Job<'a>,
+        grid: &'a ImageGrid,
+        about: About,
+        inputs: &'a [InputFile],
+    ) -> anyhow::Result<Self> {
+        let collection = job.history.collection();
+        let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
+        Ok(Self {
+            session: job.session,
+            settings: about.settings,
+            grid,
+            frame: &collection.frame,
+            collection: forming::about(job.survey, job.history)?,
+            support: RecordedLooks::of(collection, middle_m, [grid.x_axis, grid.y_axis]),
+            inputs,
+            check: about.check,
+            peak: about.peak,
+            orientation: Orientation::of(collection, grid),
+            taken: job.start.elapsed(),
+        })
+    }
+
     /// The record as JSON; `title` is the picture's.
     pub(super) fn to_json(&self, title: &str) -> Value {
         record::Record {

@@ -1,17 +1,17 @@
 //! `subap plan focus`: a plan of an image, in a file that any machine can carry out.
 
 use std::io::Write;
+use std::time::Instant;
 
-use anyhow::Context;
 use serde_json::json;
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
 use subaperture::phase_history::PhaseHistory;
 use subaperture::planner::forecast::{Settings, cost};
-use subaperture::resolution::survey::Survey;
 
 use crate::args::{Mode, Part, PlanFocus};
-use crate::commands::focus::tiled;
+use crate::commands::focus::{Job, tiled};
+use crate::commands::forming;
 use crate::config::{DEFAULT_ERROR_DB, Session};
 use crate::failure::Usage;
 use crate::text;
@@ -28,8 +28,14 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     let mut claims = session.claims(&typed.writing, &typed.input.paths);
     claims.file(&typed.out, Kind::Record)?;
     let history = session.open(&typed.input)?;
-    let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
-    let plan = tiled::make_plan(session, typed, &history, &survey)?;
+    let survey = forming::survey(&history)?;
+    let plan = tiled::make_plan(&Job {
+        session,
+        typed,
+        history: &history,
+        survey: &survey,
+        start: Instant::now(),
+    })?;
     let settings = Settings {
         error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
         sub_cpi: typed.sub_cpi,

@@ -1,0 +1,160 @@
+//! Paths from a pulse's antennas to many points.
+//!
+//! ```text
+//! path[i] = |p_i - t| + |p_i - r| - datum
+//! ```
+//!
+//! In float64, metres. Error: at most 5 roundings of the path, 6e-16 of it, and that of the datum. Of one antenna, whose legs are
+//! equal, half is computed and the bits are the same.
+
+use std::ops::Range;
+
+/// Points of space, metres, one coordinate after another.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Points {
+    coordinates_m: [Vec<f64>; 3],
+}
+
+impl Points {
+    /// Takes all of them out; the memory stays.
+    pub fn clear(&mut self) {
+        self.coordinates_m.iter_mut().for_each(Vec::clear);
+    }
+
+    /// Adds one.
+    #[inline]
+    pub fn push(&mut self, point_m: [f64; 3]) {
+        for (all, one) in self.coordinates_m.iter_mut().zip(point_m) {
+            all.push(one);
+        }
+    }
+
+    /// How many there are.
+    #[inline]
+    pub fn len(&self) -> usize {
+        self.coordinates_m[0].len()
+    }
+
+    /// Whether there is none.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Each of them.
+    #[inline]
+    pub fn iter(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        let [x, y, z] = &self.coordinates_m;
+        x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z])
+    }
+
+    /// Some of them, as [`paths`] takes them: x, y and z.
+    ///
+    /// # Panics
+    /// If there are not so many.
+    #[inline]
+    pub fn part(&self, range: Range<usize>) -> [&[f64]; 3] {
+        let [x, y, z] = &self.coordinates_m;
+        [&x[range.clone()], &y[range.clone()], &z[range]]
+    }
+}
+
+/// What the paths of a pulse are measured from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Antennas {
+    /// The transmitter's phase centre, metres.
+    pub transmitter_m: [f64; 3],
+    /// The receiver's.
+    pub receiver_m: [f64; 3],
+    /// What is taken off every path, metres.
+    pub datum_m: f64,
+}
+
+/// Paths to points of the coordinates `[x, y, z]`, into `paths_m`.
+///
+/// # Panics
+/// If slices differ in length.
+#[inline]
+pub fn paths(antennas: &Antennas, [x, y, z]: [&[f64]; 3], paths_m: &mut [f64]) {
+    let count = paths_m.len();
+    assert!(x.len() == count && y.len() == count && z.len() == count);
+    let distance = |from: &[f64; 3], i: usize| {
+        let (dx, dy, dz) = (x[i] - from[0], y[i] - from[1], z[i] - from[2]);
+        (dx * dx + dy * dy + dz * dz).sqrt()
+    };
+    let Antennas {
+        transmitter_m,
+        receiver_m,
+        datum_m,
+    } = antennas;
+    if transmitter_m == receiver_m {
+        for (i, path_m) in paths_m.iter_mut().enumerate() {
+            *path_m = 2.0 * distance(transmitter_m, i) - datum_m;
+        }
+    } else {
+        for (i, path_m) in paths_m.iter_mut().enumerate() {
+            *path_m = distance(transmitter_m, i) + distance(receiver_m, i) - datum_m;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trial::Numbers;
+
+    /// By nested hypotenuses: another formula, good to 5 roundings itself.
+    #[test]
+    fn paths_are_the_sums_of_distances() {
+        let mut numbers = Numbers::new(1);
+        let mut place = |reach_m: f64| [0; 3].map(|_| numbers.signed() * reach_m);
+        for (one, datum_m) in [(true, 0.0), (false, 13_000.0), (false, -1.0)] {
+            let transmitter_m = place(8000.0);
+            let receiver_m = if one { transmitter_m } else { place(8000.0) };
+            let antennas = Antennas {
+                transmitter_m,
+                receiver_m,
+                datum_m,
+            };
+            let mut points = Points::default();
+            let places: Vec<[f64; 3]> = (0..100).map(|_| place(90.0)).collect();
+            places.iter().for_each(|&point| points.push(point));
+            let mut paths_m = vec![0.0; 99];
+            paths(&antennas, points.part(1..100), &mut paths_m);
+            for (point, got_m) in places[1..].iter().zip(&paths_m) {
+                let leg = |from: [f64; 3]| {
+                    let across = (point[0] - from[0]).hypot(point[1] - from[1]);
+                    across.hypot(point[2] - from[2])
+                };
+                let whole_m = leg(transmitter_m) + leg(receiver_m);
+                let error_m = (got_m - (whole_m - datum_m)).abs();
+                // Ten roundings of the path, two of the difference.
+                let allowed_m = 0.5 * f64::EPSILON * (10.0 * whole_m + 2.0 * got_m.abs());
+                assert!(error_m <= allowed_m, "{error_m} {allowed_m}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_antenna_is_two_in_one_place() {
+        let mut numbers = Numbers::new(2);
+        let mut points = Points::default();
+        (0..50).for_each(|_| points.push([0; 3].map(|_| numbers.signed() * 1e3)));
+        assert!(points.len() == 50 && !points.is_empty());
+        let one = Antennas {
+            transmitter_m: [5.0, -0.0, 700.1],
+            receiver_m: [5.0, 0.0, 700.1],
+            datum_m: 3.3,
+        };
+        let mut together = [0.0; 50];
+        paths(&one, points.part(0..50), &mut together);
+        let leg = |datum_m| Antennas { datum_m, ..one };
+        let mut legs = [0.0; 50];
+        paths(&leg(0.0), points.part(0..50), &mut legs);
+        for (path_m, leg_m) in together.iter().zip(legs) {
+            assert_eq!(*path_m, leg_m / 2.0 + leg_m / 2.0 - 3.3);
+        }
+        points.clear();
+        assert!(points.is_empty());
+    }
+}

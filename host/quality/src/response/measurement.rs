@@ -1,0 +1,249 @@
+//! The measurement of a point in its chip: the peak, the cuts through it, side lobes in two dimensions.
+
+use std::ops::Range;
+
+use num_complex::{Complex32, Complex64};
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::image::{Image, Parts};
+
+use super::checks::{check_peak, check_sampling, check_shape};
+use super::chip::Chip;
+use super::error::unreadable;
+use super::search::brightest_in;
+use super::size::{Size, chip_size, reach_px};
+use super::{Cut, Direction, Response, ResponseError, Settings, Target, UPSAMPLING, UpsampledChip};
+
+/// Measures a point of `image`.
+///
+/// # Errors
+/// [`ResponseError`].
+pub fn measure(
+    image: &Image,
+    grid: &ImageGrid,
+    target: Target,
+    settings: &Settings<'_>,
+) -> Result<Response, ResponseError> {
+    check_shape(image, grid)?;
+    let (row, column) = brightest_in(image, grid, target, settings)?;
+    if let Some(looks) = settings.looks {
+        check_sampling(looks, grid, (row, column))?;
+    }
+    let Size { half, stride } = chip_size(image, (row, column), settings.half_chip)?;
+    check_peak(image, (row, column), half, stride)?;
+    let chip = Chip::cut(image, (row, column), half, stride);
+    let (y, x) = chip.peak();
+
+    let peak_row = row as f64 + y * stride[0] as f64;
+    let peak_column = column as f64 + x * stride[1] as f64;
+    let row_value = grid.rows.start + peak_row * grid.rows.step;
+    let column_value = grid.columns.start + peak_column * grid.columns.step;
+    let known = settings
+        .carrier
+        .and_then(|carrier| carrier.turn(grid, row_value, column_value));
+    // Turns a pixel of the image; the chip's pixels may be several of these.
+    let turn: [f64; 2] = std::array::from_fn(|i| {
+        let own = chip.turn[i] / stride[i] as f64;
+        let turns = (known.map_or(0.0, |turn| turn[i]) - own) / std::f64::consts::TAU;
+        own + turns.round() * std::f64::consts::TAU
+    });
+    let [row_turn, column_turn] = turn;
+    let value = chip.at(y, x)
+        * Complex64::cis(
+            row_turn * (peak_row - row as f64) + column_turn * (peak_column - column as f64),
+        );
+
+    // Of the chip's pixels.
+    let steps = [
+        grid.rows.step * stride[0] as f64,
+        grid.columns.step * stride[1] as f64,
+    ];
+    let top = value.norm_sqr();
+    let line_of_sight_rad = settings.line_of_sight_rad.filter(|_| !grid.polar);
+    let cuts: Vec<Cut> = directions(steps, line_of_sight_rad)
+        .into_iter()
+        .map(|(along, pixels)| {
+            let length = cut_length(pixels, [y, x], half);
+            cut(&chip, [y, x], (along, pixels), length, top, settings)
+        })
+        .collect();
+    let fine = chip.upsampled(UPSAMPLING);
+    let islr_2d_db = integrated_2d_db(&fine, &chip, half, [y, x], &cuts, steps);
+    Ok(Response {
+        row: peak_row,
+        column: peak_column,
+        row_value,
+        column_value,
+        position_m: grid.point_m(row_value, column_value).to_array(),
+        level_db: 10.0 * top.log10(),
+        phase_rad: value.arg(),
+        turn,
+        turn_is_known: known.is_some(),
+        line_of_sight_rad: settings.line_of_sight_rad,
+        cuts,
+        islr_2d_db,
+        chip: upsampled_chip(
+            fine,
+            &chip,
+            grid,
+            [row - half[0] * stride[0], column - half[1] * stride[1]],
+            steps,
+        ),
+    })
+}
+
+/// [`measure`] of an image that need not fit in memory: what lies within [`REACH_WIDTHS`] 3 dB widths of the point, and
+/// within 2048 pixels.
+///
+/// # Errors
+/// As [`measure`]; [`ResponseError::Unreadable`].
+pub fn measure_in(
+    image: &dyn Parts,
+    grid: &ImageGrid,
+    target: Target,
+    settings: &Settings<'_>,
+) -> Result<Response, ResponseError> {
+    let (row, column) = brightest_in(image, grid, target, settings)?;
+    let reach = reach_px(image, (row, column))?;
+    let around = |at: usize, count: usize| at.saturating_sub(reach)..(at + reach + 1).min(count);
+    let place = [
+        around(row, grid.rows.count),
+        around(column, grid.columns.count),
+    ];
+    let window = image.window(&place).map_err(unreadable)?;
+    let [rows, columns] = place;
+    let part = |axis: Axis, range: &Range<usize>| Axis {
+        start: axis.at(range.start),
+        count: range.len(),
+        ..axis
+    };
+    let within = ImageGrid {
+        rows: part(grid.rows, &rows),
+        columns: part(grid.columns, &columns),
+        ..*grid
+    };
+    let target = Target::Near {
+        column_value: grid.columns.at(column),
+        row_value: grid.rows.at(row),
+    };
+    let settings = Settings {
+        search_px: 0,
+        ..*settings
+    };
+    let shifted = |error: ResponseError| error.shifted(rows.start, columns.start);
+    let mut response = measure(&window, &within, target, &settings).map_err(shifted)?;
+    response.row += rows.start as f64;
+    response.column += columns.start as f64;
+    Ok(response)
+}
+
+/// Directions of the cuts, each as rows and columns for a unit of length; `steps` are those of the chip.
+fn directions(steps: [f64; 2], line_of_sight_rad: Option<f64>) -> Vec<(Direction, [f64; 2])> {
+    let mut directions = vec![
+        (Direction::X, [0.0, 1.0 / steps[1]]),
+        (Direction::Y, [1.0 / steps[0], 0.0]),
+    ];
+    if let Some(angle) = line_of_sight_rad {
+        let (sin, cos) = angle.sin_cos();
+        directions.push((Direction::Range, [sin / steps[0], cos / steps[1]]));
+        directions.push((Direction::CrossRange, [cos / steps[0], -sin / steps[1]]));
+    }
+    directions
+}
+
+/// The cut through the peak along a direction, of `length` to either side, relative to the power `top` of the peak.
+fn cut(
+    chip: &Chip,
+    [y, x]: [f64; 2],
+    (along, pixels): (Direction, [f64; 2]),
+    length: f64,
+    top: f64,
+    settings: &Settings<'_>,
+) -> Cut {
+    // As fine as the upsampled chip along the axis that advances faster.
+    let fastest = pixels[0].abs().max(pixels[1].abs());
+    let step = 1.0 / (fastest * UPSAMPLING as f64);
+    let count = (length / step).floor() as usize;
+    let offsets: Vec<f64> = (0..=2 * count)
+        .map(|i| (i as f64 - count as f64) * step)
+        .collect();
+    let powers = offsets
+        .iter()
+        .map(|s| chip.power(y + s * pixels[0], x + s * pixels[1]) / top)
+        .collect();
+    Cut::new(along, offsets, powers, count, settings.main_lobe_widths)
+}
+
+/// How far a line through the peak stays within the chip to both sides.
+fn cut_length(pixels: [f64; 2], peak: [f64; 2], half: [usize; 2]) -> f64 {
+    (0..2)
+        .filter(|&i| pixels[i].abs() > 1e-12)
+        .map(|i| (half[i] as f64 - peak[i].abs()) / pixels[i].abs())
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// Energy outside the rectangle between the first minima over that inside, within the spans of the cuts.
+fn integrated_2d_db(
+    fine: &[Complex64],
+    chip: &Chip,
+    half: [usize; 2],
+    peak: [f64; 2],
+    cuts: &[Cut],
+    steps: [f64; 2],
+) -> Option<f64> {
+    let (across, down) = (cuts[0].nulls?, cuts[1].nulls?);
+    let spans = [cuts[1].span, cuts[0].span];
+    let width = chip.columns * UPSAMPLING;
+    // Whether a sample lies between the minima; `None` outside the span.
+    let inside = |i: usize, axis: usize, nulls: [f64; 2]| {
+        let pixels = i as f64 / UPSAMPLING as f64 - half[axis] as f64 - peak[axis];
+        let at = pixels * steps[axis];
+        let [low, high] = spans[axis];
+        (low..=high)
+            .contains(&at)
+            .then(|| (nulls[0]..=nulls[1]).contains(&at))
+    };
+    let columns: Vec<Option<bool>> = (0..width).map(|j| inside(j, 1, across)).collect();
+    let (mut within, mut beyond) = (0.0, 0.0);
+    for (i, row) in fine.chunks_exact(width).enumerate() {
+        let Some(row_inside) = inside(i, 0, down) else {
+            continue;
+        };
+        for (z, column_inside) in row.iter().zip(&columns) {
+            let Some(column_inside) = *column_inside else {
+                continue;
+            };
+            match row_inside && column_inside {
+                true => within += z.norm_sqr(),
+                false => beyond += z.norm_sqr(),
+            }
+        }
+    }
+    Some(10.0 * (beyond / within).log10())
+}
+
+fn upsampled_chip(
+    fine: Vec<Complex64>,
+    chip: &Chip,
+    grid: &ImageGrid,
+    first: [usize; 2],
+    steps: [f64; 2],
+) -> UpsampledChip {
+    let finer = |axis: &Axis, first: usize, step: f64, count: usize| Axis {
+        start: axis.at(first),
+        step: step / UPSAMPLING as f64,
+        count: count * UPSAMPLING,
+    };
+    let narrow = |z: &Complex64| Complex32::new(z.re as f32, z.im as f32);
+    UpsampledChip {
+        image: Image {
+            rows: chip.rows * UPSAMPLING,
+            columns: chip.columns * UPSAMPLING,
+            pixels: fine.iter().map(narrow).collect(),
+        },
+        grid: ImageGrid {
+            rows: finer(&grid.rows, first[0], steps[0], chip.rows),
+            columns: finer(&grid.columns, first[1], steps[1], chip.columns),
+            ..*grid
+        },
+    }
+}
