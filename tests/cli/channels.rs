@@ -129,8 +129,8 @@ fn info_shows_channels_side_by_side() {
     let text = ran.succeeded();
     for part in [
         "T1R1: 128 vectors of 64 samples (reference)",
-        // The middle between the antennas, in the frame of a track eastwards.
-        "T1R2: 128 vectors of 64 samples, 200 MHz about 10 GHz, antennas x -0.1500 m, y 0.0000 m, z 0.0000 m from those \
+        // From the first frequency to the last; the middle between the antennas, in the frame of a track eastwards.
+        "T1R2: 128 vectors of 64 samples, 196.875 MHz about 9.99844 GHz, antennas x -0.1500 m, y 0.0000 m, z 0.0000 m from those \
          of T1R1",
         // A turn later: 1 ms at 100 m/s.
         "x 0.1000 m, y 0.0000 m, z 0.1000 m from those of T1R1",
@@ -179,7 +179,7 @@ fn channels_that_do_not_fit_are_refused() {
     refuse(
         "focus mimo.cphd --channels T1R1,1",
         1,
-        &["channel '1' is there twice"],
+        &["channel 'T1R1' is there twice"],
     );
     refuse("focus mimo.cphd --channels T1R1,", 2, &["--channels"]);
     refuse(

@@ -270,10 +270,10 @@ impl<'a> Channels<'a> {
     pub fn select<S: AsRef<str>>(self, wanted: &[S]) -> Result<Self, ChannelError> {
         let places = wanted.iter().map(|wanted| self.find(wanted.as_ref()));
         let places: Vec<usize> = places.collect::<Result<_, _>>()?;
+        let named: Vec<String> = places.iter().map(|&i| self.0[i].0.name.clone()).collect();
         let mut held: Vec<Option<ChannelHistory<'a>>> = self.0.into_iter().map(Some).collect();
         let mut chosen = Vec::with_capacity(places.len());
-        for (place, wanted) in places.into_iter().zip(wanted) {
-            let name = wanted.as_ref().to_owned();
+        for (place, name) in places.into_iter().zip(named) {
             chosen.push(held[place].take().ok_or(ChannelError::Twice { name })?);
         }
         match chosen.is_empty() {
@@ -562,7 +562,7 @@ mod tests {
         assert_eq!(
             twice,
             ChannelError::Twice {
-                name: "1".to_owned()
+                name: "a".to_owned()
             }
         );
     }

@@ -5,7 +5,8 @@
 //! all pulses, so that a unit scatterer reads 1 as it does with one channel.
 //!
 //! **Order.** Channel after channel, each in the order of time. Formers take runs of pulses for stretches of a smooth track
-//! (sub-CPIs); with channels in turn, the antennas would jump at every pulse. As it is there is one jump
+//! (sub-CPIs); with channels in turn, the antennas would jump at every pulse (sub-CPIs of 2 pulses instead of 15 in
+//! `tests/formers/channels.rs`). As it is there is one jump
 //! where the next channel begins, and formers break there as between recordings. Times fall back there;
 //! [`Collection::num_turns`](super::Collection::num_turns) tells, and slow-time windows weigh pulse `n` of every channel alike ([`Weights`](super::Weights)).
 //!
