@@ -16,5 +16,6 @@ mod quality;
 mod recordings;
 mod results;
 mod simulate;
+mod sources;
 mod tiles;
 mod usage;

@@ -3,6 +3,7 @@
 mod accuracy;
 mod backprojection;
 mod channels;
+mod costs;
 mod edges;
 mod frequency_domain;
 mod gotcha;

@@ -21,6 +21,7 @@
 
 pub mod accuracy;
 pub mod budget;
+pub mod cost;
 pub mod forecast;
 pub mod former;
 pub mod formers;
@@ -47,6 +48,7 @@ use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, ReadErro
 use subaperture_model::quantity::bytes;
 
 pub use accuracy::{Asked, Judgement, Misses, Settings, TileRecord};
+pub use cost::Cost;
 pub use former::{Aim, Decision, Forming, ImageFormer, SCRATCH_BYTES, Tile, Work};
 pub use formers::{bp, exact, ffbp, omega_k, pfa, rda, rdbp};
 pub use plan::Plan;

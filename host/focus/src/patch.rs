@@ -19,6 +19,12 @@ pub struct PatchSize {
 }
 
 impl PatchSize {
+    /// A single pixel.
+    pub const PIXEL: Self = Self {
+        rows: 1,
+        columns: 1,
+    };
+
     /// The size nearest to a square of side `side_m`, at least 4 pixels a side (fewer cost more to keep
     /// account of than they hold) and at most the grid. A polar grid's angle counts as the arc at its
     /// middle range.
@@ -145,6 +151,17 @@ impl Patches {
     pub(crate) fn size(&self) -> PatchSize {
         let [rows, columns] = self.0.tile;
         PatchSize { rows, columns }
+    }
+
+    /// How many there are.
+    pub(crate) fn count(&self) -> usize {
+        self.0.count()
+    }
+
+    /// The one in the middle.
+    pub(crate) fn middle(&self) -> Rectangle {
+        let [down, across] = self.0.tiles();
+        self.rectangle(down / 2 * across + across / 2)
     }
 
     fn all(self) -> impl Iterator<Item = Rectangle> {

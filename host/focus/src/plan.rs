@@ -17,6 +17,7 @@ use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 
 use super::accuracy::{self, Asked, Judgement, Misses, Probes, Sampled, TileRecord};
+use super::cost::Cost;
 use super::patch::{PatchSize, Rectangle};
 use super::{Aim, FormError, Forming, ImageFormer, Tile, Work, formers};
 use subaperture_model::geometry::ImageGrid;
@@ -85,6 +86,12 @@ pub struct Plan {
     pub planned_for_db: Option<f64>,
     /// Of every tile but those at the ends.
     pub tile: PatchSize,
+    /// What the image takes, formed in one pass.
+    pub cost: Cost,
+    /// Real operations for a tile alone.
+    pub tile_operations: f64,
+    /// What is held meanwhile by a thread, pixels and all, the recording apart, bytes.
+    pub tile_bytes: u64,
     /// Of which recording.
     pub recording: Fingerprint,
 }
@@ -227,7 +234,8 @@ impl Plan {
         let asked = former.asked(request.misses);
         let swept = accuracy::swept(former, &aim, &asked)?;
         let decision = former.decide(&aim, &asked, monitor)?;
-        let grain = former.open(aim, &decision.choices)?.grain();
+        let tile = tile_size(grid, decision.grain);
+        let share = (tile.rows * tile.columns) as f64 / grid.num_pixels() as f64;
         Ok(Self {
             schema: SCHEMA.to_owned(),
             former: former.name().to_owned(),
@@ -242,7 +250,11 @@ impl Plan {
             misses_allowed: request.misses == Misses::Allowed,
             planned_db: accuracy::with_sweep(decision.planned_db, swept),
             planned_for_db: None,
-            tile: tile_size(grid, grain),
+            tile_operations: decision.cost.tile_operations(share).round(),
+            tile_bytes: (8 * (tile.rows * tile.columns) as u64)
+                .saturating_add(decision.cost.bytes(share)),
+            cost: decision.cost,
+            tile,
             recording: Fingerprint::of(collection),
         })
     }

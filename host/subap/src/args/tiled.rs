@@ -19,19 +19,13 @@ pub(crate) struct Tiled {
 
     /// Carry out a plan of `subap plan focus`; what it has done already is not done again
     #[arg(long, value_name = "PLAN", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "from_maps", "algorithm", "mode", "no_keystone", "error_db", "allow_error", "sub_cpi", "patch", "no_src",
-        "window", "slow_window", "grid", "scratch"
+        "from_maps", "allow_error", "window", "slow_window", "grid", "scratch"
     ])]
     pub(crate) plan: Option<PathBuf>,
 
     /// Form only part I of N of the plan's tiles, as 3/8; whoever ends last makes record and picture
     #[arg(long, value_name = "I/N", requires = "plan", value_parser = part)]
     pub(crate) tiles: Option<Part>,
-
-    /// Memory for tables and one thread's buffers, on which the plan depends: that of the smallest machine that is to
-    /// carry it out [default: 48M]
-    #[arg(long, value_name = "SIZE", value_parser = super::values::scratch_size, conflicts_with_all = ["from_maps"])]
-    pub(crate) scratch: Option<u64>,
 }
 
 impl Tiled {

@@ -16,12 +16,11 @@ use subaperture::io::atomic::WriteError;
 use subaperture::io::product::Product;
 use subaperture::io::product::record::Brightest;
 use subaperture::phase_history::PhaseHistory;
-use subaperture::planner::forecast;
 use subaperture::resolution::survey::Survey;
 
-use crate::args::{Focus, Mode};
+use crate::args::{Focus, Imaging};
 use crate::commands::forming::{self, Forming};
-use crate::config::{DEFAULT_ERROR_DB, Session, former};
+use crate::config::Session;
 use crate::failure::Usage;
 use crate::{interrupt, messages, text};
 
@@ -33,15 +32,15 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     if typed.tiled.wanted() {
         return tiled::run(session, typed);
     }
-    if typed.tiled.scratch.is_some() {
+    if typed.image.scratch.is_some() {
         return Err(
             Usage("--scratch is for --tiled and for plans: leave it out".to_owned()).into(),
         );
     }
     let start = Instant::now();
     // What can be refused is refused before anything is read.
-    let former = former(typed)?;
-    if let Some(grid) = &typed.grid {
+    let former = typed.image.former.former()?;
+    if let Some(grid) = &typed.image.grid {
         room(typed, grid)?;
     }
     let _claims = forming::claim(session, &typed.writing, &typed.input.paths, &typed.out, 0)?;
@@ -69,7 +68,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
             former.name()
         )
     });
-    let windows = [typed.window, typed.slow_window];
+    let windows = [typed.image.window, typed.image.slow_window];
     let forming = Forming::new(session, job.history, &grid, windows);
     if announce(&job, &*former, &forming)? {
         return Ok(());
@@ -123,13 +122,22 @@ fn moving<'a>(typed: &Focus, recorded: &'a dyn PhaseHistory) -> anyhow::Result<O
     Ok(moving.transpose()?)
 }
 
+/// The grid that is given, or else the one that suits.
+pub(crate) fn grid_of(
+    session: &Session,
+    typed: &Imaging,
+    survey: &Survey,
+) -> anyhow::Result<ImageGrid> {
+    match typed.grid {
+        Some(grid) => Ok(grid),
+        None => session.default_grid(survey),
+    }
+}
+
 impl Job<'_> {
     /// The grid that is given, or else the one that suits.
     fn grid(&self) -> anyhow::Result<ImageGrid> {
-        match self.typed.grid {
-            Some(grid) => Ok(grid),
-            None => self.session.default_grid(self.survey),
-        }
+        grid_of(self.session, &self.typed.image, self.survey)
     }
 
     /// Writes a whole image by the former of this name, with its record and picture.
@@ -159,21 +167,9 @@ impl Job<'_> {
 /// Says what the image will take: whether that is all that was asked for.
 fn announce(job: &Job, former: &dyn ImageFormer, forming: &Forming<'_>) -> anyhow::Result<bool> {
     let Job { session, typed, .. } = *job;
-    let settings = forecast::Settings {
-        error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
-        sub_cpi: typed.sub_cpi,
-        is_thesis: typed.mode == Some(Mode::Thesis),
-    };
     let progress = session.progress("measuring");
     let task = forming.task(&progress);
-    let only = forming::announce(
-        session,
-        &typed.rehearsal,
-        former,
-        &task,
-        &settings,
-        &typed.out,
-    )?;
+    let only = forming::announce(session, &typed.rehearsal, former, &task, &typed.out)?;
     progress.finish();
     Ok(only)
 }
@@ -193,7 +189,7 @@ fn form(
         .map(|count| check::Plan::new(&task, image_bytes, count));
     let checking = checking.transpose()?;
     let formed = former
-        .form_asked(&task, typed.misses())
+        .form_asked(&task, typed.image.misses())
         .map_err(with_advice)?;
     progress.finish();
     tell_settings(&formed.settings);

@@ -94,27 +94,34 @@ impl<'a> Record<'a> {
 
 /// What was given (`null` where it was left to the program) and what it came to.
 pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value>) -> Value {
+    let image = &typed.image;
+    let mut given = image.former.record();
+    let others = [
+        ("grid", json!(image.grid.is_some())),
+        ("allow_error", json!(image.allow_error)),
+        ("velocity_m_s", json!(typed.velocity.map(|v| v.to_array()))),
+        ("channel", json!(typed.input.channel)),
+        ("channels", {
+            let several = typed.input.channels.as_ref();
+            json!(several.map(ToString::to_string))
+        }),
+        ("set", {
+            let set = typed.input.set.iter();
+            json!(
+                set.map(|(key, value)| format!("{key}={value}"))
+                    .collect::<Vec<_>>()
+            )
+        }),
+        ("check", json!(typed.check)),
+        ("top_db", json!(typed.look.top)),
+        ("span_db", json!(typed.look.span)),
+    ];
+    given.extend(others.map(|(key, value)| (key.to_owned(), value)));
     json!({
         "algorithm": former,
-        "window": typed.window.to_string(),
-        "slow_window": typed.slow_window.to_string(),
-        "given": {
-            "grid": typed.grid.is_some(),
-            "mode": typed.mode.map(|mode| format!("{mode:?}").to_lowercase()),
-            "error_db": typed.error_db,
-            "allow_error": typed.allow_error,
-            "sub_cpi": typed.sub_cpi,
-            "patch_m": typed.patch,
-            "velocity_m_s": typed.velocity.map(|v| v.to_array()),
-            "channel": typed.input.channel,
-            "channels": typed.input.channels.as_ref().map(ToString::to_string),
-            "set": typed.input.set.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>(),
-            "check": typed.check,
-            "no_keystone": typed.no_keystone,
-            "no_src": typed.no_src,
-            "top_db": typed.look.top,
-            "span_db": typed.look.span,
-        },
+        "window": image.window.to_string(),
+        "slow_window": image.slow_window.to_string(),
+        "given": given,
         "resolved": resolved,
     })
 }

@@ -26,13 +26,13 @@ use subaperture::io::claim::Claims;
 use subaperture::io::product::record::Brightest;
 use subaperture::io::product::{self, Growing};
 use subaperture::io::tiles::{self, TileStore};
-use subaperture::phase_history::Weights;
+use subaperture::phase_history::{PhaseHistory, Weights};
 
 use super::deliver::Whole;
 use super::{Job, check, record, with_advice};
-use crate::args::{Focus, Part};
+use crate::args::{Focus, Imaging, Part};
 use crate::commands::forming;
-use crate::config::{Session, former};
+use crate::config::Session;
 use crate::failure::Usage;
 use crate::{messages, text};
 
@@ -60,7 +60,7 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     let plan = match &typed.tiled.plan {
         Some(path) => read_plan(path)?,
-        None => make_plan(&job)?,
+        None => make_plan(&job, &job.grid()?)?,
     };
     if typed.tiled.plan.is_some() {
         // What cannot be carried out says so before anything is written.
@@ -76,7 +76,7 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
 
 /// Forms an image that is larger than memory into one array.
 pub(super) fn into_array(job: &Job, grid: &ImageGrid) -> anyhow::Result<()> {
-    let mut plan = make_plan_of(job, grid)?;
+    let mut plan = make_plan(job, grid)?;
     loop {
         let weights = plan.weights(job.history.collection())?;
         let opened = plan.open(job.history.collection(), &weights)?;
@@ -199,38 +199,49 @@ fn read_plan(path: &Path) -> anyhow::Result<Plan> {
     Plan::from_text(&text).with_context(|| path.display().to_string())
 }
 
-/// The plan that the options come to.
-pub(crate) fn make_plan(job: &Job) -> anyhow::Result<Plan> {
-    make_plan_of(job, &job.grid()?)
+fn make_plan(job: &Job, grid: &ImageGrid) -> anyhow::Result<Plan> {
+    plan_image(job.session, &job.typed.image, job.history, grid)
 }
 
-fn make_plan_of(job: &Job, grid: &ImageGrid) -> anyhow::Result<Plan> {
-    let progress = job.session.progress("planning");
-    let former = former(job.typed)?;
-    let plan = Plan::new(&*former, &request(job, grid), &progress).map_err(with_advice)?;
+/// The plan that the options come to.
+pub(crate) fn plan_image(
+    session: &Session,
+    typed: &Imaging,
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+) -> anyhow::Result<Plan> {
+    let progress = session.progress("planning");
+    let former = typed.former.former()?;
+    let request = request(typed, history, grid);
+    let plan = Plan::new(&*former, &request, &progress).map_err(with_advice)?;
     progress.finish();
     Ok(plan)
 }
 
-fn request<'a>(job: &'a Job, grid: &'a ImageGrid) -> Request<'a> {
-    let typed = job.typed;
+fn request<'a>(typed: &Imaging, history: &'a dyn PhaseHistory, grid: &'a ImageGrid) -> Request<'a> {
     Request {
-        collection: job.history.collection(),
+        collection: history.collection(),
         grid,
         fast: typed.window,
         slow: typed.slow_window,
-        scratch_bytes: typed.tiled.scratch.unwrap_or(SCRATCH_BYTES),
+        scratch_bytes: typed.scratch.unwrap_or(SCRATCH_BYTES),
         misses: typed.misses(),
     }
 }
 
 /// The plan of the same options and grid for an error of `error_db`, if there is any.
 fn plan_for_less(job: &Job, grid: &ImageGrid, error_db: f64) -> Result<Option<Plan>, FormError> {
-    let Ok(former) = former(job.typed) else {
+    let typed = &job.typed.image;
+    let Ok(former) = typed.former.former() else {
         return Ok(None);
     };
     let progress = job.session.progress("planning");
-    let plan = match Plan::for_less(&*former, error_db, &request(job, grid), &progress) {
+    let plan = match Plan::for_less(
+        &*former,
+        error_db,
+        &request(typed, job.history, grid),
+        &progress,
+    ) {
         // No such plan: what the first one's miss says is what can be done.
         Err(FormError::BoundMissed { .. }) => None,
         plan => plan?,
