@@ -256,10 +256,16 @@ pub enum ReadError {
     Description(Box<dyn std::error::Error + Send + Sync>),
     /// Channels that are not there, or do not belong together.
     #[error(transparent)]
-    Channels(#[from] ChannelError),
+    Channels(Box<ChannelError>),
     /// Inputs that cannot form one aperture.
     #[error("{0}")]
     Mismatch(String),
+}
+
+impl From<ChannelError> for ReadError {
+    fn from(error: ChannelError) -> Self {
+        Self::Channels(Box::new(error))
+    }
 }
 
 /// A collection whose samples can be read, any run of pulses at a time.
