@@ -12,6 +12,7 @@
 //!   Nyquist's. The quadratic phase that made the grating lobes is common to the patch, and gone with
 //!   the compensation; what varies across the patch sets how long a sub-CPI may be ([`Plan`]).
 
+mod mapper;
 pub mod plan;
 pub mod precise;
 pub mod thesis;
