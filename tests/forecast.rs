@@ -13,7 +13,7 @@ use subaperture::focus::rdbp::RangeDoppler;
 use subaperture::focus::{ImageFormer, Misses, Task};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
-use subaperture::planner::forecast::{Settings, forecast};
+use subaperture::planner::forecast::forecast;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Variation};
 use subaperture_tests::subap::{listing, run};
@@ -33,12 +33,9 @@ fn within_a_factor_of_two(former: &dyn ImageFormer, grid: &str) {
         memory_bytes: 1 << 30,
         monitor: &Silent,
     };
-    let settings = Settings::within(-60.0);
     let mut best = f64::INFINITY;
     for _ in 0..TRIES {
-        let told = forecast(former, &task, &settings)
-            .unwrap()
-            .expect("an estimate");
+        let told = forecast(former, &task).unwrap().expect("an estimate");
         let start = Instant::now();
         former.form_asked(&task, Misses::Allowed).unwrap();
         let taken_s = start.elapsed().as_secs_f64();

@@ -15,5 +15,6 @@ mod quality;
 mod recordings;
 mod results;
 mod simulate;
+mod sources;
 mod tiles;
 mod usage;

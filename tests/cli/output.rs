@@ -18,15 +18,18 @@ fn scene() -> tempfile::TempDir {
     folder
 }
 
+/// One that is larger than memory is formed part by part (`tiles`); one that no disk has room for is not.
 #[test]
-fn a_grid_beyond_memory_is_refused_before_anything_else() {
+fn a_grid_beyond_the_disk_is_refused_before_anything_else() {
     let folder = tempfile::tempdir().unwrap();
-    // 1e6 x 1e6 pixels; the input need not even exist.
-    let grid = "--grid x=-50000:50000:0.1,y=-50000:50000:0.1,z=0";
+    // 1e7 x 1e7 pixels; the input need not even exist.
+    let grid = "--grid x=-500000:500000:0.1,y=-500000:500000:0.1,z=0";
     for algorithm in ["exact", "bp", "rdbp", "rda", "omega-k"] {
         let line = format!("focus none.cphd --out out --memory 1G -a {algorithm} {grid}");
-        run(folder.path(), &line)
-            .failed(1, &["--grid", "1000000 x 1000000", "--memory", "1.0 GiB"]);
+        run(folder.path(), &line).failed(
+            1,
+            &["--grid", "10000000 x 10000000", "727.6 TiB", "free there"],
+        );
     }
     assert!(listing(folder.path()).is_empty());
 }

@@ -57,7 +57,13 @@ fn a_recording_is_planned_like_the_pass_it_is_of() {
         // A CPHD goes through the Earth's frame: positions of 6,400 km in float64.
         assert!((of(&recorded) / of(&typed) - 1.0).abs() < 1e-3, "{name}");
     }
-    assert_eq!(recorded["costs"], typed["costs"]);
+    let costs = |plan: &Value| plan["costs"].as_array().unwrap().clone();
+    assert_eq!(costs(&recorded).len(), costs(&typed).len());
+    for (recorded, typed) in costs(&recorded).iter().zip(&costs(&typed)) {
+        assert_eq!(recorded["algorithm"], typed["algorithm"]);
+        assert_eq!(recorded["total_bytes"], typed["total_bytes"], "{typed}");
+        assert_eq!(recorded["operations"], typed["operations"], "{typed}");
+    }
     let picture = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
     for name in ["pictures/response.png", "pictures/ambiguity.png"] {
         assert_eq!(&picture(name)[1..4], b"PNG");

@@ -47,6 +47,36 @@ velocity = "100, 0, 0 m/s"
 at = "middle"
 "#;
 
+/// One bright point, and much that is dark.
+const BRIGHT: &str = r#"
+name = "bright"
+
+[scene]
+x = "-60, 60 m"
+y = "-60, 60 m"
+
+[[scene.point]]
+position = "-40, 40, 0 m"
+
+[[scene.point]]
+position = "30, -30, 0 m"
+cross_section = "-60 dBsm"
+
+[radar]
+kind = "ideal"
+pulses = 300
+pri = "4 ms"
+centre = "10 GHz"
+bandwidth = "100 MHz"
+samples = 200
+
+[platform]
+kind = "linear"
+position = "0, -4, 3 km"
+velocity = "100, 0, 0 m/s"
+at = "middle"
+"#;
+
 /// Every file of an image's store but its hidden ones, and what is in it.
 fn store(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     fn walk(root: &Path, folder: &Path, files: &mut BTreeMap<String, Vec<u8>>) {
@@ -288,4 +318,93 @@ fn two_runs_into_one_folder_do_not_meet() {
     // A dead run's lock is nobody's.
     let bp = line.replace("exact", "bp");
     run(folder, &bp).failed(1, &["another plan"]);
+}
+
+/// Without `--tiled` too an image may be larger than memory: it is the same to the bit, in the same file.
+#[test]
+fn an_image_larger_than_memory_is_formed_into_one_array() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(folder);
+    // 15 MB of pixels, of some 20 MB that 44 leave.
+    for (former, side) in [("bp", 0.088), ("rdbp", 0.088), ("ffbp", 0.088)] {
+        let line = format!(
+            "focus a.cphd -a {former} --grid x=-60:60:{side},y=-60:60:{side} --threads 2 --force"
+        );
+        run(folder, &format!("{line} --memory 1G -o whole")).succeeded();
+        let told = run(folder, &format!("{line} --memory 44M -o little --check 50"));
+        assert!(
+            told.succeeded()
+                .contains("error against the exact sum on 50 pixels"),
+            "{told:?}"
+        );
+        let [whole, little] =
+            ["whole", "little"].map(|name| fs::read(folder.join(name).join("image.npy")).unwrap());
+        assert!(whole == little, "{former}");
+        let said = run(folder, "picture little -o little.png --memory 44M");
+        said.succeeded();
+        let [whole, little] = ["whole", "little"].map(|name| record(&folder.join(name)));
+        assert_eq!(whole["brightest"], little["brightest"]);
+        assert_eq!(
+            whole["settings"]["resolved"]["predicted_error_db"].is_number(),
+            little["settings"]["resolved"]["predicted_error_db"].is_number()
+        );
+    }
+}
+
+fn record(folder: &Path) -> serde_json::Value {
+    serde_json::from_slice(&fs::read(folder.join("image.json")).unwrap()).unwrap()
+}
+
+/// A dark grid beside what is bright, of which the first plan is not good enough, is planned for less in tiles as it is in
+/// one piece; killed or not.
+#[test]
+fn a_dark_image_in_tiles_is_planned_for_less() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("scene.toml"), BRIGHT).unwrap();
+    run(folder, "simulate scene.toml -o a.cphd").succeeded();
+    let line = "focus a.cphd -a bp --grid x=10:58:0.3,y=-58:-10:0.3 --window taylor:25";
+    run(folder, &format!("{line} -o once")).succeeded();
+    let begun = Instant::now();
+    run(folder, &format!("{line} --tiled -o whole --check 40")).succeeded();
+    let took_ms = begun.elapsed().as_millis() as u64;
+    let [once, whole] = ["once", "whole"].map(|name| record(&folder.join(name)));
+    let resolved = &whole["settings"]["resolved"];
+    let for_db = resolved["planned_for_db"].as_f64().unwrap();
+    let expected = once["settings"]["resolved"]["planned_for_db"].as_f64();
+    // The same sums in another order.
+    assert!(
+        (for_db - expected.unwrap()).abs() < 1e-6,
+        "{for_db} {expected:?}"
+    );
+    assert!(for_db < -60.0 && resolved["predicted_error_db"].as_f64().unwrap() <= -60.0);
+    let measured = &whole["check"]["relative_to_image_db"];
+    assert!(measured.as_f64().unwrap() < -60.0, "{measured}");
+    let plan = fs::read_to_string(folder.join("whole/image.zarr/plan.json")).unwrap();
+    assert!(plan.contains("planned_for_db"));
+
+    let expected = store(&folder.join("whole"));
+    let line = format!("{line} --tiled --resume -o killed");
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    for _ in 0..12 {
+        let mut child = command(folder, line.split_whitespace())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        sleep(Duration::from_millis(random.next_u64() % (took_ms + 1)));
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    run(folder, &line).succeeded();
+    assert!(store(&folder.join("killed")) == expected);
+    let hidden = fs::read_dir(folder.join("killed")).unwrap();
+    assert_eq!(hidden.count(), 3, "nothing is left beside");
+    // A plan that is shared is not changed.
+    run(
+        folder,
+        "focus a.cphd --plan whole/image.zarr/plan.json --tiles 1/2 -o half",
+    )
+    .succeeded();
 }

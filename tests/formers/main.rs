@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod backprojection;
+mod costs;
 mod edges;
 mod frequency_domain;
 mod gotcha;

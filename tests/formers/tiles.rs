@@ -79,7 +79,7 @@ fn carried_out(plan: &Plan, history: &Simulated, way: &Way) -> Vec<Complex32> {
         .install(|| opened.form(&work, &indices, way.most_a_pass, &mut image))
         .unwrap();
     assert_eq!(image.records.len(), plan.num_tiles());
-    image.pixels
+    image.image.pixels
 }
 
 #[test]

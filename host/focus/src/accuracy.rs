@@ -153,7 +153,7 @@ pub(super) fn keep_replanning<F: ImageFormer + ?Sized>(
 ) -> Result<Formed, FormError> {
     let asked = former.asked(misses);
     let first = attempt(former, task, &asked, opened(former, task))?;
-    let next = first.next_plan_db(&asked);
+    let next = first.judgement.next_plan_db(&asked);
     let Some((next_db, stricter)) = next.and_then(|db| Some((db, former.planning_for(db)?))) else {
         return first.judge(&asked);
     };
@@ -188,44 +188,90 @@ fn opened<'a, F: ImageFormer + ?Sized>(
     }
 }
 
-/// An image, and what is known of its error, dB.
-struct Attempt {
-    formed: Formed,
-    planned_db: f64,
-    /// At the sampled pixels.
-    measured_db: f64,
-    num_sampled: usize,
+/// What is known of an image's error, dB.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judgement {
+    /// As it was planned.
+    pub planned_db: f64,
+    /// As it shows at the sampled pixels; infinite of an image for which not all pulses were read.
+    pub measured_db: f64,
+    /// These pixels.
+    pub num_sampled: usize,
 }
 
-impl Attempt {
+impl Judgement {
+    /// The error to expect: the larger of both.
+    pub fn predicted_db(&self) -> f64 {
+        self.planned_db.max(self.measured_db)
+    }
+
     /// What to plan for so that `bound_db` is kept, the scene making as much of that plan as of this one.
-    fn plan_for_db(&self, bound_db: f64) -> f64 {
+    pub fn plan_for_db(&self, bound_db: f64) -> f64 {
         bound_db + self.planned_db - self.measured_db - 1.0
     }
 
-    /// That, if the bound is missed, and not by the plan itself.
-    fn next_plan_db(&self, asked: &Asked) -> Option<f64> {
+    /// That, if what was asked is missed, and not by the plan itself.
+    pub fn next_plan_db(&self, asked: &Asked) -> Option<f64> {
         let bound_db = asked.bound_db?;
         let is_of_scene = self.planned_db <= bound_db && self.measured_db > bound_db;
         let next_db = self.plan_for_db(bound_db);
         (is_of_scene && next_db.is_finite()).then_some(next_db)
     }
 
-    /// The image with its prediction, if it is what was asked for or misses are allowed.
-    fn judge(mut self, asked: &Asked) -> Result<Formed, FormError> {
-        let planned_db = self.planned_db;
-        self.formed
-            .expect(asked.bound_db, planned_db.max(self.measured_db));
-        let settings = &mut self.formed.settings;
-        settings.insert("planned_error_db".to_owned(), planned_db.into());
-        asked.check(self.formed.predicted_error_db, || {
+    /// Goes on if the image is what was asked for, or misses are allowed.
+    ///
+    /// # Errors
+    /// [`FormError::BoundMissed`].
+    pub fn check(&self, asked: &Asked) -> Result<(), FormError> {
+        asked.check(self.predicted_db(), || {
             format!(
-                "the former plans {planned_db:.1} dB, and its error at {} pixels is more: the grid is dark, beside \
+                "the former plans {:.1} dB, and its error at {} pixels is more: the grid is dark, beside \
                  something bright that it leaves out; include that in --grid, or plan for less with --error-db {:.0}",
+                self.planned_db,
                 self.num_sampled,
                 self.plan_for_db(asked.bound_db.unwrap_or(0.0))
             )
-        })?;
+        })
+    }
+
+    /// Notes it among the settings of an image, with the bound asked. Whether that is missed.
+    pub fn note(&self, bound_db: Option<f64>, settings: &mut Settings) -> bool {
+        settings.insert("planned_error_db".to_owned(), self.planned_db.into());
+        note_error(bound_db, self.predicted_db(), settings)
+    }
+}
+
+/// What an image was formed with, as its record has it.
+pub type Settings = serde_json::Map<String, serde_json::Value>;
+
+/// Notes the error to expect, and the bound it is to keep, among settings. Whether that is missed.
+pub(super) fn note_error(
+    bound_db: Option<f64>,
+    predicted_db: f64,
+    settings: &mut Settings,
+) -> bool {
+    let missed = misses(predicted_db, bound_db);
+    settings.insert("predicted_error_db".to_owned(), predicted_db.into());
+    if let Some(bound_db) = bound_db {
+        settings.insert("error_db".to_owned(), bound_db.into());
+        settings.insert("bound_missed".to_owned(), missed.into());
+    }
+    missed
+}
+
+/// An image, and what is known of its error.
+struct Attempt {
+    formed: Formed,
+    judgement: Judgement,
+}
+
+impl Attempt {
+    /// The image with its prediction, if it is what was asked for or misses are allowed.
+    fn judge(mut self, asked: &Asked) -> Result<Formed, FormError> {
+        let Self { formed, judgement } = &mut self;
+        formed.predicted_error_db = judgement.predicted_db();
+        formed.bound_missed = judgement.note(asked.bound_db, &mut formed.settings);
+        judgement.check(asked)?;
         Ok(self.formed)
     }
 }
@@ -246,17 +292,18 @@ fn attempt<F: ImageFormer + ?Sized>(
     };
     let (tile, decision) = whole(former, task, asked, &sampled, form)?;
     let planned_db = with_sweep(decision.planned_db, swept);
-    let record = probes.record(&tile);
-    let num_sampled = record.as_ref().map_or(0, |record| record.seen.len());
-    // A former that left pulses out has no image of them all.
-    let measured_db = record.map_or(f64::INFINITY, |record| {
-        seen_error_db(&aim, &[record], planned_db)
-    });
+    let judgement = match probes.record(&tile) {
+        Some(record) => judge(&aim, &[record], planned_db),
+        // A former that left pulses out has no image of them all.
+        None => Judgement {
+            planned_db,
+            measured_db: f64::INFINITY,
+            num_sampled: 0,
+        },
+    };
     Ok(Attempt {
         formed: Formed::on(task.grid, tile.pixels, planned_db, decision.settings),
-        planned_db,
-        measured_db,
-        num_sampled,
+        judgement,
     })
 }
 
@@ -362,9 +409,9 @@ pub struct Seen {
     pub exact: [f64; 2],
 }
 
-/// Error that the records of all tiles tell, relative, dB: `C s^2 / M` of the module's formula; of an image planned to err
-/// by `planned_db`.
-pub(super) fn seen_error_db(aim: &Aim, records: &[TileRecord], planned_db: f64) -> f64 {
+/// What the records of all tiles tell of an image that was planned to err by `planned_db`: `C s^2 / M` of the module's
+/// formula.
+pub(super) fn judge(aim: &Aim, records: &[TileRecord], planned_db: f64) -> Judgement {
     let total = aim.grid.num_pixels() as usize;
     let (mut error, mut exact, mut count) = (0.0, 0.0, 0usize);
     for seen in records.iter().flat_map(|record| &record.seen) {
@@ -395,9 +442,14 @@ pub(super) fn seen_error_db(aim: &Aim, records: &[TileRecord], planned_db: f64) 
     // what is left of them.
     let own = rounding::path_phase_rad(aim).powi(2) * terms / mean;
     // Of an image of zeros where there should be zeros, nothing is wrong.
-    match error == 0.0 && !own.is_finite() {
+    let measured_db = match error == 0.0 && !own.is_finite() {
         true => LEAST_DB,
         false => 10.0 * (relative + own).log10(),
+    };
+    Judgement {
+        planned_db,
+        measured_db,
+        num_sampled: count,
     }
 }
 

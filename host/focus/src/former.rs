@@ -17,6 +17,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::accuracy::{self, Asked, Misses};
+use super::cost::Cost;
 use super::patch::{PatchSize, Rectangle};
 use super::{FormError, Formed, Task};
 use subaperture_model::geometry::ImageGrid;
@@ -49,6 +50,10 @@ pub struct Decision {
     pub settings: serde_json::Value,
     /// Planned relative RMS error, dB ([`super::accuracy`]).
     pub planned_db: f64,
+    /// Tiles whose edges lie at multiples of this cost least.
+    pub grain: PatchSize,
+    /// What the image takes.
+    pub cost: Cost,
 }
 
 /// A part of an image.
@@ -143,14 +148,6 @@ pub struct Work<'a> {
 
 /// A former that is ready to form tiles of one image.
 pub trait Forming: Sync {
-    /// Tiles whose edges lie at multiples of this cost least.
-    fn grain(&self) -> PatchSize {
-        PatchSize {
-            rows: 1,
-            columns: 1,
-        }
-    }
-
     /// Bytes a pixel that forming takes beside the 8 of the tile.
     fn pixel_bytes(&self) -> u64 {
         0

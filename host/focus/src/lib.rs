@@ -21,6 +21,7 @@
 
 pub mod accuracy;
 pub mod budget;
+pub mod cost;
 pub mod forecast;
 pub mod former;
 pub mod formers;
@@ -45,7 +46,8 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, ReadError, Weights};
 use subaperture_model::quantity::bytes;
 
-pub use accuracy::{Asked, Misses, TileRecord};
+pub use accuracy::{Asked, Judgement, Misses, Settings, TileRecord};
+pub use cost::Cost;
 pub use former::{Aim, Decision, Forming, ImageFormer, SCRATCH_BYTES, Tile, Work};
 pub use formers::{bp, exact, ffbp, omega_k, pfa, rda, rdbp};
 pub use plan::Plan;
@@ -135,7 +137,7 @@ pub struct Formed {
     pub bound_missed: bool,
     /// Every setting that was chosen, given or planned, for the record; the prediction and its bound
     /// among them.
-    pub settings: serde_json::Map<String, serde_json::Value>,
+    pub settings: Settings,
 }
 
 impl Formed {
@@ -167,15 +169,7 @@ impl Formed {
     /// Notes the error to expect, and the bound it is to keep.
     pub fn expect(&mut self, bound_db: Option<f64>, predicted_db: f64) {
         self.predicted_error_db = predicted_db;
-        self.bound_missed = accuracy::misses(predicted_db, bound_db);
-        let mut note = |key: &str, value: serde_json::Value| {
-            self.settings.insert(key.to_owned(), value);
-        };
-        note("predicted_error_db", predicted_db.into());
-        if let Some(bound_db) = bound_db {
-            note("error_db", bound_db.into());
-            note("bound_missed", self.bound_missed.into());
-        }
+        self.bound_missed = accuracy::note_error(bound_db, predicted_db, &mut self.settings);
     }
 }
 

@@ -7,6 +7,7 @@ use num_complex::Complex32;
 
 use super::Tile;
 use subaperture_model::geometry::ImageGrid;
+use subaperture_model::image::{Place, Tiling};
 
 /// How many rows and columns of pixels a patch has at most.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -18,6 +19,12 @@ pub struct PatchSize {
 }
 
 impl PatchSize {
+    /// A single pixel.
+    pub const PIXEL: Self = Self {
+        rows: 1,
+        columns: 1,
+    };
+
     /// The size nearest to a square of side `side_m`, at least 4 pixels a side (fewer cost more to keep
     /// account of than they hold) and at most the grid. A polar grid's angle counts as the arc at its
     /// middle range.
@@ -61,6 +68,26 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
+    /// The rectangle of these rows and columns.
+    pub fn of([rows, columns]: &Place) -> Self {
+        Self {
+            row: rows.start,
+            column: columns.start,
+            size: PatchSize {
+                rows: rows.len(),
+                columns: columns.len(),
+            },
+        }
+    }
+
+    /// Its rows and columns.
+    pub fn place(&self) -> Place {
+        [
+            self.row..self.row + self.size.rows,
+            self.column..self.column + self.size.columns,
+        ]
+    }
+
     /// The scene point at fractions of the patch, 0 at its first pixel and 1 at its last.
     pub fn point_m(&self, grid: &ImageGrid, row_fraction: f64, column_fraction: f64) -> DVec3 {
         let along = |first: usize, count: usize, fraction: f64| {
@@ -76,8 +103,8 @@ impl Rectangle {
 
     /// Whether a row and column of the grid are in it.
     pub fn contains(&self, row: usize, column: usize) -> bool {
-        (self.row..self.row + self.size.rows).contains(&row)
-            && (self.column..self.column + self.size.columns).contains(&column)
+        let [rows, columns] = self.place();
+        rows.contains(&row) && columns.contains(&column)
     }
 
     /// The scene point in its middle.
@@ -92,16 +119,9 @@ pub fn rectangles(grid: &ImageGrid, at_most: PatchSize) -> Vec<Rectangle> {
     Patches::new(grid, at_most).all().collect()
 }
 
-/// A grid cut into patches of one size.
+/// A grid cut into patches of one size, those at the ends smaller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Patches {
-    grid: PatchSize,
-    /// Of all patches but those at the ends, which may be smaller.
-    pub(crate) size: PatchSize,
-    /// Patches a row of them.
-    columns: usize,
-    rows: usize,
-}
+pub(crate) struct Patches(Tiling);
 
 /// Some pixels of a row.
 pub(crate) struct Segment<'a> {
@@ -113,57 +133,59 @@ pub(crate) struct Segment<'a> {
 
 impl Patches {
     pub(crate) fn new(grid: &ImageGrid, at_most: PatchSize) -> Self {
-        let (rows, columns) = (grid.rows.count, grid.columns.count);
         // As even as patches of one size can be.
-        let parts = |count: usize, at_most: usize| {
-            let size = count.div_ceil(count.div_ceil(at_most.max(1)).max(1)).max(1);
-            (size, count.div_ceil(size))
+        let even = |count: usize, at_most: usize| {
+            count.div_ceil(count.div_ceil(at_most.max(1)).max(1)).max(1)
         };
-        let (height, down) = parts(rows, at_most.rows);
-        let (width, across) = parts(columns, at_most.columns);
-        Self {
-            grid: PatchSize { rows, columns },
-            size: PatchSize {
-                rows: height,
-                columns: width,
-            },
-            columns: across,
-            rows: down,
-        }
+        let image = [grid.rows.count, grid.columns.count];
+        Self(Tiling {
+            image,
+            tile: [
+                even(image[0], at_most.rows),
+                even(image[1], at_most.columns),
+            ],
+        })
+    }
+
+    /// Of all patches but those at the ends.
+    pub(crate) fn size(&self) -> PatchSize {
+        let [rows, columns] = self.0.tile;
+        PatchSize { rows, columns }
+    }
+
+    /// How many there are.
+    pub(crate) fn count(&self) -> usize {
+        self.0.count()
+    }
+
+    /// The one in the middle.
+    pub(crate) fn middle(&self) -> Rectangle {
+        let [down, across] = self.0.tiles();
+        self.rectangle(down / 2 * across + across / 2)
     }
 
     fn all(self) -> impl Iterator<Item = Rectangle> {
-        (0..self.rows * self.columns).map(move |index| self.rectangle(index))
+        (0..self.0.count()).map(move |index| self.rectangle(index))
     }
 
     fn rectangle(&self, index: usize) -> Rectangle {
-        let (row, column) = (
-            index / self.columns * self.size.rows,
-            index % self.columns * self.size.columns,
-        );
-        Rectangle {
-            row,
-            column,
-            size: PatchSize {
-                rows: self.size.rows.min(self.grid.rows - row),
-                columns: self.size.columns.min(self.grid.columns - column),
-            },
-        }
+        Rectangle::of(&self.0.place(index))
     }
 
     /// The tiles' pixels by the patches that they lie in, row by row of patches. Of a patch that reaches beyond the tiles
     /// there are only the pixels in them.
     pub(crate) fn split<'a>(&self, tiles: &'a mut [Tile]) -> Vec<(Rectangle, Vec<Segment<'a>>)> {
         let mut patches: BTreeMap<usize, Vec<Segment>> = BTreeMap::new();
+        let ([height, width], across) = (self.0.tile, self.0.tiles()[1]);
         for tile in tiles {
             let Rectangle { row, column, size } = tile.place;
             for (row, mut rest) in (row..).zip(tile.pixels.chunks_exact_mut(size.columns)) {
                 let mut column = column;
                 while !rest.is_empty() {
-                    let patch = column / self.size.columns;
-                    let end = (patch + 1) * self.size.columns;
+                    let patch = column / width;
+                    let end = (patch + 1) * width;
                     let (pixels, tail) = rest.split_at_mut(rest.len().min(end - column));
-                    let index = row / self.size.rows * self.columns + patch;
+                    let index = row / height * across + patch;
                     let segment = Segment {
                         row,
                         column,
@@ -179,11 +201,12 @@ impl Patches {
     }
 
     /// Bytes that [`Self::split`] makes of them, at most.
-    pub(crate) fn account_bytes(tiles: &[Tile], size: PatchSize) -> u64 {
+    pub(crate) fn account_bytes(&self, tiles: &[Tile]) -> u64 {
+        let [height, width] = self.0.tile;
         let bytes = tiles.iter().map(|tile| {
             let Rectangle { size: pixels, .. } = tile.place;
-            let across = pixels.columns.div_ceil(size.columns) + 1;
-            let down = pixels.rows.div_ceil(size.rows) + 1;
+            let across = pixels.columns.div_ceil(width) + 1;
+            let down = pixels.rows.div_ceil(height) + 1;
             let patch = size_of::<(Rectangle, Vec<Segment>)>() + size_of::<(usize, Vec<Segment>)>();
             // Vectors grow by doubling.
             across * (down * patch + 2 * pixels.rows * size_of::<Segment>())

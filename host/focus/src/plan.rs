@@ -8,18 +8,20 @@
 //! former's grain, as often as makes about [`TILE_PIXELS`] of them.
 //!
 //! **What is kept of each tile** beside its pixels ([`TileRecord`]) tells, once all are there, the error that the image
-//! turned out to have ([`Opened::judge`]), as [`super::accuracy`] has it. A plan is not changed by what is found: an image
-//! that misses its bound has to be planned for less.
+//! turned out to have ([`Opened::judge`]), as [`super::accuracy`] has it. A plan is not changed by what is found: for an image
+//! that misses its bound there is another plan of the same request, for less ([`Plan::for_less`]).
 
 use std::collections::BTreeMap;
 
 use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 
-use super::accuracy::{self, Asked, Misses, Probes, Sampled, TileRecord, seen_error_db};
+use super::accuracy::{self, Asked, Judgement, Misses, Probes, Sampled, TileRecord};
+use super::cost::Cost;
 use super::patch::{PatchSize, Rectangle};
 use super::{Aim, FormError, Forming, ImageFormer, Tile, Work, formers};
 use subaperture_model::geometry::ImageGrid;
+use subaperture_model::image::{Image, Tiling, copy_common};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Collection, Weights};
 use subaperture_signal::window::Window;
@@ -79,8 +81,17 @@ pub struct Plan {
     pub misses_allowed: bool,
     /// Planned relative RMS error, dB.
     pub planned_db: f64,
+    /// What was planned for in place of the bound, dB, if the scene makes more of errors than a plan knows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub planned_for_db: Option<f64>,
     /// Of every tile but those at the ends.
     pub tile: PatchSize,
+    /// What the image takes, formed in one pass.
+    pub cost: Cost,
+    /// Real operations for a tile alone.
+    pub tile_operations: f64,
+    /// What is held meanwhile by a thread, pixels and all, the recording apart, bytes.
+    pub tile_bytes: u64,
     /// Of which recording.
     pub recording: Fingerprint,
 }
@@ -179,6 +190,36 @@ impl Plan {
         request: &Request,
         monitor: &dyn Monitor,
     ) -> Result<Self, FormError> {
+        Self::made(former, former.bound_db(), request, monitor)
+    }
+
+    /// Plans the image of the same request for an error of `error_db`, less than the former's bound
+    /// ([`Judgement::next_plan_db`]); the bound stays what is asked of the image. `None` if the former has no way to make its
+    /// errors smaller.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn for_less(
+        former: &dyn ImageFormer,
+        error_db: f64,
+        request: &Request,
+        monitor: &dyn Monitor,
+    ) -> Result<Option<Self>, FormError> {
+        let Some(stricter) = former.planning_for(error_db) else {
+            return Ok(None);
+        };
+        Ok(Some(Self {
+            planned_for_db: Some(error_db),
+            ..Self::made(&*stricter, former.bound_db(), request, monitor)?
+        }))
+    }
+
+    fn made(
+        former: &dyn ImageFormer,
+        bound_db: Option<f64>,
+        request: &Request,
+        monitor: &dyn Monitor,
+    ) -> Result<Self, FormError> {
         let &Request {
             collection, grid, ..
         } = request;
@@ -193,7 +234,8 @@ impl Plan {
         let asked = former.asked(request.misses);
         let swept = accuracy::swept(former, &aim, &asked)?;
         let decision = former.decide(&aim, &asked, monitor)?;
-        let grain = former.open(aim, &decision.choices)?.grain();
+        let tile = tile_size(grid, decision.grain);
+        let share = (tile.rows * tile.columns) as f64 / grid.num_pixels() as f64;
         Ok(Self {
             schema: SCHEMA.to_owned(),
             former: former.name().to_owned(),
@@ -204,10 +246,15 @@ impl Plan {
             window: request.fast.to_string(),
             slow_window: request.slow.to_string(),
             scratch_bytes: request.scratch_bytes,
-            bound_db: former.bound_db(),
+            bound_db,
             misses_allowed: request.misses == Misses::Allowed,
             planned_db: accuracy::with_sweep(decision.planned_db, swept),
-            tile: tile_size(grid, grain),
+            planned_for_db: None,
+            tile_operations: decision.cost.tile_operations(share).round(),
+            tile_bytes: (8 * (tile.rows * tile.columns) as u64)
+                .saturating_add(decision.cost.bytes(share)),
+            cost: decision.cost,
+            tile,
             recording: Fingerprint::of(collection),
         })
     }
@@ -248,37 +295,17 @@ impl Plan {
             && (1..=grid.columns.count).contains(&tile.columns)
     }
 
+    /// The image cut into tiles.
+    pub fn tiling(&self) -> Tiling {
+        Tiling {
+            image: [self.grid.rows.count, self.grid.columns.count],
+            tile: [self.tile.rows, self.tile.columns],
+        }
+    }
+
     /// Tiles, in all.
     pub fn num_tiles(&self) -> usize {
-        let [down, across] = self.tiles_each_way();
-        down * across
-    }
-
-    /// Rows and columns of tiles.
-    pub fn tiles_each_way(&self) -> [usize; 2] {
-        [
-            self.grid.rows.count.div_ceil(self.tile.rows),
-            self.grid.columns.count.div_ceil(self.tile.columns),
-        ]
-    }
-
-    /// The place of tile `index`, row by row.
-    ///
-    /// # Panics
-    /// If there is no such tile.
-    pub fn tile(&self, index: usize) -> Rectangle {
-        assert!(index < self.num_tiles(), "no tile {index}");
-        let across = self.tiles_each_way()[1];
-        let row = index / across * self.tile.rows;
-        let column = index % across * self.tile.columns;
-        Rectangle {
-            row,
-            column,
-            size: PatchSize {
-                rows: self.tile.rows.min(self.grid.rows.count - row),
-                columns: self.tile.columns.min(self.grid.columns.count - column),
-            },
-        }
+        self.tiling().count()
     }
 
     /// The windows.
@@ -416,10 +443,13 @@ impl Opened<'_> {
         let tile_bytes = pixels.saturating_mul(8 + self.forming.pixel_bytes());
         // A third, so that pulses and scratch have room.
         let fit = (left_bytes / 3 / tile_bytes.max(1)).clamp(1, most_a_pass.max(1) as u64);
+        let tiling = self.plan.tiling();
         let (total, mut done) = (indices.len() as f64, 0);
         for indices in indices.chunks(fit as usize) {
-            let places = indices.iter().map(|&index| self.plan.tile(index));
-            let mut tiles: Vec<Tile> = places.map(Tile::new).collect();
+            let places = indices.iter().map(|&index| tiling.place(index));
+            let mut tiles: Vec<Tile> = places
+                .map(|place| Tile::new(Rectangle::of(&place)))
+                .collect();
             let sampled = Sampled {
                 history: work.history,
                 probes: &self.probes,
@@ -446,18 +476,16 @@ impl Opened<'_> {
         Ok(())
     }
 
-    /// The error to expect, dB, now that all tiles are formed: the larger of what was planned and what was seen.
-    pub fn judge(&self, records: &[TileRecord]) -> f64 {
-        let planned_db = self.plan.planned_db;
-        planned_db.max(seen_error_db(&self.aim, records, planned_db))
+    /// What is known of the image's error now that all tiles are formed.
+    pub fn judge(&self, records: &[TileRecord]) -> Judgement {
+        accuracy::judge(&self.aim, records, self.plan.planned_db)
     }
 }
 
 /// All of an image in memory.
 pub struct InMemory {
-    columns: usize,
-    /// Row-major.
-    pub pixels: Vec<Complex32>,
+    /// The image.
+    pub image: Image,
     /// By tile.
     pub records: BTreeMap<usize, TileRecord>,
 }
@@ -465,9 +493,13 @@ pub struct InMemory {
 impl InMemory {
     /// An image of zeros.
     pub fn new(grid: &ImageGrid) -> Self {
+        let (rows, columns) = (grid.rows.count, grid.columns.count);
         Self {
-            columns: grid.columns.count,
-            pixels: vec![Complex32::ZERO; grid.num_pixels() as usize],
+            image: Image {
+                rows,
+                columns,
+                pixels: vec![Complex32::ZERO; rows * columns],
+            },
             records: BTreeMap::new(),
         }
     }
@@ -480,11 +512,9 @@ impl Sink for InMemory {
         tile: Tile,
         record: TileRecord,
     ) -> Result<(), Box<dyn std::error::Error + Send + Sync>> {
-        let Rectangle { row, column, size } = tile.place;
-        for (row, values) in (row..).zip(tile.pixels.chunks_exact(size.columns)) {
-            let first = row * self.columns + column;
-            self.pixels[first..first + size.columns].copy_from_slice(values);
-        }
+        let image = &mut self.image;
+        let whole = [0..image.rows, 0..image.columns];
+        copy_common(&whole, &mut image.pixels, &tile.place.place(), &tile.pixels);
         self.records.insert(index, record);
         Ok(())
     }

@@ -188,12 +188,8 @@ impl Beside {
     /// # Errors
     /// Then the target is as it was.
     pub fn commit(self) -> Result<(), WriteError> {
-        let moved = self.file.sync_all().and_then(|()| {
-            let _moving = unfinished::commit();
-            fs::rename(&self.hidden.0, &self.place.path)?;
-            sync_folder(self.place.folder())
-        });
-        moved.map_err(|source| self.failed(source))
+        put_in_place(&self.file, &self.hidden.0, &self.place.path)
+            .map_err(|source| self.failed(source))
     }
 }
 
@@ -226,6 +222,14 @@ pub fn check_room(path: &Path, folder: &Path, needed_bytes: u64) -> Result<(), W
         }),
         _ => Ok(()),
     }
+}
+
+/// Forces the `file` called `hidden` to disk and renames it to `path`, in the same folder.
+pub(super) fn put_in_place(file: &File, hidden: &Path, path: &Path) -> io::Result<()> {
+    file.sync_all()?;
+    let _moving = unfinished::commit();
+    fs::rename(hidden, path)?;
+    sync_folder(path.parent().unwrap_or(Path::new("")))
 }
 
 /// Forces a folder's names to disk, where the system can.

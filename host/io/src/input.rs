@@ -1,7 +1,7 @@
 //! Input files: whether two names are one file, and whether a file was changed while it was read.
 
 use std::fs::{self, File, Metadata};
-use std::io;
+use std::io::{self, Read};
 use std::path::Path;
 use std::time::SystemTime;
 
@@ -30,6 +30,20 @@ pub fn same_path(a: &Path, b: &Path) -> bool {
     match (fs::canonicalize(a), fs::canonicalize(b)) {
         (Ok(a), Ok(b)) => a == b,
         _ => false,
+    }
+}
+
+/// Bytes that are left of a file, and their CRC-32 in hexadecimal.
+pub fn checksum(file: &mut File) -> io::Result<(u64, String)> {
+    let (mut crc, mut bytes, mut block) = (crc32fast::Hasher::new(), 0, vec![0; 1 << 16]);
+    loop {
+        match file.read(&mut block)? {
+            0 => return Ok((bytes, format!("{:08x}", crc.finalize()))),
+            count => {
+                crc.update(&block[..count]);
+                bytes += count as u64;
+            }
+        }
     }
 }
 

@@ -17,6 +17,8 @@ use std::io::{self, BufReader, Read, Seek};
 use std::path::Path;
 
 use serde_json::Value;
+
+use super::input::checksum;
 use subaperture_model::PROGRAM;
 
 /// What the first line of a text holds.
@@ -205,7 +207,7 @@ fn is_recorded(path: &Path, mut array: File) -> io::Result<bool> {
         };
         let crc32 = match &sum {
             Some(sum) => sum.clone(),
-            None => crc32_of(&mut array)?,
+            None => checksum(&mut array)?.1,
         };
         if states(&crc32) {
             return Ok(true);
@@ -213,14 +215,4 @@ fn is_recorded(path: &Path, mut array: File) -> io::Result<bool> {
         sum = Some(crc32);
     }
     Ok(false)
-}
-
-fn crc32_of(file: &mut File) -> io::Result<String> {
-    let (mut crc, mut block) = (crc32fast::Hasher::new(), vec![0; 1 << 16]);
-    loop {
-        match file.read(&mut block)? {
-            0 => return Ok(format!("{:08x}", crc.finalize())),
-            count => crc.update(&block[..count]),
-        }
-    }
 }

@@ -20,6 +20,7 @@
 //!
 //! [`read`] reads one back.
 
+mod growing;
 mod read;
 pub mod record;
 
@@ -35,6 +36,7 @@ use super::staging::Staged;
 use super::tiles::{self, TileStore};
 use subaperture_model::image::Image;
 
+pub use growing::{Growing, Grown};
 pub use read::{OpenProduct, Pixels, ReadError, StoredProduct, open, read};
 
 const IMAGE: &str = "image.npy";
@@ -67,8 +69,8 @@ impl TiledProduct<'_> {
     /// # Panics
     /// If `metadata` is not an object.
     pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
-        let layout = self.store.layout();
-        let image = json!({ "tiles": layout.count(), "bytes": layout.bytes() });
+        let tiling = self.store.tiling();
+        let image = json!({ "tiles": tiling.count(), "bytes": tiles::disk_bytes(&tiling) });
         let files = json!({ tiles::NAME: image });
         write_beside(folder, self.metadata, self.quicklook, files)
     }
@@ -137,18 +139,30 @@ impl Product<'_> {
             npy::file_bytes(self.image.pixels.len() as u64) + self.quicklook.len() as u64;
         let staged = Staged::begin(folder, needed_bytes)?;
         let image = staged.write(IMAGE, |out| npy::write_to(out, self.image))?;
-        let mut files = json!({ IMAGE: image });
-        let mut names = vec![IMAGE];
-        if !self.quicklook.is_empty() {
-            files[QUICKLOOK] = staged.write(QUICKLOOK, |out| out.write_all(self.quicklook))?;
-            names.push(QUICKLOOK);
-        }
-        write_metadata(&staged, self.metadata, files)?;
-        staged.commit(&names, &[METADATA])?;
-        if self.quicklook.is_empty() {
-            remove(&folder.join(QUICKLOOK))?;
-        }
-        Ok(())
+        finish(staged, folder, image, self.metadata, self.quicklook)
+    }
+}
+
+/// Writes record and picture beside a staged image, of whose file `image` tells, and moves all of them into place. A picture
+/// of an older product goes if there is no new one.
+fn finish(
+    staged: Staged,
+    folder: &Path,
+    image: Value,
+    metadata: &Value,
+    quicklook: &[u8],
+) -> Result<(), WriteError> {
+    let mut files = json!({ IMAGE: image });
+    let mut names = vec![IMAGE];
+    if !quicklook.is_empty() {
+        files[QUICKLOOK] = staged.write(QUICKLOOK, |out| out.write_all(quicklook))?;
+        names.push(QUICKLOOK);
+    }
+    write_metadata(&staged, metadata, files)?;
+    staged.commit(&names, &[METADATA])?;
+    match quicklook.is_empty() {
+        true => remove(&folder.join(QUICKLOOK)),
+        false => Ok(()),
     }
 }
 

@@ -9,16 +9,18 @@
 //! never a set in part, and the next run that writes there removes it. Meanwhile the folder is locked.
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
 use super::atomic::{WriteError, check_room, sync_folder};
+use super::input::checksum;
 use super::place::Place;
 use super::unfinished::{self, Thing};
 
 /// Files on their way into a folder. Gone when dropped, unless committed.
+#[derive(Debug)]
 pub(super) struct Staged {
     // Before the place: when dropped, it goes before the lock and the folders above.
     staging: Staging,
@@ -86,6 +88,26 @@ impl Staged {
         })
     }
 
+    /// A file to be filled in any order, to be read meanwhile too; it is forced to the disk by [`Self::seal`].
+    pub(super) fn create_open(&self, name: &str) -> Result<File, WriteError> {
+        let mut how = File::options();
+        how.read(true).write(true).create_new(true);
+        let file = how.open(self.staging.0.join(name));
+        file.map_err(|source| self.failed(name, source))
+    }
+
+    /// Forces such a file to the disk; its size and CRC-32. Leaves it at its start.
+    pub(super) fn seal(&self, name: &str, file: &mut File) -> Result<Value, WriteError> {
+        let sealed = (|| {
+            file.sync_all()?;
+            file.rewind()?;
+            let (bytes, crc32) = checksum(file)?;
+            file.rewind()?;
+            Ok(json!({ "bytes": bytes, "crc32": crc32 }))
+        })();
+        sealed.map_err(|source| self.failed(name, source))
+    }
+
     /// Forces a file to the disk, not only to the system's memory; its size and CRC-32.
     pub(super) fn finish(&self, name: &str, file: StagedFile) -> Result<Value, WriteError> {
         file.sync().map_err(|source| self.failed(name, source))
@@ -130,6 +152,7 @@ impl Staged {
 }
 
 /// A staging folder, removed when dropped, if it is still there.
+#[derive(Debug)]
 struct Staging(PathBuf);
 
 impl Drop for Staging {

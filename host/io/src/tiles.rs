@@ -17,7 +17,6 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -25,11 +24,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use num_complex::Complex32;
 use serde_json::{Value, json};
 
-use super::atomic::{WriteError, check_room, sync_folder};
+use super::atomic::{WriteError, check_room, put_in_place, sync_folder};
 use super::lock::Lock;
 use super::place::Place as OutputPlace;
 use super::unfinished::{self, Thing};
-use subaperture_model::image::{Image, Parts, PartsError, Place};
+use subaperture_model::image::{Image, Parts, PartsError, Place, Tiling, copy_common};
 
 /// The folder's name in that of a product.
 pub const NAME: &str = "image.zarr";
@@ -45,68 +44,28 @@ const LONGEST_BYTES: u64 = 256 << 20;
 /// Most bytes of a tile.
 const LARGEST_TILE_BYTES: u64 = 1 << 32;
 
-/// Sizes of an image and of its tiles, pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Layout {
-    /// Rows and columns of the image.
-    pub image: [usize; 2],
-    /// Rows and columns of a tile; at the ends there are fewer.
-    pub tile: [usize; 2],
+/// Bytes that all tiles take on disk.
+pub fn disk_bytes(tiling: &Tiling) -> u64 {
+    tiling.count() as u64 * tile_bytes(tiling)
 }
 
-impl Layout {
-    /// Rows and columns of tiles.
-    pub fn tiles(&self) -> [usize; 2] {
-        [0, 1].map(|i| self.image[i].div_ceil(self.tile[i]))
-    }
+fn tile_bytes(tiling: &Tiling) -> u64 {
+    8 * (tiling.tile[0] as u64) * (tiling.tile[1] as u64)
+}
 
-    /// Tiles in all.
-    pub fn count(&self) -> usize {
-        self.tiles().iter().product()
-    }
-
-    /// Rows and columns of the image that tile `index`, row by row, holds.
-    ///
-    /// # Panics
-    /// If there is no such tile.
-    pub fn place(&self, index: usize) -> [Range<usize>; 2] {
-        assert!(index < self.count(), "no tile {index}");
-        let at = self.at(index);
-        [0, 1].map(|i| {
-            let first = at[i] * self.tile[i];
-            first..(first + self.tile[i]).min(self.image[i])
-        })
-    }
-
-    /// Bytes that all tiles take on disk.
-    pub fn bytes(&self) -> u64 {
-        self.count() as u64 * self.tile_bytes()
-    }
-
-    fn tile_bytes(&self) -> u64 {
-        8 * (self.tile[0] as u64) * (self.tile[1] as u64)
-    }
-
-    fn at(&self, index: usize) -> [usize; 2] {
-        let across = self.tiles()[1];
-        [index / across, index % across]
-    }
-
-    fn of(array: &Value) -> Option<Self> {
-        let pair = |value: &Value| {
-            let [a, b] = <[Value; 2]>::try_from(value.as_array()?.clone()).ok()?;
-            Some([a.as_u64()? as usize, b.as_u64()? as usize])
-        };
-        let layout = Self {
-            image: pair(&array["shape"])?,
-            tile: pair(&array["chunk_grid"]["configuration"]["chunk_shape"])?,
-        };
-        let sides = layout.image.iter().chain(&layout.tile);
-        let possible = sides
-            .clone()
-            .all(|&side| (1..=1_000_000_000).contains(&side));
-        (possible && layout.tile_bytes() <= LARGEST_TILE_BYTES).then_some(layout)
-    }
+/// What the array's description says of it.
+fn tiling_of(array: &Value) -> Option<Tiling> {
+    let pair = |value: &Value| {
+        let [a, b] = <[Value; 2]>::try_from(value.as_array()?.clone()).ok()?;
+        Some([a.as_u64()? as usize, b.as_u64()? as usize])
+    };
+    let tiling = Tiling {
+        image: pair(&array["shape"])?,
+        tile: pair(&array["chunk_grid"]["configuration"]["chunk_shape"])?,
+    };
+    let mut sides = tiling.image.iter().chain(&tiling.tile);
+    let possible = sides.all(|&side| (1..=1_000_000_000).contains(&side));
+    (possible && tile_bytes(&tiling) <= LARGEST_TILE_BYTES).then_some(tiling)
 }
 
 /// Why a store was not read.
@@ -145,7 +104,7 @@ pub enum StoreError {
 #[derive(Debug)]
 pub struct TileStore {
     folder: PathBuf,
-    layout: Layout,
+    tiling: Tiling,
     plan: String,
 }
 
@@ -154,20 +113,20 @@ impl TileStore {
     ///
     /// # Errors
     /// [`WriteError`], also if there is one already or the disk has no room for all tiles.
-    pub fn create(product: &Path, layout: Layout, plan: &str) -> Result<Self, WriteError> {
+    pub fn create(product: &Path, tiling: Tiling, plan: &str) -> Result<Self, WriteError> {
         let folder = product.join(NAME);
         let failed = |source: io::Error| WriteError::Io {
             path: folder.clone(),
-            needed_bytes: layout.bytes(),
+            needed_bytes: disk_bytes(&tiling),
             source,
         };
         fs::create_dir_all(product).map_err(failed)?;
-        check_room(&folder, product, layout.bytes())?;
+        check_room(&folder, product, disk_bytes(&tiling))?;
         let place = OutputPlace::of_folder(&folder)?;
         let beside = product.join(place.lock.hidden_name(".zarr"));
         fs::create_dir(&beside).map_err(failed)?;
         unfinished::begin(Thing::Folder(beside.clone()));
-        let made = Self::fill(&beside, layout, plan).and_then(|()| {
+        let made = Self::fill(&beside, tiling, plan).and_then(|()| {
             let _moving = unfinished::commit();
             fs::rename(&beside, &folder)?;
             sync_folder(product)
@@ -177,25 +136,49 @@ impl TileStore {
         made.map_err(failed)?;
         Ok(Self {
             folder,
-            layout,
+            tiling,
             plan: plan.to_owned(),
         })
     }
 
-    fn fill(folder: &Path, layout: Layout, plan: &str) -> io::Result<()> {
+    /// Removes the store in the folder `product`, whole or not, if there is one: at once, whenever the process is ended.
+    ///
+    /// # Errors
+    /// [`WriteError`].
+    pub fn discard(product: &Path) -> Result<(), WriteError> {
+        let folder = product.join(NAME);
+        if !folder.exists() {
+            return Ok(());
+        }
+        let place = OutputPlace::of_folder(&folder)?;
+        let old = product.join(place.lock.hidden_name(".old"));
+        let moved = fs::rename(&folder, &old).and_then(|()| {
+            unfinished::begin(Thing::Folder(old.clone()));
+            let removed = fs::remove_dir_all(&old);
+            unfinished::end(&old);
+            removed
+        });
+        moved.map_err(|source| WriteError::Io {
+            path: folder,
+            needed_bytes: 0,
+            source,
+        })
+    }
+
+    fn fill(folder: &Path, tiling: Tiling, plan: &str) -> io::Result<()> {
         fs::create_dir(folder.join(CHUNKS))?;
         fs::create_dir(folder.join(MARKS))?;
-        for row in 0..layout.tiles()[0] {
+        for row in 0..tiling.tiles()[0] {
             fs::create_dir(folder.join(CHUNKS).join(row.to_string()))?;
         }
         let array = json!({
             "zarr_format": 3,
             "node_type": "array",
-            "shape": layout.image,
+            "shape": tiling.image,
             "data_type": "complex64",
             "chunk_grid": {
                 "name": "regular",
-                "configuration": { "chunk_shape": layout.tile },
+                "configuration": { "chunk_shape": tiling.tile },
             },
             "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
             "fill_value": [0.0, 0.0],
@@ -227,11 +210,11 @@ impl TileStore {
         let codecs = array["codecs"].as_array();
         let plain = codecs
             .is_some_and(|all| all.len() == 1 && all[0]["configuration"]["endian"] == "little");
-        let layout = match array["data_type"] == "complex64" && plain {
-            true => Layout::of(&array),
+        let tiling = match array["data_type"] == "complex64" && plain {
+            true => tiling_of(&array),
             false => None,
         };
-        let Some(layout) = layout else {
+        let Some(tiling) = tiling else {
             return Err(StoreError::Format {
                 path,
                 what: "this is no image of complex64 in plain tiles".to_owned(),
@@ -240,14 +223,14 @@ impl TileStore {
         let plan = read_text(&folder.join(PLAN))?;
         Ok(Some(Self {
             folder,
-            layout,
+            tiling,
             plan,
         }))
     }
 
     /// Sizes of image and tiles.
-    pub fn layout(&self) -> Layout {
-        self.layout
+    pub fn tiling(&self) -> Tiling {
+        self.tiling
     }
 
     /// The plan's text.
@@ -273,13 +256,13 @@ impl TileStore {
     }
 
     fn chunk(&self, index: usize) -> PathBuf {
-        let [row, column] = self.layout.at(index);
+        let [row, column] = self.tiling.at(index);
         let row = self.folder.join(CHUNKS).join(row.to_string());
         row.join(column.to_string())
     }
 
     fn mark(&self, index: usize) -> PathBuf {
-        let [row, column] = self.layout.at(index);
+        let [row, column] = self.tiling.at(index);
         let name = format!("{row}.{column}.json");
         self.folder.join(MARKS).join(name)
     }
@@ -292,13 +275,13 @@ impl TileStore {
     /// # Panics
     /// If there is no such tile, or `pixels` are not as many as it has.
     pub fn put(&self, index: usize, pixels: &[Complex32], note: &Value) -> Result<(), WriteError> {
-        let [rows, columns] = self.layout.place(index);
+        let [rows, columns] = self.tiling.place(index);
         assert_eq!(pixels.len(), rows.len() * columns.len());
         let mut crc = crc32fast::Hasher::new();
-        let mut row_bytes = vec![0; 8 * self.layout.tile[1]];
+        let mut row_bytes = vec![0; 8 * self.tiling.tile[1]];
         let path = self.chunk(index);
         beside(&path, |out| {
-            for row in 0..self.layout.tile[0] {
+            for row in 0..self.tiling.tile[0] {
                 let first = row * columns.len();
                 let values = pixels.get(first..first + columns.len()).unwrap_or(&[]);
                 row_bytes.fill(0);
@@ -327,7 +310,7 @@ impl TileStore {
     /// [`StoreError`].
     pub fn done(&self) -> Result<BTreeMap<usize, Value>, StoreError> {
         let mut done = BTreeMap::new();
-        for index in 0..self.layout.count() {
+        for index in 0..self.tiling.count() {
             let path = self.mark(index);
             if !path.exists() {
                 continue;
@@ -350,7 +333,7 @@ impl TileStore {
     /// # Panics
     /// If there is no such tile.
     pub fn read(&self, index: usize) -> Result<Vec<Complex32>, StoreError> {
-        let [rows, columns] = self.layout.place(index);
+        let [rows, columns] = self.tiling.place(index);
         let (path, mark_path) = (self.chunk(index), self.mark(index));
         let mark: Value = serde_json::from_str(&read_text(&mark_path)?).unwrap_or_default();
         let damaged = |what: String| StoreError::Damaged {
@@ -364,14 +347,14 @@ impl TileStore {
         };
         let mut file = File::open(&path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
-        if bytes != self.layout.tile_bytes() {
-            let wanted = self.layout.tile_bytes();
+        if bytes != tile_bytes(&self.tiling) {
+            let wanted = tile_bytes(&self.tiling);
             return Err(damaged(format!("it has {bytes} bytes and not {wanted}")));
         }
         let mut crc = crc32fast::Hasher::new();
-        let mut row_bytes = vec![0; 8 * self.layout.tile[1]];
+        let mut row_bytes = vec![0; 8 * self.tiling.tile[1]];
         let mut pixels = Vec::with_capacity(rows.len() * columns.len());
-        for row in 0..self.layout.tile[0] {
+        for row in 0..self.tiling.tile[0] {
             file.read_exact(&mut row_bytes).map_err(failed)?;
             crc.update(&row_bytes);
             if row < rows.len() {
@@ -392,13 +375,13 @@ impl TileStore {
 
 impl Parts for TileStore {
     fn size(&self) -> (usize, usize) {
-        let [rows, columns] = self.layout.image;
+        let [rows, columns] = self.tiling.image;
         (rows, columns)
     }
 
     fn places(&self) -> Vec<Place> {
-        (0..self.layout.count())
-            .map(|index| self.layout.place(index))
+        (0..self.tiling.count())
+            .map(|index| self.tiling.place(index))
             .collect()
     }
 
@@ -412,29 +395,16 @@ impl TileStore {
     ///
     /// # Errors
     /// [`StoreError`].
-    pub fn part(&self, [rows, columns]: &Place) -> Result<Image, StoreError> {
+    pub fn part(&self, place: &Place) -> Result<Image, StoreError> {
+        let [rows, columns] = place;
         let mut window = Image {
             rows: rows.len(),
             columns: columns.len(),
             pixels: vec![Complex32::ZERO; rows.len() * columns.len()],
         };
-        let [height, width] = self.layout.tile;
-        let across = self.layout.tiles()[1];
-        for row in rows.start / height..rows.end.div_ceil(height) {
-            for column in columns.start / width..columns.end.div_ceil(width) {
-                let index = row * across + column;
-                let [tile_rows, tile_columns] = self.layout.place(index);
-                let tile = self.read(index)?;
-                let common =
-                    tile_columns.start.max(columns.start)..tile_columns.end.min(columns.end);
-                for row in tile_rows.start.max(rows.start)..tile_rows.end.min(rows.end) {
-                    let from = (row - tile_rows.start) * tile_columns.len();
-                    let from = from + common.start - tile_columns.start;
-                    let to = (row - rows.start) * columns.len() + common.start - columns.start;
-                    window.pixels[to..to + common.len()]
-                        .copy_from_slice(&tile[from..from + common.len()]);
-                }
-            }
+        for index in self.tiling.meeting(place) {
+            let tile = self.read(index)?;
+            copy_common(place, &mut window.pixels, &self.tiling.place(index), &tile);
         }
         Ok(window)
     }
@@ -468,10 +438,7 @@ fn beside(
         write(&mut out)?;
         out.flush()?;
         drop(out);
-        file.sync_all()?;
-        let _moving = unfinished::commit();
-        fs::rename(&hidden, path)?;
-        sync_folder(folder)
+        put_in_place(&file, &hidden, path)
     })();
     let _ = fs::remove_file(&hidden);
     unfinished::end(&hidden);
@@ -497,13 +464,13 @@ fn read_text(path: &Path) -> Result<String, StoreError> {
 mod tests {
     use super::*;
 
-    const LAYOUT: Layout = Layout {
+    const TILING: Tiling = Tiling {
         image: [5, 7],
         tile: [2, 3],
     };
 
     fn tile(index: usize) -> Vec<Complex32> {
-        let [rows, columns] = LAYOUT.place(index);
+        let [rows, columns] = TILING.place(index);
         let value = |(r, c): (usize, usize)| Complex32::new(r as f32, c as f32 + 0.5);
         rows.flat_map(|r| columns.clone().map(move |c| (r, c)))
             .map(value)
@@ -515,15 +482,15 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let product = folder.path().join("a/b");
         assert!(TileStore::open(&product).unwrap().is_none());
-        let store = TileStore::create(&product, LAYOUT, "the plan").unwrap();
-        assert_eq!(LAYOUT.tiles(), [3, 3]);
+        let store = TileStore::create(&product, TILING, "the plan").unwrap();
+        assert_eq!(TILING.tiles(), [3, 3]);
         for index in [8, 0, 5] {
             store
                 .put(index, &tile(index), &json!({ "n": index }))
                 .unwrap();
         }
         let again = TileStore::open(&product).unwrap().unwrap();
-        assert_eq!((again.layout(), again.plan()), (LAYOUT, "the plan"));
+        assert_eq!((again.tiling(), again.plan()), (TILING, "the plan"));
         let done: Vec<usize> = again.done().unwrap().into_keys().collect();
         assert_eq!(done, [0, 5, 8]);
         assert_eq!(again.done().unwrap()[&5]["n"], 5);
@@ -546,7 +513,7 @@ mod tests {
         let error = again.read(0).unwrap_err().to_string();
         assert!(error.contains("3 bytes and not 48"), "{error}");
         // Any window is read from the tiles that it lies on.
-        for index in 0..LAYOUT.count() {
+        for index in 0..TILING.count() {
             store.put(index, &tile(index), &Value::Null).unwrap();
         }
         let window = again.window(&[1..5, 2..7]).unwrap();
@@ -558,13 +525,13 @@ mod tests {
         // Nothing is left beside.
         let names = fs::read_dir(product.join("image.zarr/c/1")).unwrap();
         assert_eq!(names.count(), 3);
-        assert!(TileStore::create(&product, LAYOUT, "").is_err());
+        assert!(TileStore::create(&product, TILING, "").is_err());
     }
 
     #[test]
     fn what_is_no_store_is_refused() {
         let folder = tempfile::tempdir().unwrap();
-        TileStore::create(folder.path(), LAYOUT, "p").unwrap();
+        TileStore::create(folder.path(), TILING, "p").unwrap();
         let path = folder.path().join("image.zarr/zarr.json");
         let text = fs::read_to_string(&path).unwrap();
         for (from, to) in [
@@ -583,7 +550,7 @@ mod tests {
     #[test]
     fn a_part_is_one_process_s() {
         let folder = tempfile::tempdir().unwrap();
-        let store = TileStore::create(folder.path(), LAYOUT, "p").unwrap();
+        let store = TileStore::create(folder.path(), TILING, "p").unwrap();
         let claimed = store.claim("1/8").unwrap();
         drop(claimed);
         store.claim("1/8").unwrap();

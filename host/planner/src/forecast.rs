@@ -1,14 +1,12 @@
 //! How long an image will take: the very former forms the middle of it from pulses in the middle of the recording
-//! ([`subaperture_focus::forecast`]), operations by the formers' own accounts ([`super::cost`]).
+//! ([`subaperture_focus::forecast`]), operations by its own account of what it decides
+//! ([`subaperture_focus::cost`]).
 
-use super::cost::{Cost, Work};
-use super::radar::{self, RadarPlan};
 use subaperture_focus::forecast::{Forecast, Whole, fewer, grow};
-use subaperture_focus::rdbp::thesis::SUB_CPI as THESIS_SUB_CPI;
-use subaperture_focus::{FormError, ImageFormer, Misses, Task};
+use subaperture_focus::{Aim, Cost, FormError, ImageFormer, Misses, SCRATCH_BYTES, Task};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Collection, PhaseHistory, Stretch, Weights};
+use subaperture_model::phase_history::{Stretch, Weights};
 
 /// Most samples of a part: reading more takes time itself.
 const MOST_SAMPLES: usize = 1 << 22;
@@ -16,86 +14,42 @@ const MOST_SAMPLES: usize = 1 << 22;
 /// Fewest pulses of a part, if there are so many.
 const FEWEST_PULSES: usize = 64;
 
-/// What is to be formed, as far as its operations depend on it.
-#[derive(Clone, Copy, Debug)]
-pub struct Settings {
-    /// Bound on the error, dB.
-    pub error_db: f64,
-    /// Pulses a sub-CPI, if given.
-    pub sub_cpi: Option<usize>,
-    /// Whether it is the thesis's mode.
-    pub is_thesis: bool,
-}
-
-impl Settings {
-    /// Those of a former that chooses everything by its bound, dB.
-    pub fn within(error_db: f64) -> Self {
-        Self {
-            error_db,
-            sub_cpi: None,
-            is_thesis: false,
-        }
-    }
-}
-
-/// What a former called `name` takes, by its account.
-///
-/// `None` of a former without one, or where the collection does not suit it.
-pub fn cost(
-    name: &str,
-    collection: &Collection,
-    grid: &ImageGrid,
-    settings: &Settings,
-    memory_bytes: u64,
-) -> Option<Cost> {
-    let work = Work {
-        frequencies: collection.num_samples,
-        pulses: collection.pulses.len(),
-        pixels: grid.num_pixels(),
+/// What `task` takes, whatever error that means. `None` of one that the former refuses: forming it says why.
+pub fn cost(former: &dyn ImageFormer, task: &Task) -> Option<Cost> {
+    let aim = Aim {
+        collection: task.history.collection(),
+        grid: task.grid,
+        weights: task.weights,
+        scratch_bytes: SCRATCH_BYTES,
     };
-    match name {
-        "exact" => Some(Cost::exact(&work)),
-        "bp" | "velocity" => Some(Cost::backprojection(&work, settings.error_db)),
-        "rdbp" if settings.is_thesis => {
-            let sub_cpi = settings.sub_cpi.unwrap_or(THESIS_SUB_CPI);
-            Some(Cost::thesis(&work, sub_cpi.min(work.pulses)))
-        }
-        _ => {
-            let request = radar::Request {
-                grid,
-                error_db: settings.error_db,
-                memory_bytes: memory_bytes / 2,
-                thesis_sub_cpi: THESIS_SUB_CPI,
-                beamwidth_rad: None,
-                power: None,
-            };
-            let plan = RadarPlan::new(collection, &request).ok()?;
-            plan.costs.into_iter().find(|cost| cost.algorithm == name)
-        }
-    }
+    let decision = former.decide(&aim, &former.asked(Misses::Allowed), task.monitor);
+    Some(decision.ok()?.cost)
 }
 
-/// Measures a part of `task` and says how long all of it will take. `None` where the former has no account of its
-/// operations, or its part could not be formed: then the whole says why.
+/// Measures a part of `task` and says how long all of it will take. `None` where it could not be formed: then the whole says why.
 ///
 /// # Errors
 /// [`FormError::Cancelled`].
-pub fn forecast(
+pub fn forecast(former: &dyn ImageFormer, task: &Task) -> Result<Option<Forecast>, FormError> {
+    match cost(former, task) {
+        Some(cost) => forecast_of(former, task, &cost),
+        None => Ok(None),
+    }
+}
+
+/// The same of a task that takes `cost`.
+///
+/// # Errors
+/// [`FormError::Cancelled`].
+pub fn forecast_of(
     former: &dyn ImageFormer,
     task: &Task,
-    settings: &Settings,
+    cost: &Cost,
 ) -> Result<Option<Forecast>, FormError> {
     let collection = task.history.collection();
-    let count = |collection: &Collection, grid: &ImageGrid| {
-        let cost = cost(former.name(), collection, grid, settings, task.memory_bytes);
-        cost.map(|cost| cost.operations).filter(|n| *n > 0.0)
-    };
-    let Some(operations) = count(collection, task.grid) else {
-        return Ok(None);
-    };
     let (all, width) = (collection.pulses.len(), collection.num_samples.max(1));
     let whole = Whole {
-        operations,
+        operations: cost.operations.max(1.0),
         pulses: all,
         few_pulses: all.min((MOST_SAMPLES / width).max(FEWEST_PULSES)),
     };
@@ -103,12 +57,18 @@ pub fn forecast(
         let first = (all - size.pulses) / 2;
         let part = Stretch::new(task.history, first..first + size.pulses);
         let grid = middle_of(task.grid, size.side);
-        let operations = count(PhaseHistory::collection(&part), &grid)?;
+        let weights = Weights {
+            fast: task.weights.fast.clone(),
+            slow: task.weights.slow[part.pulses()].to_vec(),
+        };
+        let part_task = Task {
+            history: &part,
+            grid: &grid,
+            weights: &weights,
+            ..*task
+        };
+        let operations = self::cost(former, &part_task)?.operations.max(1.0);
         let form = move |monitor: &dyn Monitor| {
-            let weights = Weights {
-                fast: task.weights.fast.clone(),
-                slow: task.weights.slow[part.pulses()].to_vec(),
-            };
             let part_task = Task {
                 history: &part,
                 grid: &grid,

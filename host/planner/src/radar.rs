@@ -7,25 +7,22 @@
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-use super::cost::{Cost, ThesisMemory, Work};
+use super::cost::{FormerCost, ThesisMemory, Work};
 use super::grating::{self, Lobe};
 use super::radar_equation::{Illumination, Sensitivity};
 use super::sampling::{self, Need};
-use subaperture_focus::ffbp::FastFactorised;
-use subaperture_focus::omega_k::OmegaK;
-use subaperture_focus::pfa::PolarFormat;
-use subaperture_focus::rda::RangeDopplerAlgorithm;
-use subaperture_focus::{FormError, rdbp};
+use subaperture_focus::formers::FORMERS;
+use subaperture_focus::rdbp::{self, Mode, RangeDoppler, Thesis};
+use subaperture_focus::{Aim, FormError, ImageFormer};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::geometry::{Axis, ImageGrid};
-use subaperture_model::phase_history::Collection;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::phase_history::{Collection, Weights};
 use subaperture_model::radar::LinkBudget;
 use subaperture_resolution::survey::Survey;
+use subaperture_signal::window::Window;
 
 /// Grating lobes listed at most.
 const MOST_LOBES: usize = 8;
-/// Pixels a side that are looked at to lay out arrays.
-const MOST_PROBED: usize = 65;
 
 /// What is asked beside the collection.
 #[derive(Clone, Debug)]
@@ -34,7 +31,7 @@ pub struct Request<'a> {
     pub grid: &'a ImageGrid,
     /// Bound on the relative RMS error of the image, dB.
     pub error_db: f64,
-    /// Bytes that an image former's tables may take.
+    /// Bytes that tables and one thread's buffers of an image former may take ([`Aim::scratch_bytes`]).
     pub memory_bytes: u64,
     /// Pulses a sub-CPI of the thesis's mode.
     pub thesis_sub_cpi: usize,
@@ -55,8 +52,8 @@ pub struct RadarPlan {
     pub sub_cpis: SubCpis,
     /// The work.
     pub work: Work,
-    /// What each image former takes.
-    pub costs: Vec<Cost>,
+    /// What each image former of the list takes that can form this image, and the thesis's mode.
+    pub costs: Vec<FormerCost>,
     /// Memory as the thesis counts it, with the Doppler axis of its sub-CPIs padded 16 times.
     pub thesis_memory: ThesisMemory,
     /// Signal-to-noise ratios, if power is known.
@@ -142,20 +139,6 @@ impl RadarPlan {
             pixels: grid.num_pixels(),
         };
 
-        // Cycles a pulse across a patch: the scene's unambiguous width turns by one.
-        let patch_m = width_across(&survey, grid, [plan.patch.rows, plan.patch.columns]);
-        let doppler_span = survey
-            .unambiguous_cross_range_m
-            .map_or(0.0, |whole_m| patch_m / whole_m);
-        let patches = grid.rows.count.div_ceil(plan.patch.rows)
-            * grid.columns.count.div_ceil(plan.patch.columns);
-        let mut costs = vec![
-            Cost::backprojection(&work, request.error_db),
-            Cost::precise(&work, &plan, doppler_span, patches),
-            Cost::thesis(&work, request.thesis_sub_cpi.min(work.pulses)),
-        ];
-        costs.extend(other_costs(collection, request, &work));
-
         let centre = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
         let clear = survey
             .unambiguous_cross_range_m
@@ -184,10 +167,10 @@ impl RadarPlan {
                 16 * request.thesis_sub_cpi.min(work.pulses),
                 work.pixels,
             ),
+            costs: costs(collection, request),
             aperture,
             sub_cpis,
             work,
-            costs,
             sensitivity,
             survey,
         })
@@ -226,51 +209,26 @@ impl Aperture {
     }
 }
 
-/// Costs of the formers beside backprojection, of those that suit.
-fn other_costs(collection: &Collection, request: &Request, work: &Work) -> Vec<Cost> {
-    let (grid, error_db) = (&thinned(request.grid), request.error_db);
-    let polar_format = PolarFormat {
-        error_db,
-        centre_m: None,
+/// What the formers of the list take, and the thesis's mode: those that can form the image at all.
+fn costs(collection: &Collection, request: &Request) -> Vec<FormerCost> {
+    let weights = Weights::new(collection, Window::default(), Window::default());
+    let aim = Aim {
+        collection,
+        grid: request.grid,
+        weights: &weights,
+        scratch_bytes: request.memory_bytes,
     };
-    let range_doppler = RangeDopplerAlgorithm {
-        error_db,
-        secondary_compression: true,
-    };
-    // No straight track, pixels too near, a raster that no memory holds: no cost.
-    let rda = range_doppler.sizes(collection, grid).ok();
-    let omega_k = OmegaK { error_db }.sizes(collection, grid).ok();
-    let (taps, levels) = FastFactorised { error_db }.taps_and_levels(request.grid);
-    let raster = polar_format.raster_size(collection, grid).ok();
-    [
-        Some(Cost::fast_factorised(work, taps, levels)),
-        raster.map(|raster| Cost::polar_format(work, &raster)),
-        rda.map(|sizes| Cost::range_doppler_algorithm(work, &sizes)),
-        omega_k.map(|sizes| Cost::omega_k(work, &sizes)),
-    ]
-    .into_iter()
-    .flatten()
-    .collect()
-}
-
-/// The same area in fewer pixels, so that looking at them all takes no time.
-fn thinned(grid: &ImageGrid) -> ImageGrid {
-    let thin = |axis: Axis| {
-        let count = axis.count.min(MOST_PROBED);
-        Axis {
-            step: match count {
-                0 | 1 => axis.step,
-                _ => axis.step * (axis.count - 1) as f64 / (count - 1) as f64,
-            },
-            count,
-            ..axis
-        }
-    };
-    ImageGrid {
-        rows: thin(grid.rows),
-        columns: thin(grid.columns),
-        ..*grid
-    }
+    let listed = FORMERS.iter().filter_map(|entry| {
+        let former = entry.within(request.error_db);
+        FormerCost::of(&*former, &aim, entry.name.to_owned()).ok()
+    });
+    let thesis = RangeDoppler::default()
+        .mode(Mode::Thesis(Thesis::default()))
+        .sub_cpi(request.thesis_sub_cpi);
+    let name = format!("{}, thesis", thesis.name());
+    listed
+        .chain(FormerCost::of(&thesis, &aim, name).ok())
+        .collect()
 }
 
 /// Extent across the line of sight of `rows` by `columns` pixels from the grid's first, metres.

@@ -9,7 +9,7 @@ use subaperture::focus::{FormError, ImageFormer, Task};
 use subaperture::io::atomic::free_bytes;
 use subaperture::io::npy;
 use subaperture::phase_history::PhaseHistory;
-use subaperture::planner::forecast::{Settings, cost, forecast};
+use subaperture::planner::forecast::{cost, forecast_of};
 
 use crate::args::Rehearsal;
 use crate::config::Session;
@@ -41,27 +41,22 @@ impl Ahead {
         rehearsal: &Rehearsal,
         former: &dyn ImageFormer,
         task: &Task,
-        settings: &Settings,
         out: &Path,
     ) -> Result<Self, FormError> {
         let collection = task.history.collection();
         let (grid, pulses) = (task.grid, collection.pulses.len());
         let pixels = grid.num_pixels();
-        // Roughly, for each pixel and pulse.
-        let operations = match former.name() {
-            "exact" => 2.0 * collection.num_samples as f64,
-            "bp" | "velocity" => 49.0,
-            _ => 5.0,
-        };
-        let rough = operations * pixels as f64 * pulses as f64;
-        let measure = rehearsal.dry_run || rough > MANY_OPERATIONS * session.threads as f64;
+        let many = MANY_OPERATIONS * session.threads as f64;
+        // No former takes more than a multiplication and an addition, complex, a pixel and sample.
+        let at_most = 8.0 * pixels as f64 * pulses as f64 * collection.num_samples as f64;
         let (mut time, mut buffers_bytes) = (None, 8 * pixels);
-        if measure {
-            time = forecast(former, task, settings)?;
-            let cost = cost(former.name(), collection, grid, settings, task.memory_bytes);
-            buffers_bytes = cost.map_or(buffers_bytes, |cost| {
-                cost.total_bytes.min(task.memory_bytes.into()) as u64
-            });
+        if (rehearsal.dry_run || at_most > many)
+            && let Some(cost) = cost(former, task)
+            && (rehearsal.dry_run || cost.operations > many)
+        {
+            time = forecast_of(former, task, &cost)?;
+            let held_bytes = buffers_bytes.saturating_add(cost.bytes(1.0));
+            buffers_bytes = held_bytes.min(task.memory_bytes);
         }
         Ok(Self {
             what: format!(

@@ -1,6 +1,7 @@
 //! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
 
 mod focus;
+mod formers;
 mod look;
 mod plan;
 mod tiled;
@@ -17,7 +18,7 @@ use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
 use crate::log::Format;
-pub(crate) use focus::{Algorithm, Focus, Mode, Velocity};
+pub(crate) use focus::{Focus, Imaging, Velocity};
 pub(crate) use look::{Look, Picture};
 pub(crate) use plan::{Plan, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 use subaperture::units::Dimension;
@@ -479,8 +480,8 @@ mod tests {
         let Some(Command::Focus(focus)) = args.command else {
             panic!("not focus");
         };
-        assert_eq!(focus.error_db, Some(-55.5));
-        assert_eq!(focus.grid.unwrap().origin_m.z, -2.0);
+        assert_eq!(focus.image.former.error_db(), Some(-55.5));
+        assert_eq!(focus.image.grid.unwrap().origin_m.z, -2.0);
         let words = "subap simulate --preset table-4-1 -o f --sgn -1 --noise-db -20";
         assert!(Args::try_parse_from(words.split(' ')).is_ok());
     }

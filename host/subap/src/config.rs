@@ -1,27 +1,17 @@
-//! What the command line resolves to: threads, memory, formers.
+//! What the command line resolves to: threads, memory, recordings.
 
 use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context;
-use clap::ValueEnum;
 use serde_json::{Value, json};
-use subaperture::focus::ImageFormer;
-use subaperture::focus::bp::Backprojection;
-use subaperture::focus::exact::Exact;
-use subaperture::focus::ffbp::FastFactorised;
-use subaperture::focus::omega_k::OmegaK;
-use subaperture::focus::pfa::PolarFormat;
-use subaperture::focus::rda::RangeDopplerAlgorithm;
-use subaperture::focus::rdbp::{self, RangeDoppler};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::claim::Claims;
 use subaperture::io::open::{Options, open_all};
 use subaperture::phase_history::{Joined, PhaseHistory, ReadError};
 use subaperture::resolution::survey::Survey;
 
-use crate::args::{self, Algorithm, Global};
-use crate::failure::Usage;
+use crate::args::{self, Global};
 use crate::memory::Memory;
 use crate::progress::Progress;
 use crate::{interrupt, log, messages, text};
@@ -180,73 +170,6 @@ pub(crate) fn command_line() -> Vec<String> {
     words
         .map(|word| word.to_string_lossy().into_owned())
         .collect()
-}
-
-/// The former that `focus` was asked for.
-///
-/// # Errors
-/// [`Usage`] for an option that this former has no use for.
-pub(crate) fn former(typed: &args::Focus) -> Result<Box<dyn ImageFormer>, Usage> {
-    let algorithm = typed.algorithm;
-    let name = algorithm.to_possible_value();
-    let name = name.as_ref().map_or("", |value| value.get_name());
-    let refuse = |option: &str, given: bool, allowed: bool| {
-        if given && !allowed {
-            return Err(Usage(format!(
-                "{option} says nothing to --algorithm {name}: leave it out"
-            )));
-        }
-        Ok(())
-    };
-    let is_rdbp = algorithm == Algorithm::Rdbp;
-    refuse(
-        "--error-db",
-        typed.error_db.is_some(),
-        algorithm != Algorithm::Exact,
-    )?;
-    refuse("--mode", typed.mode.is_some(), is_rdbp)?;
-    refuse("--sub-cpi", typed.sub_cpi.is_some(), is_rdbp)?;
-    refuse("--patch", typed.patch.is_some(), is_rdbp)?;
-    refuse("--no-src", typed.no_src, algorithm == Algorithm::Rda)?;
-    let is_thesis = typed.mode == Some(args::Mode::Thesis);
-    if typed.no_keystone && !is_thesis {
-        return Err(Usage(
-            "--no-keystone is for --mode thesis only: leave it out".to_owned(),
-        ));
-    }
-    if is_thesis && typed.patch.is_some() {
-        return Err(Usage(
-            "--patch says nothing to --mode thesis: leave it out".to_owned(),
-        ));
-    }
-    let error_db = typed.error_db.unwrap_or(DEFAULT_ERROR_DB);
-    Ok(match algorithm {
-        Algorithm::Exact => Box::new(Exact),
-        Algorithm::Bp => Box::new(Backprojection { error_db }),
-        Algorithm::Rdbp => Box::new(RangeDoppler {
-            mode: match typed.mode.unwrap_or(args::Mode::Precise) {
-                args::Mode::Precise => rdbp::Mode::Precise,
-                args::Mode::Thesis => rdbp::Mode::Thesis(rdbp::Thesis {
-                    keystone: !typed.no_keystone,
-                    error_db: typed.error_db,
-                    ..rdbp::Thesis::default()
-                }),
-            },
-            error_db,
-            sub_cpi: typed.sub_cpi,
-            patch_m: typed.patch,
-        }),
-        Algorithm::Rda => Box::new(RangeDopplerAlgorithm {
-            error_db,
-            secondary_compression: !typed.no_src,
-        }),
-        Algorithm::OmegaK => Box::new(OmegaK { error_db }),
-        Algorithm::Ffbp => Box::new(FastFactorised { error_db }),
-        Algorithm::Pfa => Box::new(PolarFormat {
-            error_db,
-            centre_m: None,
-        }),
-    })
 }
 
 /// The part of an image's record that every command writes alike.

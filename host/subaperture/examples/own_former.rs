@@ -3,7 +3,9 @@
 
 use serde_json::{Value, json};
 use subaperture::SPEED_OF_LIGHT_M_S;
-use subaperture::focus::{Aim, Asked, Decision, FormError, Forming, ImageFormer, Tile, Work};
+use subaperture::focus::cost::Each;
+use subaperture::focus::patch::PatchSize;
+use subaperture::focus::{Aim, Asked, Cost, Decision, FormError, Forming, ImageFormer, Tile, Work};
 use subaperture::image::Comparison;
 use subaperture::monitor::Monitor;
 use subaperture::num_complex::Complex64;
@@ -43,12 +45,21 @@ impl ImageFormer for Recurrence {
             choices: json!({}),
             settings: json!({ "recurrence": "over frequency" }),
             planned_db: PLANNED_DB,
+            grain: PatchSize::PIXEL,
+            cost: cost(aim),
         })
     }
 
     fn open<'a>(&self, aim: Aim<'a>, _: &Value) -> Result<Box<dyn Forming + 'a>, FormError> {
         Ok(Box::new(Opened { aim }))
     }
+}
+
+/// For a pixel, pulse and frequency a sum and a recurrence, complex: 16. A pulse is held.
+fn cost(aim: &Aim) -> Cost {
+    let (pulses, samples) = (aim.collection.pulses.len(), aim.collection.num_samples);
+    let all = aim.grid.num_pixels() as f64 * (pulses * samples) as f64;
+    Cost::new(16.0 * all, 0.0).holding("a pulse", Each::Pass, 8.0 * samples as f64)
 }
 
 struct Opened<'a> {

@@ -56,10 +56,13 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // Where all of them are.
     let records: Vec<TileRecord> = image.0.records.into_values().collect();
-    println!("expected error: {:.1} dB", opened.judge(&records));
+    println!(
+        "expected error: {:.1} dB",
+        opened.judge(&records).predicted_db()
+    );
     let whole = RangeDoppler::default().focus(&recording, &grid)?;
     let other = (whole.image.pixels.iter())
-        .zip(&image.0.pixels)
+        .zip(&image.0.image.pixels)
         .filter(|(a, b)| a != b);
     println!("pixels that differ from the whole image: {}", other.count());
     Ok(())

@@ -76,8 +76,8 @@ pub(super) fn plan(bytes: &[u8]) -> String {
         Ok(opened) => opened,
         Err(error) => return error.to_string(),
     };
-    let size = plan.tile(0).size;
-    if size.rows * size.columns > 1024 || plan.grid.num_pixels() > 1 << 14 {
+    let [rows, columns] = plan.tiling().place(0);
+    if rows.len() * columns.len() > 1024 || plan.grid.num_pixels() > 1 << 14 {
         return "large".to_owned();
     }
     let work = Work {
@@ -88,7 +88,7 @@ pub(super) fn plan(bytes: &[u8]) -> String {
     let mut image = InMemory::new(&plan.grid);
     match opened.form(&work, &[0], 1, &mut image) {
         Ok(()) => {
-            assert!(image.pixels.iter().all(|z| z.is_finite()));
+            assert!(image.image.pixels.iter().all(|z| z.is_finite()));
             let again = Plan::from_text(&plan.to_text()).unwrap();
             assert_eq!(again, plan);
             "formed".to_owned()

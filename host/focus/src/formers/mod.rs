@@ -4,21 +4,36 @@ pub mod bp;
 pub mod exact;
 pub mod ffbp;
 pub mod omega_k;
+pub mod options;
 pub mod pfa;
 pub mod rda;
 pub mod rdbp;
 
 use super::ImageFormer;
+pub use options::{Given, Opt, OptionError, Takes, Word};
 
 /// A former as the list has it.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Entry {
     /// Its name in records and on the command line.
     pub name: &'static str,
     /// What it is, in a line.
     pub summary: &'static str,
+    /// What it can be told.
+    pub options: &'static [Opt],
     /// It, by its settings: a JSON object, in which what is left out is as by default.
     pub of: fn(&serde_json::Value) -> Result<Box<dyn ImageFormer>, serde_json::Error>,
+}
+
+impl Entry {
+    /// The former within a bound on its error, dB, all else by default; without one if it has none.
+    pub fn within(&self, error_db: f64) -> Box<dyn ImageFormer> {
+        let settings = match self.option(options::ERROR_DB.name) {
+            Some(_) => serde_json::json!({ "error_db": error_db }),
+            None => serde_json::json!({}),
+        };
+        (self.of)(&settings).expect("what is left out of settings is as by default")
+    }
 }
 
 /// All of them, the oracle first.
@@ -31,6 +46,9 @@ pub static FORMERS: [Entry; 7] = [
     omega_k::ENTRY,
     rda::ENTRY,
 ];
+
+/// The one that is taken unless another is asked for.
+pub const DEFAULT: Entry = rdbp::ENTRY;
 
 /// A former that there is not.
 #[derive(Debug, thiserror::Error)]

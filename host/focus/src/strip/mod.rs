@@ -39,10 +39,11 @@
 //! once for the line, its ends, repetitions and the method's expansion.
 //!
 //! Cost, with `N` pulses, `K` frequencies, `L` padded pulses, `Q` wavenumbers `kx`, `R` ranges: `K`
-//! transforms of `L`, `R` of `2 Q`, about 40 operations a pixel, and the method's. Memory: `8 K (N + Q)`,
+//! transforms of `L`, `R` of `2 Q`, about 40 operations a pixel, and the method's (`cost`). Memory: `8 K (N + Q)`,
 //! then `8 Q (K + R)` bytes, then `8 R (Q + X)` with `X` columns, whichever is the most, and the image.
 
 mod axes;
+mod cost;
 mod prediction;
 mod read_out;
 mod spectrum;
@@ -57,6 +58,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::budget::Budget;
+use super::patch::PatchSize;
 use super::probes::probes;
 use super::straight_track::StraightTrack;
 use super::sub_cpi::shared_band;
@@ -86,6 +88,18 @@ pub struct Sizes {
     pub columns: usize,
 }
 
+impl Sizes {
+    fn of(axes: &Axes) -> Self {
+        Self {
+            padded_pulses: axes.period,
+            along_wavenumbers: axes.num_bins,
+            ranges: axes.range.count,
+            along_length: axes.along_length,
+            columns: axes.along.count,
+        }
+    }
+}
+
 /// What `method` works with for the pixels of `grid`.
 ///
 /// # Errors
@@ -103,13 +117,7 @@ pub(super) fn sizes(
     } = Fitted::new(collection, grid, method)?;
     let centre_hz = shared_band(collection)?.centre_hz();
     track.check(collection, &probes(grid), reference, centre_hz, error_db)?;
-    Ok(Sizes {
-        padded_pulses: axes.period,
-        along_wavenumbers: axes.num_bins,
-        ranges: axes.range.count,
-        along_length: axes.along_length,
-        columns: axes.along.count,
-    })
+    Ok(Sizes::of(&axes))
 }
 
 /// The way from frequency to closest range, for one wavenumber along the track at a time.
@@ -121,6 +129,9 @@ pub(super) trait RangeMethod: Sync {
     /// Phase that a sample at `kappa`, `kx` ends up with at a range, all turns on the way together, with
     /// `reference_m` the middle of the swath; `range_m kr` if the method is exact. Radians.
     fn phase_rad(&self, kappa: f64, kx: f64, range_m: f64, reference_m: f64) -> f64;
+
+    /// Operations on that way, for all wavenumbers along the track, of so many samples a pulse.
+    fn operations(&self, samples: usize, sizes: &Sizes) -> f64;
 
     /// Prepares for these axes.
     fn stage(&self, axes: &Axes) -> Box<dyn RangeStage>;
@@ -188,24 +199,25 @@ pub(super) fn decide(
     limit: &str,
     settings: serde_json::Value,
 ) -> Result<Decision, FormError> {
+    let fitted = Fitted::new(aim.collection, aim.grid, method)?;
     let Fitted {
         track,
         reference,
         axes,
-    } = Fitted::new(aim.collection, aim.grid, method)?;
+    } = &fitted;
     let mut prediction = Prediction {
         track: prediction::of_track(
             aim.collection,
             aim.weights,
             aim.grid,
-            &track,
-            reference,
+            track,
+            *reference,
             &axes.wavenumbers,
         ),
         line: 0.0,
     };
     asked.check(20.0 * prediction.track.log10(), || prediction.limit(""))?;
-    prediction.line = prediction::of_line(aim.weights, aim.grid, &track, &axes, method);
+    prediction.line = prediction::of_line(aim.weights, aim.grid, track, axes, method);
     let planned_db = prediction.total_db(&[rounding::path_phase_rad(aim)]);
     asked.check(planned_db, || prediction.limit(limit))?;
     let steepest = axes
@@ -228,6 +240,8 @@ pub(super) fn decide(
         choices: json!({}),
         settings: all,
         planned_db,
+        grain: PatchSize::PIXEL,
+        cost: cost::cost(aim.grid, &fitted, method),
     })
 }
 

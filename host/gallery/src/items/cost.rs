@@ -11,7 +11,7 @@ use subaperture_focus::bp::Backprojection;
 use subaperture_focus::rdbp::{Mode, RangeDoppler, Thesis};
 use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
 use subaperture_model::phase_history::{Collection, InMemory, PhaseHistory, Pulse, Sweep};
-use subaperture_planner::cost::{Cost, ThesisMemory, Work};
+use subaperture_planner::cost::{FormerCost, ThesisMemory, Work};
 use subaperture_planner::{RadarPlan, Request};
 use subaperture_simulate::{Preset, Variation};
 
@@ -183,13 +183,10 @@ fn memory(context: &Context) -> Result<Finding, ItemError> {
         },
     )
     .map_err(|error| ItemError::Measure(error.to_string()))?;
-    let beside = |cost: &Cost| {
-        let image = cost.memory[0].bytes;
-        format!(
-            "{} {:.3} GB",
-            cost.algorithm,
-            giga(cost.total_bytes - image)
-        )
+    let image_bytes = 8 * grid.num_pixels();
+    let beside = |cost: &FormerCost| {
+        let bytes = cost.total_bytes - image_bytes;
+        format!("{} {:.3} GB", cost.algorithm, giga(bytes.into()))
     };
     let costs: Vec<String> = plan.costs.iter().map(beside).collect();
     Ok(Finding {
@@ -200,7 +197,7 @@ fn memory(context: &Context) -> Result<Finding, ItemError> {
         method: format!(
             "The thesis's count, counted again; and what our formers plan for such a recording, in float32: the image \
              takes {:.1} GB, all else {}, with {} pulses a sub-CPI of the precise mode and 31 of the thesis's.",
-            giga(plan.costs[0].memory[0].bytes),
+            giga(image_bytes.into()),
             costs.join(", "),
             plan.sub_cpis.precise_pulses
         ),

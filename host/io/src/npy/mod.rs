@@ -11,6 +11,7 @@
 
 mod archive;
 mod array;
+mod filling;
 mod header;
 mod on_disk;
 mod write;
@@ -24,6 +25,7 @@ use super::atomic::{WriteError, write_atomically};
 use subaperture_model::image::Image;
 
 pub use array::{Array, Values};
+pub(crate) use filling::Filling;
 pub use on_disk::ImageFile;
 pub use write::{ArrayWriter, Number};
 

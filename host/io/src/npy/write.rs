@@ -36,6 +36,25 @@ impl Number for Complex32 {
     }
 }
 
+/// The header of an array of this shape.
+pub(super) fn header<T: Number>(shape: &[usize]) -> Vec<u8> {
+    let sizes: Vec<String> = shape.iter().map(usize::to_string).collect();
+    // Of one size Python wants a comma behind it.
+    let comma = if shape.len() == 1 { "," } else { "" };
+    let text = format!(
+        "{{'descr': '{}', 'fortran_order': False, 'shape': ({}{comma}), }}",
+        T::KIND,
+        sizes.join(", ")
+    );
+    // NumPy wants the data to begin at a multiple of 64, behind a newline.
+    let length = (10 + text.len() + 1).next_multiple_of(64) - 10;
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend([1, 0]);
+    bytes.extend((length as u16).to_le_bytes());
+    bytes.extend(format!("{text:<width$}\n", width = length - 1).bytes());
+    bytes
+}
+
 /// An array that is being written, in C order: the last axis is fastest.
 pub struct ArrayWriter<W: Write, T> {
     stream: BufWriter<W>,
@@ -56,22 +75,8 @@ impl<W: Write, T: Number> ArrayWriter<W, T> {
         let left = shape
             .iter()
             .try_fold(1usize, |n, &size| n.checked_mul(size));
-        let sizes: Vec<String> = shape.iter().map(usize::to_string).collect();
-        // Of one size Python wants a comma behind it.
-        let comma = if shape.len() == 1 { "," } else { "" };
-        let mut header = format!(
-            "{{'descr': '{}', 'fortran_order': False, 'shape': ({}{comma}), }}",
-            T::KIND,
-            sizes.join(", ")
-        );
-        // NumPy wants the data to begin at a multiple of 64, behind a newline.
-        let length = (10 + header.len() + 1).next_multiple_of(64) - 10;
-        header = format!("{header:<width$}\n", width = length - 1);
         let mut stream = BufWriter::new(stream);
-        stream.write_all(MAGIC)?;
-        stream.write_all(&[1, 0])?;
-        stream.write_all(&(length as u16).to_le_bytes())?;
-        stream.write_all(header.as_bytes())?;
+        stream.write_all(&header::<T>(shape))?;
         Ok(Self {
             stream,
             left: left.expect("arrays have at most usize::MAX values"),

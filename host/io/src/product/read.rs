@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde_json::Value;
 
 use super::{IMAGE, METADATA};
-use crate::input::Stamp;
+use crate::input::{Stamp, checksum};
 use crate::npy::{ImageFile, NpyError};
 use crate::tiles::{self, StoreError, TileStore};
 use subaperture_model::geometry::{Axis, ImageGrid};
@@ -225,16 +225,7 @@ fn check(file: &mut File, path: &Path, about: &Value) -> Result<(), ReadError> {
         source,
     };
     let stamp = Stamp::of(file).map_err(failed)?;
-    let (mut crc, mut bytes, mut block) = (crc32fast::Hasher::new(), 0u64, vec![0; 1 << 16]);
-    loop {
-        match file.read(&mut block).map_err(failed)? {
-            0 => break,
-            count => {
-                crc.update(&block[..count]);
-                bytes += count as u64;
-            }
-        }
-    }
+    let (bytes, crc32) = checksum(file).map_err(failed)?;
     file.rewind().map_err(failed)?;
     if let Some(how) = stamp.difference(file).map_err(failed)? {
         return Err(ReadError::Changed {
@@ -242,7 +233,6 @@ fn check(file: &mut File, path: &Path, about: &Value) -> Result<(), ReadError> {
             what: format!("it was changed while it was read ({how})"),
         });
     }
-    let crc32 = format!("{:08x}", crc.finalize());
     let changed = |what: String| {
         Err(ReadError::Changed {
             path: path.to_owned(),

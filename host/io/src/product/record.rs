@@ -68,12 +68,16 @@ impl Brightest {
     /// `None` of an image of zeros.
     pub fn of(image: &Image, grid: &ImageGrid) -> Option<Self> {
         let peak = image.peak()?;
-        let power = power(peak.value);
+        Self::at(grid, [peak.row, peak.column], power(peak.value))
+    }
+
+    /// The pixel at this row and column, of which `|z|^2` is `power`. `None` if that is zero.
+    pub fn at(grid: &ImageGrid, [row, column]: [usize; 2], power: f64) -> Option<Self> {
         (power > 0.0).then(|| Self {
-            position_m: grid.position_m(peak.row, peak.column).to_array(),
+            position_m: grid.position_m(row, column).to_array(),
             level_db: 10.0 * power.log10(),
-            row: peak.row,
-            column: peak.column,
+            row,
+            column,
         })
     }
 

@@ -2,11 +2,13 @@
 
 mod comparison;
 mod parts;
+mod tiling;
 
 use num_complex::Complex32;
 
 pub use comparison::{Comparison, ComparisonError};
 pub use parts::{Parts, PartsError, Place, bands, peak_of};
+pub use tiling::{Tiling, copy_common};
 
 /// A complex image, row-major. Row and column meaning is the grid's
 /// ([`crate::geometry::ImageGrid`]). A unit scatterer on a pixel, seen alike

@@ -2,27 +2,31 @@
 
 use std::path::PathBuf;
 
-use clap::{Args as Group, ValueEnum, ValueHint};
+use clap::{Args as Group, ValueHint};
 use glam::DVec3;
 use subaperture::focus::Misses;
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::signal::window::Window;
 use subaperture::units::Dimension;
 
-use super::values::{above_zero, any, axis, error_bound, output, positive, vector};
+use super::formers::{self, FormerOptions};
+use super::values::{any, axis, error_bound, output, positive, scratch_size, vector};
 use super::{Input, Look, Rehearsal, Tiled, Writing};
 
 /// `subap focus`.
 #[derive(Debug, Group)]
-#[command(mut_arg("paths", |paths| paths.required(false).required_unless_present("from_maps")))]
+#[command(
+    mut_arg("paths", |paths| paths.required(false).required_unless_present("from_maps")),
+    mut_arg("from_maps", |maps| maps.conflicts_with_all(formers::ids_but_the_bound())),
+    mut_arg("plan", |plan| plan.conflicts_with_all(formers::ids())),
+)]
 pub(crate) struct Focus {
     #[command(flatten)]
     pub(crate) input: Input,
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "set", "algorithm", "mode", "sub_cpi", "patch", "no_src", "no_keystone", "velocity",
-        "window", "slow_window", "check"
+        "paths", "channel", "set", "velocity", "window", "slow_window", "scratch", "check"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
 
@@ -30,57 +34,12 @@ pub(crate) struct Focus {
     #[arg(long, short, value_name = "DIR", value_hint = ValueHint::DirPath, value_parser = output())]
     pub(crate) out: PathBuf,
 
-    /// Image former
-    #[arg(long, short, value_enum, default_value_t)]
-    pub(crate) algorithm: Algorithm,
-
-    /// How rdbp reads its range-Doppler maps [default: precise]
-    #[arg(long, value_enum)]
-    pub(crate) mode: Option<Mode>,
-
-    /// Leave out the thesis mode's Keystone, which a fast target needs
-    #[arg(long)]
-    pub(crate) no_keystone: bool,
+    #[command(flatten)]
+    pub(crate) image: Imaging,
 
     /// Focus what moves at this velocity, m/s; pixels are places at the first pulse
     #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector(Dimension::Speed))]
     pub(crate) velocity: Option<DVec3>,
-
-    /// Bound on the relative RMS error against the exact sum, in dB, -20 to -120: formers choose their
-    /// sizes from it, and refuse what they predict to miss it [default: -60; none for --mode thesis]
-    #[arg(long, value_name = "DB", allow_negative_numbers = true, value_parser = error_bound)]
-    pub(crate) error_db: Option<f64>,
-
-    /// Write the image even if its predicted error is above the bound; the record says so, and the exit
-    /// status is 3
-    #[arg(long)]
-    pub(crate) allow_error: bool,
-
-    /// Pulses a sub-CPI of rdbp [default: the most that the error bound allows]
-    #[arg(long, value_name = "N", value_parser = positive)]
-    pub(crate) sub_cpi: Option<usize>,
-
-    /// Side of rdbp's patches in metres [default: from the error bound]
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true, value_parser = above_zero(Dimension::Length))]
-    pub(crate) patch: Option<f64>,
-
-    /// Leave out rda's secondary range compression
-    #[arg(long)]
-    pub(crate) no_src: bool,
-
-    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) window: Window,
-
-    /// Window over slow time, across all pulses: as --window
-    #[arg(long, value_name = "W", default_value_t = Window::default())]
-    pub(crate) slow_window: Window,
-
-    /// Pixels, metres in the scene frame, stop excluded: x=-50:50:0.2,y=-50:50:0.2,z=0 (one step is
-    /// enough for both) or polar r=..,theta=.. (degrees); also cx, cy, yaw, pitch, roll [default: the
-    /// scene's extent at half the resolution]
-    #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
-    pub(crate) grid: Option<ImageGrid>,
 
     /// Form N pixels, chosen by a fixed seed, by the exact sum too and report the image's error
     #[arg(long, value_name = "N", value_parser = positive)]
@@ -99,7 +58,38 @@ pub(crate) struct Focus {
     pub(crate) rehearsal: Rehearsal,
 }
 
-impl Focus {
+/// What an image's pixels depend on, beside the recording: what a plan of it is made of.
+#[derive(Debug, Group)]
+pub(crate) struct Imaging {
+    #[command(flatten)]
+    pub(crate) former: FormerOptions,
+
+    /// Write the image even if its predicted error is above the bound; the record says so, and the exit
+    /// status is 3
+    #[arg(long)]
+    pub(crate) allow_error: bool,
+
+    /// Window over fast time: none, taylor, taylor:DB, hamming or kaiser:BETA
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    pub(crate) window: Window,
+
+    /// Window over slow time, across all pulses: as --window
+    #[arg(long, value_name = "W", default_value_t = Window::default())]
+    pub(crate) slow_window: Window,
+
+    /// Pixels, metres in the scene frame, stop excluded: x=-50:50:0.2,y=-50:50:0.2,z=0 (one step is
+    /// enough for both) or polar r=..,theta=.. (degrees); also cx, cy, yaw, pitch, roll [default: the
+    /// scene's extent at half the resolution]
+    #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
+    pub(crate) grid: Option<ImageGrid>,
+
+    /// Memory for tables and one thread's buffers, on which a plan depends: that of the smallest machine that is to
+    /// carry it out [default: 48M]
+    #[arg(long, value_name = "SIZE", value_parser = scratch_size, help_heading = "Tiles")]
+    pub(crate) scratch: Option<u64>,
+}
+
+impl Imaging {
     /// Whether the image may be worse than asked.
     pub(crate) fn misses(&self) -> Misses {
         match self.allow_error {
@@ -107,35 +97,6 @@ impl Focus {
             false => Misses::Refused,
         }
     }
-}
-
-/// Image formers by name.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Algorithm {
-    /// Sum over all pulses and frequencies: slow, the measure of the others
-    Exact,
-    /// Backprojection with upsampled range profiles
-    Bp,
-    /// Sub-CPI range-Doppler backprojection
-    #[default]
-    Rdbp,
-    /// Range-Doppler algorithm: straight, even tracks at small squint
-    Rda,
-    /// Range migration algorithm: straight, even tracks
-    OmegaK,
-    /// Polar format: quick, good near the grid's middle only
-    Pfa,
-    /// Fast factorised backprojection: patches within patches
-    Ffbp,
-}
-
-/// Modes of range-Doppler backprojection.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Mode {
-    /// Patches compensated to their own centres, exact Keystone, Kaiser-Bessel kernel
-    Precise,
-    /// As Schone 2020: sinc Keystone, zero padding, bilinear reading
-    Thesis,
 }
 
 /// `subap velocity`.

@@ -7,8 +7,8 @@ use subaperture::geometry::ImageGrid;
 use subaperture::radar::PulseShape;
 use subaperture::units::Dimension;
 
-use super::values::{above_zero, any, error_bound, from_zero, positive, ram_size};
-use super::{Focus, Input};
+use super::values::{above_zero, any, error_bound, from_zero, output, positive, ram_size};
+use super::{Imaging, Input, Writing};
 
 /// `subap plan`.
 #[derive(Debug, Group)]
@@ -28,50 +28,21 @@ pub(crate) enum PlanTarget {
     Radar(Box<PlanRadar>),
 }
 
-/// `subap plan focus`: the options of `subap focus` on which pixels depend.
+/// `subap plan focus`.
 #[derive(Debug, Group)]
-#[command(
-    mut_arg("out", |arg| arg.value_name("PLAN").help("File for the plan").value_hint(ValueHint::FilePath)),
-    mut_args(|arg| if NOT_OF_PLANS.contains(&arg.get_id().as_str()) { arg.hide(true) } else { arg }),
-)]
 pub(crate) struct PlanFocus {
     #[command(flatten)]
-    pub(crate) focus: Focus,
-}
+    pub(crate) input: Input,
 
-/// Options of `subap focus` that no plan depends on.
-const NOT_OF_PLANS: [&str; 12] = [
-    "from_maps",
-    "velocity",
-    "check",
-    "tiled",
-    "resume",
-    "plan",
-    "tiles",
-    "top",
-    "span",
-    "colours",
-    "dry_run",
-    "no_dry_run",
-];
+    /// File for the plan
+    #[arg(long, short, value_name = "PLAN", value_hint = ValueHint::FilePath, value_parser = output())]
+    pub(crate) out: PathBuf,
 
-impl PlanFocus {
-    /// The option, if one was given, that has nothing to do with plans.
-    pub(crate) fn stray(&self) -> Option<&'static str> {
-        let focus = &self.focus;
-        let given = [
-            ("--from-maps", focus.from_maps.is_some()),
-            ("--velocity", focus.velocity.is_some()),
-            ("--check", focus.check.is_some()),
-            ("--tiled", focus.tiled.tiled),
-            ("--resume", focus.tiled.resume),
-            ("--plan", focus.tiled.plan.is_some()),
-            ("--dry-run", focus.rehearsal.dry_run),
-            ("--top", focus.look.top.is_some()),
-            ("--span", focus.look.span.is_some()),
-        ];
-        given.into_iter().find(|(_, is)| *is).map(|(name, _)| name)
-    }
+    #[command(flatten)]
+    pub(crate) image: Imaging,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
 }
 
 /// `subap plan module`.

@@ -8,30 +8,24 @@ use clap::{Args as Group, ValueHint};
 #[derive(Debug, Group)]
 #[command(next_help_heading = "Tiles")]
 pub(crate) struct Tiled {
-    /// Form the image tile by tile into image.zarr instead of image.npy: it may be larger than memory, and a run
-    /// that was killed can go on
-    #[arg(long, conflicts_with_all = ["from_maps", "check"])]
+    /// Form the image tile by tile into image.zarr instead of image.npy: a run that was killed can go on, and others
+    /// can help
+    #[arg(long, conflicts_with_all = ["from_maps"])]
     pub(crate) tiled: bool,
 
     /// Go on where a run with --tiled was ended
-    #[arg(long, conflicts_with_all = ["from_maps", "check"])]
+    #[arg(long, conflicts_with_all = ["from_maps"])]
     pub(crate) resume: bool,
 
     /// Carry out a plan of `subap plan focus`; what it has done already is not done again
     #[arg(long, value_name = "PLAN", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "from_maps", "check", "algorithm", "mode", "no_keystone", "error_db", "allow_error", "sub_cpi", "patch", "no_src",
-        "window", "slow_window", "grid", "scratch"
+        "from_maps", "allow_error", "window", "slow_window", "grid", "scratch"
     ])]
     pub(crate) plan: Option<PathBuf>,
 
     /// Form only part I of N of the plan's tiles, as 3/8; whoever ends last makes record and picture
     #[arg(long, value_name = "I/N", requires = "plan", value_parser = part)]
     pub(crate) tiles: Option<Part>,
-
-    /// Memory for tables and one thread's buffers, on which the plan depends: that of the smallest machine that is to
-    /// carry it out [default: 48M]
-    #[arg(long, value_name = "SIZE", value_parser = super::values::scratch_size, conflicts_with_all = ["from_maps"])]
-    pub(crate) scratch: Option<u64>,
 }
 
 impl Tiled {

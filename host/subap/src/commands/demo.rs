@@ -45,8 +45,6 @@ struct Way {
     folder: &'static str,
     title: &'static str,
     former: Box<dyn ImageFormer>,
-    /// What its work depends on.
-    settings: forecast::Settings,
     /// Relative RMS error that must not be exceeded, dB.
     bound_db: Option<f64>,
 }
@@ -72,7 +70,6 @@ fn way(
         folder,
         title,
         former,
-        settings: forecast::Settings::within(ERROR_DB),
         bound_db,
     }
 }
@@ -87,11 +84,6 @@ fn ways() -> Vec<Way> {
             sub_cpi: Some(pulses),
             patch_m: None,
         }),
-        settings: forecast::Settings {
-            sub_cpi: Some(pulses),
-            is_thesis: matches!(mode, Mode::Thesis(_)),
-            ..forecast::Settings::within(ERROR_DB)
-        },
         bound_db,
     };
     let thesis = Mode::Thesis(Thesis::default());
@@ -297,7 +289,7 @@ fn ahead(session: &Session, typed: &Demo, task: &Task) -> anyhow::Result<Ahead> 
     for way in std::iter::once(oracle()).chain(ways()) {
         count += 1;
         // A former that cannot leaves its image out.
-        parts.extend(forecast::forecast(&*way.former, &task, &way.settings)?);
+        parts.extend(forecast::forecast(&*way.former, &task)?);
     }
     progress.finish();
     let (columns, rows) = (task.grid.columns.count, task.grid.rows.count);

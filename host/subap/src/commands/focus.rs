@@ -1,6 +1,7 @@
 //! `subap focus`: recordings in, an image and its record out.
 
 mod check;
+mod deliver;
 mod from_maps;
 mod record;
 pub(crate) mod tiled;
@@ -10,16 +11,16 @@ use std::time::Instant;
 use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
 use subaperture::focus::{FormError, Formed, ImageFormer};
-use subaperture::image::Image;
+use subaperture::geometry::ImageGrid;
+use subaperture::io::atomic::WriteError;
+use subaperture::io::product::Product;
 use subaperture::io::product::record::Brightest;
 use subaperture::phase_history::PhaseHistory;
-use subaperture::planner::forecast;
-use subaperture::plot::{Orientation, Panel};
-use subaperture::resolution::support::RecordedLooks;
+use subaperture::resolution::survey::Survey;
 
-use crate::args::{Focus, Mode};
+use crate::args::{Focus, Imaging};
 use crate::commands::forming::{self, Forming};
-use crate::config::{DEFAULT_ERROR_DB, Session, former};
+use crate::config::Session;
 use crate::failure::Usage;
 use crate::{interrupt, messages, text};
 
@@ -31,38 +32,34 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     if typed.tiled.wanted() {
         return tiled::run(session, typed);
     }
-    if typed.tiled.scratch.is_some() {
+    if typed.image.scratch.is_some() {
         return Err(
             Usage("--scratch is for --tiled and for plans: leave it out".to_owned()).into(),
         );
     }
     let start = Instant::now();
     // What can be refused is refused before anything is read.
-    let former = former(typed)?;
-    if let Some(grid) = &typed.grid {
-        session.check_grid(grid, 1)?;
+    let former = typed.image.former.former()?;
+    if let Some(grid) = &typed.image.grid {
+        room(typed, grid)?;
     }
-    let num_pixels = typed.grid.map_or(0, |grid| grid.num_pixels());
-    let _claims = forming::claim(
-        session,
-        &typed.writing,
-        &typed.input.paths,
-        &typed.out,
-        num_pixels,
-    )?;
+    let _claims = forming::claim(session, &typed.writing, &typed.input.paths, &typed.out, 0)?;
 
     let recorded = session.open(&typed.input)?;
     let survey = forming::survey(&recorded)?;
-    let first_s = recorded.collection().pulses[0].time_s;
-    let moving = typed.velocity.map(|v| Moving::new(&recorded, v, first_s));
-    let moving = moving.transpose()?;
-    let history: &dyn PhaseHistory = match &moving {
-        Some(moving) => moving,
-        None => &recorded,
+    let moving = moving(typed, &recorded)?;
+    let job = Job {
+        session,
+        typed,
+        history: match &moving {
+            Some(moving) => moving,
+            None => &recorded,
+        },
+        survey: &survey,
+        start,
     };
-    let grid = forming::grid_or(session, typed.grid, &typed.out, || {
-        session.default_grid(&survey)
-    })?;
+    let grid = job.grid()?;
+    room(typed, &grid)?;
     session.note(1, || {
         let (columns, rows) = (grid.columns.count, grid.rows.count);
         format!(
@@ -71,87 +68,159 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
             former.name()
         )
     });
-
-    let windows = [typed.window, typed.slow_window];
-    let forming = Forming::new(session, history, &grid, windows);
-    let Some((formed, check)) = form(session, typed, &*former, &forming)? else {
+    let windows = [typed.image.window, typed.image.slow_window];
+    let forming = Forming::new(session, job.history, &grid, windows);
+    if announce(&job, &*former, &forming)? {
         return Ok(());
-    };
-    interrupt::check()?;
-    let checksums = session.progress("checksums");
-    let inputs = history.inputs()?;
-    checksums.finish();
-    let peak = Brightest::of(&formed.image, &grid);
-    let record = record::Record {
-        session,
-        settings: record::settings(typed, former.name(), &formed.settings),
-        grid: &grid,
-        frame: &history.collection().frame,
-        collection: serde_json::to_value(&survey)?,
-        support: {
-            let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
-            RecordedLooks::of(history.collection(), middle_m, [grid.x_axis, grid.y_axis])
-        },
-        inputs: &inputs,
-        check: check.as_ref(),
-        peak,
-        orientation: Orientation::of(history.collection(), &grid),
-        taken: start.elapsed(),
-    };
-    let title = format!("{}, {}", survey.name, former.name());
-    deliver(session, typed, &formed.image, &record, title)?;
-    if let Some(check) = check
-        && !session.json()
-    {
-        text::say(check.to_string())?;
     }
-    Ok(())
+    if 8 * grid.num_pixels() > session.memory_bytes / 2 {
+        return tiled::into_array(&job, &grid);
+    }
+    let (formed, check) = form(&job, &*former, &forming)?;
+    let settings = record::settings(typed, former.name(), &formed.settings);
+    let about = record::About {
+        settings,
+        check,
+        peak: Brightest::of(&formed.image, &grid),
+    };
+    job.deliver(
+        &grid,
+        former.name(),
+        about,
+        deliver::Whole::Memory(&formed.image),
+    )
 }
 
-/// Forms the image and checks it, if that is asked for; nothing if only what it takes was wanted.
-fn form(
+/// Checks that the image can be written.
+fn room(typed: &Focus, grid: &ImageGrid) -> anyhow::Result<()> {
+    Product::prepare(&typed.out, grid.num_pixels()).map_err(|error| match error {
+        WriteError::NoSpace { .. } => anyhow::Error::from(error).context(format!(
+            "--grid has {} x {} pixels, an image of {}",
+            grid.columns.count,
+            grid.rows.count,
+            text::bytes(u128::from(grid.num_pixels()) * 8)
+        )),
+        error => error.into(),
+    })
+}
+
+/// An image that is to be formed of a recording.
+pub(crate) struct Job<'a> {
+    pub(crate) session: &'a Session,
+    pub(crate) typed: &'a Focus,
+    /// As it is seen from what moves, if that is asked for.
+    pub(crate) history: &'a dyn PhaseHistory,
+    pub(crate) survey: &'a Survey,
+    /// When it began.
+    pub(crate) start: Instant,
+}
+
+/// The recording as seen from what moves, if that is asked for.
+fn moving<'a>(typed: &Focus, recorded: &'a dyn PhaseHistory) -> anyhow::Result<Option<Moving<'a>>> {
+    let first_s = recorded.collection().pulses[0].time_s;
+    let moving = typed.velocity.map(|v| Moving::new(recorded, v, first_s));
+    Ok(moving.transpose()?)
+}
+
+/// The grid that is given, or else the one that suits.
+pub(crate) fn grid_of(
     session: &Session,
-    typed: &Focus,
+    typed: &Imaging,
+    survey: &Survey,
+) -> anyhow::Result<ImageGrid> {
+    match typed.grid {
+        Some(grid) => Ok(grid),
+        None => session.default_grid(survey),
+    }
+}
+
+impl Job<'_> {
+    /// The grid that is given, or else the one that suits.
+    fn grid(&self) -> anyhow::Result<ImageGrid> {
+        grid_of(self.session, &self.typed.image, self.survey)
+    }
+
+    /// Writes a whole image by the former of this name, with its record and picture.
+    fn deliver(
+        &self,
+        grid: &ImageGrid,
+        former: &str,
+        about: record::About,
+        image: deliver::Whole,
+    ) -> anyhow::Result<()> {
+        let Self { session, typed, .. } = *self;
+        interrupt::check()?;
+        let checksums = session.progress("checksums");
+        let inputs = self.history.inputs()?;
+        checksums.finish();
+        let told = about.check.as_ref().map(ToString::to_string);
+        let record = record::Record::of(self, grid, about, &inputs)?;
+        let title = format!("{}, {former}", self.survey.name);
+        deliver::deliver(session, typed, image, &record, &title)?;
+        match told {
+            Some(check) if !session.json() => Ok(text::say(check)?),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Says what the image will take: whether that is all that was asked for.
+fn announce(job: &Job, former: &dyn ImageFormer, forming: &Forming<'_>) -> anyhow::Result<bool> {
+    let Job { session, typed, .. } = *job;
+    let progress = session.progress("measuring");
+    let task = forming.task(&progress);
+    let only = forming::announce(session, &typed.rehearsal, former, &task, &typed.out)?;
+    progress.finish();
+    Ok(only)
+}
+
+/// Forms the image and checks it, if that is asked for.
+fn form(
+    job: &Job,
     former: &dyn ImageFormer,
     forming: &Forming<'_>,
-) -> anyhow::Result<Option<(Formed, Option<check::Check>)>> {
+) -> anyhow::Result<(Formed, Option<check::Check>)> {
+    let Job { session, typed, .. } = *job;
     let progress = session.progress("focusing");
     let task = forming.task(&progress);
-    let settings = forecast::Settings {
-        error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
-        sub_cpi: typed.sub_cpi,
-        is_thesis: typed.mode == Some(Mode::Thesis),
-    };
-    let rehearsal = &typed.rehearsal;
-    if forming::announce(session, rehearsal, former, &task, &settings, &typed.out)? {
-        return Ok(None);
-    }
-    let checking = typed.check.map(|count| check::Plan::new(&task, count));
+    let image_bytes = 8 * task.grid.num_pixels();
+    let checking = typed
+        .check
+        .map(|count| check::Plan::new(&task, image_bytes, count));
     let checking = checking.transpose()?;
     let formed = former
-        .form_asked(&task, typed.misses())
+        .form_asked(&task, typed.image.misses())
         .map_err(with_advice)?;
     progress.finish();
-    pass_on_warnings(&formed.settings);
+    tell_settings(&formed.settings);
     if formed.bound_missed {
-        messages::bound_missed(format!(
-            "the predicted error is {:.1} dB, above the {} dB asked",
-            formed.predicted_error_db,
-            former.bound_db().unwrap_or_default()
-        ));
-    }
-    for (key, value) in &formed.settings {
-        messages::setting(key, value);
+        tell_missed(formed.predicted_error_db, former.bound_db());
     }
     let against_exact = |plan: check::Plan| {
         let progress = session.progress("checking");
-        plan.against_exact(&forming.task(&progress), &formed.image)
+        plan.against_exact(&forming.task(&progress), &formed.image, former.bound_db())
     };
     let check = checking.map(against_exact).transpose()?;
-    if let (Some(check), Some(bound_db)) = (&check, former.bound_db()) {
-        check.judge(bound_db);
+    Ok((formed, check))
+}
+
+/// Warns of an image that is worse than asked, and may be.
+fn tell_missed(predicted_db: f64, bound_db: Option<f64>) {
+    messages::bound_missed(format!(
+        "the predicted error is {predicted_db:.1} dB, above the {} dB asked",
+        bound_db.unwrap_or_default()
+    ));
+}
+
+/// Tells what the former chose, and what it has to say of the image.
+fn tell_settings(settings: &Map<String, Value>) {
+    let told = settings.get("warnings").and_then(Value::as_array);
+    for warning in told.into_iter().flatten().filter_map(Value::as_str) {
+        messages::warning(warning);
     }
-    Ok(Some((formed, check)))
+    for (key, value) in settings {
+        messages::setting(key, value);
+    }
 }
 
 /// `error`, with what the command line can do about a missed bound.
@@ -163,73 +232,5 @@ fn with_advice(error: FormError) -> anyhow::Error {
             )
         }
         error => error.into(),
-    }
-}
-
-/// Writes the folder and says so.
-fn deliver(
-    session: &Session,
-    typed: &Focus,
-    image: &Image,
-    record: &record::Record,
-    title: String,
-) -> anyhow::Result<()> {
-    interrupt::check()?;
-    let writing = session.progress("writing");
-    let panel = Panel {
-        scale: typed.look.scale(),
-        colours: typed.look.colours(),
-        orientation: record.orientation,
-        ..Panel::new(image, record.grid, title.as_str())
-    };
-    let metadata = record.to_json(&title);
-    forming::write(session, &typed.out, image, &panel, &metadata)?;
-    writing.finish();
-    let size = [image.rows, image.columns];
-    tell(session, typed, size, record, metadata)
-}
-
-/// Says what was written: an image of so many rows and columns.
-fn tell(
-    session: &Session,
-    typed: &Focus,
-    [rows, columns]: [usize; 2],
-    record: &record::Record,
-    metadata: Value,
-) -> anyhow::Result<()> {
-    if session.json() {
-        let mut metadata = metadata;
-        metadata["folder"] = typed.out.display().to_string().into();
-        return text::say_json("image", metadata);
-    }
-    if !session.tells() {
-        return Ok(());
-    }
-    text::say(format!(
-        "{}: {} x {} pixels in {}",
-        typed.out.display(),
-        columns,
-        rows,
-        text::duration(record.taken)
-    ))?;
-    text::say(match record.peak {
-        Some(peak) => {
-            let [x, y, z] = peak.position_m;
-            let level_db = peak.level_db;
-            format!(
-                "brightest point at x {x:.3} m, y {y:.3} m, z {z:.3} m: {}",
-                text::decibels(level_db)
-            )
-        }
-        None => "no brightest point: the image is zero".to_owned(),
-    })?;
-    Ok(())
-}
-
-/// What the former has to say of the image.
-fn pass_on_warnings(settings: &Map<String, Value>) {
-    let told = settings.get("warnings").and_then(Value::as_array);
-    for warning in told.into_iter().flatten().filter_map(Value::as_str) {
-        messages::warning(warning);
     }
 }

@@ -12,7 +12,6 @@ use subaperture::io::claim::Claims;
 use subaperture::io::product::{self, Product};
 use subaperture::monitor::Monitor;
 use subaperture::phase_history::{PhaseHistory, Weights};
-use subaperture::planner::forecast::Settings;
 use subaperture::plot::{self, Panel};
 use subaperture::resolution::survey::Survey;
 use subaperture::signal::window::Window;
@@ -98,10 +97,9 @@ pub(crate) fn announce(
     rehearsal: &Rehearsal,
     former: &dyn ImageFormer,
     task: &Task,
-    settings: &Settings,
     out: &Path,
 ) -> anyhow::Result<bool> {
-    Ahead::of_image(session, rehearsal, former, task, settings, out)?.announce(session, rehearsal)
+    Ahead::of_image(session, rehearsal, former, task, out)?.announce(session, rehearsal)
 }
 
 /// Writes an image, which `panel` shows, its record and its picture, complete or not at all.

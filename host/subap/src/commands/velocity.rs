@@ -9,7 +9,6 @@ use subaperture::focus::{Formed, ImageFormer};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::{Image, power};
 use subaperture::phase_history::PhaseHistory;
-use subaperture::planner::forecast::Settings;
 use subaperture::plot::{Panel, ShownAxis};
 use subaperture::resolution::survey::Survey;
 
@@ -43,9 +42,8 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
     let forming = Forming::new(session, &history, &grid, windows);
     let progress = session.progress("focusing");
     let task = forming.task(&progress);
-    let settings = Settings::within(former.error_db);
     let rehearsal = &typed.rehearsal;
-    if forming::announce(session, rehearsal, &former, &task, &settings, &typed.out)? {
+    if forming::announce(session, rehearsal, &former, &task, &typed.out)? {
         return Ok(());
     }
     let formed = former.form(&task)?;

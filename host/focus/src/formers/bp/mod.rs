@@ -18,13 +18,14 @@
 //! there in radians. The term in `d^3` is neglected and predicted.
 //!
 //! Cost: a square root, a sine and cosine and about 20 operations a pixel and pulse; one transform a
-//! pulse; with motion from sample to sample twice as much, and a transform for each step of `q`. Memory: a
+//! pulse; with motion from sample to sample twice as much, and a transform for each step of `q` (`cost`). Memory: a
 //! block of upsampled profiles beside the image.
 //!
 //! Accuracy: the bound asked for, against [`crate::exact`], on the simulated and the recorded scenes of
 //! the tests.
 
 mod blurs;
+mod cost;
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -32,9 +33,11 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use self::blurs::Blurs;
+use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::budget::Budget;
 use crate::former::{chosen, misfit};
+use crate::patch::PatchSize;
 use crate::pixels::for_each_run;
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Tile, Work,
@@ -124,6 +127,7 @@ impl Backprojection {
 pub(super) const ENTRY: Entry = Entry {
     name: "bp",
     summary: "backprojection: every pulse's range profile read at every pixel",
+    options: &[ERROR_DB],
     of: of::<Backprojection>,
 };
 
@@ -212,6 +216,8 @@ pub(crate) fn decide(
             "profiles_each": choices.profiles_each(),
         }),
         planned_db,
+        grain: PatchSize::PIXEL,
+        cost: cost::cost(aim, profiler.length(), choices.profiles_each()),
     })
 }
 

@@ -12,11 +12,13 @@
 //! Where samples of a pulse are taken one after another in motion, each has a path of its own, and no such polynomial
 //! is there: a square root or two, a sine and a cosine for each.
 //!
-//! Cost: one complex multiply-add (8 operations) a pixel, pulse and frequency; with motion between samples some 20
-//! times as much. Memory: 16 bytes a pixel beside the image, and a block of pulses.
+//! Cost: one complex multiply-add (8 operations) a pixel, pulse and frequency; with motion between samples some 9
+//! times as much, and 20 times the time (`cost`). Memory: 16 bytes a pixel beside the image, and a block of pulses.
 //!
 //! Accuracy: tests compare it with closed forms; everything else is compared with it. Predicted is the
 //! rounding of the pixels to float32, and of paths in float64, which counts from a million kilometres on at 10 GHz.
+
+mod cost;
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -24,6 +26,7 @@ use rayon::prelude::*;
 
 use super::Entry;
 use crate::budget::Budget;
+use crate::patch::PatchSize;
 use crate::{Aim, Asked, Decision, FormError, Forming, ImageFormer, Tile, Work, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::Monitor;
@@ -37,10 +40,17 @@ pub struct Exact;
 /// Pixels summed side by side: enough to hide the latency of Horner's chain.
 pub(crate) const LANES: usize = 16;
 
+/// Pulses in hand at most, so that the progress bar keeps moving and Ctrl-C is prompt.
+const BLOCK_PULSES: usize = 16;
+
+/// A place and a float64 sum.
+const PIXEL_BYTES: u64 = 24 + 16;
+
 /// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "exact",
     summary: "the sum itself, in float64: slow, and the measure of all others",
+    options: &[],
     of: |_| Ok(Box::new(Exact)),
 };
 
@@ -69,6 +79,8 @@ impl ImageFormer for Exact {
                 rounding::LARGEST_FLOAT32,
                 rounding::path_phase_rad(aim),
             ]),
+            grain: PatchSize::PIXEL,
+            cost: cost::cost(aim, PIXEL_BYTES),
         })
     }
 
@@ -86,9 +98,8 @@ struct Opened<'a> {
 }
 
 impl Forming for Opened<'_> {
-    /// A place and a float64 sum.
     fn pixel_bytes(&self) -> u64 {
-        24 + 16
+        PIXEL_BYTES
     }
 
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
@@ -96,7 +107,7 @@ impl Forming for Opened<'_> {
         let mut budget = Budget::new(work.memory_bytes);
         budget.take(
             "float64 sums",
-            count as u128 * u128::from(self.pixel_bytes()),
+            count as u128 * u128::from(PIXEL_BYTES),
             "use a smaller or coarser --grid, or raise --memory",
         )?;
         let points: Vec<DVec3> = tiles
@@ -140,8 +151,8 @@ fn sum_at(
     let num_samples = collection.num_samples;
     let num_pulses = collection.pulses.len();
     let pulse_bytes = 8 * num_samples as u64;
-    // Blocks of at most 16 pulses keep the progress bar moving and Ctrl-C prompt.
-    let block = budget.take_block("a pulse", pulse_bytes, num_pulses.min(16), "raise --memory")?;
+    let wanted = num_pulses.min(BLOCK_PULSES);
+    let block = budget.take_block("a pulse", pulse_bytes, wanted, "raise --memory")?;
     let mut samples = vec![Complex32::ZERO; block * num_samples];
     let mut sums = vec![Complex64::ZERO; points.len()];
     for first in (0..num_pulses).step_by(block) {

@@ -11,7 +11,7 @@ use crate::patch::{PatchSize, Rectangle, Segment};
 use subaperture_model::monitor::Monitor;
 
 /// Pixels a side at which a patch of few pulses is not: it takes half a megabyte.
-const LARGEST_LEAF_PIXELS: usize = 128;
+pub(super) const LARGEST_LEAF_PIXELS: usize = 128;
 /// The pixels of a first patch that are wanted.
 pub(super) struct Target<'a, 'b> {
     pub(super) segments: &'a mut [Segment<'b>],
@@ -86,7 +86,7 @@ impl<const W: usize> Descent<'_, '_, '_, W> {
 }
 
 /// Four parts of a rectangle, or two or one where a side is a single pixel.
-fn quarters(whole: Rectangle) -> impl Iterator<Item = Rectangle> {
+pub(super) fn quarters(whole: Rectangle) -> impl Iterator<Item = Rectangle> {
     let halves = |first: usize, count: usize| {
         let half = count / 2;
         [(first, half), (first + half, count - half)]

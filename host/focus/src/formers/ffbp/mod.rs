@@ -31,15 +31,18 @@
 //! made by a smaller factor or not at all. A track on which slow time cannot be decimated (jitter, antennas in turn, a patch around the
 //! antennas) so costs what plain backprojection does, and errs no more.
 //!
-//! Cost: for `N x N` pixels, `N` pulses and `N` frequencies, about `6 W` real operations a sample and level,
-//! `log2(N / 16)` levels of `N^2` samples or more, and some `4 W` pulses a pixel at the end: `N^2 log N`
+//! Cost: for `N x N` pixels, `N` pulses and `N` frequencies, about `4 W` real operations a sample and level in each
+//! direction, `log2(N / 16)` levels of `N^2` samples or more, and some `4 W` pulses a pixel at the end: `N^2 log N`
 //! where backprojection takes `N^3`. The kernel's reach makes small histories grow, so it pays from some
-//! hundreds of pixels and pulses on.
+//! hundreds of pixels and pulses on (`cost`).
 //!
 //! Memory: a stretch of pulses, and at most four times as much again a thread; the image.
 //!
 //! Accuracy: the bound asked for, against [`crate::exact`], in `tests/formers/pfa_ffbp.rs`.
 
+mod cost;
+#[cfg(test)]
+mod counted;
 mod descent;
 mod patch_history;
 mod patch_view;
@@ -52,6 +55,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::budget::{Budget, on_threads};
 use crate::former::{chosen, misfit};
@@ -60,8 +64,8 @@ use crate::sub_cpi::{self, shared_band};
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, Tile, Work, rounding,
 };
-use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::Pulse;
 
 use descent::{Descent, Target};
 use patch_history::{PatchHistory, Refiner, Scratch};
@@ -106,6 +110,7 @@ impl FastFactorised {
 pub(super) const ENTRY: Entry = Entry {
     name: "ffbp",
     summary: "fast factorised backprojection: patches within patches, any track",
+    options: &[ERROR_DB],
     of: of::<FastFactorised>,
 };
 
@@ -137,20 +142,28 @@ impl ImageFormer for FastFactorised {
             "kernels and float32 sums leave no less: use --algorithm bp or exact".to_owned()
         })?;
         let longest = aim.scratch_bytes / stretch_bytes(num_samples);
-        let choices = Choices {
-            error_db: self.error_db,
-            longest: longest.clamp(1, num_pulses as u64) as usize,
-            patch_rows: first_side(aim.grid.rows.count),
-            patch_columns: first_side(aim.grid.columns.count),
+        let longest = longest.clamp(1, num_pulses as u64) as usize;
+        let first = PatchSize {
+            rows: first_side(aim.grid.rows.count),
+            columns: first_side(aim.grid.columns.count),
         };
+        let stretches = stretches(aim, &shares, first, longest);
+        let patches = Patches::new(aim.grid, first);
         Ok(Decision {
-            choices: json!(choices),
             settings: json!({
-                "stretches": choices.tracks(aim, &shares).len(),
+                "stretches": stretches.len(),
                 "levels": shares.levels,
                 "kernel_taps": taps,
             }),
             planned_db,
+            grain: patches.size(),
+            cost: cost::cost(aim, &stretches, &patches, taps, &shares),
+            choices: json!(Choices {
+                error_db: self.error_db,
+                stretches,
+                patch_rows: first.rows,
+                patch_columns: first.columns,
+            }),
         })
     }
 
@@ -162,22 +175,22 @@ impl ImageFormer for FastFactorised {
         let choices: Choices = chosen("ffbp", choices)?;
         let (taps, shares) = Shares::of(choices.error_db, aim.grid);
         Ok(match taps {
-            6 => Box::new(Opened::<6>::new(aim, choices, shares)?),
-            8 => Box::new(Opened::<8>::new(aim, choices, shares)?),
-            10 => Box::new(Opened::<10>::new(aim, choices, shares)?),
-            12 => Box::new(Opened::<12>::new(aim, choices, shares)?),
-            14 => Box::new(Opened::<14>::new(aim, choices, shares)?),
-            _ => Box::new(Opened::<16>::new(aim, choices, shares)?),
+            6 => Box::new(Opened::<6>::new(aim, &choices, shares)?),
+            8 => Box::new(Opened::<8>::new(aim, &choices, shares)?),
+            10 => Box::new(Opened::<10>::new(aim, &choices, shares)?),
+            12 => Box::new(Opened::<12>::new(aim, &choices, shares)?),
+            14 => Box::new(Opened::<14>::new(aim, &choices, shares)?),
+            _ => Box::new(Opened::<16>::new(aim, &choices, shares)?),
         })
     }
 }
 
 /// What a plan fixes: the rest follows from it.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Choices {
     error_db: f64,
-    /// Pulses of a stretch at most.
-    longest: usize,
+    /// Pulses of each stretch, one after another.
+    stretches: Vec<usize>,
     /// Of the first patches.
     patch_rows: usize,
     patch_columns: usize,
@@ -200,50 +213,61 @@ impl Choices {
         }
     }
 
-    /// The stretches of pulses, on whose fitted tracks the first patches keep their share of the bound.
-    fn tracks(&self, aim: &Aim, shares: &Shares) -> Vec<Track> {
-        let collection = aim.collection;
-        let highest_hz = rounding::highest_hz(aim);
-        let rectangles = patch::rectangles(aim.grid, self.size());
-        let patches: Vec<(DVec3, f64)> = rectangles
-            .iter()
-            .map(|rectangle| {
-                let centre = rectangle.centre_m(aim.grid);
-                let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)];
-                let radii =
-                    corners.map(|(r, c)| rectangle.point_m(aim.grid, r, c).distance(centre));
-                (centre, radii.into_iter().fold(0.0, f64::max))
-            })
-            .collect();
-        let phase_rad = |track: &Track| {
-            let last = (track.pulses().len() - 1) as f64;
-            let antennas = [0.0, 0.5, 1.0].map(|part| track.at(part * last));
-            let each = patches.iter().map(|&(centre, radius_m)| {
-                let distances = antennas.iter().flatten().map(|at| at.distance(centre));
-                track.phase_rad(
-                    highest_hz,
-                    radius_m,
-                    distances.fold(f64::INFINITY, f64::min),
-                )
-            });
-            each.fold(0.0, f64::max)
-        };
-        let mut tracks = Vec::new();
-        let breaks = sub_cpi::breaks(collection);
-        for pulses in sub_cpi::cut(collection.pulses.len(), &breaks, self.longest) {
-            let pulses_of = &collection.pulses;
-            track::fit_all(pulses_of, pulses, shares.track, &phase_rad, &mut tracks);
+    /// The stretches' fitted tracks; `None` if they are not of these pulses.
+    fn tracks(&self, pulses: &[Pulse]) -> Option<Vec<Track>> {
+        let mut first = 0;
+        let mut tracks = Vec::with_capacity(self.stretches.len().min(pulses.len()));
+        for &count in &self.stretches {
+            if count == 0 || count > pulses.len() - first {
+                return None;
+            }
+            tracks.push(Track::new(pulses, first..first + count));
+            first += count;
         }
-        tracks
+        (first == pulses.len()).then_some(tracks)
     }
 }
 
-impl FastFactorised {
-    /// Taps of the kernels within the error bound, and levels of patches within patches.
-    pub fn taps_and_levels(&self, grid: &ImageGrid) -> (usize, usize) {
-        let (taps, shares) = Shares::of(self.error_db, grid);
-        (taps, shares.levels as usize)
+/// Stretches of at most `longest` pulses, on whose fitted tracks patches of size `first` keep their share of the bound: how
+/// many pulses each has.
+fn stretches(aim: &Aim, shares: &Shares, first: PatchSize, longest: usize) -> Vec<usize> {
+    let collection = aim.collection;
+    let highest_hz = rounding::highest_hz(aim);
+    let rectangles = patch::rectangles(aim.grid, first);
+    let patches: Vec<(DVec3, f64)> = rectangles
+        .iter()
+        .map(|rectangle| {
+            let centre = rectangle.centre_m(aim.grid);
+            let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)];
+            let radii = corners.map(|(r, c)| rectangle.point_m(aim.grid, r, c).distance(centre));
+            (centre, radii.into_iter().fold(0.0, f64::max))
+        })
+        .collect();
+    let phase_rad = |track: &Track| {
+        let last = (track.pulses().len() - 1) as f64;
+        let antennas = [0.0, 0.5, 1.0].map(|part| track.at(part * last));
+        let each = patches.iter().map(|&(centre, radius_m)| {
+            let distances = antennas.iter().flatten().map(|at| at.distance(centre));
+            track.phase_rad(
+                highest_hz,
+                radius_m,
+                distances.fold(f64::INFINITY, f64::min),
+            )
+        });
+        each.fold(0.0, f64::max)
+    };
+    let mut stretches = Vec::new();
+    let breaks = sub_cpi::breaks(collection);
+    for pulses in sub_cpi::cut(collection.pulses.len(), &breaks, longest) {
+        track::halve(
+            &collection.pulses,
+            pulses,
+            shares.track,
+            &phase_rad,
+            &mut stretches,
+        );
     }
+    stretches
 }
 
 /// Ready to form.
@@ -255,15 +279,17 @@ struct Opened<'a, const W: usize> {
 }
 
 impl<'a, const W: usize> Opened<'a, W> {
-    fn new(aim: Aim<'a>, choices: Choices, shares: Shares) -> Result<Self, FormError> {
+    fn new(aim: Aim<'a>, choices: &Choices, shares: Shares) -> Result<Self, FormError> {
         shared_band(aim.collection)?;
-        let known = choices.longest > 0 && choices.patch_rows > 0 && choices.patch_columns > 0;
-        if !(known && (-300.0..=0.0).contains(&choices.error_db)) {
-            let what = "its stretches or its patches are empty, or its bound is none";
+        let tracks = choices.tracks(&aim.collection.pulses);
+        let patches = choices.patch_rows > 0 && choices.patch_columns > 0;
+        let known = patches && (-300.0..=0.0).contains(&choices.error_db);
+        let (Some(tracks), true) = (tracks, known) else {
+            let what = "its stretches are not of these pulses, its patches are empty, or its bound is none";
             return Err(misfit(ENTRY.name, what));
-        }
+        };
         Ok(Self {
-            tracks: choices.tracks(&aim, &shares),
+            tracks,
             patches: Patches::new(aim.grid, choices.size()),
             refiner: Refiner::new(aim.grid, shares),
             aim,
@@ -319,15 +345,11 @@ impl<'a, const W: usize> Opened<'a, W> {
 }
 
 impl<const W: usize> Forming for Opened<'_, W> {
-    fn grain(&self) -> PatchSize {
-        self.patches.size
-    }
-
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
         let mut budget = Budget::new(work.memory_bytes);
         budget.take(
             "patches",
-            Patches::account_bytes(tiles, self.patches.size).into(),
+            self.patches.account_bytes(tiles).into(),
             "raise --memory",
         )?;
         let longest = self.tracks.iter().map(|track| track.pulses().len());

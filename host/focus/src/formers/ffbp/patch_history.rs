@@ -37,7 +37,7 @@ use subaperture_signal::range_profile::RangeProfiler;
 use subaperture_signal::windowed_sinc::WindowedSinc;
 
 /// A decimated history must be at most this much of the one before, or is not made.
-const WORTHWHILE: f64 = 0.8;
+pub(super) const WORTHWHILE: f64 = 0.8;
 /// A patch that reaches further from its centre, in parts of its distance from the antennas, is near.
 const NEAR: f64 = 0.5;
 /// Pulses in each run on which a decimation is measured.
@@ -233,6 +233,13 @@ impl<'a, const W: usize> Refiner<'a, W> {
             .resize(own.antennas.len() * width, Complex32::ZERO);
         let fast_weights: Vec<[f32; W]> = self.phases(by_sample);
         let slow_weights: Vec<[f32; W]> = self.phases(by_pulse);
+        #[cfg(test)]
+        super::counted::refined(
+            W,
+            [parent.num_pulses(), parent.num_samples],
+            width,
+            [by_pulse, by_sample],
+        );
         let mut row = vec![Complex32::ZERO; width];
         let rows = parent.samples.chunks_exact(parent.num_samples);
         for (n, (antennas, samples)) in parent.antennas.iter().zip(rows).enumerate() {
@@ -419,6 +426,8 @@ impl<'a, const W: usize> Refiner<'a, W> {
         });
         sums.clear();
         sums.resize(points.len(), Complex32::ZERO);
+        #[cfg(test)]
+        super::counted::imaged(history.num_pulses(), length, sums.len());
         let centre_hz = history.frequency_hz((history.num_samples / 2) as f64);
         let scale = Scale {
             cycles_m: centre_hz / SPEED_OF_LIGHT_M_S,

@@ -41,7 +41,9 @@ pub(super) struct Track {
 }
 
 impl Track {
-    fn new(track: &[Pulse], pulses: Range<usize>) -> Self {
+    /// Fits `pulses` of those recorded.
+    pub(super) fn new(recorded: &[Pulse], pulses: Range<usize>) -> Self {
+        let track = &recorded[pulses.clone()];
         let most = (track.len() / PULSES_A_DEGREE).clamp(1, DEGREE);
         let fits: Vec<Self> = (0..=most)
             .map(|degree| Self::of_degree(track, pulses.clone(), degree))
@@ -97,22 +99,29 @@ impl Track {
     }
 }
 
-/// Fits `pulses`, halved until each part's phase on each of some patches, `phases_rad` of a track, is at most `allowed`.
-pub(super) fn fit_all(
+/// Halves `pulses` until each part's phase on each of some patches, `phase_rad` of a track, is at most `allowed`; adds how many
+/// pulses each has.
+pub(super) fn halve(
     recorded: &[Pulse],
     pulses: Range<usize>,
     allowed: f64,
     phase_rad: &impl Fn(&Track) -> f64,
-    tracks: &mut Vec<Track>,
+    stretches: &mut Vec<usize>,
 ) {
-    let track = Track::new(&recorded[pulses.clone()], pulses.clone());
+    let track = Track::new(recorded, pulses.clone());
     if pulses.len() > SHORTEST && phase_rad(&track) > allowed {
         let middle = pulses.start + pulses.len() / 2;
-        fit_all(recorded, pulses.start..middle, allowed, phase_rad, tracks);
-        fit_all(recorded, middle..pulses.end, allowed, phase_rad, tracks);
+        halve(
+            recorded,
+            pulses.start..middle,
+            allowed,
+            phase_rad,
+            stretches,
+        );
+        halve(recorded, middle..pulses.end, allowed, phase_rad, stretches);
         return;
     }
-    tracks.push(track);
+    stretches.push(pulses.len());
 }
 
 /// Least-squares polynomial through positions at `u = 0, 1, ..`, in the orthogonal polynomials

@@ -50,7 +50,9 @@ use serde_json::json;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
+use super::options::ERROR_DB;
 use super::{Entry, of};
+use crate::cost::transform;
 use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Formed, Forming, ImageFormer, Misses, Task,
@@ -90,6 +92,7 @@ impl OmegaK {
 pub(super) const ENTRY: Entry = Entry {
     name: "omega-k",
     summary: "omega-k: straight, even tracks",
+    options: &[ERROR_DB],
     of: of::<OmegaK>,
 };
 
@@ -157,6 +160,12 @@ impl RangeMethod for Stolt {
 
     fn phase_rad(&self, kappa: f64, kx: f64, range_m: f64, _reference_m: f64) -> f64 {
         range_m * self.range_wavenumber(kappa, kx)
+    }
+
+    /// Each sample spread over 6 cells, weights and a phasor; transforms of `2 R`.
+    fn operations(&self, samples: usize, sizes: &Sizes) -> f64 {
+        let wavenumbers = sizes.along_wavenumbers as f64;
+        wavenumbers * (transform(2.0 * sizes.ranges as f64) + 44.0 * samples as f64)
     }
 
     fn stage(&self, axes: &Axes) -> Box<dyn RangeStage> {

@@ -37,12 +37,13 @@
 //! not hold, is refused.
 //!
 //! Cost: `W^2` complex multiply-adds a sample, two transforms, `W^2` and [`FIT_PULSES`] paths a pixel:
-//! it does not grow with pulses times pixels. Memory: three rasters of about `(2 D W_K)^2` values, `D` the grid's
+//! it does not grow with pulses times pixels (`cost`). Memory: three rasters of about `(2 D W_K)^2` values, `D` the grid's
 //! extent and `W_K` the spectrum's, in each direction.
 //!
 //! Accuracy: `tests/formers/pfa_ffbp.rs`, near the centre against the bound and far from it against the
 //! formula above.
 
+mod cost;
 mod plane;
 mod raster;
 
@@ -54,9 +55,11 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::budget::Budget;
 use crate::former::{chosen, misfit};
+use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Tile, Work,
@@ -64,16 +67,12 @@ use crate::{
 };
 use subaperture_kernels::compensation::{self, Ramp};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::Collection;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::phasor32;
 
-pub use plane::FIT_PULSES;
-use plane::{Extent, Plane};
-pub use raster::RasterSize;
-use raster::{Raster, Readable, Track};
+use plane::{Extent, FIT_PULSES, Plane};
+use raster::{Raster, RasterSize, Readable, Track};
 
 /// Pulses spread at a time.
 const BLOCK_PULSES: usize = 256;
@@ -119,6 +118,7 @@ impl PolarFormat {
 pub(super) const ENTRY: Entry = Entry {
     name: "pfa",
     summary: "polar format: far scenes, small against their distance",
+    options: &[ERROR_DB],
     of: of::<PolarFormat>,
 };
 
@@ -165,6 +165,8 @@ impl ImageFormer for PolarFormat {
                 "curvature_error_db": 20.0 * residual.max(1e-15).log10(),
             }),
             planned_db,
+            grain: PatchSize::PIXEL,
+            cost: cost::cost(aim, &size),
         })
     }
 
@@ -310,23 +312,6 @@ impl<const W: usize> Forming for Opened<'_, W> {
 }
 
 impl PolarFormat {
-    /// How large its raster is for the pixels of `grid`.
-    ///
-    /// # Errors
-    /// [`FormError::Unsuited`] if no memory would hold it.
-    pub fn raster_size(
-        &self,
-        collection: &Collection,
-        grid: &ImageGrid,
-    ) -> Result<RasterSize, FormError> {
-        let plane = Plane::new(collection, grid, self.centre_m);
-        RasterSize::new(
-            plane.spectrum(collection),
-            plane.image_extent(grid),
-            self.taps(),
-        )
-    }
-
     /// Taps of the kernels within the error bound, 4 or 6.
     fn taps(&self) -> usize {
         // Spreading and reading, in two directions each.

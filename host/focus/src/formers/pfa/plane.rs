@@ -11,7 +11,7 @@ use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Collection, Pulse, Weights};
 
 /// Pulses over which a pixel's place is fitted.
-pub const FIT_PULSES: usize = 16;
+pub(super) const FIT_PULSES: usize = 16;
 /// Paths over which residuals are predicted, at most.
 const PROBED_PATHS: usize = 8_000_000;
 /// Points a side at which the grid's image is looked at: a circle bulges from a chord of a 32nd of it by

@@ -94,15 +94,15 @@ impl RasterAxis {
 
 /// How large the raster is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RasterSize {
+pub(super) struct RasterSize {
     /// Taps of the kernels.
-    pub taps: usize,
+    pub(super) taps: usize,
     /// Rows and columns of the spectrum.
-    pub cells: [usize; 2],
+    pub(super) cells: [usize; 2],
     /// Lengths of the transforms over them.
-    pub lengths: [usize; 2],
+    pub(super) lengths: [usize; 2],
     /// Rows and columns that are kept of the image.
-    pub kept: [usize; 2],
+    pub(super) kept: [usize; 2],
 }
 
 impl RasterSize {
@@ -117,7 +117,7 @@ impl RasterSize {
     }
 
     /// The most that is held at once: after the transform along one axis, or after both.
-    pub fn bytes(&self) -> u128 {
+    pub(super) fn bytes(&self) -> u128 {
         let [rows, columns] = self.cells.map(|n| n as u128);
         let [kept_rows, kept_columns] = self.kept.map(|n| n as u128);
         8 * (rows * kept_columns + (kept_rows * kept_columns).max(rows * columns))

@@ -53,7 +53,9 @@ use serde_json::json;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
+use super::options::{ERROR_DB, Opt, Takes};
 use super::{Entry, of};
+use crate::cost::transform;
 use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
 use crate::sub_cpi::shared_band;
 use crate::{
@@ -104,10 +106,20 @@ impl RangeDopplerAlgorithm {
     }
 }
 
+const NO_SRC: Opt = Opt {
+    name: "no_src",
+    summary: "Leave out secondary range compression",
+    takes: Takes::Switch(false),
+    default: "",
+    at: &["secondary_compression"],
+    with: None,
+};
+
 /// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "rda",
     summary: "range-Doppler algorithm: straight, even tracks, little migration",
+    options: &[ERROR_DB, NO_SRC],
     of: of::<RangeDopplerAlgorithm>,
 };
 
@@ -214,6 +226,12 @@ impl RangeMethod for Expansion {
             false => 0.0,
         };
         range_m * self.range_wavenumber(kappa, kx) + compressed_rad
+    }
+
+    /// Range compression by transforms of `2 K`; of each bin's migration and filter 6 taps, weights and a phasor.
+    fn operations(&self, samples: usize, sizes: &Sizes) -> f64 {
+        let wavenumbers = sizes.along_wavenumbers as f64;
+        wavenumbers * (transform(2.0 * samples as f64) + 44.0 * sizes.ranges as f64)
     }
 
     fn stage(&self, axes: &Axes) -> Box<dyn RangeStage> {

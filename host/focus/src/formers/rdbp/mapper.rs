@@ -7,6 +7,7 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture_fft::{self as fft, Fft};
 
+use super::precise::Shapes;
 use crate::Aim;
 use crate::exact::add_pulse;
 use crate::patch::{Rectangle, Segment};
@@ -58,7 +59,7 @@ pub(super) struct Scratch {
 }
 
 impl<'a, const W: usize> Mapper<'a, W> {
-    pub(super) fn new(aim: Aim<'a>, band: &Band, shapes: &BTreeMap<usize, (Shape, f64)>) -> Self {
+    pub(super) fn new(aim: Aim<'a>, band: &Band, shapes: &Shapes) -> Self {
         let kernel = KaiserBessel::new(W);
         let length = fast_length(2 * band.count);
         let centre = band.count / 2;

@@ -12,7 +12,9 @@
 //!   Nyquist's. The quadratic phase that made the grating lobes is common to the patch, and gone with
 //!   the compensation; what varies across the patch sets how long a sub-CPI may be ([`Plan`]).
 
+mod cost;
 mod mapper;
+mod options;
 pub mod plan;
 pub mod precise;
 pub mod thesis;
@@ -101,6 +103,7 @@ impl RangeDoppler {
 pub(super) const ENTRY: Entry = Entry {
     name: "rdbp",
     summary: "sub-CPI range-Doppler backprojection: any track, fast",
+    options: &options::ALL,
     of: of::<RangeDoppler>,
 };
 
@@ -156,6 +159,7 @@ impl ImageFormer for RangeDoppler {
                     format!("{sizes}: {}", self.advice())
                 })?;
                 let choices = precise::Choices::new(aim, &plan, monitor)?;
+                let (grain, cost) = choices.grain_and_cost(aim)?;
                 Ok(Decision {
                     choices: json!({ "precise": choices }),
                     settings: json!({
@@ -167,6 +171,8 @@ impl ImageFormer for RangeDoppler {
                         "kernel_taps": plan.taps,
                     }),
                     planned_db: plan.predicted_db,
+                    grain,
+                    cost,
                 })
             }
         }

@@ -36,10 +36,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::ENTRY;
 use super::mapper::Mapper;
 use super::plan::Plan;
+use super::{ENTRY, cost};
 use crate::budget::{Budget, on_threads};
+use crate::cost::Cost;
 use crate::former::misfit;
 use crate::patch::{self, PatchSize, Patches, Rectangle};
 use crate::sub_cpi::{SubCpi, bins_per_cycle, pulses_a_sample, shared_band};
@@ -47,11 +48,14 @@ use crate::{Aim, FormError, Forming, Tile, Work};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::Band;
+use subaperture_model::phase_history::{Band, Collection};
 use subaperture_signal::scaled_dft::{ScaledDft, Shape};
 
 /// Pulses held at once, at most: enough for threads to have work between reads.
 const BLOCK_PULSES: usize = 4096;
+
+/// What is asked of the Doppler transform of each length of sub-CPIs, and bins for each cycle a pulse.
+pub(super) type Shapes = BTreeMap<usize, (Shape, f64)>;
 
 /// What a plan fixes.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -91,13 +95,71 @@ impl Choices {
         })
     }
 
+    /// The Doppler transforms that they mean for a band of `collection`.
+    fn shapes(&self, collection: &Collection, band: &Band) -> Result<Shapes, FormError> {
+        let drift = match collection.sweeps() {
+            true => pulses_a_sample(collection),
+            false => 0.0,
+        };
+        let mut shapes = Shapes::new();
+        for (&inputs, &span) in &self.spans {
+            // A cycle a pulse is all that Doppler has, and near antennas rates are a few.
+            if !(0.0..1e4).contains(&span) {
+                return Err(misfit(ENTRY.name, "a Doppler span is none"));
+            }
+            let sweep_pulses = drift.abs() * band.count as f64;
+            let bins_per_cycle = bins_per_cycle(band, inputs as f64 + sweep_pulses);
+            // A tenth and a bin more than was seen at the sampled points, and the kernel's reach.
+            let reach = (span * 1.1 * bins_per_cycle).ceil() as usize + 1 + self.kernel_taps() / 2;
+            let shape = Shape {
+                inputs,
+                input_centre: (inputs as f64 - 1.0) / 2.0,
+                input_drift: drift,
+                outputs: 2 * reach + 1,
+                output_centre: reach as f64,
+                spacing: 1.0 / bins_per_cycle,
+            };
+            shapes.insert(inputs, (shape, bins_per_cycle));
+        }
+        Ok(shapes)
+    }
+
+    fn patches(&self, grid: &ImageGrid) -> Patches {
+        let size = PatchSize {
+            rows: self.patch_rows,
+            columns: self.patch_columns,
+        };
+        Patches::new(grid, size)
+    }
+
+    /// Those of the kernels that there are.
+    fn kernel_taps(&self) -> usize {
+        if self.taps == 4 { 4 } else { 6 }
+    }
+
+    /// Tiles of whole patches cost least; and what the image of `aim` takes.
+    pub(super) fn grain_and_cost(&self, aim: &Aim) -> Result<(PatchSize, Cost), FormError> {
+        let shapes = self.shapes(aim.collection, &shared_band(aim.collection)?)?;
+        let patches = self.patches(aim.grid);
+        let longest = self.sub_cpis.iter().max().copied().unwrap_or(1);
+        let held = longest * held_at_once(longest, self.sub_cpis.len());
+        let taps = self.kernel_taps();
+        let cost = cost::precise(aim, &self.sub_cpis, &shapes, &patches, taps, held);
+        Ok((patches.size(), cost))
+    }
+
     /// Ready to form by them.
     pub(super) fn open<'a>(&self, aim: Aim<'a>) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(match self.taps {
+        Ok(match self.kernel_taps() {
             4 => Box::new(Opened::<4>::new(aim, self)?),
             _ => Box::new(Opened::<6>::new(aim, self)?),
         })
     }
+}
+
+/// Sub-CPIs of at most `longest` pulses, of `count`, that are held at once.
+fn held_at_once(longest: usize, count: usize) -> usize {
+    BLOCK_PULSES.div_ceil(longest).min(count)
 }
 
 /// Ready to form.
@@ -108,8 +170,7 @@ struct Opened<'a, const W: usize> {
     /// Pulses of the longest.
     longest: usize,
     patches: Patches,
-    /// What is asked of the Doppler transform of each length of sub-CPIs.
-    shapes: BTreeMap<usize, (Shape, f64)>,
+    shapes: Shapes,
     /// Made once there is memory for it.
     mapper: OnceLock<Mapper<'a, W>>,
 }
@@ -118,10 +179,6 @@ impl<'a, const W: usize> Opened<'a, W> {
     fn new(aim: Aim<'a>, choices: &Choices) -> Result<Self, FormError> {
         let collection = aim.collection;
         let band = shared_band(collection)?;
-        let drift = match collection.sweeps() {
-            true => pulses_a_sample(collection),
-            false => 0.0,
-        };
         let mut first = 0;
         let mut sub_cpis = Vec::with_capacity(choices.sub_cpis.len());
         for &count in &choices.sub_cpis {
@@ -139,37 +196,13 @@ impl<'a, const W: usize> Opened<'a, W> {
                 "it is of other pulses, or its patches are empty",
             ));
         }
-        let mut shapes = BTreeMap::new();
-        for (&inputs, &span) in &choices.spans {
-            // A cycle a pulse is all that Doppler has, and near antennas rates are a few.
-            if !(0.0..1e4).contains(&span) {
-                return Err(misfit(ENTRY.name, "a Doppler span is none"));
-            }
-            let sweep_pulses = drift.abs() * band.count as f64;
-            let bins_per_cycle = bins_per_cycle(&band, inputs as f64 + sweep_pulses);
-            // A tenth and a bin more than was seen at the sampled points, and the kernel's reach.
-            let reach = (span * 1.1 * bins_per_cycle).ceil() as usize + 1 + W / 2;
-            let shape = Shape {
-                inputs,
-                input_centre: (inputs as f64 - 1.0) / 2.0,
-                input_drift: drift,
-                outputs: 2 * reach + 1,
-                output_centre: reach as f64,
-                spacing: 1.0 / bins_per_cycle,
-            };
-            shapes.insert(inputs, (shape, bins_per_cycle));
-        }
-        let size = PatchSize {
-            rows: choices.patch_rows,
-            columns: choices.patch_columns,
-        };
         Ok(Self {
             longest: sub_cpis.iter().map(SubCpi::num_pulses).max().unwrap_or(0),
-            patches: Patches::new(aim.grid, size),
+            patches: choices.patches(aim.grid),
+            shapes: choices.shapes(collection, &band)?,
             aim,
             band,
             sub_cpis,
-            shapes,
             mapper: OnceLock::new(),
         })
     }
@@ -218,16 +251,12 @@ impl<'a, const W: usize> Opened<'a, W> {
 }
 
 impl<const W: usize> Forming for Opened<'_, W> {
-    fn grain(&self) -> PatchSize {
-        self.patches.size
-    }
-
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
         let num_samples = self.band.count;
         let mut budget = Budget::new(work.memory_bytes);
         budget.take(
             "patches",
-            Patches::account_bytes(tiles, self.patches.size).into(),
+            self.patches.account_bytes(tiles).into(),
             "use a larger --patch, or raise --memory",
         )?;
         let tables = self
@@ -253,7 +282,7 @@ impl<const W: usize> Forming for Opened<'_, W> {
         let block = budget.take_block(
             "a sub-CPI",
             (self.longest * num_samples * 8) as u64,
-            BLOCK_PULSES.div_ceil(self.longest).min(self.sub_cpis.len()),
+            held_at_once(self.longest, self.sub_cpis.len()),
             "use a smaller --sub-cpi, or raise --memory",
         )?;
         let mut samples = vec![Complex32::ZERO; block * self.longest * num_samples];

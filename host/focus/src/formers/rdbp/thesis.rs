@@ -33,7 +33,7 @@
 //! and linear reading of the map in both directions, `(2 pi x)^2 / sqrt(120)` of a component at
 //! `x` cycles a bin. It is the worst pixel's and sub-CPI's.
 //!
-//! Memory: the map, `P M * 10 K` complex float32, and weights of `K M^2` float32.
+//! Cost: `cost`. Memory: the map, `P M * 10 K` complex float32, and weights of `K M^2` float32.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -44,7 +44,9 @@ use rayon::prelude::*;
 use serde_json::json;
 use subaperture_fft::{self as fft, Fft};
 
+use super::cost;
 use crate::budget::Budget;
+use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::sub_cpi::{self, CentreState, shared_band};
 use crate::{Aim, Asked, Decision, FormError, Forming, Tile, Work, rounding};
@@ -121,19 +123,19 @@ impl Choices {
 
     /// What the error of these will be, for `aim`.
     pub(super) fn decide(&self, aim: &Aim, asked: &Asked) -> Result<Decision, FormError> {
-        let opened = Opened::new(*aim, *self)?;
-        let (num_samples, longest) = (opened.band.count, opened.longest);
+        let layout = Layout::new(aim, self)?;
+        let (num_samples, longest) = (layout.band.count, layout.longest);
         let linear = |cycles_a_bin: f64| (TAU * cycles_a_bin).powi(2) / 120f64.sqrt();
         let planned_db = rounding::total_db(&[
             Reading {
                 aim,
-                band: &opened.band,
+                band: &layout.band,
                 keystone: self.keystone,
             }
-            .worst(&opened.sub_cpis),
+            .worst(&layout.sub_cpis),
             // The band's edge; slow time is evenly filled, and the mean of x^4 over it a fifth.
-            linear(num_samples as f64 / 2.0 / opened.range_length as f64),
-            linear(longest as f64 / 2.0 / opened.doppler_length as f64) / 5f64.sqrt(),
+            linear(num_samples as f64 / 2.0 / layout.range_length as f64),
+            linear(longest as f64 / 2.0 / layout.doppler_length as f64) / 5f64.sqrt(),
         ]);
         asked.check(planned_db, || {
             "the thesis's method on sub-CPIs of this length: use a smaller --sub-cpi, or --mode precise".to_owned()
@@ -145,11 +147,40 @@ impl Choices {
                 "keystone": self.keystone,
                 "doppler_padding": self.doppler_padding,
                 "sub_cpi_pulses": longest,
-                "sub_cpis": opened.sub_cpis.len(),
-                "doppler_length": opened.doppler_length,
-                "range_length": opened.range_length,
+                "sub_cpis": layout.sub_cpis.len(),
+                "doppler_length": layout.doppler_length,
+                "range_length": layout.range_length,
             }),
             planned_db,
+            grain: PatchSize::PIXEL,
+            cost: cost::thesis(aim, &layout, self.keystone),
+        })
+    }
+}
+
+/// Sizes of maps.
+pub(super) struct Layout {
+    pub(super) band: Band,
+    pub(super) sub_cpis: Vec<Range<usize>>,
+    /// Pulses of the longest.
+    pub(super) longest: usize,
+    pub(super) doppler_length: usize,
+    pub(super) range_length: usize,
+}
+
+impl Layout {
+    fn new(aim: &Aim, choices: &Choices) -> Result<Self, FormError> {
+        choices.check()?;
+        let band = shared_band(aim.collection)?;
+        let num_pulses = aim.collection.pulses.len();
+        let longest = choices.sub_cpi.min(num_pulses);
+        let breaks = sub_cpi::breaks(aim.collection);
+        Ok(Self {
+            sub_cpis: sub_cpi::cut(num_pulses, &breaks, choices.sub_cpi),
+            longest,
+            doppler_length: fast_length(choices.doppler_padding * longest),
+            range_length: fast_length(RANGE_PADDING * band.count),
+            band,
         })
     }
 }
@@ -180,18 +211,15 @@ struct Buffers {
 
 impl<'a> Opened<'a> {
     pub(super) fn new(aim: Aim<'a>, choices: Choices) -> Result<Self, FormError> {
-        choices.check()?;
-        let band = shared_band(aim.collection)?;
-        let num_pulses = aim.collection.pulses.len();
-        let longest = choices.sub_cpi.min(num_pulses);
-        let doppler_length = fast_length(choices.doppler_padding * longest);
-        let range_length = fast_length(RANGE_PADDING * band.count);
+        let Layout {
+            band,
+            sub_cpis,
+            longest,
+            doppler_length,
+            range_length,
+        } = Layout::new(&aim, &choices)?;
         Ok(Self {
-            sub_cpis: sub_cpi::cut(
-                num_pulses,
-                &sub_cpi::breaks(aim.collection),
-                choices.sub_cpi,
-            ),
+            sub_cpis,
             longest,
             doppler_length,
             range_length,

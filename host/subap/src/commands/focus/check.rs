@@ -7,13 +7,14 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
+use anyhow::anyhow;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Uniform};
 use serde::Serialize;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::{FormError, Task};
-use subaperture::image::{Image, power};
+use subaperture::image::{Parts, power};
 
 use crate::messages;
 
@@ -47,15 +48,14 @@ pub(super) struct Check {
 
 impl Plan {
     /// Plans to form `count` pixels of the task's grid (all, if it has no more) by the exact sum,
-    /// beside the recording and the image.
+    /// beside the recording and what of the image is in memory.
     ///
     /// # Errors
     /// [`FormError::Memory`].
-    pub(super) fn new(task: &Task, count: usize) -> Result<Self, FormError> {
+    pub(super) fn new(task: &Task, image_bytes: u64, count: usize) -> Result<Self, FormError> {
         let num_pixels = (count as u64).min(task.grid.num_pixels());
-        let image_bytes = u128::from(task.grid.num_pixels()) * 8;
         let needed_bytes = u128::from(task.history.held_bytes())
-            + image_bytes
+            + u128::from(image_bytes)
             + u128::from(num_pixels) * u128::from(PIXEL_BYTES);
         match u128::from(task.memory_bytes).checked_sub(needed_bytes) {
             Some(left_bytes) => Ok(Self {
@@ -71,12 +71,19 @@ impl Plan {
         }
     }
 
-    /// Forms the pixels by the exact sum and compares the task's `image` with them.
-    pub(super) fn against_exact(&self, task: &Task, image: &Image) -> Result<Check, FormError> {
-        let chosen = choose(image.pixels.len(), self.num_pixels);
+    /// Forms the pixels by the exact sum, compares the task's `image` with them, and warns if the error is above `bound_db`.
+    pub(super) fn against_exact(
+        &self,
+        task: &Task,
+        image: &dyn Parts,
+        bound_db: Option<f64>,
+    ) -> anyhow::Result<Check> {
+        let columns = task.grid.columns.count;
+        let total = task.grid.num_pixels() as usize;
+        let chosen = choose(total, self.num_pixels);
         let points: Vec<_> = chosen
             .iter()
-            .map(|i| task.grid.position_m(i / image.columns, i % image.columns))
+            .map(|i| task.grid.position_m(i / columns, i % columns))
             .collect();
         let exact = Exact::at_points(
             task.history,
@@ -85,28 +92,41 @@ impl Plan {
             self.left_bytes,
             task.monitor,
         )?;
-        let (mut error, mut exact_power) = (0.0, 0.0);
-        for (&i, value) in chosen.iter().zip(&exact) {
-            let pixel = image.pixels[i];
-            error +=
-                (f64::from(pixel.re) - value.re).powi(2) + (f64::from(pixel.im) - value.im).powi(2);
-            exact_power += value.norm_sqr();
+        let (mut error, mut image_power) = (0.0, 0.0);
+        for place in image.places() {
+            let part = image.window(&place).map_err(|error| anyhow!(error))?;
+            image_power += part.pixels.iter().map(|&z| power(z)).sum::<f64>();
+            let [rows, across] = place;
+            for row in rows.clone() {
+                let first = chosen.partition_point(|&i| i < row * columns + across.start);
+                let end = chosen.partition_point(|&i| i < row * columns + across.end);
+                for (&i, value) in chosen[first..end].iter().zip(&exact[first..end]) {
+                    let (row, column) = (row - rows.start, i % columns - across.start);
+                    let pixel = part.pixels[row * part.columns + column];
+                    error += (f64::from(pixel.re) - value.re).powi(2)
+                        + (f64::from(pixel.im) - value.im).powi(2);
+                }
+            }
         }
-        let image_power: f64 = image.pixels.iter().map(|&z| power(z)).sum();
-        let share = chosen.len() as f64 / image.pixels.len() as f64;
+        let exact_power: f64 = exact.iter().map(|value| value.norm_sqr()).sum();
+        let share = chosen.len() as f64 / total as f64;
         let relative_db = |power: f64| (power > 0.0).then(|| 10.0 * (error / power).log10());
-        Ok(Check {
+        let check = Check {
             num_pixels: chosen.len(),
             relative_rms_db: relative_db(exact_power),
             relative_to_image_db: relative_db(image_power * share),
             seed: SEED,
-        })
+        };
+        if let Some(bound_db) = bound_db {
+            check.judge(bound_db);
+        }
+        Ok(check)
     }
 }
 
 impl Check {
     /// Warns if the error is above `bound_db`, by the fairer measure.
-    pub(super) fn judge(&self, bound_db: f64) {
+    fn judge(&self, bound_db: f64) {
         if let Some(error_db) = self.relative_to_image_db
             && error_db > bound_db
         {

@@ -13,8 +13,9 @@ use subaperture::onboard::maps::Maps;
 use subaperture::onboard::maps_file::MapFile;
 use subaperture::plot::Orientation;
 
+use super::deliver::{Whole, deliver};
 use super::record::Record;
-use super::{deliver, with_advice};
+use super::with_advice;
 use crate::ahead::Ahead;
 use crate::args::Focus;
 use crate::commands::forming;
@@ -24,10 +25,10 @@ use crate::messages;
 /// Forms the image and writes its folder, complete or not at all.
 pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Result<()> {
     let start = Instant::now();
-    if let Some(grid) = &typed.grid {
+    if let Some(grid) = &typed.image.grid {
         session.check_grid(grid, 1)?;
     }
-    let num_pixels = typed.grid.map_or(0, |grid| grid.num_pixels());
+    let num_pixels = typed.image.grid.map_or(0, |grid| grid.num_pixels());
     let _claims = forming::claim(session, &typed.writing, &[path], &typed.out, num_pixels)?;
 
     let maps = MapFile::open(path)?;
@@ -40,8 +41,13 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     }
     let planned = maps.run().provenance.get("error_db");
     let planned = planned.and_then(serde_json::Value::as_f64);
-    let error_db = typed.error_db.or(planned).unwrap_or(DEFAULT_ERROR_DB);
-    let grid = forming::grid_or(session, typed.grid, &typed.out, || {
+    let error_db = typed
+        .image
+        .former
+        .error_db()
+        .or(planned)
+        .unwrap_or(DEFAULT_ERROR_DB);
+    let grid = forming::grid_or(session, typed.image.grid, &typed.out, || {
         Ok(default_grid(&maps, error_db)?)
     })?;
     let progress = session.progress("focusing");
@@ -49,7 +55,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         maps: &maps,
         grid: &grid,
         error_db,
-        misses: typed.misses(),
+        misses: typed.image.misses(),
         memory_bytes: session.memory_bytes,
         monitor: &progress,
     };
@@ -72,7 +78,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         settings: json!({
             "algorithm": "from-maps",
             "window": run.fast_window,
-            "given": { "grid": typed.grid.is_some(), "error_db": typed.error_db },
+            "given": { "grid": typed.image.grid.is_some(), "error_db": typed.image.former.error_db() },
             "resolved": formed.settings,
         }),
         grid: &grid,
@@ -94,7 +100,13 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         taken: start.elapsed(),
     };
     let title = format!("{}, from maps", run.name);
-    deliver(session, typed, &formed.image, &record, title)
+    deliver(
+        session,
+        typed,
+        Whole::Memory(&formed.image),
+        &record,
+        &title,
+    )
 }
 
 /// What the image will take.

@@ -9,6 +9,7 @@ use subaperture::phase_history::InputFile;
 use subaperture::plot::Orientation;
 use subaperture::resolution::support::RecordedLooks;
 
+use super::Job;
 use super::check::Check;
 use crate::args::Focus;
 use crate::config::{Session, command_line, record_of_run};
@@ -26,7 +27,7 @@ pub(super) struct Record<'a> {
     /// Pulses that stand for the recording's; of maps there are none.
     pub(super) support: Option<RecordedLooks>,
     pub(super) inputs: &'a [InputFile],
-    pub(super) check: Option<&'a Check>,
+    pub(super) check: Option<Check>,
     /// `None` of an image of zeros.
     pub(super) peak: Option<Brightest>,
     /// What the picture shows beside it.
@@ -34,7 +35,38 @@ pub(super) struct Record<'a> {
     pub(super) taken: Duration,
 }
 
-impl Record<'_> {
+/// What is known of an image once it is formed.
+pub(super) struct About {
+    pub(super) settings: Value,
+    pub(super) check: Option<Check>,
+    pub(super) peak: Option<Brightest>,
+}
+
+impl<'a> Record<'a> {
+    /// That of an image of a recording.
+    pub(super) fn of(
+        job: &Job<'a>,
+        grid: &'a ImageGrid,
+        about: About,
+        inputs: &'a [InputFile],
+    ) -> anyhow::Result<Self> {
+        let collection = job.history.collection();
+        let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
+        Ok(Self {
+            session: job.session,
+            settings: about.settings,
+            grid,
+            frame: &collection.frame,
+            collection: serde_json::to_value(job.survey)?,
+            support: RecordedLooks::of(collection, middle_m, [grid.x_axis, grid.y_axis]),
+            inputs,
+            check: about.check,
+            peak: about.peak,
+            orientation: Orientation::of(collection, grid),
+            taken: job.start.elapsed(),
+        })
+    }
+
     /// The record as JSON; `title` is the picture's.
     pub(super) fn to_json(&self, title: &str) -> Value {
         record::Record {
@@ -61,26 +93,30 @@ impl Record<'_> {
 
 /// What was given (`null` where it was left to the program) and what it came to.
 pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value>) -> Value {
+    let image = &typed.image;
+    let mut given = image.former.record();
+    let others = [
+        ("grid", json!(image.grid.is_some())),
+        ("allow_error", json!(image.allow_error)),
+        ("velocity_m_s", json!(typed.velocity.map(|v| v.to_array()))),
+        ("channel", json!(typed.input.channel)),
+        ("set", {
+            let set = typed.input.set.iter();
+            json!(
+                set.map(|(key, value)| format!("{key}={value}"))
+                    .collect::<Vec<_>>()
+            )
+        }),
+        ("check", json!(typed.check)),
+        ("top_db", json!(typed.look.top)),
+        ("span_db", json!(typed.look.span)),
+    ];
+    given.extend(others.map(|(key, value)| (key.to_owned(), value)));
     json!({
         "algorithm": former,
-        "window": typed.window.to_string(),
-        "slow_window": typed.slow_window.to_string(),
-        "given": {
-            "grid": typed.grid.is_some(),
-            "mode": typed.mode.map(|mode| format!("{mode:?}").to_lowercase()),
-            "error_db": typed.error_db,
-            "allow_error": typed.allow_error,
-            "sub_cpi": typed.sub_cpi,
-            "patch_m": typed.patch,
-            "velocity_m_s": typed.velocity.map(|v| v.to_array()),
-            "channel": typed.input.channel,
-            "set": typed.input.set.iter().map(|(key, value)| format!("{key}={value}")).collect::<Vec<_>>(),
-            "check": typed.check,
-            "no_keystone": typed.no_keystone,
-            "no_src": typed.no_src,
-            "top_db": typed.look.top,
-            "span_db": typed.look.span,
-        },
+        "window": image.window.to_string(),
+        "slow_window": image.slow_window.to_string(),
+        "given": given,
         "resolved": resolved,
     })
 }

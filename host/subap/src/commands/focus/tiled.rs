@@ -1,71 +1,154 @@
-//! `subap focus --tiled`: an image formed tile by tile into a store that several processes may fill.
+//! An image formed tile by tile: by `--tiled` into a store that several processes may fill, else, if it is larger than memory,
+//! into the one array that an image is.
 //!
 //! ```text
-//! options ─> Plan (or --plan FILE) ─> image.zarr: plan, tiles, marks ─> once all tiles are there: image.json, image.png
+//! options ─> Plan (or --plan FILE) ─> image.zarr: plan, tiles, marks ─┬─> once all tiles are there: image.json, image.png
+//!                                 └─> image.npy, beside its place ────┘
 //! ```
 //!
-//! What the store holds by the same plan is not formed again, whoever formed it, so that a run that was killed goes on
+//! What a store holds by the same plan is not formed again, whoever formed it, so that a run that was killed goes on
 //! (`--resume`), and processes with a part each (`--tiles I/N`) need not know of one another. A tile's mark keeps what tells
-//! the image's error; whoever finds all marks judges it.
+//! the image's error; whoever finds all marks judges it. An image whose scene makes more of its errors than was planned is
+//! planned for less and formed once more, unless the plan is shared.
 
 use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
-use subaperture::focus::moving::Moving;
 use subaperture::focus::plan::{Opened, Request, Sink};
-use subaperture::focus::{Plan, SCRATCH_BYTES, Tile, TileRecord, Work};
-use subaperture::image::PartsError;
-use subaperture::image::power;
+use subaperture::focus::{FormError, Judgement, Plan, SCRATCH_BYTES, Task, Tile, TileRecord, Work};
+use subaperture::geometry::ImageGrid;
+use subaperture::image::{Image, Parts, PartsError, power};
 use subaperture::io::atomic::WriteError;
 use subaperture::io::claim::Claims;
 use subaperture::io::product::record::Brightest;
-use subaperture::io::product::{self, TiledProduct};
-use subaperture::io::tiles::{Layout, TileStore};
-use subaperture::phase_history::PhaseHistory;
-use subaperture::plot::{self, Orientation, Panel};
-use subaperture::resolution::support::RecordedLooks;
-use subaperture::resolution::survey::Survey;
+use subaperture::io::product::{self, Growing};
+use subaperture::io::tiles::{self, TileStore};
+use subaperture::phase_history::{PhaseHistory, Weights};
 
-use super::record;
-use crate::args::{Focus, Part};
-use crate::config::{Session, former};
+use super::deliver::Whole;
+use super::{Job, check, record, with_advice};
+use crate::args::{Focus, Imaging, Part};
+use crate::commands::forming;
+use crate::config::Session;
 use crate::failure::Usage;
-use crate::{interrupt, messages, text};
+use crate::{messages, text};
 
 /// A pass over the pulses forms at most this part of the tiles, so that a run that is killed loses little.
 const PASSES: usize = 16;
 
-/// Forms the tiles that are missing of the part asked for.
+/// Forms the tiles that are missing of the part asked for, in a store.
 pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let start = Instant::now();
     // Processes that carry out a plan side by side share the folder; only who makes the record has to have it alone.
     let claims = claim(session, typed)?;
     let own = claims.filter(|_| typed.tiled.plan.is_none());
     let recorded = session.open(&typed.input)?;
-    let survey = Survey::of(recorded.collection()).context("the input holds no pulses")?;
-    let first_s = recorded.collection().pulses[0].time_s;
-    let moving = typed.velocity.map(|v| Moving::new(&recorded, v, first_s));
-    let moving = moving.transpose()?;
-    let history: &dyn PhaseHistory = match &moving {
-        Some(moving) => moving,
-        None => &recorded,
+    let survey = forming::survey(&recorded)?;
+    let moving = super::moving(typed, &recorded)?;
+    let job = Job {
+        session,
+        typed,
+        history: match &moving {
+            Some(moving) => moving,
+            None => &recorded,
+        },
+        survey: &survey,
+        start,
     };
     let plan = match &typed.tiled.plan {
         Some(path) => read_plan(path)?,
-        None => make_plan(session, typed, history, &survey)?,
+        None => make_plan(&job, &job.grid()?)?,
     };
-    let weights = plan.weights(history.collection())?;
-    let opened = plan.open(history.collection(), &weights)?;
-    let part = typed.tiled.tiles.unwrap_or(Part::WHOLE);
+    if typed.tiled.plan.is_some() {
+        // What cannot be carried out says so before anything is written.
+        let weights = plan.weights(job.history.collection())?;
+        plan.open(job.history.collection(), &weights)?;
+    }
     if typed.rehearsal.dry_run {
+        let part = typed.tiled.tiles.unwrap_or(Part::WHOLE);
         return text::say(describe(&plan, part)).map_err(Into::into);
     }
-    session.note(1, || describe(&plan, part));
+    into_store(&job, plan, own)
+}
 
-    let store = store(typed, &plan)?;
-    let claimed = store.claim(&part.to_string().replace('/', " of "))?;
+/// Forms an image that is larger than memory into one array.
+pub(super) fn into_array(job: &Job, grid: &ImageGrid) -> anyhow::Result<()> {
+    let mut plan = make_plan(job, grid)?;
+    loop {
+        let weights = plan.weights(job.history.collection())?;
+        let opened = plan.open(job.history.collection(), &weights)?;
+        let growing = Growing::begin(&job.typed.out, plan.tiling().image)?;
+        let mut keep = Keep::new(&plan, Store::Array(growing));
+        let all: Vec<usize> = (0..plan.num_tiles()).collect();
+        form(job, &opened, &all, usize::MAX, &mut keep)?;
+        let judged = Judged::of(&plan, &opened, &keep.notes);
+        if let Some(next) = judged.next_plan(job)? {
+            drop((opened, keep));
+            plan = next;
+            continue;
+        }
+        judged.check()?;
+        let Store::Array(growing) = keep.store else {
+            unreachable!("an array is kept in an array")
+        };
+        let whole = Whole::Array(Box::new(growing.finish()?));
+        return judged.deliver(job, &weights, whole);
+    }
+}
+
+/// Forms the part of a plan that is missing in the store; whoever forms the last tile makes record and picture.
+fn into_store(job: &Job, plan: Plan, mut own: Option<Claims>) -> anyhow::Result<()> {
+    let Job { session, typed, .. } = *job;
+    let part = typed.tiled.tiles.unwrap_or(Part::WHOLE);
+    let (mut store, mut plan) = store(job, plan)?;
+    loop {
+        session.note(1, || describe(&plan, part));
+        let weights = plan.weights(job.history.collection())?;
+        let opened = plan.open(job.history.collection(), &weights)?;
+        fill(job, &plan, &opened, &store)?;
+        let notes = store.done()?;
+        if notes.len() < plan.num_tiles() {
+            if session.tells() {
+                let (there, all) = (notes.len(), plan.num_tiles());
+                text::say(format!(
+                    "{}: part {part} is there; {there} of {all} tiles are, and the rest is others' work",
+                    store.folder().display()
+                ))?;
+            }
+            return Ok(());
+        }
+        if own.is_none() {
+            own = claim(session, typed)?;
+        }
+        if own.is_none() {
+            // Another process makes the record.
+            return Ok(());
+        }
+        let notes: Result<Vec<Note>, _> = notes.into_values().map(Note::from_mark).collect();
+        let judged = Judged::of(&plan, &opened, &notes?);
+        let next = match typed.tiled.plan {
+            Some(_) => None,
+            None => judged.next_plan(job)?,
+        };
+        let Some(next) = next else {
+            let kept = || format!("{} keeps the tiles", store.folder().display());
+            judged.check().with_context(kept)?;
+            return judged.deliver(job, &weights, Whole::Tiles(&store));
+        };
+        TileStore::discard(&typed.out)?;
+        store = TileStore::create(&typed.out, next.tiling(), &next.to_text())?;
+        drop(opened);
+        plan = next;
+    }
+}
+
+/// Forms what is missing of the part asked for.
+fn fill(job: &Job, plan: &Plan, opened: &Opened, store: &TileStore) -> anyhow::Result<()> {
+    let part = job.typed.tiled.tiles.unwrap_or(Part::WHOLE);
+    let _claimed = store.claim(&part.to_string().replace('/', " of "))?;
     let done = store.done()?;
     let of_part = part.of(plan.num_tiles());
     let missing: Vec<usize> = of_part.clone().filter(|i| !done.contains_key(i)).collect();
@@ -73,42 +156,29 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         let there = of_part.len() - missing.len();
         messages::note(&format!("{there} of {} tiles are there", of_part.len()));
     }
-    let progress = session.progress("focusing");
+    let most_a_pass = plan.num_tiles().div_ceil(PASSES);
+    let mut keep = Keep::new(plan, Store::Tiles(store));
+    form(job, opened, &missing, most_a_pass, &mut keep)
+}
+
+fn form(
+    job: &Job,
+    opened: &Opened,
+    indices: &[usize],
+    most_a_pass: usize,
+    keep: &mut Keep,
+) -> anyhow::Result<()> {
+    let progress = job.session.progress("focusing");
     let work = Work {
-        history,
-        memory_bytes: session.memory_bytes,
+        history: job.history,
+        memory_bytes: job.session.memory_bytes,
         monitor: &progress,
     };
-    let most_a_pass = plan.num_tiles().div_ceil(PASSES);
-    opened.form(&work, &missing, most_a_pass, &mut Keep { store: &store })?;
+    opened
+        .form(&work, indices, most_a_pass, keep)
+        .map_err(with_advice)?;
     progress.finish();
-    let notes = store.done()?;
-    drop(claimed);
-    if notes.len() < plan.num_tiles() {
-        if session.tells() {
-            let (there, all) = (notes.len(), plan.num_tiles());
-            text::say(format!(
-                "{}: part {part} is there; {there} of {all} tiles are, and the rest is others' work",
-                store.folder().display()
-            ))?;
-        }
-        return Ok(());
-    }
-    let claimed = own.map_or_else(|| claim(session, typed), |own| Ok(Some(own)))?;
-    let Some(_claimed) = claimed else {
-        // Another process makes the record.
-        return Ok(());
-    };
-    let whole = Whole {
-        session,
-        typed,
-        plan: &plan,
-        opened: &opened,
-        history,
-        survey: &survey,
-        store: &store,
-    };
-    whole.deliver(notes.into_values(), start)
+    Ok(())
 }
 
 /// Sees that record and picture may be written, and keeps others from it. `None` if another process is at it that
@@ -129,35 +199,60 @@ fn read_plan(path: &Path) -> anyhow::Result<Plan> {
     Plan::from_text(&text).with_context(|| path.display().to_string())
 }
 
+fn make_plan(job: &Job, grid: &ImageGrid) -> anyhow::Result<Plan> {
+    plan_image(job.session, &job.typed.image, job.history, grid)
+}
+
 /// The plan that the options come to.
-pub(crate) fn make_plan(
+pub(crate) fn plan_image(
     session: &Session,
-    typed: &Focus,
+    typed: &Imaging,
     history: &dyn PhaseHistory,
-    survey: &Survey,
+    grid: &ImageGrid,
 ) -> anyhow::Result<Plan> {
-    let grid = match typed.grid {
-        Some(grid) => grid,
-        None => session.default_grid(survey)?,
-    };
-    let request = Request {
+    let progress = session.progress("planning");
+    let former = typed.former.former()?;
+    let request = request(typed, history, grid);
+    let plan = Plan::new(&*former, &request, &progress).map_err(with_advice)?;
+    progress.finish();
+    Ok(plan)
+}
+
+fn request<'a>(typed: &Imaging, history: &'a dyn PhaseHistory, grid: &'a ImageGrid) -> Request<'a> {
+    Request {
         collection: history.collection(),
-        grid: &grid,
+        grid,
         fast: typed.window,
         slow: typed.slow_window,
-        scratch_bytes: typed.tiled.scratch.unwrap_or(SCRATCH_BYTES),
+        scratch_bytes: typed.scratch.unwrap_or(SCRATCH_BYTES),
         misses: typed.misses(),
+    }
+}
+
+/// The plan of the same options and grid for an error of `error_db`, if there is any.
+fn plan_for_less(job: &Job, grid: &ImageGrid, error_db: f64) -> Result<Option<Plan>, FormError> {
+    let typed = &job.typed.image;
+    let Ok(former) = typed.former.former() else {
+        return Ok(None);
     };
-    let progress = session.progress("planning");
-    let former = former(typed)?;
-    let plan = Plan::new(&*former, &request, &progress).map_err(super::with_advice)?;
+    let progress = job.session.progress("planning");
+    let plan = match Plan::for_less(
+        &*former,
+        error_db,
+        &request(typed, job.history, grid),
+        &progress,
+    ) {
+        // No such plan: what the first one's miss says is what can be done.
+        Err(FormError::BoundMissed { .. }) => None,
+        plan => plan?,
+    };
     progress.finish();
     Ok(plan)
 }
 
 /// In a few lines, what a plan or a part of it is.
 pub(crate) fn describe(plan: &Plan, part: Part) -> String {
-    let [down, across] = plan.tiles_each_way();
+    let [down, across] = plan.tiling().tiles();
     let grid = &plan.grid;
     let tiles = match part {
         Part::WHOLE => String::new(),
@@ -193,205 +288,213 @@ pub(crate) fn describe(plan: &Plan, part: Part) -> String {
     )
 }
 
-/// The store of a plan: the one that is there, if it is the same plan's and may be gone on with, or a new one.
-fn store(typed: &Focus, plan: &Plan) -> anyhow::Result<TileStore> {
-    let text = plan.to_text();
-    let grid = &plan.grid;
-    let layout = Layout {
-        image: [grid.rows.count, grid.columns.count],
-        tile: [plan.tile.rows, plan.tile.columns],
-    };
+/// The store of a plan: the one that is there, if it is the same plan's and may be gone on with, or a new one. A store may be
+/// of the same options' plan for less, which is then what is carried out.
+fn store(job: &Job, plan: Plan) -> anyhow::Result<(TileStore, Plan)> {
+    let typed = job.typed;
     let goes_on = typed.tiled.resume || typed.tiled.plan.is_some();
-    let name = typed.out.join(subaperture::io::tiles::NAME);
+    let name = typed.out.join(tiles::NAME);
     let there = match TileStore::open(&typed.out) {
         Err(_) if typed.writing.force && !goes_on => None,
         store => store?,
     };
     match there {
-        Some(store) if goes_on && store.plan() == text && store.layout() == layout => {
-            return Ok(store);
-        }
-        Some(_) if goes_on => bail!(
-            "{}: what is there is of another plan: give the same recording and options as then, or begin anew with \
-             --force and without --resume",
-            name.display()
-        ),
-        Some(_) if typed.writing.force => {
-            std::fs::remove_dir_all(&name)
-                .with_context(|| format!("cannot remove {}", name.display()))?;
-        }
-        Some(_) => {
+        Some(store) if goes_on => match plan_of(job, &store, plan)? {
+            Some(plan) => return Ok((store, plan)),
+            None => bail!(
+                "{}: what is there is of another plan: give the same recording and options as then, or begin anew with \
+                 --force and without --resume",
+                name.display()
+            ),
+        },
+        Some(_) if !typed.writing.force => {
             return Err(Usage(format!(
                 "{}: there is one already: go on with it by --resume, or begin anew by --force",
                 name.display()
             ))
             .into());
         }
-        None if typed.writing.force && name.exists() => {
-            std::fs::remove_dir_all(&name)
-                .with_context(|| format!("cannot remove {}", name.display()))?;
-        }
-        None => {}
+        _ if typed.writing.force => TileStore::discard(&typed.out)?,
+        _ => {}
     }
-    match TileStore::create(&typed.out, layout, &text) {
-        Ok(store) => Ok(store),
+    let text = plan.to_text();
+    match TileStore::create(&typed.out, plan.tiling(), &text) {
+        Ok(store) => Ok((store, plan)),
         // Another process was quicker.
         Err(error) => match TileStore::open(&typed.out) {
-            Ok(Some(store)) if goes_on && store.plan() == text => Ok(store),
+            Ok(Some(store)) if goes_on && store.plan() == text => Ok((store, plan)),
             _ => Err(error.into()),
         },
     }
 }
 
-/// Keeps tiles in a store.
+/// The plan by which a store is filled, if it is `plan` or what that came to for less.
+fn plan_of(job: &Job, store: &TileStore, plan: Plan) -> anyhow::Result<Option<Plan>> {
+    let is_of = |plan: &Plan| store.plan() == plan.to_text() && store.tiling() == plan.tiling();
+    if is_of(&plan) {
+        return Ok(Some(plan));
+    }
+    let stored = Plan::from_text(store.plan()).ok();
+    let for_less = stored.and_then(|stored| stored.planned_for_db);
+    let (None, Some(error_db)) = (&job.typed.tiled.plan, for_less) else {
+        return Ok(None);
+    };
+    Ok(plan_for_less(job, &plan.grid, error_db)?.filter(is_of))
+}
+
+/// What is noted of a tile beside its pixels.
+#[derive(Debug, Serialize, Deserialize)]
+struct Note {
+    record: TileRecord,
+    /// Row and column in the image of the brightest pixel, and its power.
+    peak: Option<(usize, usize, f64)>,
+}
+
+impl Note {
+    fn of(tile: Tile, record: TileRecord) -> (Self, Image) {
+        let Tile { place, pixels } = tile;
+        let image = Image {
+            rows: place.size.rows,
+            columns: place.size.columns,
+            pixels,
+        };
+        let at = |peak: subaperture::image::Peak| {
+            let (row, column) = (place.row + peak.row, place.column + peak.column);
+            (row, column, power(peak.value))
+        };
+        let peak = image.peak().map(at);
+        (Self { record, peak }, image)
+    }
+
+    fn from_mark(mark: Value) -> anyhow::Result<Self> {
+        serde_json::from_value(mark).context("a tile's mark is damaged")
+    }
+}
+
+/// Where tiles are kept.
+enum Store<'a> {
+    Tiles(&'a TileStore),
+    Array(Growing),
+}
+
+/// Keeps tiles, and what is noted of them if that is kept nowhere else.
 struct Keep<'a> {
-    store: &'a TileStore,
+    plan: &'a Plan,
+    store: Store<'a>,
+    notes: Vec<Note>,
+}
+
+impl<'a> Keep<'a> {
+    fn new(plan: &'a Plan, store: Store<'a>) -> Self {
+        Self {
+            plan,
+            store,
+            notes: Vec::new(),
+        }
+    }
 }
 
 impl Sink for Keep<'_> {
     fn take(&mut self, index: usize, tile: Tile, record: TileRecord) -> Result<(), PartsError> {
-        let brightest = tile.pixels.iter().enumerate();
-        let brightest = brightest.max_by(|a, b| power(*a.1).total_cmp(&power(*b.1)));
-        let peak = brightest.map(|(i, z)| {
-            let columns = tile.place.size.columns;
-            let (row, column) = (
-                tile.place.row + i / columns,
-                tile.place.column + i % columns,
-            );
-            json!([row, column, power(*z)])
-        });
-        let note = json!({ "record": record, "peak": peak });
-        Ok(self.store.put(index, &tile.pixels, &note)?)
+        let (note, image) = Note::of(tile, record);
+        match &mut self.store {
+            Store::Tiles(store) => store.put(index, &image.pixels, &json!(note))?,
+            Store::Array(growing) => {
+                growing.put(&self.plan.tiling().place(index), &image.pixels)?;
+                self.notes.push(note);
+            }
+        }
+        Ok(())
     }
 }
 
-/// An image of which all tiles are there.
-struct Whole<'a> {
-    session: &'a Session,
-    typed: &'a Focus,
+/// A whole image, and what is known of it.
+struct Judged<'a> {
     plan: &'a Plan,
-    opened: &'a Opened<'a>,
-    history: &'a dyn PhaseHistory,
-    survey: &'a Survey,
-    store: &'a TileStore,
+    judgement: Judgement,
+    peak: Option<Brightest>,
 }
 
-impl Whole<'_> {
-    /// Judges it, and writes record and picture beside it.
-    fn deliver(&self, notes: impl Iterator<Item = Value>, start: Instant) -> anyhow::Result<()> {
-        let Self { session, plan, .. } = *self;
-        let (mut records, mut peak): (Vec<TileRecord>, Option<Brightest>) = (Vec::new(), None);
-        for note in notes {
-            let (row, column) = (&note["peak"][0], &note["peak"][1]);
-            let power = note["peak"][2].as_f64().unwrap_or(0.0);
-            let level_db = 10.0 * power.log10();
-            if power > 0.0 && peak.is_none_or(|peak| level_db > peak.level_db) {
-                let [row, column] = [row, column].map(|n| n.as_u64().unwrap_or(0) as usize);
-                peak = Some(Brightest {
-                    position_m: plan.grid.position_m(row, column).to_array(),
-                    level_db,
-                    row,
-                    column,
-                });
-            }
-            records.push(
-                serde_json::from_value(note["record"].clone())
-                    .context("a tile's mark is damaged")?,
-            );
+impl<'a> Judged<'a> {
+    fn of(plan: &'a Plan, opened: &Opened, notes: &[Note]) -> Self {
+        let records: Vec<TileRecord> = notes.iter().map(|note| note.record.clone()).collect();
+        // The first in the image of several that are as bright.
+        let peaks = notes.iter().filter_map(|note| note.peak);
+        let peak = peaks.max_by(|a, b| a.2.total_cmp(&b.2).then((b.0, b.1).cmp(&(a.0, a.1))));
+        Self {
+            plan,
+            judgement: opened.judge(&records),
+            peak: peak
+                .and_then(|(row, column, power)| Brightest::at(&plan.grid, [row, column], power)),
         }
-        let settings = self.judged(&records)?;
-        interrupt::check()?;
-        let checksums = session.progress("checksums");
-        let inputs = self.history.inputs()?;
-        checksums.finish();
-        let collection = self.history.collection();
-        let grid = &plan.grid;
-        let record = record::Record {
-            session,
-            settings,
-            grid,
-            frame: &collection.frame,
-            collection: serde_json::to_value(self.survey)?,
-            support: {
-                let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
-                RecordedLooks::of(collection, middle_m, [grid.x_axis, grid.y_axis])
-            },
-            inputs: &inputs,
-            check: None,
-            peak,
-            orientation: Orientation::of(collection, grid),
-            taken: start.elapsed(),
-        };
-        self.write(&record)
     }
 
-    /// What was planned, and how well it turned out.
-    fn judged(&self, records: &[TileRecord]) -> anyhow::Result<Value> {
-        let Self { typed, plan, .. } = *self;
-        let predicted_db = self.opened.judge(records);
-        let missed = plan.bound_db.filter(|bound_db| predicted_db > *bound_db);
-        if let Some(bound_db) = missed {
-            let words = format!(
-                "the predicted error is {predicted_db:.1} dB, above the {bound_db} dB asked"
-            );
-            if !plan.misses_allowed {
-                let next = bound_db + plan.planned_db - predicted_db - 1.0;
-                bail!(
-                    "{words}: the grid is dark, beside something bright that it leaves out; include that in --grid, or plan \
-                     for less with --error-db {next:.0}; {} keeps the tiles",
-                    self.store.folder().display()
-                );
-            }
-            messages::bound_missed(words);
+    /// What to form in its place, where the scene makes more of its errors than was planned.
+    fn next_plan(&self, job: &Job) -> anyhow::Result<Option<Plan>> {
+        let next = self.judgement.next_plan_db(&self.plan.asked());
+        match next.filter(|_| self.plan.planned_for_db.is_none()) {
+            Some(error_db) => Ok(plan_for_less(job, &self.plan.grid, error_db)?),
+            None => Ok(None),
         }
+    }
+
+    /// Refuses an image that is not what was asked for.
+    fn check(&self) -> anyhow::Result<()> {
+        self.judgement
+            .check(&self.plan.asked())
+            .map_err(with_advice)
+    }
+
+    /// Checks the image against the exact sum, if that is asked for, and writes it.
+    fn deliver(self, job: &Job, weights: &Weights, image: Whole) -> anyhow::Result<()> {
+        let Self { plan, .. } = self;
         let mut resolved = plan.summary.as_object().cloned().unwrap_or_default();
-        resolved.insert("predicted_error_db".to_owned(), predicted_db.into());
-        resolved.insert("planned_error_db".to_owned(), plan.planned_db.into());
-        if let Some(bound_db) = plan.bound_db {
-            resolved.insert("error_db".to_owned(), bound_db.into());
-            resolved.insert("bound_missed".to_owned(), missed.is_some().into());
+        if self.judgement.note(plan.bound_db, &mut resolved) {
+            super::tell_missed(self.judgement.predicted_db(), plan.bound_db);
         }
-        let mut settings = record::settings(typed, &plan.former, &resolved);
+        if let Some(error_db) = plan.planned_for_db {
+            resolved.insert("planned_for_db".to_owned(), error_db.into());
+        }
+        super::tell_settings(&resolved);
+        let mut settings = record::settings(job.typed, &plan.former, &resolved);
         settings["window"] = plan.window.clone().into();
         settings["slow_window"] = plan.slow_window.clone().into();
         settings["scratch_bytes"] = plan.scratch_bytes.into();
-        Ok(settings)
+        let about = record::About {
+            settings,
+            check: self.checked(job, weights, image.parts())?,
+            peak: self.peak,
+        };
+        job.deliver(&plan.grid, &plan.former, about, image)
     }
 
-    fn write(&self, record: &record::Record) -> anyhow::Result<()> {
-        let Self {
-            session,
-            typed,
-            plan,
-            store,
-            ..
-        } = *self;
-        let writing = session.progress("writing");
-        let title = format!("{}, {}", self.survey.name, plan.former);
-        let quicklook = plot::quicklook_within(
-            &Panel {
-                scale: typed.look.scale(),
-                colours: typed.look.colours(),
-                orientation: record.orientation,
-                ..Panel::new(plot::Source::Parts(store), record.grid, title.as_str())
-            },
-            session.memory.picture_bytes,
-        )?;
-        let mut metadata = record.to_json(&title);
-        metadata["image"]["file"] = subaperture::io::tiles::NAME.into();
-        TiledProduct {
-            store,
-            metadata: &metadata,
-            quicklook: &quicklook,
-        }
-        .write(&typed.out)?;
-        writing.finish();
-        super::tell(
-            session,
-            typed,
-            [plan.grid.rows.count, plan.grid.columns.count],
-            record,
-            metadata,
-        )
+    fn checked(
+        &self,
+        job: &Job,
+        weights: &Weights,
+        image: &dyn Parts,
+    ) -> anyhow::Result<Option<check::Check>> {
+        let Some(count) = job.typed.check else {
+            return Ok(None);
+        };
+        let progress = job.session.progress("checking");
+        let task = Task {
+            history: job.history,
+            grid: &self.plan.grid,
+            weights,
+            memory_bytes: job.session.memory_bytes,
+            monitor: &progress,
+        };
+        let largest = image
+            .places()
+            .into_iter()
+            .map(|[rows, columns]| rows.len() * columns.len());
+        let part_bytes = 16 * largest.max().unwrap_or(0) as u64;
+        let checking = check::Plan::new(&task, part_bytes, count)?;
+        Ok(Some(checking.against_exact(
+            &task,
+            image,
+            self.plan.bound_db,
+        )?))
     }
 }

@@ -2,46 +2,24 @@
 
 use std::io::Write;
 
-use anyhow::Context;
 use serde_json::json;
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
-use subaperture::phase_history::PhaseHistory;
-use subaperture::planner::forecast::{Settings, cost};
-use subaperture::resolution::survey::Survey;
 
-use crate::args::{Mode, Part, PlanFocus};
-use crate::commands::focus::tiled;
-use crate::config::{DEFAULT_ERROR_DB, Session};
-use crate::failure::Usage;
+use crate::args::{Part, PlanFocus};
+use crate::commands::focus::{grid_of, tiled};
+use crate::commands::forming;
+use crate::config::Session;
 use crate::text;
 
 /// Makes the plan, writes it, and says what it will take.
 pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
-    if let Some(option) = typed.stray() {
-        return Err(Usage(format!(
-            "{option} says nothing to a plan: give it to subap focus --plan"
-        ))
-        .into());
-    }
-    let typed = &typed.focus;
     let mut claims = session.claims(&typed.writing, &typed.input.paths);
     claims.file(&typed.out, Kind::Record)?;
     let history = session.open(&typed.input)?;
-    let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
-    let plan = tiled::make_plan(session, typed, &history, &survey)?;
-    let settings = Settings {
-        error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
-        sub_cpi: typed.sub_cpi,
-        is_thesis: typed.mode == Some(Mode::Thesis),
-    };
-    let cost = cost(
-        &plan.former,
-        history.collection(),
-        &plan.grid,
-        &settings,
-        session.memory_bytes,
-    );
+    let survey = forming::survey(&history)?;
+    let grid = grid_of(session, &typed.image, &survey)?;
+    let plan = tiled::plan_image(session, &typed.image, &history, &grid)?;
     let text_of_plan = plan.to_text();
     write_atomically(&typed.out, text_of_plan.len() as u64, |file| {
         file.write_all(text_of_plan.as_bytes())
@@ -57,19 +35,23 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
                 "tiles": plan.num_tiles(),
                 "tile": [plan.tile.rows, plan.tile.columns],
                 "scratch_bytes": plan.scratch_bytes,
-                "operations": cost.as_ref().map(|cost| cost.operations),
-                "total_bytes": cost.as_ref().map(|cost| cost.total_bytes as f64),
+                "operations": plan.cost.operations,
+                "total_bytes": (8 * plan.grid.num_pixels()).saturating_add(plan.cost.bytes(1.0)),
+                "buffers": plan.cost.buffers,
+                "tile_operations": plan.tile_operations,
+                "tile_bytes": plan.tile_bytes,
             }),
         );
     }
-    let mut lines = tiled::describe(&plan, Part::WHOLE);
-    if let Some(cost) = cost {
-        lines.push_str(&format!(
-            "\n{:<16} {:.2e}, in all",
-            "operations", cost.operations
-        ));
-    }
-    text::say(lines)?;
+    text::say(format!(
+        "{}\n{:<16} {:.2e}, in all; {:.2e} for a tile alone\n{:<16} {} for a tile alone, by one thread",
+        tiled::describe(&plan, Part::WHOLE),
+        "operations",
+        plan.cost.operations,
+        plan.tile_operations,
+        "memory",
+        text::bytes(plan.tile_bytes.into()),
+    ))?;
     if session.tells() {
         text::say(format!(
             "{}: the plan; subap focus INPUT --plan {} -o DIR carries it out",

@@ -6,6 +6,8 @@ use std::path::Path;
 use anyhow::Context;
 use glam::DVec3;
 use num_complex::Complex32;
+use subaperture::focus::bp::Backprojection;
+use subaperture::focus::{ImageFormer, SCRATCH_BYTES};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
 use subaperture::io::atomic::write_atomically;
@@ -50,7 +52,7 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
     let request = Request {
         grid: &grid,
         error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
-        memory_bytes: session.memory_bytes / 2,
+        memory_bytes: SCRATCH_BYTES,
         thesis_sub_cpi: typed.sub_cpi,
         beamwidth_rad: typed.beamwidth.map(f64::to_radians),
         power: typed.power.map(link).zip(typed.pulse_length),
@@ -354,14 +356,18 @@ fn lobes_table(sub_cpis: &SubCpis) -> String {
 
 /// What each image former takes.
 fn costs_table(plan: &RadarPlan) -> String {
-    let bp = plan.costs[0].operations;
+    // What all others are compared with.
+    let of_bp = Backprojection::default().name();
+    let bp = plan.costs.iter().find(|cost| cost.algorithm == of_bp);
+    let bp = bp.map_or(f64::NAN, |bp| bp.operations);
     let rows: Vec<Vec<String>> = plan
         .costs
         .iter()
         .map(|cost| {
             vec![
-                cost.algorithm.to_owned(),
-                bytes(cost.total_bytes),
+                cost.algorithm.clone(),
+                format!("{:.1}", cost.planned_db),
+                bytes(cost.total_bytes.into()),
                 format!("{:.3e}", cost.operations),
                 format!("{:.2}", cost.per_pixel_and_pulse),
                 format!("{:.3}", cost.operations / bp),
@@ -370,6 +376,7 @@ fn costs_table(plan: &RadarPlan) -> String {
         .collect();
     let header = [
         "image former",
+        "dB planned",
         "memory",
         "operations",
         "a pixel and pulse",

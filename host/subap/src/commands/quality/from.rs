@@ -224,8 +224,7 @@ impl<'a> From<'a> {
             memory_bytes: self.session.memory_bytes,
             monitor: &progress,
         };
-        let asked = forecast::Settings::within(ERROR_DB);
-        let forming = forecast::forecast(chip.former, &task, &asked)?;
+        let forming = forecast::forecast(chip.former, &task)?;
         // The beam is measured from all echoes.
         let beam = reading(history)?;
         let one = forming.map(|forming| [forming, beam].into_iter().sum());

@@ -1,0 +1,76 @@
+//! What sub-CPIs of `M` pulses take, of `K` frequencies each.
+//!
+//! ```text
+//! thesis   a pixel and sub-CPI: path and rate 34, place 5, bilinear 18, phasor 23, sum 8              88
+//!          a sub-CPI: Keystone 4 K M^2, K transforms over Doppler, one over range for each of its bins
+//! precise  a pixel and sub-CPI: two paths 22, place 5, kernel 8 W + 4 W^2, phasor 21, sum 8           56 + 8 W + 4 W^2
+//!          a patch and sub-CPI: compensation 8 M K, 2 K transforms of M + D, D transforms of 2 K
+//! ```
+//!
+//! with `D` Doppler bins and kernels of `W` taps. Where samples of a pulse are taken in motion each has a path and a phasor of
+//! its own: compensation takes 60 M K. The thesis's maps are of the whole scene, and made for any tile; the precise
+//! mode's are of a patch, and tiles share none where their edges are those of patches.
+
+use super::precise::Shapes;
+use super::thesis::Layout;
+use crate::Aim;
+use crate::cost::{Cost, Each, transform};
+use crate::patch::Patches;
+use subaperture_signal::scaled_dft::ScaledDft;
+
+/// Pixels by pulses' operations of the thesis's mode.
+const THESIS_PIXEL: f64 = 88.0;
+/// Those of the precise mode beside its kernel's.
+const PRECISE_PIXEL: f64 = 56.0;
+/// Compensating a sample to a patch's centre, taken with its pulse's others or at its own place.
+const COMPENSATION: [f64; 2] = [8.0, 60.0];
+
+/// Of the thesis's mode laid out as `layout`.
+pub(super) fn thesis(aim: &Aim, layout: &Layout, keystone: bool) -> Cost {
+    let (k, m) = (layout.band.count as f64, layout.longest as f64);
+    let (doppler, range) = (layout.doppler_length as f64, layout.range_length as f64);
+    let resampling = if keystone { 4.0 * k * m * m } else { 0.0 };
+    let map = resampling + k * transform(doppler) + doppler * transform(range);
+    let sub_cpis = layout.sub_cpis.len() as f64;
+    let pixels = THESIS_PIXEL * aim.grid.num_pixels() as f64;
+    let cost = Cost::new(sub_cpis * (map + pixels), sub_cpis * map);
+    let cost = cost.holding("map", Each::Pass, 8.0 * doppler * (range + k));
+    let cost = match keystone {
+        true => cost.holding("Keystone weights", Each::Pass, 4.0 * k * m * m),
+        false => cost,
+    };
+    cost.holding("a sub-CPI", Each::Pass, 8.0 * k * m)
+}
+
+/// Of the precise mode: `sub_cpis` are their lengths, `held` the pulses in hand.
+pub(super) fn precise(
+    aim: &Aim,
+    sub_cpis: &[usize],
+    shapes: &Shapes,
+    patches: &Patches,
+    taps: usize,
+    held: usize,
+) -> Cost {
+    let k = aim.collection.num_samples as f64;
+    let compensation = COMPENSATION[usize::from(aim.collection.sweeps())];
+    let taps = taps as f64;
+    let pixel = PRECISE_PIXEL + 8.0 * taps + 4.0 * taps * taps;
+    let pixels = pixel * aim.grid.num_pixels() as f64;
+    let operations = sub_cpis.iter().map(|length| {
+        let (m, bins) = (*length as f64, shapes[length].0.outputs as f64);
+        let map = compensation * m * k + 2.0 * k * transform(m + bins) + bins * transform(2.0 * k);
+        patches.count() as f64 * map + pixels
+    });
+    let shapes = || shapes.values().map(|(shape, _)| shape);
+    let tables = shapes().map(|shape| {
+        ScaledDft::table_bytes(aim.collection.num_samples, shape.inputs, shape.outputs)
+    });
+    let map = shapes().map(|shape| {
+        let (m, bins) = (shape.inputs as f64, shape.outputs as f64);
+        8.0 * (bins * (2.0 * k + taps) + m * k)
+    });
+    Cost::new(operations.sum(), 0.0)
+        .holding("Doppler tables", Each::Image, tables.sum::<u64>() as f64)
+        .holding("map", Each::Thread, map.fold(0.0, f64::max))
+        .holding("pulses", Each::Pass, 8.0 * k * held as f64)
+}

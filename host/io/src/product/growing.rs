@@ -1,0 +1,176 @@
+//! A product whose image is larger than memory: its `image.npy` is filled place by place, then read as it lies, and the product
+//! is in its place, complete, at the end alone.
+//!
+//! ```text
+//! Growing ── put (place, pixels) ──> finish ──> Grown (read part by part: picture, measures) ── write ──> the folder
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use num_complex::Complex32;
+use serde_json::Value;
+
+use super::{IMAGE, finish};
+use crate::atomic::WriteError;
+use crate::npy::{self, Filling, ImageFile};
+use crate::staging::Staged;
+use subaperture_model::image::{Image, Parts, PartsError, Place};
+
+/// A product on its way. Gone when dropped.
+#[derive(Debug)]
+pub struct Growing {
+    image: Filling,
+    staged: Staged,
+    folder: PathBuf,
+}
+
+impl Growing {
+    /// Begins a product with an image of these rows and columns, of zeros where nothing is put.
+    ///
+    /// # Errors
+    /// [`WriteError`], also if the disk has no room for it.
+    pub fn begin(folder: &Path, [rows, columns]: [usize; 2]) -> Result<Self, WriteError> {
+        let bytes = npy::file_bytes((rows as u64).saturating_mul(columns as u64));
+        let staged = Staged::begin(folder, bytes)?;
+        staged.check(super::NAMES)?;
+        let file = staged.create_open(IMAGE)?;
+        let image = Filling::begin(file, [rows, columns]);
+        Ok(Self {
+            image: image.map_err(|source| staged.failed(IMAGE, source))?,
+            staged,
+            folder: folder.to_owned(),
+        })
+    }
+
+    /// Writes a place's pixels, row-major.
+    ///
+    /// # Errors
+    /// [`WriteError`].
+    ///
+    /// # Panics
+    /// If there are not as many pixels as the place has.
+    pub fn put(&mut self, place: &Place, pixels: &[Complex32]) -> Result<(), WriteError> {
+        let put = self.image.put(place, pixels);
+        put.map_err(|source| self.staged.failed(IMAGE, source))
+    }
+
+    /// The image as it is now, whole.
+    ///
+    /// # Errors
+    /// [`WriteError`] if it cannot be forced to the disk, or read again.
+    pub fn finish(self) -> Result<Grown, WriteError> {
+        let Self {
+            image,
+            staged,
+            folder,
+        } = self;
+        let mut file = image.into_file();
+        let about = staged.seal(IMAGE, &mut file)?;
+        let image = ImageFile::of(file, &folder.join(IMAGE))
+            .map_err(|error| staged.failed(IMAGE, std::io::Error::other(error)))?;
+        Ok(Grown {
+            image,
+            about,
+            staged,
+            folder,
+        })
+    }
+}
+
+/// A product whose image is whole, and that is to be written. Gone when dropped.
+#[derive(Debug)]
+pub struct Grown {
+    image: ImageFile,
+    /// Size and CRC-32 of its file.
+    about: Value,
+    staged: Staged,
+    folder: PathBuf,
+}
+
+impl Grown {
+    /// Writes record and picture (the bytes of a PNG file, or none) and moves all into place.
+    ///
+    /// # Errors
+    /// [`WriteError`], as [`super::Product::write`].
+    ///
+    /// # Panics
+    /// If `metadata` is not an object.
+    pub fn write(self, metadata: &Value, quicklook: &[u8]) -> Result<(), WriteError> {
+        finish(self.staged, &self.folder, self.about, metadata, quicklook)
+    }
+}
+
+impl Parts for Grown {
+    fn size(&self) -> (usize, usize) {
+        self.image.size()
+    }
+
+    fn places(&self) -> Vec<Place> {
+        self.image.places()
+    }
+
+    fn window(&self, place: &Place) -> Result<Image, PartsError> {
+        self.image.window(place)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::product::{self, Product};
+    use serde_json::json;
+    use std::fs;
+    use subaperture_model::geometry::ImageGrid;
+    use subaperture_model::image::Tiling;
+
+    #[test]
+    fn a_product_that_grew_is_that_of_one_written_at_once() {
+        let grid: ImageGrid = "x=0:7:1,y=0:5:1".parse().unwrap();
+        let image = Image {
+            rows: 5,
+            columns: 7,
+            pixels: (0..35).map(|i| Complex32::new(i as f32, -0.5)).collect(),
+        };
+        let metadata = json!({ "grid": product::record::grid(&grid) });
+        let at = tempfile::tempdir().unwrap();
+        let once = at.path().join("once");
+        let whole = Product {
+            image: &image,
+            metadata: &metadata,
+            quicklook: b"picture",
+        };
+        whole.write(&once).unwrap();
+
+        let grown = at.path().join("grown");
+        let tiling = Tiling {
+            image: [5, 7],
+            tile: [2, 3],
+        };
+        let mut growing = Growing::begin(&grown, [5, 7]).unwrap();
+        for index in (0..tiling.count()).rev() {
+            let place = tiling.place(index);
+            growing
+                .put(&place, &image.window(&place).unwrap().pixels)
+                .unwrap();
+        }
+        assert!(!grown.exists());
+        let whole = growing.finish().unwrap();
+        assert_eq!(
+            whole.window(&[1..4, 2..6]).unwrap(),
+            image.window(&[1..4, 2..6]).unwrap()
+        );
+        whole.write(&metadata, b"picture").unwrap();
+        for name in product::NAMES {
+            let [a, b] = [&once, &grown].map(|folder| fs::read(folder.join(name)).unwrap());
+            assert!(a == b, "{name}");
+        }
+        assert_eq!(product::read(&grown).unwrap().image, image);
+
+        // One that is given up leaves what was there.
+        let mut lost = Growing::begin(&grown, [5, 7]).unwrap();
+        lost.put(&[0..5, 0..7], &[Complex32::ONE; 35]).unwrap();
+        drop(lost);
+        assert_eq!(product::read(&grown).unwrap().image, image);
+        assert_eq!(fs::read_dir(&grown).unwrap().count(), 3);
+    }
+}

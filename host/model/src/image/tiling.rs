@@ -1,0 +1,153 @@
+//! An image cut into tiles of one size, row by row of tiles; those at the last row and column of tiles have what is left.
+
+use num_complex::Complex32;
+
+use super::Place;
+
+/// Sizes of an image and of its tiles, pixels: rows first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tiling {
+    /// Rows and columns of the image.
+    pub image: [usize; 2],
+    /// Rows and columns of a tile, at least one of each.
+    pub tile: [usize; 2],
+}
+
+impl Tiling {
+    /// Rows and columns of tiles.
+    pub fn tiles(&self) -> [usize; 2] {
+        [0, 1].map(|i| self.image[i].div_ceil(self.tile[i]))
+    }
+
+    /// Tiles in all.
+    pub fn count(&self) -> usize {
+        self.tiles().iter().product()
+    }
+
+    /// Row and column of tiles at which tile `index` is.
+    ///
+    /// # Panics
+    /// If there is no such tile.
+    pub fn at(&self, index: usize) -> [usize; 2] {
+        assert!(index < self.count(), "no tile {index}");
+        let across = self.tiles()[1];
+        [index / across, index % across]
+    }
+
+    /// Rows and columns of the image that tile `index` has.
+    ///
+    /// # Panics
+    /// If there is no such tile.
+    pub fn place(&self, index: usize) -> Place {
+        let at = self.at(index);
+        [0, 1].map(|i| {
+            let first = at[i] * self.tile[i];
+            first..(first + self.tile[i]).min(self.image[i])
+        })
+    }
+
+    /// The tiles, ascending, that have pixels of `place`.
+    pub fn meeting(&self, [rows, columns]: &Place) -> impl Iterator<Item = usize> + use<> {
+        let across = self.tiles()[1];
+        let [height, width] = self.tile;
+        let down = rows.start / height..rows.end.div_ceil(height);
+        let along = columns.start / width..columns.end.div_ceil(width);
+        down.flat_map(move |row| along.clone().map(move |column| row * across + column))
+    }
+}
+
+/// Copies what two places have in common: pixels of `from` over those of `to`, each row-major on its own place.
+///
+/// # Panics
+/// If there are not as many pixels as a place has.
+pub fn copy_common(to_place: &Place, to: &mut [Complex32], from_place: &Place, from: &[Complex32]) {
+    for (place, pixels) in [(to_place, to.len()), (from_place, from.len())] {
+        assert_eq!(
+            place[0].len() * place[1].len(),
+            pixels,
+            "pixels of {place:?}"
+        );
+    }
+    let [rows, columns] = [0, 1].map(|i| {
+        to_place[i].start.max(from_place[i].start)..to_place[i].end.min(from_place[i].end)
+    });
+    if columns.is_empty() {
+        return;
+    }
+    let first = |place: &Place, row: usize| {
+        (row - place[0].start) * place[1].len() + columns.start - place[1].start
+    };
+    for row in rows {
+        let (into, out_of) = (first(to_place, row), first(from_place, row));
+        to[into..into + columns.len()].copy_from_slice(&from[out_of..out_of + columns.len()]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TILING: Tiling = Tiling {
+        image: [5, 7],
+        tile: [2, 3],
+    };
+
+    #[test]
+    fn tiles_cover_the_image_once() {
+        assert_eq!((TILING.tiles(), TILING.count()), ([3, 3], 9));
+        let mut seen = [[0; 7]; 5];
+        for index in 0..TILING.count() {
+            let [rows, columns] = TILING.place(index);
+            assert!(rows.len() <= 2 && columns.len() <= 3);
+            rows.for_each(|row| columns.clone().for_each(|column| seen[row][column] += 1));
+        }
+        assert_eq!(seen, [[1; 7]; 5]);
+        assert_eq!(TILING.place(8), [4..5, 6..7]);
+    }
+
+    #[test]
+    fn a_place_meets_the_tiles_that_have_its_pixels() {
+        for place in [[0..5, 0..7], [1..2, 2..3], [1..4, 2..7], [3..3, 0..7]] {
+            let has = |index: &usize| {
+                let tile = TILING.place(*index);
+                let both =
+                    |i: usize| tile[i].start.max(place[i].start) < tile[i].end.min(place[i].end);
+                both(0) && both(1)
+            };
+            let expected: Vec<usize> = (0..9).filter(has).collect();
+            let met: Vec<usize> = TILING.meeting(&place).filter(has).collect();
+            assert_eq!(met, expected, "{place:?}");
+            let most = if place[0].is_empty() {
+                3
+            } else {
+                expected.len()
+            };
+            assert!(TILING.meeting(&place).count() <= most, "{place:?}");
+        }
+    }
+
+    #[test]
+    fn what_places_share_is_copied_and_nothing_else() {
+        let (to_place, from_place) = ([1..4, 2..6], [2..9, 0..4]);
+        let value = |row: usize, column: usize| Complex32::new(row as f32, column as f32);
+        let from: Vec<Complex32> = (2..9)
+            .flat_map(|r| (0..4).map(move |c| value(r, c)))
+            .collect();
+        let mut to = vec![Complex32::ZERO; 12];
+        copy_common(&to_place, &mut to, &from_place, &from);
+        for (i, z) in to.iter().enumerate() {
+            let (row, column) = (1 + i / 4, 2 + i % 4);
+            let shared = row >= 2 && column < 4;
+            assert_eq!(
+                *z,
+                if shared {
+                    value(row, column)
+                } else {
+                    Complex32::ZERO
+                }
+            );
+        }
+        let apart = [0..2, 7..9];
+        copy_common(&apart, &mut [Complex32::ONE; 4], &from_place, &from);
+    }
+}

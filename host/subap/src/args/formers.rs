@@ -1,0 +1,209 @@
+//! `--algorithm` and what the image formers of the list can be told: options made of their descriptions.
+
+use clap::builder::{PossibleValue, PossibleValuesParser, ValueParser};
+use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
+use serde_json::{Map, Value};
+use subaperture::focus::ImageFormer;
+use subaperture::focus::formers::{self, Entry, FORMERS, Given, Opt, OptionError, Takes};
+use subaperture::units::Dimension;
+
+use super::values::{above_zero, error_bound, positive};
+use crate::failure::Usage;
+
+const ALGORITHM: &str = "algorithm";
+/// The bound on the error, which images from maps have too.
+const ERROR_DB: &str = "error_db";
+
+/// A former of the list, and what it was told.
+#[derive(Clone, Debug)]
+pub(crate) struct FormerOptions {
+    entry: &'static Entry,
+    given: Given,
+}
+
+/// The options of all formers, each name once, and the formers that take it.
+fn options() -> Vec<(&'static Opt, Vec<(&'static str, &'static Opt)>)> {
+    let mut options: Vec<(&Opt, Vec<(&str, &Opt)>)> = Vec::new();
+    for entry in &FORMERS {
+        for option in entry.options {
+            match options
+                .iter_mut()
+                .find(|(known, _)| known.name == option.name)
+            {
+                Some((_, takers)) => takers.push((entry.name, option)),
+                None => options.push((option, vec![(entry.name, option)])),
+            }
+        }
+    }
+    options
+}
+
+/// Ids of all of them.
+pub(super) fn ids() -> impl Iterator<Item = &'static str> {
+    let names = options().into_iter().map(|(option, _)| option.name);
+    std::iter::once(ALGORITHM).chain(names)
+}
+
+/// The same but for the bound on the error.
+pub(super) fn ids_but_the_bound() -> impl Iterator<Item = &'static str> {
+    ids().filter(|id| *id != ERROR_DB)
+}
+
+/// What an option is, which formers take it, and what holds without it.
+fn help(option: &Opt, takers: &[(&str, &Opt)]) -> String {
+    let names: Vec<&str> = takers.iter().map(|(name, _)| *name).collect();
+    let mut others = FORMERS.iter().map(|entry| entry.name);
+    let others: Vec<&str> = others
+        .by_ref()
+        .filter(|name| !names.contains(name))
+        .collect();
+    let of = match &others[..] {
+        [] => String::new(),
+        few if few.len() < names.len() => format!("; of all but {}", few.join(", ")),
+        _ => format!("; of {}", names.join(", ")),
+    };
+    let mut default = option.default.to_owned();
+    for (name, taken) in takers {
+        if taken.default != option.default {
+            default = format!("{default}; {name}: {}", taken.default);
+        }
+    }
+    match default.is_empty() {
+        true => format!("{}{of}", option.summary),
+        false => format!("{}{of} [default: {default}]", option.summary),
+    }
+}
+
+/// As it is typed.
+fn argument(option: &'static Opt, takers: &[(&str, &Opt)]) -> Arg {
+    let arg = Arg::new(option.name)
+        .long(option.name.replace('_', "-"))
+        .help(help(option, takers));
+    match option.takes {
+        Takes::Count => arg.value_name("N").value_parser(positive),
+        Takes::Length => arg
+            .value_name("METRES")
+            .allow_negative_numbers(true)
+            .value_parser(ValueParser::new(above_zero(Dimension::Length))),
+        Takes::Bound => arg
+            .value_name("DB")
+            .allow_negative_numbers(true)
+            .value_parser(error_bound),
+        Takes::Switch(_) => arg.action(ArgAction::SetTrue),
+        Takes::Word(words) => {
+            let word = |word: &formers::Word| PossibleValue::new(word.name).help(word.summary);
+            arg.value_name(option.name.to_uppercase())
+                .value_parser(PossibleValuesParser::new(words.iter().map(word)))
+        }
+        kind => unreachable!("{kind:?} is typed in no way"),
+    }
+}
+
+/// What was typed for it.
+fn value(option: &Opt, matches: &ArgMatches) -> Option<Value> {
+    let name = option.name;
+    match option.takes {
+        Takes::Count => Some((*matches.get_one::<usize>(name)?).into()),
+        Takes::Length | Takes::Bound => Some((*matches.get_one::<f64>(name)?).into()),
+        Takes::Switch(_) => matches.get_flag(name).then_some(true.into()),
+        Takes::Word(_) => Some(matches.get_one::<String>(name)?.as_str().into()),
+        _ => None,
+    }
+}
+
+impl clap::Args for FormerOptions {
+    fn augment_args(command: Command) -> Command {
+        let former = |entry: &Entry| PossibleValue::new(entry.name).help(entry.summary);
+        let algorithm = Arg::new(ALGORITHM)
+            .long(ALGORITHM)
+            .short('a')
+            .value_name("ALGORITHM")
+            .help("Image former")
+            .value_parser(PossibleValuesParser::new(FORMERS.iter().map(former)))
+            .default_value(formers::DEFAULT.name);
+        let options = options();
+        let options = options
+            .iter()
+            .map(|(option, takers)| argument(option, takers));
+        command.arg(algorithm).args(options)
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for FormerOptions {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let name = matches.get_one::<String>(ALGORITHM);
+        let entry = FORMERS
+            .iter()
+            .find(|entry| name.is_some_and(|name| name == entry.name));
+        let given = options()
+            .into_iter()
+            .filter_map(|(option, _)| Some((option.name.to_owned(), value(option, matches)?)));
+        Ok(Self {
+            entry: entry.expect("no other word is taken, and one is there by default"),
+            given: given.collect(),
+        })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+impl FormerOptions {
+    /// The former as it was told.
+    ///
+    /// # Errors
+    /// [`Usage`] for an option that it has no use for.
+    pub(crate) fn former(&self) -> Result<Box<dyn ImageFormer>, Usage> {
+        let typed = |option: &str| format!("--{}", option.replace('_', "-"));
+        let settings = self.entry.settings(&self.given).map_err(|error| {
+            Usage(match error {
+                OptionError::NotOf { former, option } => {
+                    let option = typed(&option);
+                    format!("{option} says nothing to --algorithm {former}: leave it out")
+                }
+                OptionError::SaysNothing {
+                    option,
+                    other,
+                    word,
+                } => {
+                    let [option, other] = [option, other].map(typed);
+                    format!("{option} says nothing to {other} {word}: leave it out")
+                }
+                OptionError::Needs {
+                    option,
+                    other,
+                    word,
+                } => {
+                    let [option, other] = [option, other].map(typed);
+                    format!("{option} is for {other} {word} only: leave it out")
+                }
+                error => error.to_string(),
+            })
+        })?;
+        formers::former(self.entry.name, &settings).map_err(|error| Usage(error.to_string()))
+    }
+
+    /// The bound on the error, dB, if one was given.
+    pub(crate) fn error_db(&self) -> Option<f64> {
+        self.given.get(ERROR_DB).and_then(Value::as_f64)
+    }
+
+    /// What was given of all options, for the record: `null` or `false` what was not.
+    pub(crate) fn record(&self) -> Map<String, Value> {
+        let options = options().into_iter().map(|(option, _)| {
+            let absent = match option.takes {
+                Takes::Switch(_) => Value::Bool(false),
+                _ => Value::Null,
+            };
+            let value = self.given.get(option.name).cloned();
+            (option.key(), value.unwrap_or(absent))
+        });
+        options.collect()
+    }
+}

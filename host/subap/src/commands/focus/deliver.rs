@@ -1,0 +1,112 @@
+//! A whole image is written beside its record and its picture, and told of, wherever its pixels lie.
+
+use serde_json::Value;
+use subaperture::image::{Image, Parts};
+use subaperture::io::product::{Grown, Product, TiledProduct};
+use subaperture::io::tiles::{self, TileStore};
+use subaperture::plot::{self, Panel, Source};
+
+use super::record::Record;
+use crate::args::Focus;
+use crate::config::Session;
+use crate::{interrupt, text};
+
+/// A whole image, where its pixels are.
+pub(super) enum Whole<'a> {
+    Memory(&'a Image),
+    Array(Box<Grown>),
+    Tiles(&'a TileStore),
+}
+
+impl Whole<'_> {
+    pub(super) fn parts(&self) -> &dyn Parts {
+        match self {
+            Self::Memory(image) => *image,
+            Self::Array(grown) => &**grown,
+            Self::Tiles(store) => *store,
+        }
+    }
+
+    fn source(&self) -> Source<'_> {
+        match self {
+            Self::Memory(image) => Source::Whole(image),
+            parts => Source::Parts(parts.parts()),
+        }
+    }
+}
+
+/// Writes the folder and says so.
+pub(super) fn deliver(
+    session: &Session,
+    typed: &Focus,
+    image: Whole,
+    record: &Record,
+    title: &str,
+) -> anyhow::Result<()> {
+    interrupt::check()?;
+    let writing = session.progress("writing");
+    let panel = Panel {
+        scale: typed.look.scale(),
+        colours: typed.look.colours(),
+        orientation: record.orientation,
+        ..Panel::new(image.source(), record.grid, title)
+    };
+    let quicklook = &plot::quicklook_within(&panel, session.memory.picture_bytes)?;
+    let mut metadata = record.to_json(title);
+    if let Whole::Tiles(_) = image {
+        metadata["image"]["file"] = tiles::NAME.into();
+    }
+    let (out, about) = (&typed.out, &metadata);
+    match image {
+        Whole::Memory(image) => Product {
+            image,
+            metadata: about,
+            quicklook,
+        }
+        .write(out)?,
+        Whole::Array(grown) => grown.write(about, quicklook)?,
+        Whole::Tiles(store) => TiledProduct {
+            store,
+            metadata: about,
+            quicklook,
+        }
+        .write(out)?,
+    }
+    writing.finish();
+    tell(session, typed, record, metadata)
+}
+
+/// Says what was written.
+fn tell(
+    session: &Session,
+    typed: &Focus,
+    record: &Record,
+    mut metadata: Value,
+) -> anyhow::Result<()> {
+    if session.json() {
+        metadata["folder"] = typed.out.display().to_string().into();
+        return text::say_json("image", metadata);
+    }
+    if !session.tells() {
+        return Ok(());
+    }
+    text::say(format!(
+        "{}: {} x {} pixels in {}",
+        typed.out.display(),
+        record.grid.columns.count,
+        record.grid.rows.count,
+        text::duration(record.taken)
+    ))?;
+    text::say(match record.peak {
+        Some(peak) => {
+            let [x, y, z] = peak.position_m;
+            let level_db = peak.level_db;
+            format!(
+                "brightest point at x {x:.3} m, y {y:.3} m, z {z:.3} m: {}",
+                text::decibels(level_db)
+            )
+        }
+        None => "no brightest point: the image is zero".to_owned(),
+    })?;
+    Ok(())
+}

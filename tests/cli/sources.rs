@@ -1,0 +1,212 @@
+//! What sources may name: an image former is found by the list of them, but where one in particular is meant.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use subaperture::focus::formers::FORMERS;
+use subaperture_tests::subap::{root, run};
+
+/// The formers' types.
+const TYPES: [&str; 7] = [
+    "Exact",
+    "Backprojection",
+    "RangeDoppler",
+    "FastFactorised",
+    "PolarFormat",
+    "OmegaK",
+    "RangeDopplerAlgorithm",
+];
+
+/// Where a former is found by the list.
+const SEARCHED: [&str; 4] = [
+    "host/focus/src",
+    "host/planner/src",
+    "host/subap/src",
+    "tests/benches",
+];
+
+/// Who means one in particular, and why.
+const EXCEPTIONS: [(&str, &str); 8] = [
+    ("host/focus/src/strip", "a stage of that name"),
+    (
+        "host/planner/src/radar.rs",
+        "the thesis's mode, whose lobes are planned",
+    ),
+    (
+        "host/subap/src/commands/demo.rs",
+        "the ways that the thesis is shown in",
+    ),
+    (
+        "host/subap/src/commands/focus/check.rs",
+        "errors are those against the exact sum",
+    ),
+    (
+        "host/subap/src/commands/plan/radar.rs",
+        "others are compared with backprojection",
+    ),
+    (
+        "host/subap/src/commands/quality/from.rs",
+        "a chip is small and lies anywhere",
+    ),
+    (
+        "host/subap/src/commands/tune/pictures.rs",
+        "a picture of any track",
+    ),
+    (
+        "tests/benches/formers.rs",
+        "the thesis's mode beside the list",
+    ),
+];
+
+pub(super) fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+    found
+}
+
+/// Lines of code with their numbers: no comments, and none of the tests at a file's end.
+fn code(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    let lines = (1..).zip(text.lines());
+    lines
+        .take_while(|(_, line)| *line != "#[cfg(test)]")
+        .filter(|(_, line)| !line.trim_start().starts_with("//"))
+}
+
+#[test]
+fn a_former_is_named_in_its_own_folder_alone() {
+    let mut used = [false; EXCEPTIONS.len()];
+    let mut strays = Vec::new();
+    for folder in SEARCHED {
+        for path in sources(&root().join(folder)) {
+            let name = path.strip_prefix(root()).unwrap();
+            if name.starts_with("host/focus/src/formers") {
+                continue;
+            }
+            let text = fs::read_to_string(&path).unwrap();
+            for (number, line) in code(&text) {
+                let mut words = line.split(|c: char| !c.is_alphanumeric() && c != '_');
+                let Some(word) = words.find(|word| TYPES.contains(word)) else {
+                    continue;
+                };
+                match EXCEPTIONS
+                    .iter()
+                    .position(|(place, _)| name.starts_with(place))
+                {
+                    Some(exception) => used[exception] = true,
+                    None => strays.push(format!("{}:{number}: {word}", name.display())),
+                }
+            }
+        }
+    }
+    assert!(strays.is_empty(), "{strays:#?}");
+    for ((place, why), used) in EXCEPTIONS.iter().zip(used) {
+        assert!(used, "no exception is needed for {place}: {why}");
+    }
+}
+
+/// A former's folder names no other's type, and the list alone names the folders.
+#[test]
+fn a_former_knows_no_other() {
+    let formers = root().join("host/focus/src/formers");
+    let list = fs::read_to_string(formers.join("mod.rs")).unwrap();
+    let folders: Vec<String> = fs::read_dir(&formers)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.is_dir())
+        .map(|path| path.file_name().unwrap().to_string_lossy().into_owned())
+        .collect();
+    assert_eq!(folders.len(), FORMERS.len());
+    for folder in &folders {
+        assert!(
+            list.contains(&format!("    {folder}::ENTRY,\n")),
+            "{folder} is not in the list"
+        );
+        for path in sources(&formers.join(folder)) {
+            let text = fs::read_to_string(&path).unwrap();
+            for other in folders.iter().filter(|other| *other != folder) {
+                for (number, line) in code(&text) {
+                    // What others have in common with the oracle is its sum over a pulse.
+                    let is_shared =
+                        line.contains("exact::add_pulse") || line.contains("exact::{LANES");
+                    let names =
+                        ["super", "crate", "formers"].map(|from| format!("{from}::{other}::"));
+                    let names = names.iter().any(|name| line.contains(name));
+                    assert!(!names || is_shared, "{}:{number}: {line}", path.display());
+                }
+            }
+        }
+    }
+}
+
+/// What the list describes is what can be typed, with its help, and completed.
+#[test]
+fn what_is_in_the_list_can_be_typed() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in ["focus", "plan focus"] {
+        let ran = run(folder.path(), &format!("{command} --help"));
+        let words: Vec<&str> = ran.succeeded().split_whitespace().collect();
+        let help = words.join(" ");
+        for entry in &FORMERS {
+            let told = format!("{}: {}", entry.name, entry.summary);
+            assert!(help.contains(&told), "{command}: no '{told}'");
+            for option in entry.options {
+                let typed = format!("--{}", option.name.replace('_', "-"));
+                assert!(help.contains(&typed), "{command}: no {typed}");
+                assert!(
+                    help.contains(option.summary),
+                    "{command}: no '{}'",
+                    option.summary
+                );
+            }
+        }
+        assert!(
+            help.contains("Pulses a sub-CPI; of rdbp [default: the most"),
+            "{help}"
+        );
+        assert!(
+            help.contains("predict to miss it; of all but exact [default: -60; rdbp: -60, none"),
+            "{help}"
+        );
+    }
+    let ran = run(folder.path(), "completions bash");
+    let script = ran.succeeded();
+    for part in ["--sub-cpi", "--no-keystone", "omega-k", "thesis"] {
+        assert!(script.contains(part), "{part}");
+    }
+}
+
+/// An option of one former is refused with another, whichever they are.
+#[test]
+fn options_are_of_their_formers() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut tried = 0;
+    for entry in &FORMERS {
+        for option in FORMERS.iter().flat_map(|other| other.options) {
+            if entry.option(option.name).is_some() {
+                continue;
+            }
+            let typed = format!("--{}", option.name.replace('_', "-"));
+            let value = match option.takes {
+                subaperture::focus::formers::Takes::Switch(_) => String::new(),
+                subaperture::focus::formers::Takes::Word(words) => words[0].name.to_owned(),
+                subaperture::focus::formers::Takes::Bound => "-50".to_owned(),
+                _ => "3".to_owned(),
+            };
+            let line = format!("focus a.mat --out d -a {} {typed} {value}", entry.name);
+            let told = format!(
+                "{typed} says nothing to --algorithm {}: leave it out",
+                entry.name
+            );
+            run(folder.path(), &line).failed(2, &[&told]);
+            tried += 1;
+        }
+    }
+    assert!(tried > 20, "{tried}");
+}
