@@ -25,6 +25,7 @@ pub mod cost;
 pub mod forecast;
 pub mod former;
 pub mod formers;
+pub mod live;
 pub mod machine;
 pub mod moving;
 pub mod patch;
