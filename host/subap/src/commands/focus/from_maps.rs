@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use serde_json::json;
+use serde_json::{Value, json};
 use subaperture::io::npy;
 use subaperture::io::product::record::Brightest;
 use subaperture::onboard::image::{
@@ -40,7 +40,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         ));
     }
     let planned = maps.run().provenance.get("error_db");
-    let planned = planned.and_then(serde_json::Value::as_f64);
+    let planned = planned.and_then(Value::as_f64);
     let error_db = typed
         .image
         .former
@@ -83,15 +83,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         }),
         grid: &grid,
         frame: &run.frame,
-        collection: json!({
-            "name": run.name,
-            "setup": run.setup,
-            "arithmetic": run.arithmetic,
-            "provenance": run.provenance,
-            "complete": maps.is_complete(),
-            "pulses_sent": maps.closing().map(|closing| closing.num_pulses),
-            "counters": maps.closing().map(|closing| &closing.counters),
-        }),
+        collection: about(&maps),
         support: None,
         inputs: &[maps.input()?],
         check: None,
@@ -107,6 +99,20 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         &record,
         &title,
     )
+}
+
+/// What is known of the maps.
+fn about(maps: &MapFile) -> Value {
+    let (run, closing) = (maps.run(), maps.closing());
+    json!({
+        "name": run.name,
+        "setup": run.setup,
+        "arithmetic": run.arithmetic,
+        "provenance": run.provenance,
+        "complete": maps.is_complete(),
+        "pulses_sent": closing.map(|closing| closing.num_pulses),
+        "counters": closing.map(|closing| &closing.counters),
+    })
 }
 
 /// What the image will take.
