@@ -1,6 +1,7 @@
 //! The command `subap` as its users run it.
 
 mod bad_input;
+mod channels;
 mod echoes;
 mod json;
 mod killed;

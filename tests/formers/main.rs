@@ -2,10 +2,12 @@
 
 mod accuracy;
 mod backprojection;
+mod channels;
 mod costs;
 mod edges;
 mod frequency_domain;
 mod gotcha;
+mod live;
 mod movers;
 mod pfa_ffbp;
 mod points;

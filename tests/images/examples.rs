@@ -3,7 +3,10 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use subaperture::io::product;
+use subaperture::io::{npy, product};
+use subaperture::phase_history::PhaseHistory;
+use subaperture::simulate::{Preset, Variation};
+use subaperture_tests::error_db;
 use subaperture_tests::subap::{example, run};
 
 /// What the example prints when run in `folder`.
@@ -102,6 +105,36 @@ fn tiles_are_the_image() {
     );
     let tiles = text.lines().filter(|line| line.starts_with("tile "));
     assert!(tiles.count() > 1, "{text}");
+}
+
+/// The image of all pulses, and what was said of it on the way.
+#[test]
+fn a_live_image_is_that_of_its_pulses() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = prints(folder.path(), "live", &["."]);
+    // 24 bytes for each of 100 x 100 pixels, and the window.
+    let samples = Preset::Table41
+        .simulate(&Variation::default())
+        .collection()
+        .num_samples;
+    assert_eq!(numbers(&text, "memory:"), [(240_000 + 8 * samples) as f64]);
+    for count in [260, 520, 780, 1040] {
+        let told = numbers(&text, &format!("after {count} pulses: error below"));
+        assert!(told[0] < -60.0, "{text}");
+    }
+    let image = npy::read(&folder.path().join("live.npy")).unwrap();
+    let line = "focus table.cphd -a exact --slow-window none --grid x=-40:40:0.8,y=-40:40:0.8,z=0 --out exact -q";
+    run(
+        folder.path(),
+        "simulate --preset table-4-1 -o table.cphd -q",
+    )
+    .succeeded();
+    run(folder.path(), line).succeeded();
+    let exact = npy::read(&folder.path().join("exact/image.npy")).unwrap();
+    let error = error_db(&image, &exact);
+    assert!(error < -60.0, "{error}");
+    let picture = std::fs::read(folder.path().join("live.png")).unwrap();
+    assert!(picture.starts_with(b"\x89PNG"));
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! Recordings of radars with several transmitters, which take turns, and receivers, in several files: by formulas of the
-//! test's own.
+//! Recordings of radars with several transmitters, which take turns, and receivers, in several files, by formulas of the
+//! test's own; channels of any recording side by side.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -9,9 +9,12 @@ use num_complex::Complex32;
 use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::autofocus::{Axis, Model, Order, Problem, Search, Sight, Verdict, determine};
 use subaperture::focus::FormError;
+use subaperture::geometry::SceneFrame;
+use subaperture::io::cphd::{self, Polarization, WriteOptions};
+use subaperture::io::open::{Options, open, open_channels, open_sum};
 use subaperture::io::recording::{RecordingFile, Take};
 use subaperture::monitor::Silent;
-use subaperture::phase_history::PhaseHistory;
+use subaperture::phase_history::{Collection, InMemory, PhaseHistory, Pulse, ReadError, Sweep};
 use subaperture::signal::window::Window;
 
 const TURNS: usize = 4;
@@ -338,4 +341,246 @@ fn the_phase_of_a_transmitter_is_found() {
         "{found:?}"
     );
     assert_eq!(scan.verdict, Verdict::Determined);
+}
+
+/// Pulse `n` of each is of turn `n`; the samples of all are those of the whole.
+#[test]
+fn pairs_are_channels_side_by_side() {
+    let (_folder, file) = described();
+    let whole = file.history(u64::MAX).unwrap();
+    let width = whole.collection().num_samples;
+    let mut all = vec![Complex32::ZERO; STOPS * 6 * width];
+    whole.read(0..STOPS * 6, &mut all).unwrap();
+    let channels = file.channels(u64::MAX).unwrap();
+    assert_eq!((channels.len(), channels.num_pulses()), (6, STOPS));
+    for (c, (about, history)) in channels.iter().enumerate() {
+        let (transmitter, receiver) = (c / 3, c % 3);
+        assert_eq!(about.name, format!("T{}R{}", transmitter + 1, receiver + 1));
+        assert_eq!(about.transmitter, Some(format!("T{}", transmitter + 1)));
+        assert!(error_db(history, |n| (n, transmitter, receiver)) < -40.0);
+        let mut own = vec![Complex32::ZERO; STOPS * width];
+        history.read(0..STOPS, &mut own).unwrap();
+        for (n, row) in own.chunks_exact(width).enumerate() {
+            let at = (n * 6 + c) * width;
+            assert_eq!(row, &all[at..at + width], "{c}, {n}");
+        }
+    }
+    // Their sum has the pulses channel by channel, and no others.
+    let sum = channels.coherent_sum().unwrap();
+    assert!(error_db(&sum, |n| (n % STOPS, n / STOPS / 3, n / STOPS % 3)) < -40.0);
+    // One that is not used is none.
+    let (_folder, mut file) = described();
+    file.set("recording.receiver", "3").unwrap();
+    let channels = file.channels(u64::MAX).unwrap();
+    let names: Vec<&str> = channels.about().map(|about| about.name.as_str()).collect();
+    assert_eq!(names, ["T1R3", "T2R3"]);
+}
+
+#[test]
+fn a_described_channel_is_opened_by_name_and_by_number() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path());
+    let path = folder.path().join("scan.toml");
+    std::fs::write(&path, TEXT).unwrap();
+    for wanted in ["T2R3", "6"] {
+        let options = Options {
+            channel: Some(wanted),
+            ..Options::default()
+        };
+        let one = open(&path, &options).unwrap();
+        assert_eq!(one.collection().pulses.len(), STOPS);
+        assert!(error_db(&*one, |n| (n, 1, 2)) < -40.0);
+        // The description and three files of samples.
+        assert_eq!(one.inputs().unwrap().len(), 4);
+    }
+    let chosen = open_channels(&path, Some(&["T2R1", "1"]), &Options::default()).unwrap();
+    let names: Vec<&str> = chosen.about().map(|about| about.name.as_str()).collect();
+    assert_eq!(names, ["T2R1", "T1R1"]);
+    let error = open_channels(&path, Some(&["T3R1"]), &Options::default())
+        .err()
+        .unwrap();
+    let told = "no channel 'T3R1'; choose one of: T1R1, T1R2, T1R3, T2R1, T2R2, T2R3";
+    assert_eq!(error.to_string(), told);
+}
+
+/// A history of `count` pulses from `first` on, a receiver `apart_m` from the transmitter.
+fn pass(first: usize, count: usize, width: usize, apart_m: f64) -> InMemory {
+    let pulse = |n: usize| {
+        let transmitter_m = DVec3::new(n as f64, -5e3, 1e3);
+        let receiver_m = transmitter_m + DVec3::X * apart_m;
+        Pulse {
+            time_s: n as f64 * 1e-3,
+            transmitter_m,
+            receiver_m,
+            reference_m: DVec3::ZERO,
+            reference_path_m: transmitter_m.length() + receiver_m.length(),
+            start_hz: 9e9,
+            step_hz: 1e6,
+            sweep: Sweep::AT_ONCE,
+        }
+    };
+    let collection = Collection {
+        name: "pass".to_owned(),
+        num_samples: width,
+        pulses: (first..first + count).map(pulse).collect(),
+        frame: SceneFrame::Earth {
+            origin_ecf_m: DVec3::new(6_378_137.0, 0.0, 0.0),
+            x_axis_ecf: DVec3::Y,
+            y_axis_ecf: DVec3::Z,
+        },
+        extent: None,
+        timed: true,
+    };
+    let sample = |i: usize| Complex32::new((first * width + i) as f32, apart_m as f32);
+    InMemory::new(collection, (0..count * width).map(sample).collect()).unwrap()
+}
+
+/// Writes histories as channels of a CPHD file, of these polarisations.
+fn write_cphd(path: &Path, channels: &[(&str, &InMemory, [Polarization; 2])]) {
+    let channels: Vec<cphd::Channel> = (channels.iter())
+        .map(
+            |&(id, history, [tx_polarization, rcv_polarization])| cphd::Channel {
+                tx_polarization,
+                rcv_polarization,
+                ..cphd::Channel::new(id, history)
+            },
+        )
+        .collect();
+    cphd::write(path, &channels, &WriteOptions::default(), &Silent).unwrap();
+}
+
+const H: Polarization = Polarization::H;
+const V: Polarization = Polarization::V;
+
+#[test]
+fn channels_of_a_cphd_are_read_side_by_side() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("two.cphd");
+    let histories = [pass(0, 9, 4, 0.0), pass(0, 9, 4, 1.5)];
+    let [fore, aft] = &histories;
+    write_cphd(&path, &[("fore", fore, [V, V]), ("aft", aft, [V, V])]);
+    let channels = open_channels::<&str>(&path, None, &Options::default()).unwrap();
+    assert_eq!((channels.len(), channels.num_pulses()), (2, 9));
+    for ((about, read), (name, written)) in
+        channels.iter().zip(["fore", "aft"].iter().zip(&histories))
+    {
+        assert_eq!(&about.name, name);
+        assert_eq!(about.tx_polarization.as_deref(), Some("V"));
+        // The file's bits are the written ones; each alone is what it is beside the other.
+        let mut got = [vec![Complex32::ZERO; 20], vec![Complex32::ZERO; 20]];
+        let options = Options {
+            channel: Some(name),
+            ..Options::default()
+        };
+        let alone = open(&path, &options).unwrap();
+        read.read(3..8, &mut got[0]).unwrap();
+        alone.read(3..8, &mut got[1]).unwrap();
+        assert_eq!(got[0], got[1]);
+        written.read(3..8, &mut got[1]).unwrap();
+        assert_eq!(got[0], got[1]);
+        for (a, b) in read
+            .collection()
+            .pulses
+            .iter()
+            .zip(&written.collection().pulses)
+        {
+            assert!(a.receiver_m.distance(b.receiver_m) < 1e-8 && a.time_s == b.time_s);
+        }
+        assert_eq!(read.channels(), vec![about.clone()]);
+    }
+    let sum = channels.coherent_sum().unwrap();
+    assert_eq!(sum.inputs().unwrap().len(), 1);
+    let names: Vec<String> = sum.channels().into_iter().map(|about| about.name).collect();
+    assert_eq!(names, ["fore", "aft"]);
+    assert_eq!(sum.collection().name, "pass channels fore, aft");
+    // Together they hold no more than allowed.
+    let each = sum.side_by_side().channel(0).held_bytes();
+    let xml_bytes = 1 << 20;
+    let options = |memory_bytes| Options {
+        memory_bytes,
+        ..Options::default()
+    };
+    assert!(open_channels::<&str>(&path, None, &options(xml_bytes)).is_ok());
+    let error = open_channels::<&str>(&path, None, &options(each))
+        .err()
+        .unwrap();
+    assert!(matches!(error, ReadError::Memory { .. }), "{error}");
+}
+
+#[test]
+fn recordings_of_several_channels_are_joined_channel_by_channel() {
+    let folder = tempfile::tempdir().unwrap();
+    let [early, late] = ["early.cphd", "late.cphd"].map(|name| folder.path().join(name));
+    let none = [Polarization::Unspecified; 2];
+    let write = |path: &Path, first: usize, count: usize| {
+        let [fore, aft] = [pass(first, count, 4, 0.0), pass(first, count, 4, 1.5)];
+        write_cphd(path, &[("fore", &fore, none), ("aft", &aft, none)]);
+    };
+    write(&early, 0, 5);
+    write(&late, 5, 3);
+    // Named in any order.
+    let sum = open_sum::<_, &str>(&[&late, &early], None, &Options::default()).unwrap();
+    let collection = sum.collection();
+    assert_eq!((collection.pulses.len(), collection.num_turns()), (16, 8));
+    let mut samples = vec![Complex32::ZERO; 16 * 4];
+    sum.read(0..16, &mut samples).unwrap();
+    for (i, z) in samples.iter().enumerate() {
+        let apart = if i < 32 { 0.0 } else { 1.5 };
+        assert_eq!(*z, Complex32::new((i % 32) as f32, apart));
+    }
+    // A recording without one of them, and one in another polarisation, are refused.
+    let other = pass(8, 3, 4, 0.0);
+    write_cphd(&late, &[("fore", &other, none)]);
+    let error = open_sum::<_, &str>(&[&early, &late], None, &Options::default())
+        .err()
+        .unwrap();
+    assert_eq!(
+        error.to_string(),
+        "a recording has channel 'aft' and another has not"
+    );
+    let one = open_sum(&[&early, &late], Some(&["fore"]), &Options::default()).unwrap();
+    assert_eq!(one.collection().pulses.len(), 8);
+    write_cphd(&early, &[("fore", &pass(0, 5, 4, 0.0), [H, H])]);
+    write_cphd(&late, &[("fore", &other, [H, V])]);
+    let error = open_sum(&[&early, &late], Some(&["fore"]), &Options::default())
+        .err()
+        .unwrap();
+    assert!(error.to_string().contains("polarisation HH"), "{error}");
+}
+
+#[test]
+fn channels_that_are_no_image_together_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("two.cphd");
+    let first = pass(0, 6, 4, 0.0);
+    let open_both = |second: &InMemory, polarization: [Polarization; 2]| {
+        write_cphd(&path, &[("A", &first, [H, H]), ("B", second, polarization)]);
+        let sum = open_sum::<_, &str>(&[&path], None, &Options::default());
+        let error = sum.err().map(|error| error.to_string());
+        (
+            open_channels::<&str>(&path, None, &Options::default()).is_ok(),
+            error.unwrap_or_default(),
+        )
+    };
+    // Polarisations are channels side by side, but no sum.
+    let (beside, told) = open_both(&pass(0, 6, 4, 0.0), [H, V]);
+    assert!(
+        beside && told.contains("'A' is of polarisation HH and channel 'B' of HV"),
+        "{told}"
+    );
+    let (beside, told) = open_both(&pass(0, 6, 5, 1.5), [H, H]);
+    assert!(
+        beside && told.contains("'A' has 4 samples a pulse and channel 'B' 5"),
+        "{told}"
+    );
+    let (beside, told) = open_both(&pass(0, 6, 4, 0.0), [Polarization::Unspecified; 2]);
+    assert!(beside && told.contains("the same antennas"), "{told}");
+    // Of other pulses they are not even side by side.
+    let (beside, told) = open_both(&pass(0, 7, 4, 1.5), [H, H]);
+    assert!(
+        !beside && told.contains("'A' has 6 pulses and channel 'B' 7"),
+        "{told}"
+    );
+    let (beside, told) = open_both(&pass(6, 6, 4, 1.5), [H, H]);
+    assert!(!beside && told.contains("do not share pulses"), "{told}");
 }

@@ -52,7 +52,7 @@ use super::{
 };
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::power;
-use subaperture_model::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{Channel, Collection, InputFile, PhaseHistory, ReadError};
 
 /// Pixels at which every image is compared with the sum.
 const SAMPLED_PIXELS: usize = 4 * LANES;
@@ -378,7 +378,7 @@ pub(super) fn keep_planned<F: ImageFormer + ?Sized>(
 }
 
 /// Pixels of `grid` at which an image is compared with the sum, ascending.
-fn sampled_pixels(grid: &ImageGrid) -> Vec<usize> {
+pub(super) fn sampled_pixels(grid: &ImageGrid) -> Vec<usize> {
     let total = grid.num_pixels() as usize;
     // Golden-ratio places: spread evenly without a lattice.
     let place = |i: usize| (((i as f64 + 0.5) * 0.618_033_988_75).fract() * total as f64) as usize;
@@ -576,6 +576,10 @@ impl PhaseHistory for Sampled<'_> {
 
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
         self.history.true_antennas()
+    }
+
+    fn channels(&self) -> Vec<Channel> {
+        self.history.channels()
     }
 
     fn held_bytes(&self) -> u64 {

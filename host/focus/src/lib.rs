@@ -26,6 +26,7 @@ mod error;
 pub mod forecast;
 pub mod former;
 pub mod formers;
+pub mod live;
 pub mod machine;
 pub mod moving;
 pub mod patch;

@@ -42,7 +42,7 @@ use super::{
 };
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Collection, InputFile, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{Channel, Collection, InputFile, PhaseHistory, ReadError};
 use subaperture_resolution::support::{self, Projection, path_gradient};
 
 /// A phase history as a target at constant velocity sees it: in a frame that moves with the target.
@@ -96,6 +96,10 @@ impl PhaseHistory for Moving<'_> {
 
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
         self.history.read(pulses, samples)
+    }
+
+    fn channels(&self) -> Vec<Channel> {
+        self.history.channels()
     }
 
     fn held_bytes(&self) -> u64 {

@@ -11,7 +11,9 @@ use super::cphd;
 use super::gotcha;
 #[cfg(feature = "recording")]
 use super::recording;
-use subaperture_model::phase_history::{Joined, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{
+    Channel, Channels, CoherentSum, Joined, PhaseHistory, ReadError,
+};
 
 const CPHD_MAGIC: &[u8] = b"CPHD/1.";
 /// What a MATLAB 5 file begins with.
@@ -22,7 +24,8 @@ const SUPPORTED: &str =
 /// How recordings are opened.
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
-    /// One of a CPHD's channels by its identifier; the reference channel if `None`.
+    /// One channel of a recording that has several, by its name or its number from 1. If `None`, the reference channel of
+    /// a CPHD, and of a described recording the pulses of all, in the order of time.
     pub channel: Option<&'a str>,
     /// Bytes that all recordings opened together may hold in memory.
     pub memory_bytes: u64,
@@ -32,7 +35,7 @@ pub struct Options<'a> {
 }
 
 impl Default for Options<'_> {
-    /// The reference channel, any amount of memory, no settings.
+    /// No channel asked for, any amount of memory, no settings.
     fn default() -> Self {
         Self {
             channel: None,
@@ -49,6 +52,55 @@ impl Default for Options<'_> {
 /// that is off, and for a broken one; [`ReadError::Mismatch`] for a channel or settings of a format that has none;
 /// [`ReadError::Io`].
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, ReadError> {
+    match format(path, options)? {
+        Format::Gotcha => match options.channel {
+            Some(channel) => Err(ReadError::Mismatch(format!(
+                "{}: a GOTCHA file has no channels; leave out channel '{channel}'",
+                path.display()
+            ))),
+            None => open_gotcha(path, options),
+        },
+        Format::Cphd => open_cphd(path, options),
+        Format::Described => match options.channel {
+            Some(channel) => {
+                let channels = described_channels(path, options)?;
+                let mut chosen = channels.select(&[channel])?.into_inner();
+                Ok(chosen.swap_remove(0).1)
+            }
+            None => open_described(path, options),
+        },
+    }
+}
+
+/// Opens channels of a recording side by side, each as for [`Options::channel`], which itself says nothing here; all if
+/// `None`. A GOTCHA file is one channel, `1`.
+///
+/// # Errors
+/// As [`open`]; [`ReadError::Channels`] if there is no such channel, or they do not share their pulses.
+pub fn open_channels<S: AsRef<str>>(
+    path: &Path,
+    channels: Option<&[S]>,
+    options: &Options,
+) -> Result<Channels<'static>, ReadError> {
+    let all = match format(path, options)? {
+        Format::Gotcha => Channels::new(vec![(Channel::new("1"), open_gotcha(path, options)?)])?,
+        Format::Cphd => return cphd_channels(path, channels, options),
+        Format::Described => described_channels(path, options)?,
+    };
+    match channels {
+        Some(wanted) => Ok(all.select(wanted)?),
+        None => Ok(all),
+    }
+}
+
+/// What a file is.
+enum Format {
+    Gotcha,
+    Cphd,
+    Described,
+}
+
+fn format(path: &Path, options: &Options) -> Result<Format, ReadError> {
     if path.is_dir() {
         return Err(ReadError::Malformed {
             path: path.to_owned(),
@@ -69,25 +121,13 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
         )));
     }
     if start.starts_with(MATLAB_MAGIC) {
-        if let Some(channel) = options.channel {
-            return Err(ReadError::Mismatch(format!(
-                "{}: a GOTCHA file has no channels; leave out channel '{channel}'",
-                path.display()
-            )));
-        }
-        return open_gotcha(path, options);
+        return Ok(Format::Gotcha);
     }
     if start.starts_with(CPHD_MAGIC) {
-        return open_cphd(path, options);
+        return Ok(Format::Cphd);
     }
     if described {
-        if let Some(channel) = options.channel {
-            return Err(ReadError::Mismatch(format!(
-                "{}: a described recording has no channels; leave out channel '{channel}'",
-                path.display()
-            )));
-        }
-        return open_described(path, options);
+        return Ok(Format::Described);
     }
     Err(ReadError::Malformed {
         path: path.to_owned(),
@@ -96,6 +136,7 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
 }
 
 type Opened = Result<Box<dyn PhaseHistory>, ReadError>;
+type OpenedChannels = Result<Channels<'static>, ReadError>;
 
 #[cfg(feature = "gotcha")]
 fn open_gotcha(path: &Path, options: &Options) -> Opened {
@@ -113,8 +154,27 @@ fn open_cphd(path: &Path, options: &Options) -> Opened {
     Ok(Box::new(opened))
 }
 
+#[cfg(feature = "cphd")]
+fn cphd_channels<S: AsRef<str>>(
+    path: &Path,
+    channels: Option<&[S]>,
+    options: &Options,
+) -> OpenedChannels {
+    let opened = cphd::Cphd::open_channels(path, channels, options.memory_bytes)?;
+    let beside = opened.into_iter().map(|channel| {
+        let about = channel.channel().about();
+        (about, Box::new(channel) as Box<dyn PhaseHistory>)
+    });
+    Ok(Channels::new(beside.collect())?)
+}
+
 #[cfg(not(feature = "cphd"))]
 fn open_cphd(path: &Path, _: &Options) -> Opened {
+    Err(is_off(path, "a CPHD file", "cphd"))
+}
+
+#[cfg(not(feature = "cphd"))]
+fn cphd_channels<S: AsRef<str>>(path: &Path, _: Option<&[S]>, _: &Options) -> OpenedChannels {
     Err(is_off(path, "a CPHD file", "cphd"))
 }
 
@@ -124,8 +184,18 @@ fn open_described(path: &Path, options: &Options) -> Opened {
     Ok(Box::new(opened))
 }
 
+#[cfg(feature = "recording")]
+fn described_channels(path: &Path, options: &Options) -> OpenedChannels {
+    recording::open_channels(path, options.settings, options.memory_bytes)
+}
+
 #[cfg(not(feature = "recording"))]
 fn open_described(path: &Path, _: &Options) -> Opened {
+    Err(is_off(path, "a described recording", "recording"))
+}
+
+#[cfg(not(feature = "recording"))]
+fn described_channels(path: &Path, _: &Options) -> OpenedChannels {
     Err(is_off(path, "a described recording", "recording"))
 }
 
@@ -180,6 +250,41 @@ pub fn open_all<P: AsRef<Path>>(paths: &[P], options: &Options) -> Result<Joined
         });
     }
     Joined::join(parts)
+}
+
+/// Opens the coherent sum of channels, as for [`open_channels`], of recordings that are joined channel by channel
+/// ([`Channels::join`]); of a single channel that channel.
+///
+/// # Errors
+/// As [`open_channels`], [`Channels::join`] and [`CoherentSum::new`]; [`ReadError::Mismatch`] if there are no recordings.
+pub fn open_sum<P: AsRef<Path>, S: AsRef<str>>(
+    paths: &[P],
+    channels: Option<&[S]>,
+    options: &Options,
+) -> Result<Joined, ReadError> {
+    let Some(last) = paths.last() else {
+        return Err(ReadError::Mismatch("no input given".to_owned()));
+    };
+    let mut left = *options;
+    let mut recordings: Vec<Channels> = Vec::with_capacity(paths.len());
+    for path in paths {
+        let opened = open_channels(path.as_ref(), channels, &left)?;
+        left.memory_bytes = left.memory_bytes.saturating_sub(opened.held_bytes());
+        recordings.push(opened);
+    }
+    let check = |needed_bytes: u64, allowed_bytes: u64| match needed_bytes > allowed_bytes {
+        true => Err(ReadError::Memory {
+            path: last.as_ref().to_owned(),
+            needed_bytes,
+            allowed_bytes,
+        }),
+        false => Ok(()),
+    };
+    check(Channels::joining_bytes(&recordings), left.memory_bytes)?;
+    let all = Channels::join(recordings)?;
+    let left_bytes = options.memory_bytes.saturating_sub(all.held_bytes());
+    check(CoherentSum::summing_bytes(&all), left_bytes)?;
+    Ok(Joined::alone(Box::new(all.coherent_sum()?)))
 }
 
 /// The first bytes: enough to know every format by.

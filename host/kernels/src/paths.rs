@@ -4,7 +4,7 @@
 //! path[i] = |p_i - t| + |p_i - r| - datum
 //! ```
 //!
-//! In float64, metres. Error: at most 5 roundings of the path, 6e-16 of it, and that of the datum. Of one antenna, whose legs are
+//! and the straight lines through two of them ([`lines`]). In float64, metres. Error: at most 5 roundings of the path, 6e-16 of it, and that of the datum. Of one antenna, whose legs are
 //! equal, half is computed and the bits are the same.
 
 use std::ops::Range;
@@ -98,6 +98,42 @@ pub fn paths(antennas: &Antennas, [x, y, z]: [&[f64]; 3], paths_m: &mut [f64]) {
     }
 }
 
+/// A path that changes evenly with slow time, `path + rate u`, `u` pulses from a middle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Line {
+    /// In the middle, metres.
+    pub path_m: f64,
+    /// Metres a pulse.
+    pub rate_m: f64,
+}
+
+/// Points whose paths [`lines`] holds at a time: 1 KiB.
+const RUN: usize = 64;
+
+/// The lines through the paths at two moments, early and late, `between` pulses apart with the middle halfway; 0 for moments that
+/// are one, whose lines are level.
+///
+/// # Panics
+/// If there is not as much room as there are points.
+#[inline]
+pub fn lines([early, late]: &[Antennas; 2], between: f64, points: &Points, lines: &mut [Line]) {
+    assert_eq!(points.len(), lines.len());
+    let mut paths_m = [[0.0; RUN]; 2];
+    for (run, lines) in lines.chunks_mut(RUN).enumerate() {
+        let part = points.part(run * RUN..run * RUN + lines.len());
+        let [early_m, late_m] = &mut paths_m;
+        paths(early, part, &mut early_m[..lines.len()]);
+        paths(late, part, &mut late_m[..lines.len()]);
+        for (line, (early_m, late_m)) in lines.iter_mut().zip(early_m.iter().zip(late_m)) {
+            line.path_m = (early_m + *late_m) / 2.0;
+            line.rate_m = match between != 0.0 {
+                true => (*late_m - early_m) / between,
+                false => 0.0,
+            };
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,5 +192,30 @@ mod tests {
         }
         points.clear();
         assert!(points.is_empty());
+    }
+
+    /// An antenna that moves evenly past points on its line has paths that are straight: by hand.
+    #[test]
+    fn lines_go_through_both_paths() {
+        let at = |x_m: f64| Antennas {
+            transmitter_m: [x_m, 0.0, 0.0],
+            receiver_m: [x_m, 0.0, 0.0],
+            datum_m: 2000.0,
+        };
+        let mut points = Points::default();
+        (0..150).for_each(|i| points.push([1000.0 + f64::from(i), 0.0, 0.0]));
+        let mut got = vec![Line::default(); 150];
+        lines(&[at(-3.0), at(5.0)], 16.0, &points, &mut got);
+        for (line, i) in got.iter().zip(0..) {
+            // 2 (1000 + i - x) - 2000 in the middle, x = 1; 16 m less in 16 pulses. Exact in float64.
+            let expected = Line {
+                path_m: 2.0 * f64::from(i) - 2.0,
+                rate_m: -1.0,
+            };
+            assert_eq!(*line, expected);
+        }
+        lines(&[at(1.0), at(1.0)], 0.0, &points, &mut got);
+        assert!(got.iter().all(|line| line.rate_m == 0.0));
+        assert_eq!(got[149].path_m, 296.0);
     }
 }

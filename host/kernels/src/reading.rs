@@ -14,6 +14,8 @@ use num_complex::Complex32;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::phasor32;
 
+use crate::paths::Line;
+
 /// The weighted sum of the `W x W` elements of `values`, rows of `row_length`, from a row and column on.
 ///
 /// # Panics
@@ -35,15 +37,6 @@ pub fn weighted<const W: usize>(
         sum += line * row_weight;
     }
     sum
-}
-
-/// The path to a point while a map's pulses last: `path + rate u`, `u` pulses from their middle, less what the map is compensated for.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Line {
-    /// In the middle, metres.
-    pub path_m: f64,
-    /// Metres a pulse.
-    pub rate_m: f64,
 }
 
 /// A range-Doppler map, to be read with a kernel of `W` taps whose roll-off is divided out of it.

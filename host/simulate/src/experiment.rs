@@ -5,7 +5,8 @@ use std::sync::Arc;
 use super::engine::Method;
 use super::scene::Scene;
 use subaperture_model::geometry::{Extent, SceneFrame};
-use subaperture_model::radar::{Radar, Reference};
+use subaperture_model::phase_history::Channel;
+use subaperture_model::radar::{Antenna, Radar, Reference};
 use subaperture_model::track::Trajectory;
 
 /// One simulated collection.
@@ -52,5 +53,24 @@ impl Experiment {
             receiver: i % receivers,
         })
         .collect()
+    }
+
+    /// What the channel of a pair is. Its name is `1` where there is one pair only, else as `T1R2`.
+    pub fn about(&self, pair: Pair) -> Channel {
+        let radar = &self.radar;
+        let name = match radar.transmitters.len() * radar.receivers.len() {
+            1 => "1".to_owned(),
+            _ => format!("T{}R{}", pair.transmitter + 1, pair.receiver + 1),
+        };
+        let antenna = |all: &[Antenna], i: usize| all.get(i).map(|antenna| antenna.name.clone());
+        match (
+            antenna(&radar.transmitters, pair.transmitter),
+            antenna(&radar.receivers, pair.receiver),
+        ) {
+            (Some(transmitter), Some(receiver)) => {
+                Channel::new(name).of_antennas(transmitter, receiver)
+            }
+            _ => Channel::new(name),
+        }
     }
 }

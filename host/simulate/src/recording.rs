@@ -7,7 +7,9 @@ use num_complex::Complex32;
 
 use super::channel::Channel;
 use super::experiment::{Experiment, Pair};
-use subaperture_model::phase_history::{Collection, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{
+    ChannelError, ChannelHistory, Channels, Collection, PhaseHistory, ReadError,
+};
 use subaperture_model::radar::Waveform;
 use subaperture_receive::{Compressed, Deskewed, Echoes, Filter, ReceiveError, Referenced, Skew};
 
@@ -26,6 +28,9 @@ pub enum RecordError {
     /// The echoes do not make phase history.
     #[error(transparent)]
     Receive(#[from] ReceiveError),
+    /// The pairs of antennas do not share pulses.
+    #[error(transparent)]
+    Channels(#[from] ChannelError),
 }
 
 impl RecordError {
@@ -62,6 +67,22 @@ impl Experiment {
     /// As [`Self::echoes`], and if the echoes cannot be made phase history.
     pub fn record(&self, pair: Pair) -> Result<Recording<'_>, RecordError> {
         self.record_within(pair, u64::MAX)
+    }
+
+    /// Every pair side by side, each as [`Self::record`] makes it, with tables of what is alike from pulse to pulse of at most
+    /// `table_bytes` in all.
+    ///
+    /// # Errors
+    /// As [`Self::record`]; [`RecordError::Channels`] if the transmitters' turns leave one of them a pulse less.
+    pub fn channels(&self, table_bytes: u64) -> Result<Channels<'_>, RecordError> {
+        let pairs = self.pairs();
+        let each_bytes = table_bytes / pairs.len().max(1) as u64;
+        let channel = |pair: Pair| -> Result<ChannelHistory<'_>, RecordError> {
+            let recording = self.record_within(pair, each_bytes)?;
+            Ok((self.about(pair), Box::new(recording)))
+        };
+        let channels = pairs.into_iter().map(channel);
+        Ok(Channels::new(channels.collect::<Result<_, _>>()?)?)
     }
 
     /// [`Self::record`] with tables of what is alike from pulse to pulse of at most `table_bytes`.

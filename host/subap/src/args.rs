@@ -17,6 +17,7 @@ use subaperture::onboard::link::Place;
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, scenario};
 
+use crate::failure::Usage;
 use crate::log::Format;
 pub(crate) use focus::{Focus, Imaging, Velocity};
 pub(crate) use look::{Look, Picture};
@@ -24,7 +25,7 @@ pub(crate) use plan::{Plan, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 use subaperture::units::Dimension;
 pub(crate) use tiled::{Part, Tiled};
 pub(crate) use tune::{Recording, Tune, Vary};
-pub(crate) use values::At;
+pub(crate) use values::{At, SeveralChannels, several_channels};
 use values::{
     above_zero, any, error_bound, finite, from_zero, odd, output, place, positive, rectangle,
     setting, sign, size, threads, vector,
@@ -160,13 +161,30 @@ pub(crate) struct Input {
     #[arg(required = true, value_name = "INPUT", value_hint = ValueHint::FilePath)]
     pub(crate) paths: Vec<PathBuf>,
 
-    /// Channel of a CPHD by its identifier [default: its reference channel]
-    #[arg(long, value_name = "ID")]
+    /// One channel by its name, as T1R2, or its number from 1 [default: a CPHD's reference channel; of a description
+    /// all pairs of antennas, in the order of time]
+    #[arg(long, value_name = "NAME")]
     pub(crate) channel: Option<String>,
+
+    /// The coherent sum of channels that share their pulses (MIMO): all, or some as T1R1,T1R2
+    #[arg(long, value_name = "all|A,B", value_parser = several_channels, conflicts_with = "channel")]
+    pub(crate) channels: Option<SeveralChannels>,
 
     /// Override a key of a description, as radar.first_pulse=9.2s; any number of times
     #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
     pub(crate) set: Vec<(String, String)>,
+}
+
+impl Input {
+    /// Refuses the sum of several channels for `whom`, which takes one.
+    pub(crate) fn refuse_several(&self, whom: &str) -> Result<(), Usage> {
+        match self.channels {
+            Some(_) => Err(Usage(format!(
+                "{whom} takes the pulses of one channel: give --channel instead of --channels"
+            ))),
+            None => Ok(()),
+        }
+    }
 }
 
 /// `subap link`.

@@ -7,7 +7,7 @@ use anyhow::Context;
 use serde_json::{Value, json};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::claim::Claims;
-use subaperture::io::open::{Options, open_all};
+use subaperture::io::open::{Options, open_all, open_sum};
 use subaperture::phase_history::{Joined, PhaseHistory, ReadError};
 use subaperture::resolution::survey::Survey;
 
@@ -92,7 +92,7 @@ impl Session {
         messages::detail(level, line);
     }
 
-    /// Opens the recordings given, as one aperture within the budget.
+    /// Opens the recordings given, as one aperture within the budget; several channels as their coherent sum.
     pub(crate) fn open(&self, input: &args::Input) -> Result<Joined, ReadError> {
         let options = Options {
             channel: input.channel.as_deref(),
@@ -100,7 +100,10 @@ impl Session {
             settings: &input.set,
         };
         let reading = self.progress("reading");
-        let history = open_all(&input.paths, &options)?;
+        let history = match &input.channels {
+            None => open_all(&input.paths, &options)?,
+            Some(several) => open_sum(&input.paths, several.named(), &options)?,
+        };
         reading.finish();
         for warning in history.warnings() {
             messages::warning(warning);

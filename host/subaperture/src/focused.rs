@@ -7,7 +7,7 @@ use subaperture_focus::Formed;
 use subaperture_io::product::record::Brightest;
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::Image;
-use subaperture_model::phase_history::{Band, InputFile, PhaseHistory};
+use subaperture_model::phase_history::{Band, Channel, InputFile, PhaseHistory};
 #[cfg(feature = "plot")]
 use subaperture_plot::Orientation;
 #[cfg(feature = "quality")]
@@ -45,6 +45,8 @@ pub struct FocusedImage {
     pub bound_missed: bool,
     /// What its user has to know, a sentence each.
     pub warnings: Vec<String>,
+    /// The recording's channels that it was formed of, where they are named.
+    pub channels: Vec<Channel>,
     /// The recording's files and their checksums.
     pub inputs: Vec<InputFile>,
     pub(crate) looks: Option<RecordedLooks>,
@@ -78,6 +80,7 @@ impl FocusedImage {
             warnings: (history.warnings().into_iter())
                 .chain(of_former.map(str::to_owned))
                 .collect(),
+            channels: history.channels(),
             inputs,
             looks: RecordedLooks::of(collection, middle_m, [grid.x_axis, grid.y_axis]),
             #[cfg(feature = "plot")]

@@ -29,14 +29,20 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! The folder `examples` has five programs: [read and focus][a], [phase history of one's own][b], [simulate and
-//! measure][c], [one image in tiles][d] on as many machines as there are, and [a former of one's own][e].
+//! [`open_channels`] has all channels of a recording side by side: formers take one, or the coherent sum of all
+//! ([`phase_history::Channels`]). [`focus::live::Live`] takes pulses one at a time, as a radar sends them, and has the image of
+//! those so far after each.
+//!
+//! The folder `examples` has six programs: [read and focus][a], [phase history of one's own][b], [simulate and
+//! measure][c], [one image in tiles][d] on as many machines as there are, [a live image][f], and [a former of one's
+//! own][e].
 //!
 //! [a]: https://docs.rs/crate/subaperture/latest/source/examples/read_and_focus.rs
 //! [b]: https://docs.rs/crate/subaperture/latest/source/examples/own_history.rs
 //! [c]: https://docs.rs/crate/subaperture/latest/source/examples/simulate_and_measure.rs
 //! [d]: https://docs.rs/crate/subaperture/latest/source/examples/tiles.rs
 //! [e]: https://docs.rs/crate/subaperture/latest/source/examples/own_former.rs
+//! [f]: https://docs.rs/crate/subaperture/latest/source/examples/live.rs
 //!
 //! # Conventions
 //! - **Phase.** A unit scatterer at `p` in pulse `n` at frequency `f` has the phase
@@ -110,7 +116,7 @@ pub use {glam, num_complex};
 
 pub use focused::FocusedImage;
 pub use focusing::{Focus, Focusing};
-pub use reading::{open, open_all};
+pub use reading::{open, open_all, open_channels};
 pub use save::SaveError;
 pub use subaperture_resolution::survey::scene_grid;
 

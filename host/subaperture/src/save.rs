@@ -44,6 +44,15 @@ impl FocusedImage {
         .write(folder)?)
     }
 
+    /// What the recording can show, and which of its channels the image is of.
+    fn recorded(&self) -> Value {
+        let mut recorded = json!(self.survey);
+        if let (Some(about), false) = (recorded.as_object_mut(), self.channels.is_empty()) {
+            about.insert("channels".to_owned(), json!(self.channels));
+        }
+        recorded
+    }
+
     /// What goes into `image.json`.
     fn record(&self) -> Value {
         let [fast, slow] = self.windows;
@@ -63,7 +72,7 @@ impl FocusedImage {
                 "slow_window": slow.to_string(),
                 "resolved": self.settings,
             }),
-            collection: json!(self.survey),
+            collection: self.recorded(),
             support: json!(self.looks),
             inputs: &self.inputs,
             brightest: self.brightest(),

@@ -265,7 +265,7 @@ fn what_is_wrong_is_named() {
     changed(
         "<RefChId>only",
         "<RefChId>other",
-        "no channel 'other' (from CPHD/Channel/RefChId)",
+        "CPHD/Channel/RefChId: no channel 'other'",
     );
     changed("<Y>1</Y>", "<Y>2</Y>", "not orthogonal unit vectors");
     changed("<X>6378137</X>", "<X>1</X>", "not a place near the Earth");

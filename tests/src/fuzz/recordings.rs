@@ -13,6 +13,7 @@ use subaperture::focus::{ImageFormer, Task};
 use subaperture::geometry::{Extent, ImageGrid, SceneFrame};
 use subaperture::io::cphd::{Channel, Cphd, CphdInfo, Domain, Sgn, WriteOptions, write};
 use subaperture::io::gotcha;
+use subaperture::io::open::{Options, open_sum};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{Collection, InMemory, PhaseHistory, Pulse, Sweep, Weights};
 use subaperture::resolution::survey::Survey;
@@ -74,12 +75,17 @@ pub(super) const MATLAB_WORDS: &[&str] = &[
 
 /// An aircraft 5 km away over the equator.
 fn scene(num_pulses: usize, num_samples: usize) -> InMemory {
+    scene_apart(num_pulses, num_samples, 0.0)
+}
+
+/// The same, the receiver apart from the transmitter.
+fn scene_apart(num_pulses: usize, num_samples: usize, apart_m: f64) -> InMemory {
     let pulse = |n: usize| {
         let antenna = DVec3::new(12.0 * n as f64 - 30.0, -4000.0, 3000.0);
         Pulse {
             time_s: 0.1 * n as f64,
             transmitter_m: antenna,
-            receiver_m: antenna,
+            receiver_m: antenna + DVec3::X * apart_m,
             reference_m: DVec3::ZERO,
             reference_path_m: 2.0 * antenna.length(),
             start_hz: 9.6e9,
@@ -110,8 +116,11 @@ pub(super) fn cphd_seeds() -> Vec<Vec<u8>> {
     let (first, second) = (scene(4, 6), scene(3, 9));
     let one = [Channel::new("A", &first)];
     let two = [Channel::new("A", &first), Channel::new("B", &second)];
+    let apart = scene_apart(4, 6, 3.0);
+    let beside = [Channel::new("A", &first), Channel::new("B", &apart)];
     let (minus, plus) = (Sgn::Minus, Sgn::Plus);
-    let files: [(&[Channel], Domain, Sgn); 4] = [
+    let files: [(&[Channel], Domain, Sgn); 5] = [
+        (&beside, Domain::Fx, minus),
         (&one, Domain::Fx, minus),
         (&one, Domain::Toa, plus),
         (&two, Domain::Fx, plus),
@@ -177,6 +186,14 @@ pub(super) fn cphd(bytes: &[u8]) -> String {
                 Err(error) => error.to_string(),
             };
         }
+        let options = Options {
+            memory_bytes: MEMORY_BYTES,
+            ..Options::default()
+        };
+        outcome += &match open_sum::<_, &str>(&[&path], None, &options) {
+            Ok(sum) => examine(&sum, bytes),
+            Err(error) => error.to_string(),
+        };
         outcome
     })
 }

@@ -8,6 +8,7 @@ use super::conventions::{Domain, Sgn, SignalFormat};
 use super::pvp::Layout;
 use super::xml::{Element, MetadataError, check_plain};
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
+use subaperture_model::phase_history::{Channel, ChannelError, which_channel};
 
 /// The surface on which image coordinates are defined. [`CphdInfo::frame`] is a plane for both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,8 +46,14 @@ pub struct ChannelInfo {
     pub(super) signal_offset: u64,
 }
 
-/// Channels named in a message.
-const MOST_NAMED: usize = 20;
+impl ChannelInfo {
+    /// What the channel is.
+    pub fn about(&self) -> Channel {
+        let known = |letter: &Option<String>| letter.clone().filter(|text| text != "UNSPECIFIED");
+        let [transmitted, received] = [&self.tx_polarization, &self.rcv_polarization].map(known);
+        Channel::new(self.id.clone()).polarized(transmitted, received)
+    }
+}
 
 /// The metadata of a CPHD file. Text is as in the file; what the standard requires but image
 /// formation can do without is `None` where a file lacks it.
@@ -110,30 +117,19 @@ impl CphdInfo {
         parse(xml).map(|(info, _)| info)
     }
 
-    /// The channel of that identifier, or the reference channel for `None`.
-    pub(super) fn channel(&self, id: Option<&str>) -> Result<&ChannelInfo, String> {
-        let wanted = id.unwrap_or(&self.ref_channel);
-        self.channels
-            .iter()
-            .find(|c| c.id == wanted)
-            .ok_or_else(|| {
-                // A list for a person; thousands are no help.
-                let known = self.channels.iter().take(MOST_NAMED);
-                let known: Vec<&str> = known.map(|c| c.id.as_str()).collect();
-                let more = match self.channels.len() {
-                    count if count > MOST_NAMED => format!(" and {} more", count - MOST_NAMED),
-                    _ => String::new(),
-                };
-                let origin = if id.is_some() {
-                    ""
-                } else {
-                    " (from CPHD/Channel/RefChId)"
-                };
-                format!(
-                    "no channel '{wanted}'{origin}; choose one of: {}{more}",
-                    known.join(", ")
-                )
-            })
+    /// The place of the channel of that identifier, or where there is none, of that number, from 1; of the reference
+    /// channel for `None`.
+    pub(super) fn channel(&self, id: Option<&str>) -> Result<usize, String> {
+        let names: Vec<&str> = self.channels.iter().map(|c| c.id.as_str()).collect();
+        match id {
+            Some(id) => which_channel(&names, id).map_err(|error| error.to_string()),
+            None => (names.iter().position(|name| *name == self.ref_channel)).ok_or_else(|| {
+                let wanted = self.ref_channel.clone();
+                let names = names.iter().map(|name| (*name).to_owned()).collect();
+                let what = ChannelError::Unknown { wanted, names };
+                format!("CPHD/Channel/RefChId: {what}")
+            }),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -19,7 +19,8 @@ use super::start;
 use super::toa::{Bins, Transform};
 use super::vectors::Vectors;
 use subaperture_model::phase_history::{
-    Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite,
+    Channel, ChannelError, Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite,
+    which_channel,
 };
 
 /// Kept of a vector besides its [`Pulse`], at most: AmpSF, SIGNAL and a shift.
@@ -52,8 +53,7 @@ const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
 ///   as float64 in ECF, more if they were float32 once) cancels in differences of paths. See the [module](super)
 ///   for the atmosphere.
 pub struct Cphd {
-    source: Source,
-    info: CphdInfo,
+    container: Arc<Container>,
     channel: usize,
     collection: Collection,
     /// Where the channel's samples begin.
@@ -68,6 +68,58 @@ pub struct Cphd {
     /// True positions of the antennas, if the file has them.
     true_antennas: Option<Vec<[DVec3; 2]>>,
     held_bytes: u64,
+}
+
+/// What the channels of a file share.
+struct Container {
+    source: Source,
+    header: Header,
+    info: CphdInfo,
+    layout: Layout,
+    /// CRC-32 of the whole file, once somebody asked.
+    checksum: OnceLock<u32>,
+}
+
+impl Container {
+    fn open(path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
+        let source = Source::open(path)?;
+        let Preamble {
+            header,
+            info,
+            layout,
+            xml_offset,
+        } = Preamble::read(&source, memory_bytes)?;
+        let layout = layout.map_err(|e| source.malformed(in_xml(&e, xml_offset)))?;
+        Ok(Self {
+            source,
+            header,
+            info,
+            layout,
+            checksum: OnceLock::new(),
+        })
+    }
+
+    fn check_readable(&self) -> Result<(), ReadError> {
+        check_readable(&self.info, &self.layout, &self.header)
+            .map_err(|what| self.source.malformed(what))
+    }
+
+    /// CRC-32 of the whole file.
+    fn checksum(&self) -> Result<u32, ReadError> {
+        if let Some(&known) = self.checksum.get() {
+            return Ok(known);
+        }
+        let mut hasher = crc32fast::Hasher::new();
+        let mut bytes = vec![0; CHUNK_BYTES];
+        let mut at = 0;
+        while at < self.source.len() {
+            let count = (self.source.len() - at).min(CHUNK_BYTES as u64) as usize;
+            self.source.read_at(at, &mut bytes[..count])?;
+            hasher.update(&bytes[..count]);
+            at += count as u64;
+        }
+        Ok(*self.checksum.get_or_init(|| hasher.finalize()))
+    }
 }
 
 /// What it takes to turn TOA vectors into FX vectors.
@@ -90,44 +142,74 @@ impl Cphd {
         channel: Option<&str>,
         memory_bytes: u64,
     ) -> Result<Self, ReadError> {
-        let source = Source::open(path.as_ref())?;
-        let malformed = |what: String| source.malformed(what);
-        let Preamble {
+        let container = Container::open(path.as_ref(), memory_bytes)?;
+        let chosen = container.info.channel(channel);
+        let chosen = chosen.map_err(|what| container.source.malformed(what))?;
+        container.check_readable()?;
+        Self::of(Arc::new(container), chosen, memory_bytes)
+    }
+
+    /// Opens these channels, each by its identifier or its number from 1, or all, side by side: the file is opened once.
+    /// Together they hold at most `memory_bytes`.
+    ///
+    /// # Errors
+    /// As [`Self::open`]; [`ReadError::Channels`] if the file has no such channel.
+    pub fn open_channels<S: AsRef<str>>(
+        path: impl AsRef<Path>,
+        channels: Option<&[S]>,
+        memory_bytes: u64,
+    ) -> Result<Vec<Self>, ReadError> {
+        let container = Arc::new(Container::open(path.as_ref(), memory_bytes)?);
+        let infos = &container.info.channels;
+        let chosen: Vec<usize> = match channels {
+            None => (0..infos.len()).collect(),
+            Some(wanted) => {
+                let names: Vec<&str> = infos.iter().map(|info| info.id.as_str()).collect();
+                let places = wanted.iter().map(|id| which_channel(&names, id.as_ref()));
+                places.collect::<Result<_, ChannelError>>()?
+            }
+        };
+        container.check_readable()?;
+        let mut left_bytes = memory_bytes;
+        let mut opened = Vec::new();
+        for channel in chosen {
+            let next = Self::of(Arc::clone(&container), channel, left_bytes)?;
+            left_bytes -= next.held_bytes;
+            opened.push(next);
+        }
+        Ok(opened)
+    }
+
+    fn of(container: Arc<Container>, channel: usize, memory_bytes: u64) -> Result<Self, ReadError> {
+        let Container {
+            source,
             header,
             info,
             layout,
-            xml_offset,
-        } = Preamble::read(&source, memory_bytes)?;
-        let layout = layout.map_err(|e| malformed(in_xml(&e, xml_offset)))?;
-        let chosen = info.channel(channel).map_err(malformed)?.clone();
-        check_readable(&info, &layout, &header).map_err(malformed)?;
+            ..
+        } = &*container;
+        let chosen = &info.channels[channel];
         let pvp_offset = header.pvp.offset + chosen.pvp_offset;
         let signal_offset = header.signal.offset + chosen.signal_offset;
         let too_large = || source.malformed(format!("channel '{}' is too large", chosen.id));
         let stored_samples = usize::try_from(chosen.num_samples).map_err(|_| too_large())?;
         let num_vectors = usize::try_from(chosen.num_vectors).map_err(|_| too_large())?;
 
-        let held_bytes = held_bytes(&chosen, info.domain, &layout);
+        let held_bytes = held_bytes(chosen, info.domain, layout);
         let records = chosen.num_vectors.saturating_mul(layout.num_bytes);
         source.check_memory(
             held_bytes.saturating_add(records.min(CHUNK_BYTES as u64)),
             memory_bytes,
         )?;
 
-        let mut vectors = Vectors::to_be_read(&info, stored_samples);
+        let mut vectors = Vectors::to_be_read(info, stored_samples);
         vectors
-            .reserve(num_vectors, &layout)
+            .reserve(num_vectors, layout)
             .map_err(|_| too_large())?;
-        read_records(
-            &source,
-            pvp_offset,
-            num_vectors,
-            &layout,
-            |index, record| {
-                let vector = layout.decode(index, record, info.domain)?;
-                vectors.push(index, &vector)
-            },
-        )?;
+        read_records(source, pvp_offset, num_vectors, layout, |index, record| {
+            let vector = layout.decode(index, record, info.domain)?;
+            vectors.push(index, &vector)
+        })?;
         vectors.set_accelerations();
 
         let arrival = vectors.bins.map(|bins| Arrival {
@@ -136,17 +218,15 @@ impl Cphd {
             shifts: vectors.shifts,
         });
         let collection = Collection {
-            name: collection_name(&info, &chosen, path.as_ref()),
+            name: collection_name(info, chosen, source.path()),
             num_samples: vectors.bins.map_or(stored_samples, |b| b.count),
             pulses: vectors.pulses,
             frame: info.frame,
             extent: Some(info.image_area),
             timed: true,
         };
-        let channel = info.channels.iter().position(|c| c.id == chosen.id);
         Ok(Self {
-            channel: channel.expect("the channel was found above"),
-            info,
+            channel,
             collection,
             signal_offset,
             stored_samples,
@@ -158,35 +238,35 @@ impl Cphd {
             arrival,
             true_antennas: layout.has_true_antennas().then_some(vectors.true_antennas),
             held_bytes,
-            source,
+            container,
         })
     }
 
     /// The metadata of the file.
     pub fn info(&self) -> &CphdInfo {
-        &self.info
+        &self.container.info
     }
 
     /// All channels of the file.
     pub fn channels(&self) -> &[ChannelInfo] {
-        &self.info.channels
+        &self.info().channels
     }
 
     /// The channel that was opened.
     pub fn channel(&self) -> &ChannelInfo {
-        &self.info.channels[self.channel]
+        &self.info().channels[self.channel]
     }
 
     /// Reads stored samples, as they are but for the format, from flat index `first` on.
     fn read_stored(&self, first: usize, samples: &mut [Complex32]) -> Result<(), ReadError> {
-        let format = self.info.signal_format;
+        let (source, format) = (&self.container.source, self.info().signal_format);
         let width = format.sample_bytes();
         let chunk = CHUNK_BYTES / width;
         let mut bytes = vec![0; samples.len().min(chunk) * width];
         for (i, part) in samples.chunks_mut(chunk).enumerate() {
             let bytes = &mut bytes[..part.len() * width];
             let at = (first + i * chunk) as u64 * width as u64;
-            self.source.read_at(self.signal_offset + at, bytes)?;
+            source.read_at(self.signal_offset + at, bytes)?;
             format.decode(bytes, part);
         }
         Ok(())
@@ -208,12 +288,12 @@ impl Cphd {
                 }
             }
         }
-        if self.info.sgn == Sgn::Plus {
+        if self.info().sgn == Sgn::Plus {
             for z in samples.iter_mut() {
                 *z = z.conj();
             }
         }
-        check_finite(&self.source.name(), first, width, samples)
+        check_finite(&self.container.source.name(), first, width, samples)
     }
 }
 
@@ -240,7 +320,7 @@ impl PhaseHistory for Cphd {
             self.condition(pulse, &mut toa)?;
             transform.frequency(&toa, arrival.shifts[pulse], fx);
             // A sum of finite float32 may still pass the largest float32.
-            check_finite(&self.source.name(), pulse, fx.len(), fx)?;
+            check_finite(&self.container.source.name(), pulse, fx.len(), fx)?;
         }
         Ok(())
     }
@@ -250,7 +330,11 @@ impl PhaseHistory for Cphd {
     }
 
     fn start_ns(&self) -> Option<i64> {
-        start::nanoseconds(self.info.collection_start.as_deref()?)
+        start::nanoseconds(self.info().collection_start.as_deref()?)
+    }
+
+    fn channels(&self) -> Vec<Channel> {
+        vec![self.channel().about()]
     }
 
     fn held_bytes(&self) -> u64 {
@@ -258,21 +342,14 @@ impl PhaseHistory for Cphd {
     }
 
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
-        let mut hasher = crc32fast::Hasher::new();
-        let mut bytes = vec![0; CHUNK_BYTES];
-        let mut at = 0;
-        while at < self.source.len() {
-            let count = (self.source.len() - at).min(CHUNK_BYTES as u64) as usize;
-            self.source.read_at(at, &mut bytes[..count])?;
-            hasher.update(&bytes[..count]);
-            at += count as u64;
-        }
+        let source = &self.container.source;
+        let checksum = self.container.checksum()?;
         // What was read of it in the meantime is what this checksum is of, or it is an error.
-        self.source.check_unchanged()?;
+        source.check_unchanged()?;
         Ok(vec![InputFile {
-            path: self.source.path().to_owned(),
-            bytes: self.source.len(),
-            crc32: format!("{:08x}", hasher.finalize()),
+            path: source.path().to_owned(),
+            bytes: source.len(),
+            crc32: format!("{checksum:08x}"),
         }])
     }
 }

@@ -50,7 +50,11 @@ use std::path::{Path, PathBuf};
 use arrays::Arrays;
 use subaperture_describe::error::Found;
 use subaperture_describe::{Description, DescriptionError};
-use subaperture_model::phase_history::{InMemory, InputFile, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{
+    Channel, Channels, Collection, InMemory, InputFile, PhaseHistory, ReadError,
+};
+
+use num_complex::Complex32;
 
 pub use write::{Raw, WriteError, names, write};
 
@@ -65,9 +69,45 @@ pub struct Take {
     /// Which pulses of the recording its pulses are, from 0: the pulse's number times the number of channels used, and
     /// the channel's.
     pub pulses: Vec<usize>,
+    /// The channels used, in the order of their numbers.
+    pub channels: Vec<Channel>,
     /// What paths were recorded too long by: the recorded path of a point is that of the history's geometry and
     /// this, metres.
     pub bias_path_m: f64,
+}
+
+impl Take {
+    /// The phase history by channel, side by side. Takes the samples once more for a while, less than making them took.
+    ///
+    /// # Errors
+    /// [`ReadError::Channels`] if the channels do not share pulses; [`ReadError::Mismatch`] if one has none.
+    pub fn side_by_side(self) -> Result<Channels<'static>, ReadError> {
+        let collection = self.history.collection();
+        let (width, count) = (collection.num_samples, self.channels.len());
+        let inputs = self.history.inputs()?;
+        let of_channel = |(c, about): (usize, &Channel)| {
+            let own: Vec<usize> = (0..self.pulses.len())
+                .filter(|&n| self.pulses[n] % count == c)
+                .collect();
+            let part = Collection {
+                name: match count {
+                    1 => collection.name.clone(),
+                    _ => format!("{} channel {}", collection.name, about.name),
+                },
+                pulses: own.iter().map(|&n| collection.pulses[n]).collect(),
+                ..*collection
+            };
+            let mut samples = vec![Complex32::ZERO; own.len() * width];
+            for (row, &n) in samples.chunks_exact_mut(width).zip(&own) {
+                self.history.read(n..n + 1, row)?;
+            }
+            let history = (InMemory::new(part, samples)?.with_inputs(inputs.clone()))
+                .with_channels(vec![about.clone()]);
+            Ok((about.clone(), Box::new(history) as Box<dyn PhaseHistory>))
+        };
+        let channels = self.channels.iter().enumerate().map(of_channel);
+        Ok(Channels::new(channels.collect::<Result<_, ReadError>>()?)?)
+    }
 }
 
 /// A description and the settings that override it. Files that it names are read once.
@@ -161,6 +201,15 @@ impl RecordingFile {
         self.take(memory_bytes, None).map(|take| take.history)
     }
 
+    /// The same by channel, side by side: every pair of a transmitter and a receiver that is used.
+    ///
+    /// # Errors
+    /// As [`Self::history`]; [`ReadError::Channels`] if the pairs do not share pulses, as where the antennas of one
+    /// moved in a pulse and those of another did not yet.
+    pub fn channels(&self, memory_bytes: u64) -> Result<Channels<'static>, ReadError> {
+        self.take(memory_bytes, None)?.side_by_side()
+    }
+
     /// As [`Self::history`], with what it was made of; of the pulses given, if some are, whether the description
     /// chooses them or not. A track that is not known so far goes on as it ends.
     ///
@@ -207,6 +256,9 @@ impl RecordingFile {
                 .iter()
                 .map(|pulse| pulse.index * pulses.antennas.channels.len() + pulse.channel)
                 .collect(),
+            channels: (pulses.antennas.channels.iter())
+                .map(|channel| channel.about())
+                .collect(),
             bias_path_m: 2.0 * top.section("recording").number("range_bias"),
         })
     }
@@ -233,6 +285,22 @@ pub fn open(
     settings: &[(String, String)],
     memory_bytes: u64,
 ) -> Result<impl PhaseHistory + use<>, ReadError> {
+    Ok(take(path, settings, memory_bytes)?.history)
+}
+
+/// The same by channel, side by side, as [`RecordingFile::channels`].
+///
+/// # Errors
+/// [`ReadError`].
+pub fn open_channels(
+    path: &Path,
+    settings: &[(String, String)],
+    memory_bytes: u64,
+) -> Result<Channels<'static>, ReadError> {
+    take(path, settings, memory_bytes)?.side_by_side()
+}
+
+fn take(path: &Path, settings: &[(String, String)], memory_bytes: u64) -> Result<Take, ReadError> {
     let mut file = RecordingFile::read(path).map_err(|source| ReadError::Io {
         path: path.to_owned(),
         source,
@@ -240,8 +308,9 @@ pub fn open(
     for (key, value) in settings {
         file.set(key, value)?;
     }
-    let history = file.history(memory_bytes)?;
-    Ok(history.with_inputs(file.inputs()?))
+    let mut take = file.take(memory_bytes, None)?;
+    take.history = (take.history.with_inputs(file.inputs()?)).with_channels(take.channels.clone());
+    Ok(take)
 }
 
 /// Every key of a description with its unit, default and meaning, as text.

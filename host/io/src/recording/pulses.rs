@@ -6,6 +6,7 @@ use subaperture_describe::error::Found;
 use subaperture_describe::values::Values;
 use subaperture_describe::{place, radar};
 use subaperture_model::geometry::SceneFrame;
+use subaperture_model::phase_history;
 use subaperture_model::radar::Antenna;
 use subaperture_signal::phase::narrow;
 
@@ -28,8 +29,10 @@ pub(super) struct Antennas {
 }
 
 /// A pair of antennas.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Channel {
+    /// Their names.
+    names: [String; 2],
     /// Which of those that take turns, and which of those recorded, from 0.
     pub(super) transmitter: usize,
     pub(super) receiver: usize,
@@ -39,6 +42,15 @@ pub(super) struct Channel {
     after_s: f64,
     /// What takes off the phase and the level that they add.
     pub(super) calibration: Complex32,
+}
+
+impl Channel {
+    /// What the channel is; its name is as that of a simulated one.
+    pub(super) fn about(&self) -> phase_history::Channel {
+        let name = format!("T{}R{}", self.transmitter + 1, self.receiver + 1);
+        let [transmitter, receiver] = self.names.clone();
+        phase_history::Channel::new(name).of_antennas(transmitter, receiver)
+    }
 }
 
 impl Antennas {
@@ -287,6 +299,7 @@ fn channels(
         _ => 0.0,
     };
     let pair = |transmitter: &Used, receiver: &Used| Channel {
+        names: [transmitter.name.clone(), receiver.name.clone()],
         transmitter: transmitter.number,
         receiver: receiver.number,
         offsets_m: [transmitter.offset_m, receiver.offset_m],
@@ -303,6 +316,7 @@ fn channels(
 struct Used {
     /// Among all of its kind, from 0.
     number: usize,
+    name: String,
     offset_m: DVec3,
     calibration: Complex64,
 }
@@ -336,6 +350,10 @@ fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<
         let (phase_rad, level_db) = added.get(section).copied().unwrap_or_default();
         Used {
             number,
+            name: match section == number {
+                true => antennas[section].name.clone(),
+                false => format!("{letter}{}", number + 1),
+            },
             offset_m: antennas[section].offset_m,
             calibration: Complex64::from_polar(10f64.powf(-level_db / 20.0), -phase_rad),
         }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use num_complex::Complex32;
 
-use super::{Collection, InputFile, PhaseHistory, ReadError, check_finite};
+use super::{Channel, Collection, InputFile, PhaseHistory, ReadError, check_finite};
 
 /// Samples and geometry in memory: small recordings and tests.
 #[derive(Clone, Debug)]
@@ -12,6 +12,7 @@ pub struct InMemory {
     collection: Collection,
     samples: Vec<Complex32>,
     inputs: Vec<InputFile>,
+    channels: Vec<Channel>,
 }
 
 impl InMemory {
@@ -44,7 +45,15 @@ impl InMemory {
             collection,
             samples,
             inputs: Vec::new(),
+            channels: Vec::new(),
         })
+    }
+
+    /// Says which channels the pulses are of.
+    #[must_use]
+    pub fn with_channels(mut self, channels: Vec<Channel>) -> Self {
+        self.channels = channels;
+        self
     }
 
     /// Names the files that the samples came from.
@@ -64,6 +73,10 @@ impl PhaseHistory for InMemory {
         let width = self.collection.num_samples;
         samples.copy_from_slice(&self.samples[pulses.start * width..pulses.end * width]);
         Ok(())
+    }
+
+    fn channels(&self) -> Vec<Channel> {
+        self.channels.clone()
     }
 
     fn held_bytes(&self) -> u64 {

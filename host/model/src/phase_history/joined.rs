@@ -24,7 +24,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 
 use super::order::travelled_angles;
-use super::{Collection, InputFile, PhaseHistory, Pulse, ReadError};
+use super::{Channel, Collection, InputFile, PhaseHistory, Pulse, ReadError};
 
 /// Recordings joined into one. One recording is the common case.
 pub struct Joined {
@@ -62,6 +62,25 @@ type Place = [u32; 2];
 const SCRATCH_BYTES: usize = 2 * size_of::<Place>() + 2 * size_of::<u64>();
 
 impl Joined {
+    /// One history as it is, in whatever order its pulses are.
+    pub fn alone(history: Box<dyn PhaseHistory>) -> Self {
+        Self {
+            whole: None,
+            parts: vec![history],
+        }
+    }
+
+    /// Bytes a pulse that [`Self::join`] takes, at most.
+    pub(super) const MOST_BYTES_A_PULSE: u64 =
+        (size_of::<Pulse>() + SCRATCH_BYTES + size_of::<[DVec3; 2]>()) as u64;
+
+    /// Whether the pulses of `history` are in the order of time, as far as it is told.
+    pub(super) fn is_in_order(history: &dyn PhaseHistory) -> bool {
+        let collection = history.collection();
+        let in_order = (collection.pulses).is_sorted_by(|a, b| a.time_s <= b.time_s);
+        !collection.timed || in_order
+    }
+
     /// Joins `parts`, in the order of their pulses and not in theirs. They must agree in samples a pulse and in
     /// scene frame.
     ///
@@ -106,10 +125,7 @@ fn pulses(part: &Part) -> &[Pulse] {
 /// Whether the whole is anything but its one part.
 fn is_to_be_joined(parts: &[Part]) -> bool {
     match parts {
-        [part] => {
-            let in_order = pulses(part).is_sorted_by(|a, b| a.time_s <= b.time_s);
-            part.collection().timed && !in_order
-        }
+        [part] => !Joined::is_in_order(&**part),
         _ => true,
     }
 }
@@ -139,7 +155,7 @@ fn check_alike(parts: &[Part]) -> Result<(), ReadError> {
 }
 
 /// Antennas and frequencies of a pulse.
-fn numbers(pulse: &Pulse) -> [f64; 8] {
+pub(super) fn numbers(pulse: &Pulse) -> [f64; 8] {
     let [t, r] = [pulse.transmitter_m, pulse.receiver_m];
     let (start_hz, step_hz) = (pulse.start_hz, pulse.step_hz);
     [t.x, t.y, t.z, r.x, r.y, r.z, start_hz, step_hz]
@@ -339,6 +355,16 @@ impl PhaseHistory for Joined {
     fn start_ns(&self) -> Option<i64> {
         let starts = self.parts.iter().map(|part| part.start_ns());
         starts.collect::<Option<Vec<_>>>()?.into_iter().min()
+    }
+
+    fn channels(&self) -> Vec<Channel> {
+        let mut all = Vec::new();
+        for channel in self.parts.iter().flat_map(|part| part.channels()) {
+            if !all.contains(&channel) {
+                all.push(channel);
+            }
+        }
+        all
     }
 
     fn warnings(&self) -> Vec<String> {

@@ -9,6 +9,8 @@
 //! (Schone 2020 (2.11), moved to the pulse's reference point). Where samples are taken one after another, both paths
 //! are those of the sample's moment: [`Sweep`].
 
+mod channels;
+mod coherent_sum;
 mod in_memory;
 mod joined;
 mod order;
@@ -28,6 +30,8 @@ use crate::SPEED_OF_LIGHT_M_S;
 use crate::geometry::{Extent, SceneFrame};
 use crate::quantity::bytes;
 
+pub use channels::{Channel, ChannelError, ChannelHistory, Channels, which_channel};
+pub use coherent_sum::CoherentSum;
 pub use in_memory::InMemory;
 pub use joined::Joined;
 use order::ranks_by_angle;
@@ -93,7 +97,8 @@ pub struct Collection {
     /// The part of the scene the collection is meant for, if it says so.
     pub extent: Option<Extent>,
     /// Whether the recording tells times; if not, pulses are numbered as if a second apart. Pulses of several
-    /// recordings are in the order of time, or of angle where it tells none ([`Joined`]).
+    /// recordings are in the order of time, or of angle where it tells none ([`Joined`]); of several channels
+    /// channel by channel ([`CoherentSum`]).
     pub timed: bool,
 }
 
@@ -143,6 +148,19 @@ impl Collection {
     #[inline]
     pub fn sweeps(&self) -> bool {
         self.pulses.iter().any(|pulse| !pulse.sweep.is_at_once())
+    }
+
+    /// How many pulses go over the collection's moments once: all of them, but where channels follow one another
+    /// ([`CoherentSum`]), so that times fall back after every so many pulses, as many as each channel has.
+    pub fn num_turns(&self) -> usize {
+        let count = self.pulses.len();
+        let falls_back = |n: &usize| self.pulses[*n].time_s < self.pulses[*n - 1].time_s;
+        let Some(turns) = (1..count).find(falls_back) else {
+            return count;
+        };
+        let falls = (1..count).filter(falls_back);
+        let even = count.is_multiple_of(turns) && falls.eq((turns..count).step_by(turns));
+        if even { turns } else { count }
     }
 
     /// The frequency axis if all pulses share it (to 1e-9 of the start frequency), else `None`.
@@ -236,9 +254,18 @@ pub enum ReadError {
     /// A recording's description does not make sense, or not with its files.
     #[error(transparent)]
     Description(Box<dyn std::error::Error + Send + Sync>),
+    /// Channels that are not there, or do not belong together.
+    #[error(transparent)]
+    Channels(Box<ChannelError>),
     /// Inputs that cannot form one aperture.
     #[error("{0}")]
     Mismatch(String),
+}
+
+impl From<ChannelError> for ReadError {
+    fn from(error: ChannelError) -> Self {
+        Self::Channels(Box::new(error))
+    }
 }
 
 /// A collection whose samples can be read, any run of pulses at a time.
@@ -263,6 +290,11 @@ pub trait PhaseHistory: Sync + Send {
     /// When time zero was, nanoseconds since the beginning of 1970 (UTC), if the recording says.
     fn start_ns(&self) -> Option<i64> {
         None
+    }
+
+    /// The channels of the recording that its pulses are of, where it names them.
+    fn channels(&self) -> Vec<Channel> {
+        Vec::new()
     }
 
     /// What its user has to know before trusting an image of it, a sentence each.

@@ -53,7 +53,11 @@ impl RecordedLooks {
             })
         };
         let count = collection.pulses.len();
-        let chosen = |most: usize| representatives(count, most, Share::Middle);
+        // Of channels one after another those of a turn together, so that a window over their order is one over time.
+        let turns = collection.num_turns();
+        let channels = count / turns.max(1);
+        let in_turn = move |m: usize| (m % channels) * turns + m / channels;
+        let chosen = |most: usize| representatives(count, most, Share::Middle).map(in_turn);
         let most = COUNTS.into_iter().find(|&most| {
             let few = Looks::of(collection, Window::None, Window::None, chosen(most));
             few.looks.len() == all.looks.len() || alike(&few)

@@ -26,7 +26,7 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "set", "velocity", "window", "slow_window", "scratch", "check"
+        "paths", "channel", "channels", "set", "velocity", "window", "slow_window", "scratch", "check"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
 

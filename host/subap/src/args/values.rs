@@ -1,11 +1,54 @@
 //! Values as they are typed: each function turns a word into one, or says what to give.
 
+use std::fmt;
 use std::path::PathBuf;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use glam::DVec3;
 use subaperture::geometry::{Axis, Extent};
 use subaperture::units::Dimension;
+
+/// Which channels are summed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum SeveralChannels {
+    /// As many as there are.
+    All,
+    /// These.
+    These(Vec<String>),
+}
+
+impl SeveralChannels {
+    /// Those that are named; `None` if all are meant.
+    pub(crate) fn named(&self) -> Option<&[String]> {
+        match self {
+            Self::All => None,
+            Self::These(names) => Some(names),
+        }
+    }
+}
+
+impl fmt::Display for SeveralChannels {
+    /// As it is typed.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(
+            &self
+                .named()
+                .map_or("all".to_owned(), |names| names.join(",")),
+        )
+    }
+}
+
+/// Channels to be summed, as `all` or `A,B`.
+pub(crate) fn several_channels(text: &str) -> Result<SeveralChannels, String> {
+    if text == "all" {
+        return Ok(SeveralChannels::All);
+    }
+    let names: Vec<String> = text.split(',').map(str::to_owned).collect();
+    match names.iter().any(String::is_empty) {
+        true => Err("give all, or names of channels with commas between them".to_owned()),
+        false => Ok(SeveralChannels::These(names)),
+    }
+}
 
 pub(super) fn positive(text: &str) -> Result<usize, String> {
     match text.parse() {

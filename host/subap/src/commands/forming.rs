@@ -39,6 +39,16 @@ pub(crate) fn survey(history: &dyn PhaseHistory) -> anyhow::Result<Survey> {
     Survey::of(history.collection()).context("the input holds no pulses")
 }
 
+/// The recording in an image's record: what it can show, and which of its channels its pulses are of.
+pub(crate) fn about(survey: &Survey, history: &dyn PhaseHistory) -> anyhow::Result<Value> {
+    let mut about = serde_json::to_value(survey)?;
+    let channels = history.channels();
+    if !channels.is_empty() {
+        about["channels"] = serde_json::to_value(channels)?;
+    }
+    Ok(about)
+}
+
 /// The grid that is given, or else the one that suits, if its image can be written.
 pub(crate) fn grid_or(
     session: &Session,

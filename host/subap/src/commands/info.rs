@@ -4,14 +4,15 @@ mod facts;
 mod stored;
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use glam::DVec3;
 use serde_json::{Value, json};
 use subaperture::focus::rdbp::{Plan, Request};
 use subaperture::io::cphd::CphdInfo;
-use subaperture::io::open::cphd_info;
-use subaperture::phase_history::{PhaseHistory, TrackError};
+use subaperture::io::open::{Options, cphd_info, open_channels};
+use subaperture::phase_history::{PhaseHistory, ReadError, TrackError};
 use subaperture::resolution::survey::{DefaultGrid, Survey};
 
 use crate::args::Info;
@@ -35,12 +36,14 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
     let survey = survey.context("the input holds no pulses")?;
     let advice = Advice::of(session, &history, &survey);
     let track_error = TrackError::of(&history);
-    let containers = containers(&typed.input.paths)?;
+    let left_bytes = session.memory_bytes.saturating_sub(history.held_bytes());
+    let containers = containers(&typed.input.paths, left_bytes)?;
     if session.json() {
         let mut value = serde_json::to_value(&survey)?;
         value["sub_cpi_advice"] = advice.to_json();
         value["track_error"] = serde_json::to_value(track_error)?;
         value["ambiguity"] = json!(survey.ambiguity());
+        value["channels"] = serde_json::to_value(history.channels())?;
         value["containers"] = containers.iter().map(Container::to_json).collect();
         value["default_grid"] = match survey.default_grid() {
             Ok(DefaultGrid { grid, cropped, .. }) => json!({
@@ -51,7 +54,18 @@ pub(crate) fn run(session: &Session, typed: &Info) -> anyhow::Result<()> {
         text::say_json("info", value)?;
     } else {
         let files: String = containers.iter().map(Container::describe).collect();
-        let mut report = files + &facts::describe(session, &survey, &advice);
+        let mut report = files;
+        let channels = history.channels();
+        for channel in channels.iter().filter(|_| channels.len() > 1) {
+            if let (Some(transmitter), Some(receiver)) = (&channel.transmitter, &channel.receiver) {
+                let _ = writeln!(
+                    report,
+                    "{:<16} {}: transmitter {transmitter}, receiver {receiver}",
+                    "  channel", channel.name
+                );
+            }
+        }
+        report += &facts::describe(session, &survey, &advice);
         if let Some(error) = track_error {
             let _ = writeln!(
                 report,
@@ -92,19 +106,39 @@ fn of_stored(session: &Session, paths: &[(&PathBuf, Kind)]) -> anyhow::Result<()
 struct Container {
     path: PathBuf,
     info: CphdInfo,
+    /// Where each channel's antennas are at the middle pulse, off those of the first, metres; or why the channels are
+    /// not side by side. Nothing of a lone channel.
+    offsets_m: Option<Result<Vec<DVec3>, ReadError>>,
 }
 
-fn containers(paths: &[PathBuf]) -> anyhow::Result<Vec<Container>> {
+fn containers(paths: &[PathBuf], memory_bytes: u64) -> anyhow::Result<Vec<Container>> {
     let mut containers = Vec::new();
     for path in paths {
         if let Some(info) = cphd_info(path)? {
             containers.push(Container {
                 path: path.clone(),
+                offsets_m: (info.channels.len() > 1).then(|| offsets_m(path, memory_bytes)),
                 info,
             });
         }
     }
     Ok(containers)
+}
+
+fn offsets_m(path: &Path, memory_bytes: u64) -> Result<Vec<DVec3>, ReadError> {
+    let options = Options {
+        memory_bytes,
+        ..Options::default()
+    };
+    let channels = open_channels::<&str>(path, None, &options)?;
+    let middle = channels.num_pulses() / 2;
+    let phase_centre_m = |history: &dyn PhaseHistory| {
+        let pulse = &history.collection().pulses[middle];
+        (pulse.transmitter_m + pulse.receiver_m) / 2.0
+    };
+    let first_m = phase_centre_m(channels.channel(0));
+    let all = channels.iter().map(|(_, history)| phase_centre_m(history));
+    Ok(all.map(|centre_m| centre_m - first_m).collect())
 }
 
 impl Container {
@@ -120,7 +154,7 @@ impl Container {
                 .as_deref()
                 .unwrap_or("classification not given"),
         );
-        for channel in &info.channels {
+        for (i, channel) in info.channels.iter().enumerate() {
             let reference = if channel.id == info.ref_channel {
                 " (reference)"
             } else {
@@ -128,8 +162,39 @@ impl Container {
             };
             let _ = writeln!(
                 text,
-                "{:<16} {}: {} vectors of {} samples{reference}",
-                "  channel", channel.id, channel.num_vectors, channel.num_samples
+                "{:<16} {}: {} vectors of {} samples{reference}{}",
+                "  channel",
+                channel.id,
+                channel.num_vectors,
+                channel.num_samples,
+                self.beside(i)
+            );
+        }
+        if let Some(Err(why)) = &self.offsets_m {
+            let _ = writeln!(text, "{:<16} not side by side: {why}", "");
+        }
+        text
+    }
+
+    /// What there is to know of channel `i` beside the others.
+    fn beside(&self, i: usize) -> String {
+        let channel = &self.info.channels[i];
+        let about = channel.about();
+        let mut text = String::new();
+        if let (Some(transmitted), Some(received)) = (about.tx_polarization, about.rcv_polarization)
+        {
+            let _ = write!(text, ", {transmitted}{received}");
+        }
+        if let (Some(centre_hz), Some(width_hz)) = (channel.fx_c_hz, channel.fx_bw_hz) {
+            let (centre, width) = (text::hertz(centre_hz), text::hertz(width_hz));
+            let _ = write!(text, ", {width} about {centre}");
+        }
+        if let (1.., Some(Ok(offsets_m))) = (i, &self.offsets_m) {
+            let [x, y, z] = offsets_m[i].to_array();
+            let first = &self.info.channels[0].id;
+            let _ = write!(
+                text,
+                ", antennas x {x:.4} m, y {y:.4} m, z {z:.4} m from those of {first}"
             );
         }
         text
@@ -146,11 +211,23 @@ impl Container {
             "collector": info.collector_name,
             "collection_start": info.collection_start,
             "reference_channel": info.ref_channel,
-            "channels": info.channels.iter().map(|channel| json!({
+            "channels": info.channels.iter().enumerate().map(|(i, channel)| json!({
                 "id": channel.id,
                 "vectors": channel.num_vectors,
                 "samples": channel.num_samples,
+                "tx_polarization": channel.tx_polarization,
+                "rcv_polarization": channel.rcv_polarization,
+                "centre_hz": channel.fx_c_hz,
+                "bandwidth_hz": channel.fx_bw_hz,
+                "offset_m": match &self.offsets_m {
+                    Some(Ok(offsets_m)) => Some(offsets_m[i].to_array()),
+                    _ => None,
+                },
             })).collect::<Vec<_>>(),
+            "not_side_by_side": match &self.offsets_m {
+                Some(Err(why)) => Some(why.to_string()),
+                _ => None,
+            },
         })
     }
 }

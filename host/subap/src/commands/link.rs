@@ -33,6 +33,7 @@ use crate::{interrupt, messages, text};
 pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let start = Instant::now();
     check_firmware(typed)?;
+    typed.input.refuse_several("a module")?;
     let mut claims = session.claims(&typed.writing, &typed.input.paths);
     claims.file(&typed.out, Kind::Maps)?;
     if let Some(picture) = &typed.picture {

@@ -102,7 +102,7 @@ fn experiment(session: &Session, path: &Path, typed: &Simulate) -> anyhow::Resul
     Ok(scenario.experiment_within(session.memory_bytes)?)
 }
 
-/// Every pair of antennas with its channel's identifier: `1` if there is one, else as `T1R2`.
+/// Every pair of antennas with its channel's identifier.
 fn record<'a>(
     session: &Session,
     experiment: &'a Experiment,
@@ -111,10 +111,7 @@ fn record<'a>(
     let mut held: u64 = 0;
     let mut recordings = Vec::new();
     for pair in &pairs {
-        let id = match pairs.len() {
-            1 => "1".to_owned(),
-            _ => format!("T{}R{}", pair.transmitter + 1, pair.receiver + 1),
-        };
+        let id = experiment.about(*pair).name;
         // Tables that spare work, in what the others leave.
         let left = session.memory_bytes.saturating_sub(held) / 2;
         let recording = experiment.record_within(*pair, left)?;

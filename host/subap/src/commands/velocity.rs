@@ -148,7 +148,7 @@ impl Plane<'_> {
                 "slow_window": self.typed.slow_window.to_string(),
                 "resolved": self.formed.settings,
             },
-            "collection": serde_json::to_value(self.survey)?,
+            "collection": forming::about(self.survey, self.history)?,
             "inputs": self.history.inputs()?,
             "brightest": self.brightest.map(|(velocity, level_db)| {
                 json!({ "velocity_m_s": velocity.to_array(), "level_db": level_db })

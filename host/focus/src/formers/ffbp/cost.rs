@@ -13,7 +13,8 @@
 
 use std::ops::Range;
 
-use super::{LARGEST_LEAF_PIXELS, LEAF_PIXELS, SCRATCH_COPIES, Shares, pulse_bytes, quarters};
+use super::descent::{LARGEST_LEAF_PIXELS, quarters};
+use super::{LEAF_PIXELS, SCRATCH_COPIES, Shares, pulse_bytes};
 use crate::Aim;
 use crate::cost::{Cost, Each, transform};
 use crate::patch::{Patches, Rectangle};
@@ -162,7 +163,7 @@ impl Way<'_> {
 
     /// How many can be made one, of `count` that are `cycles` apart: within a quarter of a cycle, if it pays.
     fn allowed(&self, cycles: f64, count: usize) -> usize {
-        let by = (0.25 / (cycles * super::patch_history::MARGIN)).min(count as f64) as usize;
+        let by = (0.25 / (cycles * super::patch_view::MARGIN)).min(count as f64) as usize;
         let after = count as f64 / by.max(1) as f64 + self.taps as f64;
         match by >= 2 && after <= super::patch_history::WORTHWHILE * count as f64 {
             true => by,

@@ -43,14 +43,15 @@
 mod cost;
 #[cfg(test)]
 mod counted;
+mod descent;
 mod patch_history;
+mod patch_view;
+mod shares;
 mod track;
 
-use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
-use num_complex::Complex32;
 use rayon::prelude::*;
 use serde_json::json;
 
@@ -58,18 +59,18 @@ use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::budget::{Budget, on_threads};
 use crate::former::{chosen, misfit};
-use crate::patch::{self, PatchSize, Patches, Rectangle, Segment};
+use crate::patch::{self, PatchSize, Patches};
 use crate::sub_cpi::{self, shared_band};
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Reason,
-    Remedy, Tile, Work, rounding,
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, Reason, Remedy, Tile,
+    Work, rounding,
 };
-use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Pulse;
-use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
 
+use descent::{Descent, Target};
 use patch_history::{PatchHistory, Refiner, Scratch};
+use shares::Shares;
 use track::Track;
 
 /// Patches a side that the image is cut into first: work for threads.
@@ -78,8 +79,6 @@ const FIRST_PATCHES: usize = 4;
 const LARGEST_FIRST_PIXELS: usize = 1024;
 /// Pixels a side at which a patch is not cut further.
 const LEAF_PIXELS: usize = 16;
-/// Pixels a side at which a patch of few pulses is not: it takes half a megabyte.
-const LARGEST_LEAF_PIXELS: usize = 128;
 /// Copies of a stretch of pulses that a thread's patches within patches may take: each is at most 0.8
 /// of the one before.
 const SCRATCH_COPIES: u64 = 4;
@@ -137,7 +136,7 @@ impl ImageFormer for FastFactorised {
         let collection = aim.collection;
         let num_pulses = collection.pulses.len();
         let num_samples = shared_band(collection)?.count;
-        let (taps, shares) = self.shares(aim.grid);
+        let (taps, shares) = Shares::of(self.error_db, aim.grid);
         let arithmetic = rounding::path_phase_rad(aim).hypot(rounding::band_phase_rad(aim));
         let planned_db = shares.planned_db(num_pulses, arithmetic);
         asked.check(planned_db, || {
@@ -176,10 +175,7 @@ impl ImageFormer for FastFactorised {
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         let choices: Choices = chosen("ffbp", choices)?;
-        let former = Self {
-            error_db: choices.error_db,
-        };
-        let (taps, shares) = former.shares(aim.grid);
+        let (taps, shares) = Shares::of(choices.error_db, aim.grid);
         Ok(match taps {
             6 => Box::new(Opened::<6>::new(aim, &choices, shares)?),
             8 => Box::new(Opened::<8>::new(aim, &choices, shares)?),
@@ -274,81 +270,6 @@ fn stretches(aim: &Aim, shares: &Shares, first: PatchSize, longest: usize) -> Ve
         );
     }
     stretches
-}
-
-/// The relative RMS errors that the bound allows each cause.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shares {
-    /// One decimation of slow time.
-    slow: f64,
-    /// The recorded antennas' departure from the fitted.
-    track: f64,
-    /// Range profiles.
-    profile: f64,
-    /// Kernels over frequency, once a level.
-    fast: f64,
-    /// Levels of patches within patches.
-    levels: f64,
-    /// Whether kernels are good enough to decimate at all.
-    decimate: bool,
-}
-
-/// Shares of the error's power.
-const SLOW: f64 = 0.45;
-const FAST: f64 = 0.2;
-const TRACK: f64 = 0.1;
-const PROFILE: f64 = 0.25;
-
-/// RMS error of a kernel's weights, read from their table.
-const TABLE: f64 = 2e-6;
-
-/// Relative RMS error of `taps` taps over frequency, once.
-fn kernel_error(taps: usize) -> f64 {
-    WindowedSinc::new(taps, 0.25).error(0.25).hypot(TABLE)
-}
-
-impl FastFactorised {
-    /// Taps of the kernels within the error bound, and who has which part of it.
-    fn shares(&self, grid: &ImageGrid) -> (usize, Shares) {
-        let target = 10f64.powf((self.error_db - MARGIN_DB) / 20.0);
-        let side = grid.rows.count.max(grid.columns.count);
-        let levels = (side as f64 / LEAF_PIXELS as f64).log2().max(0.0).ceil() + 1.0;
-        let fits = TAPS
-            .into_iter()
-            .find(|&taps| kernel_error(taps) <= target * (FAST / levels).sqrt());
-        let taps = fits.unwrap_or(TAPS[TAPS.len() - 1]);
-        let shares = Shares {
-            slow: target * (SLOW / levels).sqrt(),
-            track: target * TRACK.sqrt(),
-            profile: target * PROFILE.sqrt(),
-            fast: kernel_error(taps),
-            levels,
-            decimate: fits.is_some(),
-        };
-        (taps, shares)
-    }
-}
-
-impl Shares {
-    /// What it comes to, dB, for `num_pulses` pulses and errors of the arithmetic.
-    fn planned_db(&self, num_pulses: usize, arithmetic: f64) -> f64 {
-        let decimations = match self.decimate {
-            true => self
-                .track
-                .hypot(self.levels.sqrt() * self.slow.hypot(self.fast)),
-            false => 0.0,
-        };
-        rounding::total_db(&[
-            decimations,
-            self.profile,
-            rounding::sum(num_pulses),
-            // Float32 weights and sums of a level in both directions.
-            (2.0 * self.levels).sqrt() * rounding::sum(TAPS[TAPS.len() - 1]),
-            // Transforms and phases of profiles, as `RangeProfiler::rounding` for the longest.
-            4e-7,
-            arithmetic,
-        ])
-    }
 }
 
 /// Ready to form.
@@ -451,92 +372,4 @@ fn first_side(count: usize) -> usize {
     count
         .div_ceil(FIRST_PATCHES)
         .clamp(LEAF_PIXELS, LARGEST_FIRST_PIXELS)
-}
-
-/// The pixels of a first patch that are wanted.
-pub(super) struct Target<'a, 'b> {
-    segments: &'a mut [Segment<'b>],
-}
-
-impl Target<'_, '_> {
-    /// Whether any of them is in `part`.
-    fn wants(&self, part: &Rectangle) -> bool {
-        self.segments.iter().any(|segment| {
-            let rows = part.row..part.row + part.size.rows;
-            rows.contains(&segment.row) && !common(segment, part).is_empty()
-        })
-    }
-
-    /// Those in `part`: row, column and pixel.
-    fn each(&mut self, part: Rectangle, mut of: impl FnMut(usize, usize, &mut Complex32)) {
-        let rows = part.row..part.row + part.size.rows;
-        for segment in self.segments.iter_mut() {
-            if !rows.contains(&segment.row) {
-                continue;
-            }
-            for column in common(segment, &part) {
-                let pixel = &mut segment.pixels[column - segment.column];
-                of(segment.row, column, pixel);
-            }
-        }
-    }
-}
-
-/// Columns that a segment and a rectangle share.
-fn common(segment: &Segment, part: &Rectangle) -> Range<usize> {
-    let end = segment.column + segment.pixels.len();
-    segment.column.max(part.column)..end.min(part.column + part.size.columns)
-}
-
-/// The way from a first patch to its leaves.
-struct Descent<'a, 'b, 'c, const W: usize> {
-    monitor: &'a dyn Monitor,
-    refiner: &'a Refiner<'a, W>,
-    track: &'a Track,
-    target: Target<'b, 'c>,
-    scratch: &'a mut Scratch,
-}
-
-impl<const W: usize> Descent<'_, '_, '_, W> {
-    /// Adds what `parent` says of `rectangle` to the image, from the patch's own, smaller history if
-    /// there is one.
-    fn descend(&mut self, parent: &PatchHistory, rectangle: Rectangle) {
-        if self.monitor.cancelled() || !self.target.wants(&rectangle) {
-            return;
-        }
-        let mut own = self.scratch.levels.pop().unwrap_or_default();
-        let smaller = self.refiner.refine(parent, self.track, rectangle, &mut own);
-        let history = if smaller { &own } else { parent };
-        let side = rectangle.size.rows.max(rectangle.size.columns);
-        let few_pulses = history.num_pulses() <= 4 * W || !self.refiner.decimates();
-        if side <= LEAF_PIXELS || (few_pulses && side <= LARGEST_LEAF_PIXELS) {
-            let leaf = &mut self.scratch.leaf;
-            self.refiner
-                .image(history, rectangle, &mut self.target, leaf);
-        } else {
-            for quarter in quarters(rectangle) {
-                self.descend(history, quarter);
-            }
-        }
-        self.scratch.levels.push(own);
-    }
-}
-
-/// Four parts of a rectangle, or two or one where a side is a single pixel.
-fn quarters(whole: Rectangle) -> impl Iterator<Item = Rectangle> {
-    let halves = |first: usize, count: usize| {
-        let half = count / 2;
-        [(first, half), (first + half, count - half)]
-    };
-    let columns = halves(whole.column, whole.size.columns);
-    halves(whole.row, whole.size.rows)
-        .into_iter()
-        .flat_map(move |(row, rows)| {
-            columns.map(|(column, columns)| Rectangle {
-                row,
-                column,
-                size: PatchSize { rows, columns },
-            })
-        })
-        .filter(|part| part.size.rows > 0 && part.size.columns > 0)
 }

@@ -20,8 +20,10 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 
+use super::descent::Target;
+use super::patch_view::{Antennas, MARGIN, Patch};
+use super::shares::Shares;
 use super::track::Track;
-use super::{Shares, Target};
 use crate::patch::Rectangle;
 use subaperture_kernels::backprojection::{self, Scale};
 use subaperture_kernels::compensation::{self, Ramp};
@@ -36,36 +38,12 @@ use subaperture_signal::windowed_sinc::WindowedSinc;
 
 /// A decimated history must be at most this much of the one before, or is not made.
 pub(super) const WORTHWHILE: f64 = 0.8;
-/// Allowance for what lies between the places at which paths are looked at.
-pub(super) const MARGIN: f64 = 1.05;
 /// A patch that reaches further from its centre, in parts of its distance from the antennas, is near.
 const NEAR: f64 = 0.5;
-/// A polar patch that spans more, radians, is not flat enough for its corners to stand for it.
-const WIDEST_SECTOR_RAD: f64 = 0.5;
 /// Pulses in each run on which a decimation is measured.
 const RUN: usize = 8;
 /// Runs between the ends.
 const INNER_RUNS: usize = 3;
-
-/// One pulse, recorded or decimated.
-#[derive(Clone, Copy)]
-struct Antennas {
-    transmitter_m: DVec3,
-    receiver_m: DVec3,
-    /// Path to which its phase is compensated.
-    datum_m: f64,
-}
-
-impl Antennas {
-    fn path_m(&self, point: DVec3) -> f64 {
-        let out_m = point.distance(self.transmitter_m);
-        if self.transmitter_m == self.receiver_m {
-            2.0 * out_m
-        } else {
-            out_m + point.distance(self.receiver_m)
-        }
-    }
-}
 
 /// Samples of some pulses and frequencies, pulse by pulse.
 #[derive(Default)]
@@ -138,64 +116,6 @@ impl PatchHistory {
     /// Whether the antennas are the recorded ones, not those of the fitted track.
     fn is_recorded(&self) -> bool {
         self.step_u == 1.0
-    }
-}
-
-/// A rectangle as the antennas see it.
-struct Patch {
-    centre: DVec3,
-    corners: [DVec3; 4],
-    /// Farthest from the centre that a pixel lies, metres.
-    radius_m: f64,
-    /// Whether it is a parallelogram, or so small a sector that it nearly is.
-    flat: bool,
-}
-
-impl Patch {
-    fn new(grid: &ImageGrid, rectangle: Rectangle) -> Self {
-        let point = |(row, column)| rectangle.point_m(grid, row, column);
-        let centre = rectangle.centre_m(grid);
-        let sides = [(0.0, 0.5), (0.5, 0.0), (0.5, 1.0), (1.0, 0.5)].map(point);
-        let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)].map(point);
-        let farthest = corners.iter().chain(&sides).map(|p| p.distance(centre));
-        let span_rad = rectangle.size.columns as f64 * grid.columns.step.abs();
-        let flat = !grid.polar || span_rad <= WIDEST_SECTOR_RAD;
-        let mut radius_m = farthest.fold(0.0, f64::max);
-        if !flat {
-            // A sector lies within its outer radius of the pole.
-            let outer_m = corners.map(|p| p.distance(grid.origin_m));
-            let outer_m = outer_m.into_iter().fold(0.0, f64::max);
-            radius_m = outer_m + centre.distance(grid.origin_m);
-        }
-        Self {
-            centre,
-            corners,
-            radius_m,
-            flat,
-        }
-    }
-
-    /// Largest difference of paths from one pulse to a pixel and to the centre, metres.
-    fn depth_m(&self, antennas: &Antennas) -> f64 {
-        // By the triangle inequality, out and back.
-        let most_m = 2.0 * self.radius_m;
-        if !self.flat {
-            return most_m;
-        }
-        let centre_m = antennas.path_m(self.centre);
-        let slope = |antenna: DVec3| (self.centre - antenna).normalize_or_zero();
-        let slope = slope(antennas.transmitter_m) + slope(antennas.receiver_m);
-        let depth_m = |&corner: &DVec3| {
-            let above_m = antennas.path_m(corner) - centre_m;
-            above_m.max(-slope.dot(corner - self.centre))
-        };
-        let depth_m = self.corners.iter().map(depth_m).fold(0.0, f64::max);
-        (depth_m * MARGIN).min(most_m)
-    }
-
-    fn distance_m(&self, antennas: &Antennas) -> f64 {
-        let transmitter_m = antennas.transmitter_m.distance(self.centre);
-        transmitter_m.min(antennas.receiver_m.distance(self.centre))
     }
 }
 

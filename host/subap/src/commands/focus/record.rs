@@ -12,6 +12,7 @@ use subaperture::resolution::support::RecordedLooks;
 use super::Job;
 use super::check::Check;
 use crate::args::Focus;
+use crate::commands::forming;
 use crate::config::{Session, command_line, record_of_run};
 use crate::messages;
 
@@ -57,7 +58,7 @@ impl<'a> Record<'a> {
             settings: about.settings,
             grid,
             frame: &collection.frame,
-            collection: serde_json::to_value(job.survey)?,
+            collection: forming::about(job.survey, job.history)?,
             support: RecordedLooks::of(collection, middle_m, [grid.x_axis, grid.y_axis]),
             inputs,
             check: about.check,
@@ -100,6 +101,10 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
         ("allow_error", json!(image.allow_error)),
         ("velocity_m_s", json!(typed.velocity.map(|v| v.to_array()))),
         ("channel", json!(typed.input.channel)),
+        ("channels", {
+            let several = typed.input.channels.as_ref();
+            json!(several.map(ToString::to_string))
+        }),
         ("set", {
             let set = typed.input.set.iter();
             json!(

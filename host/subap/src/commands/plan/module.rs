@@ -13,6 +13,7 @@ use crate::text::{self, Fact, bytes, metres};
 
 /// Prints the plan.
 pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
+    typed.input.refuse_several("a module")?;
     let history = session.open(&typed.input)?;
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
     let grid = match typed.grid {

@@ -22,7 +22,7 @@ use super::Point;
 use super::source::Source;
 use super::theory::{self, Basis};
 use crate::ahead::{Ahead, reading};
-use crate::args::{Input, Quality};
+use crate::args::{Input, Quality, several_channels};
 use crate::config::Session;
 use crate::failure::Usage;
 
@@ -99,6 +99,9 @@ impl<'a> From<'a> {
         let recorded = session.open(&Input {
             paths: typed.from.clone(),
             channel: given["channel"].as_str().map(str::to_owned),
+            channels: given["channels"]
+                .as_str()
+                .and_then(|text| several_channels(text).ok()),
             set: settings(&given["set"]),
         })?;
         let num_pulses = recorded.collection().pulses.len() as u64;

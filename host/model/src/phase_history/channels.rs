@@ -1,0 +1,639 @@
+//! Several channels of one recording, side by side: a receiver, a transmitter or a polarisation each.
+//!
+//! **Shared pulses.** All channels of a [`Channels`] have the same number of pulses, in the order of time, and pulse `n`
+//! of each is of the same *turn*: what the radar did from one moment to the next. Receivers take the same echo, of one
+//! moment; transmitters that take turns follow one another within the turn. Where times are told, no pulse of a
+//! turn is later than any of the next. They share the scene frame. What they need not share is the
+//! antennas (that is what channels are for), the frequencies, the number of samples and the polarisation.
+//!
+//! So whatever compares channels (interferometry along the track, motion from several receivers, polarimetry) takes
+//! pulse `n` of one beside pulse `n` of another; image formers take one ([`Channels::channel`]), or the
+//! [`CoherentSum`] of all.
+
+use std::collections::{HashMap, HashSet};
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use super::joined::numbers;
+use super::{CoherentSum, Joined, PhaseHistory, ReadError};
+
+/// What a channel is.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
+#[non_exhaustive]
+pub struct Channel {
+    /// Its name, which no other channel of the recording has.
+    pub name: String,
+    /// The transmitting antenna's name, if known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub transmitter: Option<String>,
+    /// The receiving antenna's name, if known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub receiver: Option<String>,
+    /// Polarisation transmitted, such as `V`, if known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tx_polarization: Option<String>,
+    /// Polarisation received, if known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rcv_polarization: Option<String>,
+}
+
+impl Channel {
+    /// A channel of which the name is known.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self {
+            name: name.into(),
+            ..Self::default()
+        }
+    }
+
+    /// With the names of its antennas.
+    #[must_use]
+    pub fn of_antennas(self, transmitter: impl Into<String>, receiver: impl Into<String>) -> Self {
+        Self {
+            transmitter: Some(transmitter.into()),
+            receiver: Some(receiver.into()),
+            ..self
+        }
+    }
+
+    /// With its polarisations, transmitted and received, where they are known.
+    #[must_use]
+    pub fn polarized(self, transmitted: Option<String>, received: Option<String>) -> Self {
+        Self {
+            tx_polarization: transmitted,
+            rcv_polarization: received,
+            ..self
+        }
+    }
+
+    /// Whether both polarisations may be those of `other`: what is not known may be anything.
+    fn polarized_as(&self, other: &Self) -> bool {
+        let alike = |a: &Option<String>, b: &Option<String>| match (a, b) {
+            (Some(a), Some(b)) => a == b,
+            _ => true,
+        };
+        alike(&self.tx_polarization, &other.tx_polarization)
+            && alike(&self.rcv_polarization, &other.rcv_polarization)
+    }
+
+    /// Both polarisations, as `HV`.
+    fn polarization(&self) -> String {
+        let letter = |known: &Option<String>| known.clone().unwrap_or_else(|| "?".to_owned());
+        letter(&self.tx_polarization) + &letter(&self.rcv_polarization)
+    }
+}
+
+/// Why channels are not taken together.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ChannelError {
+    /// There are none.
+    #[error("no channel given")]
+    None,
+    /// Two have one name, or one is asked for twice.
+    #[error("channel '{name}' is there twice")]
+    Twice {
+        /// The name.
+        name: String,
+    },
+    /// None has that name.
+    #[error("no channel '{wanted}'; choose one of: {}", listed(names))]
+    Unknown {
+        /// What was asked for.
+        wanted: String,
+        /// All there are.
+        names: Vec<String>,
+    },
+    /// Channels have different numbers of pulses.
+    #[error("channel '{}' has {} pulses and channel '{}' {}: they do not share pulses", names[0], counts[0], names[1], counts[1])]
+    Pulses {
+        /// Two of them.
+        names: [String; 2],
+        /// Their numbers of pulses.
+        counts: [usize; 2],
+    },
+    /// A pulse is later than the next of another channel, or times are known of one channel only.
+    #[error("pulse {pulse} of channel '{}' is at {} s and the next of channel '{}' at {} s: they do not share pulses", names[0], times_s[0], names[1], times_s[1])]
+    Moments {
+        /// Two of them.
+        names: [String; 2],
+        /// The pulse, from 0.
+        pulse: usize,
+        /// When it was, and when the other's next was, seconds.
+        times_s: [f64; 2],
+    },
+    /// Of one channel times are known and of another not.
+    #[error("channel '{}' tells times and channel '{}' does not: they do not share pulses", names[0], names[1])]
+    Untimed {
+        /// One that does, and one that does not.
+        names: [String; 2],
+    },
+    /// Channels have different scene frames.
+    #[error("channels '{}' and '{}' do not share a scene frame", names[0], names[1])]
+    Frames {
+        /// Two of them.
+        names: [String; 2],
+    },
+    /// Channels that are to be summed have different numbers of samples.
+    #[error("channel '{}' has {} samples a pulse and channel '{}' {}: they have no coherent sum", names[0], counts[0], names[1], counts[1])]
+    Samples {
+        /// Two of them.
+        names: [String; 2],
+        /// Their numbers of samples.
+        counts: [usize; 2],
+    },
+    /// Channels that are to be summed, or joined, are of different polarisations.
+    #[error("channel '{}' is of polarisation {} and channel '{}' of {}: a scatterer answers each of them otherwise, \
+        and their sum is no image", names[0], polarizations[0], names[1], polarizations[1])]
+    Polarizations {
+        /// Two of them.
+        names: [String; 2],
+        /// Transmitted and received of each, such as `HV`; `?` where not known.
+        polarizations: [String; 2],
+    },
+    /// Channels that are to be summed have the same antennas, moments and band in all pulses.
+    #[error("channels '{}' and '{}' have the same antennas, times and band in every pulse: one of them adds nothing, \
+        or they differ in polarisation, and their sum is no image", names[0], names[1])]
+    SameLooks {
+        /// Both.
+        names: [String; 2],
+    },
+    /// Recordings that are to be joined have different channels.
+    #[error("a recording has channel '{name}' and another has not")]
+    Missing {
+        /// Its name.
+        name: String,
+    },
+}
+
+/// Names that a message lists.
+const MOST_NAMED: usize = 20;
+
+/// Names for a person; thousands are no help.
+fn listed(names: &[String]) -> String {
+    let first = names[..names.len().min(MOST_NAMED)].join(", ");
+    match names.len() {
+        count if count > MOST_NAMED => format!("{first} and {} more", count - MOST_NAMED),
+        _ => first,
+    }
+}
+
+/// Which of `names` is meant: the one of that name, or where none has it, the one of that number, from 1.
+///
+/// # Errors
+/// [`ChannelError::Unknown`].
+pub fn which_channel<S: AsRef<str>>(names: &[S], wanted: &str) -> Result<usize, ChannelError> {
+    let named = names.iter().position(|name| name.as_ref() == wanted);
+    // Where names are numbers themselves, a number is a name.
+    let numbered = |name: &S| name.as_ref().parse::<usize>().is_ok();
+    let number = match names.iter().any(numbered) {
+        true => None,
+        false => wanted.parse::<usize>().ok(),
+    };
+    let number = number.filter(|number| (1..=names.len()).contains(number));
+    named
+        .or(number.map(|number| number - 1))
+        .ok_or_else(|| ChannelError::Unknown {
+            wanted: wanted.to_owned(),
+            names: names.iter().map(|name| name.as_ref().to_owned()).collect(),
+        })
+}
+
+/// A channel and its pulses.
+pub type ChannelHistory<'a> = (Channel, Box<dyn PhaseHistory + 'a>);
+
+/// Channels of one recording with shared pulses: at least one.
+pub struct Channels<'a>(Vec<ChannelHistory<'a>>);
+
+impl<'a> Channels<'a> {
+    /// These channels, in this order.
+    ///
+    /// # Errors
+    /// [`ChannelError`] if there are none, two have one name, or they do not share their pulses and the scene frame.
+    pub fn new(channels: Vec<ChannelHistory<'a>>) -> Result<Self, ChannelError> {
+        let Some((first, rest)) = channels.split_first() else {
+            return Err(ChannelError::None);
+        };
+        let mut seen = HashSet::new();
+        if let Some((twice, _)) = channels.iter().find(|(about, _)| !seen.insert(&about.name)) {
+            let name = twice.name.clone();
+            return Err(ChannelError::Twice { name });
+        }
+        for next in rest {
+            check_shared(first, next)?;
+        }
+        check_turns(&channels)?;
+        Ok(Self(channels))
+    }
+
+    /// Number of channels: at least 1.
+    #[allow(clippy::len_without_is_empty)]
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Number of pulses of every channel.
+    pub fn num_pulses(&self) -> usize {
+        self.0[0].1.collection().pulses.len()
+    }
+
+    /// What the channels are.
+    pub fn about(&self) -> impl ExactSizeIterator<Item = &Channel> {
+        self.0.iter().map(|(about, _)| about)
+    }
+
+    /// The pulses of channel `i`.
+    ///
+    /// # Panics
+    /// If there are not so many.
+    pub fn channel(&self, i: usize) -> &(dyn PhaseHistory + 'a) {
+        &*self.0[i].1
+    }
+
+    /// All channels with their pulses.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = (&Channel, &(dyn PhaseHistory + 'a))> {
+        self.0.iter().map(|(about, history)| (about, &**history))
+    }
+
+    /// The channel of that name, or where none has it, of that number, from 1.
+    ///
+    /// # Errors
+    /// [`ChannelError::Unknown`].
+    pub fn find(&self, wanted: &str) -> Result<usize, ChannelError> {
+        let names: Vec<&str> = self.about().map(|about| about.name.as_str()).collect();
+        which_channel(&names, wanted)
+    }
+
+    /// These channels only, in this order, each as for [`Self::find`].
+    ///
+    /// # Errors
+    /// [`ChannelError`] if one is not there, is named twice, or none is named.
+    pub fn select<S: AsRef<str>>(self, wanted: &[S]) -> Result<Self, ChannelError> {
+        let places = wanted.iter().map(|wanted| self.find(wanted.as_ref()));
+        let places: Vec<usize> = places.collect::<Result<_, _>>()?;
+        let named: Vec<String> = places.iter().map(|&i| self.0[i].0.name.clone()).collect();
+        let mut held: Vec<Option<ChannelHistory<'a>>> = self.0.into_iter().map(Some).collect();
+        let mut chosen = Vec::with_capacity(places.len());
+        for (place, name) in places.into_iter().zip(named) {
+            chosen.push(held[place].take().ok_or(ChannelError::Twice { name })?);
+        }
+        match chosen.is_empty() {
+            true => Err(ChannelError::None),
+            false => Ok(Self(chosen)),
+        }
+    }
+
+    /// The channels as one history, whose image is their coherent sum.
+    ///
+    /// # Errors
+    /// [`ChannelError`] if they differ in samples a pulse or in polarisation, or are the same look twice.
+    pub fn coherent_sum(self) -> Result<CoherentSum<'a>, ChannelError> {
+        CoherentSum::new(self)
+    }
+
+    /// The channels one by one.
+    pub fn into_inner(self) -> Vec<ChannelHistory<'a>> {
+        self.0
+    }
+
+    /// Bytes held in memory.
+    pub fn held_bytes(&self) -> u64 {
+        self.0.iter().map(|(_, history)| history.held_bytes()).sum()
+    }
+}
+
+impl Channels<'static> {
+    /// Bytes that [`Self::join`] takes at its peak beside what the recordings hold, at most.
+    pub fn joining_bytes(recordings: &[Self]) -> u64 {
+        let pulses = |channels: &Self| channels.len() as u64 * channels.num_pulses() as u64;
+        match recordings {
+            [one] if one.iter().all(|(_, history)| Joined::is_in_order(history)) => 0,
+            all => all.iter().map(pulses).sum::<u64>() * Joined::MOST_BYTES_A_PULSE,
+        }
+    }
+
+    /// Several recordings as one, channel by channel: each is the [`Joined`] of those of its name. The order of channels
+    /// is that of the first recording.
+    ///
+    /// # Errors
+    /// [`ChannelError`] in [`ReadError::Channels`] if a recording lacks a channel or has it in another polarisation, or
+    /// the joined channels do not share pulses; [`ReadError::Mismatch`] as [`Joined::join`].
+    pub fn join(recordings: Vec<Self>) -> Result<Self, ReadError> {
+        let mut recordings = recordings.into_iter();
+        let first = recordings.next().ok_or(ChannelError::None)?;
+        let mut all: Vec<(Channel, Vec<Box<dyn PhaseHistory>>)> =
+            (first.0.into_iter().map(|(about, part)| (about, vec![part]))).collect();
+        let missing = |name: &str| ChannelError::Missing {
+            name: name.to_owned(),
+        };
+        let names = all.iter().enumerate();
+        let places: HashMap<String, usize> = names
+            .map(|(i, (about, _))| (about.name.clone(), i))
+            .collect();
+        for (number, recording) in (2..).zip(recordings) {
+            for (about, part) in recording.0 {
+                let place = places.get(&about.name);
+                let (own, parts) = &mut all[*place.ok_or_else(|| missing(&about.name))?];
+                if !own.polarized_as(&about) {
+                    return Err(polarizations(own, &about).into());
+                }
+                parts.push(part);
+            }
+            if let Some((about, _)) = all.iter().find(|(_, parts)| parts.len() < number) {
+                return Err(missing(&about.name).into());
+            }
+        }
+        let joined = all.into_iter().map(|(about, parts)| {
+            let joined: Box<dyn PhaseHistory> = Box::new(Joined::join(parts)?);
+            Ok((about, joined))
+        });
+        Ok(Self::new(joined.collect::<Result<_, ReadError>>()?)?)
+    }
+}
+
+fn names(a: &Channel, b: &Channel) -> [String; 2] {
+    [a.name.clone(), b.name.clone()]
+}
+
+fn polarizations(a: &Channel, b: &Channel) -> ChannelError {
+    ChannelError::Polarizations {
+        names: names(a, b),
+        polarizations: [a.polarization(), b.polarization()],
+    }
+}
+
+/// Refuses two channels that have different numbers of pulses, or of which one tells times, or whose frames differ.
+fn check_shared(a: &ChannelHistory, b: &ChannelHistory) -> Result<(), ChannelError> {
+    let (of_a, of_b) = (a.1.collection(), b.1.collection());
+    let counts = [of_a.pulses.len(), of_b.pulses.len()];
+    if counts[0] != counts[1] {
+        return Err(ChannelError::Pulses {
+            names: names(&a.0, &b.0),
+            counts,
+        });
+    }
+    if of_a.timed != of_b.timed {
+        return Err(ChannelError::Untimed {
+            names: match of_a.timed {
+                true => names(&a.0, &b.0),
+                false => names(&b.0, &a.0),
+            },
+        });
+    }
+    match of_a.frame.agrees_with(&of_b.frame) {
+        true => Ok(()),
+        false => Err(ChannelError::Frames {
+            names: names(&a.0, &b.0),
+        }),
+    }
+}
+
+/// Refuses channels of which a pulse is later than the next pulse of any.
+fn check_turns(channels: &[ChannelHistory]) -> Result<(), ChannelError> {
+    if !channels[0].1.collection().timed {
+        return Ok(());
+    }
+    let time_s = |c: usize, n: usize| channels[c].1.collection().pulses[n].time_s;
+    let all = 0..channels.len();
+    for n in 1..channels[0].1.collection().pulses.len() {
+        let by_time =
+            |n: usize| move |a: &usize, b: &usize| time_s(*a, n).total_cmp(&time_s(*b, n));
+        let last = all.clone().max_by(by_time(n - 1)).unwrap_or(0);
+        let first = all.clone().min_by(by_time(n)).unwrap_or(0);
+        let times_s = [time_s(last, n - 1), time_s(first, n)];
+        if times_s[0] > times_s[1] {
+            return Err(ChannelError::Moments {
+                names: names(&channels[last].0, &channels[first].0),
+                pulse: n - 1,
+                times_s,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Refuses channels whose sum means nothing.
+pub(super) fn check_summable(channels: &Channels) -> Result<(), ChannelError> {
+    let all = &channels.0;
+    let first = &all[0];
+    let num_samples = first.1.collection().num_samples;
+    if let Some(next) = (all.iter()).find(|(_, c)| c.collection().num_samples != num_samples) {
+        return Err(ChannelError::Samples {
+            names: names(&first.0, &next.0),
+            counts: [num_samples, next.1.collection().num_samples],
+        });
+    }
+    // What is known of each is compared with the first of which it is known.
+    let transmitted = channels
+        .about()
+        .find(|about| about.tx_polarization.is_some());
+    let received = channels
+        .about()
+        .find(|about| about.rcv_polarization.is_some());
+    for known in [transmitted, received].into_iter().flatten() {
+        if let Some(other) = channels.about().find(|about| !about.polarized_as(known)) {
+            return Err(polarizations(known, other));
+        }
+    }
+    let mut hashes: Vec<(u64, usize)> = (0..all.len()).map(|c| (looks(&all[c]), c)).collect();
+    hashes.sort_unstable();
+    let same = hashes.windows(2).find(|pair| pair[0].0 == pair[1].0);
+    match same {
+        Some(pair) => Err(ChannelError::SameLooks {
+            names: names(&all[pair[0].1].0, &all[pair[1].1].0),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// What tells one channel's antennas, times and bands from another's: a hash, which is the same of others once in 10^19
+/// times.
+fn looks((_, history): &ChannelHistory) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    for pulse in &history.collection().pulses {
+        (pulse.time_s.to_bits(), numbers(pulse).map(f64::to_bits)).hash(&mut hasher);
+    }
+    hasher.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::SceneFrame;
+    use crate::phase_history::{Collection, InMemory, Pulse, Sweep, Weights};
+    use glam::DVec3;
+    use num_complex::Complex32;
+    use subaperture_signal::window::Window;
+
+    /// Pulses a millisecond apart, `late_s` after the turn's beginning, of a receiver `apart_m` from the transmitter, whose
+    /// samples tell channel and pulse.
+    fn channel(name: &str, count: usize, late_s: f64, apart_m: f64) -> ChannelHistory<'static> {
+        let pulse = |n: usize| Pulse {
+            time_s: n as f64 * 1e-3 + late_s,
+            transmitter_m: DVec3::new(n as f64, -5e3, 0.0),
+            receiver_m: DVec3::new(n as f64 + apart_m, -5e3, 0.0),
+            reference_m: DVec3::ZERO,
+            reference_path_m: 1e4,
+            start_hz: 10e9,
+            step_hz: 1e6,
+            sweep: Sweep::AT_ONCE,
+        };
+        let collection = Collection {
+            name: format!("pass channel {name}"),
+            num_samples: 2,
+            pulses: (0..count).map(pulse).collect(),
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        };
+        let sample = |i: usize| Complex32::new(i as f32, apart_m as f32);
+        let samples = (0..2 * count).map(sample).collect();
+        let history = InMemory::new(collection, samples).unwrap();
+        (Channel::new(name), Box::new(history))
+    }
+
+    fn refused(channels: Vec<ChannelHistory<'static>>) -> ChannelError {
+        Channels::new(channels).err().unwrap()
+    }
+
+    #[test]
+    fn channels_share_their_pulses_or_are_refused() {
+        let pair = || vec![channel("a", 4, 0.0, 0.0), channel("b", 4, 5e-4, 1.0)];
+        let channels = Channels::new(pair()).unwrap();
+        assert_eq!((channels.len(), channels.num_pulses()), (2, 4));
+        let names = || ["a".to_owned(), "b".to_owned()];
+        let fewer = vec![channel("a", 4, 0.0, 0.0), channel("b", 3, 0.0, 1.0)];
+        let counts = [4, 3];
+        let names_of = names();
+        assert_eq!(
+            refused(fewer),
+            ChannelError::Pulses {
+                names: names_of,
+                counts
+            }
+        );
+        // Later than the next turn begins.
+        let late = vec![channel("a", 4, 0.0, 0.0), channel("b", 4, 1.5e-3, 1.0)];
+        assert_eq!(
+            refused(late),
+            ChannelError::Moments {
+                names: ["b".to_owned(), "a".to_owned()],
+                pulse: 0,
+                times_s: [1.5e-3, 1e-3],
+            }
+        );
+        let twice = vec![channel("a", 4, 0.0, 0.0), channel("a", 4, 0.0, 1.0)];
+        let name = "a".to_owned();
+        assert_eq!(refused(twice), ChannelError::Twice { name });
+        assert_eq!(refused(Vec::new()), ChannelError::None);
+        let untimed = |mut pair: Vec<ChannelHistory<'static>>| {
+            let mut collection = pair[1].1.collection().clone();
+            collection.timed = false;
+            let samples = vec![Complex32::ONE; 8];
+            pair[1].1 = Box::new(InMemory::new(collection, samples).unwrap());
+            refused(pair)
+        };
+        assert_eq!(untimed(pair()), ChannelError::Untimed { names: names() });
+    }
+
+    #[test]
+    fn channels_are_found_by_name_and_by_number() {
+        let named = |names: [&str; 3]| {
+            let channels = names.map(|name| channel(name, 2, 0.0, name.len() as f64));
+            Channels::new(channels.into()).unwrap()
+        };
+        let letters = named(["a", "bb", "ccc"]);
+        assert_eq!(letters.find("bb"), Ok(1));
+        assert_eq!(letters.find("3"), Ok(2));
+        for wanted in ["0", "4", "d"] {
+            let error = letters.find(wanted).unwrap_err().to_string();
+            assert_eq!(
+                error,
+                format!("no channel '{wanted}'; choose one of: a, bb, ccc")
+            );
+        }
+        // Where names are numbers, a number is a name.
+        let numbers = named(["7", "22", "111"]);
+        assert_eq!(numbers.find("22"), Ok(1));
+        assert!(numbers.find("1").is_err());
+        let chosen = named(["a", "bb", "ccc"]).select(&["ccc", "1"]).unwrap();
+        let names: Vec<&str> = chosen.about().map(|about| about.name.as_str()).collect();
+        assert_eq!(names, ["ccc", "a"]);
+        let twice = named(["a", "bb", "ccc"]).select(&["a", "1"]).err().unwrap();
+        assert_eq!(
+            twice,
+            ChannelError::Twice {
+                name: "a".to_owned()
+            }
+        );
+    }
+
+    #[test]
+    fn a_sum_has_every_pulse_and_weighs_channels_alike() {
+        let three = || (0..3).map(|c| channel(["a", "b", "c"][c], 5, c as f64 * 2e-4, c as f64));
+        let sum = Channels::new(three().collect())
+            .unwrap()
+            .coherent_sum()
+            .unwrap();
+        let collection = sum.collection();
+        assert_eq!(collection.name, "pass channels a, b, c");
+        assert_eq!((collection.pulses.len(), collection.num_turns()), (15, 5));
+        for from in 0..15 {
+            for to in from..=15 {
+                let mut got = vec![Complex32::ZERO; 2 * (to - from)];
+                sum.read(from..to, &mut got).unwrap();
+                let expected =
+                    (2 * from..2 * to).map(|i| Complex32::new((i % 10) as f32, (i / 10) as f32));
+                assert_eq!(got, expected.collect::<Vec<_>>(), "{from}..{to}");
+            }
+        }
+        let weights = Weights::new(collection, Window::None, Window::Hamming);
+        // Hamming's, of five places.
+        let own = [-0.4, -0.2, 0.0, 0.2, 0.4]
+            .map(|u: f64| 0.54 + 0.46 * (std::f64::consts::TAU * u).cos());
+        for (n, weight) in weights.slow.iter().enumerate() {
+            assert!((weight - own[n % 5]).abs() < 1e-12, "{n}: {weight}");
+        }
+        // In the order of time they are one run.
+        let mut in_time = collection.clone();
+        in_time.pulses.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        assert_eq!(in_time.num_turns(), 15);
+    }
+
+    #[test]
+    fn what_is_no_image_together_is_not_summed() {
+        let sum = |channels: Vec<ChannelHistory<'static>>| {
+            let error = Channels::new(channels).unwrap().coherent_sum().err();
+            error.unwrap()
+        };
+        let polarized = |letters: [&str; 2], (about, history): ChannelHistory<'static>| {
+            let [transmitted, received] = letters.map(|letter| Some(letter.to_owned()));
+            (about.polarized(transmitted, received), history)
+        };
+        let names = || ["a".to_owned(), "b".to_owned()];
+        let [a, b] = [channel("a", 3, 0.0, 0.0), channel("b", 3, 0.0, 1.0)];
+        let error = sum(vec![polarized(["H", "H"], a), polarized(["H", "V"], b)]);
+        assert_eq!(
+            error,
+            ChannelError::Polarizations {
+                names: names(),
+                polarizations: ["HH".to_owned(), "HV".to_owned()],
+            }
+        );
+        // The same antennas at the same time: polarisations that nobody named.
+        let same = vec![channel("a", 3, 0.0, 1.0), channel("b", 3, 0.0, 1.0)];
+        assert_eq!(sum(same), ChannelError::SameLooks { names: names() });
+        let (about, history) = channel("b", 3, 0.0, 1.0);
+        let mut wider = history.collection().clone();
+        wider.num_samples = 3;
+        let wider = InMemory::new(wider, vec![Complex32::ONE; 9]).unwrap();
+        let error = sum(vec![channel("a", 3, 0.0, 0.0), (about, Box::new(wider))]);
+        let counts = [2, 3];
+        assert_eq!(
+            error,
+            ChannelError::Samples {
+                names: names(),
+                counts
+            }
+        );
+    }
+}

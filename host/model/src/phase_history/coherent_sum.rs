@@ -1,0 +1,166 @@
+//! Channels summed coherently: what several receivers and transmitters see together (MIMO).
+//!
+//! Every term of the sum that formers compute has its own pulse's geometry and frequencies, so the image of all channels'
+//! pulses, taken for one collection, is the coherent sum of the channels' images: their mean, as the weights are normalised over
+//! all pulses, so that a unit scatterer reads 1 as it does with one channel.
+//!
+//! **Order.** Channel after channel, each in the order of time. Formers take runs of pulses for stretches of a smooth track
+//! (sub-CPIs); with channels in turn, the antennas would jump at every pulse (sub-CPIs of 2 pulses instead of 15 in
+//! `tests/formers/channels.rs`). As it is there is one jump
+//! where the next channel begins, and formers break there as between recordings. Times fall back there;
+//! [`Collection::num_turns`](super::Collection::num_turns) tells, and slow-time windows weigh pulse `n` of every channel alike ([`Weights`](super::Weights)).
+//!
+//! Channels that are no image together are refused: different polarisations, to which a scatterer answers differently,
+//! and channels that have the same antennas, times and band, which is how polarisations look that nobody named. Other
+//! differences of the channels (gain, phase, delay) are the recording's to take off; what is left of them is in the image.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use super::channels::check_summable;
+use super::{Channel, ChannelError, Channels, Collection, InputFile, PhaseHistory, ReadError};
+
+/// The pulses of several channels as one history.
+pub struct CoherentSum<'a> {
+    channels: Channels<'a>,
+    collection: Collection,
+    /// True positions, if all channels know them.
+    true_antennas: Option<Vec<[DVec3; 2]>>,
+}
+
+/// Channels that a title names.
+const MOST_NAMED: usize = 4;
+
+impl<'a> CoherentSum<'a> {
+    /// Of these channels.
+    ///
+    /// # Errors
+    /// [`ChannelError`] if they differ in samples a pulse or in polarisation, or two are the same look.
+    pub fn new(channels: Channels<'a>) -> Result<Self, ChannelError> {
+        check_summable(&channels)?;
+        let first = channels.channel(0).collection();
+        let pulses = (channels.iter()).flat_map(|(_, history)| &history.collection().pulses);
+        let truth = channels.iter().map(|(_, history)| history.true_antennas());
+        let truth: Option<Vec<&[[DVec3; 2]]>> = truth.collect();
+        let collection = Collection {
+            name: name(&channels),
+            num_samples: first.num_samples,
+            pulses: pulses.copied().collect(),
+            frame: first.frame,
+            extent: first.extent,
+            timed: first.timed,
+        };
+        Ok(Self {
+            collection,
+            true_antennas: truth.map(|parts| parts.concat()),
+            channels,
+        })
+    }
+
+    /// The channels, side by side.
+    pub fn side_by_side(&self) -> &Channels<'a> {
+        &self.channels
+    }
+
+    /// Bytes that the sum of `channels` holds beside them.
+    pub fn summing_bytes(channels: &Channels) -> u64 {
+        let each = channels.iter().map(|(_, history)| {
+            let truth = history.true_antennas().map_or(0, size_of_val);
+            size_of_val(history.collection().pulses.as_slice()) + truth
+        });
+        each.sum::<usize>() as u64
+    }
+}
+
+/// The recording's, with the channels.
+fn name(channels: &Channels) -> String {
+    let first = &channels.channel(0).collection().name;
+    let mut names = channels.about().map(|about| about.name.as_str());
+    let Some(own) = names.next().filter(|_| channels.len() > 1) else {
+        return first.clone();
+    };
+    // Readers end the name of a channel's collection in the channel's.
+    let recording = first.strip_suffix(&format!(" channel {own}"));
+    let mut named = vec![own];
+    named.extend(names.by_ref().take(MOST_NAMED - 1));
+    let more = match names.count() {
+        0 => String::new(),
+        count => format!(" and {count} more"),
+    };
+    format!(
+        "{} channels {}{more}",
+        recording.unwrap_or(first),
+        named.join(", ")
+    )
+}
+
+impl PhaseHistory for CoherentSum<'_> {
+    fn collection(&self) -> &Collection {
+        &self.collection
+    }
+
+    fn read(&self, wanted: Range<usize>, mut samples: &mut [Complex32]) -> Result<(), ReadError> {
+        assert!(
+            wanted.end <= self.collection.pulses.len(),
+            "pulses {wanted:?} are past the last one"
+        );
+        let (width, each) = (self.collection.num_samples, self.channels.num_pulses());
+        let mut at = wanted.start;
+        while at < wanted.end {
+            let (channel, from) = (at / each, at % each);
+            let to = each.min(from + wanted.end - at);
+            let (head, tail) = samples.split_at_mut((to - from) * width);
+            self.channels.channel(channel).read(from..to, head)?;
+            (samples, at) = (tail, at + to - from);
+        }
+        assert!(
+            samples.is_empty(),
+            "more samples than pulses {wanted:?} have"
+        );
+        Ok(())
+    }
+
+    fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        self.true_antennas.as_deref()
+    }
+
+    fn start_ns(&self) -> Option<i64> {
+        self.channels.channel(0).start_ns()
+    }
+
+    fn channels(&self) -> Vec<Channel> {
+        self.channels.about().cloned().collect()
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        for (_, history) in self.channels.iter() {
+            let new = history.warnings().into_iter();
+            all.extend(
+                new.filter(|warning| !all.contains(warning))
+                    .collect::<Vec<_>>(),
+            );
+        }
+        all
+    }
+
+    fn held_bytes(&self) -> u64 {
+        let truth = self.true_antennas.as_deref().map_or(0, size_of_val);
+        let own = size_of_val(self.collection.pulses.as_slice()) + truth;
+        own as u64 + self.channels.held_bytes()
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        let mut all: Vec<InputFile> = Vec::new();
+        for (_, history) in self.channels.iter() {
+            for file in history.inputs()? {
+                if !all.iter().any(|known| known.path == file.path) {
+                    all.push(file);
+                }
+            }
+        }
+        Ok(all)
+    }
+}

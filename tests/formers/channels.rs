@@ -1,0 +1,238 @@
+//! Channels summed coherently by every former that takes any track, against the sum over all channels, pulses and frequencies, written
+//! out here.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use subaperture::focus::bp::Backprojection;
+use subaperture::focus::exact::Exact;
+use subaperture::focus::ffbp::FastFactorised;
+use subaperture::focus::omega_k::OmegaK;
+use subaperture::focus::rdbp::RangeDoppler;
+use subaperture::focus::{FormError, Formed, ImageFormer, Task};
+use subaperture::geometry::ImageGrid;
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{ChannelError, Channels, InMemory, Joined, PhaseHistory, Weights};
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Experiment, Scatterer};
+use subaperture_tests::experiment::{IDEAL, antenna, experiment, five_points, point, read_whole};
+
+/// Turns: pulses of a channel.
+const TURNS: usize = 192;
+
+/// A radar of so many transmitters, which take turns, 15 cm apart up, and two receivers 40 cm apart along the track.
+fn radar(transmitters: usize, points: Vec<Scatterer>) -> Experiment {
+    let mut experiment = experiment(IDEAL, points);
+    let up = |i: usize| antenna(&format!("tx{i}"), DVec3::Z * (0.15 * i as f64));
+    experiment.radar.transmitters = (0..transmitters).map(up).collect();
+    experiment.radar.receivers = vec![antenna("fore", DVec3::X * 0.4), antenna("aft", DVec3::ZERO)];
+    experiment.radar.num_pulses = TURNS * transmitters;
+    experiment.radar.pri_s = 1e-3 / transmitters as f64;
+    experiment
+}
+
+fn form(
+    former: &dyn ImageFormer,
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+    slow: Window,
+) -> Result<Formed, FormError> {
+    former.form(&Task {
+        history,
+        grid,
+        weights: &Weights::new(history.collection(), Window::None, slow),
+        memory_bytes: 1 << 28,
+        monitor: &Silent,
+    })
+}
+
+/// The mean over all channels, pulses and frequencies of what is recorded, each turned back by the path of its antennas.
+fn sum_over_all(channels: &Channels, grid: &ImageGrid) -> Vec<Complex64> {
+    let mut pixels = vec![Complex64::ZERO; grid.rows.count * grid.columns.count];
+    let mut count = 0;
+    for (_, history) in channels.iter() {
+        let collection = history.collection();
+        let samples = read_whole(history);
+        count += samples.len();
+        for (pulse, row) in (collection.pulses.iter()).zip(samples.chunks(collection.num_samples)) {
+            for (i, pixel) in pixels.iter_mut().enumerate() {
+                let (row_of, column) = (i / grid.columns.count, i % grid.columns.count);
+                let at = grid.position_m(row_of, column);
+                let [out, back] =
+                    [pulse.transmitter_m, pulse.receiver_m].map(|antenna| at - antenna);
+                let norm = |v: DVec3| (v.x * v.x + v.y * v.y + v.z * v.z).sqrt();
+                let delay_s = (norm(out) + norm(back) - pulse.reference_path_m) / 299_792_458.0;
+                let turned = |hz: f64| Complex64::cis(TAU * (hz * delay_s).fract());
+                let (mut phasor, step) = (turned(pulse.start_hz), turned(pulse.step_hz));
+                for z in row {
+                    *pixel += Complex64::new(z.re.into(), z.im.into()) * phasor;
+                    phasor *= step;
+                }
+            }
+        }
+    }
+    pixels.iter().map(|sum| sum / count as f64).collect()
+}
+
+fn error_db(pixels: &[Complex32], expected: &[Complex64]) -> f64 {
+    let (mut error, mut power) = (0.0, 0.0);
+    for (z, e) in pixels.iter().zip(expected) {
+        error += (Complex64::new(z.re.into(), z.im.into()) - e).norm_sqr();
+        power += e.norm_sqr();
+    }
+    10.0 * (error / power).log10()
+}
+
+/// The pulses of all channels in the order of time.
+fn in_turn(channels: &Channels) -> InMemory {
+    let mut collection = channels.channel(0).collection().clone();
+    collection.pulses.clear();
+    let mut samples = Vec::new();
+    let all: Vec<Vec<Complex32>> = channels
+        .iter()
+        .map(|(_, history)| read_whole(history))
+        .collect();
+    let width = collection.num_samples;
+    for n in 0..channels.num_pulses() {
+        for (own, (_, history)) in all.iter().zip(channels.iter()) {
+            collection.pulses.push(history.collection().pulses[n]);
+            samples.extend_from_slice(&own[n * width..(n + 1) * width]);
+        }
+    }
+    InMemory::new(collection, samples).unwrap()
+}
+
+#[test]
+fn formers_keep_their_bound_on_the_sum_of_channels() {
+    let grid: ImageGrid = "x=-16:16:0.83,y=-16:16:0.79,z=0".parse().unwrap();
+    for transmitters in [1, 2] {
+        let experiment = radar(transmitters, five_points());
+        let channels = experiment.channels(1 << 26).unwrap();
+        assert_eq!(channels.len(), 2 * transmitters);
+        let expected = sum_over_all(&channels, &grid);
+        let one = form(
+            &RangeDoppler::default(),
+            channels.channel(0),
+            &grid,
+            Window::None,
+        )
+        .unwrap();
+        let interleaved = in_turn(&channels);
+        let sum = channels.coherent_sum().unwrap();
+        let formers: [&dyn ImageFormer; 4] = [
+            &Exact,
+            &Backprojection::default(),
+            &RangeDoppler::default(),
+            &FastFactorised::default(),
+        ];
+        for former in formers {
+            let formed = form(former, &sum, &grid, Window::None).unwrap();
+            let measured_db = error_db(&formed.image.pixels, &expected);
+            println!(
+                "{} channels, {}: {measured_db:.1} dB, predicted {:.1} dB",
+                2 * transmitters,
+                former.name(),
+                formed.predicted_error_db
+            );
+            // The exact sum's pixels are rounded to float32.
+            assert!(
+                measured_db < former.bound_db().unwrap_or(-140.0),
+                "{}",
+                former.name()
+            );
+            assert!(
+                measured_db < formed.predicted_error_db + 1.0,
+                "{}",
+                former.name()
+            );
+        }
+        // Sub-CPIs are as long as those of one channel; with channels in turn each would hold that many fewer moments.
+        let pulses = |formed: &Formed| formed.settings["sub_cpi_pulses"].as_u64().unwrap();
+        let rdbp = RangeDoppler::default();
+        let together = form(&rdbp, &sum, &grid, Window::None).unwrap();
+        let mixed = form(&rdbp, &interleaved, &grid, Window::None);
+        println!(
+            "sub-CPIs: one channel {}, sum {}, in turn {:?}",
+            pulses(&one),
+            pulses(&together),
+            mixed.as_ref().map(pulses).map_err(ToString::to_string)
+        );
+        assert_eq!(pulses(&together), pulses(&one));
+        // A straight, even track it is not.
+        let straight = form(&OmegaK::default(), &sum, &grid, Window::None).unwrap_err();
+        assert!(
+            matches!(
+                straight,
+                FormError::BoundMissed { .. } | FormError::Unsuited(_)
+            ),
+            "{straight}"
+        );
+    }
+}
+
+#[test]
+fn a_unit_scatterer_reads_1_with_any_number_of_channels() {
+    let grid: ImageGrid = "x=-2:2:0.5,y=-2:2:0.5,z=0".parse().unwrap();
+    for transmitters in [1, 2, 3] {
+        let experiment = radar(transmitters, vec![point(1.0, -0.5, 1.0)]);
+        let sum = experiment
+            .channels(1 << 26)
+            .unwrap()
+            .coherent_sum()
+            .unwrap();
+        for slow in [Window::None, Window::default(), Window::Hamming] {
+            for former in [&Exact as &dyn ImageFormer, &RangeDoppler::default()] {
+                let formed = form(former, &sum, &grid, slow).unwrap();
+                // Row 3 is y = -0.5, column 6 x = 1.
+                let got = formed.image.pixels[3 * grid.columns.count + 6];
+                // -60 dB, or the rounding of samples.
+                assert!((got - Complex32::ONE).norm() < 1e-3, "{slow}: {got}");
+            }
+        }
+    }
+}
+
+/// Every channel under the same window: the sum is the mean of their images.
+#[test]
+fn windows_weigh_every_channel_alike() {
+    let grid: ImageGrid = "x=-16:16:1.9,y=-16:16:1.7,z=0".parse().unwrap();
+    for transmitters in [1, 3] {
+        let experiment = radar(transmitters, five_points());
+        let channels = experiment.channels(1 << 26).unwrap();
+        let mut mean = vec![Complex64::ZERO; grid.num_pixels() as usize];
+        for (_, history) in channels.iter() {
+            let formed = form(&Exact, history, &grid, Window::default()).unwrap();
+            for (sum, z) in mean.iter_mut().zip(&formed.image.pixels) {
+                *sum += Complex64::new(z.re.into(), z.im.into()) / channels.len() as f64;
+            }
+        }
+        let sum = channels.coherent_sum().unwrap();
+        let formed = form(&Exact, &sum, &grid, Window::default()).unwrap();
+        let off_db = error_db(&formed.image.pixels, &mean);
+        // Rounded to float32 on both sides.
+        assert!(off_db < -140.0, "{transmitters}: {off_db}");
+        // As a whole whose pulses are not put in order again.
+        let alone = Joined::alone(Box::new(
+            InMemory::new(sum.collection().clone(), read_whole(&sum)).unwrap(),
+        ));
+        let formed_again = form(&Exact, &alone, &grid, Window::default()).unwrap();
+        assert_eq!(formed.image.pixels, formed_again.image.pixels);
+    }
+}
+
+#[test]
+fn a_turn_that_was_broken_off_is_told() {
+    let mut experiment = radar(2, five_points());
+    experiment.radar.num_pulses = 33;
+    let error = experiment.channels(1 << 26).err().unwrap();
+    let counts = ChannelError::Pulses {
+        names: ["T1R1".to_owned(), "T2R1".to_owned()],
+        counts: [17, 16],
+    };
+    assert_eq!(error.to_string(), counts.to_string());
+    let about = experiment.about(experiment.pairs()[3]);
+    assert_eq!(about.name, "T2R2");
+    assert_eq!(about.transmitter.as_deref(), Some("tx1"));
+    assert_eq!(about.receiver.as_deref(), Some("aft"));
+}

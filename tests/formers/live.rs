@@ -1,0 +1,473 @@
+//! The live image after every push, against a sum written out here and against backprojection of the same pulses.
+
+use std::f64::consts::TAU;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use subaperture::focus::bp::Backprojection;
+use subaperture::focus::exact::Exact;
+use subaperture::focus::live::{Live, LiveError, Settings};
+use subaperture::focus::{FormError, ImageFormer, Task};
+use subaperture::geometry::ImageGrid;
+use subaperture::image::Image;
+use subaperture::monitor::{Monitor, Silent};
+use subaperture::phase_history::{PhaseHistory, Pulse, Stretch, Weights};
+use subaperture::radar::Motion;
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Experiment, Recording};
+use subaperture_tests::experiment::{
+    IDEAL, PAIR, experiment, five_points, fmcw, point, read_whole,
+};
+
+const PULSES: usize = 96;
+
+fn pass() -> Experiment {
+    let mut experiment = experiment(IDEAL, five_points());
+    experiment.radar.num_pulses = PULSES;
+    experiment
+}
+
+fn grid() -> ImageGrid {
+    "x=-16:16:1.23,y=-16:16:1.19,z=0".parse().unwrap()
+}
+
+/// Pulses with their samples.
+struct Pulses {
+    pulses: Vec<Pulse>,
+    samples: Vec<Complex32>,
+    width: usize,
+}
+
+impl Pulses {
+    fn of(recording: &Recording) -> Self {
+        Self {
+            pulses: recording.collection().pulses.clone(),
+            samples: read_whole(recording),
+            width: recording.collection().num_samples,
+        }
+    }
+
+    fn row(&self, n: usize) -> &[Complex32] {
+        &self.samples[n * self.width..(n + 1) * self.width]
+    }
+
+    fn push(&self, live: &mut Live, n: usize) {
+        live.push(&self.pulses[n], self.row(n)).unwrap();
+    }
+}
+
+/// What one pulse adds to every pixel, with weights over its samples; not divided by anything.
+fn one_pulse(
+    pulse: &Pulse,
+    row: &[Complex32],
+    weights: &[f64],
+    grid: &ImageGrid,
+) -> Vec<Complex64> {
+    let pixel = |i: usize| {
+        let at = grid.position_m(i / grid.columns.count, i % grid.columns.count);
+        let [out, back] = [pulse.transmitter_m, pulse.receiver_m].map(|antenna| at - antenna);
+        let norm = |v: DVec3| (v.x * v.x + v.y * v.y + v.z * v.z).sqrt();
+        let delay_s = (norm(out) + norm(back) - pulse.reference_path_m) / 299_792_458.0;
+        let term = |(k, (z, w)): (usize, (&Complex32, &f64))| {
+            let turns = (pulse.start_hz + k as f64 * pulse.step_hz) * delay_s;
+            Complex64::new(z.re.into(), z.im.into()) * Complex64::cis(TAU * turns.fract()) * w
+        };
+        row.iter().zip(weights).enumerate().map(term).sum()
+    };
+    (0..grid.num_pixels() as usize).map(pixel).collect()
+}
+
+fn error_db(image: &Image, expected: &[Complex64]) -> f64 {
+    let (mut error, mut power) = (0.0, 0.0);
+    for (z, e) in image.pixels.iter().zip(expected) {
+        error += (Complex64::new(z.re.into(), z.im.into()) - e).norm_sqr();
+        power += e.norm_sqr();
+    }
+    10.0 * (error / power).log10()
+}
+
+fn widened(image: &Image) -> Vec<Complex64> {
+    let pixels = image.pixels.iter();
+    pixels
+        .map(|z| Complex64::new(z.re.into(), z.im.into()))
+        .collect()
+}
+
+/// The image of the pulses `from..to` by a former, without windows.
+fn formed(
+    former: &dyn ImageFormer,
+    history: &dyn PhaseHistory,
+    [from, to]: [usize; 2],
+    grid: &ImageGrid,
+) -> Image {
+    let stretch = Stretch::new(history, from..to);
+    let weights = Weights::new(stretch.collection(), Window::None, Window::None);
+    let task = Task {
+        history: &stretch,
+        grid,
+        weights: &weights,
+        memory_bytes: 1 << 28,
+        monitor: &Silent,
+    };
+    former.form_best(&task).unwrap().image
+}
+
+fn unweighted() -> Settings {
+    Settings::default().window(Window::None)
+}
+
+/// Hamming's weights, by its formula.
+fn hamming(count: usize) -> Vec<f64> {
+    let at = |k: usize| (k as f64 + 0.5) / count as f64 - 0.5;
+    (0..count)
+        .map(|k| 0.54 + 0.46 * (TAU * at(k)).cos())
+        .collect()
+}
+
+#[test]
+fn the_image_after_every_push_is_that_of_the_pulses_so_far() {
+    let (experiment, grid) = (pass(), grid());
+    let recording = experiment.record(PAIR).unwrap();
+    let pulses = Pulses::of(&recording);
+    for (window, weights) in [
+        (Window::None, vec![1.0; pulses.width]),
+        (Window::Hamming, hamming(pulses.width)),
+    ] {
+        let mut live = Live::new(&grid, pulses.width, &Settings::default().window(window)).unwrap();
+        assert!(live.image().pixels.iter().all(|z| *z == Complex32::ZERO));
+        let mut sum = vec![Complex64::ZERO; grid.num_pixels() as usize];
+        let mut worst_db = f64::NEG_INFINITY;
+        for n in 0..PULSES {
+            pulses.push(&mut live, n);
+            assert_eq!(live.num_pulses(), n + 1);
+            let own = one_pulse(&pulses.pulses[n], pulses.row(n), &weights, &grid);
+            sum.iter_mut().zip(own).for_each(|(sum, z)| *sum += z);
+            let norm = (n + 1) as f64 * weights.iter().sum::<f64>();
+            let expected: Vec<Complex64> = sum.iter().map(|z| z / norm).collect();
+            let (image, accuracy) = (live.image(), live.accuracy());
+            let measured_db = error_db(&image, &expected);
+            worst_db = worst_db.max(measured_db);
+            assert!(measured_db < -60.0, "{n}: {measured_db}");
+            assert!(
+                measured_db < accuracy.predicted_db() + 1.0,
+                "{n}: {accuracy:?}"
+            );
+            assert!(accuracy.predicted_db() < -60.0, "{n}: {accuracy:?}");
+            if window == Window::None && n % 16 == 6 {
+                let bp = formed(&Backprojection::default(), &recording, [0, n + 1], &grid);
+                let off_db = error_db(&image, &widened(&bp));
+                // Both round profiles to float32, of samples scaled otherwise: 3.3e-7 each, -126 dB; bp its sums too.
+                assert!(off_db < -120.0, "{n}: {off_db}");
+            }
+        }
+        println!(
+            "{window}: {worst_db:.1} dB at the worst push, {:?}",
+            live.accuracy()
+        );
+    }
+}
+
+#[test]
+fn the_order_of_pushes_does_not_matter() {
+    let (experiment, grid) = (pass(), grid());
+    let pulses = Pulses::of(&experiment.record(PAIR).unwrap());
+    let in_order = |order: &dyn Fn(usize) -> usize| {
+        let mut live = Live::new(&grid, pulses.width, &unweighted()).unwrap();
+        (0..PULSES).for_each(|n| pulses.push(&mut live, order(n)));
+        live.image()
+    };
+    let forth = in_order(&|n| n);
+    // 37 has no factor in common with 96.
+    for order in [&(|n| PULSES - 1 - n) as &dyn Fn(usize) -> usize, &|n| {
+        n * 37 % PULSES
+    }] {
+        // Pulses are the same to the bit; float64 sums differ by 1e-16, and a rounding to float32 may fall otherwise.
+        let off_db = error_db(&in_order(order), &widened(&forth));
+        assert!(off_db < -150.0, "{off_db}");
+    }
+}
+
+#[test]
+fn bounds_are_kept_as_asked() {
+    let (experiment, grid) = (pass(), grid());
+    let recording = experiment.record(PAIR).unwrap();
+    let pulses = Pulses::of(&recording);
+    let exact = widened(&formed(&Exact, &recording, [0, PULSES], &grid));
+    for bound_db in [-30.0, -50.0, -80.0] {
+        let settings = unweighted().error_db(bound_db);
+        let mut live = Live::new(&grid, pulses.width, &settings).unwrap();
+        (0..PULSES).for_each(|n| pulses.push(&mut live, n));
+        let (measured_db, accuracy) = (error_db(&live.image(), &exact), live.accuracy());
+        println!("{bound_db} dB asked: {measured_db:.1} dB, {accuracy:?}");
+        // No finer than it has to be: 4 dB are kept, lengths are rounded up, and a flat band reads 7 dB less.
+        assert!(
+            measured_db < bound_db && measured_db > bound_db - 18.0,
+            "{measured_db}"
+        );
+        assert!(measured_db < accuracy.predicted_db() + 1.0 && accuracy.predicted_db() < bound_db);
+    }
+    // What float32 does not hold is refused, pulse by pulse.
+    let mut live = Live::new(&grid, pulses.width, &unweighted().error_db(-140.0)).unwrap();
+    let error = live.push(&pulses.pulses[0], pulses.row(0)).unwrap_err();
+    assert!(
+        matches!(error, LiveError::Form(FormError::BoundMissed { .. })),
+        "{error}"
+    );
+    assert_eq!(live.num_pulses(), 0);
+}
+
+#[test]
+fn a_dark_grid_is_told() {
+    let mut experiment = pass();
+    // Beside the grid a scatterer of 1, in it one of a millionth.
+    experiment.scene.points = vec![point(-13.0, 12.0, 1.0), point(9.0, -9.0, 1e-6)];
+    let recording = experiment.record(PAIR).unwrap();
+    let pulses = Pulses::of(&recording);
+    let grid: ImageGrid = "x=6:12:0.31,y=-12:-6:0.33,z=0".parse().unwrap();
+    let settings = unweighted().error_db(-40.0);
+    let mut live = Live::new(&grid, pulses.width, &settings).unwrap();
+    (0..PULSES).for_each(|n| pulses.push(&mut live, n));
+    let exact = widened(&formed(&Exact, &recording, [0, PULSES], &grid));
+    let (measured_db, accuracy) = (error_db(&live.image(), &exact), live.accuracy());
+    println!("dark grid: {measured_db:.1} dB, {accuracy:?}");
+    assert!(measured_db > accuracy.planned_db, "nothing to be told");
+    assert!(measured_db < accuracy.predicted_db() + 1.0);
+    assert!(measured_db > accuracy.predicted_db() - 12.0);
+    assert_eq!(accuracy.num_sampled, 64);
+}
+
+/// Counts how often it is asked; stops when that is `most`.
+struct Counting {
+    asked: AtomicUsize,
+    most: usize,
+}
+
+impl Counting {
+    fn new(most: usize) -> Self {
+        let asked = AtomicUsize::new(0);
+        Self { asked, most }
+    }
+}
+
+impl Monitor for Counting {
+    fn progress(&self, _: f64) {}
+
+    fn cancelled(&self) -> bool {
+        self.asked.fetch_add(1, Ordering::Relaxed) >= self.most
+    }
+}
+
+#[test]
+fn pulses_that_are_none_are_refused_and_leave_the_image_as_it_was() {
+    let (experiment, grid) = (pass(), grid());
+    let pulses = Pulses::of(&experiment.record(PAIR).unwrap());
+    for settings in [unweighted(), unweighted().last_pulses(5)] {
+        let mut live = Live::new(&grid, pulses.width, &settings).unwrap();
+        (0..7).for_each(|n| pulses.push(&mut live, n));
+        let (before, accuracy, count) = (live.image(), live.accuracy(), live.num_pulses());
+        let (good, row) = (&pulses.pulses[7], pulses.row(7));
+        let spoilt = |spoil: &dyn Fn(&mut Pulse)| {
+            let mut pulse = *good;
+            spoil(&mut pulse);
+            pulse
+        };
+        let of_samples = |at: usize, value: Complex32| {
+            let mut row = row.to_vec();
+            row[at] = value;
+            row
+        };
+        let nan = Complex32::new(0.0, f32::NAN);
+        let refused = [
+            (*good, of_samples(3, nan), "sample 3 of the pulse"),
+            (
+                *good,
+                of_samples(63, Complex32::new(f32::INFINITY, 0.0)),
+                "sample 63",
+            ),
+            (*good, row[1..].to_vec(), "63 samples"),
+            (*good, Vec::new(), "0 samples"),
+            (
+                spoilt(&|p| p.transmitter_m.y = f64::NAN),
+                row.to_vec(),
+                "transmitter",
+            ),
+            (
+                spoilt(&|p| p.receiver_m.x = 1e300),
+                row.to_vec(),
+                "receiver",
+            ),
+            (
+                spoilt(&|p| p.reference_path_m = f64::INFINITY),
+                row.to_vec(),
+                "reference path",
+            ),
+            (spoilt(&|p| p.start_hz = 0.0), row.to_vec(), "frequency"),
+            (
+                spoilt(&|p| p.sweep.sample_s = f64::NAN),
+                row.to_vec(),
+                "finite",
+            ),
+            // Finite, but not what becomes of them.
+            (
+                *good,
+                vec![Complex32::new(f32::MAX, f32::MAX); row.len()],
+                "not a finite number",
+            ),
+        ];
+        for (pulse, row, part) in &refused {
+            let error = live.push(pulse, row).unwrap_err().to_string();
+            assert!(error.contains(part), "{part}: {error}");
+            assert_eq!(live.image().pixels, before.pixels, "{part}");
+            assert_eq!(
+                (live.accuracy(), live.num_pulses()),
+                (accuracy, count),
+                "{part}"
+            );
+        }
+        // Stopped anywhere, in the new pulse or in the one that falls out.
+        let whole = Counting::new(usize::MAX);
+        let mut other = Live::new(&grid, pulses.width, &settings).unwrap();
+        (0..7).for_each(|n| pulses.push(&mut other, n));
+        other.push_watched(good, row, &whole).unwrap();
+        for most in 0..whole.asked.load(Ordering::Relaxed) {
+            let stopped = live
+                .push_watched(good, row, &Counting::new(most))
+                .unwrap_err();
+            assert!(
+                matches!(stopped, LiveError::Form(FormError::Cancelled)),
+                "{stopped}"
+            );
+            assert_eq!(live.image().pixels, before.pixels, "{most}");
+        }
+        // And goes on.
+        pulses.push(&mut live, 7);
+        assert_eq!(live.image().pixels, other.image().pixels);
+    }
+}
+
+#[test]
+fn a_push_costs_the_same_however_many_came_before() {
+    let (experiment, grid) = (pass(), grid());
+    let pulses = Pulses::of(&experiment.record(PAIR).unwrap());
+    let work = |settings: &Settings| {
+        let mut live = Live::new(&grid, pulses.width, settings).unwrap();
+        let held = live.held_bytes();
+        let each = (0..3 * PULSES).map(|n| {
+            let counting = Counting::new(usize::MAX);
+            let n = n % PULSES;
+            live.push_watched(&pulses.pulses[n], pulses.row(n), &counting)
+                .unwrap();
+            assert_eq!(live.held_bytes(), held);
+            counting.asked.load(Ordering::Relaxed)
+        });
+        let each: Vec<usize> = each.collect();
+        (each, live.pixels_a_push())
+    };
+    // Every 256 pixels the monitor is asked once, and once after a pulse.
+    let once = (grid.num_pixels() as usize).div_ceil(256) + 1;
+    let (each, pixels) = work(&unweighted());
+    assert!(each.iter().all(|&count| count == once), "{each:?}");
+    assert_eq!(pixels, grid.num_pixels());
+    let (each, pixels) = work(&unweighted().last_pulses(20));
+    let expected = (0..3 * PULSES).map(|n| if n < 20 { once } else { 2 * once });
+    assert_eq!(each, expected.collect::<Vec<_>>());
+    assert_eq!(pixels, 2 * grid.num_pixels());
+}
+
+#[test]
+fn the_last_pulses_are_shown_and_older_ones_leave_no_trace() {
+    const LAST: usize = 16;
+    let (experiment, grid) = (pass(), grid());
+    let mut pulses = Pulses::of(&experiment.record(PAIR).unwrap());
+    // One pulse 180 dB above the others: in float32 sums its rounding would be 60 times the rest.
+    let strong = 20;
+    let width = pulses.width;
+    (pulses.samples[strong * width..(strong + 1) * width].iter_mut()).for_each(|z| *z *= 1e9);
+    let settings = unweighted().last_pulses(LAST);
+    let mut live = Live::new(&grid, width, &settings).unwrap();
+    let weights = vec![1.0; width];
+    for n in 0..PULSES {
+        pulses.push(&mut live, n);
+        let from = (n + 1).saturating_sub(LAST);
+        assert_eq!(live.num_pulses(), n + 1 - from);
+        let mut sum = vec![Complex64::ZERO; grid.num_pixels() as usize];
+        for m in from..=n {
+            let own = one_pulse(&pulses.pulses[m], pulses.row(m), &weights, &grid);
+            sum.iter_mut().zip(own).for_each(|(sum, z)| *sum += z);
+        }
+        let norm = ((n + 1 - from) * width) as f64;
+        let expected: Vec<Complex64> = sum.iter().map(|z| z / norm).collect();
+        let measured_db = error_db(&live.image(), &expected);
+        let accuracy = live.accuracy();
+        assert!(measured_db < -60.0, "{n}: {measured_db}");
+        assert!(
+            measured_db < accuracy.predicted_db() + 1.0,
+            "{n}: {measured_db}, {accuracy:?}"
+        );
+        // Every `LAST` pulses the sums are those of new ones.
+        if (n + 1) % LAST == 0 {
+            let mut fresh = Live::new(&grid, width, &unweighted()).unwrap();
+            (from..=n).for_each(|m| pulses.push(&mut fresh, m));
+            assert_eq!(live.image().pixels, fresh.image().pixels, "{n}");
+        } else if !(strong..strong + LAST).contains(&n) && n > LAST {
+            // In between they are off by 3 (M + 1) 2^-53 of the strongest value, 1e9 times some 5 of the scatterers'.
+            let mut fresh = Live::new(&grid, width, &unweighted()).unwrap();
+            (from..=n).for_each(|m| pulses.push(&mut fresh, m));
+            let most = 3.0 * (LAST + 1) as f64 * 2f64.powi(-53) * 5e9;
+            // And by a rounding of each to float32.
+            let (live, fresh) = (live.image(), fresh.image());
+            for (a, b) in live.pixels.iter().zip(&fresh.pixels) {
+                assert!(
+                    f64::from((a - b).norm()) < most + 2.4e-7 * f64::from(b.norm()),
+                    "{n}: {a} {b}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn memory_is_capped_and_nothing_is_taken_beyond_it() {
+    let grid = grid();
+    let mut settings = unweighted().memory_bytes(1 << 20);
+    let live = Live::new(&grid, 64, &settings).unwrap();
+    // 24 bytes a pixel and the window.
+    assert_eq!(live.held_bytes(), u128::from(grid.num_pixels()) * 24 + 512);
+    for count in [4000, usize::MAX] {
+        settings = settings.last_pulses(count);
+        match Live::new(&grid, 64, &settings).err().unwrap() {
+            LiveError::Memory {
+                needed_bytes,
+                allowed_bytes,
+            } => {
+                let own = u128::from(grid.num_pixels()) * 48 + 512;
+                assert_eq!(needed_bytes, own + count as u128 * (64 * 8 + 240));
+                assert_eq!(allowed_bytes, 1 << 20);
+            }
+            error => panic!("{error}"),
+        }
+    }
+    for (samples, settings) in [(0, unweighted()), (64, unweighted().last_pulses(0))] {
+        let error = Live::new(&grid, samples, &settings).err().unwrap();
+        assert!(matches!(error, LiveError::Empty), "{error}");
+    }
+}
+
+/// Sweeps that last while the radar flies are followed, as backprojection follows them.
+#[test]
+fn sweeps_in_motion_are_followed() {
+    let mut experiment = experiment(fmcw(false), five_points());
+    experiment.radar.num_pulses = 24;
+    experiment.radar.motion = Motion::True;
+    let recording = experiment.record(PAIR).unwrap();
+    let pulses = Pulses::of(&recording);
+    assert!(pulses.pulses.iter().all(|pulse| !pulse.sweep.is_at_once()));
+    let grid: ImageGrid = "x=-16:16:3.1,y=-16:16:2.9,z=0".parse().unwrap();
+    let mut live = Live::new(&grid, pulses.width, &unweighted()).unwrap();
+    (0..24).for_each(|n| pulses.push(&mut live, n));
+    let exact = widened(&formed(&Exact, &recording, [0, 24], &grid));
+    let measured_db = error_db(&live.image(), &exact);
+    println!("sweeps: {measured_db:.1} dB, {:?}", live.accuracy());
+    assert!(measured_db < -60.0 && live.accuracy().predicted_db() < -60.0);
+}
