@@ -2,10 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::DVec3;
-use rayon::prelude::*;
-
 use super::RangeMethod;
+use super::bounds::Bounds;
 use super::taper::{BETA, Taper};
 use crate::straight_track::StraightTrack;
 use crate::{FormError, Reason, Remedy};
@@ -88,7 +86,7 @@ impl Axes {
             .map(|k| wavenumber(band.frequency_hz(k)))
             .collect();
         let (least, most) = (wavenumbers[0], wavenumbers[band.count - 1]);
-        let (along_m, range_m) = pixel_bounds(track, grid);
+        let Bounds { along_m, range_m } = Bounds::of(track, grid);
         let reach_m = [
             along_m[0] - track.along_m(track.num_pulses - 1),
             along_m[1] - track.along_m(0),
@@ -241,20 +239,4 @@ fn range_axis(
         count: samples as usize,
         carrier: (low + high) / 2.0,
     })
-}
-
-/// Least and most place along the track and closest range over all pixels, metres.
-fn pixel_bounds(track: &StraightTrack, grid: &ImageGrid) -> ([f64; 2], [f64; 2]) {
-    let none = [f64::INFINITY, f64::NEG_INFINITY];
-    let widen = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-    (0..grid.rows.count)
-        .into_par_iter()
-        .map(|row| {
-            let pixels = (0..grid.columns.count).map(|column| grid.position_m(row, column));
-            pixels.fold((none, none), |(along, range), point: DVec3| {
-                let (x, r) = track.along_and_range_m(point);
-                (widen(along, [x, x]), widen(range, [r, r]))
-            })
-        })
-        .reduce(|| (none, none), |a, b| (widen(a.0, b.0), widen(a.1, b.1)))
 }

@@ -43,6 +43,7 @@
 //! then `8 Q (K + R)` bytes, then `8 R (Q + X)` with `X` columns, whichever is the most, and the image.
 
 mod axes;
+mod bounds;
 mod cost;
 mod prediction;
 mod read_out;
