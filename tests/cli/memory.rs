@@ -2,7 +2,11 @@
 //! refused with what it needs.
 
 use std::fs;
+use std::io::Read;
 use std::path::Path;
+use std::process::Stdio;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 use subaperture_tests::subap::{command, listing, run};
 
@@ -68,6 +72,113 @@ fn peak_mib(at: &Path, line: &str, mib: u32) -> Option<f64> {
     println!("{mib:4} MiB: {peak:6.1} MiB taken: {line}");
     assert!(peak <= f64::from(mib), "{line}: {peak} MiB of {mib}");
     Some(peak)
+}
+
+/// Runs `line` within `mib` and returns the most that it took as the system counts it, from outside (`VmHWM`), MiB, and
+/// whether it was done: else it was refused for its memory.
+#[track_caller]
+fn watched(at: &Path, line: &str, mib: u32) -> (f64, bool) {
+    let words = format!("{line} --threads 2 --memory {mib}M -q");
+    let begun = Instant::now();
+    let mut child = command(at, words.split_whitespace())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let status = format!("/proc/{}/status", child.id());
+    let mut peak_kib = 0.0f64;
+    let ended = loop {
+        let text = fs::read_to_string(&status).unwrap_or_default();
+        let told = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        if let Some(kib) = told.and_then(|told| told.trim().strip_suffix(" kB")) {
+            peak_kib = peak_kib.max(kib.parse().unwrap());
+        }
+        match child.try_wait().unwrap() {
+            Some(ended) => break ended,
+            None => sleep(Duration::from_millis(2)),
+        }
+    };
+    let mut told = String::new();
+    child
+        .stderr
+        .take()
+        .unwrap()
+        .read_to_string(&mut told)
+        .unwrap();
+    let done = match ended.code() {
+        // Status 3: with an error above the bound.
+        Some(0 | 3) => true,
+        Some(1) if told.contains("--memory") => false,
+        _ => panic!("{line}: {ended}: {told}"),
+    };
+    let peak_mib = peak_kib / 1024.0;
+    println!(
+        "{mib:5} MiB: {peak_mib:6.1} MiB, {done}, {:.1} s: {line}",
+        begun.elapsed().as_secs_f64()
+    );
+    assert!(
+        peak_mib > 1.0 && peak_mib <= f64::from(mib),
+        "{line}: {peak_mib} MiB of {mib}"
+    );
+    (peak_mib, done)
+}
+
+/// Recording, image, or both larger than the budget, for every former. Who has to hold all of a recording's spectrum refuses.
+fn larger_than(mib: u32, both: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    // A power of two of samples, and pixels, of 8 bytes each, above the budget.
+    let samples = (mib as usize).next_power_of_two() << 17;
+    let pulses = 1 << (samples.ilog2() / 2 - 2);
+    let scene = |pulses: usize, samples: usize| {
+        SCENARIO
+            .replace("pulses = 16", &format!("pulses = {pulses}"))
+            .replace("10 ms", "100 us")
+            .replace("samples = 64", &format!("samples = {samples}"))
+    };
+    fs::write(at.join("large.toml"), scene(pulses, samples / pulses)).unwrap();
+    fs::write(at.join("few.toml"), scene(4, 32)).unwrap();
+    for name in ["large", "few"] {
+        run(
+            at,
+            &format!("simulate {name}.toml -o {name}.cphd --memory {mib}M"),
+        )
+        .succeeded();
+    }
+    let bytes = fs::metadata(at.join("large.cphd")).unwrap().len();
+    assert!(bytes as f64 > f64::from(mib) * MIB);
+    let side = (f64::from(mib) * 1.03 * MIB / 8.0).sqrt();
+    let wide = format!("--grid x=-30:30:{:.6},y=-30:30:{0:.6}", 60.0 / side);
+    let small = "--grid x=-3:3:0.5,y=-3:3:0.5";
+    for former in ["exact", "bp", "rdbp", "ffbp", "pfa", "rda", "omega-k"] {
+        let line = format!("-a {former} --allow-error --force --out out");
+        let needs_all = ["pfa", "rda", "omega-k"].contains(&former);
+        let (_, done) = watched(at, &format!("focus large.cphd {line} {small}"), mib);
+        assert!(done || needs_all, "{former}");
+        let (_, done) = watched(at, &format!("focus few.cphd {line} {wide}"), mib);
+        assert!(done, "{former}");
+        let image = fs::metadata(at.join("out/image.npy")).unwrap().len();
+        assert!(image as f64 > f64::from(mib) * MIB);
+        if both.contains(&former) {
+            let (_, done) = watched(at, &format!("focus large.cphd {line} {wide}"), mib);
+            assert!(done || needs_all, "{former}");
+        }
+    }
+    for line in ["picture out -o p.png --force", "compare out out"] {
+        assert!(watched(at, line, mib).1, "{line}");
+    }
+}
+
+#[test]
+fn recordings_and_images_may_be_larger_than_the_budget() {
+    larger_than(128, &["pfa"]);
+}
+
+/// Some ten minutes and 5 GB of disk.
+#[test]
+#[ignore = "long: cargo test -p subaperture-tests --test cli -- --ignored a_gigabyte"]
+fn recordings_and_images_may_be_larger_than_a_gigabyte() {
+    larger_than(1024, &["rdbp", "pfa", "rda", "omega-k"]);
 }
 
 /// Asserts that `line` stays within each of `budgets`, and that the last is enough.

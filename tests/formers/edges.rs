@@ -213,5 +213,5 @@ fn what_is_no_number_or_too_much_does_not_panic() {
         &wide,
     )
     .unwrap_err();
-    assert!(error.to_string().contains("smaller --grid"), "{error}");
+    assert!(error.remedies().contains(&Remedy::SmallerGrid), "{error:?}");
 }

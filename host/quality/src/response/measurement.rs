@@ -91,7 +91,7 @@ pub fn measure(
     })
 }
 
-/// [`measure`] of an image that need not fit in memory: what lies within [`REACH_WIDTHS`] 3 dB widths of the point, and
+/// [`measure`] of an image that need not fit in memory: what lies within [`super::REACH_WIDTHS`] 3 dB widths of the point, and
 /// within 2048 pixels.
 ///
 /// # Errors

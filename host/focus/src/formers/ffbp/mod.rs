@@ -12,7 +12,7 @@
 //!
 //! and the same again from each patch to its four quarters, with their own centres, until a patch has a
 //! few pixels and few pulses; there plain backprojection ends it. `h` is the interpolation kernel
-//! ([`WindowedSinc`]) of the pixels' own phase, `exp(j phase(n)) = sum_i h(n / q_n - i) exp(j
+//! ([`subaperture_signal::windowed_sinc`]) of the pixels' own phase, `exp(j phase(n)) = sum_i h(n / q_n - i) exp(j
 //! phase(i q_n))`, which is all that the sum over pulses and frequencies needs; it makes no matter what lies outside
 //! the patch. At the ends, `h` reaches past the data: decimated histories are by `W` longer,
 //! and there the antennas continue on the fitted track (`track`).

@@ -18,7 +18,7 @@
 //!
 //! **Distortion.** `p' = p - q` only at the centre. Elsewhere the curved wave front displaces and
 //! defocuses. The displacement is corrected: `p'` is the place at which the linear paths fit the true
-//! ones best over the aperture, in least squares over [`FIT_PULSES`] pulses.
+//! ones best over the aperture, in least squares over 16 pulses.
 //!
 //! **Residual.** What the fit leaves cannot be corrected. At offsets `x` across and `y` along the line
 //! of sight, range `R`, half angle `theta_m`, monostatic, straight track: a two-way path of
@@ -36,7 +36,7 @@
 //! Neglected: that residual; the kernels' images (below the bound asked). A grid around an antenna, whose pixels' places the raster does
 //! not hold, is refused.
 //!
-//! Cost: `W^2` complex multiply-adds a sample, two transforms, `W^2` and [`FIT_PULSES`] paths a pixel:
+//! Cost: `W^2` complex multiply-adds a sample, two transforms, `W^2` and 16 paths a pixel:
 //! it does not grow with pulses times pixels (`cost`). Memory: three rasters of about `(2 D W_K)^2` values, `D` the grid's
 //! extent and `W_K` the spectrum's, in each direction.
 //!
