@@ -186,7 +186,7 @@ fn a_task_is_a_plan_carried_out_at_once() {
 fn little_scratch_is_part_of_the_plan() {
     let history = history();
     let settings = serde_json::json!({});
-    for (name, scratch_bytes) in [("ffbp", 600_000), ("rdbp", 150_000)] {
+    for (name, scratch_bytes) in [("bp", 200_000), ("ffbp", 600_000), ("rdbp", 150_000)] {
         let ample = plan(name, &settings, &history, SCRATCH_BYTES);
         let little = plan(name, &settings, &history, scratch_bytes);
         assert_ne!(ample.summary, little.summary, "{name}");

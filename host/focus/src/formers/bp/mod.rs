@@ -50,7 +50,8 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{PathTerms, Pulse};
 use subaperture_signal::range_profile::RangeProfiler;
 
-/// Pulses whose terms of a pixel are summed before they are added to it: fixed, so that memory is no matter of bits.
+/// Pulses whose terms of a pixel are summed before they are added to it, if scratch has room for their profiles: a choice of
+/// the plan, so that memory is no matter of bits.
 const SUMMED_PULSES: usize = 16;
 /// Finest upsampling: -120 dB take a thousand, and float32 leaves no less than some -140.
 const MOST_OVERSAMPLING: f64 = 4096.0;
@@ -172,6 +173,13 @@ pub(crate) struct Choices {
     oversampling: f64,
     /// Profiles for motion from sample to sample, if there is any.
     blurs: Option<Blurs>,
+    /// Pulses whose terms of a pixel are summed before they are added to it.
+    summed_pulses: usize,
+}
+
+/// Bytes of a pulse and its upsampled profiles.
+fn pulse_bytes(num_samples: usize, each: usize, length: usize) -> u64 {
+    8 * (num_samples + each * (length + 1)) as u64
 }
 
 /// Decides for a grid of this meaning.
@@ -192,13 +200,16 @@ pub(crate) fn decide(
         false => (None, 0.0),
     };
     let profiler = RangeProfiler::new(&aim.weights.fast, oversampling);
+    let each = blurs.as_ref().map_or(1, |blurs| blurs.count);
+    let fit = aim.scratch_bytes / pulse_bytes(num_samples, each, profiler.length());
+    let summed_pulses = fit.clamp(1, SUMMED_PULSES as u64) as usize;
     let planned_db = rounding::total_db(&[
         profiler.error(),
         blurs_error,
         profiler.rounding(),
         // Sums over some pulses, and over these sums.
-        rounding::sum(SUMMED_PULSES),
-        rounding::sum(num_pulses.div_ceil(SUMMED_PULSES)),
+        rounding::sum(summed_pulses),
+        rounding::sum(num_pulses.div_ceil(summed_pulses)),
         rounding::path_phase_rad(aim),
     ]);
     asked.check(planned_db, || {
@@ -207,17 +218,19 @@ pub(crate) fn decide(
     let choices = Choices {
         oversampling,
         blurs,
+        summed_pulses,
     };
     Ok(Decision {
         choices: json!(choices),
         settings: json!({
             "profile_length": profiler.length(),
             "oversampling": profiler.length() as f64 / num_samples as f64,
-            "profiles_each": choices.profiles_each(),
+            "profiles_each": each,
+            "pulses_a_sum": summed_pulses,
         }),
         planned_db,
         grain: PatchSize::PIXEL,
-        cost: cost::cost(aim, profiler.length(), choices.profiles_each()),
+        cost: cost::cost(aim, profiler.length(), each, summed_pulses),
     })
 }
 
@@ -244,9 +257,14 @@ impl Choices {
     fn check(&self, aim: &Aim) -> Result<(), FormError> {
         let num_samples = aim.collection.num_samples;
         let blurs = self.blurs.is_none_or(|blurs| blurs.suit(num_samples));
-        match (1.0..=MOST_OVERSAMPLING).contains(&self.oversampling) && blurs {
+        let profiles = (1.0..=MOST_OVERSAMPLING).contains(&self.oversampling);
+        let sums = (1..=SUMMED_PULSES).contains(&self.summed_pulses);
+        match profiles && blurs && sums {
             true => Ok(()),
-            false => Err(misfit(ENTRY.name, "its range profiles are none")),
+            false => Err(misfit(
+                ENTRY.name,
+                "its range profiles or its sums are none",
+            )),
         }
     }
 
@@ -267,14 +285,15 @@ impl Forming for Opened<'_> {
         let collection = self.aim.collection;
         let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
         let (length, each) = (self.profiler.length(), self.choices.profiles_each());
-        let pulse_bytes = 8 * (num_samples + each * (length + 1)) as u64;
+        let summed = self.choices.summed_pulses;
+        let pulse_bytes = pulse_bytes(num_samples, each, length);
         let parts = Budget::new(work.memory_bytes).take_block(
             "range profiles of some pulses",
-            pulse_bytes * SUMMED_PULSES.min(num_pulses) as u64,
-            num_pulses.div_ceil(SUMMED_PULSES).min(MOST_PARTS),
+            pulse_bytes * summed.min(num_pulses) as u64,
+            num_pulses.div_ceil(summed).min(MOST_PARTS),
             "raise --memory",
         )?;
-        let block = (parts * SUMMED_PULSES).min(num_pulses);
+        let block = (parts * summed).min(num_pulses);
         let mut samples = vec![Complex32::ZERO; block * num_samples];
         let mut profiles = vec![Complex32::ZERO; block * each * (length + 1)];
         for first in (0..num_pulses).step_by(block) {
@@ -285,8 +304,8 @@ impl Forming for Opened<'_> {
             self.profiles(samples, profiles);
             let sources: Vec<Source> = pulses.clone().map(|n| self.source(n)).collect();
             let add = |scratch: &mut Scratch, points: &Points, pixels: &mut [Complex32]| {
-                let profiles = profiles.chunks(SUMMED_PULSES * each * (length + 1));
-                for (sources, profiles) in sources.chunks(SUMMED_PULSES).zip(profiles) {
+                let profiles = profiles.chunks(summed * each * (length + 1));
+                for (sources, profiles) in sources.chunks(summed).zip(profiles) {
                     self.sum(sources, profiles, points, scratch);
                     let sums = pixels.iter_mut().zip(&scratch.sums);
                     sums.for_each(|(pixel, sum)| *pixel += sum);

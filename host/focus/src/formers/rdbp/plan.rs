@@ -30,7 +30,7 @@ pub struct Request {
     pub sub_cpi: Option<usize>,
     /// Side of a patch in metres, if given.
     pub patch_m: Option<f64>,
-    /// Bytes that the tables and one thread's map may take.
+    /// Bytes that the tables, one thread's map and the pulses of a sub-CPI may take.
     pub memory_bytes: u64,
 }
 
@@ -262,7 +262,7 @@ fn doppler_bins(probe: &Probe, length: usize, taps: usize, doppler_span: f64) ->
     (doppler_span * bins_per_cycle).ceil() + taps as f64 + 2.0
 }
 
-/// Bytes of the tables and one thread's buffers, about.
+/// Bytes of the tables, one thread's buffers and the pulses of a sub-CPI that they are made of, about.
 fn bytes(probe: &Probe, length: usize, taps: usize, doppler_span: f64) -> u64 {
     let bins = doppler_bins(probe, length, taps, doppler_span);
     if bins > 1e12 {
@@ -270,7 +270,7 @@ fn bytes(probe: &Probe, length: usize, taps: usize, doppler_span: f64) -> u64 {
     }
     let (bins, count) = (bins as usize, probe.band.count);
     let map = bins as u64 * (fast_length(2 * count) + taps) as u64;
-    ScaledDft::table_bytes(count, length, bins) + 8 * (map + (length * count) as u64)
+    ScaledDft::table_bytes(count, length, bins) + 8 * (map + 2 * (length * count) as u64)
 }
 
 /// Rough cost of the image in nanoseconds of one core: compensation, Doppler, range, pixels.
