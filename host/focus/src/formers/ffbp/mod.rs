@@ -44,6 +44,7 @@ mod cost;
 #[cfg(test)]
 mod counted;
 mod descent;
+mod leaf;
 mod patch_history;
 mod patch_view;
 mod shares;
