@@ -26,7 +26,11 @@ const SEARCHED: [&str; 4] = [
 ];
 
 /// Who means one in particular, and why.
-const EXCEPTIONS: [(&str, &str); 8] = [
+const EXCEPTIONS: [(&str, &str); 9] = [
+    (
+        "host/focus/src/live.rs",
+        "a live image is backprojected pulse by pulse",
+    ),
     ("host/focus/src/strip", "a stage of that name"),
     (
         "host/planner/src/radar.rs",
@@ -143,6 +147,56 @@ fn a_former_knows_no_other() {
             }
         }
     }
+}
+
+/// Where the library has words like options, and what they are.
+const LIKE_OPTIONS: [(&str, &str); 3] = [
+    ("host/gallery/src/page.rs", "a style sheet's variables"),
+    (
+        "host/io/src/recording/mod.rs",
+        "where a setting comes from, as its faults name it",
+    ),
+    (
+        "host/simulate/src/scenario/mod.rs",
+        "where a setting comes from, as its faults name it",
+    ),
+];
+
+/// Messages of the library say what is wrong and what would help; how that is typed is the command's to say
+/// (`host/subap/src/advice.rs`).
+#[test]
+fn the_command_alone_names_options() {
+    let mut used = [false; LIKE_OPTIONS.len()];
+    let mut strays = Vec::new();
+    let mut searched = 0;
+    for path in sources(&root().join("host")) {
+        let name = path.strip_prefix(root()).unwrap();
+        let is_library = !name.starts_with("host/subap") && name.iter().any(|part| part == "src");
+        if !is_library {
+            continue;
+        }
+        searched += 1;
+        let text = fs::read_to_string(&path).unwrap();
+        for (number, line) in code(&text) {
+            // No operator of the language is written so.
+            let mut parts = line.split("--").skip(1);
+            if !parts.any(|rest| rest.starts_with(|c: char| c.is_ascii_lowercase())) {
+                continue;
+            }
+            match LIKE_OPTIONS
+                .iter()
+                .position(|(place, _)| name == Path::new(place))
+            {
+                Some(known) => used[known] = true,
+                None => strays.push(format!("{}:{number}: {line}", name.display())),
+            }
+        }
+    }
+    assert!(strays.is_empty(), "{strays:#?}");
+    assert!(
+        used.iter().all(|used| *used) && searched > 200,
+        "{used:?} {searched}"
+    );
 }
 
 /// What the list describes is what can be typed, with its help, and completed.

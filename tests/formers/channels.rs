@@ -171,6 +171,30 @@ fn formers_keep_their_bound_on_the_sum_of_channels() {
     }
 }
 
+/// So few turns that the step from channel to channel is none that stands out.
+#[test]
+fn bounds_are_kept_where_channels_have_few_pulses() {
+    let grid: ImageGrid = "x=-16:16:2.3,y=-16:16:2.1,z=0".parse().unwrap();
+    for turns in [1, 2, 5] {
+        let mut experiment = radar(2, five_points());
+        experiment.radar.num_pulses = 2 * turns;
+        let channels = experiment.channels(1 << 26).unwrap();
+        let expected = sum_over_all(&channels, &grid);
+        let sum = channels.coherent_sum().unwrap();
+        let formers: [&dyn ImageFormer; 3] = [
+            &Backprojection::default(),
+            &RangeDoppler::default(),
+            &FastFactorised::default(),
+        ];
+        for former in formers {
+            let formed = form(former, &sum, &grid, Window::None).unwrap();
+            let measured_db = error_db(&formed.image.pixels, &expected);
+            println!("{turns} turns, {}: {measured_db:.1} dB", former.name());
+            assert!(measured_db < -60.0, "{turns}: {}", former.name());
+        }
+    }
+}
+
 #[test]
 fn a_unit_scatterer_reads_1_with_any_number_of_channels() {
     let grid: ImageGrid = "x=-2:2:0.5,y=-2:2:0.5,z=0".parse().unwrap();

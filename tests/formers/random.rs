@@ -116,7 +116,9 @@ impl Bench {
             Ok(formed) => formed,
             Err(error) => {
                 let reason = match error {
-                    FormError::BoundMissed { ref limit, .. } if limit.contains("dark") => "dark",
+                    FormError::BoundMissed { ref limit, .. } if limit.why.contains("dark") => {
+                        "dark"
+                    }
                     FormError::BoundMissed { .. } => "bound",
                     FormError::Unsuited(_) => "unsuited",
                     FormError::Memory { .. } => "memory",

@@ -251,14 +251,21 @@ fn threads_change_nothing_and_faults_are_told() {
     let told = |maps: &[OwnedMap], memory: u64, monitor: &dyn Monitor, parts: &[&str]| {
         let error = bench
             .try_form(maps, Arithmetic::Float, -60.0, memory, monitor)
-            .unwrap_err()
-            .to_string();
+            .unwrap_err();
         for part in parts {
-            assert!(error.contains(part), "{error}");
+            assert!(
+                format!("{error} {:?}", error.remedies()).contains(part),
+                "{error}"
+            );
         }
     };
     told(&[], 1 << 30, &Silent, &["there are no maps in 'bench'"]);
-    told(&bench.maps, 1000, &Silent, &["--memory"]);
+    told(
+        &bench.maps,
+        1000,
+        &Silent,
+        &["of the 1000 bytes allowed", "MoreMemory"],
+    );
     struct Impatient;
     impl Monitor for Impatient {
         fn progress(&self, _fraction: f64) {}

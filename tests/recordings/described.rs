@@ -322,7 +322,7 @@ fn each_error_points_to_its_line() {
         );
     }
     let error = RecordingFile::new("r.toml", ARM, folder.path()).history(1 << 20);
-    assert!(error.unwrap_err().to_string().contains("raise --memory"));
+    assert!(error.unwrap_err().to_string().contains("allow more"));
     let mut file = RecordingFile::new("r.toml", ARM, folder.path());
     let error = file.set("platform.radios", "1 m").unwrap_err().to_string();
     assert!(error.contains("did you mean 'platform.radius'?"), "{error}");

@@ -7,7 +7,7 @@ use num_complex::Complex32;
 
 use super::Views;
 use subaperture_focus::bp::Backprojection;
-use subaperture_focus::{FormError, ImageFormer, Task};
+use subaperture_focus::{FormError, ImageFormer, Remedy, Task};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, power};
 use subaperture_model::monitor::Monitor;
@@ -126,7 +126,7 @@ pub fn merits(
         what: "tuning",
         needed_bytes: held.into(),
         budget_bytes: memory_bytes,
-        advice: "raise --memory, or use a smaller or coarser --grid",
+        remedies: &[Remedy::MoreMemory, Remedy::FewerPixels],
     })?;
     let quiet = Quiet(monitor);
     let mut whole = vec![Complex32::ZERO; num_pixels as usize];

@@ -46,7 +46,10 @@ use rayon::prelude::*;
 
 use super::budget::Budget;
 use super::exact::{LANES, add_pulse};
-use super::{Aim, Decision, FormError, Formed, ImageFormer, Task, Tile, Work, rounding, sweep};
+use super::{
+    Aim, Decision, FormError, Formed, ImageFormer, Reason, Remedy, Task, Tile, Work, rounding,
+    sweep,
+};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::power;
 use subaperture_model::phase_history::{Channel, Collection, InputFile, PhaseHistory, ReadError};
@@ -98,14 +101,14 @@ pub struct Asked {
 
 impl Asked {
     /// Goes on if an image predicted to err by `predicted_db` will do. `limit` says what limits it and what
-    /// to do.
+    /// would help.
     ///
     /// # Errors
     /// [`FormError::BoundMissed`] if it will not.
     pub fn check(
         &self,
         predicted_db: f64,
-        limit: impl FnOnce() -> String,
+        limit: impl FnOnce() -> Reason,
     ) -> Result<(), FormError> {
         match self.bound_db {
             Some(bound_db)
@@ -224,13 +227,13 @@ impl Judgement {
     /// [`FormError::BoundMissed`].
     pub fn check(&self, asked: &Asked) -> Result<(), FormError> {
         asked.check(self.predicted_db(), || {
-            format!(
+            let error_db = self.plan_for_db(asked.bound_db.unwrap_or(0.0));
+            let why = format!(
                 "the former plans {:.1} dB, and its error at {} pixels is more: the grid is dark, beside \
-                 something bright that it leaves out; include that in --grid, or plan for less with --error-db {:.0}",
-                self.planned_db,
-                self.num_sampled,
-                self.plan_for_db(asked.bound_db.unwrap_or(0.0))
-            )
+                 something bright that it leaves out",
+                self.planned_db, self.num_sampled,
+            );
+            Reason::new(why).helped_by(&[Remedy::GridWith, Remedy::PlanFor { error_db }])
         })
     }
 
@@ -321,9 +324,10 @@ pub(super) fn swept<F: ImageFormer + ?Sized>(
     }
     let swept = sweep::residual(aim.collection, aim.grid);
     asked.check(20.0 * swept.log10(), || {
-        "the antennas move from sample to sample of a pulse, and this former takes all samples of one at one place: \
-         use --algorithm rdbp or bp"
-            .to_owned()
+        Reason::new(
+            "the antennas move from sample to sample of a pulse, and this former takes all samples of one at one place",
+        )
+        .helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"])])
     })?;
     Ok(swept)
 }

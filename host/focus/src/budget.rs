@@ -1,6 +1,6 @@
 //! The memory budget: what is taken of it, and what is left for samples.
 
-use super::{FormError, Task};
+use super::{FormError, Remedy, Task};
 
 /// What is left of a budget of bytes.
 #[derive(Clone, Copy, Debug)]
@@ -30,13 +30,13 @@ impl Budget {
         budget.take(
             "the recording",
             task.history.held_bytes().into(),
-            "raise --memory",
+            &[Remedy::MoreMemory],
         )?;
         let image_bytes = u128::from(task.grid.num_pixels()) * u128::from(bytes_a_pixel);
         budget.take(
             "the image",
             image_bytes,
-            "use a smaller or coarser --grid, or raise --memory",
+            &[Remedy::FewerPixels, Remedy::MoreMemory],
         )?;
         Ok(budget)
     }
@@ -46,7 +46,7 @@ impl Budget {
         self.left_bytes
     }
 
-    /// Takes `bytes` for `what`.
+    /// Takes `bytes` for `what`; `remedies` are what would help where so much is not left.
     ///
     /// # Errors
     /// [`FormError::Memory`] if so much is not left.
@@ -54,7 +54,7 @@ impl Budget {
         &mut self,
         what: &'static str,
         bytes: u128,
-        advice: &'static str,
+        remedies: &'static [Remedy],
     ) -> Result<(), FormError> {
         if bytes > u128::from(self.left_bytes) {
             let taken = u128::from(self.total_bytes - self.left_bytes);
@@ -62,7 +62,7 @@ impl Budget {
                 what,
                 needed_bytes: taken + bytes,
                 budget_bytes: self.total_bytes,
-                advice,
+                remedies,
             });
         }
         self.left_bytes -= bytes as u64;
@@ -79,11 +79,11 @@ impl Budget {
         what: &'static str,
         bytes_each: u64,
         wanted: usize,
-        advice: &'static str,
+        remedies: &'static [Remedy],
     ) -> Result<usize, FormError> {
         let fit = self.left_bytes / 2 / bytes_each.max(1);
         let count = fit.clamp(1, wanted.max(1) as u64);
-        self.take(what, u128::from(count) * u128::from(bytes_each), advice)?;
+        self.take(what, u128::from(count) * u128::from(bytes_each), remedies)?;
         Ok(count as usize)
     }
 }
@@ -100,7 +100,7 @@ pub(crate) fn on_threads(
         return work();
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(workers).build();
-    pool.map_err(|e| FormError::Unsuited(format!("cannot start {workers} threads: {e}")))?
+    pool.map_err(|e| FormError::unsuited(format!("cannot start {workers} threads: {e}")))?
         .install(work)
 }
 
@@ -111,16 +111,17 @@ mod tests {
     #[test]
     fn a_budget_is_never_exceeded() {
         let mut budget = Budget::new(1000);
-        budget.take("image", 600, "").unwrap();
-        assert_eq!(budget.take_block("pulses", 50, 100, "").unwrap(), 4);
-        assert!(budget.take("scratch", 201, "").is_err());
-        budget.take("scratch", 200, "").unwrap();
+        budget.take("image", 600, &[]).unwrap();
+        assert_eq!(budget.take_block("pulses", 50, 100, &[]).unwrap(), 4);
+        assert!(budget.take("scratch", 201, &[]).is_err());
+        budget.take("scratch", 200, &[]).unwrap();
         let error = budget
-            .take_block("pulses", 1, 1, "use fewer")
-            .unwrap_err()
-            .to_string();
+            .take_block("pulses", 1, 1, &[Remedy::FewerPixels])
+            .unwrap_err();
+        assert_eq!(error.remedies(), [Remedy::FewerPixels]);
+        let error = error.to_string();
         assert!(
-            error.contains("needs 1001 bytes of the 1000 bytes allowed: use fewer"),
+            error.contains("needs 1001 bytes of the 1000 bytes allowed"),
             "{error}"
         );
     }

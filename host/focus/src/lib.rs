@@ -22,6 +22,7 @@
 pub mod accuracy;
 pub mod budget;
 pub mod cost;
+mod error;
 pub mod forecast;
 pub mod former;
 pub mod formers;
@@ -44,11 +45,11 @@ use num_complex::Complex32;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Image;
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, ReadError, Weights};
-use subaperture_model::quantity::bytes;
+use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, Weights};
 
 pub use accuracy::{Asked, Judgement, Misses, Settings, TileRecord};
 pub use cost::Cost;
+pub use error::{FormError, Reason, Remedy};
 pub use former::{Aim, Decision, Forming, ImageFormer, SCRATCH_BYTES, Tile, Work};
 pub use formers::{bp, exact, ffbp, omega_k, pfa, rda, rdbp};
 pub use plan::Plan;
@@ -106,7 +107,7 @@ fn check(collection: &Collection, grid: &ImageGrid) -> Result<(), FormError> {
     };
     match collection.pulses.iter().position(|p| !is_number(p)) {
         None => Ok(()),
-        Some(n) => Err(FormError::Unsuited(format!(
+        Some(n) => Err(FormError::unsuited(format!(
             "pulse {n} (from 0) has an antenna, a reference path or a frequency that is not a finite number: \
              repair or drop it"
         ))),
@@ -123,7 +124,7 @@ fn check_not_empty(collection: &Collection, grid: &ImageGrid) -> Result<(), Form
     } else {
         return Ok(());
     };
-    Err(FormError::Unsuited(format!("{what}: there is no image")))
+    Err(FormError::unsuited(format!("{what}: there is no image")))
 }
 
 /// A formed image and what it was formed with.
@@ -172,71 +173,4 @@ impl Formed {
         self.predicted_error_db = predicted_db;
         self.bound_missed = accuracy::note_error(bound_db, predicted_db, &mut self.settings);
     }
-}
-
-/// Why no image was formed.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum FormError {
-    /// Pulses could not be read.
-    #[error(transparent)]
-    Read(#[from] ReadError),
-    /// The work does not fit the budget.
-    #[error("{what} needs {} of the {} allowed: {advice}", bytes(*needed_bytes), bytes((*budget_bytes).into()))]
-    Memory {
-        /// What asked for it.
-        what: &'static str,
-        /// Bytes needed at the least.
-        needed_bytes: u128,
-        /// Bytes allowed.
-        budget_bytes: u64,
-        /// What to change.
-        advice: &'static str,
-    },
-    /// Choices of a plan that are not this former's, or do not fit what is to be formed.
-    #[error("the plan is none of {former}'s for this recording and grid: {what}")]
-    Choices {
-        /// The former's name.
-        former: &'static str,
-        /// What does not fit.
-        what: String,
-    },
-    /// The collection or the settings do not suit this former.
-    #[error("{0}")]
-    Unsuited(String),
-    /// The image would err, or errs, by more than was asked.
-    #[error(
-        "the predicted error is {predicted_db:.1} dB, above the {bound_db} dB asked: {limit}; or allow a larger \
-         error"
-    )]
-    BoundMissed {
-        /// Predicted relative RMS error, dB.
-        predicted_db: f64,
-        /// Bound asked, dB.
-        bound_db: f64,
-        /// What limits it, and what to do.
-        limit: String,
-    },
-    /// A pixel of the image is NaN or infinite.
-    #[error(
-        "pixel ({row}, {column}) of the image, at {position_m:?} m, is not a finite number: a position, a frequency \
-         or a sample of the recording is beyond what can be computed with; repair it"
-    )]
-    NotFinite {
-        /// Row, from 0.
-        row: usize,
-        /// Column, from 0.
-        column: usize,
-        /// Its place in the scene frame.
-        position_m: [f64; 3],
-    },
-    /// A former left pulses out: a fault of it.
-    #[error("not all pulses were read: this is a fault of the former")]
-    PulsesLeftOut,
-    /// A formed tile was not taken.
-    #[error(transparent)]
-    Sink(Box<dyn std::error::Error + Send + Sync>),
-    /// The monitor asked to stop.
-    #[error("interrupted")]
-    Cancelled,
 }

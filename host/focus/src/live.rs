@@ -44,7 +44,7 @@ use super::bp::Backprojection;
 use super::exact::{LANES, add_pulse};
 use super::{
     Aim, Asked, DEFAULT_ERROR_DB, FormError, ImageFormer, Judgement, Misses, SCRATCH_BYTES, Tile,
-    TileRecord, Work, rounding,
+    TileRecord, Work, machine, rounding,
 };
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::{Image, power};
@@ -72,13 +72,13 @@ pub struct Settings {
 }
 
 impl Default for Settings {
-    /// -60 dB, Taylor's window of 35 dB, all pulses, any amount of memory.
+    /// -60 dB, Taylor's window of 35 dB, all pulses, half of the machine's memory.
     fn default() -> Self {
         Self {
             error_db: DEFAULT_ERROR_DB,
             window: Window::default(),
             last_pulses: None,
-            memory_bytes: u64::MAX,
+            memory_bytes: machine::default_bytes(),
         }
     }
 }

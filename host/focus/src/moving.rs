@@ -64,7 +64,7 @@ impl<'a> Moving<'a> {
     ) -> Result<Self, FormError> {
         require_times(history.collection())?;
         if !(velocity_m_s.length() < SPEED_OF_LIGHT_M_S && epoch_s.is_finite()) {
-            return Err(FormError::Unsuited(format!(
+            return Err(FormError::unsuited(format!(
                 "a velocity of {velocity_m_s} m/s at {epoch_s} s is no motion: give finite numbers, and less \
                  than the speed of light"
             )));
@@ -196,7 +196,7 @@ fn require_times(collection: &Collection) -> Result<(), FormError> {
     if collection.timed {
         return Ok(());
     }
-    Err(FormError::Unsuited(format!(
+    Err(FormError::unsuited(format!(
         "{}: the recording tells no times, so nothing in it can be said to move: focus it without a \
          velocity",
         collection.name

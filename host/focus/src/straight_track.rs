@@ -18,7 +18,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::FormError;
+use super::{FormError, Reason, Remedy};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{Collection, Pulse};
 
@@ -55,10 +55,11 @@ impl StraightTrack {
         // A fit of points that all coincide leaves rounding only.
         let rounding_m = 1e-13 * (1.0 + centre_m.length());
         if spacing_m.is_nan() || spacing_m <= rounding_m {
-            return Err(FormError::Unsuited(format!(
-                "the {num_pulses} pulses come from one place, and a straight track is needed: \
-                 use --algorithm bp"
-            )));
+            let why = format!(
+                "the {num_pulses} pulses come from one place, and a straight track is needed"
+            );
+            let remedies = [Remedy::OtherFormer(&["bp"])];
+            return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
         }
         Ok(Self {
             centre_m,
@@ -121,12 +122,14 @@ impl StraightTrack {
         let allowed_m =
             10f64.powf(error_db / 20.0) * SPEED_OF_LIGHT_M_S / (4.0 * PI * frequency_hz);
         if residual_m.is_nan() || residual_m > allowed_m {
-            return Err(FormError::Unsuited(format!(
+            let why = format!(
                 "the track is not straight and even: {residual_m:.2e} m RMS of range are left after \
                  motion compensation to a line, an error of {:.0} dB, and an error of {error_db} dB \
-                 allows {allowed_m:.2e} m: use --algorithm bp or rdbp",
+                 allows {allowed_m:.2e} m",
                 error_db + 20.0 * (residual_m / allowed_m).log10()
-            )));
+            );
+            let remedies = [Remedy::OtherFormer(&["bp", "rdbp"])];
+            return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
         }
         Ok(residual_m)
     }
@@ -197,11 +200,8 @@ mod tests {
             (got_m / expected_m - 1.0).abs() < 0.01,
             "{got_m} {expected_m}"
         );
-        let error = track
-            .check(&swaying, &[p], q, 1e9, -60.0)
-            .unwrap_err()
-            .to_string();
-        assert!(error.contains("use --algorithm bp"), "{error}");
+        let error = track.check(&swaying, &[p], q, 1e9, -60.0).unwrap_err();
+        assert_eq!(error.remedies(), [Remedy::OtherFormer(&["bp", "rdbp"])]);
         assert!(track.check(&swaying, &[p], q, 1e9, -15.0).is_ok());
     }
 

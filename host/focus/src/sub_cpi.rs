@@ -19,7 +19,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::FormError;
+use super::{FormError, Reason, Remedy};
 use subaperture_kernels::paths::{self, Antennas, Line, Points};
 use subaperture_model::phase_history::{Band, Collection, Pulse};
 
@@ -312,9 +312,8 @@ pub fn bins_per_cycle(band: &Band, duration_pulses: f64) -> f64 {
 /// The frequency axis, which both modes need to be the same for all pulses.
 pub fn shared_band(collection: &Collection) -> Result<Band, FormError> {
     collection.band().ok_or_else(|| {
-        FormError::Unsuited(
-            "the frequency axis changes from pulse to pulse; use --algorithm bp".to_owned(),
-        )
+        let why = Reason::new("the frequency axis changes from pulse to pulse");
+        FormError::Unsuited(why.helped_by(&[Remedy::OtherFormer(&["bp"])]))
     })
 }
 

@@ -71,7 +71,7 @@ pub enum WriteError {
     },
     /// Something stands there that this program did not write.
     #[error(
-        "cannot write {}: it is there already, and {what}; name another, or replace it with --force",
+        "cannot write {}: it is there already, and {what}",
         path.display()
     )]
     NotOurs {

@@ -89,11 +89,11 @@ pub enum StoreError {
         what: String,
     },
     /// A tile is not what its mark says.
-    #[error("{}: {what}: remove {} and form the image again with --resume", path.display(), mark.display())]
+    #[error("{}: {what}", path.display())]
     Damaged {
         /// The tile.
         path: PathBuf,
-        /// Its mark.
+        /// Its mark: without that it is formed again.
         mark: PathBuf,
         /// How that shows.
         what: String,

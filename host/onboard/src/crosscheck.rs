@@ -10,8 +10,8 @@ use subaperture_core as core;
 use subaperture_core::keystone::KeystoneTable;
 
 use crate::range_doppler::RangeDopplerMapper;
-use subaperture_focus::FormError;
 use subaperture_focus::budget::Budget;
+use subaperture_focus::{FormError, Reason, Remedy};
 use subaperture_model::image::power;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::PhaseHistory;
@@ -64,11 +64,11 @@ pub fn crosscheck(
 ) -> Result<Report, FormError> {
     let collection = history.collection();
     let band = collection.band().ok_or_else(|| {
-        FormError::Unsuited("the frequency axis changes from pulse to pulse".to_owned())
+        FormError::unsuited("the frequency axis changes from pulse to pulse".to_owned())
     })?;
     let num_pulses = sub_cpi.min(collection.pulses.len());
     if num_pulses == 0 {
-        return Err(FormError::Unsuited(
+        return Err(FormError::unsuited(
             "a sub-CPI needs at least one pulse".to_owned(),
         ));
     }
@@ -102,7 +102,7 @@ pub fn crosscheck(
             length: chirp_length,
         },
     };
-    let refused = |error: &dyn std::fmt::Display| FormError::Unsuited(format!("core: {error}"));
+    let refused = |error: &dyn std::fmt::Display| FormError::unsuited(format!("core: {error}"));
     let plan = core::Plan::new(shape, &params, tables).map_err(|e| refused(&e))?;
     let mut core_history = vec![Complex32::ZERO; shape.history_len()];
     let mut scratch = vec![Complex32::ZERO; plan.scratch_len()];
@@ -140,8 +140,8 @@ fn take_memory(
 ) -> Result<(), FormError> {
     let mut budget = Budget::new(memory_bytes);
     let held_bytes = u128::from(history.held_bytes());
-    budget.take("the recording", held_bytes, "raise --memory")?;
-    let advice = "use a smaller --sub-cpi, or raise --memory";
+    budget.take("the recording", held_bytes, &[Remedy::MoreMemory])?;
+    let remedies = &[Remedy::Smaller(&["sub_cpi"]), Remedy::MoreMemory];
     let tables = ScaledDft::table_bytes(
         shape.num_frequencies,
         shape.num_pulses,
@@ -151,7 +151,7 @@ fn take_memory(
     budget.take(
         "a pair of maps",
         u128::from(tables) + 8 * values as u128,
-        advice,
+        remedies,
     )
 }
 
@@ -168,16 +168,18 @@ fn shape(num_frequencies: usize, num_pulses: usize) -> Result<core::Shape, FormE
         shape.num_doppler_bins = num_pulses.next_power_of_two();
     }
     if num_frequencies > CORE_LARGEST {
-        return Err(FormError::Unsuited(format!(
+        return Err(FormError::unsuited(format!(
             "the core takes at most {CORE_LARGEST} frequencies a pulse, and this recording has \
              {num_frequencies}: it cannot be cross-checked"
         )));
     }
     if shape.chirp_length() > CORE_LARGEST {
-        return Err(FormError::Unsuited(format!(
-            "the core takes at most {} pulses a sub-CPI, not {num_pulses}: give a smaller --sub-cpi",
+        let why = format!(
+            "the core takes at most {} pulses a sub-CPI, not {num_pulses}",
             CORE_LARGEST / 2
-        )));
+        );
+        let remedies = [Remedy::Smaller(&["sub_cpi"])];
+        return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
     }
     Ok(shape)
 }
@@ -227,11 +229,13 @@ mod tests {
     #[test]
     fn sizes_past_the_core_are_refused() {
         assert!(shape(4096, 2048).is_ok());
-        let wide = shape(4097, 10).unwrap_err().to_string();
-        assert!(wide.contains("4096 frequencies") && wide.contains("has 4097"));
+        let wide = shape(4097, 10).unwrap_err();
         // No sub-CPI is small enough for that.
-        assert!(!wide.contains("--sub-cpi"), "{wide}");
-        let long = shape(100, 2049).unwrap_err().to_string();
-        assert!(long.contains("2048 pulses") && long.contains("smaller --sub-cpi"));
+        assert_eq!(wide.remedies(), []);
+        let wide = wide.to_string();
+        assert!(wide.contains("4096 frequencies") && wide.contains("has 4097"));
+        let long = shape(100, 2049).unwrap_err();
+        assert_eq!(long.remedies(), [Remedy::Smaller(&["sub_cpi"])]);
+        assert!(long.to_string().contains("2048 pulses"));
     }
 }

@@ -22,6 +22,9 @@ pub(crate) const DEFAULT_ERROR_DB: f64 = -60.0;
 /// That of maps, dB: so far below, because their image is compared with others that err too.
 pub(crate) const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
 
+/// What to do about a default grid that is not all.
+pub(crate) const OTHER_GRID: &str = "give --grid for another part or for all of it";
+
 /// Settings that every command shares.
 pub(crate) struct Session {
     /// Threads at work.
@@ -140,7 +143,7 @@ impl Session {
             messages::warning(ambiguity);
         }
         if let Some(cropped) = suited.cropped {
-            messages::note(&cropped);
+            messages::note(&format!("{cropped}: {OTHER_GRID}"));
         }
         Ok(suited.grid)
     }

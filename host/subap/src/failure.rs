@@ -4,6 +4,7 @@ use subaperture::focus::FormError;
 use subaperture::io::{cphd, recording};
 use subaperture::onboard::link::LinkError;
 
+use crate::advice::one_line;
 use crate::messages;
 use crate::text::SayError;
 
@@ -61,20 +62,6 @@ pub(crate) fn exit_status(done: anyhow::Result<()>) -> u8 {
     } else {
         FAILED
     }
-}
-
-/// The error and its causes; a cause that its parent already tells is not repeated.
-fn one_line(error: &anyhow::Error) -> String {
-    let mut line = String::new();
-    for cause in error.chain() {
-        let text = cause.to_string();
-        if line.is_empty() {
-            line = text;
-        } else if !line.contains(&text) {
-            line = format!("{line}: {text}");
-        }
-    }
-    line
 }
 
 fn is_interruption(cause: &(dyn std::error::Error + 'static)) -> bool {

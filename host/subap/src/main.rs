@@ -2,6 +2,7 @@
 //! [`subaperture`](https://docs.rs/subaperture).
 #![forbid(unsafe_code)]
 
+mod advice;
 mod ahead;
 mod args;
 mod commands;

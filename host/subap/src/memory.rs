@@ -14,7 +14,7 @@ use subaperture::focus::{FormError, machine};
 use subaperture::phase_history::ReadError;
 
 use crate::failure::Usage;
-use crate::text;
+use crate::{advice, text};
 
 /// Code, tables, buffers of files; what the allocator keeps.
 const PROGRAM_BYTES: u64 = 16 << 20;
@@ -93,7 +93,8 @@ impl Memory {
         }
         let [total, work] = [self.total_bytes, self.work_bytes].map(|n| text::bytes(n.into()));
         anyhow::anyhow!(
-            "{error:#} (of {total} of memory, {work} are for the work, the rest is the program's own)"
+            "{} (of {total} of memory, {work} are for the work, the rest is the program's own)",
+            advice::one_line(&error)
         )
     }
 }

@@ -5,7 +5,9 @@ use serde_json::{Value, json};
 use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::focus::cost::Each;
 use subaperture::focus::patch::PatchSize;
-use subaperture::focus::{Aim, Asked, Cost, Decision, FormError, Forming, ImageFormer, Tile, Work};
+use subaperture::focus::{
+    Aim, Asked, Cost, Decision, FormError, Forming, ImageFormer, Reason, Tile, Work,
+};
 use subaperture::image::Comparison;
 use subaperture::monitor::Monitor;
 use subaperture::num_complex::Complex64;
@@ -34,12 +36,12 @@ impl ImageFormer for Recurrence {
     /// Before any sample is read: what will be done, and what it will err by.
     fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
         if aim.collection.sweeps() {
-            return Err(FormError::Unsuited(
+            return Err(FormError::unsuited(
                 "recurrence: antennas that move while a pulse lasts are not followed".to_owned(),
             ));
         }
         asked.check(PLANNED_DB, || {
-            "float32 holds no more: ask for less".to_owned()
+            Reason::new("float32 holds no more: ask for less")
         })?;
         Ok(Decision {
             choices: json!({}),

@@ -2,13 +2,11 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::DVec3;
-use rayon::prelude::*;
-
 use super::RangeMethod;
+use super::bounds::Bounds;
 use super::taper::{BETA, Taper};
-use crate::FormError;
 use crate::straight_track::StraightTrack;
+use crate::{FormError, Reason, Remedy};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Band;
@@ -88,7 +86,7 @@ impl Axes {
             .map(|k| wavenumber(band.frequency_hz(k)))
             .collect();
         let (least, most) = (wavenumbers[0], wavenumbers[band.count - 1]);
-        let (along_m, range_m) = pixel_bounds(track, grid);
+        let Bounds { along_m, range_m } = Bounds::of(track, grid);
         let reach_m = [
             along_m[0] - track.along_m(track.num_pulses - 1),
             along_m[1] - track.along_m(0),
@@ -100,11 +98,12 @@ impl Axes {
         let pulses = pulses_a_period(track, &taper, reach_m, range_m, least);
         let bins = (along_high - along_low) * pulses * track.spacing_m / TAU;
         if !(pulses < LONGEST && bins < LONGEST) {
-            return Err(FormError::Unsuited(format!(
-                "{pulses:.1e} pulses {:.3e} m apart would have to be transformed at once: use \
-                 --algorithm bp, or a smaller --grid",
+            let why = format!(
+                "{pulses:.1e} pulses {:.3e} m apart would have to be transformed at once",
                 track.spacing_m
-            )));
+            );
+            let remedies = [Remedy::OtherFormer(&["bp"]), Remedy::SmallerGrid];
+            return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
         }
         let period = super::fast_length((pulses as usize).max(track.num_pulses));
         let period_m = period as f64 * track.spacing_m;
@@ -158,13 +157,16 @@ fn directions(reach_m: [f64; 2], range_m: [f64; 2], wavenumber: f64) -> Result<T
     let steepest = taper.ends[0].abs().max(taper.ends[1].abs());
     match range_m[0] > 0.0 && wavenumber > 0.0 && steepest < LARGEST_SINE {
         true => Ok(taper),
-        false => Err(FormError::Unsuited(format!(
-            "pixels from {:.3} m from the track's line on, seen up to {:.0} degrees off \
-             broadside, are too near for a frequency-domain former: use --algorithm bp, or a \
-             --grid farther away or narrower",
-            range_m[0],
-            needed[0].abs().max(needed[1].abs()).asin().to_degrees()
-        ))),
+        false => {
+            let why = format!(
+                "pixels from {:.3} m from the track's line on, seen up to {:.0} degrees off \
+                 broadside, are too near for a frequency-domain former",
+                range_m[0],
+                needed[0].abs().max(needed[1].abs()).asin().to_degrees()
+            );
+            let remedies = [Remedy::OtherFormer(&["bp"]), Remedy::FartherGrid];
+            Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)))
+        }
     }
 }
 
@@ -214,11 +216,9 @@ fn range_axis(
         for sine in [ends[0], ends[1], broadside] {
             let value = method.range_wavenumber(kappa, kappa * sine);
             if !value.is_finite() {
-                return Err(FormError::Unsuited(
-                    "the band is too wide for an expansion about its centre at these angles: use \
-                     --algorithm omega-k or bp"
-                        .to_owned(),
-                ));
+                let why = "the band is too wide for an expansion about its centre at these angles";
+                let remedies = [Remedy::OtherFormer(&["omega-k", "bp"])];
+                return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
             }
             low = low.min(value);
             high = high.max(value);
@@ -230,9 +230,8 @@ fn range_axis(
     let margin = TAPS as f64 / 2.0 + 1.0;
     let samples = ((range_m[1] - range_m[0]) / step_m).ceil() + 2.0 * margin + 1.0;
     if samples >= LONGEST {
-        return Err(FormError::Unsuited(format!(
-            "{samples:.1e} range bins are too many: use a smaller --grid"
-        )));
+        let why = Reason::new(format!("{samples:.1e} range bins are too many"));
+        return Err(FormError::Unsuited(why.helped_by(&[Remedy::SmallerGrid])));
     }
     Ok(ImageAxis {
         first_m: range_m[0] - margin * step_m,
@@ -240,20 +239,4 @@ fn range_axis(
         count: samples as usize,
         carrier: (low + high) / 2.0,
     })
-}
-
-/// Least and most place along the track and closest range over all pixels, metres.
-fn pixel_bounds(track: &StraightTrack, grid: &ImageGrid) -> ([f64; 2], [f64; 2]) {
-    let none = [f64::INFINITY, f64::NEG_INFINITY];
-    let widen = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-    (0..grid.rows.count)
-        .into_par_iter()
-        .map(|row| {
-            let pixels = (0..grid.columns.count).map(|column| grid.position_m(row, column));
-            pixels.fold((none, none), |(along, range), point: DVec3| {
-                let (x, r) = track.along_and_range_m(point);
-                (widen(along, [x, x]), widen(range, [r, r]))
-            })
-        })
-        .reduce(|| (none, none), |a, b| (widen(a.0, b.0), widen(a.1, b.1)))
 }

@@ -43,6 +43,7 @@
 //! then `8 Q (K + R)` bytes, then `8 R (Q + X)` with `X` columns, whichever is the most, and the image.
 
 mod axes;
+mod bounds;
 mod cost;
 mod prediction;
 mod read_out;
@@ -62,7 +63,7 @@ use super::patch::PatchSize;
 use super::probes::probes;
 use super::straight_track::StraightTrack;
 use super::sub_cpi::shared_band;
-use super::{Aim, Asked, Decision, FormError, Forming, Tile, Work, rounding};
+use super::{Aim, Asked, Decision, FormError, Forming, Reason, Remedy, Tile, Work, rounding};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::fast_length::fast_length;
@@ -196,7 +197,7 @@ pub(super) fn decide(
     aim: &Aim,
     method: &dyn RangeMethod,
     asked: &Asked,
-    limit: &str,
+    limit: &Reason,
     settings: serde_json::Value,
 ) -> Result<Decision, FormError> {
     let fitted = Fitted::new(aim.collection, aim.grid, method)?;
@@ -216,7 +217,7 @@ pub(super) fn decide(
         ),
         line: 0.0,
     };
-    asked.check(20.0 * prediction.track.log10(), || prediction.limit(""))?;
+    asked.check(20.0 * prediction.track.log10(), || prediction.limit(limit))?;
     prediction.line = prediction::of_line(aim.weights, aim.grid, track, axes, method);
     let planned_db = prediction.total_db(&[rounding::path_phase_rad(aim)]);
     asked.check(planned_db, || prediction.limit(limit))?;
@@ -313,10 +314,14 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
             spectrum_bytes + range_bytes,
             range_bytes + bytes(ranges, axes.along.count),
         ];
-        let advice = "use a smaller --grid or --algorithm bp, or raise --memory";
+        let remedies = &[
+            Remedy::SmallerGrid,
+            Remedy::OtherFormer(&["bp"]),
+            Remedy::MoreMemory,
+        ];
         let most = steps.into_iter().max().unwrap_or(0);
         let mut budget = Budget::new(work.memory_bytes);
-        budget.take("the two-dimensional spectrum", most, advice)?;
+        budget.take("the two-dimensional spectrum", most, remedies)?;
         let stage = self.method.stage(axes);
         let lengths = [
             3 * axes.period,
@@ -325,7 +330,7 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         ];
         let longest = lengths.into_iter().max().unwrap_or(0);
         let threads = rayon::current_num_threads();
-        budget.take("transforms", bytes(threads, longest), advice)?;
+        budget.take("transforms", bytes(threads, longest), remedies)?;
 
         let spectrum = spectrum::along_track(self, work)?;
         observe(&Stage::new(axes, StageKind::Spectrum, &spectrum));

@@ -30,8 +30,8 @@ use rayon::prelude::*;
 
 use super::{Axes, RangeMethod, stationary_phase_error};
 use crate::probes::{Shares, probes, turned};
-use crate::rounding;
 use crate::straight_track::StraightTrack;
+use crate::{Reason, Remedy, rounding};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Collection, Weights};
 
@@ -61,16 +61,17 @@ impl Prediction {
         rounding::total_db(&[&[self.track + self.line, FLOOR], others].concat())
     }
 
-    /// What limits it, and what to do: `line` says so of a straight track.
-    pub(crate) fn limit(&self, line: &str) -> String {
+    /// What limits it: `line` of a straight track.
+    pub(crate) fn limit(&self, line: &Reason) -> Reason {
         if self.line > self.track {
-            return line.to_owned();
+            return line.clone();
         }
-        format!(
+        let why = format!(
             "the track is not straight and even, and moving each pulse to a line for the middle of the grid leaves an \
-             error of {:.0} dB at its worst corner: use --algorithm rdbp or bp, or a smaller --grid",
+             error of {:.0} dB at its worst corner",
             20.0 * self.track.log10()
-        )
+        );
+        Reason::new(why).helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"]), Remedy::SmallerGrid])
     }
 }
 

@@ -75,5 +75,5 @@ pub(super) fn begun(thesis: &str, method: &str) -> Finding {
 /// The sub-CPI that stands for the thesis's.
 pub(super) fn sub_cpi(scene: &Scene, thesis_pulses: usize) -> Result<usize, FormError> {
     super::forming::like_the_thesis(scene.history.collection(), thesis_pulses)
-        .ok_or_else(|| FormError::Unsuited(format!("{}: pulses do not share a band", scene.title)))
+        .ok_or_else(|| FormError::unsuited(format!("{}: pulses do not share a band", scene.title)))
 }

@@ -99,8 +99,8 @@ impl Array {
         let needed = count.saturating_mul(8);
         if needed > u128::from(memory_bytes) {
             return Err(unsuited(format!(
-                "its {count} values need {needed} bytes of memory and {memory_bytes} are left: raise \
-                 --memory"
+                "its {count} values need {needed} bytes of memory and {memory_bytes} are left: \
+                 allow more"
             )));
         }
         let mut values = element.no_values();
@@ -245,11 +245,8 @@ mod tests {
         for (file, part) in [
             (file(">i2", "(1,)", &[0, 0]), "type '>i2'"),
             (file("<U8", "(1,)", &[0; 32]), "numbers are expected"),
-            (
-                file("<f8", "(1000000,1000000000000)", &[]),
-                "raise --memory",
-            ),
-            (file("<f8", "(126,)", &[]), "raise --memory"),
+            (file("<f8", "(1000000,1000000000000)", &[]), "allow more"),
+            (file("<f8", "(126,)", &[]), "allow more"),
             (
                 file("<f8", "(65536,65,6553655553655,6536,0)", &[]),
                 "no machine",

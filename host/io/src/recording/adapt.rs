@@ -56,8 +56,8 @@ fn check_memory(source: &Source, num_pulses: usize, num_samples: usize) -> Resul
     Err(source.recording.fault(
         "file",
         format!(
-            "{num_pulses} pulses of {num_samples} samples need {needed} bytes of memory and {left} are left: raise \
-             --memory or choose fewer pulses"
+            "{num_pulses} pulses of {num_samples} samples need {needed} bytes of memory and {left} are left: allow \
+             more, or choose fewer pulses"
         ),
     ))
 }

@@ -301,7 +301,7 @@ fn lanes(path: &Path, memory_bytes: u64) -> Result<Array, String> {
     // Samples take twice the bytes of the file, which is held beside them.
     if length.saturating_mul(3) > memory_bytes {
         return Err(format!(
-            "{}: {} bytes of memory are needed and {memory_bytes} are left: raise --memory",
+            "{}: {} bytes of memory are needed and {memory_bytes} are left: allow more",
             path.display(),
             length.saturating_mul(3)
         ));

@@ -232,7 +232,7 @@ pub enum ReadError {
     },
     /// What has to be held does not fit the memory allowed.
     #[error(
-        "{} needs {} of memory and {} are left: raise --memory",
+        "{} needs {} of memory and {} are left",
         path.display(), bytes((*needed_bytes).into()), bytes((*allowed_bytes).into())
     )]
     Memory {

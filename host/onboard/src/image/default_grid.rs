@@ -7,8 +7,8 @@ use super::kernels::Kernels;
 use super::model::sub_cpi_of;
 use super::{arithmetic_error, probe};
 use crate::maps::Maps;
-use subaperture_focus::FormError;
 use subaperture_focus::sub_cpi::SubCpi;
+use subaperture_focus::{FormError, Reason, Remedy};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_resolution::survey::default_grid::round_to_two_digits;
@@ -47,10 +47,10 @@ pub fn default_grid(maps: &dyn Maps, error_db: f64) -> Result<ImageGrid, FormErr
         let middle = low_m.midpoint(high_m);
         let half = ((high_m - low_m) / 2.0 / step).floor() * step;
         Axis::from_range(middle - half, middle + half, step).map_err(|_| {
-            FormError::Unsuited(format!(
-                "no default grid: what the maps hold is not larger along {name} than what they resolve; give one, for \
-                 example --grid x=-50:50:0.5,y=-50:50:0.5,z=0"
-            ))
+            let why = format!(
+                "no default grid: what the maps hold is not larger along {name} than what they resolve"
+            );
+            FormError::Unsuited(Reason::new(why).helped_by(&[Remedy::SomeGrid]))
         })
     };
     let band = high_cycles_m - low_cycles_m;
@@ -63,7 +63,7 @@ pub fn default_grid(maps: &dyn Maps, error_db: f64) -> Result<ImageGrid, FormErr
     );
     // Antennas and patches may lie farther away than pixels.
     match grid.fault() {
-        Some(fault) => Err(FormError::Unsuited(format!(
+        Some(fault) => Err(FormError::unsuited(format!(
             "no default grid: {}: are the patches' places in metres?",
             fault.0
         ))),

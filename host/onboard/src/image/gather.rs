@@ -33,7 +33,7 @@ pub fn patches(maps: &dyn Maps) -> Result<Vec<PatchMaps>, FormError> {
             weight_sum: 0.0,
         });
         if patch.patch != header.patch {
-            return Err(FormError::Unsuited(format!(
+            return Err(FormError::unsuited(format!(
                 "the maps of patch {} are not all of the same patch: give maps of one run",
                 header.patch_index
             )));
@@ -41,7 +41,7 @@ pub fn patches(maps: &dyn Maps) -> Result<Vec<PatchMaps>, FormError> {
         patch.maps.push(index);
     }
     if patches.is_empty() {
-        return Err(FormError::Unsuited(format!(
+        return Err(FormError::unsuited(format!(
             "there are no maps in '{}': record some first",
             maps.run().name
         )));
@@ -54,7 +54,7 @@ pub fn patches(maps: &dyn Maps) -> Result<Vec<PatchMaps>, FormError> {
             .map(|&map| f64::from(headers[map].weight_sum));
         patch.weight_sum = weights.sum();
         if patch.weight_sum.is_nan() || patch.weight_sum <= 0.0 {
-            return Err(FormError::Unsuited(format!(
+            return Err(FormError::unsuited(format!(
                 "the weights of the pulses of patch {index} sum to {}, and a positive sum is needed",
                 patch.weight_sum
             )));

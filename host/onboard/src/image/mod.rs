@@ -53,7 +53,7 @@ use self::model::sub_cpi_of;
 use crate::maps::{Arithmetic, Maps, OwnedMap};
 use subaperture_focus::budget::Budget;
 use subaperture_focus::sub_cpi::{Datum, SubCpi};
-use subaperture_focus::{Asked, FormError, Formed, Misses, Tile};
+use subaperture_focus::{Asked, FormError, Formed, Misses, Reason, Remedy, Tile};
 use subaperture_kernels::reading::weighted;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
@@ -210,13 +210,13 @@ pub fn form(task: &MapsTask) -> Result<(Formed, Report), FormError> {
 fn take_memory(task: &MapsTask) -> Result<(), FormError> {
     let mut budget = Budget::new(task.memory_bytes);
     let [index, image, map] = taken_bytes(task);
-    budget.take("the maps' index", index, "raise --memory")?;
+    budget.take("the maps' index", index, &[Remedy::MoreMemory])?;
     budget.take(
         "the image",
         image,
-        "use a smaller or coarser --grid, or raise --memory",
+        &[Remedy::FewerPixels, Remedy::MoreMemory],
     )?;
-    budget.take("a map", map, "raise --memory")
+    budget.take("a map", map, &[Remedy::MoreMemory])
 }
 
 /// What the straight line of paths leaves at some of a patch's pixels, relative.
@@ -248,12 +248,13 @@ fn predict(
         misses: task.misses,
     };
     asked.check(report.predicted_db, || {
-        format!(
+        let why = format!(
             "reading the maps between their bins leaves {:.1} dB, the straight line of paths {:.1} dB towards the edges \
-             of --grid: use a smaller one",
+             of the grid",
             report.kernel_db,
             20.0 * model_error.log10()
-        )
+        );
+        Reason::new(why).helped_by(&[Remedy::SmallerGrid])
     })
 }
 
@@ -354,7 +355,7 @@ fn add(
     let header = map.header;
     let values = map.into_values();
     if !values.iter().all(|z| z.re.is_finite() && z.im.is_finite()) {
-        return Err(FormError::Unsuited(format!(
+        return Err(FormError::unsuited(format!(
             "the map of sub-CPI {}, patch {} holds a value that is not a finite number: compute it again",
             header.sub_cpi, header.patch_index
         )));

@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use super::UnnamedFirmware;
 use super::place::Firmware;
 use super::transport::{Transport, read_stream, write_stream};
 use super::trust::trusted;
@@ -110,13 +111,8 @@ fn built(kind: Firmware) -> io::Result<PathBuf> {
         .map(|folder| folder.join(&name))
         .find(|path| path.is_file());
     let Some(found) = found else {
-        let text = format!(
-            "there is no {} here or above {}: build it with 'cargo xtask module', or name the \
-             firmware with --firmware",
-            name.display(),
-            here.display()
-        );
-        return Err(io::Error::new(ErrorKind::NotFound, text));
+        let error = UnnamedFirmware::NotThere { name, here };
+        return Err(io::Error::new(ErrorKind::NotFound, error));
     };
     trusted(&found)
 }

@@ -1,6 +1,7 @@
 //! How a transfer ended, and why.
 
 use std::io;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use subaperture_core::link::Refusal;
@@ -8,6 +9,31 @@ use subaperture_core::link::Refusal;
 use super::counts::Counts;
 use super::intake::SinkError;
 use subaperture_model::phase_history::ReadError;
+
+/// Why a firmware that nobody named is not run.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum UnnamedFirmware {
+    /// None is where it is looked for.
+    #[error(
+        "there is no {} here or above {}: build it with 'cargo xtask module', or name the firmware",
+        name.display(), here.display()
+    )]
+    NotThere {
+        /// What is looked for.
+        name: PathBuf,
+        /// Where that begins.
+        here: PathBuf,
+    },
+    /// Others could have put it there.
+    #[error("{} was found, but {what}: if you trust it, name it", firmware.display())]
+    Untrusted {
+        /// What was found.
+        firmware: PathBuf,
+        /// What is open to whom.
+        what: String,
+    },
+}
 
 /// Why a session did not do what it should.
 #[derive(Debug, thiserror::Error)]

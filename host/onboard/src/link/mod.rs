@@ -40,7 +40,7 @@ mod verify;
 pub use counts::Counts;
 #[cfg(unix)]
 pub use emulator::Emulator;
-pub use ending::{Ending, LinkError, Outcome};
+pub use ending::{Ending, LinkError, Outcome, UnnamedFirmware};
 pub use intake::{MapSink, SinkError};
 pub use job::{Job, PulseSource};
 pub use place::{Firmware, Place, PlaceError};

@@ -5,6 +5,8 @@ use std::io::{self, ErrorKind};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use super::UnnamedFirmware;
+
 /// Bits of a mode: others may write, the group may write, and of a folder: entries are their owners' alone.
 const OTHERS_WRITE: u32 = 0o002;
 const GROUP_WRITES: u32 = 0o020;
@@ -27,12 +29,11 @@ pub(super) fn trusted(path: &Path) -> io::Result<PathBuf> {
     for part in whole.ancestors() {
         let about = part.metadata()?;
         if let Some(what) = fault(&about, &mine) {
-            let text = format!(
-                "{} was found, but {} {what}: if you trust it, name it with --firmware",
-                whole.display(),
-                part.display()
-            );
-            return Err(io::Error::new(ErrorKind::PermissionDenied, text));
+            let error = UnnamedFirmware::Untrusted {
+                firmware: whole.clone(),
+                what: format!("{} {what}", part.display()),
+            };
+            return Err(io::Error::new(ErrorKind::PermissionDenied, error));
         }
     }
     Ok(whole)
@@ -79,7 +80,7 @@ mod tests {
             let error = trusted(&file).unwrap_err();
             assert_eq!(error.kind(), ErrorKind::PermissionDenied);
             let text = error.to_string();
-            assert!(text.contains(part) && text.contains("--firmware"), "{text}");
+            assert!(text.contains(part) && text.contains("name it"), "{text}");
         };
         set(&file, 0o666);
         refused("float can be written by every user");

@@ -89,7 +89,7 @@ pub enum PlanError {
     )]
     Frequencies(usize),
     /// Whatever is chosen, the error is larger.
-    #[error("no choice keeps the error below {error_db} dB{}: allow more with --error-db", best(*.best_db))]
+    #[error("no choice keeps the error below {error_db} dB{}", best(*.best_db))]
     Bound {
         /// The bound asked for, dB.
         error_db: f64,
@@ -99,8 +99,7 @@ pub enum PlanError {
     /// The radar moves too far while the samples of a pulse are taken.
     #[error(
         "the antennas move from sample to sample of a pulse, and a module takes all samples of one at one place: that \
-         leaves {residual_db:.1} dB, above {error_db} dB less {MARGIN_DB} dB of reserve; allow more with --error-db, give \
-         a smaller --grid, or use subap focus without a module"
+         leaves {residual_db:.1} dB, above {error_db} dB less {MARGIN_DB} dB of reserve"
     )]
     Swept {
         /// The bound asked for, dB.
@@ -110,8 +109,7 @@ pub enum PlanError {
     },
     /// Nothing that keeps the bound fits.
     #[error(
-        "nothing that keeps {error_db} dB fits: {}; allow a larger error with --error-db, give a \
-         smaller --grid, or more memory",
+        "nothing that keeps {error_db} dB fits: {}",
         least(*.least_bytes)
     )]
     Room {

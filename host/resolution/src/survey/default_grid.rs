@@ -6,7 +6,7 @@ use subaperture_model::phase_history::PhaseHistory;
 
 /// Why a collection has no default grid, and what to do.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("no default grid: {0}; give one, for example --grid x=-50:50:0.5,y=-50:50:0.5,z=0")]
+#[error("no default grid: {0}")]
 pub struct NoDefaultGrid(String);
 
 /// Pixels of a default grid at most: an image of 32 MiB, which any former makes in a minute or so.
@@ -113,7 +113,7 @@ impl Survey {
         let cropped = (kept != pixels).then(|| {
             format!(
                 "the scene's {:.1} x {:.1} m would take {x:.0} x {y:.0} pixels at steps that do not fold ({} x {} m); the \
-                 default grid is its middle, {:.1} x {:.1} m: give --grid for another part or for all of it",
+                 default grid is its middle, {:.1} x {:.1} m",
                 sides_m[0],
                 sides_m[1],
                 steps_m[0],

@@ -460,10 +460,7 @@ mod tests {
         assert_eq!(survey.squint_deg, None);
         assert_eq!(survey.side, None);
         let error = survey.default_grid().unwrap_err().to_string();
-        assert!(
-            error.contains("does not move") && error.contains("--grid"),
-            "{error}"
-        );
+        assert!(error.contains("does not move"), "{error}");
         let json = serde_json::to_string(&survey).unwrap();
         assert!(!json.contains("NaN") && !json.contains("inf"), "{json}");
     }

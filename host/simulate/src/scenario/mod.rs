@@ -132,8 +132,8 @@ impl Scenario {
             .saturating_mul(radar.receivers.len() as u64);
         if pulses_bytes > memory_bytes {
             let what = format!(
-                "{} pulses take {pulses_bytes} bytes, and --memory leaves {memory_bytes}: simulate fewer \
-                 pulses, or raise --memory",
+                "{} pulses take {pulses_bytes} bytes, and {memory_bytes} of memory are left: simulate fewer \
+                 pulses, or allow more",
                 radar.num_pulses
             );
             return Err(vec![top.section("radar").fault("pulses", what)]);

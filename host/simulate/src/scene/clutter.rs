@@ -36,7 +36,7 @@ pub(super) fn check_points(what: &str, count: f64, most: f64) -> Result<(), Scen
         return Ok(());
     }
     Err(SceneError(format!(
-        "{what} of {count} points, and --memory leaves room for {most}: give fewer, or raise --memory"
+        "{what} of {count} points, and memory leaves room for {most}: give fewer, or allow more"
     )))
 }
 

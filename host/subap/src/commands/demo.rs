@@ -28,7 +28,7 @@ use subaperture::simulate::{Preset, Variation};
 use crate::ahead::Ahead;
 use crate::args::Demo;
 use crate::config::{Session, record_of_run};
-use crate::{interrupt, messages, text};
+use crate::{advice, interrupt, messages, text};
 
 /// The scene's 80 x 80 m and 5 m about it, at about half the resolution (0.58 x 0.75 m).
 const GRID: &str = "x=-45:45:0.3,y=-45:45:0.3,z=0";
@@ -257,7 +257,8 @@ fn outcomes(
         let (formed, taken) = form(session, task, &way);
         let formed = match formed {
             // On a grid that somebody chose, not every former need be able.
-            Err(FormError::Unsuited(why)) if typed.grid.is_some() => {
+            Err(error @ FormError::Unsuited(_)) if typed.grid.is_some() => {
+                let why = advice::told(&error);
                 messages::warning(format!("{} is left out: {why}", way.title));
                 continue;
             }

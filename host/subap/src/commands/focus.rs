@@ -22,7 +22,7 @@ use crate::args::{Focus, Imaging};
 use crate::commands::forming::{self, Forming};
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{interrupt, messages, text};
+use crate::{advice, interrupt, messages, text};
 
 /// Forms the image and writes its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
@@ -228,7 +228,8 @@ fn with_advice(error: FormError) -> anyhow::Error {
     match error {
         FormError::BoundMissed { .. } => {
             anyhow::anyhow!(
-                "{error}: raise --error-db, or take the best there is with --allow-error"
+                "{}: raise --error-db, or take the best there is with --allow-error",
+                advice::told(&error)
             )
         }
         error => error.into(),

@@ -22,6 +22,7 @@ use subaperture_core::link::AssembledMap;
 
 use self::picture::Picture;
 use self::work::{Work, plan};
+use crate::advice;
 use crate::args::Link;
 use crate::config::{Session, record_of_run};
 use crate::failure::{InterruptedWithMaps, Usage};
@@ -162,9 +163,12 @@ fn report(
         }
         Ending::Failed(LinkError::Cancelled) => Err(LinkError::Cancelled.into()),
         Ending::Failed(error) if maps > 0 => {
-            bail!("{error}; the {maps} maps received so far are in {path}")
+            bail!(
+                "{}; the {maps} maps received so far are in {path}",
+                advice::told(error)
+            )
         }
-        Ending::Failed(error) => bail!("{error}"),
+        Ending::Failed(error) => bail!("{}", advice::told(error)),
     }
 }
 

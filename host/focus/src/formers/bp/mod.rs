@@ -40,8 +40,8 @@ use crate::former::{chosen, misfit};
 use crate::patch::PatchSize;
 use crate::pixels::for_each_run;
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Tile, Work,
-    rounding,
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Reason,
+    Remedy, Tile, Work, rounding,
 };
 use subaperture_kernels::backprojection::{self, Blurred, Scale};
 use subaperture_kernels::paths::{Antennas, Points};
@@ -213,7 +213,8 @@ pub(crate) fn decide(
         rounding::path_phase_rad(aim),
     ]);
     asked.check(planned_db, || {
-        "float32 sums and profiles leave no less: use --algorithm exact".to_owned()
+        Reason::new("float32 sums and profiles leave no less")
+            .helped_by(&[Remedy::OtherFormer(&["exact"])])
     })?;
     let choices = Choices {
         oversampling,
@@ -291,7 +292,7 @@ impl Forming for Opened<'_> {
             "range profiles of some pulses",
             pulse_bytes * summed.min(num_pulses) as u64,
             num_pulses.div_ceil(summed).min(MOST_PARTS),
-            "raise --memory",
+            &[Remedy::MoreMemory],
         )?;
         let block = (parts * summed).min(num_pulses);
         let mut samples = vec![Complex32::ZERO; block * num_samples];

@@ -27,7 +27,7 @@ use rayon::prelude::*;
 use super::Entry;
 use crate::budget::Budget;
 use crate::patch::PatchSize;
-use crate::{Aim, Asked, Decision, FormError, Forming, ImageFormer, Tile, Work, rounding};
+use crate::{Aim, Asked, Decision, FormError, Forming, ImageFormer, Remedy, Tile, Work, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{PhaseHistory, Pulse, Weights};
@@ -108,7 +108,7 @@ impl Forming for Opened<'_> {
         budget.take(
             "float64 sums",
             count as u128 * u128::from(PIXEL_BYTES),
-            "use a smaller or coarser --grid, or raise --memory",
+            &[Remedy::FewerPixels, Remedy::MoreMemory],
         )?;
         let points: Vec<DVec3> = tiles
             .iter()
@@ -152,7 +152,8 @@ fn sum_at(
     let num_pulses = collection.pulses.len();
     let pulse_bytes = 8 * num_samples as u64;
     let wanted = num_pulses.min(BLOCK_PULSES);
-    let block = budget.take_block("a pulse", pulse_bytes, wanted, "raise --memory")?;
+    let remedies = &[Remedy::MoreMemory];
+    let block = budget.take_block("a pulse", pulse_bytes, wanted, remedies)?;
     let mut samples = vec![Complex32::ZERO; block * num_samples];
     let mut sums = vec![Complex64::ZERO; points.len()];
     for first in (0..num_pulses).step_by(block) {

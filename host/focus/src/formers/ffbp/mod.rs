@@ -44,6 +44,7 @@ mod cost;
 #[cfg(test)]
 mod counted;
 mod descent;
+mod leaf;
 mod patch_history;
 mod patch_view;
 mod shares;
@@ -62,7 +63,8 @@ use crate::former::{chosen, misfit};
 use crate::patch::{self, PatchSize, Patches};
 use crate::sub_cpi::{self, shared_band};
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, Tile, Work, rounding,
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, Reason, Remedy, Tile,
+    Work, rounding,
 };
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Pulse;
@@ -139,7 +141,8 @@ impl ImageFormer for FastFactorised {
         let arithmetic = rounding::path_phase_rad(aim).hypot(rounding::band_phase_rad(aim));
         let planned_db = shares.planned_db(num_pulses, arithmetic);
         asked.check(planned_db, || {
-            "kernels and float32 sums leave no less: use --algorithm bp or exact".to_owned()
+            Reason::new("kernels and float32 sums leave no less")
+                .helped_by(&[Remedy::OtherFormer(&["bp", "exact"])])
         })?;
         let longest = aim.scratch_bytes / stretch_bytes(num_samples);
         let longest = longest.clamp(1, num_pulses as u64) as usize;
@@ -350,13 +353,13 @@ impl<const W: usize> Forming for Opened<'_, W> {
         budget.take(
             "patches",
             self.patches.account_bytes(tiles).into(),
-            "raise --memory",
+            &[Remedy::MoreMemory],
         )?;
         let longest = self.tracks.iter().map(|track| track.pulses().len());
         let longest = longest.max().unwrap_or(0) as u64;
         let num_samples = self.aim.collection.num_samples;
         let bytes = u128::from(longest * stretch_bytes(num_samples));
-        budget.take("a stretch of pulses", bytes, "raise --memory")?;
+        budget.take("a stretch of pulses", bytes, &[Remedy::MoreMemory])?;
         let copies = pulse_bytes(num_samples) * SCRATCH_COPIES * longest;
         let more = budget.left_bytes() / copies.max(1);
         on_threads(more.saturating_add(1) as usize, || {

@@ -1,4 +1,4 @@
-//! A patch's own phase history, its refinement to a smaller patch, and the image of a small one.
+//! A patch's own phase history, and its refinement to a smaller patch.
 //!
 //! **What a decimation costs is measured before it is made.** Over slow time the kernel interpolates
 //! `exp(j phase_p(u))` of each pixel `p` from the decimated antennas to those before. That is evaluated
@@ -14,26 +14,22 @@
 //!
 //! A patch as large as half its distance from the antennas is seen in all directions: its slow time is not decimated.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 
-use super::descent::Target;
+use super::leaf::Leaf;
 use super::patch_view::{Antennas, MARGIN, Patch};
 use super::shares::Shares;
 use super::track::Track;
 use crate::patch::Rectangle;
-use subaperture_kernels::backprojection::{self, Scale};
 use subaperture_kernels::compensation::{self, Ramp};
 use subaperture_kernels::decimation;
-use subaperture_kernels::paths::{self, Points};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::phase::phasor;
-use subaperture_signal::range_profile::RangeProfiler;
 use subaperture_signal::windowed_sinc::WindowedSinc;
 
 /// A decimated history must be at most this much of the one before, or is not made.
@@ -49,15 +45,15 @@ const INNER_RUNS: usize = 3;
 #[derive(Default)]
 pub(super) struct PatchHistory {
     start_hz: f64,
-    step_hz: f64,
-    num_samples: usize,
+    pub(super) step_hz: f64,
+    pub(super) num_samples: usize,
     /// Place of the first pulse on the track, and from pulse to pulse.
     first_u: f64,
     step_u: f64,
-    antennas: Vec<Antennas>,
+    pub(super) antennas: Vec<Antennas>,
     /// Power of a pulse's share of the recorded pulses: 1 of these, the kernels' squares' sum of decimated ones.
     weights: Vec<f64>,
-    samples: Vec<Complex32>,
+    pub(super) samples: Vec<Complex32>,
 }
 
 impl PatchHistory {
@@ -94,7 +90,7 @@ impl PatchHistory {
         self.antennas.len()
     }
 
-    fn frequency_hz(&self, k: f64) -> f64 {
+    pub(super) fn frequency_hz(&self, k: f64) -> f64 {
         self.start_hz + k * self.step_hz
     }
 
@@ -124,16 +120,6 @@ impl PatchHistory {
 pub(super) struct Scratch {
     pub(super) levels: Vec<PatchHistory>,
     pub(super) leaf: Leaf,
-}
-
-/// What imaging a small patch needs.
-#[derive(Default)]
-pub(super) struct Leaf {
-    profilers: BTreeMap<usize, RangeProfiler>,
-    profile: Vec<Complex32>,
-    fft: Vec<Complex32>,
-    points: Points,
-    sums: Vec<Complex32>,
 }
 
 /// How many are left of `count` if `by` are made one.
@@ -166,6 +152,16 @@ impl<'a, const W: usize> Refiner<'a, W> {
             kernel: WindowedSinc::new(W, 0.25),
             shares,
         }
+    }
+
+    /// The pixels.
+    pub(super) fn grid(&self) -> &ImageGrid {
+        self.grid
+    }
+
+    /// Relative RMS error that range profiles may have.
+    pub(super) fn profile_error(&self) -> f64 {
+        self.shares.profile
     }
 
     /// Whether there is anything to be won by smaller patches.
@@ -393,60 +389,5 @@ impl<'a, const W: usize> Refiner<'a, W> {
             }
         }
         true
-    }
-
-    /// Adds the image of `rectangle` by backprojection.
-    pub(super) fn image(
-        &self,
-        history: &PatchHistory,
-        rectangle: Rectangle,
-        target: &mut Target,
-        leaf: &mut Leaf,
-    ) {
-        let Leaf {
-            profilers,
-            profile,
-            fft,
-            points,
-            sums,
-        } = leaf;
-        let profiler = profilers
-            .entry(history.num_samples)
-            .or_insert_with_key(|&count| {
-                let oversampling =
-                    RangeProfiler::oversampling_for(20.0 * self.shares.profile.log10());
-                RangeProfiler::new(&vec![1.0; count], oversampling)
-            });
-        let length = profiler.length();
-        profile.resize(length + 1, Complex32::ZERO);
-        fft.resize(profiler.scratch_length(), Complex32::ZERO);
-        points.clear();
-        target.each(rectangle, |row, column, _| {
-            points.push(self.grid.position_m(row, column).to_array());
-        });
-        sums.clear();
-        sums.resize(points.len(), Complex32::ZERO);
-        #[cfg(test)]
-        super::counted::imaged(history.num_pulses(), length, sums.len());
-        let centre_hz = history.frequency_hz((history.num_samples / 2) as f64);
-        let scale = Scale {
-            cycles_m: centre_hz / SPEED_OF_LIGHT_M_S,
-            bins_m: history.step_hz / SPEED_OF_LIGHT_M_S,
-            weight: 1.0,
-        };
-        let rows = history.samples.chunks_exact(history.num_samples);
-        for (antennas, row) in history.antennas.iter().zip(rows) {
-            profiler.profile(row, profile, fft);
-            let antennas = paths::Antennas {
-                transmitter_m: antennas.transmitter_m.to_array(),
-                receiver_m: antennas.receiver_m.to_array(),
-                datum_m: antennas.datum_m,
-            };
-            backprojection::add_pulse(profile, &scale, &antennas, points, sums);
-        }
-        let mut sums = sums.iter();
-        target.each(rectangle, |_, _, pixel| {
-            *pixel += sums.next().expect("as many as points");
-        });
     }
 }

@@ -55,8 +55,8 @@ use super::{Entry, of};
 use crate::cost::transform;
 use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Formed, Forming, ImageFormer, Misses, Task,
-    accuracy,
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Formed, Forming, ImageFormer, Misses,
+    Reason, Remedy, Task, accuracy,
 };
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
@@ -111,9 +111,11 @@ impl ImageFormer for OmegaK {
 
     fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
         let settings = json!({});
-        let limit = "pixels are seen so steeply, or from so few wavelengths, that the ends of the band of directions ring: use \
-                     --algorithm rdbp or bp, or a --grid farther away or narrower";
-        strip::decide(aim, &Stolt, asked, limit, settings)
+        let limit = Reason::new(
+            "pixels are seen so steeply, or from so few wavelengths, that the ends of the band of directions ring",
+        );
+        let limit = limit.helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"]), Remedy::FartherGrid]);
+        strip::decide(aim, &Stolt, asked, &limit, settings)
     }
 
     fn open<'a>(

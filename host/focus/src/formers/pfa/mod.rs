@@ -62,8 +62,8 @@ use crate::former::{chosen, misfit};
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Tile, Work,
-    rounding,
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Reason,
+    Remedy, Tile, Work, rounding,
 };
 use subaperture_kernels::compensation::{self, Ramp};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -146,11 +146,11 @@ impl ImageFormer for PolarFormat {
         let planned_db = rounding::total_db(&[residual, kernels, rounding::path_phase_rad(aim)]);
         asked.check(planned_db, || {
             if residual > kernels {
-                "paths over so large a grid are not linear in the place: use a smaller --grid, or --algorithm \
-                 rdbp"
-                    .to_owned()
+                Reason::new("paths over so large a grid are not linear in the place")
+                    .helped_by(&[Remedy::SmallerGrid, Remedy::OtherFormer(&["rdbp"])])
             } else {
-                "that is what its kernels can do: use --algorithm rdbp or bp".to_owned()
+                Reason::new("that is what its kernels can do")
+                    .helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"])])
             }
         })?;
         Ok(Decision {
@@ -226,7 +226,7 @@ impl<'a, const W: usize> Opened<'a, W> {
             "a pulse",
             8 * num_samples as u64,
             num_pulses.min(BLOCK_PULSES),
-            "raise --memory",
+            &[Remedy::MoreMemory],
         )?;
         let mut samples = vec![Complex32::ZERO; block * num_samples];
         for first in (0..num_pulses).step_by(block) {
@@ -300,11 +300,10 @@ impl<const W: usize> Forming for Opened<'_, W> {
         // The extent is that of some of the pixels. Of all it is where paths are anywhere near linear; beside an antenna they have
         // a cusp.
         if beyond.into_inner() {
-            return Err(FormError::Unsuited(
-                "linear paths put some pixels beyond all others: the grid lies around an antenna; leave that out of --grid, or \
-                 use --algorithm bp"
-                    .to_owned(),
-            ));
+            let why =
+                "linear paths put some pixels beyond all others: the grid lies around an antenna";
+            let remedies = [Remedy::GridWithout, Remedy::OtherFormer(&["bp"])];
+            return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
         }
         work.monitor.progress(1.0);
         Ok(())

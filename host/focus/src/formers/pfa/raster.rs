@@ -19,8 +19,8 @@ use rayon::prelude::*;
 use subaperture_fft as fft;
 
 use super::plane::{self, Extent};
-use crate::FormError;
 use crate::budget::Budget;
+use crate::{FormError, Reason, Remedy};
 use subaperture_kernels::reading::weighted;
 use subaperture_kernels::spreading::{Band, Line};
 use subaperture_signal::fast_length::fast_length;
@@ -57,11 +57,13 @@ impl RasterAxis {
         let cells = 4.0 * half_m;
         let span = ((high - low) * cells).ceil();
         if span.is_nan() || span > MOST_CELLS {
-            return Err(FormError::Unsuited(format!(
+            let why = format!(
                 "the grid, {:.3e} m wide with its distortion, takes {span:.1e} cells of the scene's \
-                 spectrum: use a smaller --grid or --algorithm rdbp",
+                 spectrum",
                 2.0 * half_m
-            )));
+            );
+            let remedies = [Remedy::SmallerGrid, Remedy::OtherFormer(&["rdbp"])];
+            return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));
         }
         let count = span as usize + taps + 1;
         Ok(Self {
@@ -159,7 +161,11 @@ impl<const W: usize> Raster<W> {
         budget.take(
             "the raster of the scene's spectrum",
             RasterSize::new(band, extent, W)?.bytes(),
-            "use a smaller --grid or --algorithm rdbp, or raise --memory",
+            &[
+                Remedy::SmallerGrid,
+                Remedy::OtherFormer(&["rdbp"]),
+                Remedy::MoreMemory,
+            ],
         )?;
         Ok(Self {
             kernel: KaiserBessel::new(W),

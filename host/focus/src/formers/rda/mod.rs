@@ -59,8 +59,8 @@ use crate::cost::transform;
 use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
 use crate::sub_cpi::shared_band;
 use crate::{
-    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Formed, Forming, ImageFormer, Misses, Task,
-    accuracy,
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Formed, Forming, ImageFormer, Misses,
+    Reason, Remedy, Task, accuracy,
 };
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
@@ -141,9 +141,10 @@ impl ImageFormer for RangeDopplerAlgorithm {
         let settings = json!({
             "secondary_range_compression": self.secondary_compression,
         });
-        let limit = "range cell migration is corrected to the first order in frequency only: use --algorithm omega-k, or a \
-                     smaller --grid";
-        strip::decide(aim, &method, asked, limit, settings)
+        let limit =
+            Reason::new("range cell migration is corrected to the first order in frequency only")
+                .helped_by(&[Remedy::OtherFormer(&["omega-k"]), Remedy::SmallerGrid]);
+        strip::decide(aim, &method, asked, &limit, settings)
     }
 
     fn open<'a>(

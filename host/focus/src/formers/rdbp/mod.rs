@@ -23,7 +23,9 @@ use serde_json::json;
 
 use super::{Entry, of};
 use crate::former::chosen;
-use crate::{Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer};
+use crate::{
+    Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, Reason, Remedy,
+};
 use subaperture_model::monitor::Monitor;
 
 pub use plan::{Plan, Request};
@@ -154,9 +156,10 @@ impl ImageFormer for RangeDoppler {
                 };
                 let plan = Plan::new(aim.collection, aim.grid, &request)?;
                 asked.check(plan.predicted_db, || {
-                    let sizes =
-                        "sub-CPIs and patches of these sizes, or float32 sums, leave no less";
-                    format!("{sizes}: {}", self.advice())
+                    Reason::new(
+                        "sub-CPIs and patches of these sizes, or float32 sums, leave no less",
+                    )
+                    .helped_by(self.remedies())
                 })?;
                 let choices = precise::Choices::new(aim, &plan, monitor)?;
                 let (grain, cost) = choices.grain_and_cost(aim)?;
@@ -200,12 +203,13 @@ enum Choices {
 
 impl RangeDoppler {
     /// What brings the error down: sizes of the plan's choice, else another former.
-    fn advice(&self) -> &'static str {
+    fn remedies(&self) -> &'static [Remedy] {
+        const BP: Remedy = Remedy::OtherFormer(&["bp"]);
         match (self.sub_cpi.is_some(), self.patch_m.is_some()) {
-            (true, true) => "leave out --sub-cpi and --patch, or use --algorithm bp",
-            (true, false) => "leave out --sub-cpi, or use --algorithm bp",
-            (false, true) => "leave out --patch, or use --algorithm bp",
-            (false, false) => "use --algorithm bp",
+            (true, true) => &[Remedy::LeftOut(&["sub_cpi", "patch"]), BP],
+            (true, false) => &[Remedy::LeftOut(&["sub_cpi"]), BP],
+            (false, true) => &[Remedy::LeftOut(&["patch"]), BP],
+            (false, false) => &[BP],
         }
     }
 }

@@ -91,7 +91,7 @@ impl Plan {
                 .patch_m
                 .is_some_and(|side| side.is_nan() || side <= 0.0)
         {
-            return Err(FormError::Unsuited(
+            return Err(FormError::unsuited(
                 "a sub-CPI needs at least one pulse and a patch a positive side".to_owned(),
             ));
         }

@@ -44,7 +44,7 @@ use crate::cost::Cost;
 use crate::former::misfit;
 use crate::patch::{self, PatchSize, Patches, Rectangle};
 use crate::sub_cpi::{SubCpi, bins_per_cycle, pulses_a_sample, shared_band};
-use crate::{Aim, FormError, Forming, Tile, Work};
+use crate::{Aim, FormError, Forming, Remedy, Tile, Work};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
@@ -53,6 +53,9 @@ use subaperture_signal::scaled_dft::{ScaledDft, Shape};
 
 /// Pulses held at once, at most: enough for threads to have work between reads.
 const BLOCK_PULSES: usize = 4096;
+
+/// What helps where maps and their tables do not fit.
+const SMALLER: &[Remedy] = &[Remedy::Smaller(&["patch", "sub_cpi"]), Remedy::MoreMemory];
 
 /// What is asked of the Doppler transform of each length of sub-CPIs, and bins for each cycle a pulse.
 pub(super) type Shapes = BTreeMap<usize, (Shape, f64)>;
@@ -257,17 +260,13 @@ impl<const W: usize> Forming for Opened<'_, W> {
         budget.take(
             "patches",
             self.patches.account_bytes(tiles).into(),
-            "use a larger --patch, or raise --memory",
+            &[Remedy::Larger("patch"), Remedy::MoreMemory],
         )?;
         let tables = self
             .shapes
             .values()
             .map(|(shape, _)| ScaledDft::table_bytes(num_samples, shape.inputs, shape.outputs));
-        budget.take(
-            "Doppler tables",
-            tables.map(u128::from).sum(),
-            "use a smaller --patch or --sub-cpi, or raise --memory",
-        )?;
+        budget.take("Doppler tables", tables.map(u128::from).sum(), SMALLER)?;
         let mapper = self
             .mapper
             .get_or_init(|| Mapper::new(self.aim, &self.band, &self.shapes));
@@ -277,13 +276,13 @@ impl<const W: usize> Forming for Opened<'_, W> {
             "a range-Doppler map",
             mapper.scratch_bytes(self.longest),
             threads,
-            "use a smaller --patch or --sub-cpi, or raise --memory",
+            SMALLER,
         )?;
         let block = budget.take_block(
             "a sub-CPI",
             (self.longest * num_samples * 8) as u64,
             held_at_once(self.longest, self.sub_cpis.len()),
-            "use a smaller --sub-cpi, or raise --memory",
+            &[Remedy::Smaller(&["sub_cpi"]), Remedy::MoreMemory],
         )?;
         let mut samples = vec![Complex32::ZERO; block * self.longest * num_samples];
         on_threads(workers, || {

@@ -49,7 +49,7 @@ use crate::budget::Budget;
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::sub_cpi::{self, CentreState, shared_band};
-use crate::{Aim, Asked, Decision, FormError, Forming, Tile, Work, rounding};
+use crate::{Aim, Asked, Decision, FormError, Forming, Reason, Remedy, Tile, Work, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::Band;
 use subaperture_signal::fast_length::fast_length;
@@ -58,6 +58,11 @@ use subaperture_signal::sinc_keystone::{SincKeystone, sinc};
 
 /// Pulses a sub-CPI where nothing else is asked for (Figure 4.1).
 pub const SUB_CPI: usize = 40;
+/// What helps against most of it.
+const PRECISE: Remedy = Remedy::Word {
+    option: "mode",
+    word: "precise",
+};
 /// Upsampling of the range axis (5.2).
 const RANGE_PADDING: usize = 10;
 /// Finest upsampling of the Doppler axis: bilinear reading is then at float32's rounding.
@@ -108,13 +113,13 @@ impl Choices {
 
     fn check(&self) -> Result<(), FormError> {
         if self.sub_cpi == 0 {
-            return Err(FormError::Unsuited(
+            return Err(FormError::unsuited(
                 "a sub-CPI needs at least one pulse".to_owned(),
             ));
         }
         let doppler_padding = self.doppler_padding;
         if !(1..=MOST_DOPPLER_PADDING).contains(&doppler_padding) {
-            return Err(FormError::Unsuited(format!(
+            return Err(FormError::unsuited(format!(
                 "Doppler cannot be padded {doppler_padding} times: give 1 to {MOST_DOPPLER_PADDING}"
             )));
         }
@@ -138,7 +143,8 @@ impl Choices {
             linear(longest as f64 / 2.0 / layout.doppler_length as f64) / 5f64.sqrt(),
         ]);
         asked.check(planned_db, || {
-            "the thesis's method on sub-CPIs of this length: use a smaller --sub-cpi, or --mode precise".to_owned()
+            Reason::new("the thesis's method on sub-CPIs of this length")
+                .helped_by(&[Remedy::Smaller(&["sub_cpi"]), PRECISE])
         })?;
         Ok(Decision {
             choices: json!({ "thesis": self }),
@@ -236,14 +242,14 @@ impl<'a> Opened<'a> {
     fn buffers(&self, memory_bytes: u64) -> Result<Buffers, FormError> {
         let (num_samples, longest) = (self.band.count, self.longest);
         let mut budget = Budget::new(memory_bytes);
-        let advice = "use a smaller --sub-cpi, --mode precise, or raise --memory";
+        let remedies = &[Remedy::Smaller(&["sub_cpi"]), PRECISE, Remedy::MoreMemory];
         let map_values = self.doppler_length as u128 * (self.range_length + num_samples) as u128;
-        budget.take("a range-Doppler map", map_values * 8, advice)?;
+        budget.take("a range-Doppler map", map_values * 8, remedies)?;
         if self.choices.keystone {
             let weight_bytes = 2 * u128::from(SincKeystone::bytes(num_samples, longest));
-            budget.take("Keystone weights", weight_bytes, advice)?;
+            budget.take("Keystone weights", weight_bytes, remedies)?;
         }
-        budget.take("a sub-CPI", (longest * num_samples) as u128 * 8, advice)?;
+        budget.take("a sub-CPI", (longest * num_samples) as u128 * 8, remedies)?;
         let zeros = |count: usize| vec![Complex32::ZERO; count];
         Ok(Buffers {
             samples: zeros(longest * num_samples),

@@ -13,10 +13,10 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, Uniform};
 use serde::Serialize;
 use subaperture::focus::exact::Exact;
-use subaperture::focus::{FormError, Task};
+use subaperture::focus::{FormError, Remedy, Task};
 use subaperture::image::{Parts, power};
 
-use crate::messages;
+use crate::{advice, messages};
 
 /// Seed of the pixels' choice: the same pixels every time.
 const SEED: u64 = 1;
@@ -63,10 +63,10 @@ impl Plan {
                 left_bytes: left_bytes as u64,
             }),
             None => Err(FormError::Memory {
-                what: "--check",
+                what: advice::CHECK,
                 needed_bytes,
                 budget_bytes: task.memory_bytes,
-                advice: "check fewer pixels, or raise --memory",
+                remedies: &[Remedy::MoreMemory],
             }),
         }
     }

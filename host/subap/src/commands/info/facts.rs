@@ -4,7 +4,7 @@ use subaperture::resolution::survey::{DefaultGrid, Side, Survey, Widths};
 use subaperture::signal::window::Window;
 
 use super::{Advice, BOUND_DB};
-use crate::config::Session;
+use crate::config::{OTHER_GRID, Session};
 use crate::text::{self, Fact, bytes, degrees, hertz, metres};
 
 /// All of it.
@@ -155,7 +155,7 @@ fn default_grid(session: &Session, survey: &Survey) -> String {
                 } else {
                     ", more than --memory allows"
                 },
-                cropped.map_or_else(String::new, |why| format!("\n{:17}{why}", ""))
+                cropped.map_or_else(String::new, |why| format!("\n{:17}{why}: {OTHER_GRID}", ""))
             )
         }
         Err(why) => why.to_string(),

@@ -1,0 +1,301 @@
+//! What can be typed against an error. The library says what is wrong, with its numbers, and what would help; here that becomes
+//! options, which it knows nothing of.
+
+use std::error::Error;
+use std::io;
+
+use subaperture::focus::plan::PlanError as ImagePlanError;
+use subaperture::focus::{FormError, Remedy};
+use subaperture::io::atomic::WriteError;
+use subaperture::io::product::ReadError as ProductError;
+use subaperture::io::tiles::StoreError;
+use subaperture::io::{cphd, recording};
+use subaperture::onboard::link::{LinkError, UnnamedFirmware};
+use subaperture::onboard::plan::PlanError as ModulePlanError;
+use subaperture::phase_history::ReadError;
+use subaperture::planner::PlanError as RadarPlanError;
+use subaperture::plot::PlotError;
+use subaperture::resolution::survey::NoDefaultGrid;
+
+/// What needs memory for `--check`.
+pub(crate) const CHECK: &str = "--check";
+
+/// A grid to begin with.
+const SOME_GRID: &str = "give one, for example --grid x=-50:50:0.5,y=-50:50:0.5,z=0";
+
+/// An error and its causes in a line, each with what to do about it; a cause that its parent already tells is not repeated.
+pub(crate) fn one_line(error: &anyhow::Error) -> String {
+    let mut line = String::new();
+    for cause in error.chain() {
+        let text = cause.to_string();
+        if line.is_empty() {
+            line = text;
+        } else if !line.contains(&text) {
+            line = format!("{line}: {text}");
+        }
+        let advice = of(cause).unwrap_or_default();
+        if !line.contains(&advice) {
+            line.push_str(&advice);
+        }
+    }
+    line
+}
+
+/// An error with what to do about it.
+pub(crate) fn told(error: &(dyn Error + 'static)) -> String {
+    format!("{error}{}", of(error).unwrap_or_default())
+}
+
+/// What to do about an error, as it goes on after its text.
+fn of(error: &(dyn Error + 'static)) -> Option<String> {
+    if let Some(inner) = inner(error) {
+        return of(inner);
+    }
+    if let Some(error) = error.downcast_ref::<FormError>() {
+        return of_forming(error);
+    }
+    if let Some(ReadError::Memory { .. }) = error.downcast_ref() {
+        return Some(": raise --memory".to_owned());
+    }
+    if error.is::<NoDefaultGrid>() {
+        return Some(format!("; {SOME_GRID}"));
+    }
+    if let Some(WriteError::NotOurs { .. }) = error.downcast_ref() {
+        return Some("; name another, or replace it with --force".to_owned());
+    }
+    if let Some(StoreError::Damaged { mark, .. }) = error.downcast_ref() {
+        let mark = mark.display();
+        return Some(format!(
+            ": remove {mark} and form the image again with --resume"
+        ));
+    }
+    if error.is::<UnnamedFirmware>() {
+        return Some(" with --firmware".to_owned());
+    }
+    let advice = match error.downcast_ref::<ModulePlanError>()? {
+        ModulePlanError::Bound { .. } => ": allow more with --error-db",
+        ModulePlanError::Swept { .. } => {
+            "; allow more with --error-db, give a smaller --grid, or use subap focus without a module"
+        }
+        ModulePlanError::Room { .. } => {
+            "; allow a larger error with --error-db, give a smaller --grid, or more memory"
+        }
+        _ => return None,
+    };
+    Some(advice.to_owned())
+}
+
+/// The error that another one tells as it is, without being its effect.
+fn inner<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a (dyn Error + 'static)> {
+    if let Some(error) = error.downcast_ref::<io::Error>() {
+        return Some(error.get_ref()?);
+    }
+    if let Some(error) = error.downcast_ref::<FormError>() {
+        return match error {
+            FormError::Read(error) => Some(error),
+            FormError::Sink(error) => Some(&**error),
+            _ => None,
+        };
+    }
+    if let Some(ImagePlanError::Form(error)) = error.downcast_ref() {
+        return Some(error);
+    }
+    if let Some(ModulePlanError::Unsuited(error)) = error.downcast_ref() {
+        return Some(error);
+    }
+    if let Some(RadarPlanError::Form(error)) = error.downcast_ref() {
+        return Some(error);
+    }
+    if let Some(LinkError::Recording(error)) = error.downcast_ref() {
+        return Some(error);
+    }
+    if let Some(PlotError::Parts(error)) = error.downcast_ref() {
+        return Some(&**error);
+    }
+    if let Some(ProductError::Tiles(error)) = error.downcast_ref() {
+        return Some(error);
+    }
+    match error.downcast_ref() {
+        Some(cphd::WriteError::Write(error)) => return Some(error),
+        Some(cphd::WriteError::Read(error)) => return Some(error),
+        _ => {}
+    }
+    match error.downcast_ref() {
+        Some(recording::WriteError::Write(error)) => Some(error),
+        Some(recording::WriteError::Read(error)) => Some(error),
+        _ => None,
+    }
+}
+
+fn of_forming(error: &FormError) -> Option<String> {
+    let mut ways: Vec<Way> = error.remedies().iter().map(Way::of).collect();
+    if let FormError::Memory { what: CHECK, .. } = error {
+        ways.insert(0, Way::new("check", "fewer pixels"));
+    }
+    let advice = joined(&ways);
+    Some(match error {
+        FormError::BoundMissed { .. } if ways.is_empty() => "; or allow a larger error".to_owned(),
+        FormError::BoundMissed { .. } => format!(": {advice}; or allow a larger error"),
+        _ if ways.is_empty() => return None,
+        FormError::Unsuited(_) if error.remedies() == [Remedy::SomeGrid] => format!("; {advice}"),
+        _ => format!(": {advice}"),
+    })
+}
+
+/// A thing to do: a verb, and what with.
+struct Way {
+    verb: &'static str,
+    what: String,
+}
+
+impl Way {
+    fn new(verb: &'static str, what: impl Into<String>) -> Self {
+        Self {
+            verb,
+            what: what.into(),
+        }
+    }
+
+    fn of(remedy: &Remedy) -> Self {
+        let option = |name: &str| format!("--{}", name.replace('_', "-"));
+        let options = |names: &[&str], and: &str| {
+            let names: Vec<String> = names.iter().map(|name| option(name)).collect();
+            names.join(and)
+        };
+        match remedy {
+            Remedy::MoreMemory => Self::new("raise", "--memory"),
+            Remedy::OtherFormer(names) => {
+                Self::new("use", format!("--algorithm {}", names.join(" or ")))
+            }
+            Remedy::Word { option: name, word } => {
+                Self::new("use", format!("{} {word}", option(name)))
+            }
+            Remedy::Smaller(names) => {
+                Self::new("use", format!("a smaller {}", options(names, " or ")))
+            }
+            Remedy::Larger(name) => Self::new("use", format!("a larger {}", option(name))),
+            Remedy::LeftOut(names) => Self::new("leave out", options(names, " and ")),
+            Remedy::SmallerGrid => Self::new("use", "a smaller --grid"),
+            Remedy::FewerPixels => Self::new("use", "a smaller or coarser --grid"),
+            Remedy::FartherGrid => Self::new("use", "a --grid farther away or narrower"),
+            Remedy::GridWithout => Self::new("leave that out", "of --grid"),
+            Remedy::GridWith => Self::new("include that", "in --grid"),
+            Remedy::PlanFor { error_db } => {
+                Self::new("plan for less", format!("with --error-db {error_db:.0}"))
+            }
+            Remedy::SomeGrid => Self::new("give one,", SOME_GRID.trim_start_matches("give one, ")),
+            // One that this command knows no option for.
+            other => Self::new("try", format!("{other:?}")),
+        }
+    }
+}
+
+/// `use a, b, or raise c`: a verb that goes on is not repeated.
+fn joined(ways: &[Way]) -> String {
+    let mut text = String::new();
+    for (i, way) in ways.iter().enumerate() {
+        text += match i {
+            0 => "",
+            _ if i + 1 == ways.len() => ", or ",
+            _ => ", ",
+        };
+        if i == 0 || ways[i - 1].verb != way.verb {
+            text += way.verb;
+            text += " ";
+        }
+        text += &way.what;
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use subaperture::focus::Reason;
+
+    use super::*;
+
+    fn unsuited(remedies: &[Remedy]) -> String {
+        told(&FormError::Unsuited(
+            Reason::new("it cannot be").helped_by(remedies),
+        ))
+    }
+
+    #[test]
+    fn remedies_become_options() {
+        use Remedy as R;
+        let bp = R::OtherFormer(&["bp"]);
+        for (remedies, advice) in [
+            (&[][..], ""),
+            (&[R::MoreMemory], ": raise --memory"),
+            (
+                &[R::FewerPixels, R::MoreMemory],
+                ": use a smaller or coarser --grid, or raise --memory",
+            ),
+            (
+                &[R::OtherFormer(&["rdbp", "bp"]), R::FartherGrid],
+                ": use --algorithm rdbp or bp, or a --grid farther away or narrower",
+            ),
+            (
+                &[R::Smaller(&["patch", "sub_cpi"]), R::MoreMemory],
+                ": use a smaller --patch or --sub-cpi, or raise --memory",
+            ),
+            (
+                &[R::Larger("patch"), R::MoreMemory],
+                ": use a larger --patch, or raise --memory",
+            ),
+            (
+                &[
+                    R::Smaller(&["sub_cpi"]),
+                    R::Word {
+                        option: "mode",
+                        word: "precise",
+                    },
+                    R::MoreMemory,
+                ],
+                ": use a smaller --sub-cpi, --mode precise, or raise --memory",
+            ),
+            (
+                &[R::LeftOut(&["sub_cpi", "patch"]), bp],
+                ": leave out --sub-cpi and --patch, or use --algorithm bp",
+            ),
+            (
+                &[R::GridWithout, bp],
+                ": leave that out of --grid, or use --algorithm bp",
+            ),
+            (
+                &[R::GridWith, R::PlanFor { error_db: -71.3 }],
+                ": include that in --grid, or plan for less with --error-db -71",
+            ),
+            (
+                &[R::SomeGrid],
+                "; give one, for example --grid x=-50:50:0.5,y=-50:50:0.5,z=0",
+            ),
+        ] {
+            assert_eq!(unsuited(remedies), format!("it cannot be{advice}"));
+        }
+    }
+
+    #[test]
+    fn advice_goes_through_what_wraps_an_error_and_is_told_once() {
+        let memory = || FormError::Memory {
+            what: "the image",
+            needed_bytes: 2000,
+            budget_bytes: 1000,
+            remedies: &[Remedy::MoreMemory],
+        };
+        let whole = "the image needs 2000 bytes of the 1000 bytes allowed: raise --memory";
+        assert_eq!(told(&memory()), whole);
+        assert_eq!(told(&ImagePlanError::Form(memory())), whole);
+        let error = anyhow::Error::new(memory()).context("focusing a.cphd");
+        assert_eq!(one_line(&error), format!("focusing a.cphd: {whole}"));
+        let missed = FormError::BoundMissed {
+            predicted_db: -40.0,
+            bound_db: -60.0,
+            limit: Reason::new("kernels").helped_by(&[Remedy::OtherFormer(&["bp"])]),
+        };
+        assert_eq!(
+            told(&missed),
+            "the predicted error is -40.0 dB, above the -60 dB asked: kernels: use --algorithm bp; or allow a larger error"
+        );
+    }
+}
