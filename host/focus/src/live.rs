@@ -271,37 +271,7 @@ impl Ring {
     }
 }
 
-/// An image that pulses are added to one at a time.
-///
-/// ```
-/// use num_complex::Complex32;
-/// use subaperture_focus::live::{Live, Settings};
-/// use subaperture_model::geometry::ImageGrid;
-/// use subaperture_model::phase_history::{Pulse, Sweep};
-/// use glam::DVec3;
-///
-/// let grid: ImageGrid = "x=-2:2:1,y=-2:2:1,z=0".parse()?;
-/// let mut live = Live::new(&grid, 16, &Settings::default())?;
-/// // A scatterer of 1 at the reference point: every sample is 1.
-/// for n in 0..3 {
-///     let antenna_m = DVec3::new(n as f64, -100.0, 0.0);
-///     let pulse = Pulse {
-///         time_s: n as f64,
-///         transmitter_m: antenna_m,
-///         receiver_m: antenna_m,
-///         reference_m: DVec3::ZERO,
-///         reference_path_m: 2.0 * antenna_m.length(),
-///         start_hz: 1e9,
-///         step_hz: 5e6,
-///         sweep: Sweep::AT_ONCE,
-///     };
-///     live.push(&pulse, &[Complex32::ONE; 16])?;
-///     let middle = live.image().pixels[2 * 4 + 2];
-///     assert!((middle - Complex32::ONE).norm() < 1e-3);
-/// }
-/// assert!(live.accuracy().predicted_db() < -60.0);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
+/// An image that pulses are added to one at a time: the example `live` of `subaperture` shows it at work.
 pub struct Live {
     grid: ImageGrid,
     settings: Settings,
