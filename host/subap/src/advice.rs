@@ -279,11 +279,11 @@ mod tests {
     fn advice_goes_through_what_wraps_an_error_and_is_told_once() {
         let memory = || FormError::Memory {
             what: "the image",
-            needed_bytes: 2000,
+            needed_bytes: 1010,
             budget_bytes: 1000,
             remedies: &[Remedy::MoreMemory],
         };
-        let whole = "the image needs 2000 bytes of the 1000 bytes allowed: raise --memory";
+        let whole = "the image needs 1010 bytes of the 1000 bytes allowed: raise --memory";
         assert_eq!(told(&memory()), whole);
         assert_eq!(told(&ImagePlanError::Form(memory())), whole);
         let error = anyhow::Error::new(memory()).context("focusing a.cphd");
