@@ -239,7 +239,7 @@ fn memory_is_honoured() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.toml"), SOUND).unwrap();
     let line = "simulate a.toml -o out.cphd --threads 2 --memory 26M --set radar.pulses=100000";
-    run(folder.path(), line).failed(1, &["--memory"]);
+    run(folder.path(), line).failed(1, &["100000 pulses", "raise --memory"]);
     assert!(!folder.path().join("out.cphd").exists());
 }
 

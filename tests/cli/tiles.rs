@@ -327,7 +327,7 @@ fn an_image_larger_than_memory_is_formed_into_one_array() {
     let folder = folder.path();
     recording(folder);
     // 15 MB of pixels, of some 20 MB that 44 leave.
-    for (former, side) in [("bp", 0.088), ("rdbp", 0.088), ("ffbp", 0.088)] {
+    for (former, side) in [("rdbp", 0.088), ("ffbp", 0.088)] {
         let line = format!(
             "focus a.cphd -a {former} --grid x=-60:60:{side},y=-60:60:{side} --threads 2 --force"
         );
@@ -387,7 +387,7 @@ fn a_dark_image_in_tiles_is_planned_for_less() {
     let expected = store(&folder.join("whole"));
     let line = format!("{line} --tiled --resume -o killed");
     let mut random = ChaCha8Rng::seed_from_u64(5);
-    for _ in 0..12 {
+    for _ in 0..8 {
         let mut child = command(folder, line.split_whitespace())
             .stdout(Stdio::null())
             .stderr(Stdio::null())

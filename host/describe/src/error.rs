@@ -46,6 +46,16 @@ pub struct Fault {
     pub message: String,
 }
 
+/// How a message ends where more memory would help.
+pub const ALLOW_MORE_MEMORY: &str = "allow more memory";
+
+impl Fault {
+    /// Whether more memory would help.
+    pub fn wants_memory(&self) -> bool {
+        self.message.ends_with(ALLOW_MORE_MEMORY)
+    }
+}
+
 /// A description that does not make sense, with everything that was found.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct DescriptionError {

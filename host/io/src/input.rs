@@ -7,6 +7,9 @@ use std::time::SystemTime;
 
 use subaperture_model::phase_history::ReadError;
 
+/// What a MATLAB 5 file begins with.
+pub const MATLAB_MAGIC: &[u8] = b"MATLAB 5.0 MAT-file";
+
 /// Whether two are the same file, by whatever names. Where the system does not tell, they are taken to be.
 pub fn same_file(a: &Metadata, b: &Metadata) -> bool {
     #[cfg(unix)]

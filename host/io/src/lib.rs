@@ -48,3 +48,4 @@ pub mod track_axes;
 #[cfg(feature = "recording")]
 pub mod track_csv;
 pub mod unfinished;
+mod write_error;

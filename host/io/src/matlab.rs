@@ -16,7 +16,7 @@ use std::io::Read;
 
 use flate2::read::ZlibDecoder;
 
-use super::open::MATLAB_MAGIC;
+use super::input::MATLAB_MAGIC;
 
 /// A packed variable may unpack to this many times the size of its file. Radar samples pack to a
 /// tenth at the very best; zlib itself reaches 1000, which is only of use to a trap.

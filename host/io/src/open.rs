@@ -16,8 +16,6 @@ use subaperture_model::phase_history::{
 };
 
 const CPHD_MAGIC: &[u8] = b"CPHD/1.";
-/// What a MATLAB 5 file begins with.
-pub(super) const MATLAB_MAGIC: &[u8] = b"MATLAB 5.0 MAT-file";
 const SUPPORTED: &str =
     "CPHD 1.x and GOTCHA (MATLAB 5) files are read, and descriptions of raw recordings (.toml)";
 
@@ -120,7 +118,7 @@ fn format(path: &Path, options: &Options) -> Result<Format, ReadError> {
             path.display()
         )));
     }
-    if start.starts_with(MATLAB_MAGIC) {
+    if start.starts_with(super::input::MATLAB_MAGIC) {
         return Ok(Format::Gotcha);
     }
     if start.starts_with(CPHD_MAGIC) {

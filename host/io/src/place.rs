@@ -5,9 +5,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::atomic::WriteError;
 use super::lock::{Lock, NoLock};
 use super::unfinished::{self, Thing};
+use super::write_error::WriteError;
 
 /// Links that are followed, one after the other.
 const MOST_LINKS: usize = 40;

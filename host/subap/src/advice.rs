@@ -4,6 +4,7 @@
 use std::error::Error;
 use std::io;
 
+use subaperture::describe::{DescriptionError, Fault};
 use subaperture::focus::plan::PlanError as ImagePlanError;
 use subaperture::focus::{FormError, Remedy};
 use subaperture::io::atomic::WriteError;
@@ -68,6 +69,10 @@ fn of(error: &(dyn Error + 'static)) -> Option<String> {
         return Some(format!(
             ": remove {mark} and form the image again with --resume"
         ));
+    }
+    if let Some(error) = error.downcast_ref::<DescriptionError>() {
+        let wanted = error.faults.iter().any(Fault::wants_memory);
+        return wanted.then(|| "\nraise --memory to allow it more".to_owned());
     }
     if error.is::<UnnamedFirmware>() {
         return Some(" with --firmware".to_owned());

@@ -7,7 +7,7 @@ use num_complex::Complex32;
 
 use super::forming::{backprojection, form, grid_about, lone_scatterer, side_by_side, thesis};
 use super::measure::{level_db, peak_db, points_db, strongest_near, widths_m};
-use super::point_cuts::cuts;
+use super::point_cuts::{CUT_M, CUT_STEP_M, cuts};
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
 use subaperture_model::image::{Comparison, Image};
 use subaperture_model::phase_history::{InMemory, PhaseHistory};
@@ -67,13 +67,6 @@ pub(super) const ITEMS: [Item; 7] = [
         reproduce: single_sub_cpi,
     },
 ];
-
-/// Sub-CPIs of the cuts: 8, 10, 20 and 26 of them.
-pub(super) const LENGTHS: [usize; 4] = [130, 104, 52, 40];
-/// Pixels of a cut, metres: an eighth of the cross-range resolution.
-pub(super) const CUT_STEP_M: f64 = 0.0625;
-/// Reach of a cut, metres.
-pub(super) const CUT_M: f64 = 20.0;
 
 fn table(_: &Context) -> Result<Finding, ItemError> {
     let simulated = lone_scatterer(DVec3::ZERO);

@@ -4,7 +4,6 @@ use glam::DVec3;
 
 use super::forming::{backprojection, form, grid_about, lone_scatterer, thesis};
 use super::measure::{largest_difference_db, level_db, points_db};
-use super::point::{CUT_M, CUT_STEP_M, LENGTHS};
 use crate::{Check, Context, Finding, ItemError, Picture};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::Image;
@@ -12,6 +11,13 @@ use subaperture_model::phase_history::PhaseHistory;
 use subaperture_planner::grating::lobes;
 use subaperture_plot::{Chart, Curve, Stroke, lines};
 use subaperture_simulate::Simulated;
+
+/// Sub-CPIs of the cuts: 8, 10, 20 and 26 of them.
+const LENGTHS: [usize; 4] = [130, 104, 52, 40];
+/// Pixels of a cut, metres: an eighth of the cross-range resolution.
+pub(super) const CUT_STEP_M: f64 = 0.0625;
+/// Reach of a cut, metres.
+pub(super) const CUT_M: f64 = 20.0;
 
 /// Cuts through the image of one scatterer.
 struct Cuts {

@@ -100,7 +100,7 @@ impl Array {
         if needed > u128::from(memory_bytes) {
             return Err(unsuited(format!(
                 "its {count} values need {needed} bytes of memory and {memory_bytes} are left: \
-                 allow more"
+                 allow more memory"
             )));
         }
         let mut values = element.no_values();
@@ -245,8 +245,11 @@ mod tests {
         for (file, part) in [
             (file(">i2", "(1,)", &[0, 0]), "type '>i2'"),
             (file("<U8", "(1,)", &[0; 32]), "numbers are expected"),
-            (file("<f8", "(1000000,1000000000000)", &[]), "allow more"),
-            (file("<f8", "(126,)", &[]), "allow more"),
+            (
+                file("<f8", "(1000000,1000000000000)", &[]),
+                "allow more memory",
+            ),
+            (file("<f8", "(126,)", &[]), "allow more memory"),
             (
                 file("<f8", "(65536,65,6553655553655,6536,0)", &[]),
                 "no machine",

@@ -1,7 +1,7 @@
 //! Which pulses are used, when they were taken, and where the antennas were.
 
 use super::arrays::Source;
-use super::track::{self, Track};
+use super::track::{self, Track, unit_s};
 use subaperture_describe::error::Found;
 use subaperture_describe::values::Values;
 use subaperture_describe::{place, radar};
@@ -79,16 +79,6 @@ pub(super) struct Chosen {
 
 /// Half of the time over which a speed is taken, seconds: long against the noise of a track, short against a push.
 const HALF_SPAN_S: f64 = 0.05;
-
-/// Seconds in a unit of arrays of times.
-pub(super) fn unit_s(unit: &str) -> f64 {
-    match unit {
-        "ms" => 1e-3,
-        "us" => 1e-6,
-        "ns" => 1e-9,
-        _ => 1.0,
-    }
-}
 
 /// The pulses that `[recording]` chooses of all `count`, of every channel; or those `given`, numbered as
 /// [`super::Take::pulses`].

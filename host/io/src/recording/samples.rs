@@ -12,7 +12,7 @@ use num_complex::Complex32;
 
 use super::arrays::Source;
 use crate::npy::{Array, Values as Numbers};
-use subaperture_describe::error::Found;
+use subaperture_describe::error::{ALLOW_MORE_MEMORY, Found};
 use subaperture_describe::values::Values;
 
 /// Samples as recorded: a row for every receiver of every sweep.
@@ -301,7 +301,7 @@ fn lanes(path: &Path, memory_bytes: u64) -> Result<Array, String> {
     // Samples take twice the bytes of the file, which is held beside them.
     if length.saturating_mul(3) > memory_bytes {
         return Err(format!(
-            "{}: {} bytes of memory are needed and {memory_bytes} are left: allow more",
+            "{}: {} bytes of memory are needed and {memory_bytes} are left: {ALLOW_MORE_MEMORY}",
             path.display(),
             length.saturating_mul(3)
         ));

@@ -5,13 +5,22 @@ use std::sync::Arc;
 use glam::{DQuat, DVec3};
 
 use super::arrays::Source;
-use super::pulses::unit_s;
 use crate::track_axes::TrackAxes;
 use crate::{motive, recorded_track, track_csv};
 use subaperture_describe::error::Found;
 use subaperture_describe::values::Values;
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::track::{self, Fix, Pose, Rail, SampledTrack, Trajectory, turned};
+
+/// Seconds in a unit of arrays of times.
+pub(super) fn unit_s(unit: &str) -> f64 {
+    match unit {
+        "ms" => 1e-3,
+        "us" => 1e-6,
+        "ns" => 1e-9,
+        _ => 1.0,
+    }
+}
 
 /// A track, and the times that it is known for; all if `None`.
 pub(super) struct Track {

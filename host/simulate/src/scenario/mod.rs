@@ -55,7 +55,7 @@ use std::path::{Path, PathBuf};
 
 use super::engine::Method;
 use super::experiment::Experiment;
-use error::Found;
+use error::{ALLOW_MORE_MEMORY, Found};
 use subaperture_describe::{Description, error, radar, values};
 
 pub use keys::reference;
@@ -133,7 +133,7 @@ impl Scenario {
         if pulses_bytes > memory_bytes {
             let what = format!(
                 "{} pulses take {pulses_bytes} bytes, and {memory_bytes} of memory are left: simulate fewer \
-                 pulses, or allow more",
+                 pulses, or {ALLOW_MORE_MEMORY}",
                 radar.num_pulses
             );
             return Err(vec![top.section("radar").fault("pulses", what)]);

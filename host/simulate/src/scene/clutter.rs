@@ -22,6 +22,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use super::SceneError;
 use crate::Scatterer;
+use subaperture_describe::error::ALLOW_MORE_MEMORY;
 use subaperture_model::geometry::Extent;
 
 /// Stream of random numbers.
@@ -36,7 +37,7 @@ pub(super) fn check_points(what: &str, count: f64, most: f64) -> Result<(), Scen
         return Ok(());
     }
     Err(SceneError(format!(
-        "{what} of {count} points, and memory leaves room for {most}: give fewer, or allow more"
+        "{what} of {count} points, and memory leaves room for {most}: give fewer, or {ALLOW_MORE_MEMORY}"
     )))
 }
 

@@ -1,54 +1,21 @@
 //! The way from a first patch to the small ones of which an image is made.
 
-use std::ops::Range;
-
-use num_complex::Complex32;
-
 use super::LEAF_PIXELS;
-use super::patch_history::{PatchHistory, Refiner, Scratch};
+use super::leaf::Leaf;
+use super::patch_history::{PatchHistory, Refiner};
+use super::target::Target;
 use super::track::Track;
-use crate::patch::{PatchSize, Rectangle, Segment};
+use crate::patch::{PatchSize, Rectangle};
 use subaperture_model::monitor::Monitor;
 
 /// Pixels a side at which a patch of few pulses is not: it takes half a megabyte.
 pub(super) const LARGEST_LEAF_PIXELS: usize = 128;
-/// The pixels of a first patch that are wanted.
-pub(super) struct Target<'a, 'b> {
-    pub(super) segments: &'a mut [Segment<'b>],
-}
 
-impl Target<'_, '_> {
-    /// Whether any of them is in `part`.
-    fn wants(&self, part: &Rectangle) -> bool {
-        self.segments.iter().any(|segment| {
-            let rows = part.row..part.row + part.size.rows;
-            rows.contains(&segment.row) && !common(segment, part).is_empty()
-        })
-    }
-
-    /// Those in `part`: row, column and pixel.
-    pub(super) fn each(
-        &mut self,
-        part: Rectangle,
-        mut of: impl FnMut(usize, usize, &mut Complex32),
-    ) {
-        let rows = part.row..part.row + part.size.rows;
-        for segment in self.segments.iter_mut() {
-            if !rows.contains(&segment.row) {
-                continue;
-            }
-            for column in common(segment, &part) {
-                let pixel = &mut segment.pixels[column - segment.column];
-                of(segment.row, column, pixel);
-            }
-        }
-    }
-}
-
-/// Columns that a segment and a rectangle share.
-fn common(segment: &Segment, part: &Rectangle) -> Range<usize> {
-    let end = segment.column + segment.pixels.len();
-    segment.column.max(part.column)..end.min(part.column + part.size.columns)
+/// One thread's buffers: a history a level, and a leaf's.
+#[derive(Default)]
+pub(super) struct Scratch {
+    levels: Vec<PatchHistory>,
+    leaf: Leaf,
 }
 
 /// The way from a first patch to its leaves.

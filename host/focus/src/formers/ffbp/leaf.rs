@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use num_complex::Complex32;
 
-use super::descent::Target;
 use super::patch_history::PatchHistory;
+use super::target::Target;
 use crate::patch::Rectangle;
 use subaperture_kernels::backprojection::{self, Scale};
 use subaperture_kernels::paths::{Antennas, Points};

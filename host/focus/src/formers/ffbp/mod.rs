@@ -48,6 +48,7 @@ mod leaf;
 mod patch_history;
 mod patch_view;
 mod shares;
+mod target;
 mod track;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -69,9 +70,10 @@ use crate::{
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Pulse;
 
-use descent::{Descent, Target};
-use patch_history::{PatchHistory, Refiner, Scratch};
+use descent::{Descent, Scratch};
+use patch_history::{PatchHistory, Refiner};
 use shares::Shares;
+use target::Target;
 use track::Track;
 
 /// Patches a side that the image is cut into first: work for threads.

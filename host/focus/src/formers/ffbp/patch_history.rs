@@ -19,7 +19,6 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 
-use super::leaf::Leaf;
 use super::patch_view::{Antennas, MARGIN, Patch};
 use super::shares::Shares;
 use super::track::Track;
@@ -113,13 +112,6 @@ impl PatchHistory {
     fn is_recorded(&self) -> bool {
         self.step_u == 1.0
     }
-}
-
-/// One thread's buffers: a history a level, and a leaf's.
-#[derive(Default)]
-pub(super) struct Scratch {
-    pub(super) levels: Vec<PatchHistory>,
-    pub(super) leaf: Leaf,
 }
 
 /// How many are left of `count` if `by` are made one.

@@ -11,8 +11,8 @@
 //! its own: compensation takes 60 M K. The thesis's maps are of the whole scene, and made for any tile; the precise
 //! mode's are of a patch, and tiles share none where their edges are those of patches.
 
-use super::precise::Shapes;
-use super::thesis::Layout;
+use super::layout::Layout;
+use super::mapper::Shapes;
 use crate::Aim;
 use crate::cost::{Cost, Each, transform};
 use crate::patch::Patches;

@@ -7,7 +7,6 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture_fft::{self as fft, Fft};
 
-use super::precise::Shapes;
 use crate::Aim;
 use crate::exact::add_pulse;
 use crate::patch::{Rectangle, Segment};
@@ -24,6 +23,9 @@ use subaperture_signal::scaled_dft::{ScaledDft, Shape};
 
 /// Pixels whose paths are held at a time.
 const RUN: usize = 64;
+
+/// What is asked of the Doppler transform of each length of sub-CPIs, and bins for each cycle a pulse.
+pub(super) type Shapes = BTreeMap<usize, (Shape, f64)>;
 
 /// Doppler processing for sub-CPIs of one length.
 struct DopplerStage {

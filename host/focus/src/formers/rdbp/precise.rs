@@ -36,7 +36,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::mapper::Mapper;
+use super::mapper::{Mapper, Shapes};
 use super::plan::Plan;
 use super::{ENTRY, cost};
 use crate::budget::{Budget, on_threads};
@@ -56,9 +56,6 @@ const BLOCK_PULSES: usize = 4096;
 
 /// What helps where maps and their tables do not fit.
 const SMALLER: &[Remedy] = &[Remedy::Smaller(&["patch", "sub_cpi"]), Remedy::MoreMemory];
-
-/// What is asked of the Doppler transform of each length of sub-CPIs, and bins for each cycle a pulse.
-pub(super) type Shapes = BTreeMap<usize, (Shape, f64)>;
 
 /// What a plan fixes.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -45,14 +45,14 @@ use serde_json::json;
 use subaperture_fft::{self as fft, Fft};
 
 use super::cost;
+use super::layout::Layout;
 use crate::budget::Budget;
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
-use crate::sub_cpi::{self, CentreState, shared_band};
+use crate::sub_cpi::CentreState;
 use crate::{Aim, Asked, Decision, FormError, Forming, Reason, Remedy, Tile, Work, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::Band;
-use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::phase::{phasor, phasor32};
 use subaperture_signal::sinc_keystone::{SincKeystone, sinc};
 
@@ -63,8 +63,6 @@ const PRECISE: Remedy = Remedy::Word {
     option: "mode",
     word: "precise",
 };
-/// Upsampling of the range axis (5.2).
-const RANGE_PADDING: usize = 10;
 /// Finest upsampling of the Doppler axis: bilinear reading is then at float32's rounding.
 const MOST_DOPPLER_PADDING: usize = 1024;
 
@@ -126,9 +124,15 @@ impl Choices {
         Ok(())
     }
 
+    /// The maps that they mean for `aim`.
+    fn layout(&self, aim: &Aim) -> Result<Layout, FormError> {
+        self.check()?;
+        Layout::new(aim, self.sub_cpi, self.doppler_padding)
+    }
+
     /// What the error of these will be, for `aim`.
     pub(super) fn decide(&self, aim: &Aim, asked: &Asked) -> Result<Decision, FormError> {
-        let layout = Layout::new(aim, self)?;
+        let layout = self.layout(aim)?;
         let (num_samples, longest) = (layout.band.count, layout.longest);
         let linear = |cycles_a_bin: f64| (TAU * cycles_a_bin).powi(2) / 120f64.sqrt();
         let planned_db = rounding::total_db(&[
@@ -160,33 +164,6 @@ impl Choices {
             planned_db,
             grain: PatchSize::PIXEL,
             cost: cost::thesis(aim, &layout, self.keystone),
-        })
-    }
-}
-
-/// Sizes of maps.
-pub(super) struct Layout {
-    pub(super) band: Band,
-    pub(super) sub_cpis: Vec<Range<usize>>,
-    /// Pulses of the longest.
-    pub(super) longest: usize,
-    pub(super) doppler_length: usize,
-    pub(super) range_length: usize,
-}
-
-impl Layout {
-    fn new(aim: &Aim, choices: &Choices) -> Result<Self, FormError> {
-        choices.check()?;
-        let band = shared_band(aim.collection)?;
-        let num_pulses = aim.collection.pulses.len();
-        let longest = choices.sub_cpi.min(num_pulses);
-        let breaks = sub_cpi::breaks(aim.collection);
-        Ok(Self {
-            sub_cpis: sub_cpi::cut(num_pulses, &breaks, choices.sub_cpi),
-            longest,
-            doppler_length: fast_length(choices.doppler_padding * longest),
-            range_length: fast_length(RANGE_PADDING * band.count),
-            band,
         })
     }
 }
@@ -223,7 +200,7 @@ impl<'a> Opened<'a> {
             longest,
             doppler_length,
             range_length,
-        } = Layout::new(&aim, &choices)?;
+        } = choices.layout(&aim)?;
         Ok(Self {
             sub_cpis,
             longest,
