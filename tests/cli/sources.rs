@@ -1,4 +1,7 @@
-//! What sources may name: an image former is found by the list of them, but where one in particular is meant.
+//! What sources may name: an image former is found by the list of them, but where one in particular is meant, and no two
+//! files import each other.
+
+mod circles;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -197,6 +200,36 @@ fn the_command_alone_names_options() {
         used.iter().all(|used| *used) && searched > 200,
         "{used:?} {searched}"
     );
+}
+
+/// Arrows between files of a crate lead one way, as those between crates do.
+#[test]
+fn no_files_import_each_other_in_a_circle() {
+    let hosts = fs::read_dir(root().join("host")).unwrap();
+    let hosts = hosts.map(|entry| entry.unwrap().path());
+    let crates = hosts.chain(["core", "firmware"].map(|name| root().join(name)));
+    let mut found = String::new();
+    let mut searched = 0;
+    for folder in crates.map(|folder| folder.join("src")) {
+        let files: Vec<(String, String)> = sources(&folder)
+            .into_iter()
+            .map(|path| {
+                let name = path.strip_prefix(&folder).unwrap();
+                let text = fs::read_to_string(&path).unwrap();
+                (name.to_str().unwrap().to_owned(), text)
+            })
+            .collect();
+        searched += files.len();
+        for circle in circles::circles(&files) {
+            let place = folder.strip_prefix(root()).unwrap();
+            found += &format!("\nin {}:\n    {}", place.display(), circle.join("\n    "));
+        }
+    }
+    assert!(
+        found.is_empty(),
+        "these import each other; move what they share to a file below them:{found}"
+    );
+    assert!(searched > 300, "{searched}");
 }
 
 /// What the list describes is what can be typed, with its help, and completed.

@@ -7,40 +7,12 @@ use num_complex::Complex32;
 
 use super::channel::Channel;
 use super::experiment::{Experiment, Pair};
+use super::record_error::RecordError;
 use subaperture_model::phase_history::{
-    ChannelError, ChannelHistory, Channels, Collection, PhaseHistory, ReadError,
+    ChannelHistory, Channels, Collection, PhaseHistory, ReadError,
 };
 use subaperture_model::radar::Waveform;
-use subaperture_receive::{Compressed, Deskewed, Echoes, Filter, ReceiveError, Referenced, Skew};
-
-/// An experiment cannot be recorded.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum RecordError {
-    /// A part of it does not make sense.
-    #[error("{name}: {what}")]
-    Unsuited {
-        /// Name of the experiment.
-        name: String,
-        /// What is wrong, and what to do.
-        what: String,
-    },
-    /// The echoes do not make phase history.
-    #[error(transparent)]
-    Receive(#[from] ReceiveError),
-    /// The pairs of antennas do not share pulses.
-    #[error(transparent)]
-    Channels(#[from] ChannelError),
-}
-
-impl RecordError {
-    pub(super) fn new(experiment: &Experiment, what: String) -> Self {
-        Self::Unsuited {
-            name: experiment.name.clone(),
-            what,
-        }
-    }
-}
+use subaperture_receive::{Compressed, Deskewed, Echoes, Filter, Referenced, Skew};
 
 /// Phase history of a pair of antennas, made when read.
 pub struct Recording<'a>(Received<'a>);

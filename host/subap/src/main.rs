@@ -13,6 +13,7 @@ mod log;
 mod memory;
 mod messages;
 mod progress;
+mod terminal;
 mod text;
 
 use std::process::ExitCode;

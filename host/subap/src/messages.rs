@@ -18,9 +18,10 @@ use std::time::{Duration, Instant};
 
 use indicatif::WeakProgressBar;
 use serde_json::{Map, Value, json};
+use subaperture::quantity::seconds;
 
 use crate::log::Log;
-use crate::text;
+use crate::terminal::printable;
 
 static TOLD: Mutex<Told> = Mutex::new(Told {
     begun: None,
@@ -52,7 +53,7 @@ fn told() -> MutexGuard<'static, Told> {
 impl Told {
     /// A line, or several, on standard error.
     fn print(&self, text: &str) {
-        let text = text::printable(text);
+        let text = printable(text);
         let write = || {
             let _ = writeln!(io::stderr().lock(), "{text}");
         };
@@ -164,7 +165,7 @@ pub(crate) fn end(exit_status: u8) {
     let elapsed = told.begun.map_or(Duration::ZERO, |begun| begun.elapsed());
     let text = format!(
         "exit status {exit_status} after {}",
-        text::seconds(elapsed.as_secs_f64())
+        seconds(elapsed.as_secs_f64())
     );
     let more = json!({ "exit_status": exit_status, "elapsed_s": elapsed.as_secs_f64() });
     told.log("end", &text, more);
@@ -182,7 +183,7 @@ pub(crate) fn progress(text: &str, work: &str, fraction: Option<f64>, elapsed: D
 
 /// How long a stretch of work took, for the log.
 pub(crate) fn timing(work: &str, elapsed: Duration) {
-    let text = format!("{work} took {}", text::seconds(elapsed.as_secs_f64()));
+    let text = format!("{work} took {}", seconds(elapsed.as_secs_f64()));
     let more = json!({ "work": work, "elapsed_s": elapsed.as_secs_f64() });
     told().log("timing", &text, more);
 }

@@ -1,6 +1,5 @@
 //! Words and numbers for people.
 
-use std::borrow::Cow;
 use std::io::{self, Write};
 use std::time::Duration;
 
@@ -8,6 +7,7 @@ use serde::Serialize;
 use subaperture::quantity;
 
 use crate::messages;
+use crate::terminal::printable;
 
 pub(crate) use subaperture::quantity::{bytes, degrees, hertz, seconds, significant};
 
@@ -66,21 +66,6 @@ pub(crate) fn say_json(name: &str, value: impl Serialize) -> anyhow::Result<()> 
 pub(crate) fn decibels(level_db: f64) -> String {
     // Adding zero turns -0 into 0.
     format!("{:.2} dB", (level_db * 100.0).round() / 100.0 + 0.0)
-}
-
-/// `text` without control characters but ends of lines and tabs;
-/// they are shown as `\u{1b}`: names come from files,
-/// and no file is to write commands to a terminal.
-pub(crate) fn printable(text: &str) -> Cow<'_, str> {
-    let is_command = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
-    if !text.contains(is_command) {
-        return text.into();
-    }
-    let shown = text.chars().map(|c| match is_command(c) {
-        true => c.escape_default().to_string(),
-        false => c.to_string(),
-    });
-    shown.collect::<String>().into()
 }
 
 /// Puts bytes on standard output as they are.
@@ -159,12 +144,6 @@ mod tests {
         assert_eq!(duration(Duration::from_secs(125)), "2 min 5 s");
         assert_eq!(metres(None), "none");
         assert_eq!(metres(Some(0.2408)), "0.2408 m");
-    }
-
-    #[test]
-    fn names_write_no_commands_to_a_terminal() {
-        assert_eq!(printable("two\nlines of \u{b5}m"), "two\nlines of \u{b5}m");
-        assert_eq!(printable("a\u{1b}[2Jb\r\u{9b}"), "a\\u{1b}[2Jb\\r\\u{9b}");
     }
 
     #[test]

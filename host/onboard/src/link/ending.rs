@@ -7,7 +7,6 @@ use std::time::Duration;
 use subaperture_core::link::Refusal;
 
 use super::counts::Counts;
-use super::intake::SinkError;
 use subaperture_model::phase_history::ReadError;
 
 /// Why a firmware that nobody named is not run.
@@ -34,6 +33,9 @@ pub enum UnnamedFirmware {
         what: String,
     },
 }
+
+/// What a sink of maps fails with.
+pub type SinkError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Why a session did not do what it should.
 #[derive(Debug, thiserror::Error)]

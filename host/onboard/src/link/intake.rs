@@ -6,7 +6,7 @@ use std::ops::Range;
 use subaperture_core::link::{AssembledMap, Encoding, MapAssembly, Report, row_bytes};
 
 use super::counts::Counts;
-use super::ending::LinkError;
+use super::ending::{LinkError, SinkError};
 use super::job::Wanted;
 
 /// Takes the maps that come.
@@ -17,9 +17,6 @@ pub trait MapSink {
     /// Ends the transfer.
     fn accept(&mut self, map: &AssembledMap<'_>) -> Result<(), SinkError>;
 }
-
-/// What a sink fails with.
-pub type SinkError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Takes no map: for a conversation about nothing but who the module is.
 pub(super) struct Nowhere;

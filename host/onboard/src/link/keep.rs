@@ -4,7 +4,8 @@ use subaperture_core::Sc16;
 use subaperture_core::link::{AssembledMap, Encoding, complex32s, sc16s};
 use subaperture_core::stream::BlockFloat;
 
-use super::intake::{MapSink, SinkError};
+use super::ending::SinkError;
+use super::intake::MapSink;
 use crate::maps::{OwnedMap, OwnedSamples};
 use crate::maps_file::MapWriter;
 

@@ -24,14 +24,17 @@ mod counts;
 #[cfg(unix)]
 mod emulator;
 mod ending;
+mod identity;
 mod intake;
 mod job;
 mod keep;
 mod line;
+mod open;
 mod place;
 mod rehearsal;
 mod running_image;
 mod session;
+mod settings;
 mod transport;
 #[cfg(unix)]
 mod trust;
@@ -40,12 +43,15 @@ mod verify;
 pub use counts::Counts;
 #[cfg(unix)]
 pub use emulator::Emulator;
-pub use ending::{Ending, LinkError, Outcome, UnnamedFirmware};
-pub use intake::{MapSink, SinkError};
+pub use ending::{Ending, LinkError, Outcome, SinkError, UnnamedFirmware};
+pub use identity::Identity;
+pub use intake::MapSink;
 pub use job::{Job, PulseSource};
+pub use open::open;
 pub use place::{Firmware, Place, PlaceError};
 pub use rehearsal::rehearse;
 pub use running_image::{MOST_WAITING, RunningImage};
-pub use session::{Buffers, Identity, Session, Settings, Watch};
-pub use transport::{Transport, open};
+pub use session::{Buffers, Session, Watch};
+pub use settings::Settings;
+pub use transport::Transport;
 pub use verify::{HostCore, Verified};

@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 
 use subaperture_core::link::AssembledMap;
 
-use super::ending::{Ending, LinkError};
-use super::intake::{MapSink, SinkError};
+use super::ending::{Ending, LinkError, SinkError};
+use super::intake::MapSink;
 use super::job::{Job, PulseSource};
 use super::session::{Session, Watch};
 use subaperture_focus::forecast::Forecast;

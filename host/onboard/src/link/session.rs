@@ -10,48 +10,17 @@
 
 use std::time::{Duration, Instant};
 
-use subaperture_core::link::{
-    Arithmetic, Command, LinkCounters, Receiver, Report, max_received_bytes,
-};
-use subaperture_core::stream::Capacity;
+use subaperture_core::link::{Command, LinkCounters, Receiver, Report, max_received_bytes};
 
 use super::conversation::{Conversation, Event, Ledger, Step, TICK, Told};
 use super::counts::{Counts, growth};
 use super::ending::{Ending, LinkError, Outcome};
+use super::identity::{Identity, shown};
 use super::intake::{Intake, MapSink, Nowhere};
 use super::job::{Job, PulseSource, Wanted};
 use super::line::{Line, MOST_SAMPLES};
+use super::settings::Settings;
 use super::transport::Transport;
-
-/// How patient a session is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// Wait for an answer before asking again.
-    pub answer: Duration,
-    /// Silence after which the line is connected anew, and given up if that does not help. To this comes the
-    /// time that what was sent may still take to pass, by the line's speed, or 4 kB a second where it
-    /// tells none.
-    pub idle: Duration,
-    /// Further runs, at most, over all that is missing.
-    pub retries: u32,
-    /// Pulses a second, whether or not the module has room; as fast as it has room if none.
-    pub rate_hz: Option<f64>,
-    /// Number of the first configuration and run. A module may remember those of an earlier
-    /// session; they should differ.
-    pub first_number: u32,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            answer: Duration::from_millis(500),
-            idle: Duration::from_secs(10),
-            retries: 3,
-            rate_hz: None,
-            first_number: 1,
-        }
-    }
-}
 
 /// Watches a session.
 pub trait Watch {
@@ -73,17 +42,6 @@ pub trait Watch {
 
 /// Says nothing, never stops.
 impl Watch for subaperture_model::monitor::Silent {}
-
-/// Who a module is.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Identity {
-    /// The arithmetic of its maps.
-    pub arithmetic: Arithmetic,
-    /// The sizes its buffers were built for.
-    pub capacity: Capacity,
-    /// Name and version of its program, without control characters.
-    pub version: String,
-}
 
 /// Memory for what comes, lent to a session.
 pub struct Buffers {
@@ -314,13 +272,4 @@ impl Way<'_> {
             ..ledger.counts
         }
     }
-}
-
-/// A module's words as they are shown: what would reach a terminal as a command is replaced.
-pub(super) fn shown(text: &str) -> String {
-    let replaced = |c: char| match c.is_control() {
-        true => char::REPLACEMENT_CHARACTER,
-        false => c,
-    };
-    text.chars().map(replaced).collect()
 }

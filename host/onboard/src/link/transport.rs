@@ -1,34 +1,19 @@
-//! Bytes to a module and back: TCP and serial lines.
+//! Bytes to a module and back, whatever carries them.
 //!
 //! **What it does.** A [`Transport`] never waits longer than it is told, so that one thread can read and
-//! write in turn: a module that waits to be read does not read either. **Errors**: the system's; the
+//! write in turn: a module that waits to be read does not read either. How that is done on sockets, which TCP and the
+//! emulator have in common, is here; the lines themselves are opened by [`super::open()`]. **Errors**: the system's; the
 //! session then connects anew.
 
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
-use std::path::{Path, PathBuf};
+use std::net::TcpStream;
 use std::time::Duration;
-
-use serial2::SerialPort;
-
-#[cfg(unix)]
-use super::emulator::Emulator;
-use super::place::Place;
-
-/// Longest wait for a connection.
-const CONNECT_LIMIT: Duration = Duration::from_secs(5);
 
 /// Fewer bytes than this are waited a little longer for.
 const FEW_BYTES: usize = 1024;
 
 /// How much longer.
 const GATHER: Duration = Duration::from_micros(500);
-
-/// Bytes given to a serial line at a time: 5.6 ms at 921600 bits a second, so that reading goes on.
-const SERIAL_CHUNK_BYTES: usize = 512;
-
-/// Longest wait for a serial line to take bytes.
-const SERIAL_WRITE: Duration = Duration::from_millis(5);
 
 /// A line to a module.
 pub trait Transport: Send {
@@ -54,71 +39,6 @@ pub trait Transport: Send {
     fn baud(&self) -> Option<u32> {
         None
     }
-}
-
-/// The line to `place`. `firmware` is the program to emulate, where it is not in its usual place;
-/// `verbose` shows what the emulator prints.
-///
-/// # Errors
-/// What could not be opened, and what to do about it.
-pub fn open(
-    place: &Place,
-    firmware: Option<&Path>,
-    verbose: bool,
-) -> io::Result<Box<dyn Transport>> {
-    Ok(match place {
-        Place::Tcp { host, port } => Box::new(Tcp::connect(host, *port)?),
-        Place::Serial { device, baud } => Box::new(Serial::open(device, *baud)?),
-        #[cfg(unix)]
-        Place::Emulate(module) => Box::new(Emulator::start(*module, firmware, verbose)?),
-        #[cfg(not(unix))]
-        Place::Emulate(_) => {
-            let _ = (firmware, verbose);
-            return Err(io::Error::new(
-                ErrorKind::Unsupported,
-                "the emulator is started on Unix systems alone; start one whose serial line is a TCP port and give \
-                 tcp://HOST:PORT",
-            ));
-        }
-    })
-}
-
-/// A TCP connection.
-#[derive(Debug)]
-struct Tcp {
-    host: String,
-    port: u16,
-    stream: TcpStream,
-}
-
-impl Tcp {
-    fn connect(host: &str, port: u16) -> io::Result<Self> {
-        Ok(Self {
-            host: host.to_owned(),
-            port,
-            stream: connect(host, port)?,
-        })
-    }
-}
-
-fn connect(host: &str, port: u16) -> io::Result<TcpStream> {
-    let advice = |error: io::Error| {
-        let text =
-            format!("cannot reach {host}:{port}: {error}; is the module's line served there?");
-        io::Error::new(error.kind(), text)
-    };
-    let mut last = io::Error::new(ErrorKind::NotFound, "the name has no address");
-    for address in (host, port).to_socket_addrs().map_err(advice)? {
-        match TcpStream::connect_timeout(&address, CONNECT_LIMIT) {
-            Ok(stream) => {
-                stream.set_nodelay(true)?;
-                stream.set_nonblocking(true)?;
-                return Ok(stream);
-            }
-            Err(error) => last = error,
-        }
-    }
-    Err(advice(last))
 }
 
 /// What [`read_stream`] and [`write_stream`] work on; set not to block before.
@@ -194,96 +114,9 @@ pub(super) fn write_stream(stream: &mut impl Stream, bytes: &[u8]) -> io::Result
     }
 }
 
-fn is_not_yet(error: &io::Error) -> bool {
+pub(super) fn is_not_yet(error: &io::Error) -> bool {
     matches!(
         error.kind(),
         ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
     )
-}
-
-impl Transport for Tcp {
-    fn read(&mut self, buffer: &mut [u8], wait: Duration) -> io::Result<usize> {
-        read_stream(&mut self.stream, buffer, wait)
-    }
-
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        write_stream(&mut self.stream, bytes)
-    }
-
-    fn reconnect(&mut self) -> io::Result<()> {
-        self.stream = connect(&self.host, self.port)?;
-        Ok(())
-    }
-}
-
-/// A serial line.
-#[derive(Debug)]
-struct Serial {
-    device: PathBuf,
-    baud: u32,
-    port: Option<SerialPort>,
-}
-
-impl Serial {
-    fn open(device: &Path, baud: u32) -> io::Result<Self> {
-        let mut serial = Self {
-            device: device.to_owned(),
-            baud,
-            port: None,
-        };
-        serial.reconnect()?;
-        Ok(serial)
-    }
-
-    fn port(&mut self) -> io::Result<&mut SerialPort> {
-        let gone = || io::Error::new(ErrorKind::NotConnected, "the serial line is not open");
-        self.port.as_mut().ok_or_else(gone)
-    }
-}
-
-impl Transport for Serial {
-    fn read(&mut self, buffer: &mut [u8], wait: Duration) -> io::Result<usize> {
-        let port = self.port()?;
-        // A wait of nothing would be none at all.
-        port.set_read_timeout(wait.max(Duration::from_millis(1)))?;
-        match port.read(buffer) {
-            Err(error) if is_not_yet(&error) => Ok(0),
-            // A device that was pulled out is always ready and has nothing.
-            Ok(0) if !buffer.is_empty() => Err(io::Error::new(
-                ErrorKind::UnexpectedEof,
-                "the serial device is gone",
-            )),
-            read => read,
-        }
-    }
-
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let port = self.port()?;
-        port.set_write_timeout(SERIAL_WRITE)?;
-        match port.write(&bytes[..bytes.len().min(SERIAL_CHUNK_BYTES)]) {
-            Err(error) if is_not_yet(&error) => Ok(0),
-            written => written,
-        }
-    }
-
-    fn reconnect(&mut self) -> io::Result<()> {
-        // Opened for this program alone: the old one has to go first.
-        self.port = None;
-        let (device, baud) = (self.device.display(), self.baud);
-        // 8 data bits, no parity, one stop bit, no flow control: the library's own choice.
-        let port = SerialPort::open(&self.device, baud).map_err(|error| {
-            let text = format!(
-                "cannot open {device} at {baud} bits a second: {error}; is the module plugged in, and \
-                 may you use the device?"
-            );
-            io::Error::new(error.kind(), text)
-        })?;
-        port.discard_buffers()?;
-        self.port = Some(port);
-        Ok(())
-    }
-
-    fn baud(&self) -> Option<u32> {
-        Some(self.baud)
-    }
 }

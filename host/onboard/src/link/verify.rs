@@ -16,7 +16,8 @@ use subaperture_core::stream::{
 };
 use subaperture_core::{Pulse, Sc16};
 
-use super::intake::{MapSink, SinkError};
+use super::ending::SinkError;
+use super::intake::MapSink;
 use super::job::Job;
 use crate::maps::Arithmetic;
 use crate::plan::least_capacity;

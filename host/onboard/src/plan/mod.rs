@@ -4,13 +4,15 @@
 //! [`OnboardPlan`] chooses sub-CPI length, patches and kernel; [`RamBudget`] says what memory that takes,
 //! buffer by buffer; [`LinkBudget`] what goes over the link.
 
+mod choosing;
 mod link;
 mod onboard_plan;
 mod ram;
 mod reach;
 mod search;
 
+pub use choosing::{PlanError, Requirements};
 pub use link::LinkBudget;
-pub use onboard_plan::{OnboardPlan, PlanError, Requirements, Room};
+pub use onboard_plan::{OnboardPlan, Room};
 pub(crate) use ram::least_capacity;
 pub use ram::{Buffer, RamBudget};

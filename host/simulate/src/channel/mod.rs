@@ -44,7 +44,7 @@ use super::engine::{Engine, Method, Scratch, View};
 use super::experiment::{Experiment, Pair};
 use super::receiver::clock::jitter_s;
 use super::receiver::{Impairments, Moment};
-use super::recording::RecordError;
+use super::record_error::RecordError;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::ReadError;
 use subaperture_model::radar::{Antenna, Motion, Reference, Waveform};

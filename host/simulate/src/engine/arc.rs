@@ -20,7 +20,7 @@
 //!   differentiated, with speed `v` and acceleration `a` (per unit of `kappa`) at range `R`:
 //!   `|R''| <= v^2 / R + a`, `|R'''| <= 3 v a / R + 2 v^3 / (sqrt 3 R^2)`.
 //!
-//! `c1` is a place of the NUFFT: a delay rate shifts the beat. `c2` is a series ([`super::fast`]), good for
+//! `c1` is a place of the NUFFT: a delay rate shifts the beat. `c2` is a series ([`super::run`]), good for
 //! `pi |c2| <= 1`, which bounds runs too.
 
 #![allow(

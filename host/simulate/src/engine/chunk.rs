@@ -11,7 +11,6 @@
 
 use glam::DVec3;
 
-use super::nufft::Values;
 use crate::Scatterer;
 
 /// Scatterers in a chunk.
@@ -89,6 +88,19 @@ impl Phases {
             bend: [0.0; LANES],
         }
     }
+}
+
+/// Values and where they go on a NUFFT's grid.
+#[derive(Debug)]
+pub(super) struct Values {
+    /// First cell of the eight.
+    pub(super) cell: Lanes<u32>,
+    /// Place between the fourth and the fifth, 0 to 1.
+    pub(super) fraction: Lanes<f32>,
+    /// Real parts.
+    pub(super) re: Lanes<f32>,
+    /// Imaginary parts.
+    pub(super) im: Lanes<f32>,
 }
 
 impl Values {

@@ -18,10 +18,9 @@ use glam::{DQuat, DVec3};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::chunk::{Chunk, LANES};
-use super::fast::{Run, Work};
+use super::chunk::{Chunk, LANES, Values};
 use super::illumination::Illumination;
-use super::nufft::Values;
+use super::run::{Run, Work};
 use super::{Sweep, View};
 use crate::Scatterer;
 use crate::scene::Scene;

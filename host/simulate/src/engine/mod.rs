@@ -24,6 +24,7 @@ mod fast;
 mod illumination;
 mod lattice;
 mod nufft;
+mod run;
 mod sum;
 
 use num_complex::Complex64;
@@ -97,7 +98,7 @@ pub struct Engine<'a> {
 /// Working memory of one thread. What it was used for before never matters.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    work: fast::Work,
+    work: run::Work,
 }
 
 impl<'a> Engine<'a> {

@@ -26,7 +26,7 @@ use num_complex::Complex64;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
 
-use super::chunk::{LANES, Lanes};
+use super::chunk::{LANES, Values};
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 
@@ -53,19 +53,6 @@ pub(super) struct Grid {
     im: Vec<f32>,
     sum: Vec<Complex64>,
     chunks: usize,
-}
-
-/// Values and where they go.
-#[derive(Debug)]
-pub(super) struct Values {
-    /// First cell of the eight.
-    pub(super) cell: Lanes<u32>,
-    /// Place between the fourth and the fifth, 0 to 1.
-    pub(super) fraction: Lanes<f32>,
-    /// Real parts.
-    pub(super) re: Lanes<f32>,
-    /// Imaginary parts.
-    pub(super) im: Lanes<f32>,
 }
 
 impl Nufft {

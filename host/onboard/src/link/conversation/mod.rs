@@ -51,9 +51,9 @@ use std::time::{Duration, Instant};
 use subaperture_core::link::{Command, Refusal, State as ModuleState, Status};
 
 use super::ending::LinkError;
+use super::identity::Identity;
 use super::intake::Intake;
 use super::line::Outbox;
-use super::session::Identity;
 pub(super) use configuring::Told;
 use configuring::{Setting, is_mixed_up};
 pub(super) use news::Ledger;

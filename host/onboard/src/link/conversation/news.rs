@@ -9,8 +9,9 @@ use subaperture_core::link::{
 use super::{Conversation, since};
 use crate::link::counts::{Counts, growth};
 use crate::link::ending::LinkError;
+use crate::link::identity::{Identity, shown};
 use crate::link::line::Outbox;
-use crate::link::session::{Identity, Settings, shown};
+use crate::link::settings::Settings;
 
 /// What came in one exchange, apart from maps.
 #[derive(Default)]

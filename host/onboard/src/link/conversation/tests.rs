@@ -4,7 +4,7 @@ use super::*;
 use crate::link::counts::Counts;
 use crate::link::intake::Nowhere;
 use crate::link::job::Wanted;
-use crate::link::session::Settings;
+use crate::link::settings::Settings;
 use subaperture_core::link::{Arithmetic, LinkCounters, Report};
 use subaperture_core::stream::{Capacity, PulseCounters};
 
