@@ -83,8 +83,6 @@ mod axes;
 #[cfg(feature = "stream")]
 pub mod cfar;
 pub mod fft;
-#[cfg(feature = "fixed")]
-pub mod fixed_point;
 pub mod keystone;
 #[cfg(feature = "link")]
 pub mod link;
@@ -110,6 +108,8 @@ pub use plan::{LengthError, Params, Plan, Tables};
 pub use pulse::Pulse;
 #[cfg(feature = "fixed")]
 pub use sample::Sc16;
+#[cfg(feature = "fixed")]
+pub use stream::fixed_point;
 pub use turns::Turns;
 pub use window::Window;
 

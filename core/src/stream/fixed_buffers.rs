@@ -2,8 +2,8 @@
 
 use num_complex::Complex;
 
+use super::fixed_point::{FixedSlices, PulsePhase};
 use super::{BlockFloat, Capacity, FixedEngine, Patch, PulseStores, SubCpiProcessor};
-use crate::fixed_point::{FixedSlices, PulsePhase};
 use crate::{LengthError, Sc16, fft};
 
 /// The map in work in fixed point: `DOPPLER_BINS` rows of `FREQUENCIES` samples, or of a range gate, and

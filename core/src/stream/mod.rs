@@ -98,6 +98,8 @@ mod counters;
 mod engine;
 #[cfg(feature = "fixed")]
 mod fixed_buffers;
+#[cfg(feature = "fixed")]
+pub mod fixed_point;
 mod float;
 mod float_buffers;
 mod map_samples;
@@ -109,13 +111,13 @@ mod stores;
 mod track;
 
 #[cfg(feature = "fixed")]
-pub use crate::fixed_point::FixedEngine;
-#[cfg(feature = "fixed")]
 pub use block_float::{BlockFloat, power_of_two};
 pub use counters::PulseCounters;
 pub use engine::{Engine, Work};
 #[cfg(feature = "fixed")]
 pub use fixed_buffers::{FixedBuffers, FixedMap, FixedScratch};
+#[cfg(feature = "fixed")]
+pub use fixed_point::FixedEngine;
 #[cfg(feature = "fixed")]
 pub(crate) use float::compensation;
 pub use float::{ANCHOR, FloatEngine, PulsePhase};

@@ -116,7 +116,7 @@ fn chip_is_the_sum_of_the_maps_sent() {
     check_chip(float(), -63.4);
 }
 
-/// The same, since rounding of 16-bit maps is -74 dB or better (`core/src/fixed_point/mod.rs`).
+/// The same, since rounding of 16-bit maps is -74 dB or better (`core/src/stream/fixed_point/mod.rs`).
 #[test]
 fn fixed_point_chip_is_the_sum_of_the_maps_sent() {
     check_chip(fixed(), -63.0);
