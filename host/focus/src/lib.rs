@@ -31,6 +31,7 @@ pub mod machine;
 pub mod moving;
 pub mod patch;
 pub mod path_model;
+mod path_tile;
 mod pixels;
 pub mod plan;
 mod probes;

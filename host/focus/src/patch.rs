@@ -25,6 +25,14 @@ impl PatchSize {
         columns: 1,
     };
 
+    /// As many rows as columns.
+    pub(crate) const fn square(side: usize) -> Self {
+        Self {
+            rows: side,
+            columns: side,
+        }
+    }
+
     /// The size nearest to a square of side `side_m`, at least 4 pixels a side (fewer cost more to keep
     /// account of than they hold) and at most the grid. A polar grid's angle counts as the arc at its
     /// middle range.
@@ -164,6 +172,14 @@ impl Patches {
         self.rectangle(down / 2 * across + across / 2)
     }
 
+    /// Some of them, at most so many a side, from corner to corner.
+    pub(crate) fn spread(&self, most: usize) -> impl Iterator<Item = Rectangle> {
+        let [down, across] = self.0.tiles();
+        let (rows, columns) = (spread(down, most), move || spread(across, most));
+        let places = rows.flat_map(move |row| columns().map(move |column| row * across + column));
+        places.map(|index| self.rectangle(index))
+    }
+
     fn all(self) -> impl Iterator<Item = Rectangle> {
         (0..self.0.count()).map(move |index| self.rectangle(index))
     }
@@ -213,6 +229,15 @@ impl Patches {
         });
         bytes.sum::<usize>() as u64
     }
+}
+
+/// At most `most` of `count` places, evenly from the first to the last.
+pub(crate) fn spread(count: usize, most: usize) -> impl Iterator<Item = usize> {
+    let seen = count.min(most);
+    (0..seen).map(move |i| match seen {
+        1 => count / 2,
+        _ => i * (count - 1) / (seen - 1),
+    })
 }
 
 #[cfg(test)]

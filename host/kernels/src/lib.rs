@@ -4,7 +4,10 @@
 //! the work; their time goes by here.
 //!
 //! - [`paths`]: from a pulse's antennas to many points.
-//! - [`backprojection`]: a pulse's range profile added to many pixels.
+//! - [`tile`]: the range profiles of some pulses added to the pixels of a small raster, or of one to points wherever they are.
+//! - [`blurred`]: those of a pulse whose samples were taken one after another in motion.
+//! - [`lanes`]: the instructions that this is done in.
+//! - [`horner`]: the samples of a pulse summed at many delays, in float64.
 //! - [`compensation`]: the samples of a pulse referred to another path.
 //! - [`decimation`]: one sample of several, one pulse of several.
 //! - [`spreading`]: samples from anywhere put onto a raster.
@@ -16,15 +19,17 @@
 //!
 //! Each is held in its own tests to the sum that defines it, written out anew in float64, within an error that is derived there.
 //!
-//! This is the one crate of the library in which SIMD, and so `unsafe`, will ever be allowed: beside the portable loop, and
-//! held to the same tests. As yet there is none.
-#![forbid(unsafe_code)]
+//! This is the one crate of the library in which SIMD, and so `unsafe`, is allowed: in [`lanes`], beside the portable form, which
+//! gives the same bits.
 
-pub mod backprojection;
+pub mod blurred;
 pub mod compensation;
 pub mod decimation;
+pub mod horner;
+pub mod lanes;
 pub mod paths;
 pub mod reading;
 pub mod spreading;
+pub mod tile;
 #[cfg(test)]
 mod trial;

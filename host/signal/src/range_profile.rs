@@ -1,21 +1,23 @@
-//! Range profiles, upsampled by zero padding and made for linear interpolation.
+//! Range profiles, upsampled by zero padding and made to be read as splines.
 //!
 //! ```text
-//! profile(l) = sum_k a[k] exp(+j 2 pi (k - K/2) l / L),   path(l) = l c / (L step_hz),   a[k] = w[k] z[k] / sinc^2((k - K/2) / L)
+//! profile(l) = sum_k a[k] exp(+j 2 pi (k - K/2) l / L),   path(l) = l c / (L step_hz),   a[k] = w[k] z[k] / sinc^(d+1)((k - K/2) / L)
+//! value(t)   = sum_l profile(l) B(t - l),                 B the cardinal B-spline of degree d
 //! ```
 //!
-//! with `L >= oversampling * K` (Schone 2020, chapter 2 and 5.1). The carrier at sample `K/2` is left
-//! out, so the profile is smooth; the former puts it back.
+//! with `L >= oversampling * K` (Schone 2020, chapter 2 and 5.1; of degree 1 this is linear interpolation). The carrier at sample `K/2`
+//! is left out, so the profile is smooth; the former puts it back.
 //!
-//! Linear interpolation multiplies spectral component `x = (k - K/2) / L` by `sinc^2(x)` and adds
-//! images at `x + i`. Dividing by `sinc^2` first leaves the images alone: the two strongest have
-//! `(x / (1 +- x))^2`, so the relative RMS error of one component is `sqrt(2) x^2`: at the band's edge,
-//! `|x| = 1 / (2 u)` with `u = L / K`, it is `sqrt(2) / (4 u^2)`, which no spectrum exceeds. A flat
-//! spectrum has `E[x^4] = x_max^4 / 5` and reads 7 dB less: -52 dB at 8, -56 dB at 10, -64 dB at 16.
-//! Without the division it would be -44, -48 and -56 dB: `(pi x)^2 / 3` of the component itself is lost
-//! as well (Schone uses 10).
+//! A spline of degree `d` multiplies spectral component `x = (k - K/2) / L` by `sinc^(d+1)(x)` and adds
+//! images at `x + i`. Dividing by `sinc^(d+1)` first leaves the images alone: that at `x + i` has
+//! `(x / (x + i))^(d+1)`, so the relative RMS error of one component is about `sqrt(2) x^(d+1)`; it is largest at the band's edge,
+//! `|x| = 1 / (2 u)` with `u = L / K`. The errors given here are the root of the mean of its square over the band as the window weighs it:
+//! of a flat spectrum, whose samples are as large at all frequencies; it reads `10 log10(2 d + 3)` dB less than the edge, with a window still less.
+//! Without the division linear interpolation of a flat spectrum would have
+//! -44, -48 and -56 dB at 8, 10 and 16, in place of -52, -56 and -64: `(pi x)^2 / 3` of the component itself is lost as well (Schone
+//! uses 10).
 //!
-//! Layout: `L + 1` values, the last equal to the first, so that interpolation need not wrap twice.
+//! Layout: `L + 1` values, the last equal to the first, so that linear interpolation need not wrap twice.
 //! Cost: one transform of length `L` a pulse.
 
 use std::f64::consts::PI;
@@ -29,44 +31,96 @@ use super::fast_length::fast_length;
 
 /// Makes upsampled range profiles of one length.
 pub struct RangeProfiler {
+    degree: i32,
     /// Window over pre-emphasis, one a frequency.
     weights: Vec<f32>,
     fft: Arc<dyn Fft<f32>>,
 }
 
+/// Finest upsampling: that of -150 dB by linear interpolation.
+const MOST_OVERSAMPLING: f64 = 8192.0;
+
+/// Square of the relative RMS error of the component at `x` cycles a value, below 1/2, read by a spline of degree `d`: all images counted.
+fn component_power(degree: i32, x: f64) -> f64 {
+    let images = (1..=8).map(f64::from);
+    images
+        .map(|i| {
+            let before = (x / (i - x)).powi(2 * degree + 2);
+            before + (x / (i + x)).powi(2 * degree + 2)
+        })
+        .sum()
+}
+
+/// Fewer samples may all lie where the error is largest.
+const FEW: usize = 16;
+/// Of more samples as many stand for all.
+const SEEN: usize = 128;
+
+/// Relative RMS error of profiles of `length` values, read by splines of this degree.
+fn spectrum_error(degree: i32, window: &[f64], length: f64) -> f64 {
+    let count = window.len();
+    let x = |k: usize| (k as f64 - (count / 2) as f64).abs() / length;
+    if count < FEW {
+        let edge = (count / 2) as f64 / length;
+        return component_power(degree, edge).sqrt();
+    }
+    let seen = count.min(SEEN);
+    let (mut error, mut power) = (0.0, 0.0);
+    for k in (0..seen).map(|i| i * (count - 1) / (seen - 1)) {
+        let weight = window[k] * window[k];
+        error += weight * component_power(degree, x(k));
+        power += weight;
+    }
+    match power > 0.0 {
+        true => (error / power).sqrt(),
+        // A window without weight has nothing to lose.
+        false => 0.0,
+    }
+}
+
 impl RangeProfiler {
-    /// For pulses of `window.len()` samples, upsampled at least `oversampling` times (1 or more).
-    pub fn new(window: &[f64], oversampling: f64) -> Self {
+    /// For pulses of `window.len()` samples, upsampled at least `oversampling` times (1 or more), read as splines of this degree.
+    pub fn new(degree: usize, window: &[f64], oversampling: f64) -> Self {
         let count = window.len();
-        let length = fast_length((count as f64 * oversampling.max(1.0)).ceil() as usize);
+        let length = Self::length_for(count, oversampling);
+        let degree = degree as i32;
         let emphasised = |(k, w): (usize, &f64)| {
             let x = PI * (k as f64 - (count / 2) as f64) / length as f64;
             let sinc = if x == 0.0 { 1.0 } else { x.sin() / x };
-            (w / (sinc * sinc)) as f32
+            (w / sinc.powi(degree + 1)) as f32
         };
         Self {
+            degree,
             weights: window.iter().enumerate().map(emphasised).collect(),
             fft: fft::inverse(length),
         }
     }
 
-    /// The smallest upsampling whose error is at most `error_db` whatever the spectrum; at least 2.
-    pub fn oversampling_for(error_db: f64) -> f64 {
-        // 1 dB for the images beyond the two strongest and the terms beyond x^2.
-        let error = 10f64.powf((error_db - 1.0) / 20.0);
-        (2f64.sqrt() / (4.0 * error)).sqrt().max(2.0)
+    /// The length of profiles of pulses of `count` samples.
+    pub fn length_for(count: usize, oversampling: f64) -> usize {
+        fast_length((count as f64 * oversampling.max(1.0)).ceil() as usize)
     }
 
-    /// Largest relative RMS error of interpolation of any spectrum: that of the band's edge, all images
-    /// counted.
-    pub fn error(&self) -> f64 {
-        // `K / 2` samples lie before the centre, as many or one less after it.
-        let edge = (self.weights.len() / 2) as f64 / self.length() as f64;
-        let images = (1..=20).map(f64::from);
-        let power: f64 = images
-            .map(|i| (edge / (i - edge)).powi(4) + (edge / (i + edge)).powi(4))
-            .sum();
-        power.sqrt()
+    /// The smallest upsampling at which splines of this degree err by at most `error_db`, of pulses seen through `window`.
+    pub fn oversampling_for(degree: usize, window: &[f64], error_db: f64) -> f64 {
+        let error = 10f64.powf(error_db / 20.0);
+        let count = window.len() as f64;
+        let good = |u: f64| spectrum_error(degree as i32, window, u * count) <= error;
+        // Errors fall with upsampling.
+        let (mut low, mut high) = (1.0f64, MOST_OVERSAMPLING);
+        while high > low * 1.001 {
+            let middle = (low * high).sqrt();
+            match good(middle) {
+                true => high = middle,
+                false => low = middle,
+            }
+        }
+        high
+    }
+
+    /// Relative RMS error of interpolation, of pulses seen through `window`.
+    pub fn error(&self, window: &[f64]) -> f64 {
+        spectrum_error(self.degree, window, self.length() as f64)
     }
 
     /// Relative RMS error of the arithmetic in float32: of the transform, and of the phase that a profile's reader
@@ -115,13 +169,13 @@ mod tests {
     use num_complex::Complex64;
 
     /// Interpolated profile of a lone scatterer, seen through `window`, against the plain sum.
-    fn error_db(window: &[f64], oversampling: f64) -> f64 {
+    fn error_db(degree: usize, window: &[f64], oversampling: f64) -> f64 {
         let count = window.len();
-        let profiler = RangeProfiler::new(window, oversampling);
+        let profiler = RangeProfiler::new(degree, window, oversampling);
         let length = profiler.length();
         let pulse: Vec<Complex32> = (0..count)
             .map(|k| {
-                let z = phasor(-0.3777 * (k as f64 - 25.0));
+                let z = phasor(-0.3777 * (k as f64 - (count / 2) as f64));
                 Complex32::new(z.re as f32, z.im as f32)
             })
             .collect();
@@ -132,38 +186,82 @@ mod tests {
         for i in 0..4000 {
             let u = (f64::from(i) * 0.618_034).fract();
             let l = u * length as f64;
-            let (i, t) = (l.floor() as usize, l.fract() as f32);
-            let got = profile[i] + (profile[i + 1] - profile[i]) * t;
-            let expected: Complex64 = (0..count)
-                .map(|k| phasor((u - 0.3777) * (k as f64 - 25.0)) * window[k])
+            let around = (-3..=3).map(|i| l.floor() as i64 + i);
+            let got: Complex64 = around
+                .map(|i| {
+                    let value = profile[i.rem_euclid(length as i64) as usize];
+                    let value = Complex64::new(value.re.into(), value.im.into());
+                    value * spline(degree, l - i as f64)
+                })
                 .sum();
-            error += (Complex64::new(got.re.into(), got.im.into()) - expected).norm_sqr();
+            let expected: Complex64 = (0..count)
+                .map(|k| phasor((u - 0.3777) * (k as f64 - (count / 2) as f64)) * window[k])
+                .sum();
+            error += (got - expected).norm_sqr();
             power += expected.norm_sqr();
         }
         10.0 * (error / power).log10()
     }
 
+    /// The cardinal B-spline of degree `d`, by its recurrence.
+    fn spline(degree: usize, x: f64) -> f64 {
+        if degree == 0 {
+            return f64::from(u8::from((-0.5..0.5).contains(&x)));
+        }
+        let (d, half) = (degree as f64, (degree as f64 + 1.0) / 2.0);
+        let below = |x| spline(degree - 1, x);
+        ((half + x) * below(x + 0.5) + (half - x) * below(x - 0.5)) / d
+    }
+
     #[test]
     fn the_error_is_the_derived_one() {
         let flat = vec![1.0; 51];
+        let hamming: Vec<f64> = (0..51)
+            .map(|k| 0.54 + 0.46 * (std::f64::consts::TAU * (f64::from(k) - 25.0) / 51.0).cos())
+            .collect();
         let mut edges = vec![0.0; 51];
         (edges[0], edges[50]) = (1.0, 1.0);
-        for bound_db in [-40.0, -50.0, -60.0, -65.0] {
-            let oversampling = RangeProfiler::oversampling_for(bound_db);
-            // Lengths are rounded up by 7 % at most, 1.2 dB, and 1 dB is kept for the other images.
-            let at_edges = error_db(&edges, oversampling);
-            assert!(
-                at_edges < bound_db && at_edges > bound_db - 3.0,
-                "{bound_db}: {at_edges}"
-            );
-            let predicted = 20.0 * RangeProfiler::new(&edges, oversampling).error().log10();
-            // 51 samples: one edge lies 2 % further out than the other, 0.3 dB in the mean of both.
-            assert!((predicted - at_edges).abs() < 0.5, "{predicted} {at_edges}");
-            let at_flat = error_db(&flat, oversampling);
-            assert!(
-                (at_flat - at_edges + 7.0).abs() < 0.5,
-                "{bound_db}: {at_flat} {at_edges}"
-            );
+        for (degree, bound_db) in [
+            (1, -40.0),
+            (1, -50.0),
+            (1, -65.0),
+            (2, -40.0),
+            (2, -75.0),
+            (3, -50.0),
+            (3, -90.0),
+            (4, -60.0),
+            (4, -100.0),
+        ] {
+            for window in [&flat, &hamming, &edges] {
+                let oversampling = RangeProfiler::oversampling_for(degree, window, bound_db);
+                // Lengths are rounded up by 7 % at most: 0.6 dB a degree and 0.6, and half as much again where images are near.
+                let got = error_db(degree, window, oversampling);
+                let rounded_db = 0.9 * (degree as f64 + 1.0);
+                assert!(
+                    got < bound_db + 0.2 && got > bound_db - rounded_db - 0.4,
+                    "{degree} {bound_db}: {got}"
+                );
+                let profiler = RangeProfiler::new(degree, window, oversampling);
+                let predicted = 20.0 * profiler.error(window).log10();
+                assert!(
+                    (predicted - got).abs() < 0.2,
+                    "{degree} {bound_db}: {predicted} {got}"
+                );
+            }
         }
+        // As the head of this file says.
+        for (upsampling, expected_db) in [(8.0, -52.0), (10.0, -56.0), (16.0, -64.0)] {
+            let got = error_db(1, &flat, upsampling);
+            assert!((got - expected_db).abs() < 1.5, "{upsampling}: {got}");
+        }
+    }
+
+    /// Too few samples to be a flat spectrum: all may be the band's edge.
+    #[test]
+    fn of_few_samples_the_edge_decides() {
+        let oversampling = RangeProfiler::oversampling_for(1, &[1.0; 4], -60.0);
+        let mut edge = [0.0; 4];
+        edge[0] = 1.0;
+        assert!(error_db(1, &edge, oversampling) < -59.9);
     }
 }

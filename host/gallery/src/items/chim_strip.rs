@@ -100,7 +100,7 @@ pub(super) fn profiles(
     reference_m: f64,
     shown_m: (f64, f64),
 ) -> (Vec<f32>, Axis) {
-    let profiler = RangeProfiler::new(&window.weights(band.count), RANGE_PADDING);
+    let profiler = RangeProfiler::new(1, &window.weights(band.count), RANGE_PADDING);
     let length = profiler.length();
     let step = band.unambiguous_path_m() / 2.0 / length as f64;
     let bin = |range_m: f64| ((range_m - reference_m) / step).round() as i64;

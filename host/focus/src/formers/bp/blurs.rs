@@ -28,7 +28,7 @@ pub(super) struct Blurs {
 impl Blurs {
     /// For all pulses and points of a grid, so fine that reading between the steps errs by `error_db`; and the relative RMS
     /// error that is left, of the steps and of what is no parabola.
-    pub(super) fn new(aim: &Aim, error_db: f64, meaning: Meaning) -> (Option<Self>, f64) {
+    pub(super) fn new(aim: &Aim, error_db: f64, meaning: Meaning) -> (Self, f64) {
         let collection = aim.collection;
         let error;
         let mut blurs = Self {
@@ -81,7 +81,7 @@ impl Blurs {
                 + after * after * (pulse.step_hz * terms.rate_m + 0.5 * centre_hz * terms.bend_m);
             (frequency_hz * (path_m - pulse.reference_path_m) - modelled) / SPEED_OF_LIGHT_M_S
         });
-        (Some(blurs), error.hypot(cubic))
+        (blurs, error.hypot(cubic))
     }
 
     /// Whether a decision for pulses of so many samples could have come to this.

@@ -1,34 +1,69 @@
-//! What backprojection takes, with profiles of `L` bins.
+//! What backprojection takes, with profiles of `L` bins read as splines of degree `d`.
 //!
 //! ```text
-//! a pixel and pulse: path 11, place 3, linear reading 6, phasor 21, sum 8                             49
-//! a profile: a transform of L
+//! a pixel and pulse: place 5, bin 3, spline 4 d, phasor 13, sum 8                                     29 + 4 d
+//! by its own path:   path 11 and 14 of reducing it                                                    54 + 4 d
+//! with motion from sample to sample: path and rate 34, place 7, four values read 18, phasor 21, sum 8      88
+//! a profile: a transform of L, and of each piece 2 (d + 1)^2 operations of taps and 6 (d + 1) of its carrier
 //! ```
 //!
-//! With motion from sample to sample a pixel and pulse take twice as much (paths with their rates, a second profile to
-//! read), and a pulse has a profile for each step of its blur. Profiles are made for any tile: they are what tiles share.
+//! With motion from sample to sample a pulse has a profile for each step of its blur. Profiles are made for any tile: they are what
+//! tiles share.
+//!
+//! **Times** are those of one core with 512-bit registers at 3.5 GHz, measured once (`cargo bench --bench kernels`); here, so that
+//! every machine makes the same choice.
 
-use super::{MOST_PARTS, pulse_bytes};
+use super::{Choices, MOST_PARTS, Way};
 use crate::Aim;
 use crate::cost::{Cost, Each, transform};
+use subaperture_kernels::tile::{Pieces, Window};
 
-/// Operations a pixel and pulse.
-const PIXEL_AND_PULSE: f64 = 49.0;
+/// Operations a pixel and pulse in a tile, and by its own path; both less those of the spline.
+const TILE: f64 = 29.0;
+const POINT: f64 = 54.0;
+/// Those with motion from sample to sample.
+const BLURRED: f64 = 88.0;
 
-/// Of all of `aim` with so many profiles a pulse, each of `length` bins, and so many pulses in a sum.
-pub(super) fn cost(aim: &Aim, length: usize, profiles_each: usize, summed_pulses: usize) -> Cost {
-    let (num_samples, num_pulses) = (aim.collection.num_samples, aim.collection.pulses.len());
-    let pulses = num_pulses as f64;
-    let pixel = match aim.collection.sweeps() {
-        true => 2.0 * PIXEL_AND_PULSE,
-        false => PIXEL_AND_PULSE,
+/// Nanoseconds a pixel and pulse by its own path.
+pub(super) const POINT_NS: f64 = 9.0;
+
+/// Nanoseconds of a pulse on a tile of so many groups.
+pub(super) fn tile_ns(degree: usize, coarse: bool, window: Window, groups: usize) -> f64 {
+    let group = if coarse { 4.7 } else { 5.5 };
+    let plane = match window {
+        Window::Narrow => 1.1,
+        Window::Wide => 1.6,
+        _ => 20.0,
     };
-    let profiles = pulses * profiles_each as f64 * transform(length as f64);
-    let held = num_pulses.min(MOST_PARTS * summed_pulses) as f64;
-    let pulse_bytes = pulse_bytes(num_samples, profiles_each, length) as f64;
+    110.0 + groups as f64 * (group + plane * (degree as f64 + 1.0))
+}
+
+/// Nanoseconds of a pulse's profile.
+pub(super) fn profile_ns(degree: usize, length: usize) -> f64 {
+    let length = length as f64;
+    length * (0.3 * length.log2() + degree as f64 + 1.0)
+}
+
+/// Of all of `aim` so done, with profiles of `length` bins; of a pulse in hand there are `pulse_bytes`.
+pub(super) fn cost(aim: &Aim, choices: &Choices, length: usize, pulse_bytes: u64) -> Cost {
+    let num_pulses = aim.collection.pulses.len();
+    let (pulses, bins, d) = (num_pulses as f64, length as f64, choices.degree as f64);
+    let (pixel, profile) = match choices.way {
+        Way::Blurs(blurs) => (BLURRED, blurs.count as f64 * transform(bins)),
+        way => {
+            let pieces = Pieces::new(choices.degree, length, choices.margin).row() as f64;
+            let piece = 2.0 * (d + 1.0) * (d + 1.0) + 6.0 * (d + 1.0);
+            let pixel = match way {
+                Way::Points => POINT,
+                _ => TILE,
+            };
+            (pixel + 4.0 * d, transform(bins) + pieces * piece)
+        }
+    };
+    let held = num_pulses.min(MOST_PARTS * choices.summed_pulses) as f64;
     Cost::new(
-        pixel * aim.grid.num_pixels() as f64 * pulses + profiles,
-        profiles,
+        pulses * (pixel * aim.grid.num_pixels() as f64 + profile),
+        pulses * profile,
     )
-    .holding("profiles", Each::Pass, held * pulse_bytes)
+    .holding("profiles", Each::Pass, held * pulse_bytes as f64)
 }

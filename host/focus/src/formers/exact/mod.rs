@@ -28,6 +28,8 @@ use super::Entry;
 use crate::budget::Budget;
 use crate::patch::PatchSize;
 use crate::{Aim, Asked, Decision, FormError, Forming, ImageFormer, Remedy, Tile, Work, rounding};
+use subaperture_kernels::horner;
+use subaperture_kernels::lanes::Instructions;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{PhaseHistory, Pulse, Weights};
@@ -37,8 +39,8 @@ use subaperture_signal::phase::{narrow, phasor, widen};
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Exact;
 
-/// Pixels summed side by side: enough to hide the latency of Horner's chain.
-pub(crate) const LANES: usize = 16;
+/// Pixels summed side by side.
+pub(crate) const LANES: usize = horner::TOGETHER;
 
 /// Pulses in hand at most, so that the progress bar keeps moving and Ctrl-C is prompt.
 const BLOCK_PULSES: usize = 16;
@@ -203,25 +205,15 @@ pub(crate) fn add_pulse(
     if !pulse.sweep.is_at_once() {
         return add_sweep(pulse, slow, fast, row, points, sums);
     }
-    let mut start = [Complex64::ZERO; LANES];
-    let (mut step_re, mut step_im) = ([0.0; LANES], [0.0; LANES]);
+    let [mut start, mut step] = [[Complex64::ZERO; LANES]; 2];
     for (lane, &point) in points.iter().enumerate() {
         let delay_s = pulse.relative_path_m(point) / SPEED_OF_LIGHT_M_S;
         start[lane] = phasor(pulse.start_hz * delay_s) * slow;
-        let step = phasor(pulse.step_hz * delay_s);
-        (step_re[lane], step_im[lane]) = (step.re, step.im);
+        step[lane] = phasor(pulse.step_hz * delay_s);
     }
-    let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
-    for (z, w) in row.iter().zip(fast).rev() {
-        let (z_re, z_im) = (f64::from(z.re) * w, f64::from(z.im) * w);
-        for lane in 0..LANES {
-            let (a, b) = (re[lane], im[lane]);
-            re[lane] = a * step_re[lane] - b * step_im[lane] + z_re;
-            im[lane] = a * step_im[lane] + b * step_re[lane] + z_im;
-        }
-    }
+    let over_frequency = horner::sums(Instructions::best(), row, fast, &step);
     for (lane, sum) in sums.iter_mut().enumerate() {
-        *sum += start[lane] * Complex64::new(re[lane], im[lane]);
+        *sum += start[lane] * over_frequency[lane];
     }
 }
 

@@ -21,7 +21,6 @@ use crate::patch::{Patches, Rectangle};
 use crate::rounding;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::Pulse;
-use subaperture_signal::range_profile::RangeProfiler;
 
 /// Operations a pixel and pulse of a leaf.
 const PIXEL_AND_PULSE: f64 = 49.0;
@@ -123,8 +122,7 @@ impl Way<'_> {
     }
 
     fn leaf(&self, rectangle: &Rectangle, history: History) -> f64 {
-        let share_db = 20.0 * self.shares.profile.log10();
-        let bins = RangeProfiler::oversampling_for(share_db) * history.samples as f64;
+        let bins = self.shares.oversampling(history.samples) * history.samples as f64;
         let pixels = (rectangle.size.rows * rectangle.size.columns) as f64;
         history.pulses as f64 * (transform(bins) + PIXEL_AND_PULSE * pixels)
     }

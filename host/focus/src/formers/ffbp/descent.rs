@@ -40,9 +40,9 @@ impl<const W: usize> Descent<'_, '_, '_, W> {
         let side = rectangle.size.rows.max(rectangle.size.columns);
         let few_pulses = history.num_pulses() <= 4 * W || !self.refiner.decimates();
         if side <= LEAF_PIXELS || (few_pulses && side <= LARGEST_LEAF_PIXELS) {
-            let (grid, error) = (self.refiner.grid(), self.refiner.profile_error());
+            let (grid, shares) = (self.refiner.grid(), self.refiner.shares());
             let leaf = &mut self.scratch.leaf;
-            leaf.image(grid, error, history, rectangle, &mut self.target);
+            leaf.image(grid, shares, history, rectangle, &mut self.target);
         } else {
             for quarter in quarters(rectangle) {
                 self.descend(history, quarter);

@@ -1,17 +1,25 @@
-//! The image of a patch that is not cut further: backprojection of its own history.
+//! The image of a patch that is not cut further: backprojection of its own history, by tiles where paths allow it.
 
 use std::collections::BTreeMap;
 
 use num_complex::Complex32;
 
 use super::patch_history::PatchHistory;
+use super::shares::Shares;
 use super::target::Target;
 use crate::patch::Rectangle;
-use subaperture_kernels::backprojection::{self, Scale};
+use crate::path_tile::{self, raster};
+use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::{Antennas, Points};
+use subaperture_kernels::tile::{self, Pieces, TilePulse, TileScratch};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_signal::range_profile::RangeProfiler;
+
+/// Of the splines that profiles are read as.
+pub(super) const DEGREE: usize = 3;
+/// Pulses whose terms are summed before they are added to a pixel.
+const SUMMED_PULSES: usize = 64;
 
 /// What imaging a small patch needs, for one thread.
 #[derive(Default)]
@@ -19,16 +27,19 @@ pub(super) struct Leaf {
     profilers: BTreeMap<usize, RangeProfiler>,
     profile: Vec<Complex32>,
     fft: Vec<Complex32>,
+    pulses: Vec<TilePulse>,
+    pieces: Vec<f32>,
     points: Points,
+    tile: TileScratch,
     sums: Vec<Complex32>,
 }
 
 impl Leaf {
-    /// Adds the image of `rectangle`, by range profiles that err by `profile_error`.
+    /// Adds the image of `rectangle`.
     pub(super) fn image(
         &mut self,
         grid: &ImageGrid,
-        profile_error: f64,
+        shares: &Shares,
         history: &PatchHistory,
         rectangle: Rectangle,
         target: &mut Target,
@@ -37,46 +48,90 @@ impl Leaf {
             profilers,
             profile,
             fft,
+            pulses,
+            pieces,
             points,
+            tile,
             sums,
         } = self;
-        let profiler = profilers
-            .entry(history.num_samples)
-            .or_insert_with_key(|&count| {
-                let oversampling = RangeProfiler::oversampling_for(20.0 * profile_error.log10());
-                RangeProfiler::new(&vec![1.0; count], oversampling)
-            });
+        let instructions = Instructions::best();
+        let count = history.num_samples;
+        let profiler = profilers.entry(count).or_insert_with_key(|&count| {
+            // Samples are weighted; a window is not counted on.
+            let window = vec![1.0; count];
+            let oversampling = shares.oversampling(count);
+            RangeProfiler::new(DEGREE, &window, oversampling)
+        });
         let length = profiler.length();
         profile.resize(length + 1, Complex32::ZERO);
         fft.resize(profiler.scratch_length(), Complex32::ZERO);
+        let turns_m = history.step_hz / SPEED_OF_LIGHT_M_S;
+        let cycles_a_bin =
+            history.frequency_hz((count / 2) as f64) / (history.step_hz * length as f64);
+        let raster = raster(grid, &rectangle);
+        let bins_m = (turns_m * length as f64).abs();
+        // Paths change by twice the way at most.
+        let reach = 2.0 * raster.radius_m() * bins_m;
+        let highest_hz = history.highest_hz();
+        let by_tiles = !grid.polar
+            && reach <= 4.0 * length as f64 + 1000.0
+            && path_tile::arithmetic(highest_hz, bins_m, false) <= shares.arithmetic;
+        let layout = Pieces::new(
+            DEGREE,
+            length,
+            if by_tiles { reach as usize + 35 } else { 1 },
+        );
+        let values = layout.values();
+        pieces.resize(SUMMED_PULSES.min(history.num_pulses()) * values, 0.0);
         points.clear();
         target.each(rectangle, |row, column, _| {
             points.push(grid.position_m(row, column).to_array());
         });
-        sums.clear();
-        sums.resize(points.len(), Complex32::ZERO);
         #[cfg(test)]
-        super::counted::imaged(history.num_pulses(), length, sums.len());
-        let centre_hz = history.frequency_hz((history.num_samples / 2) as f64);
-        let scale = Scale {
-            cycles_m: centre_hz / SPEED_OF_LIGHT_M_S,
-            bins_m: history.step_hz / SPEED_OF_LIGHT_M_S,
-            // Samples are weighted.
-            weight: 1.0,
-        };
-        let rows = history.samples.chunks_exact(history.num_samples);
-        for (antennas, row) in history.antennas.iter().zip(rows) {
-            profiler.profile(row, profile, fft);
-            let antennas = Antennas {
-                transmitter_m: antennas.transmitter_m.to_array(),
-                receiver_m: antennas.receiver_m.to_array(),
-                datum_m: antennas.datum_m,
+        super::counted::imaged(history.num_pulses(), length, points.len());
+        let rows = history.samples.chunks(SUMMED_PULSES * count);
+        for (antennas, rows) in history.antennas.chunks(SUMMED_PULSES).zip(rows) {
+            pulses.clear();
+            pulses.extend(antennas.iter().map(|antennas| TilePulse {
+                antennas: Antennas {
+                    transmitter_m: antennas.transmitter_m.to_array(),
+                    receiver_m: antennas.receiver_m.to_array(),
+                    datum_m: antennas.datum_m,
+                },
+                turns_m,
+                cycles_a_bin,
+            }));
+            let pieces = &mut pieces[..pulses.len() * values];
+            for (row, pieces) in rows
+                .chunks_exact(count)
+                .zip(pieces.chunks_exact_mut(values))
+            {
+                profiler.profile(row, profile, fft);
+                // Samples are weighted.
+                layout.make(instructions, &profile[..length], cycles_a_bin, 1.0, pieces);
+            }
+            sums.clear();
+            let off_m = match by_tiles {
+                true => tile.look(length, pulses, &raster),
+                false => f64::INFINITY,
             };
-            backprojection::add_pulse(profile, &scale, &antennas, points, sums);
+            if path_tile::phase_rad(highest_hz, off_m) <= shares.tiles {
+                sums.resize(raster.rows * raster.columns, Complex32::ZERO);
+                tile.add(instructions, &layout, false, pulses, pieces, sums);
+                target.each(rectangle, |row, column, pixel| {
+                    let place = (row - rectangle.row) * raster.columns + column - rectangle.column;
+                    *pixel += sums[place];
+                });
+            } else {
+                sums.resize(points.len(), Complex32::ZERO);
+                for (pulse, pieces) in pulses.iter().zip(pieces.chunks_exact(values)) {
+                    tile::add_points(instructions, &layout, pulse, pieces, points, sums);
+                }
+                let mut sums = sums.iter();
+                target.each(rectangle, |_, _, pixel| {
+                    *pixel += sums.next().expect("as many as points");
+                });
+            }
         }
-        let mut sums = sums.iter();
-        target.each(rectangle, |_, _, pixel| {
-            *pixel += sums.next().expect("as many as points");
-        });
     }
 }

@@ -93,7 +93,7 @@ impl PatchHistory {
         self.start_hz + k * self.step_hz
     }
 
-    fn highest_hz(&self) -> f64 {
+    pub(super) fn highest_hz(&self) -> f64 {
         let last_hz = self.frequency_hz((self.num_samples - 1) as f64);
         last_hz.abs().max(self.start_hz.abs())
     }
@@ -151,9 +151,9 @@ impl<'a, const W: usize> Refiner<'a, W> {
         self.grid
     }
 
-    /// Relative RMS error that range profiles may have.
-    pub(super) fn profile_error(&self) -> f64 {
-        self.shares.profile
+    /// How the bound is shared out.
+    pub(super) fn shares(&self) -> &Shares {
+        &self.shares
     }
 
     /// Whether there is anything to be won by smaller patches.

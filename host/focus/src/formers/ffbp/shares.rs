@@ -1,8 +1,10 @@
 //! How the bound on the error is shared out.
 
 use super::LEAF_PIXELS;
+use super::leaf::DEGREE;
 use crate::{MARGIN_DB, rounding};
 use subaperture_model::geometry::ImageGrid;
+use subaperture_signal::range_profile::RangeProfiler;
 use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
 
 /// The relative RMS errors that the bound allows each cause.
@@ -14,6 +16,10 @@ pub(super) struct Shares {
     pub(super) track: f64,
     /// Range profiles.
     pub(super) profile: f64,
+    /// Polynomials of tiles' paths.
+    pub(super) tiles: f64,
+    /// Phasors and places of tiles in float32, or there are none.
+    pub(super) arithmetic: f64,
     /// Kernels over frequency, once a level.
     pub(super) fast: f64,
     /// Levels of patches within patches.
@@ -26,7 +32,9 @@ pub(super) struct Shares {
 const SLOW: f64 = 0.45;
 const FAST: f64 = 0.2;
 const TRACK: f64 = 0.1;
-const PROFILE: f64 = 0.25;
+const PROFILE: f64 = 0.15;
+const TILES: f64 = 0.05;
+const ARITHMETIC: f64 = 0.05;
 
 /// RMS error of a kernel's weights, read from their table.
 const TABLE: f64 = 2e-6;
@@ -50,11 +58,19 @@ impl Shares {
             slow: target * (SLOW / levels).sqrt(),
             track: target * TRACK.sqrt(),
             profile: target * PROFILE.sqrt(),
+            tiles: target * TILES.sqrt(),
+            arithmetic: target * ARITHMETIC.sqrt(),
             fast: kernel_error(taps),
             levels,
             decimate: fits.is_some(),
         };
         (taps, shares)
+    }
+
+    /// Upsampling of range profiles of `count` samples, weighted already: no window is counted on.
+    pub(super) fn oversampling(&self, count: usize) -> f64 {
+        let error_db = 20.0 * self.profile.log10();
+        RangeProfiler::oversampling_for(DEGREE, &vec![1.0; count], error_db)
     }
 
     /// What it comes to, dB, for `num_pulses` pulses and errors of the arithmetic.
@@ -68,6 +84,7 @@ impl Shares {
         rounding::total_db(&[
             decimations,
             self.profile,
+            self.tiles.hypot(self.arithmetic),
             rounding::sum(num_pulses),
             // Float32 weights and sums of a level in both directions.
             (2.0 * self.levels).sqrt() * rounding::sum(TAPS[TAPS.len() - 1]),

@@ -1,71 +1,29 @@
-//! A pulse's range profile, read and added at many pixels.
+//! The profiles of a pulse that motion from sample to sample has blurred, read and added at many points.
 //!
 //! ```text
-//! sum[i] += w exp(+j 2 pi cycles_m path[i]) profile(bins_m path[i])
+//! sum[i] += w exp(+j 2 pi cycles_m path[i]) profile_level[i](L turns[i])
 //! ```
 //!
-//! `profile` has `L` values of one turn, the first once more at the end ([`subaperture_signal::range_profile`]), is periodic and
-//! is read linearly between values. Paths are metres less the pulse's datum.
+//! Each profile has `L` values of one turn, the first once more at the end ([`subaperture_signal::range_profile`], of degree 1), is
+//! periodic and is read linearly between values, and between the two profiles about a point's level. Paths are metres less the
+//! pulse's datum.
 //!
 //! **Rounding.** Paths, places and phases are float64 up to the fraction of a bin and the reduced phase, which are float32, as are
-//! reading, phasor and sums: for values of magnitude 1 a term is good to 1e-6, mostly to 2e-7, whatever the path.
+//! reading, phasor and sums: for values of magnitude 1 a term is good to 2e-6, mostly to 4e-7, whatever the path.
 //! A sum grows by one term a call: whoever adds many pulses bounds their number between sums by what it adds up.
 //!
-//! Cost a point: a square root for each antenna that stands apart, a sine and cosine, two neighbouring values read.
+//! Cost a point: a sine and cosine, four values read.
 
 use num_complex::Complex32;
 use subaperture_signal::phase::phasor32;
 
-use crate::paths::{Antennas, Points, paths};
-
-/// Points whose paths are held at a time: 2 KiB.
-const RUN: usize = 256;
-
-/// What a pulse's profile means.
+/// What a pulse's profiles mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scale {
     /// Cycles of the carrier a metre of path: the centre's frequency over the speed of light.
     pub cycles_m: f64,
-    /// Turns of the profile a metre of path: the step of frequency over the speed of light.
-    pub bins_m: f64,
     /// Factor of what is added.
     pub weight: f32,
-}
-
-/// Adds a pulse to the sums of `points`: [`paths`], then [`add_profile`].
-///
-/// # Panics
-/// If there are not as many sums as points, or `profile` has fewer than two values.
-pub fn add_pulse(
-    profile: &[Complex32],
-    scale: &Scale,
-    antennas: &Antennas,
-    points: &Points,
-    sums: &mut [Complex32],
-) {
-    assert_eq!(points.len(), sums.len());
-    let mut paths_m = [0.0; RUN];
-    for (run, sums) in sums.chunks_mut(RUN).enumerate() {
-        let first = run * RUN;
-        let paths_m = &mut paths_m[..sums.len()];
-        paths(antennas, points.part(first..first + sums.len()), paths_m);
-        add_profile(profile, scale, paths_m, sums);
-    }
-}
-
-/// Adds a pulse's profile, `L + 1` values, to the sums of points at these paths.
-///
-/// # Panics
-/// If there are not as many sums as paths, or `profile` has fewer than two values.
-pub fn add_profile(profile: &[Complex32], scale: &Scale, paths_m: &[f64], sums: &mut [Complex32]) {
-    assert_eq!(paths_m.len(), sums.len());
-    let length = profile.len() - 1;
-    assert!(length > 0);
-    for (&path_m, sum) in paths_m.iter().zip(sums) {
-        let (whole, fraction) = place(path_m * scale.bins_m, length);
-        let value = between(profile, whole, fraction);
-        *sum += phasor32(path_m * scale.cycles_m) * value * scale.weight;
-    }
 }
 
 /// Where a point reads the profiles of a pulse that motion from sample to sample has blurred.
@@ -79,12 +37,12 @@ pub struct Blurred {
     pub level: f64,
 }
 
-/// [`add_profile`] of a pulse with several profiles of `length + 1` values, one after another, read linearly between the two about
+/// Adds a pulse with several profiles of `length + 1` values, one after another, read linearly between the two about
 /// a point's level; beyond the last by those two. Of one profile alone the level must be 0.
 ///
 /// # Panics
 /// If there are not as many sums as points, or a level is read that is not there.
-pub fn add_blurred(
+pub fn add(
     profiles: &[Complex32],
     length: usize,
     scale: &Scale,
@@ -148,71 +106,22 @@ mod tests {
         value(left as usize) * (1.0 - part) + value(left as usize + 1) * part
     }
 
-    #[test]
-    fn pulses_are_added_as_the_sum_says() {
-        let mut numbers = Numbers::new(1);
-        for (length, num_pulses, num_points) in [(1, 1, 3), (97, 1, 1000), (240, 9, 700)] {
-            let mut place_m = |reach_m: f64| [0; 3].map(|_| reach_m * numbers.signed());
-            let places: Vec<[f64; 3]> = (0..num_points).map(|_| place_m(60.0)).collect();
-            let antennas: Vec<[[f64; 3]; 2]> = (0..num_pulses)
-                .map(|n| {
-                    let one = place_m(9000.0);
-                    [one, if n % 2 == 0 { one } else { place_m(9000.0) }]
-                })
-                .collect();
-            let mut points = Points::default();
-            places.iter().for_each(|&point| points.push(point));
-            let mut sums = vec![Complex32::ZERO; num_points];
-            let mut expected = vec![Complex64::ZERO; num_points];
-            for (n, [transmitter_m, receiver_m]) in antennas.into_iter().enumerate() {
-                let profile = profile(&mut numbers, length);
-                let datum_m = 9000.0 + n as f64;
-                let scale = Scale {
-                    cycles_m: 33.4,
-                    // Backwards where frequencies fall.
-                    bins_m: if n == 4 { -0.0077 } else { 0.0077 },
-                    weight: 1.0 - n as f32 / 16.0,
-                };
-                let from = Antennas {
-                    transmitter_m,
-                    receiver_m,
-                    datum_m,
-                };
-                add_pulse(&profile, &scale, &from, &points, &mut sums);
-                for (point, sum) in places.iter().zip(&mut expected) {
-                    let leg = |a: [f64; 3]| {
-                        let square = |i: usize| (point[i] - a[i]).powi(2);
-                        (square(0) + square(1) + square(2)).sqrt()
-                    };
-                    let path_m = leg(transmitter_m) + leg(receiver_m) - datum_m;
-                    let value = read(&profile, path_m * scale.bins_m);
-                    *sum += turned(path_m * scale.cycles_m) * value * f64::from(scale.weight);
-                }
-            }
-            // A sum of magnitude n is rounded when a term is added; what is rounded in float64 (1e-11 m here) turns a
-            // phase by 2e-9.
-            let count = num_pulses as f64;
-            let allowed = count * TERM + 8.5e-8 * count * count / 2.0;
-            for (got, expected) in sums.iter().zip(expected) {
-                let error = (wide(*got) - expected).norm();
-                assert!(error < allowed, "{length} {num_pulses}: {error} {allowed}");
-            }
-        }
-    }
-
-    /// A path that is a hair short of a whole turn rounds to its end, where the first value stands again.
+    /// A place that is a hair short of a whole turn rounds to its end, where the first value stands again.
     #[test]
     fn a_profile_joins_at_its_ends() {
         let mut numbers = Numbers::new(2);
         let profile = profile(&mut numbers, 8);
         let scale = Scale {
             cycles_m: 0.0,
-            bins_m: 1.0,
             weight: 1.0,
         };
-        let paths_m = [-1e-18, 0.0, 1.0, -1.0, 5.0 - 1e-15];
+        let points = [-1e-18, 0.0, 1.0, -1.0, 5.0 - 1e-15].map(|turns| Blurred {
+            path_m: 0.0,
+            turns,
+            level: 0.0,
+        });
         let mut sums = [Complex32::ZERO; 5];
-        add_profile(&profile, &scale, &paths_m, &mut sums);
+        add(&profile, 8, &scale, &points, &mut sums);
         for sum in sums {
             assert!((wide(sum) - wide(profile[0])).norm() < TERM, "{sum}");
         }
@@ -225,7 +134,6 @@ mod tests {
         let each: Vec<Vec<Complex32>> = (0..count).map(|_| profile(&mut numbers, length)).collect();
         let scale = Scale {
             cycles_m: 7.7,
-            bins_m: 0.0,
             weight: 0.5,
         };
         // From the first to a little beyond the last.
@@ -237,7 +145,7 @@ mod tests {
             })
             .collect();
         let mut sums = vec![Complex32::ZERO; points.len()];
-        add_blurred(&each.concat(), length, &scale, &points, &mut sums);
+        add(&each.concat(), length, &scale, &points, &mut sums);
         for (point, got) in points.iter().zip(sums) {
             let low = (point.level.floor() as usize).min(count - 2);
             let part = point.level - low as f64;
@@ -253,7 +161,7 @@ mod tests {
             ..points[7]
         }];
         let mut sum = [Complex32::ZERO];
-        add_blurred(&each[2], length, &scale, &alone, &mut sum);
+        add(&each[2], length, &scale, &alone, &mut sum);
         let expected = turned(alone[0].path_m * 7.7) * read(&each[2], alone[0].turns) * 0.5;
         assert!((wide(sum[0]) - expected).norm() < TERM);
     }

@@ -1,0 +1,199 @@
+//! How profiles are read: the spline's degree, the upsampling and the tiles.
+//!
+//! Of the error's power interpolation may have 7 tenths, the polynomials of tiles' paths one, float32 and phasors two. Splines of higher degree
+//! take less upsampling, so that transforms are shorter and a tile's pixels lie fewer bins apart, and more operations a pixel; the
+//! cheapest is taken, as a few pulses see a few tiles. Tiles are as large as pays: in larger ones fewer pulses and tiles keep to
+//! the polynomials, and the rest takes many times as long.
+
+use super::{Choices, MOST_OVERSAMPLING, Meaning, SUMMED_PULSES, Way, cost, pulse_bytes};
+use crate::patch::{PatchSize, Patches, Rectangle, spread};
+use crate::path_tile::{self, phase_rad, pulse_antennas, raster};
+use crate::{Aim, MARGIN_DB, rounding};
+use subaperture_kernels::tile::{Pieces, TilePulse, TileScratch};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::phase_history::Pulse;
+use subaperture_signal::range_profile::RangeProfiler;
+
+/// Shares of the error's power.
+const INTERPOLATION: f64 = 0.7;
+const TILES: f64 = 0.1;
+/// What float32 and the phasors of tiles may have of it, or there are none.
+const ARITHMETIC: f64 = 0.2;
+
+/// Degrees of splines that are looked at.
+const DEGREES: [usize; 4] = [1, 2, 3, 4];
+/// Sides of tiles, pixels.
+const SIDES: [usize; 3] = [64, 32, 16];
+/// Tiles a side and pulses that are looked at.
+const TILES_SEEN: usize = 4;
+const PULSES_SEEN: usize = 16;
+/// Pieces that a tile may reach beyond a profile's ends before its margin is too long to be worth while.
+const LONGEST_MARGIN: f64 = 65_536.0;
+
+/// The relative RMS error that interpolation, tiles and their arithmetic may each have, for an error of `error_db`.
+pub(super) struct Shares {
+    pub(super) interpolation_db: f64,
+    tiles: f64,
+    arithmetic: f64,
+}
+
+impl Shares {
+    pub(super) fn of(error_db: f64) -> Self {
+        let target_db = error_db - MARGIN_DB;
+        let target = 10f64.powf(target_db / 20.0);
+        Self {
+            interpolation_db: target_db + 10.0 * INTERPOLATION.log10(),
+            tiles: target * TILES.sqrt(),
+            arithmetic: target * ARITHMETIC.sqrt(),
+        }
+    }
+
+    /// Relative RMS error of the way that was chosen, beside interpolation.
+    pub(super) fn of_way(&self, aim: &Aim, choices: &Choices) -> f64 {
+        match choices.way {
+            Way::Tiles {
+                phase_rad, coarse, ..
+            } => {
+                let length =
+                    RangeProfiler::length_for(aim.collection.num_samples, choices.oversampling);
+                phase_rad.hypot(arithmetic(aim, length, coarse))
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+/// Bins a metre of path, of each pulse.
+fn bins_m(aim: &Aim, length: usize) -> impl Iterator<Item = f64> {
+    let pulses = aim.collection.pulses.iter();
+    pulses.map(move |pulse| (pulse.step_hz / SPEED_OF_LIGHT_M_S * length as f64).abs())
+}
+
+/// What float32 costs in tiles, with profiles of `length` bins.
+fn arithmetic(aim: &Aim, length: usize, coarse: bool) -> f64 {
+    let coarsest = bins_m(aim, length).fold(f64::INFINITY, f64::min);
+    path_tile::arithmetic(rounding::highest_hz(aim), coarsest, coarse)
+}
+
+/// A pulse for profiles of `length` bins.
+pub(super) fn tile_pulse(aim: &Aim, pulse: &Pulse, length: usize) -> TilePulse {
+    let centre_hz = pulse.frequency_hz(aim.collection.num_samples / 2);
+    TilePulse {
+        antennas: pulse_antennas(pulse),
+        turns_m: pulse.step_hz / SPEED_OF_LIGHT_M_S,
+        cycles_a_bin: centre_hz / (pulse.step_hz * length as f64),
+    }
+}
+
+/// A way to read profiles, and what it costs a pixel and pulse.
+#[derive(Clone, Copy)]
+struct Candidate {
+    degree: usize,
+    oversampling: f64,
+    length: usize,
+    margin: usize,
+    way: Way,
+    /// About, of one core.
+    pixel_ns: f64,
+}
+
+/// Chooses, for pixels that are places or velocities and antennas that rest while a pulse lasts.
+pub(super) fn choose(aim: &Aim, shares: &Shares, meaning: Meaning) -> Choices {
+    let candidates = DEGREES.map(|degree| Candidate::new(aim, shares, meaning, degree));
+    let pulses = aim.collection.pulses.len() as f64;
+    let time_ns = |c: &Candidate| {
+        pulses * (c.pixel_ns * aim.grid.num_pixels() as f64 + cost::profile_ns(c.degree, c.length))
+    };
+    let best = candidates
+        .into_iter()
+        .min_by(|a, b| time_ns(a).total_cmp(&time_ns(b)))
+        .expect("there are degrees");
+    let pieces = Pieces::new(best.degree, best.length, best.margin);
+    let bytes = pulse_bytes(aim.collection.num_samples, pieces.values());
+    Choices {
+        degree: best.degree,
+        oversampling: best.oversampling,
+        margin: best.margin,
+        summed_pulses: (aim.scratch_bytes / bytes).clamp(1, SUMMED_PULSES as u64) as usize,
+        way: best.way,
+    }
+}
+
+impl Candidate {
+    fn new(aim: &Aim, shares: &Shares, meaning: Meaning, degree: usize) -> Self {
+        let count = aim.collection.num_samples;
+        let oversampling =
+            RangeProfiler::oversampling_for(degree, &aim.weights.fast, shares.interpolation_db);
+        let oversampling = oversampling.min(MOST_OVERSAMPLING);
+        let length = RangeProfiler::length_for(count, oversampling);
+        let points = Self {
+            degree,
+            oversampling,
+            length,
+            margin: 1,
+            way: Way::Points,
+            pixel_ns: cost::POINT_NS,
+        };
+        let flat = !aim.grid.polar && matches!(meaning, Meaning::Places);
+        let tiles = SIDES.map(|side| match flat {
+            true => points.in_tiles(aim, shares, side),
+            false => None,
+        });
+        let tiles = tiles.into_iter().flatten();
+        tiles.fold(points, |best, own| match own.pixel_ns < best.pixel_ns {
+            true => own,
+            false => best,
+        })
+    }
+
+    /// The same in tiles of this side; `None` if arithmetic is not good enough for any.
+    fn in_tiles(&self, aim: &Aim, shares: &Shares, side: usize) -> Option<Self> {
+        let patches = Patches::new(aim.grid, PatchSize::square(side));
+        let highest_hz = rounding::highest_hz(aim);
+        let pulses = spread(aim.collection.pulses.len(), PULSES_SEEN);
+        let pulses: Vec<&Pulse> = pulses.map(|n| &aim.collection.pulses[n]).collect();
+        // The error of coarse phasors is a mean over phases: the carrier must turn within a bin.
+        let turns = aim
+            .collection
+            .pulses
+            .iter()
+            .map(|pulse| tile_pulse(aim, pulse, self.length).cycles_a_bin.abs());
+        let any = turns.fold(f64::INFINITY, f64::min) > 0.25;
+        let mut phasors = [true, false].into_iter().filter(|coarse| any || !coarse);
+        let coarse =
+            phasors.find(|&coarse| arithmetic(aim, self.length, coarse) <= shares.arithmetic)?;
+        let rectangles: Vec<Rectangle> = patches.spread(TILES_SEEN).collect();
+        let radius_m = raster(aim.grid, &patches.middle()).radius_m();
+        // Paths change by twice the way at most.
+        let reach = 2.0 * radius_m * bins_m(aim, self.length).fold(0.0, f64::max);
+        if reach.is_nan() || reach > LONGEST_MARGIN {
+            return None;
+        }
+        let (mut sum, mut look) = (0.0, TileScratch::default());
+        for rectangle in &rectangles {
+            let raster = raster(aim.grid, rectangle);
+            for pulse in &pulses {
+                let own = tile_pulse(aim, pulse, self.length);
+                let off_m = look.look(self.length, &[own], &raster);
+                sum += match phase_rad(highest_hz, off_m) <= shares.tiles {
+                    true => {
+                        let (window, groups) = look.grouping();
+                        let pixels = (raster.rows * raster.columns) as f64;
+                        cost::tile_ns(self.degree, coarse, window, groups) / pixels
+                    }
+                    false => self.pixel_ns,
+                };
+            }
+        }
+        Some(Self {
+            margin: reach.ceil() as usize + 34,
+            way: Way::Tiles {
+                side,
+                phase_rad: shares.tiles,
+                coarse,
+            },
+            pixel_ns: sum / (rectangles.len() * pulses.len()) as f64,
+            ..*self
+        })
+    }
+}

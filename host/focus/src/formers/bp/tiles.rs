@@ -1,0 +1,248 @@
+//! Pixels by tiles, and what of them must be done by its own paths.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use glam::DVec3;
+use num_complex::Complex32;
+use rayon::prelude::*;
+
+use super::choice::tile_pulse;
+use super::{Choices, MOST_PARTS, Meaning, Way, pulse_bytes};
+use crate::budget::Budget;
+use crate::patch::{PatchSize, Patches, Rectangle, Segment};
+use crate::path_tile::{self, raster};
+use crate::{Aim, FormError, Forming, Remedy, Tile, Work, rounding};
+use subaperture_kernels::lanes::Instructions;
+use subaperture_kernels::paths::Points;
+use subaperture_kernels::tile::{self, Pieces, TilePulse, TileScratch};
+use subaperture_model::phase_history::Pulse;
+use subaperture_signal::range_profile::RangeProfiler;
+
+/// Pixels a side of the patches that threads take where each pixel has its own path.
+const PATCH: usize = 64;
+
+pub(super) struct Opened<'a> {
+    aim: Aim<'a>,
+    profiler: RangeProfiler,
+    pieces: Pieces,
+    summed_pulses: usize,
+    way: Way,
+    meaning: Meaning,
+    patches: Patches,
+    highest_hz: f64,
+    instructions: Instructions,
+}
+
+/// Pulses in hand, those that are summed together.
+struct Batch<'a> {
+    pulses: &'a [Pulse],
+    tile_pulses: Vec<TilePulse>,
+    pieces: &'a [f32],
+}
+
+/// One thread's buffers.
+#[derive(Default)]
+struct Scratch {
+    tile: TileScratch,
+    points: Points,
+    /// Places at a pulse of what moves.
+    moved: Points,
+    sums: Vec<Complex32>,
+}
+
+impl<'a> Opened<'a> {
+    pub(super) fn new(
+        aim: Aim<'a>,
+        profiler: RangeProfiler,
+        choices: Choices,
+        meaning: Meaning,
+    ) -> Self {
+        let side = match choices.way {
+            Way::Tiles { side, .. } => side,
+            _ => PATCH,
+        };
+        Self {
+            pieces: choices.pieces(profiler.length()),
+            summed_pulses: choices.summed_pulses,
+            way: choices.way,
+            patches: Patches::new(aim.grid, PatchSize::square(side)),
+            highest_hz: rounding::highest_hz(&aim),
+            instructions: Instructions::best(),
+            aim,
+            profiler,
+            meaning,
+        }
+    }
+
+    /// The pieces of pulses from `first` on, pulse by pulse.
+    fn make_pieces(&self, first: usize, samples: &[Complex32], pieces: &mut [f32]) {
+        let num_samples = self.aim.collection.num_samples;
+        let length = self.profiler.length();
+        let scratch = || {
+            let profile = vec![Complex32::ZERO; length + 1];
+            (
+                profile,
+                vec![Complex32::ZERO; self.profiler.scratch_length()],
+            )
+        };
+        pieces
+            .par_chunks_exact_mut(self.pieces.values())
+            .zip(samples.par_chunks_exact(num_samples))
+            .enumerate()
+            .for_each_init(scratch, |(profile, scratch), (i, (pieces, samples))| {
+                let n = first + i;
+                self.profiler.profile(samples, profile, scratch);
+                let pulse = tile_pulse(&self.aim, &self.aim.collection.pulses[n], length);
+                self.pieces.make(
+                    self.instructions,
+                    &profile[..length],
+                    pulse.cycles_a_bin,
+                    self.aim.weights.slow[n] as f32,
+                    pieces,
+                );
+            });
+    }
+
+    /// Adds a batch to what is wanted of a patch.
+    fn add(
+        &self,
+        batch: &Batch,
+        rectangle: &Rectangle,
+        segments: &mut [Segment],
+        scratch: &mut Scratch,
+    ) {
+        if let Way::Tiles {
+            phase_rad, coarse, ..
+        } = self.way
+        {
+            let raster = raster(self.aim.grid, rectangle);
+            let tile = &mut scratch.tile;
+            let off_m = tile.look(self.pieces.length(), &batch.tile_pulses, &raster);
+            if path_tile::phase_rad(self.highest_hz, off_m) <= phase_rad {
+                let size = rectangle.size;
+                let sums = &mut scratch.sums;
+                sums.clear();
+                sums.resize(size.rows * size.columns, Complex32::ZERO);
+                let (layout, pulses) = (&self.pieces, &batch.tile_pulses);
+                tile.add(
+                    self.instructions,
+                    layout,
+                    coarse,
+                    pulses,
+                    batch.pieces,
+                    sums,
+                );
+                for segment in segments {
+                    let row = (segment.row - rectangle.row) * size.columns;
+                    let sums = &sums[row + segment.column - rectangle.column..];
+                    for (pixel, sum) in segment.pixels.iter_mut().zip(sums) {
+                        *pixel += sum;
+                    }
+                }
+                return;
+            }
+        }
+        for segment in segments {
+            self.add_points(batch, segment, scratch);
+        }
+    }
+
+    /// Adds a batch to pixels of a row, by the paths of each.
+    fn add_points(&self, batch: &Batch, segment: &mut Segment, scratch: &mut Scratch) {
+        let Scratch {
+            points,
+            moved,
+            sums,
+            ..
+        } = scratch;
+        points.clear();
+        for column in (segment.column..).take(segment.pixels.len()) {
+            points.push(self.aim.grid.position_m(segment.row, column).to_array());
+        }
+        sums.clear();
+        sums.resize(points.len(), Complex32::ZERO);
+        let pieces = batch.pieces.chunks_exact(self.pieces.values());
+        for ((pulse, tile_pulse), pieces) in batch.pulses.iter().zip(&batch.tile_pulses).zip(pieces)
+        {
+            let points = match self.meaning {
+                Meaning::Places => &*points,
+                Meaning::Velocities { .. } => {
+                    moved.clear();
+                    for point in points.iter().map(DVec3::from) {
+                        moved.push(self.meaning.target(pulse, point).0.to_array());
+                    }
+                    &*moved
+                }
+            };
+            tile::add_points(
+                self.instructions,
+                &self.pieces,
+                tile_pulse,
+                pieces,
+                points,
+                sums,
+            );
+        }
+        for (pixel, sum) in segment.pixels.iter_mut().zip(sums) {
+            *pixel += *sum;
+        }
+    }
+}
+
+impl Forming for Opened<'_> {
+    fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
+        let collection = self.aim.collection;
+        let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
+        let (length, summed) = (self.profiler.length(), self.summed_pulses);
+        let mut budget = Budget::new(work.memory_bytes);
+        let account = self.patches.account_bytes(tiles);
+        budget.take("patches", account.into(), &[Remedy::MoreMemory])?;
+        let parts = budget.take_block(
+            "range profiles of some pulses",
+            pulse_bytes(num_samples, self.pieces.values()) * summed.min(num_pulses) as u64,
+            num_pulses.div_ceil(summed).min(MOST_PARTS),
+            &[Remedy::MoreMemory],
+        )?;
+        let block = (parts * summed).min(num_pulses);
+        let mut samples = vec![Complex32::ZERO; block * num_samples];
+        let mut pieces = vec![0.0; block * self.pieces.values()];
+        let mut patches = self.patches.split(tiles);
+        let blocks = num_pulses.div_ceil(block);
+        let done = AtomicUsize::new(0);
+        let parts = (blocks * patches.len()) as f64;
+        for first in (0..num_pulses).step_by(block) {
+            let pulses = first..(first + block).min(num_pulses);
+            let samples = &mut samples[..pulses.len() * num_samples];
+            work.history.read(pulses.clone(), samples)?;
+            let pieces = &mut pieces[..pulses.len() * self.pieces.values()];
+            self.make_pieces(first, samples, pieces);
+            let pulses = collection.pulses[pulses].chunks(summed);
+            let batches: Vec<Batch> = pulses
+                .zip(pieces.chunks(summed * self.pieces.values()))
+                .map(|(pulses, pieces)| Batch {
+                    tile_pulses: pulses
+                        .iter()
+                        .map(|p| tile_pulse(&self.aim, p, length))
+                        .collect(),
+                    pulses,
+                    pieces,
+                })
+                .collect();
+            let each = patches.par_iter_mut();
+            each.for_each_init(Scratch::default, |scratch, (rectangle, segments)| {
+                for batch in &batches {
+                    if work.monitor.cancelled() {
+                        return;
+                    }
+                    self.add(batch, rectangle, segments, scratch);
+                }
+                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                work.monitor.progress(done as f64 / parts);
+            });
+            if work.monitor.cancelled() {
+                return Err(FormError::Cancelled);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,119 @@
+//! AVX2 and FMA on x86-64: 8 numbers in a register, 16 registers, values looked up in one of them at a time.
+
+use std::arch::x86_64::*;
+
+use super::{Kernel, Lanes};
+
+/// Proof that both are there.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx2(());
+
+impl Avx2 {
+    /// If this processor has them.
+    #[inline]
+    pub(crate) fn new() -> Option<Self> {
+        let there = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+        there.then_some(Self(()))
+    }
+
+    /// Does `kernel`, compiled for these instructions.
+    #[inline]
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "avx2,fma")]
+        fn compiled<K: Kernel>(lanes: Avx2, kernel: K) -> K::Output {
+            kernel.run(lanes)
+        }
+        // SAFETY: `self` exists only where the processor has these instructions.
+        unsafe { compiled(self, kernel) }
+    }
+}
+
+/// Of 16 values those that the lowest 4 bits of `at` count to.
+///
+/// # Safety
+/// AVX2 is there.
+#[inline(always)]
+unsafe fn of_16([low, high]: [__m256; 2], at: __m256i) -> __m256 {
+    // SAFETY: the caller's; the permutation takes the lowest 3 bits of an index, the blend what bit 3 was.
+    unsafe {
+        let low = _mm256_permutevar8x32_ps(low, at);
+        let high = _mm256_permutevar8x32_ps(high, at);
+        let upper = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(at));
+        _mm256_blendv_ps(low, high, upper)
+    }
+}
+
+// Each block below: `self` exists only where the processor has these instructions; what is read and written is the length that
+// is asserted.
+impl Lanes for Avx2 {
+    type Numbers = __m256;
+    type Narrow = [__m256; 2];
+    type Wide = [__m256; 4];
+    const COUNT: usize = 8;
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> __m256 {
+        // SAFETY: as above.
+        unsafe { _mm256_set1_ps(x) }
+    }
+    #[inline(always)]
+    fn load(self, from: &[f32]) -> __m256 {
+        assert!(from.len() >= 8);
+        // SAFETY: as above; 8 numbers are there.
+        unsafe { _mm256_loadu_ps(from.as_ptr()) }
+    }
+    #[inline(always)]
+    fn store(self, x: __m256, to: &mut [f32]) {
+        assert!(to.len() >= 8);
+        // SAFETY: as above; there is room for 8 numbers.
+        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), x) }
+    }
+    #[inline(always)]
+    fn add(self, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: as above.
+        unsafe { _mm256_add_ps(a, b) }
+    }
+    #[inline(always)]
+    fn sub(self, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: as above.
+        unsafe { _mm256_sub_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul(self, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: as above.
+        unsafe { _mm256_mul_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+        // SAFETY: as above.
+        unsafe { _mm256_fmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+        // SAFETY: as above.
+        unsafe { _mm256_fnmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn narrow(self, values: &[f32; 16]) -> [__m256; 2] {
+        [self.load(values), self.load(&values[8..])]
+    }
+    #[inline(always)]
+    fn of_narrow(self, values: [__m256; 2], at: __m256) -> __m256 {
+        // SAFETY: as above.
+        unsafe { of_16(values, _mm256_castps_si256(at)) }
+    }
+    #[inline(always)]
+    fn wide(self, values: &[f32; 32]) -> [__m256; 4] {
+        std::array::from_fn(|i| self.load(&values[8 * i..]))
+    }
+    #[inline(always)]
+    fn of_wide(self, [a, b, c, d]: [__m256; 4], at: __m256) -> __m256 {
+        // SAFETY: as above.
+        unsafe {
+            let at = _mm256_castps_si256(at);
+            let (low, high) = (of_16([a, b], at), of_16([c, d], at));
+            let upper = _mm256_castsi256_ps(_mm256_slli_epi32::<27>(at));
+            _mm256_blendv_ps(low, high, upper)
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! AVX-512 on x86-64: 16 numbers in a register, 32 registers, and values looked up in one of them or two.
+
+use std::arch::x86_64::*;
+
+use super::{Kernel, Lanes};
+
+/// Proof that F, BW, DQ and VL are there.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx512(());
+
+impl Avx512 {
+    /// If this processor has them.
+    #[inline]
+    pub(crate) fn new() -> Option<Self> {
+        let there = is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512bw")
+            && is_x86_feature_detected!("avx512dq")
+            && is_x86_feature_detected!("avx512vl")
+            && is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("fma");
+        there.then_some(Self(()))
+    }
+
+    /// Does `kernel`, compiled for these instructions.
+    #[inline]
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma")]
+        fn compiled<K: Kernel>(lanes: Avx512, kernel: K) -> K::Output {
+            kernel.run(lanes)
+        }
+        // SAFETY: `self` exists only where the processor has these instructions.
+        unsafe { compiled(self, kernel) }
+    }
+}
+
+// Each block below: `self` exists only where the processor has these instructions; what is read and written is the length that
+// is asserted.
+impl Lanes for Avx512 {
+    type Numbers = __m512;
+    type Narrow = __m512;
+    type Wide = [__m512; 2];
+    const COUNT: usize = 16;
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> __m512 {
+        // SAFETY: as above.
+        unsafe { _mm512_set1_ps(x) }
+    }
+    #[inline(always)]
+    fn load(self, from: &[f32]) -> __m512 {
+        assert!(from.len() >= 16);
+        // SAFETY: as above; 16 numbers are there.
+        unsafe { _mm512_loadu_ps(from.as_ptr()) }
+    }
+    #[inline(always)]
+    fn store(self, x: __m512, to: &mut [f32]) {
+        assert!(to.len() >= 16);
+        // SAFETY: as above; there is room for 16 numbers.
+        unsafe { _mm512_storeu_ps(to.as_mut_ptr(), x) }
+    }
+    #[inline(always)]
+    fn add(self, a: __m512, b: __m512) -> __m512 {
+        // SAFETY: as above.
+        unsafe { _mm512_add_ps(a, b) }
+    }
+    #[inline(always)]
+    fn sub(self, a: __m512, b: __m512) -> __m512 {
+        // SAFETY: as above.
+        unsafe { _mm512_sub_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul(self, a: __m512, b: __m512) -> __m512 {
+        // SAFETY: as above.
+        unsafe { _mm512_mul_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul_add(self, a: __m512, b: __m512, c: __m512) -> __m512 {
+        // SAFETY: as above.
+        unsafe { _mm512_fmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: __m512, b: __m512, c: __m512) -> __m512 {
+        // SAFETY: as above.
+        unsafe { _mm512_fnmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn narrow(self, values: &[f32; 16]) -> __m512 {
+        self.load(values)
+    }
+    #[inline(always)]
+    fn of_narrow(self, values: __m512, at: __m512) -> __m512 {
+        // SAFETY: as above; the permutation takes the lowest 4 bits of an index.
+        unsafe { _mm512_permutexvar_ps(_mm512_castps_si512(at), values) }
+    }
+    #[inline(always)]
+    fn wide(self, values: &[f32; 32]) -> [__m512; 2] {
+        [self.load(values), self.load(&values[16..])]
+    }
+    #[inline(always)]
+    fn of_wide(self, [low, high]: [__m512; 2], at: __m512) -> __m512 {
+        // SAFETY: as above; the permutation takes the lowest 5 bits of an index.
+        unsafe { _mm512_permutex2var_ps(low, _mm512_castps_si512(at), high) }
+    }
+}

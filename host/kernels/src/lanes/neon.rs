@@ -1,0 +1,130 @@
+//! NEON on aarch64: 4 numbers in a register, values looked up in four of them byte by byte.
+
+use std::arch::aarch64::*;
+
+use super::{Kernel, Lanes};
+
+/// Proof that it is there.
+#[derive(Clone, Copy)]
+pub(crate) struct Neon(());
+
+impl Neon {
+    /// If this processor has it.
+    #[inline]
+    pub(crate) fn new() -> Option<Self> {
+        std::arch::is_aarch64_feature_detected!("neon").then_some(Self(()))
+    }
+
+    /// Does `kernel`, compiled for these instructions.
+    #[inline]
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "neon")]
+        fn compiled<K: Kernel>(lanes: Neon, kernel: K) -> K::Output {
+            kernel.run(lanes)
+        }
+        // SAFETY: `self` exists only where the processor has these instructions.
+        unsafe { compiled(self, kernel) }
+    }
+}
+
+/// The places, byte by byte, of the numbers that the bits of `at` under `mask` count to.
+///
+/// # Safety
+/// NEON is there.
+#[inline(always)]
+unsafe fn bytes(at: float32x4_t, mask: u32) -> uint8x16_t {
+    // SAFETY: the caller's. A number `i` stands in bytes `4 i` to `4 i + 3`: those of `4 i` four times, and 0 to 3.
+    unsafe {
+        let index = vandq_u32(vreinterpretq_u32_f32(at), vdupq_n_u32(mask));
+        let first = vmulq_n_u32(index, 0x0404_0404);
+        vreinterpretq_u8_u32(vaddq_u32(first, vdupq_n_u32(0x0302_0100)))
+    }
+}
+
+/// 16 numbers as bytes.
+///
+/// # Safety
+/// NEON is there, and 16 numbers at `window`.
+#[inline(always)]
+unsafe fn table(window: *const f32) -> uint8x16x4_t {
+    // SAFETY: the caller's; 64 bytes are 16 numbers.
+    unsafe { vld1q_u8_x4(window.cast()) }
+}
+
+// Each block below: `self` exists only where the processor has these instructions; what is read and written is the length that
+// is asserted.
+impl Lanes for Neon {
+    type Numbers = float32x4_t;
+    type Narrow = uint8x16x4_t;
+    type Wide = [uint8x16x4_t; 2];
+    const COUNT: usize = 4;
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> float32x4_t {
+        // SAFETY: as above.
+        unsafe { vdupq_n_f32(x) }
+    }
+    #[inline(always)]
+    fn load(self, from: &[f32]) -> float32x4_t {
+        assert!(from.len() >= 4);
+        // SAFETY: as above; 4 numbers are there.
+        unsafe { vld1q_f32(from.as_ptr()) }
+    }
+    #[inline(always)]
+    fn store(self, x: float32x4_t, to: &mut [f32]) {
+        assert!(to.len() >= 4);
+        // SAFETY: as above; there is room for 4 numbers.
+        unsafe { vst1q_f32(to.as_mut_ptr(), x) }
+    }
+    #[inline(always)]
+    fn add(self, a: float32x4_t, b: float32x4_t) -> float32x4_t {
+        // SAFETY: as above.
+        unsafe { vaddq_f32(a, b) }
+    }
+    #[inline(always)]
+    fn sub(self, a: float32x4_t, b: float32x4_t) -> float32x4_t {
+        // SAFETY: as above.
+        unsafe { vsubq_f32(a, b) }
+    }
+    #[inline(always)]
+    fn mul(self, a: float32x4_t, b: float32x4_t) -> float32x4_t {
+        // SAFETY: as above.
+        unsafe { vmulq_f32(a, b) }
+    }
+    #[inline(always)]
+    fn mul_add(self, a: float32x4_t, b: float32x4_t, c: float32x4_t) -> float32x4_t {
+        // SAFETY: as above.
+        unsafe { vfmaq_f32(c, a, b) }
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: float32x4_t, b: float32x4_t, c: float32x4_t) -> float32x4_t {
+        // SAFETY: as above.
+        unsafe { vfmsq_f32(c, a, b) }
+    }
+    #[inline(always)]
+    fn narrow(self, values: &[f32; 16]) -> uint8x16x4_t {
+        // SAFETY: as above; there are 16 numbers.
+        unsafe { table(values.as_ptr()) }
+    }
+    #[inline(always)]
+    fn of_narrow(self, values: uint8x16x4_t, at: float32x4_t) -> float32x4_t {
+        // SAFETY: as above.
+        unsafe { vreinterpretq_f32_u8(vqtbl4q_u8(values, bytes(at, 15))) }
+    }
+    #[inline(always)]
+    fn wide(self, values: &[f32; 32]) -> [uint8x16x4_t; 2] {
+        // SAFETY: as above; there are twice 16 numbers.
+        unsafe { [table(values.as_ptr()), table(values[16..].as_ptr())] }
+    }
+    #[inline(always)]
+    fn of_wide(self, [low, high]: [uint8x16x4_t; 2], at: float32x4_t) -> float32x4_t {
+        // SAFETY: as above. Places beyond 63 are none of the lower half, which gives 0
+        // there, and those below 64, less 64, are none of the upper, which leaves what was there.
+        unsafe {
+            let at = bytes(at, 31);
+            let values = vqtbl4q_u8(low, at);
+            let at = vsubq_u8(at, vdupq_n_u8(64));
+            vreinterpretq_f32_u8(vqtbx4q_u8(values, high, at))
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Plain Rust: what the others are held to.
+
+use super::Lanes;
+
+const COUNT: usize = 4;
+
+/// Instructions that every processor has.
+#[derive(Clone, Copy)]
+pub(crate) struct Portable;
+
+#[inline(always)]
+fn each(of: impl FnMut(usize) -> f32) -> [f32; COUNT] {
+    std::array::from_fn(of)
+}
+
+impl Lanes for Portable {
+    type Numbers = [f32; COUNT];
+    type Narrow = [f32; 16];
+    type Wide = [f32; 32];
+    const COUNT: usize = COUNT;
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> Self::Numbers {
+        [x; COUNT]
+    }
+    #[inline(always)]
+    fn load(self, from: &[f32]) -> Self::Numbers {
+        each(|i| from[i])
+    }
+    #[inline(always)]
+    fn store(self, x: Self::Numbers, to: &mut [f32]) {
+        to[..COUNT].copy_from_slice(&x);
+    }
+    #[inline(always)]
+    fn add(self, a: Self::Numbers, b: Self::Numbers) -> Self::Numbers {
+        each(|i| a[i] + b[i])
+    }
+    #[inline(always)]
+    fn sub(self, a: Self::Numbers, b: Self::Numbers) -> Self::Numbers {
+        each(|i| a[i] - b[i])
+    }
+    #[inline(always)]
+    fn mul(self, a: Self::Numbers, b: Self::Numbers) -> Self::Numbers {
+        each(|i| a[i] * b[i])
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers {
+        each(|i| a[i].mul_add(b[i], c[i]))
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers {
+        each(|i| (-a[i]).mul_add(b[i], c[i]))
+    }
+    #[inline(always)]
+    fn narrow(self, values: &[f32; 16]) -> [f32; 16] {
+        *values
+    }
+    #[inline(always)]
+    fn of_narrow(self, values: [f32; 16], at: Self::Numbers) -> Self::Numbers {
+        each(|i| values[(at[i].to_bits() & 15) as usize])
+    }
+    #[inline(always)]
+    fn wide(self, values: &[f32; 32]) -> [f32; 32] {
+        *values
+    }
+    #[inline(always)]
+    fn of_wide(self, values: [f32; 32], at: Self::Numbers) -> Self::Numbers {
+        each(|i| values[(at[i].to_bits() & 31) as usize])
+    }
+}

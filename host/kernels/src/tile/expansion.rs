@@ -1,0 +1,146 @@
+//! Paths from a pulse's antennas to the pixels of a tile: a polynomial of third degree.
+//!
+//! With `D` from an antenna to the tile's centre, `R = |D|`, and a pixel at `u` from the centre, `s = D.u / R`, `w = |u|^2 - s^2`:
+//!
+//! ```text
+//! |D + u| = R + s + w / (2 R) - s w / (2 R^2) + ...,   u = i (step along a row) + j (step from row to row)
+//! ```
+//!
+//! The series is that of Gegenbauer's polynomials of order -1/2: its term of degree `n` is `R x^n C_n`, `x = |u| / R`, with `|C_4| <=
+//! 1/8` and `|C_n| <= 2 / (2 n - 1)`. So what the polynomial leaves is at most `R (x^4 / 8 + (2/9) x^5 / (1 - x))`
+//! ([`left_out_m`]); over the pixels of a square, whose corners are at `x`, the root of the mean of the first term's square is 0.23 of
+//! that.
+
+use crate::paths::Antennas;
+
+/// Pixels on a parallelogram, evenly: where those of a tile lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Raster {
+    /// The point halfway between the first pixel and the last, metres.
+    pub centre_m: [f64; 3],
+    /// From a pixel to the next of its row, metres.
+    pub along_m: [f64; 3],
+    /// From a row to the next, metres.
+    pub across_m: [f64; 3],
+    /// Rows.
+    pub rows: usize,
+    /// Pixels a row.
+    pub columns: usize,
+}
+
+impl Raster {
+    /// Farthest that a pixel lies from the centre, metres.
+    pub fn radius_m(&self) -> f64 {
+        let reach = |count: usize| count.saturating_sub(1) as f64 / 2.0;
+        let (i, j) = (reach(self.columns), reach(self.rows));
+        let corner = |sign: f64| {
+            let u: [f64; 3] =
+                std::array::from_fn(|d| self.along_m[d] * i + self.across_m[d] * j * sign);
+            dot(&u, &u).sqrt()
+        };
+        corner(1.0).max(corner(-1.0))
+    }
+}
+
+/// Bound on what the polynomial leaves out of one antenna's distance, metres, on a tile that reaches `radius_m` from its centre
+/// and whose centre is `distance_m` away: infinite where the antenna is no farther than the tile reaches.
+pub fn left_out_m(distance_m: f64, radius_m: f64) -> f64 {
+    let x = radius_m / distance_m;
+    match x < 1.0 {
+        true => distance_m * (x.powi(4) / 8.0 + 2.0 / 9.0 * x.powi(5) / (1.0 - x)),
+        false => f64::INFINITY,
+    }
+}
+
+/// The polynomial's coefficients, in columns `i` and rows `j` from the centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Expansion {
+    /// At the centre.
+    pub(super) at: f64,
+    /// Of `i` and `j`.
+    pub(super) first: [f64; 2],
+    /// Of `i i`, `i j` and `j j`.
+    pub(super) second: [f64; 3],
+    /// Of `i i i`, `i i j`, `i j j` and `j j j`.
+    pub(super) third: [f64; 4],
+}
+
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl Expansion {
+    /// Of paths less the datum, times `scale`.
+    pub(super) fn new(antennas: &Antennas, raster: &Raster, scale: f64) -> Self {
+        let squares = [
+            dot(&raster.along_m, &raster.along_m),
+            2.0 * dot(&raster.along_m, &raster.across_m),
+            dot(&raster.across_m, &raster.across_m),
+        ];
+        let transmitter = leg(&antennas.transmitter_m, raster, squares);
+        let receiver = match antennas.transmitter_m == antennas.receiver_m {
+            true => transmitter,
+            false => leg(&antennas.receiver_m, raster, squares),
+        };
+        let add = |a: f64, b: f64| (a + b) * scale;
+        let (a, b) = (transmitter, receiver);
+        Self {
+            at: (a.at + b.at - antennas.datum_m) * scale,
+            first: std::array::from_fn(|i| add(a.first[i], b.first[i])),
+            second: std::array::from_fn(|i| add(a.second[i], b.second[i])),
+            third: std::array::from_fn(|i| add(a.third[i], b.third[i])),
+        }
+    }
+
+    /// The same with columns and rows in each other's place.
+    pub(super) fn transposed(&self) -> Self {
+        let reversed = |mut values: [f64; 4]| {
+            values.reverse();
+            values
+        };
+        Self {
+            at: self.at,
+            first: [self.first[1], self.first[0]],
+            second: [self.second[2], self.second[1], self.second[0]],
+            third: reversed(self.third),
+        }
+    }
+
+    /// Bound on how fast it changes with `i` and with `j` up to `i` and `j` from the centre.
+    pub(super) fn steepest(&self, i: f64, j: f64) -> [f64; 2] {
+        let ([a, b, c], [d, e, f, g]) = (self.second, self.third);
+        let along = 2.0 * a.abs() * i + b.abs() * j + 3.0 * d.abs() * i * i;
+        let across = 2.0 * c.abs() * j + b.abs() * i + 3.0 * g.abs() * j * j;
+        [
+            self.first[0].abs() + along + 2.0 * e.abs() * i * j + f.abs() * j * j,
+            self.first[1].abs() + across + 2.0 * f.abs() * i * j + e.abs() * i * i,
+        ]
+    }
+}
+
+/// One antenna's distance, in metres.
+fn leg(antenna_m: &[f64; 3], raster: &Raster, squares: [f64; 3]) -> Expansion {
+    let from: [f64; 3] = std::array::from_fn(|d| raster.centre_m[d] - antenna_m[d]);
+    let at = dot(&from, &from).sqrt();
+    let inverse = 1.0 / at;
+    let first = [&raster.along_m, &raster.across_m].map(|step_m| dot(&from, step_m) * inverse);
+    let [g, h] = first;
+    let w = [
+        squares[0] - g * g,
+        squares[1] - 2.0 * g * h,
+        squares[2] - h * h,
+    ];
+    let half = 0.5 * inverse;
+    let cubic = -half * inverse;
+    Expansion {
+        at,
+        first,
+        second: w.map(|w| w * half),
+        third: [
+            g * w[0] * cubic,
+            (g * w[1] + h * w[0]) * cubic,
+            (g * w[2] + h * w[1]) * cubic,
+            h * w[2] * cubic,
+        ],
+    }
+}

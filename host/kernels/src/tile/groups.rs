@@ -1,0 +1,212 @@
+//! A tile in groups of 16 pixels: where they lie, and what the places of their pixels follow from.
+
+use num_complex::Complex32;
+
+use super::expansion::Expansion;
+use super::shape::Shape;
+use crate::lanes::GROUP;
+
+/// Added to a number below 2^51 and taken off again, it leaves the nearest whole number.
+const ROUND_F64: f64 = 6_755_399_441_055_744.0;
+
+/// Those of a group's pixels, in cache lines of their own.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(super) struct Sums {
+    pub(super) re: [f32; GROUP],
+    pub(super) im: [f32; GROUP],
+}
+
+impl Sums {
+    pub(super) const ZERO: Self = Self {
+        re: [0.0; GROUP],
+        im: [0.0; GROUP],
+    };
+}
+
+/// Groups of a column of groups: what their pixels' places follow from.
+#[derive(Default)]
+pub(super) struct Rows {
+    /// Groups that share a window.
+    pub(super) run: usize,
+    /// From the tile's middle, in pixels; and the middle of those that share a window.
+    middle: Vec<f64>,
+    run_middle: Vec<f64>,
+    /// The window's first piece.
+    pub(super) base: Vec<u32>,
+    /// Place of the group's middle from the window's.
+    at: Vec<f32>,
+    /// Change of place along the group.
+    along: Vec<f32>,
+    /// Change across it; of a row of 16 half the change of the change along it.
+    across: Vec<f32>,
+}
+
+/// A tile in groups of one shape, column by column of groups.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Groups {
+    pub(super) shape: Shape,
+    /// Pixels along the groups' first axis and their second.
+    pub(super) sides: [usize; 2],
+    /// Groups along them.
+    pub(super) counts: [usize; 2],
+}
+
+impl Groups {
+    /// Of a tile of so many columns and rows.
+    pub(super) fn new(shape: Shape, sides: [usize; 2]) -> Self {
+        let sides = match shape.transposed {
+            false => sides,
+            true => [sides[1], sides[0]],
+        };
+        Self {
+            shape,
+            sides,
+            counts: [
+                sides[0].div_ceil(shape.along),
+                sides[1].div_ceil(shape.across()),
+            ],
+        }
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.counts[0] * self.counts[1]
+    }
+
+    /// From the tile's middle to that of the group at `index` of an axis, pixels.
+    #[inline(always)]
+    pub(super) fn middle(&self, axis: usize, index: usize) -> f64 {
+        let pixels = [self.shape.along, self.shape.across()][axis];
+        (index * pixels) as f64 + (pixels as f64 - self.sides[axis] as f64) / 2.0
+    }
+
+    /// Adds the groups' sums to a tile of `columns` columns.
+    pub(super) fn deliver(&self, parts: &[Sums], sums: &mut [Complex32]) {
+        let (along, [_, down]) = (self.shape.along, self.counts);
+        let columns = self.sides[usize::from(self.shape.transposed)];
+        for (group, Sums { re, im }) in parts.iter().enumerate() {
+            let (first, second) = (group / down * along, group % down * self.shape.across());
+            for (lane, (re, im)) in re.iter().zip(im).enumerate() {
+                let (i, j) = (first + lane % along, second + lane / along);
+                if i < self.sides[0] && j < self.sides[1] {
+                    let (column, row) = match self.shape.transposed {
+                        false => (i, j),
+                        true => (j, i),
+                    };
+                    sums[row * columns + column] += Complex32::new(*re, *im);
+                }
+            }
+        }
+    }
+}
+
+impl Rows {
+    pub(super) fn resize(&mut self, tile: &Groups, run: usize) {
+        let count = tile.counts[1];
+        self.run = run;
+        self.middle.clear();
+        self.middle.extend((0..count).map(|j| tile.middle(1, j)));
+        self.run_middle.clear();
+        for run in self.middle.chunks(run) {
+            let middle = (run[0] + run[run.len() - 1]) / 2.0;
+            self.run_middle.extend(run.iter().map(|_| middle));
+        }
+        self.base.resize(count, 0);
+        for values in [&mut self.at, &mut self.along, &mut self.across] {
+            values.resize(count, 0.0);
+        }
+    }
+
+    /// Place of the middle, change along and change across, of `N` groups from `row`.
+    #[inline(always)]
+    pub(super) fn places<const N: usize>(&self, row: usize) -> [&[f32; N]; 3] {
+        [&self.at, &self.along, &self.across]
+            .map(|values| values[row..row + N].try_into().expect("N groups"))
+    }
+
+    /// For the groups whose middles are `i` pixels along, where the tile's middle has `place` among the pieces.
+    #[inline(always)]
+    pub(super) fn of_column(
+        &mut self,
+        e: &Expansion,
+        place: f64,
+        i: f64,
+        line: Option<f64>,
+        reach: f64,
+    ) {
+        let ([c10, c01], [c20, c11, c02], [c30, c21, c12, c03]) = (e.first, e.second, e.third);
+        let a0 = place + i * (c10 + i * (c20 + i * c30));
+        let a1 = c01 + i * (c11 + i * c21);
+        let a2 = c02 + i * c12;
+        let b0 = c10 + i * (2.0 * c20 + 3.0 * i * c30) + line.unwrap_or(0.0) * c30;
+        let b1 = c11 + 2.0 * i * c21;
+        let (d0, d1, d2) = match line {
+            Some(_) => (c20 + 3.0 * i * c30, c21, 0.0),
+            None => (a1, 2.0 * a2, 3.0 * c03),
+        };
+        let count = self.middle.len();
+        let Self {
+            middle,
+            run_middle,
+            base,
+            at,
+            along,
+            across,
+            ..
+        } = self;
+        let run_middle = &run_middle[..count];
+        let (base, at) = (&mut base[..count], &mut at[..count]);
+        let (along, across) = (&mut along[..count], &mut across[..count]);
+        for row in 0..count {
+            let j = middle[row];
+            let a = c03.mul_add(j, a2).mul_add(j, a1).mul_add(j, a0);
+            let m = run_middle[row];
+            let whole = c03.mul_add(m, a2).mul_add(m, a1).mul_add(m, a0);
+            let whole = (whole + ROUND_F64) - ROUND_F64;
+            at[row] = (a - whole) as f32;
+            base[row] = (whole - reach + ROUND_F64).to_bits() as u32;
+            along[row] = c12.mul_add(j, b1).mul_add(j, b0) as f32;
+            across[row] = d2.mul_add(j, d1).mul_add(j, d0) as f32;
+        }
+    }
+}
+
+/// Where the pixels of a group lie from its middle.
+pub(super) struct Offsets {
+    pub(super) along: [f32; GROUP],
+    pub(super) across: [f32; GROUP],
+    /// What of the cube of `along` a straight line takes: in least squares.
+    pub(super) line: f64,
+}
+
+impl Offsets {
+    #[inline(always)]
+    pub(super) fn new(shape: Shape) -> Self {
+        let [half, half_across] = shape.half();
+        let along = std::array::from_fn(|lane| ((lane % shape.along) as f64 - half) as f32);
+        let power = |n: i32| {
+            along
+                .iter()
+                .map(|&i: &f32| f64::from(i).powi(n))
+                .sum::<f64>()
+        };
+        Self {
+            line: power(4) / power(2),
+            across: std::array::from_fn(|lane| ((lane / shape.along) as f64 - half_across) as f32),
+            along,
+        }
+    }
+
+    /// Terms of second degree `i` pixels along from the tile's middle.
+    #[inline(always)]
+    pub(super) fn bend(&self, e: &Expansion, i: f64) -> [f32; GROUP] {
+        let ([c20, c11, c02], [c30, c21, c12, _]) = (e.second, e.third);
+        let a = (c20 + 3.0 * c30 * i) as f32;
+        let b = (c11 + 2.0 * c21 * i) as f32;
+        let c = (c02 + c12 * i) as f32;
+        std::array::from_fn(|lane| {
+            let (x, y) = (self.along[lane], self.across[lane]);
+            a * (x * x) + b * (x * y) + c * (y * y)
+        })
+    }
+}

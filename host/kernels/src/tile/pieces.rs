@@ -1,0 +1,218 @@
+//! A pulse's range profile as polynomials, a piece a bin, its carrier in it.
+//!
+//! ```text
+//! value(t) = sum_i c[i] B(t - i),          B the cardinal B-spline of degree d, c of period L
+//!          = sum_k P_k[n] f^k,              t = n + f (+ 1/2 where d is odd), |f| <= 1/2
+//! Q_k[n]   = weight P_k[n] exp(+j 2 pi kappa (t - f))
+//! ```
+//!
+//! so that `exp(j 2 pi kappa t) value(t) = exp(j 2 pi kappa f) sum_k Q_k[n] f^k`: whoever reads needs the phase within a bin alone, in
+//! float32 whatever the range. Pieces run from `-L/2 - margin` to `L/2 + margin`, so that a tile whose centre lies within a turn reads
+//! without wrapping; the carrier goes on past the turn's ends, where values repeat.
+//!
+//! Layout: planes of float32, `Q_0`'s real parts, its imaginary parts, `Q_1`'s, and so on.
+
+use std::f64::consts::TAU;
+
+use num_complex::{Complex32, Complex64};
+
+use crate::lanes::{Instructions, Kernel, Lanes};
+
+/// Highest degree.
+pub const MOST_DEGREE: usize = 4;
+/// Taps of the highest.
+const MOST_TAPS: usize = MOST_DEGREE + 1;
+/// Pieces whose phasors are made together.
+const RUN: usize = 64;
+
+/// The layout of a pulse's pieces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pieces {
+    degree: usize,
+    length: usize,
+    margin: usize,
+}
+
+impl Pieces {
+    /// Of degree 1 to [`MOST_DEGREE`], of profiles of `length` bins, and `margin` pieces beyond either end.
+    ///
+    /// # Panics
+    /// If there are no such.
+    pub fn new(degree: usize, length: usize, margin: usize) -> Self {
+        assert!((1..=MOST_DEGREE).contains(&degree) && length > 0);
+        Self {
+            degree,
+            length,
+            margin,
+        }
+    }
+
+    /// Of the polynomials.
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+
+    /// Bins in a turn.
+    pub fn length(&self) -> usize {
+        self.length
+    }
+
+    /// Pieces beyond either end.
+    pub fn margin(&self) -> usize {
+        self.margin
+    }
+
+    /// Pieces in a plane.
+    pub fn row(&self) -> usize {
+        self.length + 2 * self.margin
+    }
+
+    /// Numbers a pulse.
+    pub fn values(&self) -> usize {
+        2 * (self.degree + 1) * self.row()
+    }
+
+    /// Where pieces' middles lie from whole bins.
+    pub(super) fn shift(&self) -> f64 {
+        0.5 * (self.degree % 2) as f64
+    }
+
+    /// The bin of the first piece.
+    pub(super) fn first(&self) -> f64 {
+        -((self.length / 2 + self.margin) as f64)
+    }
+
+    /// Makes the pieces of a profile, the spline's coefficients, into `pieces`.
+    ///
+    /// # Panics
+    /// If `profile` has not [`Self::length`] values, or there is no room for [`Self::values`].
+    pub fn make(
+        &self,
+        instructions: Instructions,
+        profile: &[Complex32],
+        cycles_a_bin: f64,
+        weight: f32,
+        pieces: &mut [f32],
+    ) {
+        assert!(profile.len() == self.length && pieces.len() == self.values());
+        instructions.run(Make {
+            layout: self,
+            profile,
+            cycles_a_bin,
+            weight,
+            pieces,
+        });
+    }
+}
+
+/// `[k][i]`: what tap `i`, counted from the first under the piece, has in the polynomial's coefficient of `f^k`.
+fn taps(degree: usize) -> [[f32; MOST_TAPS]; MOST_TAPS] {
+    let d = degree as i32;
+    let choose = |n: i32, k: i32| (0..k).fold(1.0, |c, i| c * f64::from(n - i) / f64::from(i + 1));
+    let factorial = (1..=d).fold(1.0, |product, i| product * f64::from(i));
+    let mut taps = [[0.0; MOST_TAPS]; MOST_TAPS];
+    for (k, of_power) in (0..=d).zip(&mut taps) {
+        for (i, tap) in (0..=d).zip(of_power.iter_mut()) {
+            // B(x) = sum_m (-1)^m C(d + 1, m) (x + (d + 1) / 2 - m)^d / d! over the m whose bracket is positive, x = f + d / 2 - i.
+            let terms = (0..=d - i).map(|m| {
+                let sign = if m % 2 == 0 { 1.0 } else { -1.0 };
+                let bracket = f64::from(d - i - m) + 0.5;
+                sign * choose(d + 1, m) * choose(d, k) * bracket.powi(d - k)
+            });
+            *tap = (terms.sum::<f64>() / factorial) as f32;
+        }
+    }
+    taps
+}
+
+/// `exp(j 2 pi turns)` by arithmetic that is the same everywhere.
+fn phasor(turns: f64) -> Complex64 {
+    let (sin, cos) = libm::sincos(TAU * (turns - libm::round(turns)));
+    Complex64::new(cos, sin)
+}
+
+struct Make<'a> {
+    layout: &'a Pieces,
+    profile: &'a [Complex32],
+    cycles_a_bin: f64,
+    weight: f32,
+    pieces: &'a mut [f32],
+}
+
+impl Kernel for Make<'_> {
+    type Output = ();
+
+    /// Plain loops: what the lanes' instructions make of them.
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        match self.layout.degree {
+            1 => self.make::<2>(),
+            2 => self.make::<3>(),
+            3 => self.make::<4>(),
+            _ => self.make::<5>(),
+        }
+    }
+}
+
+impl Make<'_> {
+    #[inline(always)]
+    fn make<const TAPS: usize>(self) {
+        let Pieces {
+            degree,
+            length,
+            margin,
+        } = *self.layout;
+        let taps = taps(degree);
+        let row = self.layout.row();
+        let kappa = self.cycles_a_bin;
+        // Within a run.
+        let [mut fine_re, mut fine_im] = [[0.0f32; RUN]; 2];
+        for (i, (re, im)) in fine_re.iter_mut().zip(&mut fine_im).enumerate() {
+            let z = phasor(kappa * i as f64);
+            (*re, *im) = (z.re as f32, z.im as f32);
+        }
+        // The profile's place under the first piece's first tap.
+        let before = length / 2 + margin + degree / 2;
+        let mut place = (length - before % length) % length;
+        let [mut under_re, mut under_im] = [[0.0f32; RUN + MOST_TAPS - 1]; 2];
+        for first in (0..row).step_by(RUN) {
+            let count = RUN.min(row - first);
+            let mut from = place;
+            for (re, im) in under_re.iter_mut().zip(&mut under_im) {
+                let z = self.profile[from];
+                (*re, *im) = (z.re, z.im);
+                from += 1;
+                if from == length {
+                    from = 0;
+                }
+            }
+            place = (place + RUN) % length;
+            let middle = self.layout.first() + first as f64 + self.layout.shift();
+            let coarse = phasor(kappa * middle) * f64::from(self.weight);
+            let (re, im) = (coarse.re as f32, coarse.im as f32);
+            let mut phasors = [[0.0f32; RUN]; 2];
+            for i in 0..RUN {
+                phasors[0][i] = re * fine_re[i] - im * fine_im[i];
+                phasors[1][i] = re * fine_im[i] + im * fine_re[i];
+            }
+            for (k, taps) in taps[..TAPS].iter().enumerate() {
+                let mut sums = [[0.0f32; RUN]; 2];
+                for (sums, under) in sums.iter_mut().zip([&under_re, &under_im]) {
+                    for (tap, &weight) in taps[..TAPS].iter().enumerate() {
+                        for (sum, value) in sums.iter_mut().zip(&under[tap..]) {
+                            *sum += weight * value;
+                        }
+                    }
+                }
+                let planes = &mut self.pieces[2 * k * row..(2 * k + 2) * row];
+                let (real, imaginary) = planes.split_at_mut(row);
+                let real = &mut real[first..first + count];
+                let imaginary = &mut imaginary[first..first + count];
+                for i in 0..count {
+                    real[i] = sums[0][i] * phasors[0][i] - sums[1][i] * phasors[1][i];
+                    imaginary[i] = sums[0][i] * phasors[1][i] + sums[1][i] * phasors[0][i];
+                }
+            }
+        }
+    }
+}

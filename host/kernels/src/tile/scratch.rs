@@ -1,0 +1,112 @@
+//! A tile, the pulses that are added to it, and a thread's buffers for that.
+
+use num_complex::Complex32;
+
+use super::adding::Add;
+use super::expansion::{Expansion, Raster, left_out_m};
+use super::groups::{Groups, Rows, Sums};
+use super::pieces::Pieces;
+use super::shape::{Shape, Window, steepest};
+use crate::lanes::Instructions;
+use crate::paths::Antennas;
+
+/// What a pulse contributes with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TilePulse {
+    /// Where its paths are measured from.
+    pub antennas: Antennas,
+    /// Turns of the profile a metre of path: the step of frequency over the speed of light.
+    pub turns_m: f64,
+    /// Cycles of the carrier a bin of the profile, as its pieces were made with.
+    pub cycles_a_bin: f64,
+}
+
+/// One thread's buffers, and how it sees some pulses from a tile.
+#[derive(Default)]
+pub struct TileScratch {
+    expansions: Vec<Expansion>,
+    window: Window,
+    /// Groups that share a window.
+    run: usize,
+    tile: Groups,
+    sums: Vec<Sums>,
+    rows: Rows,
+}
+
+impl TileScratch {
+    /// Looks at pulses from a tile, for profiles of `length` bins, and says by how much paths will be off, at most, metres: the root
+    /// of the mean square over the tile's pixels, of the worst pulse. To be followed by [`Self::add`] of the same.
+    ///
+    /// What a polynomial of third degree leaves out grows at least with the fourth power from the middle, so that its RMS over a
+    /// rectangle is a third of that at the corners at most.
+    pub fn look(&mut self, length: usize, pulses: &[TilePulse], raster: &Raster) -> f64 {
+        self.expansions.clear();
+        let bins = length as f64;
+        self.expansions.extend(
+            pulses
+                .iter()
+                .map(|pulse| Expansion::new(&pulse.antennas, raster, pulse.turns_m * bins)),
+        );
+        let sides = [raster.columns, raster.rows];
+        let (shape, window, run) = Shape::of(steepest(self.expansions.iter(), sides));
+        (self.window, self.run) = (window, run);
+        self.tile = Groups::new(shape, sides);
+        if shape.transposed {
+            self.expansions.iter_mut().for_each(|e| *e = e.transposed());
+        }
+        let radius_m = raster.radius_m();
+        let rows = self.tile.sides[1];
+        let each = pulses.iter().zip(&self.expansions).map(|(pulse, e)| {
+            let leg_m = |antenna_m: &[f64; 3]| {
+                let from: [f64; 3] = std::array::from_fn(|d| raster.centre_m[d] - antenna_m[d]);
+                left_out_m(from.iter().map(|x| x * x).sum::<f64>().sqrt(), radius_m) / 3.0
+            };
+            let legs_m = leg_m(&pulse.antennas.transmitter_m) + leg_m(&pulse.antennas.receiver_m);
+            legs_m + shape.left_out(e, rows) / (pulse.turns_m * bins).abs()
+        });
+        each.fold(0.0, f64::max)
+    }
+
+    /// How the pulses that were looked at will be added: the window of a group, and how many groups there are.
+    pub fn grouping(&self) -> (Window, usize) {
+        (self.window, self.tile.count())
+    }
+
+    /// Adds the pulses that were looked at to the pixels of the tile, row by row. `pieces` are those of all pulses, laid out as `layout`;
+    /// phasors are as good as [`PHASOR_RMS`](super::PHASOR_RMS) says, `coarse` or not.
+    ///
+    /// Paths of all pixels from the tile's middle must lie within the layout's margin, less 32 bins.
+    ///
+    /// # Panics
+    /// If there are not as many pulses or pixels as were looked at, or not [`Pieces::values`] for each pulse.
+    pub fn add(
+        &mut self,
+        instructions: Instructions,
+        layout: &Pieces,
+        coarse: bool,
+        pulses: &[TilePulse],
+        pieces: &[f32],
+        sums: &mut [Complex32],
+    ) {
+        let tile = self.tile;
+        assert!(
+            sums.len() == tile.sides[0] * tile.sides[1] && pulses.len() == self.expansions.len()
+        );
+        assert_eq!(pieces.len(), pulses.len() * layout.values());
+        self.sums.clear();
+        self.sums.resize(tile.count(), Sums::ZERO);
+        self.rows.resize(&tile, self.run);
+        instructions.run(Add {
+            layout,
+            coarse,
+            pulses,
+            pieces,
+            expansions: &self.expansions,
+            window: self.window,
+            tile,
+            rows: &mut self.rows,
+            sums: &mut self.sums,
+        });
+        tile.deliver(&self.sums, sums);
+    }
+}

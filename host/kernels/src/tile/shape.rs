@@ -1,0 +1,139 @@
+//! How the pixels of a tile are taken 16 at a time.
+//!
+//! A group reads its pixels' values from a window of bins, so its pixels should be seen at nearly the same range. Those of a row are,
+//! if the row lies across the beam; a block of 4 x 4 is from everywhere, less so. The shape is chosen for the pulses of a call together, from
+//! how fast their paths change over the tile.
+
+use super::expansion::Expansion;
+use crate::lanes::GROUP;
+
+/// A group's pixels: so many along one axis of the tile, and as many rows of them as make 16.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Shape {
+    /// 16, 8 or 4.
+    pub(super) along: usize,
+    /// Whether that axis is the tile's columns' (pixels of a column), not its rows'.
+    pub(super) transposed: bool,
+}
+
+/// Groups that share a window, at most: more would save nothing.
+const MOST_RUN: usize = 16;
+
+/// Bins that a group of 16 pixels reads from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Window {
+    #[default]
+    /// 16 bins, looked up in a register.
+    Narrow,
+    /// 32 bins, in two.
+    Wide,
+    /// Any: each value is read from memory.
+    Any,
+}
+
+impl Window {
+    /// Bins that a pixel may lie from the middle of its group, less the half that the group's own place is rounded by.
+    pub(super) fn reach(self) -> f64 {
+        match self {
+            Self::Narrow => 6.9,
+            Self::Wide => 14.9,
+            Self::Any => f64::INFINITY,
+        }
+    }
+}
+
+impl Shape {
+    /// All of them, those first that take fewer operations.
+    const ALL: [Self; 6] = [
+        Self::new(16, false),
+        Self::new(16, true),
+        Self::new(8, false),
+        Self::new(8, true),
+        Self::new(4, false),
+        Self::new(4, true),
+    ];
+
+    const fn new(along: usize, transposed: bool) -> Self {
+        Self { along, transposed }
+    }
+
+    /// Rows of the group's pixels.
+    pub(super) fn across(&self) -> usize {
+        GROUP / self.along
+    }
+
+    /// Farthest that a pixel lies from the group's middle along its axes.
+    pub(super) fn half(&self) -> [f64; 2] {
+        [self.along, self.across()].map(|count| (count - 1) as f64 / 2.0)
+    }
+
+    /// The shape of the least work for pulses whose paths change at most by so many bins a column and a row; the window
+    /// that it needs, and how many groups, one beside another across, can share one.
+    pub(super) fn of(steepest: [f64; 2]) -> (Self, Window, usize) {
+        let slopes = |shape: &Self| match shape.transposed {
+            false => steepest,
+            true => [steepest[1], steepest[0]],
+        };
+        let reach = |shape: &Self| {
+            let ([i, j], [along, across]) = (slopes(shape), shape.half());
+            along * i + across * j
+        };
+        for window in [Window::Narrow, Window::Wide] {
+            if let Some(shape) = Self::ALL.iter().find(|s| reach(s) <= window.reach()) {
+                let left = window.reach() - reach(shape);
+                let each = slopes(shape)[1] * shape.across() as f64;
+                let run = (1.0 + 2.0 * left / each.max(1e-3)) as usize;
+                // They are worked on two by two.
+                let run = if run > 1 { run.min(MOST_RUN) & !1 } else { 1 };
+                return (*shape, window, run);
+            }
+        }
+        (Self::ALL[0], Window::Any, 1)
+    }
+}
+
+/// Steepest change of paths over a tile of these sides, bins a column and a row.
+pub(super) fn steepest<'a>(
+    expansions: impl Iterator<Item = &'a Expansion>,
+    [columns, rows]: [usize; 2],
+) -> [f64; 2] {
+    let (i, j) = (columns as f64 / 2.0, rows as f64 / 2.0);
+    expansions.fold([0.0f64; 2], |most, expansion| {
+        let own = expansion.steepest(i, j);
+        [most[0].max(own[0]), most[1].max(own[1])]
+    })
+}
+
+impl Shape {
+    /// Root of the mean square, over the pixels of a tile of so many rows of pixels, of what the places in groups of this shape lose of the
+    /// third degree.
+    ///
+    /// With a group's middle `j` rows from the tile's, and a pixel at `a` and `b` from that: a row of 16 follows all but the part of
+    /// `a^3` that no straight line takes; a block loses `j (c21 a^2 + 2 c12 a b + 3 c03 b^2)` and the cubic form of `a` and `b`.
+    pub(super) fn left_out(&self, e: &Expansion, rows: usize) -> f64 {
+        let [c30, c21, c12, c03] = e.third.map(f64::abs);
+        let ([a2, a4, a6], [b2, b4, b6]) = (even_moments(self.along), even_moments(self.across()));
+        if self.across() == 1 {
+            return c30 * (a6 - a4 * a4 / a2).max(0.0).sqrt();
+        }
+        let j = rows as f64 / 12f64.sqrt();
+        let second = c21 * a4.sqrt() + 2.0 * c12 * (a2 * b2).sqrt() + 3.0 * c03 * b4.sqrt();
+        let third =
+            c30 * a6.sqrt() + c21 * (a4 * b2).sqrt() + c12 * (a2 * b4).sqrt() + c03 * b6.sqrt();
+        j * second + third
+    }
+}
+
+/// Means of the second, fourth and sixth power of `count` places a step apart, about their middle.
+fn even_moments(count: usize) -> [f64; 3] {
+    let half = (count as f64 - 1.0) / 2.0;
+    [2, 4, 6].map(|power| {
+        let places = (0..count).map(|i| (i as f64 - half).powi(power));
+        places.sum::<f64>() / count as f64
+    })
+}
+
+/// Root of the mean square error of a place, bins, where it is computed in float32: three roundings of numbers up to 16, 2.8e-7
+/// each, and that of the change along a group, which is taken 7.5 times.
+pub const PLACE_RMS: f64 = 6e-7;

@@ -1,0 +1,281 @@
+use std::f64::consts::TAU;
+
+use num_complex::{Complex32, Complex64};
+
+use super::expansion::Expansion;
+use super::*;
+use crate::lanes::Instructions;
+use crate::paths::{Antennas, Points};
+use crate::trial::{Numbers, turned, wide};
+
+/// The cardinal B-spline of degree `d`, by its recurrence.
+fn spline(d: usize, x: f64) -> f64 {
+    match d {
+        0 => f64::from(u8::from((-0.5..0.5).contains(&x))),
+        _ => {
+            let (d, half) = (d as f64, (d as f64 + 1.0) / 2.0);
+            let below = |x| spline(d as usize - 1, x);
+            ((half + x) * below(x + 0.5) + (half - x) * below(x - 0.5)) / d
+        }
+    }
+}
+
+/// A profile of these coefficients at a place in bins, and its carrier.
+fn value(profile: &[Complex32], degree: usize, kappa: f64, t: f64) -> Complex64 {
+    let reach = degree as i64 / 2 + 2;
+    let first = t.floor() as i64;
+    let terms = (first - reach..=first + reach).map(|i| {
+        let c = profile[i.rem_euclid(profile.len() as i64) as usize];
+        wide(c) * spline(degree, t - i as f64)
+    });
+    turned(kappa * t) * terms.sum::<Complex64>()
+}
+
+fn path_m(antennas: &Antennas, point: [f64; 3]) -> f64 {
+    let leg = |a: [f64; 3]| {
+        let across = (point[0] - a[0]).hypot(point[1] - a[1]);
+        across.hypot(point[2] - a[2])
+    };
+    leg(antennas.transmitter_m) + leg(antennas.receiver_m) - antennas.datum_m
+}
+
+fn pixel(raster: &Raster, row: usize, column: usize) -> [f64; 3] {
+    let i = column as f64 - (raster.columns as f64 - 1.0) / 2.0;
+    let j = row as f64 - (raster.rows as f64 - 1.0) / 2.0;
+    std::array::from_fn(|d| raster.centre_m[d] + i * raster.along_m[d] + j * raster.across_m[d])
+}
+
+/// A scene to form: pulses from `distance_m` away, over an arc.
+struct Trial {
+    raster: Raster,
+    pulses: Vec<TilePulse>,
+    profiles: Vec<Vec<Complex32>>,
+    layout: Pieces,
+    coarse: bool,
+}
+
+impl Trial {
+    /// At random: near or far, of one antenna or two, across, along or askew, fine or coarse pixels.
+    fn new(numbers: &mut Numbers, degree: usize) -> Self {
+        let distance_m = 10f64.powf(2.0 + 3.0 * numbers.unit());
+        let bin_m = 0.02 + 0.2 * numbers.unit();
+        let step_m = bin_m * 10f64.powf(1.2 * numbers.unit() - 0.5);
+        let mut direction = || {
+            let v: [f64; 3] = std::array::from_fn(|_| numbers.signed());
+            let length = v.iter().map(|x| x * x).sum::<f64>().sqrt().max(0.05);
+            v.map(|x| x / length)
+        };
+        let (along, askew) = (direction(), direction());
+        let line = direction();
+        let product: f64 = (0..3).map(|d| along[d] * askew[d]).sum();
+        let across: [f64; 3] = std::array::from_fn(|d| askew[d] - product * along[d]);
+        let length = across.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let raster = Raster {
+            centre_m: std::array::from_fn(|_| 30.0 * numbers.signed()),
+            along_m: along.map(|x| x * step_m),
+            across_m: across.map(|x| x / length * step_m * (0.7 + 0.6 * numbers.unit())),
+            rows: 1 + (40.0 * numbers.unit()) as usize,
+            columns: 1 + (40.0 * numbers.unit()) as usize,
+        };
+        let length = 40 + (300.0 * numbers.unit()) as usize;
+        let margin = 40 + (4.0 * raster.radius_m() / bin_m).ceil() as usize;
+        let layout = Pieces::new(degree, length, margin);
+        let carrier = 30.0 * numbers.signed();
+        let alone = numbers.unit() < 0.5;
+        let pulses: Vec<TilePulse> = (0..5)
+            .map(|n| {
+                let mut at = |shift: f64| {
+                    std::array::from_fn(|d| {
+                        line[d] * distance_m
+                            + shift
+                                * (0.02 * n as f64 + numbers.unit() * 1e-3)
+                                * askew[d]
+                                * distance_m
+                    })
+                };
+                let transmitter_m = at(1.0);
+                let receiver_m = if alone { transmitter_m } else { at(-3.0) };
+                let bins_m = 1.0 / bin_m;
+                TilePulse {
+                    antennas: Antennas {
+                        transmitter_m,
+                        receiver_m,
+                        datum_m: 2.0 * distance_m * (1.0 + 0.1 * numbers.signed()),
+                    },
+                    turns_m: bins_m / length as f64,
+                    cycles_a_bin: carrier / bins_m,
+                }
+            })
+            .collect();
+        Self {
+            profiles: pulses.iter().map(|_| numbers.samples(length)).collect(),
+            raster,
+            pulses,
+            layout,
+            coarse: numbers.unit() < 0.3,
+        }
+    }
+
+    fn form(&self, instructions: Instructions) -> Vec<Complex32> {
+        let mut pieces = vec![0.0; self.pulses.len() * self.layout.values()];
+        let each = pieces.chunks_exact_mut(self.layout.values());
+        for ((profile, pulse), pieces) in self.profiles.iter().zip(&self.pulses).zip(each) {
+            let kappa = pulse.cycles_a_bin;
+            self.layout.make(instructions, profile, kappa, 0.75, pieces);
+        }
+        let mut sums = vec![Complex32::new(1.0, -1.0); self.raster.rows * self.raster.columns];
+        let mut scratch = TileScratch::default();
+        scratch.look(self.layout.length(), &self.pulses, &self.raster);
+        let coarse = self.coarse;
+        scratch.add(
+            instructions,
+            &self.layout,
+            coarse,
+            &self.pulses,
+            &pieces,
+            &mut sums,
+        );
+        sums
+    }
+
+    fn expected(&self) -> Vec<Complex64> {
+        let pixels = (0..self.raster.rows * self.raster.columns).map(|index| {
+            let (row, column) = (index / self.raster.columns, index % self.raster.columns);
+            let point = pixel(&self.raster, row, column);
+            let terms = self
+                .pulses
+                .iter()
+                .zip(&self.profiles)
+                .map(|(pulse, profile)| {
+                    let t = path_m(&pulse.antennas, point) * pulse.turns_m * profile.len() as f64;
+                    value(profile, self.layout.degree(), pulse.cycles_a_bin, t) * 0.75
+                });
+            Complex64::new(1.0, -1.0) + terms.sum::<Complex64>()
+        });
+        pixels.collect()
+    }
+
+    /// Bound on a pixel's error: phases that paths and places turn, phasors, and roundings; for values up to 1.
+    fn allowed(&self) -> f64 {
+        let mut scratch = TileScratch::default();
+        let off_m = scratch.look(self.layout.length(), &self.pulses, &self.raster);
+        // The largest are 3 times the RMS: at the ends of the table's steps.
+        let phasor = 3.0 * PHASOR_RMS[usize::from(self.coarse)];
+        let terms = self.pulses.iter().map(|pulse| {
+            let bins_m = (pulse.turns_m * self.layout.length() as f64).abs();
+            // At corners up to 3 times the RMS of each of the polynomials' terms, of which there are two kinds.
+            let bins = 4.0 * off_m * bins_m + 5.0 * PLACE_RMS;
+            // Of a place the carrier's phase, and the slope of values that change by 2 a bin at most, the pieces' more.
+            0.75 * (bins * (TAU * pulse.cycles_a_bin.abs() + 4.0) + phasor + 3e-6)
+        });
+        terms.sum()
+    }
+}
+
+#[test]
+fn tiles_are_the_sums_that_define_them() {
+    let mut numbers = Numbers::new(1);
+    let (mut formed, mut worst) = (0, 0.0f64);
+    for index in 0..120 {
+        let trial = Trial::new(&mut numbers, 1 + index % MOST_DEGREE);
+        let allowed = trial.allowed();
+        // Where so much is left out, nobody forms a tile.
+        if allowed.is_nan() || allowed > 0.02 {
+            continue;
+        }
+        formed += 1;
+        let got = trial.form(Instructions::Portable);
+        for (got, expected) in got.iter().zip(trial.expected()) {
+            let error = (wide(*got) - expected).norm();
+            assert!(error <= allowed, "{index}: {error} {allowed}");
+            worst = worst.max(error / allowed);
+        }
+    }
+    // The bound is a bound, and not far from what happens.
+    assert!(formed > 60 && worst > 0.2, "{formed} {worst}");
+}
+
+#[test]
+fn points_are_the_sums_that_define_them() {
+    let mut numbers = Numbers::new(4);
+    for index in 0..24 {
+        let trial = Trial::new(&mut numbers, 1 + index % MOST_DEGREE);
+        let Trial { raster, layout, .. } = &trial;
+        let pixels = || (0..raster.rows).flat_map(|j| (0..raster.columns).map(move |i| (j, i)));
+        let mut points = Points::default();
+        pixels().for_each(|(row, column)| points.push(pixel(raster, row, column)));
+        let mut formed = Instructions::available().into_iter().map(|instructions| {
+            let mut sums = vec![Complex32::new(1.0, -1.0); points.len()];
+            let mut pieces = vec![0.0; layout.values()];
+            for (pulse, profile) in trial.pulses.iter().zip(&trial.profiles) {
+                layout.make(instructions, profile, pulse.cycles_a_bin, 0.75, &mut pieces);
+                add_points(instructions, layout, pulse, &pieces, &points, &mut sums);
+            }
+            sums
+        });
+        let portable = formed.next().expect("one at least");
+        formed.for_each(|other| assert!(other == portable));
+        for (got, expected) in portable.iter().zip(trial.expected()) {
+            // Paths of up to 1e5 m are float64: 1e-10 m turn a carrier of 30 cycles by 2e-8. A sum is rounded five times.
+            let error = (wide(*got) - expected).norm();
+            assert!(error < 5.0 * 0.75 * 2e-6 + 2e-6, "{index}: {error}");
+        }
+    }
+}
+
+/// Every operation is rounded alike.
+#[test]
+fn all_instructions_give_the_same_bits() {
+    let mut numbers = Numbers::new(2);
+    for index in 0..120 {
+        let trial = Trial::new(&mut numbers, 1 + index % MOST_DEGREE);
+        let portable = trial.form(Instructions::Portable);
+        for instructions in Instructions::available() {
+            let got = trial.form(instructions);
+            assert!(got == portable, "{index} {}", instructions.name());
+        }
+    }
+}
+
+#[test]
+fn what_the_polynomial_leaves_out_is_bounded() {
+    let mut numbers = Numbers::new(3);
+    let mut nearest = 0.0f64;
+    for _ in 0..3000 {
+        let mut direction = || {
+            let v: [f64; 3] = std::array::from_fn(|_| numbers.signed());
+            let length = v.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
+            v.map(|x| x / length)
+        };
+        let (line, u) = (direction(), direction());
+        let x = 0.02 + 0.7 * numbers.unit();
+        let at = line.map(|x| x * 100.0);
+        let antennas = Antennas {
+            transmitter_m: at,
+            receiver_m: at,
+            datum_m: 0.0,
+        };
+        // The pixel at an end of a row of two.
+        let raster = Raster {
+            centre_m: [0.0; 3],
+            along_m: u.map(|u| 2.0 * u * x * 100.0),
+            across_m: [0.0; 3],
+            rows: 1,
+            columns: 2,
+        };
+        let Expansion {
+            at,
+            first,
+            second,
+            third,
+        } = Expansion::new(&antennas, &raster, 1.0);
+        let i = 0.5;
+        let got_m = at + i * (first[0] + i * (second[0] + i * third[0]));
+        let error_m = (got_m - path_m(&antennas, pixel(&raster, 0, 1))).abs();
+        let bound_m = 2.0 * left_out_m(100.0, raster.radius_m());
+        assert!(error_m <= bound_m * 1.000_001, "{x}: {error_m} {bound_m}");
+        nearest = nearest.max(error_m / bound_m);
+    }
+    assert!(nearest > 0.7, "{nearest}");
+    assert_eq!(left_out_m(1.0, 1.0), f64::INFINITY);
+}
