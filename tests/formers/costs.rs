@@ -59,9 +59,6 @@ fn a_pixel_takes_what_its_loop_does() {
     for (name, operations) in [
         // A complex product (4 and 2) and sum (2) for each pulse and frequency.
         ("exact", 8.0 * PULSES * SAMPLES),
-        // For each pulse: three differences, their squares and sums and a root 9, doubled and referred 2; place in the
-        // profile 3; two values read between 6; a phasor and its argument 21; a product with it 6 and a sum 2.
-        ("bp", 49.0 * PULSES),
         // The paths from 16 pulses, 11 each, and as much to fit a place to them; a phasor; 6 x 6 values, each with a real weight 2
         // and to add 2.
         ("pfa", 16.0 * 22.0 + 20.0 + 4.0 * 36.0),
@@ -80,18 +77,26 @@ fn a_pixel_takes_what_its_loop_does() {
             name,
         );
     }
+    for side in [200, 300] {
+        let Decision { cost, settings, .. } = decide(&*listed("bp"), &grid(side));
+        // For each pulse: place by a parabola 4; nearest bin and the way to it 3; a spline of two parts 4 a degree; the phase 2, its
+        // place in a table 3, sine and cosine of what is left 6 and their product with the table's 4; a complex product 6 and a sum 2.
+        let each = 30.0 + 4.0 * settings["spline_degree"].as_f64().unwrap();
+        let pixels = (side * side) as f64;
+        let own = (cost.operations - cost.shared_operations) / pixels;
+        near(own, each * PULSES, 1e-9, "bp");
+    }
 }
 
 #[test]
 fn profiles_are_transformed_once_a_pulse() {
     let decision = decide(&*listed("bp"), &grid(200));
     let bins = decision.settings["profile_length"].as_f64().unwrap();
-    near(
-        decision.cost.shared_operations,
-        PULSES * transform(bins),
-        1e-6,
-        "bp",
-    );
+    // Of each bin, and of some beyond the ends, the coefficients of a polynomial from as many values, by the carrier.
+    let taps = decision.settings["spline_degree"].as_f64().unwrap() + 1.0;
+    let pieces = 2.0 * taps * taps + 6.0 * taps;
+    let made = decision.cost.shared_operations / PULSES - transform(bins);
+    assert!((1.0..3.0).contains(&(made / (pieces * bins))), "{made}");
 }
 
 #[test]
@@ -147,7 +152,7 @@ fn the_thesis_takes_maps_of_the_scene() {
 fn accounts_are_as_they_were() {
     for (name, operations) in [
         ("exact", 3.407_872e11),
-        ("bp", 8.575_780e9),
+        ("bp", 6.507_870e9),
         ("rdbp", 1.002_383e9),
         ("pfa", 1.339_082e8),
         ("omega-k", 9.341_259e7),

@@ -245,9 +245,10 @@ fn fast() -> Vec<Figure> {
 }
 
 fn times() -> Vec<Figure> {
-    // A pixel is read once a sub-CPI and no longer once a pulse: that saves something, and no more than all but one reading.
-    let saved = |pulses: f64| [Within(1.0, pulses)];
-    let from = "between nothing and a reading a pulse saved; the thesis's own times were those of its maps";
+    // A pixel is read once a sub-CPI and no longer once a pulse: that saves no more than all but one reading. Backprojection reads
+    // 16 pixels at once, and its phases by a table: up to 40 times as fast as one after another.
+    let saved = |pulses: f64| [Within(1.0 / 40.0, pulses)];
+    let from = "no more than a reading a pulse saved, and backprojection up to 40 times as fast a reading; the thesis's own times were those of its maps";
     vec![
         figure(
             "faster than backprojection by: 31 pulses, Doppler 16x",

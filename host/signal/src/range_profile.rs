@@ -11,9 +11,9 @@
 //! A spline of degree `d` multiplies spectral component `x = (k - K/2) / L` by `sinc^(d+1)(x)` and adds
 //! images at `x + i`. Dividing by `sinc^(d+1)` first leaves the images alone: that at `x + i` has
 //! `(x / (x + i))^(d+1)`, so the relative RMS error of one component is about `sqrt(2) x^(d+1)`; it is largest at the band's edge,
-//! `|x| = 1 / (2 u)` with `u = L / K`. The errors given here are the root of the mean of its square over the band as the window weighs it:
-//! of a flat spectrum, whose samples are as large at all frequencies; it reads `10 log10(2 d + 3)` dB less than the edge, with a window still less.
-//! Without the division linear interpolation of a flat spectrum would have
+//! `|x| = 1 / (2 u)` with `u = L / K`, which no spectrum exceeds, and that is the error given here. A flat
+//! spectrum reads `10 log10(2 d + 3)` dB less, with a window still less. For -62 dB at the edge linear interpolation takes an
+//! `u` of 21.5, degree 2 of 6.2, degree 3 of 3.5 and degree 4 of 2.6. Without the division linear interpolation of a flat spectrum would have
 //! -44, -48 and -56 dB at 8, 10 and 16, in place of -52, -56 and -64: `(pi x)^2 / 3` of the component itself is lost as well (Schone
 //! uses 10).
 //!
@@ -40,42 +40,16 @@ pub struct RangeProfiler {
 /// Finest upsampling: that of -150 dB by linear interpolation.
 const MOST_OVERSAMPLING: f64 = 8192.0;
 
-/// Square of the relative RMS error of the component at `x` cycles a value, below 1/2, read by a spline of degree `d`: all images counted.
-fn component_power(degree: i32, x: f64) -> f64 {
-    let images = (1..=8).map(f64::from);
-    images
+/// Relative RMS error of the component at `x` cycles a value, below 1/2, read by a spline of degree `d`: all images counted.
+fn component_error(degree: i32, x: f64) -> f64 {
+    let images = (1..=20).map(f64::from);
+    let power: f64 = images
         .map(|i| {
             let before = (x / (i - x)).powi(2 * degree + 2);
             before + (x / (i + x)).powi(2 * degree + 2)
         })
-        .sum()
-}
-
-/// Fewer samples may all lie where the error is largest.
-const FEW: usize = 16;
-/// Of more samples as many stand for all.
-const SEEN: usize = 128;
-
-/// Relative RMS error of profiles of `length` values, read by splines of this degree.
-fn spectrum_error(degree: i32, window: &[f64], length: f64) -> f64 {
-    let count = window.len();
-    let x = |k: usize| (k as f64 - (count / 2) as f64).abs() / length;
-    if count < FEW {
-        let edge = (count / 2) as f64 / length;
-        return component_power(degree, edge).sqrt();
-    }
-    let seen = count.min(SEEN);
-    let (mut error, mut power) = (0.0, 0.0);
-    for k in (0..seen).map(|i| i * (count - 1) / (seen - 1)) {
-        let weight = window[k] * window[k];
-        error += weight * component_power(degree, x(k));
-        power += weight;
-    }
-    match power > 0.0 {
-        true => (error / power).sqrt(),
-        // A window without weight has nothing to lose.
-        false => 0.0,
-    }
+        .sum();
+    power.sqrt()
 }
 
 impl RangeProfiler {
@@ -101,11 +75,10 @@ impl RangeProfiler {
         fast_length((count as f64 * oversampling.max(1.0)).ceil() as usize)
     }
 
-    /// The smallest upsampling at which splines of this degree err by at most `error_db`, of pulses seen through `window`.
-    pub fn oversampling_for(degree: usize, window: &[f64], error_db: f64) -> f64 {
+    /// The smallest upsampling at which splines of this degree err by at most `error_db` whatever the spectrum.
+    pub fn oversampling_for(degree: usize, error_db: f64) -> f64 {
         let error = 10f64.powf(error_db / 20.0);
-        let count = window.len() as f64;
-        let good = |u: f64| spectrum_error(degree as i32, window, u * count) <= error;
+        let good = |oversampling: f64| component_error(degree as i32, 0.5 / oversampling) <= error;
         // Errors fall with upsampling.
         let (mut low, mut high) = (1.0f64, MOST_OVERSAMPLING);
         while high > low * 1.001 {
@@ -118,9 +91,11 @@ impl RangeProfiler {
         high
     }
 
-    /// Relative RMS error of interpolation, of pulses seen through `window`.
-    pub fn error(&self, window: &[f64]) -> f64 {
-        spectrum_error(self.degree, window, self.length() as f64)
+    /// Largest relative RMS error of interpolation of any spectrum: that of the band's edge.
+    pub fn error(&self) -> f64 {
+        // `K / 2` samples lie before the centre, as many or one less after it.
+        let edge = (self.weights.len() / 2) as f64 / self.length() as f64;
+        component_error(self.degree, edge)
     }
 
     /// Relative RMS error of the arithmetic in float32: of the transform, and of the phase that a profile's reader
@@ -216,9 +191,6 @@ mod tests {
     #[test]
     fn the_error_is_the_derived_one() {
         let flat = vec![1.0; 51];
-        let hamming: Vec<f64> = (0..51)
-            .map(|k| 0.54 + 0.46 * (std::f64::consts::TAU * (f64::from(k) - 25.0) / 51.0).cos())
-            .collect();
         let mut edges = vec![0.0; 51];
         (edges[0], edges[50]) = (1.0, 1.0);
         for (degree, bound_db) in [
@@ -232,36 +204,36 @@ mod tests {
             (4, -60.0),
             (4, -100.0),
         ] {
-            for window in [&flat, &hamming, &edges] {
-                let oversampling = RangeProfiler::oversampling_for(degree, window, bound_db);
-                // Lengths are rounded up by 7 % at most: 0.6 dB a degree and 0.6, and half as much again where images are near.
-                let got = error_db(degree, window, oversampling);
-                let rounded_db = 0.9 * (degree as f64 + 1.0);
-                assert!(
-                    got < bound_db + 0.2 && got > bound_db - rounded_db - 0.4,
-                    "{degree} {bound_db}: {got}"
-                );
-                let profiler = RangeProfiler::new(degree, window, oversampling);
-                let predicted = 20.0 * profiler.error(window).log10();
-                assert!(
-                    (predicted - got).abs() < 0.2,
-                    "{degree} {bound_db}: {predicted} {got}"
-                );
-            }
+            let oversampling = RangeProfiler::oversampling_for(degree, bound_db);
+            // Lengths are rounded up by 7 % at most: 0.6 dB a degree and 0.6, and half as much again where images are near; 51 samples
+            // have edges 2 % further in than half a cycle.
+            let at_edges = error_db(degree, &edges, oversampling);
+            let order = degree as f64 + 1.0;
+            assert!(
+                at_edges < bound_db + 0.1 && at_edges > bound_db - 1.2 * order - 0.4,
+                "{degree} {bound_db}: {at_edges}"
+            );
+            let profiler = RangeProfiler::new(degree, &edges, oversampling);
+            let predicted = 20.0 * profiler.error().log10();
+            assert!(
+                (predicted - at_edges).abs() < 0.2,
+                "{degree} {bound_db}: {predicted} {at_edges}"
+            );
+            let at_flat = error_db(degree, &flat, oversampling);
+            let less_db = 10.0 * (2.0 * order + 1.0).log10();
+            assert!(
+                (at_flat - at_edges + less_db).abs() < 0.4 * order,
+                "{degree} {bound_db}: {at_flat} {at_edges}"
+            );
         }
         // As the head of this file says.
         for (upsampling, expected_db) in [(8.0, -52.0), (10.0, -56.0), (16.0, -64.0)] {
             let got = error_db(1, &flat, upsampling);
             assert!((got - expected_db).abs() < 1.5, "{upsampling}: {got}");
         }
-    }
-
-    /// Too few samples to be a flat spectrum: all may be the band's edge.
-    #[test]
-    fn of_few_samples_the_edge_decides() {
-        let oversampling = RangeProfiler::oversampling_for(1, &[1.0; 4], -60.0);
-        let mut edge = [0.0; 4];
-        edge[0] = 1.0;
-        assert!(error_db(1, &edge, oversampling) < -59.9);
+        for (degree, expected) in [(1, 21.5), (2, 6.2), (3, 3.5), (4, 2.6)] {
+            let got = RangeProfiler::oversampling_for(degree, -62.0);
+            assert!((got / expected - 1.0).abs() < 0.03, "{degree}: {got}");
+        }
     }
 }

@@ -4,7 +4,7 @@ use super::expansion::Expansion;
 use super::groups::{Groups, Offsets, Rows, Sums};
 use super::phasor::{ROUND, Table};
 use super::pieces::{MOST_DEGREE, Pieces};
-use super::scratch::TilePulse;
+use super::pulse::TilePulse;
 use super::shape::Window;
 use crate::lanes::{GROUP, Kernel, Lanes};
 

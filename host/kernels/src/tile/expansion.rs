@@ -11,6 +11,7 @@
 //! ([`left_out_m`]); over the pixels of a square, whose corners are at `x`, the root of the mean of the first term's square is 0.23 of
 //! that.
 
+use crate::lanes::GROUP;
 use crate::paths::Antennas;
 
 /// Pixels on a parallelogram, evenly: where those of a tile lie.
@@ -31,7 +32,16 @@ pub struct Raster {
 impl Raster {
     /// Farthest that a pixel lies from the centre, metres.
     pub fn radius_m(&self) -> f64 {
-        let reach = |count: usize| count.saturating_sub(1) as f64 / 2.0;
+        self.farthest_m(0)
+    }
+
+    /// The same with the pixels that fill up the last groups: farthest that anything is read for.
+    pub fn reach_m(&self) -> f64 {
+        self.farthest_m(BEYOND)
+    }
+
+    fn farthest_m(&self, beyond: usize) -> f64 {
+        let reach = |count: usize| (count.saturating_sub(1) as f64) / 2.0 + beyond as f64;
         let (i, j) = (reach(self.columns), reach(self.rows));
         let corner = |sign: f64| {
             let u: [f64; 3] =
@@ -41,6 +51,9 @@ impl Raster {
         corner(1.0).max(corner(-1.0))
     }
 }
+
+/// Pixels by which a tile's last groups may reach beyond it.
+const BEYOND: usize = GROUP - 1;
 
 /// Bound on what the polynomial leaves out of one antenna's distance, metres, on a tile that reaches `radius_m` from its centre
 /// and whose centre is `distance_m` away: infinite where the antenna is no farther than the tile reaches.

@@ -26,6 +26,7 @@ mod groups;
 mod phasor;
 mod pieces;
 mod points;
+mod pulse;
 mod scratch;
 mod shape;
 #[cfg(test)]
@@ -35,5 +36,6 @@ pub use expansion::{Raster, left_out_m};
 pub use phasor::PHASOR_RMS;
 pub use pieces::{MOST_DEGREE, Pieces};
 pub use points::add_points;
-pub use scratch::{TilePulse, TileScratch};
+pub use pulse::TilePulse;
+pub use scratch::TileScratch;
 pub use shape::{PLACE_RMS, Window};

@@ -16,6 +16,7 @@ use std::f64::consts::TAU;
 
 use num_complex::{Complex32, Complex64};
 
+use super::expansion::Raster;
 use crate::lanes::{Instructions, Kernel, Lanes};
 
 /// Highest degree.
@@ -45,6 +46,12 @@ impl Pieces {
             length,
             margin,
         }
+    }
+
+    /// The margin that a tile takes on profiles of so many bins a metre of path.
+    pub fn margin_for(raster: &Raster, bins_m: f64) -> usize {
+        // Paths change by twice the way at most; windows reach 16 further, and are counted from whole bins.
+        (2.0 * raster.reach_m() * bins_m.abs()).ceil() as usize + 18
     }
 
     /// Of the polynomials.

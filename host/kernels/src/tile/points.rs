@@ -4,7 +4,7 @@ use num_complex::Complex32;
 
 use super::phasor::Polynomials;
 use super::pieces::Pieces;
-use super::scratch::TilePulse;
+use super::pulse::TilePulse;
 use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 use crate::paths::{Points, paths};
 

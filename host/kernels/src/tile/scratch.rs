@@ -6,20 +6,9 @@ use super::adding::Add;
 use super::expansion::{Expansion, Raster, left_out_m};
 use super::groups::{Groups, Rows, Sums};
 use super::pieces::Pieces;
+use super::pulse::TilePulse;
 use super::shape::{Shape, Window, steepest};
 use crate::lanes::Instructions;
-use crate::paths::Antennas;
-
-/// What a pulse contributes with.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TilePulse {
-    /// Where its paths are measured from.
-    pub antennas: Antennas,
-    /// Turns of the profile a metre of path: the step of frequency over the speed of light.
-    pub turns_m: f64,
-    /// Cycles of the carrier a bin of the profile, as its pieces were made with.
-    pub cycles_a_bin: f64,
-}
 
 /// One thread's buffers, and how it sees some pulses from a tile.
 #[derive(Default)]
@@ -75,7 +64,7 @@ impl TileScratch {
     /// Adds the pulses that were looked at to the pixels of the tile, row by row. `pieces` are those of all pulses, laid out as `layout`;
     /// phasors are as good as [`PHASOR_RMS`](super::PHASOR_RMS) says, `coarse` or not.
     ///
-    /// Paths of all pixels from the tile's middle must lie within the layout's margin, less 32 bins.
+    /// The layout's margin must be [`Pieces::margin_for`] the tile at least.
     ///
     /// # Panics
     /// If there are not as many pulses or pixels as were looked at, or not [`Pieces::values`] for each pulse.

@@ -78,7 +78,7 @@ impl Trial {
             columns: 1 + (40.0 * numbers.unit()) as usize,
         };
         let length = 40 + (300.0 * numbers.unit()) as usize;
-        let margin = 40 + (4.0 * raster.radius_m() / bin_m).ceil() as usize;
+        let margin = Pieces::margin_for(&raster, 1.0 / bin_m);
         let layout = Pieces::new(degree, length, margin);
         let carrier = 30.0 * numbers.signed();
         let alone = numbers.unit() < 0.5;

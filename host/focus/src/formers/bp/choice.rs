@@ -28,7 +28,7 @@ const SIDES: [usize; 3] = [64, 32, 16];
 const TILES_SEEN: usize = 4;
 const PULSES_SEEN: usize = 16;
 /// Pieces that a tile may reach beyond a profile's ends before its margin is too long to be worth while.
-const LONGEST_MARGIN: f64 = 65_536.0;
+const LONGEST_MARGIN: usize = 65_536;
 
 /// The relative RMS error that interpolation, tiles and their arithmetic may each have, for an error of `error_db`.
 pub(super) struct Shares {
@@ -61,6 +61,15 @@ impl Shares {
             _ => 0.0,
         }
     }
+}
+
+/// The margin that tiles of `side` pixels a side take on profiles of `length` bins.
+pub(super) fn margin(aim: &Aim, side: usize, length: usize) -> usize {
+    let patches = Patches::new(aim.grid, PatchSize::square(side));
+    // The first is as large as any.
+    let first = patches.spread(2).next().expect("a grid has pixels");
+    let finest = bins_m(aim, length).fold(0.0, f64::max);
+    Pieces::margin_for(&raster(aim.grid, &first), finest)
 }
 
 /// Bins a metre of path, of each pulse.
@@ -100,13 +109,9 @@ struct Candidate {
 /// Chooses, for pixels that are places or velocities and antennas that rest while a pulse lasts.
 pub(super) fn choose(aim: &Aim, shares: &Shares, meaning: Meaning) -> Choices {
     let candidates = DEGREES.map(|degree| Candidate::new(aim, shares, meaning, degree));
-    let pulses = aim.collection.pulses.len() as f64;
-    let time_ns = |c: &Candidate| {
-        pulses * (c.pixel_ns * aim.grid.num_pixels() as f64 + cost::profile_ns(c.degree, c.length))
-    };
     let best = candidates
         .into_iter()
-        .min_by(|a, b| time_ns(a).total_cmp(&time_ns(b)))
+        .min_by(|a, b| a.time_ns(aim).total_cmp(&b.time_ns(aim)))
         .expect("there are degrees");
     let pieces = Pieces::new(best.degree, best.length, best.margin);
     let bytes = pulse_bytes(aim.collection.num_samples, pieces.values());
@@ -122,8 +127,7 @@ pub(super) fn choose(aim: &Aim, shares: &Shares, meaning: Meaning) -> Choices {
 impl Candidate {
     fn new(aim: &Aim, shares: &Shares, meaning: Meaning, degree: usize) -> Self {
         let count = aim.collection.num_samples;
-        let oversampling =
-            RangeProfiler::oversampling_for(degree, &aim.weights.fast, shares.interpolation_db);
+        let oversampling = RangeProfiler::oversampling_for(degree, shares.interpolation_db);
         let oversampling = oversampling.min(MOST_OVERSAMPLING);
         let length = RangeProfiler::length_for(count, oversampling);
         let points = Self {
@@ -140,10 +144,20 @@ impl Candidate {
             false => None,
         });
         let tiles = tiles.into_iter().flatten();
-        tiles.fold(points, |best, own| match own.pixel_ns < best.pixel_ns {
-            true => own,
-            false => best,
+        tiles.fold(points, |best, own| {
+            match own.time_ns(aim) < best.time_ns(aim) {
+                true => own,
+                false => best,
+            }
         })
+    }
+
+    /// Of the image, about, of one core.
+    fn time_ns(&self, aim: &Aim) -> f64 {
+        let pieces = self.length + 2 * self.margin;
+        let profile = cost::profile_ns(self.degree, self.length, pieces);
+        let pixels = self.pixel_ns * aim.grid.num_pixels() as f64;
+        aim.collection.pulses.len() as f64 * (pixels + profile)
     }
 
     /// The same in tiles of this side; `None` if arithmetic is not good enough for any.
@@ -162,13 +176,11 @@ impl Candidate {
         let mut phasors = [true, false].into_iter().filter(|coarse| any || !coarse);
         let coarse =
             phasors.find(|&coarse| arithmetic(aim, self.length, coarse) <= shares.arithmetic)?;
-        let rectangles: Vec<Rectangle> = patches.spread(TILES_SEEN).collect();
-        let radius_m = raster(aim.grid, &patches.middle()).radius_m();
-        // Paths change by twice the way at most.
-        let reach = 2.0 * radius_m * bins_m(aim, self.length).fold(0.0, f64::max);
-        if reach.is_nan() || reach > LONGEST_MARGIN {
+        let margin = margin(aim, side, self.length);
+        if margin > LONGEST_MARGIN {
             return None;
         }
+        let rectangles: Vec<Rectangle> = patches.spread(TILES_SEEN).collect();
         let (mut sum, mut look) = (0.0, TileScratch::default());
         for rectangle in &rectangles {
             let raster = raster(aim.grid, rectangle);
@@ -186,7 +198,7 @@ impl Candidate {
             }
         }
         Some(Self {
-            margin: reach.ceil() as usize + 34,
+            margin,
             way: Way::Tiles {
                 side,
                 phase_rad: shares.tiles,

@@ -1,7 +1,7 @@
 //! What backprojection takes, with profiles of `L` bins read as splines of degree `d`.
 //!
 //! ```text
-//! a pixel and pulse: place 5, bin 3, spline 4 d, phasor 13, sum 8                                     29 + 4 d
+//! a pixel and pulse: place 4, bin 3, spline 4 d, phasor 15, sum 8                                     30 + 4 d
 //! by its own path:   path 11 and 14 of reducing it                                                    54 + 4 d
 //! with motion from sample to sample: path and rate 34, place 7, four values read 18, phasor 21, sum 8      88
 //! a profile: a transform of L, and of each piece 2 (d + 1)^2 operations of taps and 6 (d + 1) of its carrier
@@ -19,7 +19,7 @@ use crate::cost::{Cost, Each, transform};
 use subaperture_kernels::tile::{Pieces, Window};
 
 /// Operations a pixel and pulse in a tile, and by its own path; both less those of the spline.
-const TILE: f64 = 29.0;
+const TILE: f64 = 30.0;
 const POINT: f64 = 54.0;
 /// Those with motion from sample to sample.
 const BLURRED: f64 = 88.0;
@@ -38,10 +38,10 @@ pub(super) fn tile_ns(degree: usize, coarse: bool, window: Window, groups: usize
     110.0 + groups as f64 * (group + plane * (degree as f64 + 1.0))
 }
 
-/// Nanoseconds of a pulse's profile.
-pub(super) fn profile_ns(degree: usize, length: usize) -> f64 {
+/// Nanoseconds of a pulse's profile and so many pieces of it.
+pub(super) fn profile_ns(degree: usize, length: usize, pieces: usize) -> f64 {
     let length = length as f64;
-    length * (0.3 * length.log2() + degree as f64 + 1.0)
+    0.3 * length * length.log2() + pieces as f64 * (degree as f64 + 1.0)
 }
 
 /// Of all of `aim` so done, with profiles of `length` bins; of a pulse in hand there are `pulse_bytes`.

@@ -208,7 +208,7 @@ pub(crate) fn decide(
     let profiler = RangeProfiler::new(choices.degree, &aim.weights.fast, choices.oversampling);
     let summed_pulses = choices.summed_pulses;
     let planned_db = rounding::total_db(&[
-        profiler.error(&aim.weights.fast),
+        profiler.error(),
         way_error,
         profiler.rounding(),
         // Sums over some pulses, and over these sums.
@@ -274,18 +274,26 @@ pub(crate) fn open<'a>(
 impl Choices {
     /// Refuses what no decision came to.
     fn check(&self, aim: &Aim) -> Result<(), FormError> {
-        let way = match self.way {
-            Way::Points => true,
-            Way::Tiles {
-                side, phase_rad, ..
-            } => !aim.grid.polar && (1..=1024).contains(&side) && phase_rad.is_finite(),
-            Way::Blurs(blurs) => self.degree == 1 && blurs.suit(aim.collection.num_samples),
-        };
+        let num_samples = aim.collection.num_samples;
         let profiles = (1.0..=MOST_OVERSAMPLING).contains(&self.oversampling)
             && (1..=MOST_DEGREE).contains(&self.degree)
             && (1..=MOST_MARGIN).contains(&self.margin);
+        let way = match self.way {
+            _ if !profiles => false,
+            Way::Points => true,
+            Way::Tiles {
+                side, phase_rad, ..
+            } => {
+                let length = RangeProfiler::length_for(num_samples, self.oversampling);
+                !aim.grid.polar
+                    && (1..=1024).contains(&side)
+                    && phase_rad.is_finite()
+                    && self.margin >= choice::margin(aim, side, length)
+            }
+            Way::Blurs(blurs) => self.degree == 1 && blurs.suit(num_samples),
+        };
         let sums = (1..=SUMMED_PULSES).contains(&self.summed_pulses);
-        match profiles && way && sums {
+        match way && sums {
             true => Ok(()),
             false => Err(misfit(
                 ENTRY.name,

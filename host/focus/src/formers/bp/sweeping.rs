@@ -25,7 +25,7 @@ pub(super) fn choose(aim: &Aim, error_db: f64, meaning: Meaning) -> (Choices, f6
     let num_samples = aim.collection.num_samples;
     // Half of the error's power for either interpolation.
     let share_db = error_db - 10.0 * 2f64.log10();
-    let oversampling = RangeProfiler::oversampling_for(1, &aim.weights.fast, share_db);
+    let oversampling = RangeProfiler::oversampling_for(1, share_db);
     let oversampling = oversampling.min(MOST_OVERSAMPLING);
     let (blurs, blurs_error) = Blurs::new(aim, share_db, meaning);
     let length = RangeProfiler::length_for(num_samples, oversampling);

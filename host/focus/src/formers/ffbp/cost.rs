@@ -122,7 +122,7 @@ impl Way<'_> {
     }
 
     fn leaf(&self, rectangle: &Rectangle, history: History) -> f64 {
-        let bins = self.shares.oversampling(history.samples) * history.samples as f64;
+        let bins = self.shares.oversampling() * history.samples as f64;
         let pixels = (rectangle.size.rows * rectangle.size.columns) as f64;
         history.pulses as f64 * (transform(bins) + PIXEL_AND_PULSE * pixels)
     }

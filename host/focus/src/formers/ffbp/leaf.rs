@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use num_complex::Complex32;
 
 use super::patch_history::PatchHistory;
-use super::shares::Shares;
+use super::shares::{DEGREE, Shares};
 use super::target::Target;
 use crate::patch::Rectangle;
 use crate::path_tile::{self, raster};
@@ -16,8 +16,6 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_signal::range_profile::RangeProfiler;
 
-/// Of the splines that profiles are read as.
-pub(super) const DEGREE: usize = 3;
 /// Pulses whose terms are summed before they are added to a pixel.
 const SUMMED_PULSES: usize = 64;
 
@@ -57,10 +55,8 @@ impl Leaf {
         let instructions = Instructions::best();
         let count = history.num_samples;
         let profiler = profilers.entry(count).or_insert_with_key(|&count| {
-            // Samples are weighted; a window is not counted on.
-            let window = vec![1.0; count];
-            let oversampling = shares.oversampling(count);
-            RangeProfiler::new(DEGREE, &window, oversampling)
+            // Samples are weighted.
+            RangeProfiler::new(DEGREE, &vec![1.0; count], shares.oversampling())
         });
         let length = profiler.length();
         profile.resize(length + 1, Complex32::ZERO);
@@ -70,17 +66,12 @@ impl Leaf {
             history.frequency_hz((count / 2) as f64) / (history.step_hz * length as f64);
         let raster = raster(grid, &rectangle);
         let bins_m = (turns_m * length as f64).abs();
-        // Paths change by twice the way at most.
-        let reach = 2.0 * raster.radius_m() * bins_m;
+        let margin = Pieces::margin_for(&raster, bins_m);
         let highest_hz = history.highest_hz();
         let by_tiles = !grid.polar
-            && reach <= 4.0 * length as f64 + 1000.0
+            && margin <= 2 * length + 500
             && path_tile::arithmetic(highest_hz, bins_m, false) <= shares.arithmetic;
-        let layout = Pieces::new(
-            DEGREE,
-            length,
-            if by_tiles { reach as usize + 35 } else { 1 },
-        );
+        let layout = Pieces::new(DEGREE, length, if by_tiles { margin } else { 1 });
         let values = layout.values();
         pieces.resize(SUMMED_PULSES.min(history.num_pulses()) * values, 0.0);
         points.clear();

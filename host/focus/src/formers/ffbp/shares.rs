@@ -1,7 +1,6 @@
 //! How the bound on the error is shared out.
 
 use super::LEAF_PIXELS;
-use super::leaf::DEGREE;
 use crate::{MARGIN_DB, rounding};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_signal::range_profile::RangeProfiler;
@@ -27,6 +26,9 @@ pub(super) struct Shares {
     /// Whether kernels are good enough to decimate at all.
     pub(super) decimate: bool,
 }
+
+/// Of the splines that range profiles are read as.
+pub(super) const DEGREE: usize = 3;
 
 /// Shares of the error's power.
 const SLOW: f64 = 0.45;
@@ -67,10 +69,9 @@ impl Shares {
         (taps, shares)
     }
 
-    /// Upsampling of range profiles of `count` samples, weighted already: no window is counted on.
-    pub(super) fn oversampling(&self, count: usize) -> f64 {
-        let error_db = 20.0 * self.profile.log10();
-        RangeProfiler::oversampling_for(DEGREE, &vec![1.0; count], error_db)
+    /// Upsampling of range profiles.
+    pub(super) fn oversampling(&self) -> f64 {
+        RangeProfiler::oversampling_for(DEGREE, 20.0 * self.profile.log10())
     }
 
     /// What it comes to, dB, for `num_pulses` pulses and errors of the arithmetic.
