@@ -1,7 +1,7 @@
 //! Some float32 numbers at once, in the instructions that a processor has.
 //!
-//! A kernel is written once, over [`Lanes`], and compiled for each: with every operation rounded once, as IEEE 754 says, and
-//! products added without rounding between ([`Lanes::mul_add`]), its result is the same bits in all of them. [`Portable`] is plain
+//! A kernel is written once, over `Lanes`, and compiled for each: with every operation rounded once, as IEEE 754 says, and
+//! products added without rounding between (`Lanes::mul_add`), its result is the same bits in all of them. `Portable` is plain
 //! Rust and the oracle of the others.
 //!
 //! What a processor has is asked once, at run time ([`Instructions::best`]); a value of a type in here that needs more than the
@@ -23,7 +23,7 @@ pub(crate) use avx512::Avx512;
 pub(crate) use neon::Neon;
 pub(crate) use portable::Portable;
 
-/// Numbers that kernels work on together, whatever the instructions: a multiple of every [`Lanes::COUNT`].
+/// Numbers that kernels work on together, whatever the instructions: a multiple of what any of them takes.
 pub const GROUP: usize = 16;
 
 /// `COUNT` float32 numbers at once.
