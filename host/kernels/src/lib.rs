@@ -21,11 +21,13 @@
 //!
 //! This is the one crate of the library in which SIMD, and so `unsafe`, is allowed: in [`lanes`], beside the portable form, which
 //! gives the same bits.
+#![deny(unsafe_code)]
 
 pub mod blurred;
 pub mod compensation;
 pub mod decimation;
 pub mod horner;
+#[allow(unsafe_code)]
 pub mod lanes;
 pub mod paths;
 pub mod reading;

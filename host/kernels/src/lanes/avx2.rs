@@ -28,18 +28,18 @@ impl Avx2 {
     }
 }
 
-/// Of 16 values those that the lowest 4 bits of `at` count to.
-///
-/// # Safety
-/// AVX2 is there.
-#[inline(always)]
-unsafe fn of_16([low, high]: [__m256; 2], at: __m256i) -> __m256 {
-    // SAFETY: the caller's; the permutation takes the lowest 3 bits of an index, the blend what bit 3 was.
-    unsafe {
-        let low = _mm256_permutevar8x32_ps(low, at);
-        let high = _mm256_permutevar8x32_ps(high, at);
-        let upper = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(at));
-        _mm256_blendv_ps(low, high, upper)
+impl Avx2 {
+    /// Of 16 values those that the lowest 4 bits of `at` count to.
+    #[inline(always)]
+    fn of_16(self, [low, high]: [__m256; 2], at: __m256i) -> __m256 {
+        // SAFETY: `self` exists only where the processor has AVX2; the permutation takes the lowest 3 bits of an index, the blend
+        // what bit 3 was.
+        unsafe {
+            let low = _mm256_permutevar8x32_ps(low, at);
+            let high = _mm256_permutevar8x32_ps(high, at);
+            let upper = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(at));
+            _mm256_blendv_ps(low, high, upper)
+        }
     }
 }
 
@@ -100,7 +100,8 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn of_narrow(self, values: [__m256; 2], at: __m256) -> __m256 {
         // SAFETY: as above.
-        unsafe { of_16(values, _mm256_castps_si256(at)) }
+        let at = unsafe { _mm256_castps_si256(at) };
+        self.of_16(values, at)
     }
     #[inline(always)]
     fn wide(self, values: &[f32; 32]) -> [__m256; 4] {
@@ -111,7 +112,7 @@ impl Lanes for Avx2 {
         // SAFETY: as above.
         unsafe {
             let at = _mm256_castps_si256(at);
-            let (low, high) = (of_16([a, b], at), of_16([c, d], at));
+            let (low, high) = (self.of_16([a, b], at), self.of_16([c, d], at));
             let upper = _mm256_castsi256_ps(_mm256_slli_epi32::<27>(at));
             _mm256_blendv_ps(low, high, upper)
         }

@@ -27,28 +27,25 @@ impl Neon {
     }
 }
 
-/// The places, byte by byte, of the numbers that the bits of `at` under `mask` count to.
-///
-/// # Safety
-/// NEON is there.
-#[inline(always)]
-unsafe fn bytes(at: float32x4_t, mask: u32) -> uint8x16_t {
-    // SAFETY: the caller's. A number `i` stands in bytes `4 i` to `4 i + 3`: those of `4 i` four times, and 0 to 3.
-    unsafe {
-        let index = vandq_u32(vreinterpretq_u32_f32(at), vdupq_n_u32(mask));
-        let first = vmulq_n_u32(index, 0x0404_0404);
-        vreinterpretq_u8_u32(vaddq_u32(first, vdupq_n_u32(0x0302_0100)))
+impl Neon {
+    /// The places, byte by byte, of the numbers that the bits of `at` under `mask` count to.
+    #[inline(always)]
+    fn bytes(self, at: float32x4_t, mask: u32) -> uint8x16_t {
+        // SAFETY: `self` exists only where the processor has NEON. A number `i` stands in bytes `4 i` to `4 i + 3`: those of `4 i` four
+        // times, and 0 to 3.
+        unsafe {
+            let index = vandq_u32(vreinterpretq_u32_f32(at), vdupq_n_u32(mask));
+            let first = vmulq_n_u32(index, 0x0404_0404);
+            vreinterpretq_u8_u32(vaddq_u32(first, vdupq_n_u32(0x0302_0100)))
+        }
     }
-}
 
-/// 16 numbers as bytes.
-///
-/// # Safety
-/// NEON is there, and 16 numbers at `window`.
-#[inline(always)]
-unsafe fn table(window: *const f32) -> uint8x16x4_t {
-    // SAFETY: the caller's; 64 bytes are 16 numbers.
-    unsafe { vld1q_u8_x4(window.cast()) }
+    /// 16 numbers as bytes.
+    #[inline(always)]
+    fn table(self, values: &[f32; 16]) -> uint8x16x4_t {
+        // SAFETY: `self` exists only where the processor has NEON; 64 bytes are 16 numbers.
+        unsafe { vld1q_u8_x4(values.as_ptr().cast()) }
+    }
 }
 
 // Each block below: `self` exists only where the processor has these instructions; what is read and written is the length that
@@ -103,25 +100,25 @@ impl Lanes for Neon {
     }
     #[inline(always)]
     fn narrow(self, values: &[f32; 16]) -> uint8x16x4_t {
-        // SAFETY: as above; there are 16 numbers.
-        unsafe { table(values.as_ptr()) }
+        self.table(values)
     }
     #[inline(always)]
     fn of_narrow(self, values: uint8x16x4_t, at: float32x4_t) -> float32x4_t {
+        let at = self.bytes(at, 15);
         // SAFETY: as above.
-        unsafe { vreinterpretq_f32_u8(vqtbl4q_u8(values, bytes(at, 15))) }
+        unsafe { vreinterpretq_f32_u8(vqtbl4q_u8(values, at)) }
     }
     #[inline(always)]
     fn wide(self, values: &[f32; 32]) -> [uint8x16x4_t; 2] {
-        // SAFETY: as above; there are twice 16 numbers.
-        unsafe { [table(values.as_ptr()), table(values[16..].as_ptr())] }
+        let (low, high) = values.split_at(16);
+        [low, high].map(|half| self.table(half.try_into().expect("16 numbers")))
     }
     #[inline(always)]
     fn of_wide(self, [low, high]: [uint8x16x4_t; 2], at: float32x4_t) -> float32x4_t {
+        let at = self.bytes(at, 31);
         // SAFETY: as above. Places beyond 63 are none of the lower half, which gives 0
         // there, and those below 64, less 64, are none of the upper, which leaves what was there.
         unsafe {
-            let at = bytes(at, 31);
             let values = vqtbl4q_u8(low, at);
             let at = vsubq_u8(at, vdupq_n_u8(64));
             vreinterpretq_f32_u8(vqtbx4q_u8(values, high, at))
