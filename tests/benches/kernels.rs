@@ -46,7 +46,7 @@ fn main() {
     let prefix = prefix.unwrap_or_default();
     println!("instructions degree phasors  tile   turned    a group     GBP/s");
     for instructions in Instructions::available() {
-        for (degree, coarse) in [(1, true), (2, true), (2, false), (3, false), (4, false)] {
+        for (degree, coarse) in [(2, true), (2, false), (3, true), (3, false)] {
             for (side, turned_deg) in [(64, 0.0), (32, 0.0), (16, 0.0), (64, 30.0), (64, 45.0)] {
                 let phasors = if coarse { "coarse" } else { "fine" };
                 let name = format!(

@@ -36,6 +36,8 @@ pub(crate) trait Lanes: Copy {
     type Wide: Copy;
     /// How many: a divisor of [`GROUP`].
     const COUNT: usize;
+    /// Whether values are looked up in registers.
+    const LOOKS_UP: bool = true;
 
     /// The same number in all lanes.
     fn splat(self, x: f32) -> Self::Numbers;

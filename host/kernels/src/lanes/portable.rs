@@ -18,6 +18,7 @@ impl Lanes for Portable {
     type Narrow = [f32; 16];
     type Wide = [f32; 32];
     const COUNT: usize = COUNT;
+    const LOOKS_UP: bool = false;
 
     #[inline(always)]
     fn splat(self, x: f32) -> Self::Numbers {

@@ -3,7 +3,7 @@
 use super::expansion::Expansion;
 use super::groups::{Groups, Offsets, Rows, Sums};
 use super::phasor::{ROUND, Table};
-use super::pieces::{MOST_DEGREE, Pieces};
+use super::pieces::Pieces;
 use super::pulse::TilePulse;
 use super::shape::Window;
 use crate::lanes::{GROUP, Kernel, Lanes};
@@ -27,10 +27,9 @@ impl Kernel for Add<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         match self.layout.degree() {
-            1 => self.of_degree::<L, 2>(lanes),
             2 => self.of_degree::<L, 3>(lanes),
             3 => self.of_degree::<L, 4>(lanes),
-            _ => self.of_degree::<L, 5>(lanes),
+            other => panic!("tiles are made of splines of degree 2 and 3, not {other}"),
         }
     }
 }
@@ -46,7 +45,13 @@ impl Add<'_> {
 
     #[inline(always)]
     fn of_window<L: Lanes, const PLANES: usize, const COARSE: bool>(self, lanes: L) {
-        match (self.window, self.tile.shape.along == GROUP) {
+        // Where nothing is looked up in registers a window is worth nothing.
+        let window = if L::LOOKS_UP {
+            self.window
+        } else {
+            Window::Any
+        };
+        match (window, self.tile.shape.along == GROUP) {
             (Window::Narrow, true) => self.add::<L, Narrow, PLANES, COARSE, true>(lanes),
             (Window::Narrow, false) => self.add::<L, Narrow, PLANES, COARSE, false>(lanes),
             (Window::Wide, true) => self.add::<L, Wide, PLANES, COARSE, true>(lanes),
@@ -82,7 +87,7 @@ impl Add<'_> {
             .zip(expansions)
             .zip(pieces.chunks_exact(layout.values()))
         {
-            let planes: [&[f32]; 10] = std::array::from_fn(|p| match p < 2 * PLANES {
+            let planes: [&[f32]; MOST_PLANES] = std::array::from_fn(|p| match p < 2 * PLANES {
                 true => &pieces[p * row..(p + 1) * row],
                 false => &[],
             });
@@ -113,7 +118,8 @@ impl Add<'_> {
                     let bend = lanes.load(&bend[part..]);
                     for (run, groups) in groups.chunks_mut(rows.run).enumerate() {
                         let from = run * rows.run;
-                        let mut values = [R::window(lanes, planes[0], rows.base[from]); 10];
+                        let mut values =
+                            [R::window(lanes, planes[0], rows.base[from]); MOST_PLANES];
                         for p in 1..2 * PLANES {
                             values[p] = R::window(lanes, planes[p], rows.base[from]);
                         }
@@ -156,7 +162,7 @@ struct Group<'a, 'b, L: Lanes, R: Reading, const PLANES: usize, const COARSE: bo
     kappa: L::Numbers,
     turned: L::Numbers,
     phasors: &'b Table<L>,
-    values: [R::Values<'a, L>; 10],
+    values: [R::Values<'a, L>; MOST_PLANES],
 }
 
 impl<L: Lanes, R: Reading, const PLANES: usize, const COARSE: bool, const ROW: bool>
@@ -311,4 +317,5 @@ impl Reading for Any {
     }
 }
 
-const _: () = assert!(2 * (MOST_DEGREE + 1) <= 10);
+/// Real and imaginary parts of a spline's pieces, of the highest degree.
+const MOST_PLANES: usize = 8;

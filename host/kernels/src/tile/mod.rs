@@ -32,6 +32,9 @@ mod shape;
 #[cfg(test)]
 mod tests;
 
+/// Degrees of splines that tiles are made of: in between, the least of work and of upsampling.
+pub const DEGREES: [usize; 2] = [2, 3];
+
 pub use expansion::{Raster, left_out_m};
 pub use phasor::PHASOR_RMS;
 pub use pieces::{MOST_DEGREE, Pieces};

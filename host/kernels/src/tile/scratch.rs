@@ -67,7 +67,7 @@ impl TileScratch {
     /// The layout's margin must be [`Pieces::margin_for`] the tile at least.
     ///
     /// # Panics
-    /// If there are not as many pulses or pixels as were looked at, or not [`Pieces::values`] for each pulse.
+    /// If the splines are not of degree 2 or 3 ([`DEGREES`](super::DEGREES)), or if there are not as many pulses or pixels as were looked at, or not [`Pieces::values`] for each pulse.
     pub fn add(
         &mut self,
         instructions: Instructions,

@@ -177,7 +177,7 @@ fn tiles_are_the_sums_that_define_them() {
     let mut numbers = Numbers::new(1);
     let (mut formed, mut worst) = (0, 0.0f64);
     for index in 0..120 {
-        let trial = Trial::new(&mut numbers, 1 + index % MOST_DEGREE);
+        let trial = Trial::new(&mut numbers, DEGREES[index % 2]);
         let allowed = trial.allowed();
         // Where so much is left out, nobody forms a tile.
         if allowed.is_nan() || allowed > 0.02 {
@@ -228,7 +228,7 @@ fn points_are_the_sums_that_define_them() {
 fn all_instructions_give_the_same_bits() {
     let mut numbers = Numbers::new(2);
     for index in 0..120 {
-        let trial = Trial::new(&mut numbers, 1 + index % MOST_DEGREE);
+        let trial = Trial::new(&mut numbers, DEGREES[index % 2]);
         let portable = trial.form(Instructions::Portable);
         for instructions in Instructions::available() {
             let got = trial.form(instructions);

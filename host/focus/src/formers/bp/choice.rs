@@ -9,7 +9,7 @@ use super::{Choices, MOST_OVERSAMPLING, Meaning, SUMMED_PULSES, Way, cost, pulse
 use crate::patch::{PatchSize, Patches, Rectangle, spread};
 use crate::path_tile::{self, phase_rad, pulse_antennas, raster};
 use crate::{Aim, MARGIN_DB, rounding};
-use subaperture_kernels::tile::{Pieces, TilePulse, TileScratch};
+use subaperture_kernels::tile::{self, Pieces, TilePulse, TileScratch};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::Pulse;
 use subaperture_signal::range_profile::RangeProfiler;
@@ -21,7 +21,7 @@ const TILES: f64 = 0.1;
 const ARITHMETIC: f64 = 0.2;
 
 /// Degrees of splines that are looked at.
-const DEGREES: [usize; 4] = [1, 2, 3, 4];
+const DEGREES: [usize; 3] = [2, 3, 4];
 /// Sides of tiles, pixels.
 const SIDES: [usize; 3] = [64, 32, 16];
 /// Tiles a side and pulses that are looked at.
@@ -139,6 +139,7 @@ impl Candidate {
             pixel_ns: cost::POINT_NS,
         };
         let flat = !aim.grid.polar && matches!(meaning, Meaning::Places);
+        let flat = flat && tile::DEGREES.contains(&degree);
         let tiles = SIDES.map(|side| match flat {
             true => points.in_tiles(aim, shares, side),
             false => None,

@@ -47,7 +47,7 @@ use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Reason,
     Remedy, rounding,
 };
-use subaperture_kernels::tile::{MOST_DEGREE, Pieces};
+use subaperture_kernels::tile::{self, MOST_DEGREE, Pieces};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Pulse;
 use subaperture_signal::range_profile::RangeProfiler;
@@ -286,6 +286,7 @@ impl Choices {
             } => {
                 let length = RangeProfiler::length_for(num_samples, self.oversampling);
                 !aim.grid.polar
+                    && tile::DEGREES.contains(&self.degree)
                     && (1..=1024).contains(&side)
                     && phase_rad.is_finite()
                     && self.margin >= choice::margin(aim, side, length)
