@@ -51,7 +51,9 @@ impl TileScratch {
                 left_out_m(from.iter().map(|x| x * x).sum::<f64>().sqrt(), radius_m) / 3.0
             };
             let legs_m = leg_m(&pulse.antennas.transmitter_m) + leg_m(&pulse.antennas.receiver_m);
-            legs_m + shape.left_out(e, rows) / (pulse.turns_m * bins).abs()
+            let off_m = legs_m + shape.left_out(e, rows) / (pulse.turns_m * bins).abs();
+            // Antennas that are nowhere are no tile's.
+            if off_m.is_nan() { f64::INFINITY } else { off_m }
         });
         each.fold(0.0, f64::max)
     }

@@ -279,3 +279,11 @@ fn what_the_polynomial_leaves_out_is_bounded() {
     assert!(nearest > 0.7, "{nearest}");
     assert_eq!(left_out_m(1.0, 1.0), f64::INFINITY);
 }
+
+#[test]
+fn antennas_that_are_nowhere_are_told() {
+    let mut trial = Trial::new(&mut Numbers::new(5), 2);
+    trial.pulses[3].antennas.receiver_m[1] = f64::NAN;
+    let off_m = TileScratch::default().look(trial.layout.length(), &trial.pulses, &trial.raster);
+    assert_eq!(off_m, f64::INFINITY);
+}
