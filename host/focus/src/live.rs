@@ -22,8 +22,8 @@
 //!
 //! -190 dB of the strongest pulse for a million pulses; what is older than `2 M` pulses leaves no trace, however strong it was.
 //!
-//! **Cost** of a push, however many came before: for each pixel a square root (two where transmitter and receiver are apart), a sine and
-//! a cosine and about 20 operations, one transform of an upsampled profile, and 64 pixels of the exact sum (8 operations a
+//! **Cost** of a push, however many came before: a plan of `bp`'s for the one pulse, what that takes for each pixel and for the pulse's
+//! profile, and 64 pixels of the exact sum (8 operations a
 //! sample each); twice that with `last_pulses`. Of a pulse whose samples are taken one after another in motion, what `bp` says
 //! of such. An image is a division a pixel.
 //!

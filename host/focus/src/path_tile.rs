@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use crate::patch::Rectangle;
 use subaperture_kernels::paths::Antennas;
-use subaperture_kernels::tile::{PHASOR_RMS, PLACE_RMS, Raster};
+use subaperture_kernels::tile::{PHASOR_RMS, PLACE_RMS, Raster, TilePulse, TileScratch};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Pulse;
@@ -30,9 +30,18 @@ pub(crate) fn pulse_antennas(pulse: &Pulse) -> Antennas {
     }
 }
 
-/// RMS phase, radians, by which paths that are off by `off_m` turn terms.
-pub(crate) fn phase_rad(highest_hz: f64, off_m: f64) -> f64 {
-    TAU * highest_hz / SPEED_OF_LIGHT_M_S * off_m
+/// Looks at pulses from a tile, for profiles of `length` bins: whether the polynomials of its paths turn terms by no more than this
+/// RMS phase.
+pub(crate) fn fits(
+    tile: &mut TileScratch,
+    length: usize,
+    pulses: &[TilePulse],
+    raster: &Raster,
+    highest_hz: f64,
+    phase_rad: f64,
+) -> bool {
+    let off_m = tile.look(length, pulses, raster);
+    TAU * highest_hz / SPEED_OF_LIGHT_M_S * off_m <= phase_rad
 }
 
 /// Relative RMS error of phasors and of places in float32, with profiles of at least so many bins a metre of path.

@@ -68,6 +68,8 @@ pub fn left_out_m(distance_m: f64, radius_m: f64) -> f64 {
 /// The polynomial's coefficients, in columns `i` and rows `j` from the centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Expansion {
+    /// Distances of the antennas, metres.
+    pub(super) legs_m: [f64; 2],
     /// At the centre.
     pub(super) at: f64,
     /// Of `i` and `j`.
@@ -92,12 +94,13 @@ impl Expansion {
         ];
         let transmitter = leg(&antennas.transmitter_m, raster, squares);
         let receiver = match antennas.transmitter_m == antennas.receiver_m {
-            true => transmitter,
-            false => leg(&antennas.receiver_m, raster, squares),
+            true => None,
+            false => Some(leg(&antennas.receiver_m, raster, squares)),
         };
         let add = |a: f64, b: f64| (a + b) * scale;
-        let (a, b) = (transmitter, receiver);
+        let (a, b) = (&transmitter, receiver.as_ref().unwrap_or(&transmitter));
         Self {
+            legs_m: [a.at, b.at],
             at: (a.at + b.at - antennas.datum_m) * scale,
             first: std::array::from_fn(|i| add(a.first[i], b.first[i])),
             second: std::array::from_fn(|i| add(a.second[i], b.second[i])),
@@ -112,6 +115,7 @@ impl Expansion {
             values
         };
         Self {
+            legs_m: self.legs_m,
             at: self.at,
             first: [self.first[1], self.first[0]],
             second: [self.second[2], self.second[1], self.second[0]],
@@ -131,8 +135,15 @@ impl Expansion {
     }
 }
 
-/// One antenna's distance, in metres.
-fn leg(antenna_m: &[f64; 3], raster: &Raster, squares: [f64; 3]) -> Expansion {
+/// One antenna's distance, metres, and its derivatives' coefficients.
+struct Leg {
+    at: f64,
+    first: [f64; 2],
+    second: [f64; 3],
+    third: [f64; 4],
+}
+
+fn leg(antenna_m: &[f64; 3], raster: &Raster, squares: [f64; 3]) -> Leg {
     let from: [f64; 3] = std::array::from_fn(|d| raster.centre_m[d] - antenna_m[d]);
     let at = dot(&from, &from).sqrt();
     let inverse = 1.0 / at;
@@ -145,7 +156,7 @@ fn leg(antenna_m: &[f64; 3], raster: &Raster, squares: [f64; 3]) -> Expansion {
     ];
     let half = 0.5 * inverse;
     let cubic = -half * inverse;
-    Expansion {
+    Leg {
         at,
         first,
         second: w.map(|w| w * half),

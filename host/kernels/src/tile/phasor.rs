@@ -9,6 +9,8 @@
 //! `a` and `b` such that the RMS over `x` is least; coarsely without `b`, and the table smaller by as much as `1 + j a x` is larger.
 //! By points, polynomials of higher degree.
 
+use std::sync::LazyLock;
+
 use crate::lanes::Lanes;
 
 /// Places of the table.
@@ -26,6 +28,18 @@ const LINE: f64 = STEP * (1.0 - HALF_SQUARE / 10.0);
 const PARABOLA: f64 = STEP * STEP * (0.5 - HALF_SQUARE / 28.0);
 /// Mean of the magnitude of `1 + j x`.
 const COARSE_MAGNITUDE: f64 = 1.0 + HALF_SQUARE / 6.0;
+
+/// Cosines and sines at the places, finely and coarsely.
+static TABLES: LazyLock<[[[f32; PLACES]; 2]; 2]> = LazyLock::new(|| {
+    [1.0, COARSE_MAGNITUDE].map(|magnitude| {
+        let [mut cos, mut sin] = [[0.0; PLACES]; 2];
+        for (place, (cos, sin)) in cos.iter_mut().zip(&mut sin).enumerate() {
+            let (s, c) = libm::sincos(STEP * place as f64);
+            (*cos, *sin) = ((c / magnitude) as f32, (s / magnitude) as f32);
+        }
+        [cos, sin]
+    })
+});
 
 /// Added to a number below 2^22 and taken off again, it leaves the nearest whole number.
 pub(super) const ROUND: f32 = 12_582_912.0;
@@ -47,15 +61,10 @@ impl<L: Lanes> Table<L> {
 
     #[inline(always)]
     pub(super) fn new(lanes: L, coarse: bool) -> Self {
-        let scale = if coarse { COARSE_MAGNITUDE } else { 1.0 };
-        let [mut cos, mut sin] = [[0.0; 32]; 2];
-        for (place, (cos, sin)) in cos.iter_mut().zip(&mut sin).enumerate() {
-            let (s, c) = libm::sincos(STEP * place as f64);
-            (*cos, *sin) = ((c / scale) as f32, (s / scale) as f32);
-        }
+        let [cos, sin] = &TABLES[usize::from(coarse)];
         Self {
-            cos: lanes.wide(&cos),
-            sin: lanes.wide(&sin),
+            cos: lanes.wide(cos),
+            sin: lanes.wide(sin),
             round: lanes.splat(ROUND),
             line: lanes.splat(if coarse { STEP as f32 } else { LINE as f32 }),
             parabola: lanes.splat((PARABOLA / (LINE * LINE)) as f32),

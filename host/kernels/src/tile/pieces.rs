@@ -27,11 +27,13 @@ const MOST_TAPS: usize = MOST_DEGREE + 1;
 const RUN: usize = 64;
 
 /// The layout of a pulse's pieces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pieces {
     degree: usize,
     length: usize,
     margin: usize,
+    /// What [`taps`] says of the degree.
+    taps: [[f32; MOST_TAPS]; MOST_TAPS],
 }
 
 impl Pieces {
@@ -45,6 +47,7 @@ impl Pieces {
             degree,
             length,
             margin,
+            taps: taps(degree),
         }
     }
 
@@ -168,8 +171,8 @@ impl Make<'_> {
             degree,
             length,
             margin,
+            taps,
         } = *self.layout;
-        let taps = taps(degree);
         let row = self.layout.row();
         let kappa = self.cycles_a_bin;
         // Within a run.

@@ -46,11 +46,8 @@ impl TileScratch {
         let radius_m = raster.radius_m();
         let rows = self.tile.sides[1];
         let each = pulses.iter().zip(&self.expansions).map(|(pulse, e)| {
-            let leg_m = |antenna_m: &[f64; 3]| {
-                let from: [f64; 3] = std::array::from_fn(|d| raster.centre_m[d] - antenna_m[d]);
-                left_out_m(from.iter().map(|x| x * x).sum::<f64>().sqrt(), radius_m) / 3.0
-            };
-            let legs_m = leg_m(&pulse.antennas.transmitter_m) + leg_m(&pulse.antennas.receiver_m);
+            let [out_m, back_m] = e.legs_m.map(|leg_m| left_out_m(leg_m, radius_m) / 3.0);
+            let legs_m = out_m + back_m;
             let off_m = legs_m + shape.left_out(e, rows) / (pulse.turns_m * bins).abs();
             // Antennas that are nowhere are no tile's.
             if off_m.is_nan() { f64::INFINITY } else { off_m }

@@ -268,6 +268,7 @@ fn what_the_polynomial_leaves_out_is_bounded() {
             first,
             second,
             third,
+            ..
         } = Expansion::new(&antennas, &raster, 1.0);
         let i = 0.5;
         let got_m = at + i * (first[0] + i * (second[0] + i * third[0]));

@@ -7,7 +7,7 @@
 
 use super::{Choices, MOST_OVERSAMPLING, Meaning, SUMMED_PULSES, Way, cost, pulse_bytes};
 use crate::patch::{PatchSize, Patches, Rectangle, spread};
-use crate::path_tile::{self, phase_rad, pulse_antennas, raster};
+use crate::path_tile::{self, pulse_antennas, raster};
 use crate::{Aim, MARGIN_DB, rounding};
 use subaperture_kernels::tile::{self, Pieces, TilePulse, TileScratch};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -187,8 +187,15 @@ impl Candidate {
             let raster = raster(aim.grid, rectangle);
             for pulse in &pulses {
                 let own = tile_pulse(aim, pulse, self.length);
-                let off_m = look.look(self.length, &[own], &raster);
-                sum += match phase_rad(highest_hz, off_m) <= shares.tiles {
+                let (length, allowed) = (self.length, shares.tiles);
+                sum += match path_tile::fits(
+                    &mut look,
+                    length,
+                    &[own],
+                    &raster,
+                    highest_hz,
+                    allowed,
+                ) {
                     true => {
                         let (window, groups) = look.grouping();
                         let pixels = (raster.rows * raster.columns) as f64;

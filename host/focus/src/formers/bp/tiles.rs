@@ -116,17 +116,16 @@ impl<'a> Opened<'a> {
         } = self.way
         {
             let raster = raster(self.aim.grid, rectangle);
-            let tile = &mut scratch.tile;
-            let off_m = tile.look(self.pieces.length(), &batch.tile_pulses, &raster);
-            if path_tile::phase_rad(self.highest_hz, off_m) <= phase_rad {
+            let (tile, length, pulses) =
+                (&mut scratch.tile, self.pieces.length(), &batch.tile_pulses);
+            if path_tile::fits(tile, length, pulses, &raster, self.highest_hz, phase_rad) {
                 let size = rectangle.size;
                 let sums = &mut scratch.sums;
                 sums.clear();
                 sums.resize(size.rows * size.columns, Complex32::ZERO);
-                let (layout, pulses) = (&self.pieces, &batch.tile_pulses);
                 tile.add(
                     self.instructions,
-                    layout,
+                    &self.pieces,
                     coarse,
                     pulses,
                     batch.pieces,

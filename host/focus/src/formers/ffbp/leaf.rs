@@ -74,12 +74,10 @@ impl Leaf {
         let layout = Pieces::new(DEGREE, length, if by_tiles { margin } else { 1 });
         let values = layout.values();
         pieces.resize(SUMMED_PULSES.min(history.num_pulses()) * values, 0.0);
-        points.clear();
-        target.each(rectangle, |row, column, _| {
-            points.push(grid.position_m(row, column).to_array());
-        });
         #[cfg(test)]
-        super::counted::imaged(history.num_pulses(), length, points.len());
+        super::counted::imaged(history.num_pulses(), length, raster.rows * raster.columns);
+        // Places are for those pulses only that no tile will do for.
+        points.clear();
         let rows = history.samples.chunks(SUMMED_PULSES * count);
         for (antennas, rows) in history.antennas.chunks(SUMMED_PULSES).zip(rows) {
             pulses.clear();
@@ -102,11 +100,8 @@ impl Leaf {
                 layout.make(instructions, &profile[..length], cycles_a_bin, 1.0, pieces);
             }
             sums.clear();
-            let off_m = match by_tiles {
-                true => tile.look(length, pulses, &raster),
-                false => f64::INFINITY,
-            };
-            if path_tile::phase_rad(highest_hz, off_m) <= shares.tiles {
+            if by_tiles && path_tile::fits(tile, length, pulses, &raster, highest_hz, shares.tiles)
+            {
                 sums.resize(raster.rows * raster.columns, Complex32::ZERO);
                 tile.add(instructions, &layout, false, pulses, pieces, sums);
                 target.each(rectangle, |row, column, pixel| {
@@ -114,6 +109,11 @@ impl Leaf {
                     *pixel += sums[place];
                 });
             } else {
+                if points.is_empty() {
+                    target.each(rectangle, |row, column, _| {
+                        points.push(grid.position_m(row, column).to_array());
+                    });
+                }
                 sums.resize(points.len(), Complex32::ZERO);
                 for (pulse, pieces) in pulses.iter().zip(pieces.chunks_exact(values)) {
                     tile::add_points(instructions, &layout, pulse, pieces, points, sums);
