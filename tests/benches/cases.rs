@@ -132,6 +132,17 @@ fn sum(history: &InMemory, weights: &Weights, point: DVec3) -> Complex64 {
     sum * weights.normalisation()
 }
 
+/// Seconds of processor time that this process took so far; 0 where the system does not say.
+fn processor_seconds() -> f64 {
+    let Ok(stat) = std::fs::read_to_string("/proc/self/stat") else {
+        return 0.0;
+    };
+    // User and system time, in hundredths of a second, are the 12th and 13th after the name.
+    let after = stat.rsplit(')').next().unwrap_or_default();
+    let numbers = after.split_whitespace().skip(11).take(2);
+    numbers.filter_map(|n| n.parse::<f64>().ok()).sum::<f64>() / 100.0
+}
+
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let args: Vec<&str> = args
@@ -168,7 +179,7 @@ fn main() {
     });
     let expected: Vec<Complex64> = expected.collect();
     println!(
-        "case {name}, {} threads\nformer     asked   error dB   seconds   GBP/s   settings",
+        "case {name}, {} threads\nformer     asked   error dB   seconds  processor   GBP/s   settings",
         rayon::current_num_threads()
     );
     for former in formers {
@@ -176,9 +187,10 @@ fn main() {
         let entry = FORMERS.iter().find(|entry| entry.name == former);
         let asked_db: f64 = asked.parse().expect("dB");
         let made = entry.expect("a former's name").within(asked_db);
-        let start = Instant::now();
+        let (start, before) = (Instant::now(), processor_seconds());
         let formed = made.form_best(&task).expect("8 GiB are enough");
         let seconds = start.elapsed().as_secs_f64();
+        let processor = processor_seconds() - before;
         let (mut error, mut power) = (0.0, 0.0);
         for (&(row, column), expected) in places.iter().zip(&expected) {
             let got = formed.image.pixels[row * side + column];
@@ -189,7 +201,7 @@ fn main() {
         let rate = (side * side * pulses) as f64 / seconds * 1e-9;
         let settings = serde_json::to_string(&formed.settings).expect("settings are JSON");
         println!(
-            "{former:<9} {asked_db:>6} {:>10.1} {seconds:>9.3} {rate:>7.2}   {settings}",
+            "{former:<9} {asked_db:>6} {:>10.1} {seconds:>9.3} {processor:>10.2} {rate:>7.2}   {settings}",
             10.0 * (error / power).log10(),
         );
     }

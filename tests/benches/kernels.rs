@@ -1,12 +1,14 @@
-//! The kernel of backprojection by itself, on one thread, in each instruction set that the processor has.
+//! Kernels by themselves, on one thread, in each instruction set that the processor has.
 //!
-//! `cargo bench --bench kernels [-- PREFIX]`: of the lines that begin so, at greater length. A group is 16 pixels of one pulse. The beam
+//! `cargo bench --bench kernels [-- PREFIX]`: of the lines that begin so, at greater length. Of backprojection a group is 16 pixels of one pulse. The beam
 //! comes along the columns, and turned by so many degrees.
 
 use std::hint::black_box;
 use std::time::Instant;
 
-use subaperture::num_complex::Complex32;
+use subaperture::num_complex::{Complex32, Complex64};
+use subaperture_kernels::halving::{Halving, HalvingScratch, Layout, Rows, Turning, halved};
+use subaperture_kernels::horner;
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::Antennas;
 use subaperture_kernels::tile::{Pieces, Raster, TilePulse, TileScratch};
@@ -41,9 +43,90 @@ fn pulses(turned_deg: f64) -> Vec<TilePulse> {
     (0..PULSES).map(pulse).collect()
 }
 
+/// Halving and narrow sums: nanoseconds a sample before.
+fn samples(prefix: &str) {
+    println!("instructions kernel    ways    pulses x samples    a sample");
+    for instructions in Instructions::available() {
+        for [num_pulses, num_samples] in [[128, 4096], [256, 520], [112, 104], [64, 60]] {
+            let layout = Layout::new(num_samples);
+            let values = vec![0.5; num_pulses * layout.values()];
+            let turning = Turning {
+                start: 0.3,
+                step: 0.01,
+            };
+            let turnings = vec![turning; num_pulses];
+            let recorded = vec![Complex32::ONE; num_pulses * num_samples];
+            let [fast, slow] = [num_samples, num_pulses].map(|count| vec![1.0; count]);
+            for (ways, pulses, samples) in [
+                ("turn", false, false),
+                ("pulses", true, false),
+                ("samples", false, true),
+                ("both", true, true),
+                ("recorded", true, true),
+            ] {
+                let name = format!(
+                    "{:<12} halving   {ways:<8} {num_pulses:>5} x {num_samples:<5}",
+                    instructions.name()
+                );
+                if !name.starts_with(prefix) {
+                    continue;
+                }
+                let halving = Halving {
+                    pulses,
+                    samples,
+                    layout,
+                    rows: match ways {
+                        "recorded" => Rows::Samples {
+                            samples: &recorded,
+                            fast: &fast,
+                            slow: &slow,
+                        },
+                        _ => Rows::Planes(&values),
+                    },
+                    first: 0,
+                    turnings: &turnings,
+                };
+                let count = if pulses {
+                    halved(num_pulses, 8)
+                } else {
+                    num_pulses
+                };
+                let mut out = vec![0.0; count * halving.after(8).values()];
+                let mut scratch = HalvingScratch::default();
+                let ns = shortest_ns(num_pulses * num_samples, || {
+                    halving.make(instructions, &[0.1f32; 8], 0, &mut out, &mut scratch);
+                });
+                println!("{name} {ns:>12.3} ns");
+            }
+            let name = format!("{:<12} narrow sums of 64", instructions.name());
+            if name.starts_with(prefix) && num_samples == 4096 {
+                let row = vec![Complex32::ONE; num_samples];
+                let weights = vec![1.0; num_samples];
+                let steps = [Complex64::ONE; horner::NARROW_TOGETHER];
+                let ns = shortest_ns(num_samples, || {
+                    black_box(horner::narrow_sums(instructions, &row, &weights, &steps));
+                });
+                println!("{name:<40} {ns:>12.3} ns");
+            }
+        }
+    }
+}
+
+/// Nanoseconds each of `count` that `work` does, in the best of some turns.
+fn shortest_ns(count: usize, mut work: impl FnMut()) -> f64 {
+    let times = 4_000_000 / count + 1;
+    let turns = (0..5).map(|_| {
+        let start = Instant::now();
+        (0..times).for_each(|_| work());
+        start.elapsed().as_secs_f64() / (times * count) as f64
+    });
+    1e9 * turns.fold(f64::INFINITY, f64::min)
+}
+
 fn main() {
     let prefix = std::env::args().skip(1).find(|arg| !arg.starts_with("--"));
     let prefix = prefix.unwrap_or_default();
+    samples(&prefix);
     println!("instructions degree phasors  tile   turned    a group     GBP/s");
     for instructions in Instructions::available() {
         for (degree, coarse) in [(2, true), (2, false), (3, true), (3, false)] {

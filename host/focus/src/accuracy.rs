@@ -50,12 +50,19 @@ use super::{
     Aim, Decision, FormError, Formed, ImageFormer, Reason, Remedy, Task, Tile, Work, rounding,
     sweep,
 };
+use subaperture_kernels::horner;
+use subaperture_kernels::lanes::Instructions;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::power;
 use subaperture_model::phase_history::{Channel, Collection, InputFile, PhaseHistory, ReadError};
+use subaperture_signal::phase::phasor;
 
 /// Pixels at which every image is compared with the sum.
 const SAMPLED_PIXELS: usize = 4 * LANES;
+
+/// Least bound, dB, for which the exact sums at these are told well enough with runs of samples in float32.
+const NARROW_DB: f64 = -80.0;
 
 /// Pixels of which all are sampled.
 const FEW_PIXELS: usize = 2 * SAMPLED_PIXELS;
@@ -288,7 +295,7 @@ fn attempt<F: ImageFormer + ?Sized>(
     task.check()?;
     let aim = task.aim();
     let swept = swept(former, &aim, asked)?;
-    let probes = Probes::new(aim);
+    let probes = Probes::new(aim, asked.bound_db.unwrap_or(f64::NEG_INFINITY));
     let sampled = Sampled {
         history: task.history,
         probes: &probes,
@@ -400,6 +407,9 @@ pub struct TileRecord {
     pub seen: Vec<Seen>,
     /// Power of all weighted samples, over the weights' sum: what noise would show in a pixel.
     pub terms: f64,
+    /// Relative RMS error of the exact sums' own arithmetic, of samples that add at random.
+    #[serde(default)]
+    pub rounding: f64,
 }
 
 /// A pixel that is compared with the sum.
@@ -444,7 +454,8 @@ pub(super) fn judge(aim: &Aim, records: &[TileRecord], planned_db: f64) -> Judge
     };
     // The sum's phases are rounded too. Terms do not share that, so that it is small relative to their powers, not to
     // what is left of them.
-    let own = rounding::path_phase_rad(aim).powi(2) * terms / mean;
+    let rounding = records.iter().fold(0.0f64, |most, r| most.max(r.rounding));
+    let own = rounding.powi(2) * terms / mean;
     // Of an image of zeros where there should be zeros, nothing is wrong.
     let measured_db = match error == 0.0 && !own.is_finite() {
         true => LEAST_DB,
@@ -463,6 +474,8 @@ pub(super) struct Probes<'a> {
     /// Indices of pixels, ascending, and where they lie.
     pixels: Vec<usize>,
     points: Vec<DVec3>,
+    /// Whether float32 is good enough for runs of samples.
+    narrow: bool,
     sums: Mutex<Sums>,
 }
 
@@ -481,7 +494,8 @@ struct Sums {
 }
 
 impl<'a> Probes<'a> {
-    pub(super) fn new(aim: Aim<'a>) -> Self {
+    /// To tell errors down to about `bound_db`.
+    pub(super) fn new(aim: Aim<'a>, bound_db: f64) -> Self {
         let columns = aim.grid.columns.count;
         let pixels = sampled_pixels(aim.grid);
         let points: Vec<DVec3> = pixels
@@ -494,6 +508,7 @@ impl<'a> Probes<'a> {
             pulses: 0..0,
         });
         Self {
+            narrow: bound_db >= NARROW_DB && !aim.collection.sweeps(),
             aim,
             pixels,
             points,
@@ -501,38 +516,69 @@ impl<'a> Probes<'a> {
         }
     }
 
+    /// Adds a pulse to the points' sums.
+    fn add_pulse(&self, n: usize, row: &[Complex32], fast: &[f32], sums: &mut [Complex64]) {
+        let (pulse, weights) = (&self.aim.collection.pulses[n], self.aim.weights);
+        if !self.narrow {
+            let lanes = sums.chunks_mut(LANES).zip(self.points.chunks(LANES));
+            for (sums, points) in lanes {
+                add_pulse(pulse, weights.slow[n], &weights.fast, row, points, sums);
+            }
+            return;
+        }
+        let lanes = sums.chunks_mut(horner::NARROW_TOGETHER);
+        for (sums, points) in lanes.zip(self.points.chunks(horner::NARROW_TOGETHER)) {
+            let mut steps = [Complex64::ZERO; horner::NARROW_TOGETHER];
+            let mut delays_s = [0.0; horner::NARROW_TOGETHER];
+            for ((step, delay_s), &point) in steps.iter_mut().zip(&mut delays_s).zip(points) {
+                *delay_s = pulse.relative_path_m(point) / SPEED_OF_LIGHT_M_S;
+                *step = phasor(pulse.step_hz * *delay_s);
+            }
+            let over_frequency = horner::narrow_sums(Instructions::best(), row, fast, &steps);
+            for ((sum, value), delay_s) in sums.iter_mut().zip(over_frequency).zip(delays_s) {
+                *sum += value * phasor(pulse.start_hz * delay_s) * weights.slow[n];
+            }
+        }
+    }
+
+    /// Relative RMS error of the sums' own phases.
+    fn rounding(&self) -> f64 {
+        let paths = rounding::path_phase_rad(&self.aim);
+        if self.narrow {
+            paths.hypot(horner::NARROW_RMS)
+        } else {
+            paths
+        }
+    }
+
     /// Adds pulses, unless they are in the sums: a former may read some twice.
     fn add(&self, pulses: Range<usize>, samples: &[Complex32]) {
         let width = self.aim.collection.num_samples;
         let weights = self.aim.weights;
+        let fast: Vec<f32> = weights.fast.iter().map(|&w| w as f32).collect();
         let mut sums = self.sums.lock().unwrap_or_else(|e| e.into_inner());
         if sums.pulses.end != pulses.start {
             return;
         }
         let numbers: Vec<usize> = pulses.clone().collect();
-        let parts: Vec<Vec<Complex64>> = numbers
+        let parts: Vec<(Vec<Complex64>, f64)> = numbers
             .par_chunks(PULSES_A_PART)
             .zip(samples.par_chunks(PULSES_A_PART * width))
             .map(|(numbers, samples)| {
                 let mut part = vec![Complex64::ZERO; self.points.len()];
-                let lanes = part.chunks_mut(LANES).zip(self.points.chunks(LANES));
-                for (sums, points) in lanes {
-                    for (&n, row) in numbers.iter().zip(samples.chunks_exact(width)) {
-                        let pulse = &self.aim.collection.pulses[n];
-                        add_pulse(pulse, weights.slow[n], &weights.fast, row, points, sums);
-                    }
+                let mut terms = 0.0;
+                for (&n, row) in numbers.iter().zip(samples.chunks_exact(width)) {
+                    self.add_pulse(n, row, &fast, &mut part);
+                    let sum = horner::power(Instructions::best(), row, &fast);
+                    terms += weights.slow[n].powi(2) * sum;
                 }
-                part
+                (part, terms)
             })
             .collect();
-        for part in parts {
+        for (part, terms) in parts {
             let both = sums.values.iter_mut().zip(part);
             both.for_each(|(sum, value)| *sum += value);
-        }
-        for (n, row) in pulses.clone().zip(samples.chunks_exact(width)) {
-            let terms = row.iter().zip(&weights.fast);
-            let sum: f64 = terms.map(|(&z, w)| w * w * power(z)).sum();
-            sums.terms += weights.slow[n].powi(2) * sum;
+            sums.terms += terms;
         }
         sums.pulses.end = pulses.end;
     }
@@ -559,6 +605,7 @@ impl<'a> Probes<'a> {
             power: tile.pixels.iter().map(|&z| power(z)).sum(),
             seen: seen.collect(),
             terms: sums.terms * norm * norm,
+            rounding: self.rounding(),
         })
     }
 }

@@ -446,6 +446,8 @@ impl Live {
                 num_sampled: 0,
             };
         };
+        let collection = lone(farthest, self.num_samples);
+        let aim = aim(&collection, &self.grid, &self.weights);
         let norm = self.norm();
         let fast: f64 = self.weights.fast.iter().sum();
         let pixel = |pixel: usize| narrow(self.shown.pixels[pixel] * norm);
@@ -462,9 +464,8 @@ impl Live {
             power: (0..self.shown.pixels.len()).map(|i| power(pixel(i))).sum(),
             seen: seen.collect(),
             terms: self.shown.terms * (norm / fast).powi(2),
+            rounding: rounding::path_phase_rad(&aim),
         };
-        let collection = lone(farthest, self.num_samples);
-        let aim = aim(&collection, &self.grid, &self.weights);
         // Squares may have been taken off to a rounding; pixels are rounded once more.
         let planned = (self.shown.planned * norm).max(0.0).sqrt();
         let planned_db = rounding::total_db(&[planned, rounding::LARGEST_FLOAT32]);

@@ -1,6 +1,7 @@
 //! A grid cut into rectangular patches, each with its own pixels of the image to write to.
 
 use std::collections::BTreeMap;
+use std::sync::Mutex;
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -155,6 +156,14 @@ impl Patches {
         })
     }
 
+    /// Of exactly this size.
+    pub(crate) fn of_size(grid: &ImageGrid, size: PatchSize) -> Self {
+        Self(Tiling {
+            image: [grid.rows.count, grid.columns.count],
+            tile: [size.rows.max(1), size.columns.max(1)],
+        })
+    }
+
     /// Of all patches but those at the ends.
     pub(crate) fn size(&self) -> PatchSize {
         let [rows, columns] = self.0.tile;
@@ -164,12 +173,6 @@ impl Patches {
     /// How many there are.
     pub(crate) fn count(&self) -> usize {
         self.0.count()
-    }
-
-    /// The one in the middle.
-    pub(crate) fn middle(&self) -> Rectangle {
-        let [down, across] = self.0.tiles();
-        self.rectangle(down / 2 * across + across / 2)
     }
 
     /// Some of them, at most so many a side, from corner to corner.
@@ -214,6 +217,20 @@ impl Patches {
         }
         let place = |(index, segments)| (self.rectangle(index), segments);
         patches.into_iter().map(place).collect()
+    }
+
+    /// The same by row and column of patches, for whoever comes first.
+    pub(crate) fn split_by_place<'a>(
+        &self,
+        tiles: &'a mut [Tile],
+    ) -> BTreeMap<[usize; 2], Mutex<Vec<Segment<'a>>>> {
+        let [height, width] = self.0.tile;
+        let split = self.split(tiles).into_iter();
+        split
+            .map(|(Rectangle { row, column, .. }, segments)| {
+                ([row / height, column / width], Mutex::new(segments))
+            })
+            .collect()
     }
 
     /// Bytes that [`Self::split`] makes of them, at most.

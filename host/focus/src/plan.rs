@@ -365,7 +365,7 @@ impl Plan {
             plan: self,
             aim,
             forming: former.open(aim, &self.choices)?,
-            probes: Probes::new(aim),
+            probes: Probes::new(aim, self.planned_db),
         })
     }
 }

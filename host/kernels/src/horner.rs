@@ -1,17 +1,19 @@
-//! A pulse's samples summed at many delays: a polynomial in the phasor from sample to sample, by Horner's rule, in float64.
+//! A pulse's samples summed at many delays: a polynomial in the phasor from sample to sample, by Horner's rule.
 //!
 //! ```text
 //! sum[i] = sum_k w[k] z[k] step[i]^k
 //! ```
 //!
-//! Products and sums are rounded apart, in one order: the same bits in all instruction sets. Rounding: that of `K` steps of Horner's rule,
-//! `K` times 2^-53 of the sum of magnitudes at most.
+//! In float64 ([`sums`]) products and sums are rounded apart; rounding: that of `K` steps of Horner's rule,
+//! `K` times 2^-53 of the sum of magnitudes at most. Narrowly ([`narrow_sums`]) runs of [`RUN`] samples are float32, with fused products,
+//! and joined in float64: the step's rounding turns a sample by up to [`RUN`] times 6e-8, 4e-7 RMS at most ([`NARROW_RMS`]). Either has one
+//! order: the same bits in all instruction sets.
 //!
-//! Cost: 8 operations a sample and delay.
+//! Cost: 8 operations a sample and delay; narrow ones go three to five times as fast.
 
 use num_complex::{Complex32, Complex64};
 
-use crate::lanes::{Instructions, Kernel, Lanes};
+use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 
 /// Delays summed side by side: enough to hide the latency of Horner's chain.
 pub const TOGETHER: usize = 16;
@@ -61,6 +63,135 @@ impl Kernel for Sums<'_> {
     }
 }
 
+/// Samples that are summed narrowly.
+pub const RUN: usize = 16;
+/// Relative RMS error of narrow sums, beside that of samples that add at random.
+pub const NARROW_RMS: f64 = 4e-7;
+/// Delays summed side by side narrowly.
+pub const NARROW_TOGETHER: usize = 4 * GROUP;
+
+/// The sums of `samples` with their `weights` for each of `steps`, good to [`NARROW_RMS`].
+///
+/// # Panics
+/// If there are not as many weights as samples.
+pub fn narrow_sums(
+    instructions: Instructions,
+    samples: &[Complex32],
+    weights: &[f32],
+    steps: &[Complex64; NARROW_TOGETHER],
+) -> [Complex64; NARROW_TOGETHER] {
+    assert_eq!(samples.len(), weights.len());
+    instructions.run(NarrowSums {
+        samples,
+        weights,
+        steps,
+    })
+}
+
+struct NarrowSums<'a> {
+    samples: &'a [Complex32],
+    weights: &'a [f32],
+    steps: &'a [Complex64; NARROW_TOGETHER],
+}
+
+/// Vectors that are worked on together: enough to hide the latency of Horner's chain.
+const VECTORS: usize = 4;
+
+impl Kernel for NarrowSums<'_> {
+    type Output = [Complex64; NARROW_TOGETHER];
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Self::Output {
+        const N: usize = NARROW_TOGETHER;
+        let [mut step_re, mut step_im, mut run_re, mut run_im] = [[0.0f32; N]; 4];
+        let [mut power_re, mut power_im, mut re, mut im] = [[0.0f64; N]; 4];
+        for (i, step) in self.steps.iter().enumerate() {
+            (step_re[i], step_im[i]) = (step.re as f32, step.im as f32);
+            let mut power = *step;
+            for _ in 0..RUN.ilog2() {
+                power *= power;
+            }
+            (power_re[i], power_im[i]) = (power.re, power.im);
+        }
+        // What does not fill a run comes first: it is last.
+        let whole = self.samples.len() / RUN * RUN;
+        let ends = (0..whole).step_by(RUN).map(|first| first..first + RUN);
+        let runs = ends.chain([whole..self.samples.len()]);
+        for run in runs.rev() {
+            for from in (0..N).step_by(VECTORS * L::COUNT) {
+                let nothing = [lanes.splat(0.0); VECTORS];
+                let [mut w_re, mut w_im, mut s_re, mut s_im] = [nothing; 4];
+                for v in 0..VECTORS {
+                    w_re[v] = lanes.load(&step_re[from + v * L::COUNT..]);
+                    w_im[v] = lanes.load(&step_im[from + v * L::COUNT..]);
+                }
+                for k in run.clone().rev() {
+                    let (z, weight) = (self.samples[k], self.weights[k]);
+                    let (z_re, z_im) = (lanes.splat(z.re * weight), lanes.splat(z.im * weight));
+                    for v in 0..VECTORS {
+                        let real = lanes.neg_mul_add(s_im[v], w_im[v], z_re);
+                        let imaginary = lanes.mul_add(s_im[v], w_re[v], z_im);
+                        s_im[v] = lanes.mul_add(s_re[v], w_im[v], imaginary);
+                        s_re[v] = lanes.mul_add(s_re[v], w_re[v], real);
+                    }
+                }
+                for v in 0..VECTORS {
+                    lanes.store(s_re[v], &mut run_re[from + v * L::COUNT..]);
+                    lanes.store(s_im[v], &mut run_im[from + v * L::COUNT..]);
+                }
+            }
+            for i in 0..N {
+                let (a, b) = (re[i], im[i]);
+                re[i] = a * power_re[i] - b * power_im[i] + f64::from(run_re[i]);
+                im[i] = a * power_im[i] + b * power_re[i] + f64::from(run_im[i]);
+            }
+        }
+        let mut sums = [Complex64::ZERO; N];
+        for (i, sum) in sums.iter_mut().enumerate() {
+            *sum = Complex64::new(re[i], im[i]);
+        }
+        sums
+    }
+}
+
+/// The sum of the squares of `samples` times `weights`.
+///
+/// Squares are float32 and summed so in runs of 256; rounding: 1e-6 of it.
+///
+/// # Panics
+/// If there are not as many weights as samples.
+pub fn power(instructions: Instructions, samples: &[Complex32], weights: &[f32]) -> f64 {
+    assert_eq!(samples.len(), weights.len());
+    instructions.run(Power { samples, weights })
+}
+
+struct Power<'a> {
+    samples: &'a [Complex32],
+    weights: &'a [f32],
+}
+
+impl Kernel for Power<'_> {
+    type Output = f64;
+
+    /// Plain loops: what the lanes' instructions make of them.
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) -> f64 {
+        let mut total = 0.0;
+        let runs = self.samples.chunks(256).zip(self.weights.chunks(256));
+        for (samples, weights) in runs {
+            let mut sums = [0.0f32; GROUP];
+            for (samples, weights) in samples.chunks(GROUP).zip(weights.chunks(GROUP)) {
+                for ((sum, z), w) in sums.iter_mut().zip(samples).zip(weights) {
+                    let (re, im) = (z.re * w, z.im * w);
+                    *sum += re * re + im * im;
+                }
+            }
+            total += sums.iter().map(|&sum| f64::from(sum)).sum::<f64>();
+        }
+        total
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -94,6 +225,57 @@ mod tests {
             for instructions in Instructions::available() {
                 let other = sums(instructions, &samples, &weights, &turns.map(turned));
                 assert!(other == got, "{}", instructions.name());
+            }
+        }
+    }
+
+    #[test]
+    fn narrow_sums_are_as_good_as_they_say() {
+        let mut numbers = Numbers::new(2);
+        for count in [0, 1, 16, 77, 1000, 4096] {
+            let samples = numbers.samples(count);
+            let weights: Vec<f64> = (0..count).map(|_| numbers.unit()).collect();
+            let narrow_weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
+            let turns: [f64; NARROW_TOGETHER] = std::array::from_fn(|_| numbers.signed());
+            let steps = turns.map(turned);
+            let got = narrow_sums(Instructions::Portable, &samples, &narrow_weights, &steps);
+            let (mut error, mut power) = (0.0, 0.0);
+            for (got, turns) in got.iter().zip(turns) {
+                let terms = samples.iter().zip(&weights).enumerate();
+                let expected: Complex64 = terms
+                    .map(|(k, (&z, w))| wide(z) * w * turned(turns * k as f64))
+                    .sum();
+                error += (got - expected).norm_sqr();
+                power += expected.norm_sqr();
+            }
+            assert!(
+                error.sqrt() <= NARROW_RMS * power.sqrt(),
+                "{count}: {error} {power}"
+            );
+            for instructions in Instructions::available() {
+                let other = narrow_sums(instructions, &samples, &narrow_weights, &steps);
+                assert!(other == got, "{}", instructions.name());
+            }
+        }
+    }
+
+    #[test]
+    fn power_is_the_squares_sum() {
+        let mut numbers = Numbers::new(3);
+        for count in [0, 1, 77, 1000] {
+            let samples = numbers.samples(count);
+            let weights: Vec<f32> = (0..count).map(|_| numbers.unit() as f32).collect();
+            let terms = samples.iter().zip(&weights);
+            let expected: f64 = terms
+                .map(|(&z, &w)| wide(z).norm_sqr() * f64::from(w).powi(2))
+                .sum();
+            for instructions in Instructions::available() {
+                let got = power(instructions, &samples, &weights);
+                assert!(
+                    (got - expected).abs() <= 1e-6 * expected,
+                    "{count}: {got} {expected}"
+                );
+                assert_eq!(got, power(Instructions::Portable, &samples, &weights));
             }
         }
     }

@@ -9,7 +9,7 @@
 //! - [`lanes`]: the instructions that this is done in.
 //! - [`horner`]: the samples of a pulse summed at many delays, in float64.
 //! - [`compensation`]: the samples of a pulse referred to another path.
-//! - [`decimation`]: one sample of several, one pulse of several.
+//! - [`halving`]: half as many pulses, half as many samples.
 //! - [`spreading`]: samples from anywhere put onto a raster.
 //! - [`reading`]: rasters and range-Doppler maps read between their elements.
 //!
@@ -25,11 +25,12 @@
 
 pub mod blurred;
 pub mod compensation;
-pub mod decimation;
+pub mod halving;
 pub mod horner;
 #[allow(unsafe_code)]
 pub mod lanes;
 pub mod paths;
+mod phasor;
 pub mod reading;
 pub mod spreading;
 pub mod tile;

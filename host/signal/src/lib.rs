@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod fast_length;
+pub mod halfway;
 pub mod kaiser_bessel;
 pub mod phase;
 pub mod range_profile;

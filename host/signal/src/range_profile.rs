@@ -127,9 +127,17 @@ impl RangeProfiler {
     ) {
         let (count, length) = (self.weights.len(), self.length());
         assert!(pulse.len() == count && profile.len() == length + 1);
-        profile.fill(Complex32::ZERO);
-        for (k, (z, w)) in pulse.iter().zip(&self.weights).enumerate() {
-            profile[(k + length - count / 2) % length] = z * w;
+        // Sample `K/2` comes first, those before it last.
+        let (before, after) = pulse.split_at(count / 2);
+        let (weights_before, weights_after) = self.weights.split_at(count / 2);
+        let (start, rest) = profile.split_at_mut(after.len());
+        let (between, end) = rest[..length - after.len()].split_at_mut(length - count);
+        between.fill(Complex32::ZERO);
+        for (to, samples, weights) in [(start, after, weights_after), (end, before, weights_before)]
+        {
+            for ((to, z), w) in to.iter_mut().zip(samples).zip(weights) {
+                *to = z * w;
+            }
         }
         self.fft
             .process_with_scratch(&mut profile[..length], scratch);

@@ -52,6 +52,8 @@ pub(crate) trait Lanes: Copy {
     fn mul_add(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers;
     /// `c - a b`, rounded once.
     fn neg_mul_add(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers;
+    /// The numbers at even places of `a` and then `b`, and those at odd places.
+    fn unzip(self, a: Self::Numbers, b: Self::Numbers) -> [Self::Numbers; 2];
     /// 16 values, ready to be looked up.
     fn narrow(self, values: &[f32; 16]) -> Self::Narrow;
     /// Of 16 values those that the lowest 4 bits of each lane's pattern count to.

@@ -99,6 +99,11 @@ impl Lanes for Neon {
         unsafe { vfmsq_f32(c, a, b) }
     }
     #[inline(always)]
+    fn unzip(self, a: float32x4_t, b: float32x4_t) -> [float32x4_t; 2] {
+        // SAFETY: as above.
+        unsafe { [vuzp1q_f32(a, b), vuzp2q_f32(a, b)] }
+    }
+    #[inline(always)]
     fn narrow(self, values: &[f32; 16]) -> uint8x16x4_t {
         self.table(values)
     }

@@ -53,6 +53,10 @@ impl Lanes for Portable {
         each(|i| (-a[i]).mul_add(b[i], c[i]))
     }
     #[inline(always)]
+    fn unzip(self, a: Self::Numbers, b: Self::Numbers) -> [Self::Numbers; 2] {
+        [[a[0], a[2], b[0], b[2]], [a[1], a[3], b[1], b[3]]]
+    }
+    #[inline(always)]
     fn narrow(self, values: &[f32; 16]) -> [f32; 16] {
         *values
     }

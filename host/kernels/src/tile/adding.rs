@@ -2,11 +2,11 @@
 
 use super::expansion::Expansion;
 use super::groups::{Groups, Offsets, Rows, Sums};
-use super::phasor::{ROUND, Table};
 use super::pieces::Pieces;
 use super::pulse::TilePulse;
 use super::shape::Window;
 use crate::lanes::{GROUP, Kernel, Lanes};
+use crate::phasor::{ROUND, Table};
 
 /// What is compiled for each instruction set.
 pub(super) struct Add<'a> {

@@ -133,6 +133,14 @@ impl Expansion {
             self.first[1].abs() + across + 2.0 * f.abs() * i * j + e.abs() * i * i,
         ]
     }
+
+    /// Largest magnitude it can have up to so many pixels from the centre along either axis.
+    pub(super) fn bound(&self, [i, j]: [f64; 2]) -> f64 {
+        let ([a, b], [c, d, e], [f, g, h, k]) = (self.first, self.second, self.third);
+        let squares = c.abs() * i * i + d.abs() * i * j + e.abs() * j * j;
+        let cubes = (f.abs() * i + g.abs() * j) * i * i + (h.abs() * i + k.abs() * j) * j * j;
+        self.at.abs() + a.abs() * i + b.abs() * j + squares + cubes
+    }
 }
 
 /// One antenna's distance, metres, and its derivatives' coefficients.

@@ -80,6 +80,12 @@ impl Groups {
         (index * pixels) as f64 + (pixels as f64 - self.sides[axis] as f64) / 2.0
     }
 
+    /// Farthest from the tile's middle that a group reaches along the axes, pixels.
+    pub(super) fn extent(&self) -> [f64; 2] {
+        let pixels = [self.shape.along, self.shape.across()];
+        [0, 1].map(|axis| (self.counts[axis] * pixels[axis]) as f64 - self.sides[axis] as f64 / 2.0)
+    }
+
     /// Adds the groups' sums to a tile of `columns` columns.
     pub(super) fn deliver(&self, parts: &[Sums], sums: &mut [Complex32]) {
         let (along, [_, down]) = (self.shape.along, self.counts);

@@ -23,7 +23,6 @@
 mod adding;
 mod expansion;
 mod groups;
-mod phasor;
 mod pieces;
 mod points;
 mod pulse;
@@ -35,9 +34,9 @@ mod tests;
 /// Degrees of splines that tiles are made of: in between, the least of work and of upsampling.
 pub const DEGREES: [usize; 2] = [2, 3];
 
+pub use crate::phasor::PHASOR_RMS;
 pub use expansion::{Raster, left_out_m};
-pub use phasor::PHASOR_RMS;
-pub use pieces::{MOST_DEGREE, Pieces};
+pub use pieces::{Carrier, MOST_DEGREE, Pieces};
 pub use points::add_points;
 pub use pulse::TilePulse;
 pub use scratch::TileScratch;

@@ -31,7 +31,9 @@ const RUN: usize = 64;
 pub struct Pieces {
     degree: usize,
     length: usize,
-    margin: usize,
+    /// Pieces before that of bin 0.
+    before: usize,
+    row: usize,
     /// What [`taps`] says of the degree.
     taps: [[f32; MOST_TAPS]; MOST_TAPS],
 }
@@ -42,11 +44,24 @@ impl Pieces {
     /// # Panics
     /// If there are no such.
     pub fn new(degree: usize, length: usize, margin: usize) -> Self {
+        Self::part(degree, length, length / 2 + margin, length + 2 * margin)
+    }
+
+    /// Only those up to `reach` bins, [`Self::margin_for`] it, from a tile at whose centre all paths are 0.
+    ///
+    /// # Panics
+    /// If there are no such.
+    pub fn around(degree: usize, length: usize, reach: usize) -> Self {
+        Self::part(degree, length, reach, 2 * reach)
+    }
+
+    fn part(degree: usize, length: usize, before: usize, row: usize) -> Self {
         assert!((1..=MOST_DEGREE).contains(&degree) && length > 0);
         Self {
             degree,
             length,
-            margin,
+            before,
+            row,
             taps: taps(degree),
         }
     }
@@ -67,14 +82,9 @@ impl Pieces {
         self.length
     }
 
-    /// Pieces beyond either end.
-    pub fn margin(&self) -> usize {
-        self.margin
-    }
-
     /// Pieces in a plane.
     pub fn row(&self) -> usize {
-        self.length + 2 * self.margin
+        self.row
     }
 
     /// Numbers a pulse.
@@ -89,29 +99,65 @@ impl Pieces {
 
     /// The bin of the first piece.
     pub(super) fn first(&self) -> f64 {
-        -((self.length / 2 + self.margin) as f64)
+        -(self.before as f64)
     }
 
     /// Makes the pieces of a profile, the spline's coefficients, into `pieces`.
     ///
     /// # Panics
-    /// If `profile` has not [`Self::length`] values, or there is no room for [`Self::values`].
+    /// If `profile` has not [`Self::length`] values, there is no room for [`Self::values`], or the carrier is another layout's.
     pub fn make(
         &self,
         instructions: Instructions,
         profile: &[Complex32],
-        cycles_a_bin: f64,
+        carrier: &Carrier,
         weight: f32,
         pieces: &mut [f32],
     ) {
         assert!(profile.len() == self.length && pieces.len() == self.values());
+        assert_eq!(carrier.coarse.len(), self.row.div_ceil(RUN));
         instructions.run(Make {
             layout: self,
             profile,
-            cycles_a_bin,
+            carrier,
             weight,
             pieces,
         });
+    }
+}
+
+/// The carrier at the pieces of a layout.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Carrier {
+    cycles_a_bin: f64,
+    /// Within a run.
+    fine: [[f32; RUN]; 2],
+    /// At the beginning of each.
+    coarse: Vec<Complex64>,
+}
+
+impl Carrier {
+    /// Of so many cycles a bin.
+    pub fn new(layout: &Pieces, cycles_a_bin: f64) -> Self {
+        let [mut re, mut im] = [[0.0f32; RUN]; 2];
+        for (i, (re, im)) in re.iter_mut().zip(&mut im).enumerate() {
+            let z = phasor(cycles_a_bin * i as f64);
+            (*re, *im) = (z.re as f32, z.im as f32);
+        }
+        let first = layout.first() + layout.shift();
+        let starts = (0..layout.row).step_by(RUN);
+        Self {
+            cycles_a_bin,
+            fine: [re, im],
+            coarse: starts
+                .map(|start| phasor(cycles_a_bin * (first + start as f64)))
+                .collect(),
+        }
+    }
+
+    /// Cycles a bin.
+    pub fn cycles_a_bin(&self) -> f64 {
+        self.cycles_a_bin
     }
 }
 
@@ -144,7 +190,7 @@ fn phasor(turns: f64) -> Complex64 {
 struct Make<'a> {
     layout: &'a Pieces,
     profile: &'a [Complex32],
-    cycles_a_bin: f64,
+    carrier: &'a Carrier,
     weight: f32,
     pieces: &'a mut [f32],
 }
@@ -170,35 +216,33 @@ impl Make<'_> {
         let Pieces {
             degree,
             length,
-            margin,
+            before,
+            row,
             taps,
         } = *self.layout;
-        let row = self.layout.row();
-        let kappa = self.cycles_a_bin;
-        // Within a run.
-        let [mut fine_re, mut fine_im] = [[0.0f32; RUN]; 2];
-        for (i, (re, im)) in fine_re.iter_mut().zip(&mut fine_im).enumerate() {
-            let z = phasor(kappa * i as f64);
-            (*re, *im) = (z.re as f32, z.im as f32);
-        }
+        let [fine_re, fine_im] = &self.carrier.fine;
         // The profile's place under the first piece's first tap.
-        let before = length / 2 + margin + degree / 2;
+        let before = before + degree / 2;
         let mut place = (length - before % length) % length;
         let [mut under_re, mut under_im] = [[0.0f32; RUN + MOST_TAPS - 1]; 2];
         for first in (0..row).step_by(RUN) {
             let count = RUN.min(row - first);
-            let mut from = place;
-            for (re, im) in under_re.iter_mut().zip(&mut under_im) {
-                let z = self.profile[from];
-                (*re, *im) = (z.re, z.im);
-                from += 1;
-                if from == length {
-                    from = 0;
+            let taken = under_re.len();
+            match self.profile.get(place..place + taken) {
+                Some(values) => {
+                    for i in 0..taken {
+                        (under_re[i], under_im[i]) = (values[i].re, values[i].im);
+                    }
+                }
+                None => {
+                    let values = self.profile.iter().cycle().skip(place);
+                    for ((re, im), z) in under_re.iter_mut().zip(&mut under_im).zip(values) {
+                        (*re, *im) = (z.re, z.im);
+                    }
                 }
             }
             place = (place + RUN) % length;
-            let middle = self.layout.first() + first as f64 + self.layout.shift();
-            let coarse = phasor(kappa * middle) * f64::from(self.weight);
+            let coarse = self.carrier.coarse[first / RUN] * f64::from(self.weight);
             let (re, im) = (coarse.re as f32, coarse.im as f32);
             let mut phasors = [[0.0f32; RUN]; 2];
             for i in 0..RUN {

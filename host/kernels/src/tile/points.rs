@@ -2,11 +2,11 @@
 
 use num_complex::Complex32;
 
-use super::phasor::Polynomials;
 use super::pieces::Pieces;
 use super::pulse::TilePulse;
 use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 use crate::paths::{Points, paths};
+use crate::phasor::Polynomials;
 
 /// Points whose paths are held at a time: 2 KiB.
 const RUN: usize = 256;

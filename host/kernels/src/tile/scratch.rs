@@ -55,6 +55,15 @@ impl TileScratch {
         each.fold(0.0, f64::max)
     }
 
+    /// The bins, before a tile's centre or behind it, from which pulses that were looked at are read at most: a margin that suffices where
+    /// all paths are 0 at the centre.
+    pub fn reach(&self) -> usize {
+        let extent = self.tile.extent();
+        let each = self.expansions.iter().map(|e| e.bound(extent));
+        // Windows reach 16 further, and are counted from whole bins.
+        each.fold(0.0, f64::max).ceil() as usize + 18
+    }
+
     /// How the pulses that were looked at will be added: the window of a group, and how many groups there are.
     pub fn grouping(&self) -> (Window, usize) {
         (self.window, self.tile.count())

@@ -121,7 +121,9 @@ impl Trial {
         let each = pieces.chunks_exact_mut(self.layout.values());
         for ((profile, pulse), pieces) in self.profiles.iter().zip(&self.pulses).zip(each) {
             let kappa = pulse.cycles_a_bin;
-            self.layout.make(instructions, profile, kappa, 0.75, pieces);
+            let carrier = Carrier::new(&self.layout, kappa);
+            self.layout
+                .make(instructions, profile, &carrier, 0.75, pieces);
         }
         let mut sums = vec![Complex32::new(1.0, -1.0); self.raster.rows * self.raster.columns];
         let mut scratch = TileScratch::default();
@@ -208,7 +210,8 @@ fn points_are_the_sums_that_define_them() {
             let mut sums = vec![Complex32::new(1.0, -1.0); points.len()];
             let mut pieces = vec![0.0; layout.values()];
             for (pulse, profile) in trial.pulses.iter().zip(&trial.profiles) {
-                layout.make(instructions, profile, pulse.cycles_a_bin, 0.75, &mut pieces);
+                let carrier = Carrier::new(&layout, pulse.cycles_a_bin);
+                layout.make(instructions, profile, &carrier, 0.75, &mut pieces);
                 add_points(instructions, layout, pulse, &pieces, &points, &mut sums);
             }
             sums

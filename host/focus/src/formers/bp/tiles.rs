@@ -14,7 +14,7 @@ use crate::path_tile::{self, raster};
 use crate::{Aim, FormError, Forming, Remedy, Tile, Work, rounding};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::Points;
-use subaperture_kernels::tile::{self, Pieces, TilePulse, TileScratch};
+use subaperture_kernels::tile::{self, Carrier, Pieces, TilePulse, TileScratch};
 use subaperture_model::phase_history::Pulse;
 use subaperture_signal::range_profile::RangeProfiler;
 
@@ -80,27 +80,34 @@ impl<'a> Opened<'a> {
         let length = self.profiler.length();
         let scratch = || {
             let profile = vec![Complex32::ZERO; length + 1];
-            (
-                profile,
-                vec![Complex32::ZERO; self.profiler.scratch_length()],
-            )
+            let fft = vec![Complex32::ZERO; self.profiler.scratch_length()];
+            (profile, fft, None::<Carrier>)
         };
         pieces
             .par_chunks_exact_mut(self.pieces.values())
             .zip(samples.par_chunks_exact(num_samples))
             .enumerate()
-            .for_each_init(scratch, |(profile, scratch), (i, (pieces, samples))| {
-                let n = first + i;
-                self.profiler.profile(samples, profile, scratch);
-                let pulse = tile_pulse(&self.aim, &self.aim.collection.pulses[n], length);
-                self.pieces.make(
-                    self.instructions,
-                    &profile[..length],
-                    pulse.cycles_a_bin,
-                    self.aim.weights.slow[n] as f32,
-                    pieces,
-                );
-            });
+            .for_each_init(
+                scratch,
+                |(profile, fft, carrier), (i, (pieces, samples))| {
+                    let n = first + i;
+                    self.profiler.profile(samples, profile, fft);
+                    let pulse = tile_pulse(&self.aim, &self.aim.collection.pulses[n], length);
+                    // Mostly that of the pulse before.
+                    let kappa = pulse.cycles_a_bin;
+                    let carrier = match carrier.take() {
+                        Some(last) if last.cycles_a_bin() == kappa => carrier.insert(last),
+                        _ => carrier.insert(Carrier::new(&self.pieces, kappa)),
+                    };
+                    self.pieces.make(
+                        self.instructions,
+                        &profile[..length],
+                        carrier,
+                        self.aim.weights.slow[n] as f32,
+                        pieces,
+                    );
+                },
+            );
     }
 
     /// Adds a batch to what is wanted of a patch.

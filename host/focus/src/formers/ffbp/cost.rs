@@ -1,171 +1,268 @@
-//! What factorisation takes: of each stretch of pulses, as often as there are first patches, the way down in the middle one.
+//! What factorisation takes: of each patch on the way down to the pixel in the middle, as often as there are such patches.
 //!
 //! ```text
-//! a patch whose history is made smaller, with W taps:
-//!     a sample before: phase 12, spread over frequency 4 W
-//!     a pulse before and a frequency after: spread over pulses 4 W
-//! a leaf: a pulse a transform of its profile, and as in backprojection 49 a pixel
+//! a patch's history, of N pulses and K samples before and N', K' after, with W taps:
+//!     a sample before: turned 38
+//!     if halved over pulses: 4 (W + 1) N' K;   over samples: 4 (W + 1) N' K'
+//! a leaf: a pulse a transform of its profile of L bins, of each piece 56, and as in backprojection 42 a pixel
 //! ```
 //!
-//! How much smaller follows from the paths to the patch's corners, as in `patch_history`; what a decimation costs at the data's
-//! ends is not looked at, which keeps more pulses in places. Against the operations done (`counted`) the account is 0.6 to 1.0 of them.
-//! A tile takes what its first patches take: nothing is shared.
+//! First patches read all pulses once each. A tile takes what its first patches take: nothing is shared.
+//!
+//! **Times** are those of one core with 512-bit registers at 3.6 GHz, measured once (`cargo bench --bench kernels`); here, so that every machine
+//! makes the same choice.
 
-use std::ops::Range;
-
-use super::descent::{LARGEST_LEAF_PIXELS, quarters};
-use super::{LEAF_PIXELS, SCRATCH_COPIES, Shares, pulse_bytes};
+use super::history::Axes;
+use super::leaf::SUMMED_PULSES;
+use super::patch_view::Patch;
+use super::refine::{READ_BYTES, Refiner};
+use super::shares::DEGREE;
+use super::thinned::Stretch;
+use super::tree::Tree;
 use crate::Aim;
 use crate::cost::{Cost, Each, transform};
-use crate::patch::{Patches, Rectangle};
-use crate::rounding;
+use crate::path_tile::raster;
+use subaperture_kernels::lanes::GROUP;
+use subaperture_kernels::tile::Pieces;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::phase_history::Pulse;
+use subaperture_signal::range_profile::RangeProfiler;
 
+/// Operations to turn a sample.
+const TURN: f64 = 38.0;
+/// Operations a piece of a profile.
+const PIECE: f64 = 56.0;
 /// Operations a pixel and pulse of a leaf.
-const PIXEL_AND_PULSE: f64 = 49.0;
-/// Places on a stretch at which paths are looked at.
-const PLACES: usize = 8;
+const PIXEL_AND_PULSE: f64 = 42.0;
 
-/// Of all of `aim` in `stretches` of so many pulses and these first patches.
-pub(super) fn cost(
-    aim: &Aim,
-    stretches: &[usize],
-    patches: &Patches,
-    taps: usize,
-    shares: &Shares,
-) -> Cost {
-    let num_samples = aim.collection.num_samples;
-    let middle = patches.middle();
-    let mut first = 0;
-    let operations = stretches.iter().map(|&count| {
-        let way = Way {
-            aim,
-            taps,
-            shares,
-            stretch: first..first + count,
-        };
-        first += count;
-        let whole = History {
-            pulses: count,
-            samples: num_samples,
-            by_pulse: 1,
-            by_sample: 1,
-        };
-        patches.count() as f64 * way.down(middle, whole)
-    });
-    let operations = operations.sum();
-    let longest = stretches.iter().max().copied().unwrap_or(0) as f64;
-    let pulses_bytes = longest * pulse_bytes(num_samples) as f64;
-    let copies_bytes = SCRATCH_COPIES as f64 * pulses_bytes;
-    Cost::new(operations, 0.0)
-        .holding("pulses", Each::Pass, pulses_bytes)
-        .holding("patches' pulses", Each::Thread, copies_bytes)
-}
+/// Nanoseconds to turn a sample, of a tap over pulses and of one over samples, of a pulse, and of deciding on a patch.
+const TURN_NS: f64 = 0.5;
+const TAP_NS: [f64; 2] = [0.05, 0.09];
+const PULSE_NS: f64 = 40.0;
+const PATCH_NS: f64 = 12_000.0;
+/// Nanoseconds of a pulse on a leaf, of a group of its pixels, of a piece of its profile, and of a bin and stage of the transform.
+const LEAF_PULSE_NS: f64 = 150.0;
+const GROUP_NS: f64 = 9.6;
+const PIECE_NS: f64 = 1.5;
+const TRANSFORM_NS: f64 = 0.3;
 
-/// How large a patch's history is, and how many recorded pulses and frequencies made one.
-#[derive(Clone, Copy)]
-struct History {
-    pulses: usize,
-    samples: usize,
-    by_pulse: usize,
-    by_sample: usize,
+/// A history made.
+struct Step {
+    level: usize,
+    before: Axes,
+    after: Axes,
 }
 
 /// The way down to a leaf.
-struct Way<'a> {
+pub(super) struct Way<'a> {
     aim: &'a Aim<'a>,
-    taps: usize,
-    shares: &'a Shares,
-    stretch: Range<usize>,
+    refiner: &'a Refiner<'a>,
+    stretch: &'a Stretch,
+    tree: &'a Tree,
+    steps: Vec<Step>,
+    /// The leaf's.
+    last: Axes,
+    /// Whether that is its own.
+    own: bool,
 }
 
-impl Way<'_> {
-    /// Operations of a patch and all in it.
-    fn down(&self, rectangle: Rectangle, parent: History) -> f64 {
-        let (history, refined) = self.refine(&rectangle, parent);
-        let side = rectangle.size.rows.max(rectangle.size.columns);
-        let few_pulses = history.pulses <= 4 * self.taps || !self.shares.decimate;
-        if side <= LEAF_PIXELS || (few_pulses && side <= LARGEST_LEAF_PIXELS) {
-            return refined + self.leaf(&rectangle, history);
+impl<'a> Way<'a> {
+    pub(super) fn new(
+        aim: &'a Aim<'a>,
+        refiner: &'a Refiner<'a>,
+        stretch: &'a Stretch,
+        tree: &'a Tree,
+    ) -> Self {
+        let taps = refiner.taps().len();
+        let middle = [aim.grid.rows.count / 2, aim.grid.columns.count / 2];
+        let mut axes = Axes::recorded(aim.collection);
+        let mut steps = Vec::new();
+        let mut own = false;
+        for level in (0..=tree.levels).rev() {
+            let node = tree.around(level, middle);
+            let Some(rectangle) = tree.rectangle(aim.grid, node) else {
+                continue;
+            };
+            let patch = Patch::new(aim.grid, rectangle);
+            own = false;
+            loop {
+                let halves = refiner.halves(stretch, &axes, &patch);
+                let first = steps.is_empty();
+                if halves == [false; 2] && !first {
+                    break;
+                }
+                let before = axes;
+                axes = axes.after(halves, taps);
+                steps.push(Step {
+                    level,
+                    before,
+                    after: axes,
+                });
+                own = true;
+                // First patches go on as long as they can.
+                if level < tree.levels {
+                    break;
+                }
+            }
         }
-        let parts: Vec<Rectangle> = quarters(rectangle).collect();
-        refined + parts.len() as f64 * self.down(parts[0], history)
+        Self {
+            aim,
+            refiner,
+            stretch,
+            tree,
+            steps,
+            last: axes,
+            own,
+        }
     }
 
-    /// The patch's own history, and what it takes to make it.
-    fn refine(&self, rectangle: &Rectangle, parent: History) -> (History, f64) {
-        if !self.shares.decimate {
-            return (parent, 0.0);
-        }
-        let [cycles_a_pulse, cycles_a_sample] = self.cycles(rectangle);
-        let by_pulse = self.allowed(cycles_a_pulse * parent.by_pulse as f64, parent.pulses);
-        let by_sample = self.allowed(cycles_a_sample * parent.by_sample as f64, parent.samples);
-        if by_pulse == 1 && by_sample == 1 {
-            return (parent, 0.0);
-        }
-        let after = |count: usize, by: usize| match by {
-            1 => count,
-            _ => (count - 1) / by + self.taps,
-        };
-        let own = History {
-            pulses: after(parent.pulses, by_pulse),
-            samples: after(parent.samples, by_sample),
-            by_pulse: parent.by_pulse * by_pulse,
-            by_sample: parent.by_sample * by_sample,
-        };
-        let spread = |count: usize, by: usize| if by > 1 { 4 * self.taps * count } else { 0 };
-        let over_samples = 12 * parent.samples + spread(parent.samples, by_sample);
-        let over_pulses = spread(own.samples, by_pulse);
-        let operations = parent.pulses as f64 * (over_samples + over_pulses) as f64;
-        (own, operations)
+    /// Bytes of all histories of the way down that are held at once, of the first patch for which they are most.
+    pub(super) fn held_bytes(&self) -> u64 {
+        let (grid, taps) = (self.aim.grid, self.refiner.taps().len());
+        let recorded = Axes::recorded(self.aim.collection);
+        let firsts = self.tree.roots(grid).into_iter().map(|node| {
+            let rectangle = self
+                .tree
+                .rectangle(grid, node)
+                .expect("a first patch has pixels");
+            let patch = Patch::new(grid, rectangle);
+            let halves = self.refiner.halves(self.stretch, &recorded, &patch);
+            recorded.after(halves, taps).bytes(self.stretch)
+        });
+        let rest = self
+            .steps
+            .iter()
+            .skip(1)
+            .map(|step| step.after.bytes(self.stretch));
+        firsts.max().unwrap_or(0) + rest.sum::<u64>()
     }
 
-    fn leaf(&self, rectangle: &Rectangle, history: History) -> f64 {
-        let bins = self.shares.oversampling() * history.samples as f64;
-        let pixels = (rectangle.size.rows * rectangle.size.columns) as f64;
-        history.pulses as f64 * (transform(bins) + PIXEL_AND_PULSE * pixels)
+    fn pulses(&self, axes: &Axes) -> f64 {
+        self.stretch.thinned[axes.thinning].antennas.len() as f64
     }
 
-    /// Cycles by which the phase of a pixel at a corner goes on against the centre's, at most, from a recorded pulse to the next
-    /// and from a frequency to the next.
-    fn cycles(&self, rectangle: &Rectangle) -> [f64; 2] {
-        let (grid, pulses) = (self.aim.grid, &self.aim.collection.pulses);
-        let centre = rectangle.centre_m(grid);
-        let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)];
-        let corners = corners.map(|(row, column)| rectangle.point_m(grid, row, column));
-        let offsets_m = |pulse: &Pulse| {
-            let centre_m = pulse.path_m(centre);
-            corners.map(|corner| pulse.path_m(corner) - centre_m)
+    /// How many patches there are of a level.
+    fn patches(&self, level: usize) -> f64 {
+        let grid = self.aim.grid;
+        let [rows, columns] = self.tree.size(level);
+        (grid.rows.count.div_ceil(rows) * grid.columns.count.div_ceil(columns)) as f64
+    }
+
+    /// Of all patches: what `of` says of a step, by samples before, those between (half the pulses), those after, pulses before.
+    fn over_steps(&self, of: impl Fn([f64; 4]) -> f64) -> f64 {
+        let each = self.steps.iter().map(|step| {
+            let Step {
+                level,
+                before,
+                after,
+            } = step;
+            let [old, new] = [before, after].map(|axes| self.pulses(axes));
+            let [k, k_new] = [before, after].map(|axes| axes.num_samples as f64);
+            let over_pulses = if after.thinning > before.thinning {
+                new * k
+            } else {
+                0.0
+            };
+            let over_samples = if after.num_samples != before.num_samples {
+                new * k_new
+            } else {
+                0.0
+            };
+            self.patches(*level) * of([old * k, over_pulses, over_samples, old])
+        });
+        each.sum()
+    }
+
+    /// Bins of a leaf's profile, pieces of it, and groups and pixels of a leaf.
+    fn leaf(&self) -> [f64; 4] {
+        let [rows, columns] = self.tree.leaf;
+        let axes = &self.last;
+        let length =
+            RangeProfiler::length_for(axes.num_samples, self.refiner.shares().oversampling());
+        let node = self.tree.around(0, [0, 0]);
+        let rectangle = self
+            .tree
+            .rectangle(self.aim.grid, node)
+            .expect("a leaf has pixels");
+        let bins_m = axes.step_hz.abs() / SPEED_OF_LIGHT_M_S * length as f64;
+        let margin = Pieces::margin_for(&raster(self.aim.grid, &rectangle), bins_m);
+        let layout = match self.own {
+            true => Pieces::around(DEGREE, length, margin),
+            false => Pieces::new(DEGREE, length, margin),
         };
-        let last = self.stretch.len() - 1;
-        let places = (0..=PLACES).map(|i| i * last / PLACES);
-        let places: Vec<(usize, [f64; 4])> = places
-            .map(|n| (n, offsets_m(&pulses[self.stretch.start + n])))
-            .collect();
-        let depths_m = places.iter().flat_map(|(_, offsets)| offsets);
-        let depth_m = depths_m.fold(0.0f64, |most, offset| most.max(offset.abs()));
-        let mut rate_m = 0.0f64;
-        for pair in places.windows(2) {
-            let ((early, a), (late, b)) = (pair[0], pair[1]);
-            let steps = (late - early).max(1) as f64;
-            let rates = a.iter().zip(b).map(|(a, b)| (b - a).abs() / steps);
-            rate_m = rates.fold(rate_m, f64::max);
-        }
-        let step_hz = pulses[self.stretch.start].step_hz.abs();
+        // Along whichever side fits better.
+        let along = |a: usize, b: usize| (a.div_ceil(GROUP) * b) as f64;
+        let groups = along(rows, columns).min(along(columns, rows));
         [
-            rate_m * rounding::highest_hz(self.aim) / SPEED_OF_LIGHT_M_S,
-            depth_m * step_hz / SPEED_OF_LIGHT_M_S,
+            length as f64,
+            layout.row() as f64,
+            groups,
+            (rows * columns) as f64,
         ]
     }
 
-    /// How many can be made one, of `count` that are `cycles` apart: within a quarter of a cycle, if it pays.
-    fn allowed(&self, cycles: f64, count: usize) -> usize {
-        let by = (0.25 / (cycles * super::patch_view::MARGIN)).min(count as f64) as usize;
-        let after = count as f64 / by.max(1) as f64 + self.taps as f64;
-        match by >= 2 && after <= super::patch_history::WORTHWHILE * count as f64 {
-            true => by,
-            false => 1,
-        }
+    /// Nanoseconds of one core for the stretch.
+    pub(super) fn time_ns(&self) -> f64 {
+        let taps = self.refiner.taps().len() as f64 + 1.0;
+        let steps = self.over_steps(|[before, over_pulses, over_samples, pulses]| {
+            PATCH_NS
+                + pulses * PULSE_NS
+                + before * TURN_NS
+                + taps * (over_pulses * TAP_NS[0] + over_samples * TAP_NS[1])
+        });
+        let [length, pieces, groups, _] = self.leaf();
+        let pulse = LEAF_PULSE_NS
+            + TRANSFORM_NS * length * length.log2()
+            + PIECE_NS * pieces
+            + GROUP_NS * groups;
+        steps + self.patches(0) * self.pulses(&self.last) * pulse
     }
+
+    /// Operations for the stretch.
+    fn operations(&self) -> f64 {
+        let taps = self.refiner.taps().len() as f64 + 1.0;
+        let steps = self.over_steps(|[before, over_pulses, over_samples, _]| {
+            before * TURN + 4.0 * taps * (over_pulses + over_samples)
+        });
+        let [length, pieces, _, pixels] = self.leaf();
+        let pulse = transform(length) + PIECE * pieces + PIXEL_AND_PULSE * pixels;
+        steps + self.patches(0) * self.pulses(&self.last) * pulse
+    }
+
+    /// Bytes of a thread that takes a patch of this level by itself.
+    pub(super) fn thread_bytes(&self, level: usize) -> u64 {
+        2 * self.bytes_at(level) + self.leaf_bytes() + READ_BYTES
+    }
+
+    /// Bytes of the history of a patch of this level.
+    fn bytes_at(&self, level: usize) -> u64 {
+        let step = self.steps.iter().rev().find(|step| step.level >= level);
+        step.map_or(0, |step| step.after.bytes(self.stretch))
+    }
+
+    /// Bytes of a thread's leaf.
+    fn leaf_bytes(&self) -> u64 {
+        let [length, pieces, _, pixels] = self.leaf();
+        let pieces = SUMMED_PULSES as f64 * pieces * 8.0 * (DEGREE as f64 + 1.0);
+        (pieces + 24.0 * length + 40.0 * pixels) as u64
+    }
+}
+
+/// Of all of `aim` in `stretches`, cut like `tree`, of which threads take patches of level `task` by themselves.
+pub(super) fn cost(
+    aim: &Aim,
+    refiner: &Refiner,
+    stretches: &[Stretch],
+    tree: &Tree,
+    task: usize,
+) -> Cost {
+    let (mut operations, mut held, mut thread) = (0.0f64, 0, 0);
+    for stretch in stretches {
+        let way = Way::new(aim, refiner, stretch, tree);
+        operations += way.operations();
+        held = way.held_bytes().max(held);
+        thread = way.thread_bytes(task).max(thread);
+    }
+    Cost::new(operations, 0.0)
+        .holding("pulses", Each::Pass, held as f64)
+        .holding("patches' pulses", Each::Thread, thread as f64)
 }

@@ -1,72 +1,278 @@
-//! The way from a first patch to the small ones of which an image is made.
+//! The way from the first patches to the leaves of which an image is made.
+//!
+//! ```text
+//! recorded pulses -> first patch -> ... -> tasks' patches -> ... -> leaves -> pixels
+//!                   one after another,      one a thread,
+//!                   all threads on each     its own buffers
+//! ```
+//!
+//! Each patch's history is made from that of the patch around it, whoever makes it and when: a pixel's bits are those of its way down.
+//! Large histories are made one at a time, depth first, by all threads together; from [`Descent::breadth_bytes`] on those of a
+//! level side by side, until there are [`TASK_LEVEL`] levels left for a thread alone.
 
-use super::LEAF_PIXELS;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+use super::history::{Axes, PatchHistory};
 use super::leaf::Leaf;
-use super::patch_history::{PatchHistory, Refiner};
-use super::target::Target;
-use super::track::Track;
-use crate::patch::{PatchSize, Rectangle};
+use super::patch_view::Patch;
+use super::refine::{Recorded, RefineScratch, Refiner};
+use super::thinned::Stretch;
+use super::tree::{Node, Tree};
+use crate::FormError;
+use crate::patch::{Rectangle, Segment};
+use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 
-/// Pixels a side at which a patch of few pulses is not: it takes half a megabyte.
-pub(super) const LARGEST_LEAF_PIXELS: usize = 128;
+/// Levels above the leaves that a thread takes by itself.
+const TASK_LEVEL: usize = 2;
 
-/// One thread's buffers: a history a level, and a leaf's.
+/// The level of a tree whose patches threads take by themselves.
+pub(super) fn task_level(tree: &Tree) -> usize {
+    tree.levels.min(TASK_LEVEL)
+}
+
+/// Tasks' patches by row and column, with what is wanted of them.
+pub(super) type Wanted<'a> = BTreeMap<[usize; 2], Mutex<Vec<Segment<'a>>>>;
+
+/// Buffers that are free.
 #[derive(Default)]
-pub(super) struct Scratch {
-    levels: Vec<PatchHistory>,
-    leaf: Leaf,
+pub(super) struct Pool(Mutex<Vec<PatchHistory>>);
+
+/// A history whose buffers go back to the pool.
+struct Held<'a> {
+    history: PatchHistory,
+    pool: &'a Pool,
 }
 
-/// The way from a first patch to its leaves.
-pub(super) struct Descent<'a, 'b, 'c, const W: usize> {
-    pub(super) monitor: &'a dyn Monitor,
-    pub(super) refiner: &'a Refiner<'a, W>,
-    pub(super) track: &'a Track,
-    pub(super) target: Target<'b, 'c>,
-    pub(super) scratch: &'a mut Scratch,
-}
-
-impl<const W: usize> Descent<'_, '_, '_, W> {
-    /// Adds what `parent` says of `rectangle` to the image, from the patch's own, smaller history if
-    /// there is one.
-    pub(super) fn descend(&mut self, parent: &PatchHistory, rectangle: Rectangle) {
-        if self.monitor.cancelled() || !self.target.wants(&rectangle) {
-            return;
+impl Pool {
+    /// Buffers with room for `count` numbers if there are such, the smallest of them.
+    fn take(&self, count: usize) -> Held<'_> {
+        let mut free = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let room = |history: &PatchHistory| history.values.capacity();
+        let large = free.iter().enumerate().filter(|(_, h)| room(h) >= count);
+        let best = large.min_by_key(|(_, h)| room(h)).map(|(i, _)| i);
+        let history = best.map(|i| free.swap_remove(i));
+        Held {
+            history: history.unwrap_or_else(PatchHistory::empty),
+            pool: self,
         }
-        let mut own = self.scratch.levels.pop().unwrap_or_default();
-        let smaller = self.refiner.refine(parent, self.track, rectangle, &mut own);
-        let history = if smaller { &own } else { parent };
-        let side = rectangle.size.rows.max(rectangle.size.columns);
-        let few_pulses = history.num_pulses() <= 4 * W || !self.refiner.decimates();
-        if side <= LEAF_PIXELS || (few_pulses && side <= LARGEST_LEAF_PIXELS) {
-            let (grid, shares) = (self.refiner.grid(), self.refiner.shares());
-            let leaf = &mut self.scratch.leaf;
-            leaf.image(grid, shares, history, rectangle, &mut self.target);
-        } else {
-            for quarter in quarters(rectangle) {
-                self.descend(history, quarter);
-            }
-        }
-        self.scratch.levels.push(own);
     }
 }
 
-/// Four parts of a rectangle, or two or one where a side is a single pixel.
-pub(super) fn quarters(whole: Rectangle) -> impl Iterator<Item = Rectangle> {
-    let halves = |first: usize, count: usize| {
-        let half = count / 2;
-        [(first, half), (first + half, count - half)]
-    };
-    let columns = halves(whole.column, whole.size.columns);
-    halves(whole.row, whole.size.rows)
-        .into_iter()
-        .flat_map(move |(row, rows)| {
-            columns.map(|(column, columns)| Rectangle {
-                row,
-                column,
-                size: PatchSize { rows, columns },
-            })
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        let history = std::mem::replace(&mut self.history, PatchHistory::empty());
+        let mut free = self.pool.0.lock().unwrap_or_else(PoisonError::into_inner);
+        free.push(history);
+    }
+}
+
+/// One thread's buffers: a history a level, and a leaf's.
+#[derive(Default)]
+struct Scratch {
+    levels: Vec<PatchHistory>,
+    refine: RefineScratch,
+    leaf: Leaf,
+}
+
+/// The way down for a stretch of pulses.
+pub(super) struct Descent<'a, 'b> {
+    pub(super) monitor: &'a dyn Monitor,
+    pub(super) grid: &'a ImageGrid,
+    pub(super) tree: &'a Tree,
+    pub(super) refiner: &'a Refiner<'a>,
+    pub(super) stretch: &'a Stretch,
+    pub(super) wanted: &'a Wanted<'b>,
+    pub(super) pool: &'a Pool,
+    /// A history up to this is halved together with others of its level.
+    pub(super) breadth_bytes: u64,
+    /// Tasks done, and how many there will be.
+    pub(super) done: &'a AtomicUsize,
+    pub(super) tasks: usize,
+}
+
+impl Descent<'_, '_> {
+    /// Adds what recorded pulses say of a first patch.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub(super) fn first(&self, recorded: &Recorded, node: Node) -> Result<(), FormError> {
+        let Some(patch) = self.patch(node) else {
+            return Ok(());
+        };
+        let (refiner, stretch) = (self.refiner, self.stretch);
+        let axes = refiner.recorded();
+        let mut halves = refiner.halves(stretch, &axes, &patch);
+        let mut held = self.pool.take(self.room(&axes, halves));
+        refiner.read(stretch, recorded, &patch, halves, &mut held.history)?;
+        // As long as a patch of this size allows it.
+        loop {
+            halves = refiner.halves(stretch, &held.history.axes, &patch);
+            if halves == [false; 2] {
+                break;
+            }
+            let mut next = self.pool.take(self.room(&held.history.axes, halves));
+            let own = &mut next.history;
+            refiner.refine_together(stretch, &held.history, &patch, halves, own);
+            held = next;
+        }
+        self.down(node, Arc::new(held));
+        Ok(())
+    }
+
+    /// Numbers of a history that is made so.
+    fn room(&self, before: &Axes, halves: [bool; 2]) -> usize {
+        let axes = before.after(halves, self.refiner.taps().len());
+        self.stretch.thinned[axes.thinning].antennas.len() * axes.layout().values()
+    }
+
+    fn patch(&self, node: Node) -> Option<Patch> {
+        let rectangle = self.tree.rectangle(self.grid, node)?;
+        self.wants(node).then(|| Patch::new(self.grid, rectangle))
+    }
+
+    /// Whether any of its pixels is wanted.
+    fn wants(&self, node: Node) -> bool {
+        let above = node.level.saturating_sub(task_level(self.tree));
+        let [rows, columns] = node.at.map(|i| i << above..(i + 1) << above);
+        rows.into_iter().any(|row| {
+            let range = [row, columns.start]..[row, columns.end];
+            self.wanted.range(range).next().is_some()
         })
-        .filter(|part| part.size.rows > 0 && part.size.columns > 0)
+    }
+
+    /// All patches within one, with its history.
+    fn down(&self, node: Node, history: Arc<Held>) {
+        let tasks = task_level(self.tree);
+        if self.monitor.cancelled() {
+            return;
+        }
+        let bytes = history.history.axes.bytes(self.stretch);
+        if node.level > tasks + 1 && bytes > self.breadth_bytes {
+            for quarter in node.quarters() {
+                if let Some(patch) = self.patch(quarter) {
+                    self.down(quarter, self.own(&history, &patch, true));
+                }
+            }
+            return;
+        }
+        let mut list = vec![(node, history)];
+        while list[0].0.level > tasks {
+            let parents = std::mem::take(&mut list);
+            let quarters = parents.par_iter().flat_map_iter(|(node, history)| {
+                node.quarters().map(move |quarter| (quarter, history))
+            });
+            let made = quarters.filter_map(|(quarter, history)| {
+                let patch = self.patch(quarter)?;
+                Some((quarter, self.own(history, &patch, false)))
+            });
+            list = made.collect();
+            if list.is_empty() {
+                return;
+            }
+        }
+        list.par_iter()
+            .for_each_init(Scratch::default, |scratch, (node, history)| {
+                let Some(segments) = self.wanted.get(&node.at) else {
+                    return;
+                };
+                let mut segments = segments.lock().unwrap_or_else(PoisonError::into_inner);
+                self.task(*node, &history.history, &mut segments, scratch);
+                let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+                self.monitor.progress(done as f64 / self.tasks as f64);
+            });
+    }
+
+    /// A patch's own history, or that of the patch around it if it would not be smaller.
+    fn own<'c>(&'c self, parent: &Arc<Held<'c>>, patch: &Patch, together: bool) -> Arc<Held<'c>> {
+        let (refiner, stretch) = (self.refiner, self.stretch);
+        let halves = refiner.halves(stretch, &parent.history.axes, patch);
+        if halves == [false; 2] {
+            return parent.clone();
+        }
+        let mut held = self.pool.take(self.room(&parent.history.axes, halves));
+        let (parent, own) = (&parent.history, &mut held.history);
+        match together {
+            true => refiner.refine_together(stretch, parent, patch, halves, own),
+            false => {
+                let mut scratch = RefineScratch::default();
+                refiner.refine(stretch, parent, patch, halves, own, &mut scratch);
+            }
+        }
+        Arc::new(held)
+    }
+
+    /// What a thread does by itself: a patch, whose history is there, and all in it.
+    fn task(
+        &self,
+        node: Node,
+        history: &PatchHistory,
+        segments: &mut [Segment],
+        scratch: &mut Scratch,
+    ) {
+        if self.monitor.cancelled() {
+            return;
+        }
+        let Some(rectangle) = self.tree.rectangle(self.grid, node) else {
+            return;
+        };
+        let mut part = part(segments, &rectangle);
+        if part.is_empty() {
+            return;
+        }
+        if node.level == 0 {
+            let antennas = &self.stretch.thinned[history.axes.thinning].antennas;
+            scratch.leaf.image(
+                self.grid,
+                self.refiner.shares(),
+                history,
+                antennas,
+                rectangle,
+                &mut part,
+            );
+            return;
+        }
+        for quarter in node.quarters() {
+            let Some(rectangle) = self.tree.rectangle(self.grid, quarter) else {
+                continue;
+            };
+            let patch = Patch::new(self.grid, rectangle);
+            let halves = self.refiner.halves(self.stretch, &history.axes, &patch);
+            if halves == [false; 2] {
+                self.task(quarter, history, &mut part, scratch);
+                continue;
+            }
+            let mut own = scratch.levels.pop().unwrap_or_else(PatchHistory::empty);
+            self.refiner.refine(
+                self.stretch,
+                history,
+                &patch,
+                halves,
+                &mut own,
+                &mut scratch.refine,
+            );
+            self.task(quarter, &own, &mut part, scratch);
+            scratch.levels.push(own);
+        }
+    }
+}
+
+/// What of some segments lies in a rectangle.
+fn part<'a>(segments: &'a mut [Segment], rectangle: &Rectangle) -> Vec<Segment<'a>> {
+    let [rows, columns] = rectangle.place();
+    let each = segments.iter_mut().filter_map(|segment| {
+        let end = segment.column + segment.pixels.len();
+        let (first, end) = (segment.column.max(columns.start), end.min(columns.end));
+        let there = rows.contains(&segment.row) && first < end;
+        there.then(|| Segment {
+            row: segment.row,
+            column: first,
+            pixels: &mut segment.pixels[first - segment.column..end - segment.column],
+        })
+    });
+    each.collect()
 }

@@ -4,25 +4,26 @@ use std::collections::BTreeMap;
 
 use num_complex::Complex32;
 
-use super::patch_history::PatchHistory;
+use super::history::PatchHistory;
 use super::shares::{DEGREE, Shares};
-use super::target::Target;
-use crate::patch::Rectangle;
+use super::thinned::Antennas;
+use crate::patch::{Rectangle, Segment};
 use crate::path_tile::{self, raster};
 use subaperture_kernels::lanes::Instructions;
-use subaperture_kernels::paths::{Antennas, Points};
-use subaperture_kernels::tile::{self, Pieces, TilePulse, TileScratch};
+use subaperture_kernels::paths::{self, Points};
+use subaperture_kernels::tile::{self, Carrier, Pieces, TilePulse, TileScratch};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_signal::range_profile::RangeProfiler;
 
 /// Pulses whose terms are summed before they are added to a pixel.
-const SUMMED_PULSES: usize = 64;
+pub(super) const SUMMED_PULSES: usize = 64;
 
 /// What imaging a small patch needs, for one thread.
 #[derive(Default)]
 pub(super) struct Leaf {
     profilers: BTreeMap<usize, RangeProfiler>,
+    samples: Vec<Complex32>,
     profile: Vec<Complex32>,
     fft: Vec<Complex32>,
     pulses: Vec<TilePulse>,
@@ -33,17 +34,19 @@ pub(super) struct Leaf {
 }
 
 impl Leaf {
-    /// Adds the image of `rectangle`.
+    /// Adds the image of `rectangle` to what is wanted of it.
     pub(super) fn image(
         &mut self,
         grid: &ImageGrid,
         shares: &Shares,
         history: &PatchHistory,
+        antennas: &[Antennas],
         rectangle: Rectangle,
-        target: &mut Target,
+        segments: &mut [Segment],
     ) {
         let Self {
             profilers,
+            samples,
             profile,
             fft,
             pulses,
@@ -53,75 +56,90 @@ impl Leaf {
             sums,
         } = self;
         let instructions = Instructions::best();
-        let count = history.num_samples;
+        let axes = &history.axes;
+        let count = axes.num_samples;
         let profiler = profilers.entry(count).or_insert_with_key(|&count| {
             // Samples are weighted.
             RangeProfiler::new(DEGREE, &vec![1.0; count], shares.oversampling())
         });
         let length = profiler.length();
+        samples.resize(count, Complex32::ZERO);
         profile.resize(length + 1, Complex32::ZERO);
         fft.resize(profiler.scratch_length(), Complex32::ZERO);
-        let turns_m = history.step_hz / SPEED_OF_LIGHT_M_S;
-        let cycles_a_bin =
-            history.frequency_hz((count / 2) as f64) / (history.step_hz * length as f64);
+        let turns_m = axes.step_hz / SPEED_OF_LIGHT_M_S;
+        let cycles_a_bin = axes.frequency_hz((count / 2) as f64) / (axes.step_hz * length as f64);
         let raster = raster(grid, &rectangle);
         let bins_m = (turns_m * length as f64).abs();
-        let margin = Pieces::margin_for(&raster, bins_m);
-        let highest_hz = history.highest_hz();
-        let by_tiles = !grid.polar
-            && margin <= 2 * length + 500
-            && path_tile::arithmetic(highest_hz, bins_m, false) <= shares.arithmetic;
-        let layout = Pieces::new(DEGREE, length, if by_tiles { margin } else { 1 });
-        let values = layout.values();
-        pieces.resize(SUMMED_PULSES.min(history.num_pulses()) * values, 0.0);
-        #[cfg(test)]
-        super::counted::imaged(history.num_pulses(), length, raster.rows * raster.columns);
+        let highest_hz = axes.highest_hz();
+        let by_tiles =
+            !grid.polar && path_tile::arithmetic(highest_hz, bins_m, false) <= shares.arithmetic;
+        let own = history.centre == rectangle.centre_m(grid);
         // Places are for those pulses only that no tile will do for.
         points.clear();
-        let rows = history.samples.chunks(SUMMED_PULSES * count);
-        for (antennas, rows) in history.antennas.chunks(SUMMED_PULSES).zip(rows) {
+        for (batch, antennas) in antennas.chunks(SUMMED_PULSES).enumerate() {
+            let first = batch * SUMMED_PULSES;
             pulses.clear();
-            pulses.extend(antennas.iter().map(|antennas| TilePulse {
-                antennas: Antennas {
-                    transmitter_m: antennas.transmitter_m.to_array(),
-                    receiver_m: antennas.receiver_m.to_array(),
-                    datum_m: antennas.datum_m,
-                },
-                turns_m,
-                cycles_a_bin,
-            }));
-            let pieces = &mut pieces[..pulses.len() * values];
-            for (row, pieces) in rows
-                .chunks_exact(count)
-                .zip(pieces.chunks_exact_mut(values))
-            {
-                profiler.profile(row, profile, fft);
+            let data_m = &history.data_m[first..];
+            pulses.extend(
+                antennas
+                    .iter()
+                    .zip(data_m)
+                    .map(|(antennas, &datum_m)| TilePulse {
+                        antennas: paths::Antennas {
+                            transmitter_m: antennas[0].to_array(),
+                            receiver_m: antennas[1].to_array(),
+                            datum_m,
+                        },
+                        turns_m,
+                        cycles_a_bin,
+                    }),
+            );
+            let by_tile = by_tiles
+                && path_tile::fits(tile, length, pulses, &raster, highest_hz, shares.tiles);
+            let margin = Pieces::margin_for(&raster, bins_m);
+            let layout = match (by_tile, own) {
+                (true, true) => Pieces::around(DEGREE, length, tile.reach()),
+                (true, false) => Pieces::new(DEGREE, length, margin),
+                (false, _) => Pieces::new(DEGREE, length, 1),
+            };
+            let carrier = Carrier::new(&layout, cycles_a_bin);
+            let values = layout.values();
+            pieces.resize(pulses.len() * values, 0.0);
+            for (n, pieces) in (first..).zip(pieces.chunks_exact_mut(values)) {
+                history.pulse(n, samples);
+                profiler.profile(samples, profile, fft);
                 // Samples are weighted.
-                layout.make(instructions, &profile[..length], cycles_a_bin, 1.0, pieces);
+                layout.make(instructions, &profile[..length], &carrier, 1.0, pieces);
             }
             sums.clear();
-            if by_tiles && path_tile::fits(tile, length, pulses, &raster, highest_hz, shares.tiles)
-            {
+            if by_tile {
                 sums.resize(raster.rows * raster.columns, Complex32::ZERO);
                 tile.add(instructions, &layout, false, pulses, pieces, sums);
-                target.each(rectangle, |row, column, pixel| {
-                    let place = (row - rectangle.row) * raster.columns + column - rectangle.column;
-                    *pixel += sums[place];
-                });
+                for segment in segments.iter_mut() {
+                    let row = (segment.row - rectangle.row) * raster.columns;
+                    let sums = &sums[row + segment.column - rectangle.column..];
+                    for (pixel, sum) in segment.pixels.iter_mut().zip(sums) {
+                        *pixel += sum;
+                    }
+                }
             } else {
                 if points.is_empty() {
-                    target.each(rectangle, |row, column, _| {
-                        points.push(grid.position_m(row, column).to_array());
-                    });
+                    for segment in segments.iter() {
+                        for column in (segment.column..).take(segment.pixels.len()) {
+                            points.push(grid.position_m(segment.row, column).to_array());
+                        }
+                    }
                 }
                 sums.resize(points.len(), Complex32::ZERO);
                 for (pulse, pieces) in pulses.iter().zip(pieces.chunks_exact(values)) {
                     tile::add_points(instructions, &layout, pulse, pieces, points, sums);
                 }
-                let mut sums = sums.iter();
-                target.each(rectangle, |_, _, pixel| {
-                    *pixel += sums.next().expect("as many as points");
-                });
+                let pixels = segments
+                    .iter_mut()
+                    .flat_map(|segment| segment.pixels.iter_mut());
+                for (pixel, sum) in pixels.zip(&*sums) {
+                    *pixel += sum;
+                }
             }
         }
     }

@@ -40,51 +40,39 @@
 //!
 //! Accuracy: the bound asked for, against [`crate::exact`], in `tests/formers/pfa_ffbp.rs`.
 
+mod choice;
 mod cost;
-#[cfg(test)]
-mod counted;
 mod descent;
+mod history;
 mod leaf;
-mod patch_history;
 mod patch_view;
+mod refine;
 mod shares;
-mod target;
-mod track;
+mod thinned;
+mod tree;
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::AtomicUsize;
 
-use glam::DVec3;
-use rayon::prelude::*;
 use serde_json::json;
 
 use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::budget::{Budget, on_threads};
 use crate::former::{chosen, misfit};
-use crate::patch::{self, PatchSize, Patches};
-use crate::sub_cpi::{self, shared_band};
+use crate::patch::Patches;
+use crate::sub_cpi::shared_band;
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, Reason, Remedy, Tile,
     Work, rounding,
 };
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::Pulse;
 
-use descent::{Descent, Scratch};
-use patch_history::{PatchHistory, Refiner};
+use choice::Choices;
+use cost::Way;
+use descent::{Descent, Pool, Wanted, task_level};
+use refine::{Recorded, Refiner};
 use shares::Shares;
-use target::Target;
-use track::Track;
-
-/// Patches a side that the image is cut into first: work for threads.
-const FIRST_PATCHES: usize = 4;
-/// Pixels a side of these at most, so that tiles of a large image need no larger patch's work.
-const LARGEST_FIRST_PIXELS: usize = 1024;
-/// Pixels a side at which a patch is not cut further.
-const LEAF_PIXELS: usize = 16;
-/// Copies of a stretch of pulses that a thread's patches within patches may take: each is at most 0.8
-/// of the one before.
-const SCRATCH_COPIES: u64 = 4;
+use thinned::Stretch;
 
 /// Fast factorised backprojection.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -138,37 +126,30 @@ impl ImageFormer for FastFactorised {
     fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
         let collection = aim.collection;
         let num_pulses = collection.pulses.len();
-        let num_samples = shared_band(collection)?.count;
-        let (taps, shares) = Shares::of(self.error_db, aim.grid);
+        shared_band(collection)?;
+        let shares = Shares::of(self.error_db, [num_pulses, collection.num_samples]);
         let arithmetic = rounding::path_phase_rad(aim).hypot(rounding::band_phase_rad(aim));
         let planned_db = shares.planned_db(num_pulses, arithmetic);
         asked.check(planned_db, || {
             Reason::new("kernels and float32 sums leave no less")
                 .helped_by(&[Remedy::OtherFormer(&["bp", "exact"])])
         })?;
-        let longest = aim.scratch_bytes / stretch_bytes(num_samples);
-        let longest = longest.clamp(1, num_pulses as u64) as usize;
-        let first = PatchSize {
-            rows: first_side(aim.grid.rows.count),
-            columns: first_side(aim.grid.columns.count),
-        };
-        let stretches = stretches(aim, &shares, first, longest);
-        let patches = Patches::new(aim.grid, first);
+        let choices = Choices::of(self.error_db, aim);
+        let opened = Opened::new(*aim, choices.clone(), shares)?;
+        let tree = choices.tree;
+        let task = task_level(&tree);
         Ok(Decision {
             settings: json!({
-                "stretches": stretches.len(),
-                "levels": shares.levels,
-                "kernel_taps": taps,
+                "stretches": choices.stretches.len(),
+                "levels": tree.levels,
+                "leaf_rows": tree.leaf[0],
+                "leaf_columns": tree.leaf[1],
+                "kernel_taps": opened.refiner.taps().len(),
             }),
             planned_db,
-            grain: patches.size(),
-            cost: cost::cost(aim, &stretches, &patches, taps, &shares),
-            choices: json!(Choices {
-                error_db: self.error_db,
-                stretches,
-                patch_rows: first.rows,
-                patch_columns: first.columns,
-            }),
+            grain: tree.patch_size(tree.levels),
+            cost: cost::cost(aim, &opened.refiner, &opened.stretches, &tree, task),
+            choices: json!(choices),
         })
     }
 
@@ -177,170 +158,100 @@ impl ImageFormer for FastFactorised {
         aim: Aim<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        let choices: Choices = chosen("ffbp", choices)?;
-        let (taps, shares) = Shares::of(choices.error_db, aim.grid);
-        Ok(match taps {
-            6 => Box::new(Opened::<6>::new(aim, &choices, shares)?),
-            8 => Box::new(Opened::<8>::new(aim, &choices, shares)?),
-            10 => Box::new(Opened::<10>::new(aim, &choices, shares)?),
-            12 => Box::new(Opened::<12>::new(aim, &choices, shares)?),
-            14 => Box::new(Opened::<14>::new(aim, &choices, shares)?),
-            _ => Box::new(Opened::<16>::new(aim, &choices, shares)?),
-        })
+        let choices: Choices = chosen(ENTRY.name, choices)?;
+        let counts = [aim.collection.pulses.len(), aim.collection.num_samples];
+        let shares = Shares::of(choices.error_db.clamp(-300.0, 0.0), counts);
+        Ok(Box::new(Opened::new(aim, choices, shares)?))
     }
-}
-
-/// What a plan fixes: the rest follows from it.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-struct Choices {
-    error_db: f64,
-    /// Pulses of each stretch, one after another.
-    stretches: Vec<usize>,
-    /// Of the first patches.
-    patch_rows: usize,
-    patch_columns: usize,
-}
-
-/// Bytes a pulse of a stretch, and of a thread's patches within patches.
-fn stretch_bytes(num_samples: usize) -> u64 {
-    pulse_bytes(num_samples) * (1 + SCRATCH_COPIES)
-}
-
-fn pulse_bytes(num_samples: usize) -> u64 {
-    8 * num_samples as u64 + PatchHistory::PULSE_BYTES
-}
-
-impl Choices {
-    fn size(&self) -> PatchSize {
-        PatchSize {
-            rows: self.patch_rows,
-            columns: self.patch_columns,
-        }
-    }
-
-    /// The stretches' fitted tracks; `None` if they are not of these pulses.
-    fn tracks(&self, pulses: &[Pulse]) -> Option<Vec<Track>> {
-        let mut first = 0;
-        let mut tracks = Vec::with_capacity(self.stretches.len().min(pulses.len()));
-        for &count in &self.stretches {
-            if count == 0 || count > pulses.len() - first {
-                return None;
-            }
-            tracks.push(Track::new(pulses, first..first + count));
-            first += count;
-        }
-        (first == pulses.len()).then_some(tracks)
-    }
-}
-
-/// Stretches of at most `longest` pulses, on whose fitted tracks patches of size `first` keep their share of the bound: how
-/// many pulses each has.
-fn stretches(aim: &Aim, shares: &Shares, first: PatchSize, longest: usize) -> Vec<usize> {
-    let collection = aim.collection;
-    let highest_hz = rounding::highest_hz(aim);
-    let rectangles = patch::rectangles(aim.grid, first);
-    let patches: Vec<(DVec3, f64)> = rectangles
-        .iter()
-        .map(|rectangle| {
-            let centre = rectangle.centre_m(aim.grid);
-            let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)];
-            let radii = corners.map(|(r, c)| rectangle.point_m(aim.grid, r, c).distance(centre));
-            (centre, radii.into_iter().fold(0.0, f64::max))
-        })
-        .collect();
-    let phase_rad = |track: &Track| {
-        let last = (track.pulses().len() - 1) as f64;
-        let antennas = [0.0, 0.5, 1.0].map(|part| track.at(part * last));
-        let each = patches.iter().map(|&(centre, radius_m)| {
-            let distances = antennas.iter().flatten().map(|at| at.distance(centre));
-            track.phase_rad(
-                highest_hz,
-                radius_m,
-                distances.fold(f64::INFINITY, f64::min),
-            )
-        });
-        each.fold(0.0, f64::max)
-    };
-    let mut stretches = Vec::new();
-    let breaks = sub_cpi::breaks(collection);
-    for pulses in sub_cpi::cut(collection.pulses.len(), &breaks, longest) {
-        track::halve(
-            &collection.pulses,
-            pulses,
-            shares.track,
-            &phase_rad,
-            &mut stretches,
-        );
-    }
-    stretches
 }
 
 /// Ready to form.
-struct Opened<'a, const W: usize> {
+struct Opened<'a> {
     aim: Aim<'a>,
-    tracks: Vec<Track>,
-    patches: Patches,
-    refiner: Refiner<'a, W>,
+    choices: Choices,
+    refiner: Refiner<'a>,
+    stretches: Vec<Stretch>,
+    tasks: Patches,
 }
 
-impl<'a, const W: usize> Opened<'a, W> {
-    fn new(aim: Aim<'a>, choices: &Choices, shares: Shares) -> Result<Self, FormError> {
+/// Largest leaf and number of levels that a plan may ask for.
+const LARGEST_LEAF: usize = 64;
+const MOST_LEVELS: usize = 32;
+
+impl<'a> Opened<'a> {
+    fn new(aim: Aim<'a>, choices: Choices, shares: Shares) -> Result<Self, FormError> {
         shared_band(aim.collection)?;
-        let tracks = choices.tracks(&aim.collection.pulses);
-        let patches = choices.patch_rows > 0 && choices.patch_columns > 0;
-        let known = patches && (-300.0..=0.0).contains(&choices.error_db);
-        let (Some(tracks), true) = (tracks, known) else {
-            let what = "its stretches are not of these pulses, its patches are empty, or its bound is none";
+        let refiner = Refiner::new(aim.collection, shares);
+        let tree = choices.tree;
+        let leaves = tree
+            .leaf
+            .iter()
+            .all(|side| (1..=LARGEST_LEAF).contains(side));
+        let counts = &choices.stretches;
+        let total = counts
+            .iter()
+            .try_fold(0usize, |sum, count| sum.checked_add(*count));
+        let known = leaves
+            && tree.levels <= MOST_LEVELS
+            && !counts.contains(&0)
+            && total == Some(aim.collection.pulses.len())
+            && (-300.0..=0.0).contains(&choices.error_db);
+        if !known {
+            let what = "its stretches are not of these pulses, its leaves are of no size that there is, or its bound is none";
             return Err(misfit(ENTRY.name, what));
-        };
+        }
+        let mut first = 0;
+        let stretches = counts.iter().map(|count| {
+            let pulses = first..first + count;
+            first = pulses.end;
+            Stretch::new(&aim.collection.pulses, pulses, refiner.taps())
+        });
         Ok(Self {
-            tracks,
-            patches: Patches::new(aim.grid, choices.size()),
-            refiner: Refiner::new(aim.grid, shares),
+            stretches: stretches.collect(),
+            tasks: Patches::of_size(aim.grid, tree.patch_size(task_level(&tree))),
+            refiner,
+            choices,
             aim,
         })
     }
 
-    /// The samples of a stretch, weighted.
-    fn read(&self, work: &Work, track: &Track) -> Result<PatchHistory, FormError> {
-        let Aim {
-            collection,
-            weights,
-            ..
-        } = self.aim;
-        let mut top = PatchHistory::of_pulses(collection, track.pulses());
-        work.history.read(track.pulses(), top.samples_mut())?;
+    fn recorded<'b>(&self, work: &'b Work, stretch: &Stretch) -> Recorded<'b> {
+        let weights = self.aim.weights;
         let norm = weights.normalisation();
-        let fast: Vec<f32> = weights.fast.iter().map(|&w| w as f32).collect();
-        let rows = top.samples_mut().par_chunks_exact_mut(fast.len());
-        rows.zip(track.pulses()).for_each(|(row, n)| {
-            let slow = (weights.slow[n] * norm) as f32;
-            row.iter_mut().zip(&fast).for_each(|(z, w)| *z *= w * slow);
-        });
-        Ok(top)
+        let slow = &weights.slow[stretch.pulses.clone()];
+        Recorded {
+            history: work.history,
+            fast: weights.fast.iter().map(|&w| w as f32).collect(),
+            slow: slow.iter().map(|w| (w * norm) as f32).collect(),
+        }
     }
 
-    fn add_all(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
-        let done = AtomicUsize::new(0);
-        for track in &self.tracks {
-            let top = self.read(work, track)?;
-            let mut patches = self.patches.split(tiles);
-            let parts = (self.tracks.len() * patches.len()) as f64;
-            patches.par_iter_mut().for_each_init(
-                Scratch::default,
-                |scratch, (rectangle, segments)| {
-                    let mut descent = Descent {
-                        monitor: work.monitor,
-                        refiner: &self.refiner,
-                        track,
-                        target: Target { segments },
-                        scratch,
-                    };
-                    descent.descend(&top, *rectangle);
-                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                    work.monitor.progress(done as f64 / parts);
-                },
-            );
+    fn add_all(
+        &self,
+        work: &Work,
+        breadth_bytes: u64,
+        tiles: &mut [Tile],
+    ) -> Result<(), FormError> {
+        let wanted: Wanted = self.tasks.split_by_place(tiles);
+        let (done, pool) = (AtomicUsize::new(0), Pool::default());
+        let tasks = self.stretches.len() * wanted.len();
+        for stretch in &self.stretches {
+            let recorded = self.recorded(work, stretch);
+            let descent = Descent {
+                monitor: work.monitor,
+                grid: self.aim.grid,
+                tree: &self.choices.tree,
+                refiner: &self.refiner,
+                stretch,
+                wanted: &wanted,
+                pool: &pool,
+                breadth_bytes,
+                done: &done,
+                tasks,
+            };
+            for node in self.choices.tree.roots(self.aim.grid) {
+                descent.first(&recorded, node)?;
+            }
             if work.monitor.cancelled() {
                 return Err(FormError::Cancelled);
             }
@@ -349,30 +260,32 @@ impl<'a, const W: usize> Opened<'a, W> {
     }
 }
 
-impl<const W: usize> Forming for Opened<'_, W> {
+/// Levels that are made side by side, each of four histories of up to half of one before.
+const BREADTH: u64 = 8;
+/// A history larger than as much for each thread is halved by all threads together.
+const LARGEST_BREADTH: u64 = 5 << 20;
+
+impl Forming for Opened<'_> {
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
         let mut budget = Budget::new(work.memory_bytes);
-        budget.take(
-            "patches",
-            self.patches.account_bytes(tiles).into(),
-            &[Remedy::MoreMemory],
-        )?;
-        let longest = self.tracks.iter().map(|track| track.pulses().len());
-        let longest = longest.max().unwrap_or(0) as u64;
-        let num_samples = self.aim.collection.num_samples;
-        let bytes = u128::from(longest * stretch_bytes(num_samples));
-        budget.take("a stretch of pulses", bytes, &[Remedy::MoreMemory])?;
-        let copies = pulse_bytes(num_samples) * SCRATCH_COPIES * longest;
-        let more = budget.left_bytes() / copies.max(1);
+        let account = self.tasks.account_bytes(tiles);
+        budget.take("patches", account.into(), &[Remedy::MoreMemory])?;
+        let tree = &self.choices.tree;
+        let ways: Vec<Way> = self
+            .stretches
+            .iter()
+            .map(|stretch| Way::new(&self.aim, &self.refiner, stretch, tree))
+            .collect();
+        let held = ways.iter().map(Way::held_bytes).max().unwrap_or(0);
+        budget.take("histories of patches", held.into(), &[Remedy::MoreMemory])?;
+        let task = task_level(tree);
+        let thread = ways.iter().map(|way| way.thread_bytes(task)).max();
+        let thread = thread.unwrap_or(0);
+        let threads = rayon::current_num_threads() as u64;
+        let breadth_bytes = (budget.left_bytes() / 2 / BREADTH).min(threads * LARGEST_BREADTH);
+        let more = budget.left_bytes() / 2 / thread.max(1);
         on_threads(more.saturating_add(1) as usize, || {
-            self.add_all(work, tiles)
+            self.add_all(work, breadth_bytes, tiles)
         })
     }
-}
-
-/// Pixels a side of a first patch.
-fn first_side(count: usize) -> usize {
-    count
-        .div_ceil(FIRST_PATCHES)
-        .clamp(LEAF_PIXELS, LARGEST_FIRST_PIXELS)
 }

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::thinned::Antennas;
 use crate::patch::Rectangle;
 use subaperture_model::geometry::ImageGrid;
 
@@ -10,23 +11,13 @@ pub(super) const MARGIN: f64 = 1.05;
 /// A polar patch that spans more, radians, is not flat enough for its corners to stand for it.
 const WIDEST_SECTOR_RAD: f64 = 0.5;
 
-/// One pulse, recorded or decimated.
-#[derive(Clone, Copy)]
-pub(super) struct Antennas {
-    pub(super) transmitter_m: DVec3,
-    pub(super) receiver_m: DVec3,
-    /// Path to which its phase is compensated.
-    pub(super) datum_m: f64,
-}
-
-impl Antennas {
-    pub(super) fn path_m(&self, point: DVec3) -> f64 {
-        let out_m = point.distance(self.transmitter_m);
-        if self.transmitter_m == self.receiver_m {
-            2.0 * out_m
-        } else {
-            out_m + point.distance(self.receiver_m)
-        }
+/// Path from a transmitter to a point and to a receiver, metres.
+pub(super) fn path_m([transmitter, receiver]: &Antennas, point: DVec3) -> f64 {
+    let out_m = point.distance(*transmitter);
+    if transmitter == receiver {
+        2.0 * out_m
+    } else {
+        out_m + point.distance(*receiver)
     }
 }
 
@@ -64,6 +55,13 @@ impl Patch {
         }
     }
 
+    /// Paths from one pulse to the corners against that to the centre, metres.
+    pub(super) fn offsets_m(&self, antennas: &Antennas) -> [f64; 4] {
+        let centre_m = path_m(antennas, self.centre);
+        self.corners
+            .map(|corner| path_m(antennas, corner) - centre_m)
+    }
+
     /// Largest difference of paths from one pulse to a pixel and to the centre, metres.
     pub(super) fn depth_m(&self, antennas: &Antennas) -> f64 {
         // By the triangle inequality, out and back.
@@ -71,19 +69,16 @@ impl Patch {
         if !self.flat {
             return most_m;
         }
-        let centre_m = antennas.path_m(self.centre);
         let slope = |antenna: DVec3| (self.centre - antenna).normalize_or_zero();
-        let slope = slope(antennas.transmitter_m) + slope(antennas.receiver_m);
-        let depth_m = |&corner: &DVec3| {
-            let above_m = antennas.path_m(corner) - centre_m;
-            above_m.max(-slope.dot(corner - self.centre))
-        };
-        let depth_m = self.corners.iter().map(depth_m).fold(0.0, f64::max);
-        (depth_m * MARGIN).min(most_m)
+        let slope = slope(antennas[0]) + slope(antennas[1]);
+        let offsets_m = self.offsets_m(antennas).into_iter().zip(&self.corners);
+        let depths_m =
+            offsets_m.map(|(above_m, corner)| above_m.max(-slope.dot(*corner - self.centre)));
+        (depths_m.fold(0.0, f64::max) * MARGIN).min(most_m)
     }
 
-    pub(super) fn distance_m(&self, antennas: &Antennas) -> f64 {
-        let transmitter_m = antennas.transmitter_m.distance(self.centre);
-        transmitter_m.min(antennas.receiver_m.distance(self.centre))
+    pub(super) fn distance_m(&self, [transmitter, receiver]: &Antennas) -> f64 {
+        let transmitter_m = transmitter.distance(self.centre);
+        transmitter_m.min(receiver.distance(self.centre))
     }
 }

@@ -1,29 +1,33 @@
 //! How the bound on the error is shared out.
 
-use super::LEAF_PIXELS;
+use super::thinned::pays;
 use crate::{MARGIN_DB, rounding};
-use subaperture_model::geometry::ImageGrid;
+use subaperture_kernels::halving::halved;
+use subaperture_signal::halfway::{Halfway, TAPS};
 use subaperture_signal::range_profile::RangeProfiler;
-use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
 
 /// The relative RMS errors that the bound allows each cause.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Shares {
-    /// One decimation of slow time.
+    /// Interpolates halfway.
+    kernel: Halfway,
+    /// One halving over pulses.
     pub(super) slow: f64,
-    /// The recorded antennas' departure from the fitted.
-    pub(super) track: f64,
+    /// One halving over samples.
+    fast: f64,
+    /// Antennas that are not smooth.
+    pub(super) rough: f64,
     /// Range profiles.
     pub(super) profile: f64,
     /// Polynomials of tiles' paths.
     pub(super) tiles: f64,
     /// Phasors and places of tiles in float32, or there are none.
     pub(super) arithmetic: f64,
-    /// Kernels over frequency, once a level.
-    pub(super) fast: f64,
-    /// Levels of patches within patches.
-    pub(super) levels: f64,
-    /// Whether kernels are good enough to decimate at all.
+    /// Widest band over which the kernel errs by no more than a halving over samples may, cycles a sample.
+    pub(super) band: f64,
+    /// Most halvings, over pulses and over samples.
+    halvings: [usize; 2],
+    /// Whether kernels are good enough to halve at all.
     pub(super) decimate: bool,
 }
 
@@ -31,42 +35,60 @@ pub(super) struct Shares {
 pub(super) const DEGREE: usize = 3;
 
 /// Shares of the error's power.
-const SLOW: f64 = 0.45;
-const FAST: f64 = 0.2;
-const TRACK: f64 = 0.1;
+const SLOW: f64 = 0.35;
+const FAST: f64 = 0.3;
+const ROUGH: f64 = 0.1;
 const PROFILE: f64 = 0.15;
 const TILES: f64 = 0.05;
 const ARITHMETIC: f64 = 0.05;
 
-/// RMS error of a kernel's weights, read from their table.
-const TABLE: f64 = 2e-6;
+/// Relative RMS error of the phases of a halving, and of its sums, in float32.
+const HALVING: f64 = 2e-6;
 
-/// Relative RMS error of `taps` taps over frequency, once.
-fn kernel_error(taps: usize) -> f64 {
-    WindowedSinc::new(taps, 0.25).error(0.25).hypot(TABLE)
+/// How often so many places can be halved by so many taps.
+fn most_halvings(mut count: usize, taps: usize) -> usize {
+    let mut times = 0;
+    while pays(count, taps) {
+        count = halved(count, taps);
+        times += 1;
+    }
+    times
 }
 
 impl Shares {
-    /// Taps of the kernels within an error bound, and the shares.
-    pub(super) fn of(error_db: f64, grid: &ImageGrid) -> (usize, Self) {
+    /// The shares of a bound for so many pulses and samples.
+    pub(super) fn of(error_db: f64, counts: [usize; 2]) -> Self {
         let target = 10f64.powf((error_db - MARGIN_DB) / 20.0);
-        let side = grid.rows.count.max(grid.columns.count);
-        let levels = (side as f64 / LEAF_PIXELS as f64).log2().max(0.0).ceil() + 1.0;
-        let fits = TAPS
-            .into_iter()
-            .find(|&taps| kernel_error(taps) <= target * (FAST / levels).sqrt());
-        let taps = fits.unwrap_or(TAPS[TAPS.len() - 1]);
-        let shares = Self {
-            slow: target * (SLOW / levels).sqrt(),
-            track: target * TRACK.sqrt(),
+        let each = TAPS.into_iter().map(|taps| {
+            let halvings = counts.map(|count| most_halvings(count, taps).max(1));
+            (Halfway::new(taps), halvings)
+        });
+        let good = |(kernel, [slow, fast]): &(Halfway, [usize; 2])| {
+            let error = kernel.error().hypot(HALVING);
+            error <= target * (SLOW / *slow as f64).sqrt()
+                && error <= target * (FAST / *fast as f64).sqrt()
+        };
+        let mut kernels: Vec<_> = each.collect();
+        let found = kernels.iter().position(good);
+        let (kernel, halvings) = kernels.swap_remove(found.unwrap_or(kernels.len() - 1));
+        let fast = target * (FAST / halvings[1] as f64).sqrt();
+        Self {
+            band: kernel.widest_band((fast * fast - HALVING * HALVING).max(0.0).sqrt()),
+            fast,
+            slow: target * (SLOW / halvings[0] as f64).sqrt(),
+            rough: target * ROUGH.sqrt(),
             profile: target * PROFILE.sqrt(),
             tiles: target * TILES.sqrt(),
             arithmetic: target * ARITHMETIC.sqrt(),
-            fast: kernel_error(taps),
-            levels,
-            decimate: fits.is_some(),
-        };
-        (taps, shares)
+            kernel,
+            halvings,
+            decimate: found.is_some(),
+        }
+    }
+
+    /// The kernel at the fraction 1/2.
+    pub(super) fn taps(&self) -> Vec<f32> {
+        self.kernel.taps().iter().map(|&h| h as f32).collect()
     }
 
     /// Upsampling of range profiles.
@@ -76,10 +98,12 @@ impl Shares {
 
     /// What it comes to, dB, for `num_pulses` pulses and errors of the arithmetic.
     pub(super) fn planned_db(&self, num_pulses: usize, arithmetic: f64) -> f64 {
+        let [slow, fast] = self.halvings.map(|times| times as f64);
         let decimations = match self.decimate {
             true => self
-                .track
-                .hypot(self.levels.sqrt() * self.slow.hypot(self.fast)),
+                .rough
+                .hypot(slow.sqrt() * self.slow)
+                .hypot(fast.sqrt() * self.fast),
             false => 0.0,
         };
         rounding::total_db(&[
@@ -87,8 +111,6 @@ impl Shares {
             self.profile,
             self.tiles.hypot(self.arithmetic),
             rounding::sum(num_pulses),
-            // Float32 weights and sums of a level in both directions.
-            (2.0 * self.levels).sqrt() * rounding::sum(TAPS[TAPS.len() - 1]),
             // Transforms and phases of profiles, as `RangeProfiler::rounding` for the longest.
             4e-7,
             arithmetic,

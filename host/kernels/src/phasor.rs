@@ -42,11 +42,11 @@ static TABLES: LazyLock<[[[f32; PLACES]; 2]; 2]> = LazyLock::new(|| {
 });
 
 /// Added to a number below 2^22 and taken off again, it leaves the nearest whole number.
-pub(super) const ROUND: f32 = 12_582_912.0;
+pub(crate) const ROUND: f32 = 12_582_912.0;
 
 /// Phasors by the table.
 #[derive(Clone, Copy)]
-pub(super) struct Table<L: Lanes> {
+pub(crate) struct Table<L: Lanes> {
     cos: L::Wide,
     sin: L::Wide,
     round: L::Numbers,
@@ -57,10 +57,10 @@ pub(super) struct Table<L: Lanes> {
 
 impl<L: Lanes> Table<L> {
     /// Phases are counted in this part of a turn.
-    pub(super) const A_TURN: f64 = PLACES as f64;
+    pub(crate) const A_TURN: f64 = PLACES as f64;
 
     #[inline(always)]
-    pub(super) fn new(lanes: L, coarse: bool) -> Self {
+    pub(crate) fn new(lanes: L, coarse: bool) -> Self {
         let [cos, sin] = &TABLES[usize::from(coarse)];
         Self {
             cos: lanes.wide(cos),
@@ -74,7 +74,7 @@ impl<L: Lanes> Table<L> {
 
     /// Cosine and sine of a phase in [`Self::A_TURN`]ths of a turn, fewer than 2^22.
     #[inline(always)]
-    pub(super) fn at<const COARSE: bool>(&self, lanes: L, phase: L::Numbers) -> [L::Numbers; 2] {
+    pub(crate) fn at<const COARSE: bool>(&self, lanes: L, phase: L::Numbers) -> [L::Numbers; 2] {
         let pattern = lanes.add(phase, self.round);
         let x = lanes.sub(phase, lanes.sub(pattern, self.round));
         let x = lanes.mul(x, self.line);
@@ -114,14 +114,14 @@ const COS: [f32; 7] = [
 
 /// Phasors by polynomials.
 #[derive(Clone, Copy)]
-pub(super) struct Polynomials<L: Lanes> {
+pub(crate) struct Polynomials<L: Lanes> {
     sin: [L::Numbers; SIN.len()],
     cos: [L::Numbers; COS.len()],
 }
 
 impl<L: Lanes> Polynomials<L> {
     #[inline(always)]
-    pub(super) fn new(lanes: L) -> Self {
+    pub(crate) fn new(lanes: L) -> Self {
         let mut constants = Self {
             sin: [lanes.splat(0.0); SIN.len()],
             cos: [lanes.splat(0.0); COS.len()],
@@ -137,7 +137,7 @@ impl<L: Lanes> Polynomials<L> {
 
     /// Cosine and sine of `2 pi turns`, for at most half a turn: good to 3e-7.
     #[inline(always)]
-    pub(super) fn at(&self, lanes: L, turns: L::Numbers) -> [L::Numbers; 2] {
+    pub(crate) fn at(&self, lanes: L, turns: L::Numbers) -> [L::Numbers; 2] {
         let square = lanes.mul(turns, turns);
         let mut cos = self.cos[COS.len() - 1];
         for k in (0..COS.len() - 1).rev() {

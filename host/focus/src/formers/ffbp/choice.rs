@@ -1,0 +1,118 @@
+//! What a plan fixes: stretches of pulses, and how the grid is cut.
+//!
+//! Of leaves of all [`SIDES`], in both directions, that is taken which makes the way down the fastest, by the account of [`super::cost`] on the way to the
+//! pixel in the middle. First patches are as large as the image, or as the scratch allows; where it allows hardly any, the pulses are taken
+//! in stretches. Stretches are cut where antennas jump.
+
+use super::cost::Way;
+use super::refine::Refiner;
+use super::shares::Shares;
+use super::thinned::Stretch;
+use super::tree::Tree;
+use crate::Aim;
+use crate::sub_cpi;
+
+/// Sides of leaves, pixels.
+const SIDES: [usize; 5] = [16, 24, 32, 48, 64];
+/// Pulses that a stretch has at least, if it is short for want of scratch.
+const SHORTEST: usize = 64;
+/// What a plan fixes: the rest follows from it.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct Choices {
+    pub(super) error_db: f64,
+    /// Pulses of each stretch, one after another.
+    pub(super) stretches: Vec<usize>,
+    pub(super) tree: Tree,
+}
+
+impl Choices {
+    pub(super) fn of(error_db: f64, aim: &Aim) -> Self {
+        let collection = aim.collection;
+        let num_pulses = collection.pulses.len();
+        let shares = Shares::of(error_db, [num_pulses, collection.num_samples]);
+        let refiner = Refiner::new(collection, shares);
+        let breaks = sub_cpi::breaks(collection);
+        let mut best: Option<(f64, Self)> = None;
+        let mut longest = num_pulses;
+        loop {
+            let stretches = sub_cpi::cut(num_pulses, &breaks, longest);
+            // The longest stands for all.
+            let range = stretches.iter().max_by_key(|range| range.len());
+            let range = range.cloned().unwrap_or(0..0);
+            let share = num_pulses as f64 / range.len().max(1) as f64;
+            let stretch = Stretch::new(&collection.pulses, range, refiner.taps());
+            let found = fastest(aim, &refiner, &stretch);
+            let better = match (&best, &found) {
+                (None, found) => found.is_some(),
+                (Some((least_ns, _)), Some((time_ns, _))) => share * time_ns < *least_ns,
+                (Some(_), None) => false,
+            };
+            // Shorter ones first make room for larger patches, then only for more ends.
+            let last = longest <= SHORTEST || (best.is_some() && !better);
+            let tree = match found {
+                Some((time_ns, tree)) if better => Some((share * time_ns, tree)),
+                _ if last && best.is_none() => Some((f64::INFINITY, smallest(aim))),
+                _ => None,
+            };
+            if let Some((time_ns, tree)) = tree {
+                let choices = Self {
+                    error_db,
+                    stretches: stretches.iter().map(|range| range.len()).collect(),
+                    tree,
+                };
+                best = Some((time_ns, choices));
+            }
+            match best {
+                Some((_, choices)) if last => return choices,
+                _ => longest = longest.div_ceil(2),
+            }
+        }
+    }
+}
+
+/// The sides that leaves may have along `count` pixels.
+fn sides(count: usize) -> Vec<usize> {
+    let mut sides: Vec<usize> = SIDES.iter().map(|&side| side.min(count)).collect();
+    sides.dedup();
+    sides
+}
+
+/// Leaves alone.
+fn smallest(aim: &Aim) -> Tree {
+    let counts = [aim.grid.rows.count, aim.grid.columns.count];
+    Tree {
+        leaf: counts.map(|count| count.min(SIDES[2])),
+        levels: 0,
+    }
+}
+
+/// The fastest tree whose histories fit into the scratch, and its time; none if that leaves first patches of a few leaves, where
+/// larger ones would be of use.
+fn fastest(aim: &Aim, refiner: &Refiner, stretch: &Stretch) -> Option<(f64, Tree)> {
+    let counts = [aim.grid.rows.count, aim.grid.columns.count];
+    let mut best: Option<(f64, Tree)> = None;
+    for rows in sides(counts[0]) {
+        for columns in sides(counts[1]) {
+            let leaf = [rows, columns];
+            let parts = [0, 1].map(|i| counts[i].div_ceil(leaf[i]));
+            let whole = parts[0].max(parts[1]).next_power_of_two().ilog2() as usize;
+            for levels in (0..=whole).rev() {
+                let tree = Tree { leaf, levels };
+                let way = Way::new(aim, refiner, stretch, &tree);
+                let few = levels < whole.min(3);
+                if few && refiner.shares().decimate && stretch.pulses.len() > SHORTEST {
+                    break;
+                }
+                if way.held_bytes() > aim.scratch_bytes {
+                    continue;
+                }
+                let time_ns = way.time_ns();
+                if best.is_none_or(|(least, _)| time_ns < least) {
+                    best = Some((time_ns, tree));
+                }
+                break;
+            }
+        }
+    }
+    best
+}

@@ -1,0 +1,125 @@
+//! Patches within patches: how a grid is cut.
+//!
+//! Leaves, all of one size but for those at the grid's ends, from its first pixel on; patches of the next level are of two by two leaves, and
+//! so on up to the first patches. So where a pixel's patches lie follows from the sizes alone, and not from the part of the image that
+//! is formed.
+
+use crate::patch::{PatchSize, Rectangle};
+use subaperture_model::geometry::ImageGrid;
+
+/// Sizes of patches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub(super) struct Tree {
+    /// Rows and columns of a leaf.
+    pub(super) leaf: [usize; 2],
+    /// Levels above the leaves.
+    pub(super) levels: usize,
+}
+
+/// A patch: how many levels above the leaves, row and column of such patches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Node {
+    pub(super) level: usize,
+    pub(super) at: [usize; 2],
+}
+
+impl Tree {
+    /// Rows and columns of the patches of a level.
+    pub(super) fn size(&self, level: usize) -> [usize; 2] {
+        self.leaf.map(|side| side << level)
+    }
+
+    pub(super) fn patch_size(&self, level: usize) -> PatchSize {
+        let [rows, columns] = self.size(level);
+        PatchSize { rows, columns }
+    }
+
+    /// The pixels of a patch; none if it is beyond the grid.
+    pub(super) fn rectangle(&self, grid: &ImageGrid, node: Node) -> Option<Rectangle> {
+        let image = [grid.rows.count, grid.columns.count];
+        let size = self.size(node.level);
+        let [rows, columns] = [0, 1].map(|i| {
+            let first = node.at[i] * size[i];
+            first..(first + size[i]).min(image[i])
+        });
+        let there = rows.start < rows.end && columns.start < columns.end;
+        there.then(|| Rectangle::of(&[rows, columns]))
+    }
+
+    /// The patch of a level that has a pixel.
+    pub(super) fn around(&self, level: usize, [row, column]: [usize; 2]) -> Node {
+        let [rows, columns] = self.size(level);
+        Node {
+            level,
+            at: [row / rows, column / columns],
+        }
+    }
+
+    /// The first patches, row by row.
+    pub(super) fn roots(&self, grid: &ImageGrid) -> Vec<Node> {
+        let [rows, columns] = self.size(self.levels);
+        let (down, across) = (
+            grid.rows.count.div_ceil(rows),
+            grid.columns.count.div_ceil(columns),
+        );
+        let level = self.levels;
+        (0..down)
+            .flat_map(|row| {
+                (0..across).map(move |column| Node {
+                    level,
+                    at: [row, column],
+                })
+            })
+            .collect()
+    }
+}
+
+impl Node {
+    /// The four patches of the level below.
+    pub(super) fn quarters(self) -> impl Iterator<Item = Self> {
+        let Self {
+            level,
+            at: [row, column],
+        } = self;
+        [[0, 0], [0, 1], [1, 0], [1, 1]]
+            .into_iter()
+            .map(move |[down, across]| Self {
+                level: level - 1,
+                at: [2 * row + down, 2 * column + across],
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn leaves_are_the_grid_s_pixels_once_each() {
+        let grid: ImageGrid = "x=0:100:1,y=0:37:1".parse().unwrap();
+        let tree = Tree {
+            leaf: [8, 12],
+            levels: 2,
+        };
+        let mut seen = vec![0; grid.num_pixels() as usize];
+        let mut patches = tree.roots(&grid);
+        assert_eq!(patches.len(), 2 * 3);
+        while let Some(node) = patches.pop() {
+            let Some(rectangle) = tree.rectangle(&grid, node) else {
+                continue;
+            };
+            let [rows, columns] = rectangle.place();
+            assert_eq!(tree.around(node.level, [rows.start, columns.start]), node);
+            if node.level > 0 {
+                patches.extend(node.quarters());
+                continue;
+            }
+            for row in rows {
+                for column in columns.clone() {
+                    seen[row * 100 + column] += 1;
+                }
+            }
+        }
+        assert!(seen.iter().all(|&times| times == 1));
+    }
+}
