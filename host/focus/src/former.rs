@@ -25,7 +25,7 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Collection, PhaseHistory, Weights};
 
 /// Bytes that a worker's scratch may take unless told otherwise: what a plan may count on everywhere.
-pub const SCRATCH_BYTES: u64 = 56 << 20;
+pub const SCRATCH_BYTES: u64 = 48 << 20;
 
 /// What is to be formed: all on which an image depends, samples and the former itself apart.
 #[derive(Clone, Copy)]

@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! a patch's history, of N pulses and K samples before and N', K' after, with W taps:
-//!     a sample before: turned 38
-//!     if halved over pulses: 4 (W + 1) N' K;   over samples: 4 (W + 1) N' K'
-//! a leaf: a pulse a transform of its profile of L bins, of each piece 56, and as in backprojection 42 a pixel
+//!     a sample before: turned 18
+//!     if halved over pulses: (4 W + 2) N' K;   over samples: (4 W + 2) N' K'
+//! a leaf: a pulse a transform of its profile of L bins, of each piece 88, and as in backprojection 42 a pixel
 //! ```
 //!
 //! First patches read all pulses once each. A tile takes what its first patches take: nothing is shared.
@@ -28,9 +28,9 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_signal::range_profile::RangeProfiler;
 
 /// Operations to turn a sample.
-const TURN: f64 = 38.0;
+const TURN: f64 = 18.0;
 /// Operations a piece of a profile.
-const PIECE: f64 = 56.0;
+const PIECE: f64 = 88.0;
 /// Operations a pixel and pulse of a leaf.
 const PIXEL_AND_PULSE: f64 = 42.0;
 
@@ -219,9 +219,9 @@ impl<'a> Way<'a> {
 
     /// Operations for the stretch.
     fn operations(&self) -> f64 {
-        let taps = self.refiner.taps().len() as f64 + 1.0;
+        let taps = 4.0 * self.refiner.taps().len() as f64 + 2.0;
         let steps = self.over_steps(|[before, over_pulses, over_samples, _]| {
-            before * TURN + 4.0 * taps * (over_pulses + over_samples)
+            before * TURN + taps * (over_pulses + over_samples)
         });
         let [length, pieces, _, pixels] = self.leaf();
         let pulse = transform(length) + PIECE * pieces + PIXEL_AND_PULSE * pixels;

@@ -104,6 +104,13 @@ impl Leaf {
             };
             let carrier = Carrier::new(&layout, cycles_a_bin);
             let values = layout.values();
+            #[cfg(test)]
+            super::counted::imaged(
+                pulses.len(),
+                length,
+                layout.row(),
+                raster.rows * raster.columns,
+            );
             pieces.resize(pulses.len() * values, 0.0);
             for (n, pieces) in (first..).zip(pieces.chunks_exact_mut(values)) {
                 history.pulse(n, samples);

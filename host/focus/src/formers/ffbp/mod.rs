@@ -6,42 +6,45 @@
 //! wide. Of a patch half as large, half of the pulses and half of the frequencies say all. So
 //!
 //! ```text
-//! y[n][k]   = z[n][k] exp(+j 2 pi f_k (path_n(q) - reference_path_n) / c)        compensate to q
-//! y'[i][l]  = sum_n sum_k h(n / q_n - i) h(k / q_k - l) y[n][k]                  decimate
+//! y[n][k]   = z[n][k] exp(+j 2 pi f_k (path_n(q) - reference_path_n) / c)            compensate to q
+//! y'[i][l]  = y[2 i'][2 l'] + what of odd pulses and frequencies goes there         halve
 //! ```
 //!
-//! and the same again from each patch to its four quarters, with their own centres, until a patch has a
-//! few pixels and few pulses; there plain backprojection ends it. `h` is the interpolation kernel
-//! ([`subaperture_signal::windowed_sinc`]) of the pixels' own phase, `exp(j phase(n)) = sum_i h(n / q_n - i) exp(j
-//! phase(i q_n))`, which is all that the sum over pulses and frequencies needs; it makes no matter what lies outside
-//! the patch. At the ends, `h` reaches past the data: decimated histories are by `W` longer,
-//! and there the antennas continue on the fitted track (`track`).
+//! and the same again from each patch to its four quarters, with their own centres, until a patch is a small
+//! one of few pulses; there plain backprojection ends it (`leaf`). Odd places go to the even ones about them by an
+//! interpolation kernel of the pixels' own phase, `exp(j phase(n)) = sum_i h[i] exp(j phase(2 i))`
+//! ([`subaperture_signal::halfway`], [`subaperture_kernels::halving`]), which is all that the sum over pulses and frequencies needs; it
+//! makes no matter what lies outside the patch. At the ends, `h` reaches past the data: halved histories are by `W - 1` longer than
+//! half, and there the antennas go on smoothly (`thinned`). Pulses that are kept are where they were.
 //!
 //! This is the quadtree form (S. Xiao, D. Munson, S. Basu and Y. Bresler, 2000) of fast backprojection,
 //! not the one that merges images of sub-apertures (Ulander, Hellsten and Stenstroem, 2003): a merge
-//! interpolates complex images in two dimensions, `W^2` operations a value, where decimation is
+//! interpolates complex images in two dimensions, `W^2` operations a value, where halving is
 //! separable, `2 W`, and its error is the kernel's alone. It is also [`crate::rdbp`]'s patch compensation,
 //! over several levels.
 //!
-//! Neglected: the kernel's error, once a level and direction; the range profiles' ([`crate::bp`]); the
-//! track's departure from its fit where slow time is decimated: positions themselves
-//! are used up to there, so that only its part that differs across the patch counts; and what becomes of the phase beyond the data's
-//! ends and of antennas that turn quickly. Each has its share of the bound, and every decimation is held to
-//! them on the patch and the pulses it is made of, before it is made (`patch_history`): one that would cost more is
-//! made by a smaller factor or not at all. A track on which slow time cannot be decimated (jitter, antennas in turn, a patch around the
+//! Neglected: the kernel's error, once a halving and direction; the range profiles' ([`crate::bp`]); what of the antennas' way from
+//! pulse to pulse is not smooth, so far as it differs across the patch; and what becomes of the phase beyond the data's
+//! ends and of antennas that turn quickly. Each has its share of the bound, and every halving is held to
+//! them on the patch and the pulses it is made of, before it is made (`refine`): one that would cost more is
+//! not made. A track on which slow time cannot be halved (jitter, antennas in turn, a patch around the
 //! antennas) so costs what plain backprojection does, and errs no more.
 //!
-//! Cost: for `N x N` pixels, `N` pulses and `N` frequencies, about `4 W` real operations a sample and level in each
-//! direction, `log2(N / 16)` levels of `N^2` samples or more, and some `4 W` pulses a pixel at the end: `N^2 log N`
-//! where backprojection takes `N^3`. The kernel's reach makes small histories grow, so it pays from some
-//! hundreds of pixels and pulses on (`cost`).
+//! Cost: for `N x N` pixels, `N` pulses and `N` frequencies, about `18 + 6 W` real operations a sample and level (a sample of a patch
+//! is looked at by each of its quarters), `log2(N / 64)` levels of `N^2` samples or more, and some 100 pulses a pixel at the end:
+//! `N^2 log N` where backprojection takes `N^3`. The kernel's reach makes small histories grow, so it pays from some
+//! hundreds of pixels and pulses on. Sizes of leaves and first patches, and stretches of pulses, are chosen by an account of time
+//! (`choice`, `cost`).
 //!
-//! Memory: a stretch of pulses, and at most four times as much again a thread; the image.
+//! Memory: the histories on the way to one leaf, of which the first patch's is the largest; a few megabytes a thread; the image.
+//! First patches and stretches are chosen such that this fits the plan's scratch.
 //!
 //! Accuracy: the bound asked for, against [`crate::exact`], in `tests/formers/pfa_ffbp.rs`.
 
 mod choice;
 mod cost;
+#[cfg(test)]
+mod counted;
 mod descent;
 mod history;
 mod leaf;

@@ -419,6 +419,16 @@ impl<'a> Refiner<'a> {
             first: needed.start,
             turnings,
         };
+        #[cfg(test)]
+        {
+            let (old, new) = (layout.count(), halving_of.after(W).count());
+            let over = |halved: bool, count: usize| usize::from(halved) * range.len() * count;
+            super::counted::refined(
+                W,
+                needed.len() * old,
+                [over(pulses, old), over(samples, new)],
+            );
+        }
         halving_of.make(self.instructions, taps, first, out, halving);
     }
 }
