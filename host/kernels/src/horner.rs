@@ -116,7 +116,7 @@ impl Kernel for NarrowSums<'_> {
         // What does not fill a run comes first: it is last.
         let whole = self.samples.len() / RUN * RUN;
         let ends = (0..whole).step_by(RUN).map(|first| first..first + RUN);
-        let runs = ends.chain([whole..self.samples.len()]);
+        let runs = ends.chain(std::iter::once(whole..self.samples.len()));
         for run in runs.rev() {
             for from in (0..N).step_by(VECTORS * L::COUNT) {
                 let nothing = [lanes.splat(0.0); VECTORS];

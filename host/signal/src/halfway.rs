@@ -97,29 +97,34 @@ fn response(x: f64, i: usize) -> f64 {
 /// The weights of columns whose sum is nearest to `wanted`: by orthogonal columns (Gram and Schmidt, twice).
 fn least_squares(mut columns: Vec<Vec<f64>>, wanted: &[f64]) -> Vec<f64> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let count = columns.len();
-    let mut triangle = vec![vec![0.0; count]; count];
-    for j in 0..count {
+    // Of each column, its shares of those before and what is left of it.
+    let mut triangle: Vec<(Vec<f64>, f64)> = Vec::new();
+    for j in 0..columns.len() {
         let (before, rest) = columns.split_at_mut(j);
         let column = &mut rest[0];
+        let mut shares = vec![0.0; j];
         for _ in 0..2 {
-            for (k, other) in before.iter().enumerate() {
-                let share = dot(other, column);
-                triangle[k][j] += share;
+            for (other, share) in before.iter().zip(&mut shares) {
+                let more = dot(other, column);
+                *share += more;
                 column
                     .iter_mut()
                     .zip(other)
-                    .for_each(|(a, b)| *a -= share * b);
+                    .for_each(|(a, b)| *a -= more * b);
             }
         }
         let norm = dot(column, column).sqrt();
-        triangle[j][j] = norm;
         column.iter_mut().for_each(|a| *a /= norm);
+        triangle.push((shares, norm));
     }
     let mut weights: Vec<f64> = columns.iter().map(|column| dot(column, wanted)).collect();
-    for j in (0..count).rev() {
-        let above: f64 = (j + 1..count).map(|k| triangle[j][k] * weights[k]).sum();
-        weights[j] = (weights[j] - above) / triangle[j][j];
+    // The last one is known; it takes its shares from those before.
+    for (j, (shares, norm)) in triangle.iter().enumerate().rev() {
+        weights[j] /= norm;
+        let weight = weights[j];
+        for (other, share) in weights.iter_mut().zip(shares) {
+            *other -= share * weight;
+        }
     }
     weights
 }

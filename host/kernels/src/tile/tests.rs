@@ -210,7 +210,7 @@ fn points_are_the_sums_that_define_them() {
             let mut sums = vec![Complex32::new(1.0, -1.0); points.len()];
             let mut pieces = vec![0.0; layout.values()];
             for (pulse, profile) in trial.pulses.iter().zip(&trial.profiles) {
-                let carrier = Carrier::new(&layout, pulse.cycles_a_bin);
+                let carrier = Carrier::new(layout, pulse.cycles_a_bin);
                 layout.make(instructions, profile, &carrier, 0.75, &mut pieces);
                 add_points(instructions, layout, pulse, &pieces, &points, &mut sums);
             }
