@@ -65,6 +65,13 @@ pub const DEFAULT_ERROR_DB: f64 = -60.0;
 /// random thousands of pixels of the GOTCHA scene. This margin keeps nearly all of it within the bound.
 pub const MARGIN_DB: f64 = 4.0;
 
+/// The instructions that images are formed in on this machine: `avx512`, `avx2`, `neon` or `portable`.
+///
+/// Kernels give the same bits in all of them; Fourier transforms do not, and follow the processor too.
+pub fn instructions() -> &'static str {
+    subaperture_kernels::lanes::Instructions::best().name()
+}
+
 /// One image to form.
 #[derive(Clone, Copy)]
 pub struct Task<'a> {

@@ -185,6 +185,7 @@ pub(crate) fn record_of_run(session: &Session, taken: Duration) -> Value {
         "version": env!("CARGO_PKG_VERSION"),
         "run_time_s": taken.as_secs_f64(),
         "threads": session.threads,
+        "instructions": subaperture::focus::instructions(),
         "memory_bytes": session.memory.total_bytes,
     })
 }

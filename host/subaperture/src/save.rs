@@ -61,6 +61,7 @@ impl FocusedImage {
                 "program": "subaperture",
                 "version": env!("CARGO_PKG_VERSION"),
                 "run_time_s": self.taken.as_secs_f64(),
+                "instructions": subaperture_focus::instructions(),
                 "memory_bytes": self.memory_bytes,
             }),
             command_line: Value::Null,

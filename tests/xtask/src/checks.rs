@@ -175,32 +175,30 @@ pub(crate) fn clippy_firmware(runner: &mut Runner) {
 }
 
 pub(crate) fn doc_host(runner: &mut Runner) {
+    // Links to what a feature brings. First, so that what stays in `target/doc` is of all features.
+    for (name, package, features) in [
+        (
+            "documentation, core, the Keystone alone",
+            "subaperture-core",
+            "",
+        ),
+        ("documentation, core, stream", "subaperture-core", "stream"),
+        ("documentation, library without features", "subaperture", ""),
+    ] {
+        runner.check(
+            name,
+            cargo(&["doc", "--package", package, "--no-deps"])
+                .args(["--no-default-features", "--features", features])
+                .arg("--locked")
+                .env("RUSTDOCFLAGS", "-D warnings"),
+        );
+    }
     runner.check(
         "documentation",
         cargo(&["doc", "--workspace", "--exclude", "subaperture-firmware"])
             .args(["--no-deps", "--locked"])
             .env("RUSTDOCFLAGS", "-D warnings"),
     );
-    // Links to what a feature brings. In a folder of its own: `target/doc` is of all features.
-    let folder = target_folder().join("core-doc");
-    for (name, features) in [
-        ("documentation, core, the Keystone alone", ""),
-        ("documentation, core, stream", "stream"),
-        ("documentation, library without features", ""),
-    ] {
-        let package = match name.contains("core") {
-            true => "subaperture-core",
-            false => "subaperture",
-        };
-        runner.check(
-            name,
-            cargo(&["doc", "--package", package, "--no-deps"])
-                .args(["--no-default-features", "--features", features])
-                .args(["--locked", "--target-dir"])
-                .arg(&folder)
-                .env("RUSTDOCFLAGS", "-D warnings"),
-        );
-    }
 }
 
 pub(crate) fn doc_firmware(runner: &mut Runner) {

@@ -14,6 +14,8 @@ use crate::sub_cpi;
 
 /// Sides of leaves, pixels.
 const SIDES: [usize; 5] = [16, 24, 32, 48, 64];
+/// Pixels a side of first patches at most, so that tiles of a large image need no larger patch's work.
+const LARGEST_FIRST: usize = 1024;
 /// Pulses that a stretch has at least, if it is short for want of scratch.
 const SHORTEST: usize = 64;
 /// What a plan fixes: the rest follows from it.
@@ -98,6 +100,10 @@ fn fastest(aim: &Aim, refiner: &Refiner, stretch: &Stretch) -> Option<(f64, Tree
             let whole = parts[0].max(parts[1]).next_power_of_two().ilog2() as usize;
             for levels in (0..=whole).rev() {
                 let tree = Tree { leaf, levels };
+                let largest = tree.size(levels).into_iter().max().unwrap_or(0);
+                if levels > 0 && largest > LARGEST_FIRST {
+                    continue;
+                }
                 let way = Way::new(aim, refiner, stretch, &tree);
                 let few = levels < whole.min(3);
                 if few && refiner.shares().decimate && stretch.pulses.len() > SHORTEST {

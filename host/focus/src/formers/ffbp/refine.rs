@@ -345,11 +345,9 @@ impl<'a> Refiner<'a> {
     /// Pulses of a history from `first` on.
     fn make(&self, step: &Step, first: usize, out: &mut [f32], scratch: &mut RefineScratch) {
         match self.taps.len() {
-            6 => self.make_with::<6>(step, first, out, scratch),
             8 => self.make_with::<8>(step, first, out, scratch),
             10 => self.make_with::<10>(step, first, out, scratch),
             12 => self.make_with::<12>(step, first, out, scratch),
-            14 => self.make_with::<14>(step, first, out, scratch),
             _ => self.make_with::<16>(step, first, out, scratch),
         }
     }
