@@ -21,9 +21,10 @@ const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Begin first, longest first: whatever starts late and takes long is waited for alone. Those that build firmware, one at a time
 /// over all processes, stand apart, so that they do not wait for each other.
-const LONGEST: [&str; 17] = [
+const LONGEST: [&str; 18] = [
     "firmware::golden",
     "recordings::tune_certainty",
+    "cli::tiles",
     "gallery",
     "firmware::budgets",
     "cli::overwrite",
