@@ -79,7 +79,7 @@ pub fn merit(
         };
         let former = Backprojection { error_db: ERROR_DB };
         // A search looks at dark places too.
-        former.form_best(&task).map(|formed| formed.image)
+        former.form_planned(&task).map(|formed| formed.image)
     };
     let mut pixels = Vec::new();
     match sight {
@@ -149,7 +149,7 @@ pub fn merits(
                 monitor: &quiet,
             };
             let former = Backprojection { error_db: ERROR_DB };
-            pixels.extend(former.form_best(&task)?.image.pixels);
+            pixels.extend(former.form_planned(&task)?.image.pixels);
         }
         // Each image is normalised by its own weights; the sum of all is by theirs.
         for (sum, pixel) in whole.iter_mut().zip(&mut pixels) {

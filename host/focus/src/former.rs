@@ -223,6 +223,15 @@ pub trait ImageFormer: Send + Sync {
         self.form_asked(task, Misses::Allowed)
     }
 
+    /// Forms the image of `task` as planned, and does not compare it with the exact sum: for the many images of a search, of
+    /// which the one that is found is formed again.
+    ///
+    /// # Errors
+    /// [`FormError`], [`FormError::BoundMissed`] never.
+    fn form_planned(&self, task: &Task) -> Result<Formed, FormError> {
+        accuracy::keep_planned(self, task, Misses::Allowed)
+    }
+
     /// [`Self::form`] or [`Self::form_best`].
     ///
     /// # Errors

@@ -1,8 +1,10 @@
 //! What a plan fixes: stretches of pulses, and how the grid is cut.
 //!
-//! Of leaves of all [`SIDES`], in both directions, that is taken which makes the way down the fastest, by the account of [`super::cost`] on the way to the
-//! pixel in the middle. First patches are as large as the image, or as the scratch allows; where it allows hardly any, the pulses are taken
-//! in stretches. Stretches are cut where antennas jump.
+//! Of leaves of all [`SIDES`], in both directions, that is taken which makes the way down the fastest, by the account of [`super::cost`] on the
+//! way to the pixel in the middle. First patches are as large as the image, or as the scratch allows; where shorter stretches of pulses, whose
+//! histories are smaller, are faster, they are taken. Stretches are cut where antennas jump, too.
+
+use std::ops::RangeInclusive;
 
 use super::cost::Way;
 use super::refine::Refiner;
@@ -18,6 +20,7 @@ const SIDES: [usize; 5] = [16, 24, 32, 48, 64];
 const LARGEST_FIRST: usize = 1024;
 /// Pulses that a stretch has at least, if it is short for want of scratch.
 const SHORTEST: usize = 64;
+
 /// What a plan fixes: the rest follows from it.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Choices {
@@ -72,7 +75,12 @@ impl Choices {
     }
 }
 
-/// The sides that leaves may have along `count` pixels.
+/// The sides that leaves may have along `count` pixels, from the least to the largest.
+pub(super) fn leaf_sides(count: usize) -> RangeInclusive<usize> {
+    SIDES[0].min(count)..=SIDES[SIDES.len() - 1]
+}
+
+/// Those that are tried.
 fn sides(count: usize) -> Vec<usize> {
     let mut sides: Vec<usize> = SIDES.iter().map(|&side| side.min(count)).collect();
     sides.dedup();

@@ -15,7 +15,7 @@
 use super::history::Axes;
 use super::leaf::SUMMED_PULSES;
 use super::patch_view::Patch;
-use super::refine::{READ_BYTES, Refiner};
+use super::refine::Refiner;
 use super::shares::DEGREE;
 use super::thinned::Stretch;
 use super::tree::Tree;
@@ -230,7 +230,7 @@ impl<'a> Way<'a> {
 
     /// Bytes of a thread that takes a patch of this level by itself.
     pub(super) fn thread_bytes(&self, level: usize) -> u64 {
-        2 * self.bytes_at(level) + self.leaf_bytes() + READ_BYTES
+        2 * self.bytes_at(level) + self.leaf_bytes()
     }
 
     /// Bytes of the history of a patch of this level.
@@ -262,7 +262,8 @@ pub(super) fn cost(
         held = way.held_bytes().max(held);
         thread = way.thread_bytes(task).max(thread);
     }
+    let pulses = held + refiner.read_bytes(1);
     Cost::new(operations, 0.0)
-        .holding("pulses", Each::Pass, held as f64)
+        .holding("pulses", Each::Pass, pulses as f64)
         .holding("patches' pulses", Each::Thread, thread as f64)
 }

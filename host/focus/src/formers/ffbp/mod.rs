@@ -177,8 +177,7 @@ struct Opened<'a> {
     tasks: Patches,
 }
 
-/// Largest leaf and number of levels that a plan may ask for.
-const LARGEST_LEAF: usize = 64;
+/// Most levels that a plan may ask for.
 const MOST_LEVELS: usize = 32;
 
 impl<'a> Opened<'a> {
@@ -186,10 +185,8 @@ impl<'a> Opened<'a> {
         shared_band(aim.collection)?;
         let refiner = Refiner::new(aim.collection, shares);
         let tree = choices.tree;
-        let leaves = tree
-            .leaf
-            .iter()
-            .all(|side| (1..=LARGEST_LEAF).contains(side));
+        let sides = [aim.grid.rows.count, aim.grid.columns.count].map(choice::leaf_sides);
+        let leaves = [0, 1].map(|i| sides[i].contains(&tree.leaf[i])) == [true; 2];
         let counts = &choices.stretches;
         let total = counts
             .iter()
@@ -218,12 +215,14 @@ impl<'a> Opened<'a> {
         })
     }
 
-    fn recorded<'b>(&self, work: &'b Work, stretch: &Stretch) -> Recorded<'b> {
+    fn recorded<'b>(&self, work: &'b Work, at_once: usize, stretch: &Stretch) -> Recorded<'b> {
         let weights = self.aim.weights;
         let norm = weights.normalisation();
         let slow = &weights.slow[stretch.pulses.clone()];
         Recorded {
             history: work.history,
+            at_once,
+            monitor: work.monitor,
             fast: weights.fast.iter().map(|&w| w as f32).collect(),
             slow: slow.iter().map(|w| (w * norm) as f32).collect(),
         }
@@ -232,6 +231,7 @@ impl<'a> Opened<'a> {
     fn add_all(
         &self,
         work: &Work,
+        at_once: usize,
         breadth_bytes: u64,
         tiles: &mut [Tile],
     ) -> Result<(), FormError> {
@@ -239,7 +239,7 @@ impl<'a> Opened<'a> {
         let (done, pool) = (AtomicUsize::new(0), Pool::default());
         let tasks = self.stretches.len() * wanted.len();
         for stretch in &self.stretches {
-            let recorded = self.recorded(work, stretch);
+            let recorded = self.recorded(work, at_once, stretch);
             let descent = Descent {
                 monitor: work.monitor,
                 grid: self.aim.grid,
@@ -281,14 +281,22 @@ impl Forming for Opened<'_> {
             .collect();
         let held = ways.iter().map(Way::held_bytes).max().unwrap_or(0);
         budget.take("histories of patches", held.into(), &[Remedy::MoreMemory])?;
+        let threads = rayon::current_num_threads();
+        let mut reading_for = threads;
+        while reading_for > 1 && self.refiner.read_bytes(reading_for) > budget.left_bytes() / 4 {
+            reading_for /= 2;
+        }
+        let reading = self.refiner.read_bytes(reading_for);
+        budget.take("pulses being read", reading.into(), &[Remedy::MoreMemory])?;
         let task = task_level(tree);
         let thread = ways.iter().map(|way| way.thread_bytes(task)).max();
         let thread = thread.unwrap_or(0);
-        let threads = rayon::current_num_threads() as u64;
-        let breadth_bytes = (budget.left_bytes() / 2 / BREADTH).min(threads * LARGEST_BREADTH);
+        let largest = threads as u64 * LARGEST_BREADTH;
+        let breadth_bytes = (budget.left_bytes() / 2 / BREADTH).min(largest);
         let more = budget.left_bytes() / 2 / thread.max(1);
+        let at_once = self.refiner.read_together(reading_for);
         on_threads(more.saturating_add(1) as usize, || {
-            self.add_all(work, breadth_bytes, tiles)
+            self.add_all(work, at_once, breadth_bytes, tiles)
         })
     }
 }

@@ -27,6 +27,7 @@ use crate::FormError;
 use subaperture_kernels::halving::{self, Halving, HalvingScratch, Rows, Turning};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Collection, PhaseHistory};
 use subaperture_signal::phase::phasor;
 
@@ -43,11 +44,15 @@ const FASTEST: f64 = 0.3;
 /// Pulses, at least, that a thread makes at a time.
 const BLOCK: usize = 16;
 /// Bytes of recorded pulses that are read together, for each thread: what stays in caches.
-pub(super) const READ_BYTES: u64 = 1 << 20;
+const READ_BYTES: u64 = 1 << 20;
 
 /// Pulses as recorded.
 pub(super) struct Recorded<'a> {
     pub(super) history: &'a dyn PhaseHistory,
+    /// Pulses that are read together.
+    pub(super) at_once: usize,
+    /// Asked whether to read on.
+    pub(super) monitor: &'a dyn Monitor,
     pub(super) fast: Vec<f32>,
     /// One a pulse of the stretch.
     pub(super) slow: Vec<f32>,
@@ -206,17 +211,15 @@ impl<'a> Refiner<'a> {
         halves: [bool; 2],
         own: &mut PatchHistory,
     ) -> Result<(), FormError> {
+        let monitor = recorded.monitor;
         let axes = Axes::recorded(self.collection);
         let (size, width) = (
             self.prepare(stretch, &axes, patch, halves, own),
             axes.num_samples,
         );
         let (num_pulses, num_after) = (stretch.pulses.len(), own.num_pulses());
-        // Whole blocks, so that whoever sums pulses as they are read does it in the same order for any number of threads.
-        let at_once = rayon::current_num_threads() * READ_BYTES as usize / (8 * width);
-        let at_once = at_once.max(1).next_multiple_of(2 * BLOCK).min(num_pulses);
-        // Beside those that are read, what is kept of those before.
-        let room = (at_once + 2 * self.taps.len()) * width;
+        let at_once = recorded.at_once.min(num_pulses);
+        let room = self.room(at_once);
         let [mut samples, mut ahead] = [(); 2].map(|()| vec![Complex32::ZERO; room]);
         // Pulses of the stretch in hand.
         let mut here = 0..at_once;
@@ -249,7 +252,7 @@ impl<'a> Refiner<'a> {
                 size,
             };
             let out = &mut own.values[made * size..until * size];
-            if here.end == num_pulses {
+            if here.end == num_pulses || monitor.cancelled() {
                 self.make_together(&step, made, out);
                 return Ok(());
             }
@@ -267,6 +270,25 @@ impl<'a> Refiner<'a> {
             std::mem::swap(&mut samples, &mut ahead);
             (here, made) = (kept.start..next.end, until);
         }
+    }
+
+    /// Recorded pulses that are read together: whole blocks, so that whoever sums pulses as they are read does it in the same order
+    /// for any number of threads.
+    pub(super) fn read_together(&self, threads: usize) -> usize {
+        let pulse_bytes = 8 * self.collection.num_samples;
+        let pulses = threads * READ_BYTES as usize / pulse_bytes;
+        let whole = pulses.max(1).next_multiple_of(BLOCK);
+        whole.min(self.collection.pulses.len())
+    }
+
+    /// Samples that are held of so many pulses, beside them what is kept of those before.
+    fn room(&self, at_once: usize) -> usize {
+        (at_once + 2 * self.taps.len()) * self.collection.num_samples
+    }
+
+    /// Bytes of the pulses in hand and of those being read.
+    pub(super) fn read_bytes(&self, threads: usize) -> u64 {
+        2 * 8 * self.room(self.read_together(threads)) as u64
     }
 
     /// Makes `own`, the history of a patch, from one around it, halved as `halves` says.
