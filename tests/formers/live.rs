@@ -200,9 +200,10 @@ fn bounds_are_kept_as_asked() {
         (0..PULSES).for_each(|n| pulses.push(&mut live, n));
         let (measured_db, accuracy) = (error_db(&live.image(), &exact), live.accuracy());
         println!("{bound_db} dB asked: {measured_db:.1} dB, {accuracy:?}");
-        // No finer than it has to be: 4 dB are kept, lengths are rounded up, and a flat band reads 7 dB less.
+        // No finer than it has to be: 4 dB are kept, lengths are rounded up (by a quarter at most: 6 to 8 dB), and a flat band reads 7 to
+        // 9 dB less.
         assert!(
-            measured_db < bound_db && measured_db > bound_db - 18.0,
+            measured_db < bound_db && measured_db > bound_db - 22.0,
             "{measured_db}"
         );
         assert!(measured_db < accuracy.predicted_db() + 1.0 && accuracy.predicted_db() < bound_db);

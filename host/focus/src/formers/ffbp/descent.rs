@@ -117,7 +117,7 @@ impl Descent<'_, '_> {
             }
             let mut next = self.pool.take(self.room(&held.history.axes, halves));
             let own = &mut next.history;
-            refiner.refine_together(stretch, &held.history, &patch, halves, own);
+            refiner.refine(stretch, &held.history, &patch, halves, own, None);
             held = next;
         }
         self.down(node, Arc::new(held));
@@ -196,13 +196,9 @@ impl Descent<'_, '_> {
         }
         let mut held = self.pool.take(self.room(&parent.history.axes, halves));
         let (parent, own) = (&parent.history, &mut held.history);
-        match together {
-            true => refiner.refine_together(stretch, parent, patch, halves, own),
-            false => {
-                let mut scratch = RefineScratch::default();
-                refiner.refine(stretch, parent, patch, halves, own, &mut scratch);
-            }
-        }
+        let mut scratch = RefineScratch::default();
+        let alone = (!together).then_some(&mut scratch);
+        refiner.refine(stretch, parent, patch, halves, own, alone);
         Arc::new(held)
     }
 
@@ -253,7 +249,7 @@ impl Descent<'_, '_> {
                 &patch,
                 halves,
                 &mut own,
-                &mut scratch.refine,
+                Some(&mut scratch.refine),
             );
             self.task(quarter, &own, &mut part, scratch);
             scratch.levels.push(own);

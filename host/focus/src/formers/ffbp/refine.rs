@@ -291,7 +291,7 @@ impl<'a> Refiner<'a> {
         2 * 8 * self.room(self.read_together(threads)) as u64
     }
 
-    /// Makes `own`, the history of a patch, from one around it, halved as `halves` says.
+    /// Makes `own`, the history of a patch, from one around it, halved as `halves` says: on this thread with its buffers, else on all.
     pub(super) fn refine(
         &self,
         stretch: &Stretch,
@@ -299,7 +299,7 @@ impl<'a> Refiner<'a> {
         patch: &Patch,
         halves: [bool; 2],
         own: &mut PatchHistory,
-        scratch: &mut RefineScratch,
+        alone: Option<&mut RefineScratch>,
     ) {
         let size = self.prepare(stretch, &parent.axes, patch, halves, own);
         let before = Before::History(parent);
@@ -310,28 +310,10 @@ impl<'a> Refiner<'a> {
             halves,
             size,
         };
-        self.make(&step, 0, &mut own.values, scratch);
-    }
-
-    /// The same on all threads.
-    pub(super) fn refine_together(
-        &self,
-        stretch: &Stretch,
-        parent: &PatchHistory,
-        patch: &Patch,
-        halves: [bool; 2],
-        own: &mut PatchHistory,
-    ) {
-        let size = self.prepare(stretch, &parent.axes, patch, halves, own);
-        let before = Before::History(parent);
-        let step = Step {
-            stretch,
-            before,
-            patch,
-            halves,
-            size,
-        };
-        self.make_together(&step, 0, &mut own.values);
+        match alone {
+            Some(scratch) => self.make(&step, 0, &mut own.values, scratch),
+            None => self.make_together(&step, 0, &mut own.values),
+        }
     }
 
     /// Pulses of a history from `first` on, some of them on each thread.
