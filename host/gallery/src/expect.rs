@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::items::{backprojection, grid_about, lone_scatterer};
+use super::items::{grid_about, lone_scatterer, thesis};
 use super::{Context, Item, store};
 use subaperture_focus::forecast::Forecast;
 use subaperture_focus::{FormError, ImageFormer, Task};
@@ -15,6 +15,8 @@ use subaperture_signal::window::Window;
 /// Half a side of the image that is timed, and its pixels', metres.
 const HALF_M: f64 = 15.0;
 const STEP_M: f64 = 0.3;
+/// Pulses a sub-CPI of it.
+const SUB_CPI: usize = 40;
 
 /// What a run would do.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +29,8 @@ pub struct Expected {
     pub time: Forecast,
 }
 
-/// What [`run`](super::run) with the same arguments would do. A backprojection of 101 x 101 pixels is timed; items on recordings of
+/// What [`run`](super::run) with the same arguments would do. An image of 101 x 101 pixels is timed, of the thesis's mode, which most items take most of
+/// their time with; items on recordings of
 /// their own ([`Context::gotcha`]) take longer than they are told to.
 ///
 /// # Errors
@@ -36,7 +39,7 @@ pub fn expect(items: &[Item], folder: &Path, context: &Context) -> Result<Expect
     let scene = lone_scatterer(DVec3::ZERO);
     let weights = Weights::new(scene.collection(), Window::None, Window::None);
     let start = Instant::now();
-    backprojection().form_best(&Task {
+    thesis(SUB_CPI).form_best(&Task {
         history: &scene,
         grid: &grid_about(DVec3::ZERO, HALF_M, HALF_M, STEP_M),
         weights: &weights,

@@ -70,12 +70,12 @@ pub(super) fn hold(context: &Context, history: &dyn PhaseHistory) -> Result<InMe
 }
 
 /// The thesis's former with its Doppler padded as it does most.
-pub(super) fn thesis(sub_cpi: usize) -> RangeDoppler {
+pub(crate) fn thesis(sub_cpi: usize) -> RangeDoppler {
     thesis_with(sub_cpi, Thesis::default())
 }
 
 /// The thesis's former.
-pub(super) fn thesis_with(sub_cpi: usize, options: Thesis) -> RangeDoppler {
+pub(crate) fn thesis_with(sub_cpi: usize, options: Thesis) -> RangeDoppler {
     RangeDoppler {
         mode: Mode::Thesis(options),
         error_db: ERROR_DB,

@@ -20,7 +20,7 @@ mod moving;
 mod point;
 mod point_cuts;
 
-pub(super) use forming::{backprojection, grid_about, lone_scatterer};
+pub(super) use forming::{grid_about, lone_scatterer, thesis};
 
 use super::Item;
 
