@@ -75,7 +75,7 @@ pub(crate) fn thesis(sub_cpi: usize) -> RangeDoppler {
 }
 
 /// The thesis's former.
-pub(crate) fn thesis_with(sub_cpi: usize, options: Thesis) -> RangeDoppler {
+pub(super) fn thesis_with(sub_cpi: usize, options: Thesis) -> RangeDoppler {
     RangeDoppler {
         mode: Mode::Thesis(options),
         error_db: ERROR_DB,
