@@ -176,3 +176,57 @@ fn leg(antenna_m: &[f64; 3], raster: &Raster, squares: [f64; 3]) -> Leg {
         ],
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trial::Numbers;
+
+    #[test]
+    fn what_the_polynomial_leaves_out_is_bounded() {
+        let mut numbers = Numbers::new(3);
+        let mut nearest = 0.0f64;
+        for _ in 0..3000 {
+            let mut direction = || {
+                let v: [f64; 3] = std::array::from_fn(|_| numbers.signed());
+                let length = v.iter().map(|x| x * x).sum::<f64>().sqrt().max(1e-3);
+                v.map(|x| x / length)
+            };
+            let (line, u) = (direction(), direction());
+            let x = 0.02 + 0.7 * numbers.unit();
+            let at = line.map(|x| x * 100.0);
+            let antennas = Antennas {
+                transmitter_m: at,
+                receiver_m: at,
+                datum_m: 0.0,
+            };
+            // The pixel at an end of a row of two.
+            let raster = Raster {
+                centre_m: [0.0; 3],
+                along_m: u.map(|u| 2.0 * u * x * 100.0),
+                across_m: [0.0; 3],
+                rows: 1,
+                columns: 2,
+            };
+            let Expansion {
+                at,
+                first,
+                second,
+                third,
+                ..
+            } = Expansion::new(&antennas, &raster, 1.0);
+            let i = 0.5;
+            let got_m = at + i * (first[0] + i * (second[0] + i * third[0]));
+            let pixel: [f64; 3] = std::array::from_fn(|d| raster.along_m[d] * i);
+            let from = antennas.transmitter_m;
+            let across = (pixel[0] - from[0]).hypot(pixel[1] - from[1]);
+            let path_m = 2.0 * across.hypot(pixel[2] - from[2]);
+            let error_m = (got_m - path_m).abs();
+            let bound_m = 2.0 * left_out_m(100.0, raster.radius_m());
+            assert!(error_m <= bound_m * 1.000_001, "{x}: {error_m} {bound_m}");
+            nearest = nearest.max(error_m / bound_m);
+        }
+        assert!(nearest > 0.7, "{nearest}");
+        assert_eq!(left_out_m(1.0, 1.0), f64::INFINITY);
+    }
+}

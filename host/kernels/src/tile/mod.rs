@@ -28,8 +28,6 @@ mod points;
 mod pulse;
 mod scratch;
 mod shape;
-#[cfg(test)]
-mod tests;
 
 /// Degrees of splines that tiles are made of: in between, the least of work and of upsampling.
 pub const DEGREES: [usize; 2] = [2, 3];

@@ -1,0 +1,290 @@
+//! Each operation alone, in all instructions that there are, against plain arithmetic on one number: on numbers of every kind, from
+//! and to any place in memory.
+
+use std::panic::catch_unwind;
+
+use super::*;
+
+/// Of every kind: zeros, the ends of what is denormal and of what is finite, whole numbers whose patterns count places, none at all.
+const SPECIAL: [f32; 22] = [
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    1.5,
+    f32::EPSILON,
+    1e-45,
+    -1e-45,
+    1.1754942e-38,
+    f32::MIN_POSITIVE,
+    -f32::MIN_POSITIVE,
+    1e-30,
+    -3e-23,
+    16_777_217.0,
+    12_582_912.0,
+    -12_582_919.0,
+    1.8446744e19,
+    f32::MAX,
+    f32::MIN,
+    f32::INFINITY,
+    f32::NEG_INFINITY,
+    f32::NAN,
+];
+
+/// Numbers of every kind and patterns of any, so that those of three slices meet in many ways.
+fn numbers(seed: u32) -> Vec<f32> {
+    let mut state = seed;
+    let mut bits = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        // The lowest bits of such a generator are worth little.
+        (state >> 8) ^ state.rotate_left(13)
+    };
+    // Miri takes a thousand times as long.
+    let count = if cfg!(miri) { 320 } else { 4096 };
+    (0..count)
+        .map(|_| match bits() % 3 {
+            0 => SPECIAL[bits() as usize % SPECIAL.len()],
+            1 => f32::from_bits(bits()),
+            _ => (bits() % 2001) as f32 / 1000.0 - 1.0,
+        })
+        .collect()
+}
+
+/// The same number; which of those that are none is not laid down.
+fn same(a: f32, b: f32) -> bool {
+    a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan()
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Operation {
+    Add,
+    Sub,
+    Mul,
+    MulAdd,
+    NegMulAdd,
+}
+
+impl Operation {
+    const ALL: [Self; 5] = [
+        Self::Add,
+        Self::Sub,
+        Self::Mul,
+        Self::MulAdd,
+        Self::NegMulAdd,
+    ];
+
+    /// On one number each, rounded once.
+    fn of(self, a: f32, b: f32, c: f32) -> f32 {
+        // Exact in float64.
+        let product = f64::from(a) * f64::from(b);
+        match self {
+            Self::Add => a + b,
+            Self::Sub => a - b,
+            Self::Mul => product as f32,
+            Self::MulAdd => rounded_sum(product, c),
+            Self::NegMulAdd => rounded_sum(-product, c),
+        }
+    }
+}
+
+/// `a + b`, rounded once: float64 with its last bit set wherever something was left out (rounding to odd) rounds to float32 as the exact
+/// sum does, for it has more than two bits to spare.
+fn rounded_sum(a: f64, b: f32) -> f32 {
+    let b = f64::from(b);
+    let sum = a + b;
+    // What was left out, exactly (Knuth's two-sum).
+    let of_b = sum - a;
+    let left_out = (a - (sum - of_b)) + (b - of_b);
+    if !sum.is_finite() || left_out == 0.0 || sum.to_bits() % 2 == 1 {
+        return sum as f32;
+    }
+    let away = (left_out > 0.0) == (sum > 0.0);
+    let odd = if away {
+        sum.to_bits() + 1
+    } else {
+        sum.to_bits() - 1
+    };
+    f64::from_bits(odd) as f32
+}
+
+/// Loads, an operation, stores: from `shift` numbers after the slices' beginnings, so at any place in memory.
+struct Each<'a> {
+    operation: Operation,
+    from: [&'a [f32]; 3],
+    shift: usize,
+}
+
+impl Kernel for Each<'_> {
+    type Output = Vec<f32>;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Vec<f32> {
+        let [a, b, c] = self.from.map(|from| &from[self.shift..]);
+        let count = a.len() - a.len() % L::COUNT;
+        // Nothing but what is meant is written to.
+        let mut all = vec![7.0; self.shift + count + 1];
+        for i in (0..count).step_by(L::COUNT) {
+            let to = &mut all[self.shift + i..self.shift + i + L::COUNT];
+            let (a, b, c) = (
+                lanes.load(&a[i..]),
+                lanes.load(&b[i..]),
+                lanes.load(&c[i..]),
+            );
+            let result = match self.operation {
+                Operation::Add => lanes.add(a, b),
+                Operation::Sub => lanes.sub(a, b),
+                Operation::Mul => lanes.mul(a, b),
+                Operation::MulAdd => lanes.mul_add(a, b, c),
+                Operation::NegMulAdd => lanes.neg_mul_add(a, b, c),
+            };
+            lanes.store(result, to);
+        }
+        assert!(all[..self.shift].iter().all(|x| *x == 7.0));
+        assert_eq!(all.pop(), Some(7.0));
+        all.split_off(self.shift)
+    }
+}
+
+#[test]
+fn arithmetic_is_that_of_one_number() {
+    let [a, b, c] = [1, 2, 3].map(numbers);
+    for instructions in all() {
+        for operation in Operation::ALL {
+            for shift in 0..5 {
+                let from = [a.as_slice(), &b, &c];
+                let got = instructions.run(Each {
+                    operation,
+                    from,
+                    shift,
+                });
+                assert!(got.len() + shift + GROUP > a.len());
+                for (i, got) in got.into_iter().enumerate().map(|(i, got)| (i + shift, got)) {
+                    let expected = operation.of(a[i], b[i], c[i]);
+                    assert!(
+                        same(got, expected),
+                        "{instructions:?} {operation:?} of {:?}, {:?}, {:?}: {got:?}, not {expected:?}",
+                        a[i],
+                        b[i],
+                        c[i]
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// What moves numbers and computes nothing keeps every bit, of those that are none too.
+struct Moved<'a> {
+    numbers: &'a [f32],
+    values: &'a [f32; 32],
+}
+
+impl Kernel for Moved<'_> {
+    type Output = [Vec<f32>; 5];
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> [Vec<f32>; 5] {
+        let mut moved: [Vec<f32>; 5] = Default::default();
+        let narrow = lanes.narrow(self.values[5..21].try_into().expect("16 values"));
+        let wide = lanes.wide(self.values);
+        for pair in self.numbers.chunks_exact(2 * GROUP) {
+            let [mut even, mut odd] = [[0.0; GROUP]; 2];
+            for i in (0..GROUP).step_by(L::COUNT) {
+                let first = lanes.load(&pair[2 * i..]);
+                let [e, o] = lanes.unzip(first, lanes.load(&pair[2 * i + L::COUNT..]));
+                lanes.store(e, &mut even[i..]);
+                lanes.store(o, &mut odd[i..]);
+            }
+            moved[0].extend(even);
+            moved[1].extend(odd);
+        }
+        for part in self.numbers.chunks_exact(GROUP) {
+            let [mut of_narrow, mut of_wide, mut splat] = [[0.0; GROUP]; 3];
+            for i in (0..GROUP).step_by(L::COUNT) {
+                let at = lanes.load(&part[i..]);
+                lanes.store(lanes.of_narrow(narrow, at), &mut of_narrow[i..]);
+                lanes.store(lanes.of_wide(wide, at), &mut of_wide[i..]);
+                lanes.store(lanes.splat(part[0]), &mut splat[i..]);
+            }
+            moved[2].extend(of_narrow);
+            moved[3].extend(of_wide);
+            moved[4].extend(splat);
+        }
+        moved
+    }
+}
+
+#[test]
+fn numbers_are_moved_bit_for_bit() {
+    let (places, values) = (numbers(4), numbers(5));
+    let values: &[f32; 32] = values[..32].try_into().unwrap();
+    let at = |count: u32, from: usize| {
+        let places = places.iter();
+        places
+            .map(|place| values[from + (place.to_bits() % count) as usize])
+            .collect::<Vec<_>>()
+    };
+    let halves = [0, 1].map(|first| places.iter().copied().skip(first).step_by(2).collect());
+    let [even, odd]: [Vec<f32>; 2] = halves;
+    let splat = (0..places.len()).map(|i| places[i - i % GROUP]).collect();
+    let expected = [even, odd, at(16, 5), at(32, 0), splat];
+    let bits = |all: &Vec<f32>| all.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    for instructions in all() {
+        let got = instructions.run(Moved {
+            numbers: &places,
+            values,
+        });
+        for (what, (got, expected)) in got.iter().zip(&expected).enumerate() {
+            assert!(bits(got) == bits(expected), "{instructions:?} {what}");
+        }
+    }
+}
+
+/// Reads or writes one number fewer than there are lanes.
+struct TooFew {
+    is_read: bool,
+}
+
+impl Kernel for TooFew {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let mut room = [0.0; GROUP];
+        let room = &mut room[..L::COUNT - 1];
+        match self.is_read {
+            true => _ = std::hint::black_box(lanes.load(room)),
+            false => lanes.store(lanes.splat(1.0), room),
+        }
+    }
+}
+
+#[test]
+fn beyond_a_slice_nothing_is_read_or_written() {
+    for instructions in all() {
+        for is_read in [true, false] {
+            let done = catch_unwind(|| instructions.run(TooFew { is_read }));
+            assert!(done.is_err(), "{instructions:?} {is_read}");
+        }
+    }
+}
+
+/// All that the processor has; says what of this architecture it has not.
+fn all() -> Vec<Instructions> {
+    let available = Instructions::available();
+    #[cfg(target_arch = "x86_64")]
+    let known = [Instructions::Avx2, Instructions::Avx512];
+    #[cfg(target_arch = "aarch64")]
+    let known = [Instructions::Neon];
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+    let known: [Instructions; 0] = [];
+    for instructions in known {
+        if !available.contains(&instructions) {
+            println!(
+                "skipped: kernels in {}: this processor has none",
+                instructions.name()
+            );
+        }
+    }
+    available
+}

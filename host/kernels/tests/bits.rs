@@ -1,0 +1,105 @@
+//! The very bits that the kernels make of numbers that are the same everywhere: one sum of each, stated here, in all instructions of every
+//! machine. That they are right is shown by the tests of each kernel; a change of arithmetic on purpose changes them, and is then to be
+//! seen in the tests' messages.
+
+use num_complex::{Complex32, Complex64};
+use subaperture_kernels::horner::{NARROW_TOGETHER, TOGETHER, narrow_sums, power, sums};
+use subaperture_kernels::lanes::Instructions;
+use subaperture_kernels::tile::DEGREES;
+
+use crate::halving::{Case, WAYS};
+use crate::tile::{Trial, points};
+use crate::trial::Numbers;
+
+/// A sum of bits that depends on their order: FNV-1a's, of whole numbers.
+struct Sum(u64);
+
+impl Sum {
+    fn new() -> Self {
+        Self(0xCBF2_9CE4_8422_2325)
+    }
+
+    fn add(&mut self, bits: u64) {
+        self.0 = (self.0 ^ bits).wrapping_mul(0x0100_0000_01B3);
+        // A product's highest bits depend on all: let the lowest, too.
+        self.0 ^= self.0 >> 29;
+    }
+
+    fn narrow(&mut self, values: &[Complex32]) {
+        let parts = values.iter().flat_map(|z| [z.re, z.im]);
+        parts.for_each(|x| self.add(x.to_bits().into()));
+    }
+
+    fn wide(&mut self, values: &[Complex64]) {
+        let parts = values.iter().flat_map(|z| [z.re, z.im]);
+        parts.for_each(|x| self.add(x.to_bits()));
+    }
+}
+
+fn held(name: &str, stated: u64, of: impl Fn(Instructions, &mut Sum)) {
+    for instructions in Instructions::available() {
+        let mut sum = Sum::new();
+        of(instructions, &mut sum);
+        let got = sum.0;
+        assert!(
+            got == stated,
+            "{name} in {instructions:?}: 0x{got:016x}, stated is 0x{stated:016x}"
+        );
+    }
+}
+
+#[test]
+fn of_tiles() {
+    held("tiles", 0xA385_ADD7_D764_60E4, |instructions, sum| {
+        let mut numbers = Numbers::new(11);
+        for index in 0..24 {
+            let trial = Trial::new(&mut numbers, DEGREES[index % 2]);
+            sum.narrow(&trial.form(instructions));
+        }
+    });
+}
+
+#[test]
+fn of_points() {
+    held("points", 0xA310_2108_978B_CF94, |instructions, sum| {
+        let mut numbers = Numbers::new(12);
+        for index in 0..8 {
+            let trial = Trial::new(&mut numbers, 1 + index % 4);
+            sum.narrow(&points(&trial, instructions));
+        }
+    });
+}
+
+#[test]
+fn of_halvings() {
+    held("halvings", 0xF66F_0F65_9EB0_B84D, |instructions, sum| {
+        let case = Case::new(45, 150);
+        for way in WAYS {
+            for row in case.made(instructions, way, 64, true) {
+                sum.narrow(&row);
+            }
+        }
+    });
+}
+
+#[test]
+fn of_sums() {
+    held("sums", 0x15E7_597E_D5B2_D830, |instructions, sum| {
+        let mut numbers = Numbers::new(13);
+        for count in [1, 16, 77, 1000] {
+            let samples = numbers.samples(count);
+            let weights: Vec<f64> = (0..count).map(|_| numbers.unit()).collect();
+            let narrow: Vec<f32> = weights.iter().map(|&weight| weight as f32).collect();
+            // Steps of magnitude 1 but for a rounding.
+            let mut step = || {
+                let (sin, cos) = libm::sincos(7.0 * numbers.unit());
+                Complex64::new(cos, sin)
+            };
+            let steps: [Complex64; NARROW_TOGETHER] = std::array::from_fn(|_| step());
+            let few: &[Complex64; TOGETHER] = steps[..TOGETHER].try_into().unwrap();
+            sum.wide(&sums(instructions, &samples, &weights, few));
+            sum.wide(&narrow_sums(instructions, &samples, &narrow, &steps));
+            sum.add(power(instructions, &samples, &narrow).to_bits());
+        }
+    });
+}

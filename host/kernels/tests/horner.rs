@@ -1,0 +1,87 @@
+use crate::trial::{Numbers, turned, wide};
+use num_complex::Complex64;
+use subaperture_kernels::horner::*;
+use subaperture_kernels::lanes::Instructions;
+
+#[test]
+fn sums_are_what_they_say() {
+    let mut numbers = Numbers::new(1);
+    for count in [0, 1, 77, 1000] {
+        let samples = numbers.samples(count);
+        let weights: Vec<f64> = (0..count).map(|_| numbers.unit()).collect();
+        let turns: [f64; TOGETHER] = std::array::from_fn(|_| numbers.signed());
+        let got = sums(
+            Instructions::Portable,
+            &samples,
+            &weights,
+            &turns.map(turned),
+        );
+        for (got, turns) in got.iter().zip(turns) {
+            let terms = samples.iter().zip(&weights).enumerate();
+            let expected: Complex64 = terms
+                .map(|(k, (&z, w))| wide(z) * w * turned(turns * k as f64))
+                .sum();
+            let error = (got - expected).norm();
+            // The step's own rounding, 1e-16, is taken to the power of up to `count`.
+            assert!(
+                error <= 1e-16 * (3 * count * count) as f64,
+                "{count}: {error}"
+            );
+        }
+        for instructions in Instructions::available() {
+            let other = sums(instructions, &samples, &weights, &turns.map(turned));
+            assert!(other == got, "{}", instructions.name());
+        }
+    }
+}
+
+#[test]
+fn narrow_sums_are_as_good_as_they_say() {
+    let mut numbers = Numbers::new(2);
+    for count in [0, 1, 16, 77, 1000, 4096] {
+        let samples = numbers.samples(count);
+        let weights: Vec<f64> = (0..count).map(|_| numbers.unit()).collect();
+        let narrow_weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
+        let turns: [f64; NARROW_TOGETHER] = std::array::from_fn(|_| numbers.signed());
+        let steps = turns.map(turned);
+        let got = narrow_sums(Instructions::Portable, &samples, &narrow_weights, &steps);
+        let (mut error, mut power) = (0.0, 0.0);
+        for (got, turns) in got.iter().zip(turns) {
+            let terms = samples.iter().zip(&weights).enumerate();
+            let expected: Complex64 = terms
+                .map(|(k, (&z, w))| wide(z) * w * turned(turns * k as f64))
+                .sum();
+            error += (got - expected).norm_sqr();
+            power += expected.norm_sqr();
+        }
+        assert!(
+            error.sqrt() <= NARROW_RMS * power.sqrt(),
+            "{count}: {error} {power}"
+        );
+        for instructions in Instructions::available() {
+            let other = narrow_sums(instructions, &samples, &narrow_weights, &steps);
+            assert!(other == got, "{}", instructions.name());
+        }
+    }
+}
+
+#[test]
+fn power_is_the_squares_sum() {
+    let mut numbers = Numbers::new(3);
+    for count in [0, 1, 77, 1000] {
+        let samples = numbers.samples(count);
+        let weights: Vec<f32> = (0..count).map(|_| numbers.unit() as f32).collect();
+        let terms = samples.iter().zip(&weights);
+        let expected: f64 = terms
+            .map(|(&z, &w)| wide(z).norm_sqr() * f64::from(w).powi(2))
+            .sum();
+        for instructions in Instructions::available() {
+            let got = power(instructions, &samples, &weights);
+            assert!(
+                (got - expected).abs() <= 1e-6 * expected,
+                "{count}: {got} {expected}"
+            );
+            assert_eq!(got, power(Instructions::Portable, &samples, &weights));
+        }
+    }
+}
