@@ -2,7 +2,7 @@
 
 use std::process::{Command, Stdio};
 
-use subaperture_xtask::firmware::TARGET;
+use subaperture_xtask::firmware::{self, TARGET};
 use subaperture_xtask::{root, target_folder};
 
 use crate::prerequisites::{OLDEST_RUST, cargo_deny, toolchain_installed};
@@ -161,6 +161,11 @@ pub(crate) fn packages(runner: &mut Runner) {
     );
 }
 
+/// Builds the firmware that the tests run.
+pub(crate) fn build_firmware(runner: &mut Runner) {
+    runner.work("firmware, all programs", firmware::build_all);
+}
+
 pub(crate) fn clippy_firmware(runner: &mut Runner) {
     for (name, features) in CLIPPY {
         runner.check(
@@ -243,4 +248,42 @@ fn advisories_reachable() -> bool {
         .stderr(Stdio::null())
         .status()
         .is_ok_and(|status| status.success())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The tables of a manifest that say how tests are compiled: their heads and settings.
+    fn profiles(manifest: &str) -> Vec<(&str, Vec<&str>)> {
+        let mut tables = Vec::new();
+        for line in manifest.lines().filter(|line| !line.starts_with('#')) {
+            if line.starts_with('[') {
+                tables.push((line, Vec::new()));
+            } else if let Some((_, settings)) = tables.last_mut()
+                && !line.is_empty()
+            {
+                settings.push(line);
+            }
+        }
+        tables.retain(|(head, _)| head.starts_with("[profile.dev"));
+        tables
+    }
+
+    /// Otherwise cargo checks each package that both have twice.
+    #[test]
+    fn fuzzing_programs_are_compiled_like_the_rest() {
+        let read = |name: &str| std::fs::read_to_string(root().join(name)).unwrap();
+        let lock = read("tests/fuzz/Cargo.lock");
+        let (ours, theirs) = (read("Cargo.toml"), read("tests/fuzz/Cargo.toml"));
+        let mut expected = profiles(&ours);
+        expected.retain(|(head, _)| {
+            let package = head.strip_prefix("[profile.dev.package.");
+            package.is_none_or(|name| {
+                lock.contains(&format!("name = \"{}\"\n", name.trim_end_matches(']')))
+            })
+        });
+        assert!(expected.len() > 1);
+        assert_eq!(profiles(&theirs), expected);
+    }
 }

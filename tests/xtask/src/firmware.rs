@@ -4,13 +4,13 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-use crate::target_folder;
+use crate::{link_alone, target_folder, target_installed};
 
 /// What the firmware is compiled for.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
 /// A program of the firmware, and how it is built.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Build<'a> {
     /// `--bin` or `--example`.
     pub kind: &'a str,
@@ -45,12 +45,74 @@ impl<'a> Build<'a> {
     }
 }
 
+/// All that tests run or look at, those with most in common one after another: [`build_all`] makes them while something else is
+/// checked, so that no test waits for another's build.
+const ALL: [Build<'static>; 28] = [
+    Build::bin("application", "no-panic"),
+    Build::bin("cycles", ""),
+    Build::bin("selftest", ""),
+    Build::example("sections", ""),
+    Build::example("faults", ""),
+    Build::example("panics", ""),
+    // Not to be built: the linker refuses it.
+    Build::example("panics", "no-panic"),
+    Build::example("echo", ""),
+    Build::example("slow_echo", ""),
+    Build::bin("stream_selftest", "no-panic"),
+    Build::bin("application", "no-panic,fixed"),
+    Build::bin("application", "fixed,no-panic"),
+    Build::bin("cycles", "fixed"),
+    Build::bin("application", "size-small,fixed,no-panic"),
+    Build::bin("cycles", "size-small,fixed"),
+    Build::bin("application", "size-large,no-panic"),
+    Build::bin("cycles", "size-large"),
+    Build::bin("selftest", "board-h743"),
+    Build::bin("application", "board-h743"),
+    Build::bin("application", "fixed,board-h743"),
+    Build::bin("application", "size-small,fixed,board-h743"),
+    Build::bin("application", "size-large,board-h743"),
+    Build::bin("application", "defmt"),
+    Build::bin("application", "board-h743,defmt"),
+    Build {
+        target: "aarch64-unknown-linux-musl",
+        ..Build::bin("stream_selftest", "")
+    },
+    Build {
+        target: "aarch64-unknown-linux-musl",
+        ..Build::bin("selftest", "")
+    },
+    Build {
+        target: "riscv32imafc-unknown-none-elf",
+        ..Build::bin("stream_selftest", "")
+    },
+    Build {
+        target: "thumbv6m-none-eabi",
+        ..Build::bin("stream_selftest", "board-microbit,no-panic")
+    },
+];
+
+/// Builds all programs, but those for targets that are not installed.
+///
+/// # Errors
+/// As [`try_build`].
+pub fn build_all() -> Result<(), String> {
+    let refused = Build::example("panics", "no-panic");
+    let all = ALL.iter().filter(|build| **build != refused);
+    for build in all.filter(|build| target_installed(build.target)) {
+        try_build(build).map_err(|error| format!("{build:?}\n{error}"))?;
+    }
+    Ok(())
+}
+
 /// Builds a program, in a target folder of the firmware's own, and copies its ELF to a place that the next
 /// build with other features leaves alone. One build at a time, over all processes.
 ///
 /// # Errors
-/// What cargo said, or what kept us from running it.
+/// What cargo said, or what kept us from running it; that the program is none of those that are built beforehand.
 pub fn try_build(build: &Build<'_>) -> Result<PathBuf, String> {
+    if !ALL.contains(build) {
+        return Err(format!("{build:?} is not in the list of all programs"));
+    }
     let folder = target_folder().join("firmware-module");
     let place = folder.join("elf");
     let told = |what: &Path, error| format!("{}: {error}", what.display());
@@ -105,16 +167,7 @@ fn cargo(build: &Build<'_>, folder: &Path) -> std::io::Result<Output> {
         .args(other_board.then_some("--no-default-features"))
         .arg("--target-dir")
         .arg(folder);
-    if build.target.ends_with("-musl") {
-        // The linker that comes with Rust, and its own C library: no toolchain of the target is needed.
-        let name = build.target.to_uppercase().replace('-', "_");
-        command
-            .env(format!("CARGO_TARGET_{name}_LINKER"), "rust-lld")
-            .env(
-                format!("CARGO_TARGET_{name}_RUSTFLAGS"),
-                "-C link-self-contained=yes",
-            );
-    }
+    link_alone(&mut command, build.target);
     command.output()
 }
 

@@ -41,3 +41,14 @@ pub fn target_installed(target: &str) -> bool {
         output.status.success() && Path::new(folder.trim()).is_dir()
     })
 }
+
+/// Has a command of cargo's for a target with musl link by what comes with Rust, its linker and C library: no toolchain of the target is
+/// needed.
+pub fn link_alone(command: &mut Command, target: &str) {
+    if target.ends_with("-musl") {
+        let name = format!("CARGO_TARGET_{}", target.to_uppercase().replace('-', "_"));
+        command
+            .env(format!("{name}_LINKER"), "rust-lld")
+            .env(format!("{name}_RUSTFLAGS"), "-C link-self-contained=yes");
+    }
+}

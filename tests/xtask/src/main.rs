@@ -30,7 +30,8 @@ Usage: cargo xtask COMMAND
   oldest     all that is published, compiled by the oldest Rust that it says it needs
   package    whether all that is published can be packed for crates.io
   unit       the tests of core, host and tests, doc tests included
-  firmware   the firmware under QEMU against the host, and the core's bits on other machines
+  firmware   the firmware under QEMU against the host, and the bits of core and kernels on other machines
+  miri       the kernels' tests under Miri, which sees what `unsafe` code may not do; needs a nightly Rust with it
   fuzz TARGET SECONDS
              fuzz a reader, guided by coverage; needs a nightly Rust and a C++ compiler
   module     build the application for the emulated board: target/module/float and fixed
@@ -44,7 +45,7 @@ SUBAPERTURE_PYTHON names a Python that has it.";
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let mut runner = Runner::new();
+    let mut runner = Runner::new(Talk::Shown);
     let done = match words[..] {
         [] | ["help" | "--help" | "-h"] => {
             println!("{HELP}");
@@ -94,6 +95,7 @@ fn main() -> ExitCode {
             ensure_if_possible(&prerequisites::OTHER_TARGETS, Talk::Shown);
             ensure_if_possible(&prerequisites::OTHER_EMULATORS, Talk::Shown);
             suite::firmware(&mut runner);
+            suite::kernels_elsewhere(&mut runner);
         }),
         ["test"] => test(&mut runner),
         _ => {
@@ -118,22 +120,31 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     ensure_if_possible(&prerequisites::OTHER_TARGETS, Talk::Shown);
     ensure_if_possible(&[Need::OldestRust], Talk::Shown);
     let installation = thread::spawn(|| {
-        let tested = ensure(&[Need::Qemu, Need::CargoDeny], Talk::OfFailure);
-        let others = [prerequisites::OTHER_EMULATORS.as_slice(), &[Need::Chromium]].concat();
-        ensure_if_possible(&others, Talk::OfFailure);
-        tested.map(|()| python(Talk::OfFailure))
+        // Debian's packages at once: each call of its tools takes as long as most packages.
+        let debian = [Need::Qemu, Need::Chromium];
+        let debian = [&debian, prerequisites::OTHER_EMULATORS.as_slice()].concat();
+        ensure_if_possible(&debian, Talk::OfFailure);
+        ensure(&[Need::Qemu, Need::CargoDeny], Talk::OfFailure).map(|()| python(Talk::OfFailure))
+    });
+    // What has a target folder of its own, beside what shares one: a build alone leaves processors idle where it waits for one crate.
+    let beside = thread::spawn(|| {
+        let mut beside = Runner::new(Talk::OfFailure);
+        checks::build_firmware(&mut beside);
+        checks::oldest_rust(&mut beside);
+        beside
     });
     checks::fmt(runner);
     checks::clippy_host(runner);
     checks::clippy_core(runner);
     checks::clippy_library(runner);
-    checks::oldest_rust(runner);
     checks::packages(runner);
     checks::doc_host(runner);
     checks::clippy_firmware(runner);
     checks::doc_firmware(runner);
+    runner.add_all(beside.join().expect("checking does not panic"));
     let python = installation.join().expect("installing does not panic")?;
     checks::deny(runner);
+    suite::kernels_elsewhere(runner);
     // The firmware's test is one of these.
     unit(runner, python);
     Ok(())

@@ -28,7 +28,7 @@ pub(crate) enum Need {
 /// The workspace's `rust-version`.
 pub(crate) const OLDEST_RUST: &str = "1.89.0";
 
-/// Targets and emulators that the streaming core's bits are compared on: without them those tests are skipped.
+/// Targets and emulators that the bits of the streaming core and of the kernels are compared on: without them those tests are skipped.
 pub(crate) const OTHER_TARGETS: [Need; 3] = [
     Need::Target("thumbv6m-none-eabi"),
     Need::Target("aarch64-unknown-linux-musl"),
@@ -36,7 +36,7 @@ pub(crate) const OTHER_TARGETS: [Need; 3] = [
 ];
 pub(crate) const OTHER_EMULATORS: [Need; 2] = [Need::QemuUser, Need::QemuRiscv];
 
-/// Of what installers print, what is shown.
+/// Of what is printed by what we run, what is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Talk {
     /// All, as they go along.
@@ -57,7 +57,7 @@ impl Need {
     /// What the firmware is built for.
     pub(crate) const FIRMWARE_TARGET: Self = Self::Target(firmware::TARGET);
 
-    fn is_met(self) -> bool {
+    pub(crate) fn is_met(self) -> bool {
         match self {
             Self::Rustfmt => works("cargo", &["fmt", "--version"]),
             Self::Clippy => works("cargo", &["clippy", "--version"]),
@@ -219,23 +219,29 @@ fn run_quietly(program: &str, arguments: &[&str]) -> Option<String> {
 fn run(program: &str, arguments: &[&str], talk: Talk) -> Result<(), String> {
     let line = format!("{program} {}", arguments.join(" "));
     println!("==> {line}");
-    let mut command = Command::new(program);
-    command.args(arguments);
-    let status = match talk {
-        Talk::Shown => command.status(),
-        Talk::OfFailure => command.stdin(Stdio::null()).output().map(|output| {
+    match tell(Command::new(program).args(arguments), talk) {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(format!("failed: {line}")),
+        Err(error) => Err(format!("cannot start {line}: {error}")),
+    }
+}
+
+/// Runs a command; whether it succeeded.
+///
+/// # Errors
+/// If it cannot be started.
+pub(crate) fn tell(command: &mut Command, talk: Talk) -> std::io::Result<bool> {
+    match talk {
+        Talk::Shown => Ok(command.status()?.success()),
+        Talk::OfFailure => {
+            let output = command.stdin(Stdio::null()).output()?;
             if !output.status.success() {
                 for stream in [&output.stdout, &output.stderr] {
                     eprint!("{}", String::from_utf8_lossy(stream));
                 }
             }
-            output.status
-        }),
-    };
-    match status {
-        Ok(status) if status.success() => Ok(()),
-        Ok(_) => Err(format!("failed: {line}")),
-        Err(error) => Err(format!("cannot start {line}: {error}")),
+            Ok(output.status.success())
+        }
     }
 }
 

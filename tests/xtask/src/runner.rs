@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::executables::{self, Run};
 use crate::log::{TestLog, note};
+use crate::prerequisites::{Talk, tell};
 
 struct Step {
     name: &'static str,
@@ -23,6 +24,8 @@ enum Outcome {
 /// The steps run so far.
 pub(crate) struct Runner {
     steps: Vec<Step>,
+    /// Of what steps print, what is shown.
+    talk: Talk,
     passed: u64,
     failed: u64,
     /// Lines that say what failed.
@@ -32,9 +35,10 @@ pub(crate) struct Runner {
 }
 
 impl Runner {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(talk: Talk) -> Self {
         Self {
             steps: Vec::new(),
+            talk,
             passed: 0,
             failed: 0,
             failures: Vec::new(),
@@ -44,9 +48,12 @@ impl Runner {
 
     /// Runs a check that counts no tests. If it fails, that counts as one failure.
     pub(crate) fn check(&mut self, name: &'static str, command: &mut Command) {
-        let start = announce(name, command);
-        let passed = match command.status() {
-            Ok(status) => status.success(),
+        let start = match self.talk {
+            Talk::Shown => announce(name, command),
+            Talk::OfFailure => Instant::now(),
+        };
+        let passed = match tell(command, self.talk) {
+            Ok(passed) => passed,
             Err(error) => {
                 eprintln!("cannot start: {error}");
                 false
@@ -54,6 +61,30 @@ impl Runner {
         };
         self.failed += u64::from(!passed);
         self.record(name, passed, start);
+    }
+
+    /// Does work that counts no tests, and says what is wrong if it fails, which counts as one failure.
+    pub(crate) fn work(&mut self, name: &'static str, work: impl FnOnce() -> Result<(), String>) {
+        let start = Instant::now();
+        match work() {
+            Ok(()) => self.record(name, true, start),
+            Err(what) => {
+                eprintln!("{what}");
+                self.failed += 1;
+                self.record(name, false, start);
+            }
+        }
+    }
+
+    /// Takes over what another ran beside.
+    pub(crate) fn add_all(&mut self, other: Self) {
+        self.steps.extend(other.steps);
+        self.passed += other.passed;
+        self.failed += other.failed;
+        self.failures.extend(other.failures);
+        for line in &other.skipped {
+            note(&mut self.skipped, line);
+        }
     }
 
     /// Runs `cargo test -- --show-output`, counts its tests and gathers what they skipped. If it fails without naming a failed test (it does not
@@ -172,7 +203,11 @@ impl Runner {
         } else {
             Outcome::Failed
         };
-        println!("    {} in {:.1} s", word(outcome), took.as_secs_f64());
+        let seconds = took.as_secs_f64();
+        match self.talk {
+            Talk::Shown => println!("    {} in {seconds:.1} s", word(outcome)),
+            Talk::OfFailure => println!("    {name}, beside: {} in {seconds:.1} s", word(outcome)),
+        }
         self.steps.push(Step {
             name,
             outcome,
@@ -190,6 +225,9 @@ impl Runner {
         for line in self.skipped.iter().chain(&self.failures) {
             println!("{line}");
         }
+        if let Some(seconds) = processor_seconds() {
+            println!("{seconds:.0} s of processor time");
+        }
         println!("{} passed, {} failed", self.passed, self.failed);
         if self.failed == 0 && !self.steps.is_empty() {
             ExitCode::SUCCESS
@@ -197,6 +235,17 @@ impl Runner {
             ExitCode::FAILURE
         }
     }
+}
+
+/// What all that we started and that has ended took of the processors, if the system says so: on a busy machine it tells more than
+/// the clock.
+fn processor_seconds() -> Option<f64> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // proc(5): fields 16 and 17, in hundredths of a second; the second is a name in brackets.
+    let (_, fields) = stat.rsplit_once(") ")?;
+    let mut ticks = fields.split(' ').skip(13).map(str::parse::<f64>);
+    let (user, system) = (ticks.next()?.ok()?, ticks.next()?.ok()?);
+    Some((user + system) / 100.0)
 }
 
 fn word(outcome: Outcome) -> &'static str {

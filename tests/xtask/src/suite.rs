@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
+use subaperture_xtask::{link_alone, target_installed};
+
 use crate::checks::cargo;
+use crate::prerequisites::Need;
 use crate::runner::Runner;
 
 /// Without it a test that passes cannot say what it skipped.
@@ -38,4 +41,29 @@ pub(crate) fn firmware(runner: &mut Runner) {
     build.args(["--test", "firmware", "--no-run", "--locked"]);
     build.arg("--message-format=json-render-diagnostics");
     runner.executables("firmware", &mut build, |_| {});
+}
+
+/// The kernels' tests in NEON, on an emulated processor.
+pub(crate) fn kernels_elsewhere(runner: &mut Runner) {
+    const NAME: &str = "kernels on AArch64";
+    const TARGET: &str = "aarch64-unknown-linux-musl";
+    if !target_installed(TARGET) {
+        return runner.skip(NAME, &format!("{TARGET} is not installed"));
+    }
+    if !Need::QemuUser.is_met() {
+        return runner.skip(NAME, "qemu-aarch64 is not installed");
+    }
+    let mut command = cargo(&["test", "--package", "subaperture-kernels"]);
+    // Transforms are needed by what they stand on, and by none of their tests: they are not worth optimising.
+    let transforms = "profile.dev.package.subaperture-fft.opt-level=0";
+    command
+        .args(["--lib", "--test", "kernels", "--target", TARGET])
+        .args(["--config", transforms, "--no-fail-fast", "--locked"])
+        .args(["--", SHOW_OUTPUT])
+        .env(
+            "CARGO_TARGET_AARCH64_UNKNOWN_LINUX_MUSL_RUNNER",
+            "qemu-aarch64",
+        );
+    link_alone(&mut command, TARGET);
+    runner.tests(NAME, &mut command);
 }
