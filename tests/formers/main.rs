@@ -9,6 +9,7 @@ mod frequency_domain;
 mod gotcha;
 mod live;
 mod movers;
+mod options;
 mod pfa_ffbp;
 mod points;
 mod random;

@@ -218,6 +218,34 @@ pub(crate) fn doc_firmware(runner: &mut Runner) {
     }
 }
 
+/// The instruction sets that Miri knows: a machine and what its processor is told to have.
+const MIRI: [(&str, &str, &str); 2] = [
+    (
+        "Miri, AVX2",
+        "x86_64-unknown-linux-gnu",
+        "-C target-feature=+avx2,+fma",
+    ),
+    ("Miri, NEON", "aarch64-unknown-linux-gnu", ""),
+];
+
+/// Everything that is `unsafe` outside the firmware, under an interpreter that sees what such code may not do: each operation of the
+/// kernels' lanes. By hand: it builds a standard library of its own, and interprets.
+pub(crate) fn miri(runner: &mut Runner) {
+    for (name, target, flags) in MIRI {
+        let mut command = Command::new("rustup");
+        command
+            .args(["run", "nightly", "cargo", "miri", "test"])
+            .args(["--package", "subaperture-kernels", "--lib"])
+            .args(["--target", target, "--target-dir"])
+            .arg(target_folder().join("miri"))
+            .args(["--", "lanes::"])
+            .env("RUSTFLAGS", flags)
+            .env_remove("CARGO")
+            .current_dir(root());
+        runner.check(name, &mut command);
+    }
+}
+
 pub(crate) fn deny(runner: &mut Runner) {
     // Called by its own name it takes no word "deny".
     let deny = |checks: &[&str]| {

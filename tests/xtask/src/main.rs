@@ -31,7 +31,7 @@ Usage: cargo xtask COMMAND
   package    whether all that is published can be packed for crates.io
   unit       the tests of core, host and tests, doc tests included
   firmware   the firmware under QEMU against the host, and the bits of core and kernels on other machines
-  miri       the kernels' tests under Miri, which sees what `unsafe` code may not do; needs a nightly Rust with it
+  miri       what is unsafe in the kernels under Miri, in AVX2 and NEON; needs a nightly Rust with it
   fuzz TARGET SECONDS
              fuzz a reader, guided by coverage; needs a nightly Rust and a C++ compiler
   module     build the application for the emulated board: target/module/float and fixed
@@ -81,6 +81,14 @@ fn main() -> ExitCode {
             ensure_if_possible(&[Need::OldestRust], Talk::Shown);
             checks::oldest_rust(&mut runner);
             Ok(())
+        }
+        ["miri"] => {
+            if prerequisites::nightly_has("miri") {
+                checks::miri(&mut runner);
+                Ok(())
+            } else {
+                Err("Miri is needed: run\n    rustup toolchain install nightly --component miri,rust-src".to_owned())
+            }
         }
         ["package"] => {
             checks::packages(&mut runner);

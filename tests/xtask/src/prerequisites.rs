@@ -154,6 +154,14 @@ pub(crate) fn toolchain_installed(toolchain: &str) -> bool {
     works("rustup", &["run", toolchain, "rustc", "--version"])
 }
 
+/// Whether a nightly Rust is there, and a subcommand of cargo's in it.
+pub(crate) fn nightly_has(subcommand: &str) -> bool {
+    works(
+        "rustup",
+        &["run", "nightly", "cargo", subcommand, "--version"],
+    )
+}
+
 /// Where tools are built that are missing: nothing of the user's is changed for them.
 fn tools() -> PathBuf {
     root().join("target/tools")

@@ -1,0 +1,89 @@
+//! What formers can be told by the names of their options.
+
+use serde_json::{Value, json};
+use subaperture::focus::formers::{FORMERS, Given, Opt, Takes, former};
+
+fn object(value: Value) -> Given {
+    value.as_object().cloned().unwrap()
+}
+
+/// Values that an option takes.
+fn values(option: &Opt) -> Vec<Value> {
+    match option.takes {
+        Takes::Count => vec![1.into(), 7.into()],
+        Takes::Length => vec![0.5.into()],
+        Takes::Bound => vec![(-45.0).into()],
+        Takes::Switch(_) => vec![true.into()],
+        Takes::Word(words) => words.iter().map(|word| word.name.into()).collect(),
+    }
+}
+
+#[test]
+fn every_option_says_something_to_its_former() {
+    for entry in &FORMERS {
+        let plain = entry.settings(&Given::new()).unwrap();
+        let plain = former(entry.name, &plain).unwrap().settings();
+        for option in entry.options {
+            let mut told = false;
+            for value in values(option) {
+                let mut given = Given::new();
+                given.insert(option.name.to_owned(), value);
+                if let Some((other, word)) = option.with {
+                    given.insert(other.to_owned(), word.into());
+                }
+                let settings = entry.settings(&given).unwrap();
+                // Settings that it does not know a former refuses.
+                let settings = former(entry.name, &settings).unwrap().settings();
+                told |= settings != plain;
+            }
+            assert!(told, "{}: {}", entry.name, option.name);
+        }
+    }
+}
+
+#[test]
+fn one_name_is_one_option() {
+    for entry in &FORMERS {
+        for option in entry.options {
+            let others = FORMERS.iter().filter_map(|other| other.option(option.name));
+            for other in others {
+                assert_eq!(option.takes, other.takes, "{}", option.name);
+                assert_eq!(option.summary, other.summary, "{}", option.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn settings_are_those_given() {
+    let rdbp = FORMERS.iter().find(|entry| entry.name == "rdbp").unwrap();
+    let settings = |given: Value| rdbp.settings(&object(given));
+    assert_eq!(settings(json!({})), Ok(json!({})));
+    assert_eq!(
+        settings(json!({ "sub_cpi": 9, "patch": 2.5, "error_db": -50.0 })),
+        Ok(json!({ "sub_cpi": 9, "patch_m": 2.5, "error_db": -50.0 }))
+    );
+    assert_eq!(
+        settings(json!({ "no_keystone": true, "mode": "thesis", "error_db": -50.0 })),
+        Ok(
+            json!({ "mode": { "thesis": { "keystone": false, "error_db": -50.0 } }, "error_db": -50.0 })
+        )
+    );
+    let refusal = |given: Value| settings(given).unwrap_err().to_string();
+    assert_eq!(refusal(json!({ "no_src": true })), "rdbp takes no no_src");
+    assert_eq!(
+        refusal(json!({ "no_keystone": true })),
+        "no_keystone is for mode thesis only"
+    );
+    assert_eq!(
+        refusal(json!({ "patch": 3.0, "mode": "thesis" })),
+        "patch says nothing with mode thesis"
+    );
+    for wrong in [
+        json!({ "sub_cpi": 0 }),
+        json!({ "mode": "fast" }),
+        json!({ "error_db": 3 }),
+    ] {
+        assert!(refusal(wrong.clone()).contains("cannot be"), "{wrong}");
+    }
+}
