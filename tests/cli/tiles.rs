@@ -102,27 +102,27 @@ fn recording(folder: &Path) {
     run(folder, "simulate scene.toml -o a.cphd").succeeded();
 }
 
-/// How each former is run here, and for how long at the most it lives before it is killed.
+/// How each former is run here: to 2 tiles at least, most of them to 64, of as few pixels as that takes.
 const FORMERS: [(&str, &str); 8] = [
-    ("exact", "-a exact --grid x=-40:40:0.9,y=-40:40:0.9"),
+    ("exact", "-a exact --grid x=-40:40:1.2,y=-40:40:1.2"),
     ("bp", "-a bp --grid x=-60:60:0.4,y=-60:60:0.4"),
-    ("rdbp", "-a rdbp --grid x=-60:60:0.1,y=-60:60:0.1"),
+    ("rdbp", "-a rdbp --grid x=-60:60:0.2,y=-60:60:0.2"),
     (
         "thesis",
         "-a rdbp --mode thesis --grid x=-60:60:0.3,y=-60:60:0.3",
     ),
-    ("ffbp", "-a ffbp --grid x=-60:60:0.15,y=-60:60:0.15"),
+    ("ffbp", "-a ffbp --grid x=-60:60:0.2,y=-60:60:0.2"),
     (
         "pfa",
-        "-a pfa --allow-error --grid x=-40:40:0.1,y=-40:40:0.1",
+        "-a pfa --allow-error --grid x=-40:40:0.16,y=-40:40:0.16",
     ),
     (
         "omega-k",
-        "-a omega-k --allow-error --grid x=-40:40:0.1,y=-40:40:0.1",
+        "-a omega-k --allow-error --grid x=-40:40:0.16,y=-40:40:0.16",
     ),
     (
         "rda",
-        "-a rda --allow-error --grid x=-40:40:0.1,y=-40:40:0.1",
+        "-a rda --allow-error --grid x=-40:40:0.16,y=-40:40:0.16",
     ),
 ];
 

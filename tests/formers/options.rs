@@ -15,6 +15,7 @@ fn values(option: &Opt) -> Vec<Value> {
         Takes::Bound => vec![(-45.0).into()],
         Takes::Switch(_) => vec![true.into()],
         Takes::Word(words) => words.iter().map(|word| word.name.into()).collect(),
+        other => panic!("no values of {other:?} are known here"),
     }
 }
 

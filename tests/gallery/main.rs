@@ -10,6 +10,8 @@ mod schone_points;
 mod schone_scenes;
 mod sub_cpis;
 
+use std::collections::BTreeSet;
+
 use subaperture::monitor::Silent;
 use subaperture_gallery::{Context, items};
 
@@ -55,4 +57,15 @@ macro_rules! gallery {
 gallery! {
     s_table_2_1 s_2_2 s_2_3 s_table_4_1 s_4_1 s_4_2 s_4_3 s_4_4 s_4_5 s_4_6 s_4_10 s_4_11 s_4_12 s_4_13 s_4_14 s_table_5_1 s_5_2
     c_2_10 c_2_22 c_3_1 c_3_2 c_3_3 c_3_4 c_4_5 c_5_13
+}
+
+#[test]
+fn ids_are_unique_and_safe_in_file_names() {
+    let all = items();
+    let ids: BTreeSet<&str> = all.iter().map(|item| item.id).collect();
+    assert_eq!(ids.len(), all.len());
+    for id in ids {
+        let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
+        assert!(id.chars().all(plain) && !id.starts_with('-'), "{id}");
+    }
 }

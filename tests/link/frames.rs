@@ -5,6 +5,7 @@ use subaperture_core::link::{
     Command, Damage, Encoder, Encoding, LinkCounters, Receiver, Report, max_frame_bytes,
     max_received_bytes,
 };
+use subaperture_tests::fuzz::stuffing;
 
 /// SplitMix64 (Steele, Lea and Flood 2014).
 struct Random(u64);
@@ -328,4 +329,32 @@ fn a_message_of_the_other_direction_is_malformed() {
         ..undamaged(1)
     };
     assert_eq!(receiver.counters(), &expected);
+}
+
+/// What mutated bytes of the link are made right with, by the description alone.
+#[test]
+fn frames_by_their_description_are_those_of_the_core() {
+    let weights: Vec<u8> = (0..150).map(|i| (i % 5) as u8).collect();
+    let long: Vec<u8> = (0..160).map(|i| 1 + (i % 250) as u8).collect();
+    let mut encoder = Encoder::new();
+    let mut buffer = [0; 512];
+    let commands = [
+        Command::Hello,
+        Command::Weights {
+            first: 7,
+            weights: &weights,
+        },
+        Command::Weights {
+            first: 300,
+            weights: &long,
+        },
+        Command::Status,
+    ];
+    for (sequence, command) in (0..).zip(commands) {
+        let wire = encoder.encode(&command, &mut buffer).unwrap();
+        let [body] = &stuffing::pieces(wire)[..] else {
+            panic!("a frame is one piece");
+        };
+        assert_eq!(stuffing::frame(sequence, stuffing::message(body)), wire);
+    }
 }

@@ -22,7 +22,7 @@ mod repair;
 mod scratch;
 mod session;
 mod station;
-mod stuffing;
+pub mod stuffing;
 mod texts;
 mod tracks;
 pub mod trial;

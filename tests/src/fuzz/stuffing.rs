@@ -1,7 +1,7 @@
 //! Frames of the link by their description: stuffing, numbers and checksums.
 
 /// The pieces between zeros, without their stuffing; what is wrong with it is passed over.
-pub(super) fn pieces(wire: &[u8]) -> Vec<Vec<u8>> {
+pub fn pieces(wire: &[u8]) -> Vec<Vec<u8>> {
     let pieces = wire
         .split(|&byte| byte == 0)
         .filter(|piece| !piece.is_empty());
@@ -43,7 +43,7 @@ fn stuffed(body: &[u8]) -> Vec<u8> {
 }
 
 /// The frame of a message, numbered.
-pub(super) fn frame(sequence: u32, message: &[u8]) -> Vec<u8> {
+pub fn frame(sequence: u32, message: &[u8]) -> Vec<u8> {
     let mut body = vec![1];
     body.extend(sequence.to_le_bytes());
     body.extend(message);
@@ -54,40 +54,6 @@ pub(super) fn frame(sequence: u32, message: &[u8]) -> Vec<u8> {
 }
 
 /// The message of an unstuffed piece, as far as there is one.
-pub(super) fn message(body: &[u8]) -> &[u8] {
+pub fn message(body: &[u8]) -> &[u8] {
     body.get(5..body.len().saturating_sub(4)).unwrap_or(&[])
-}
-
-#[cfg(test)]
-mod tests {
-    use subaperture_core::link::{Command, Encoder};
-
-    use super::*;
-
-    #[test]
-    fn frames_are_those_of_the_core() {
-        let weights: Vec<u8> = (0..150).map(|i| (i % 5) as u8).collect();
-        let long: Vec<u8> = (0..160).map(|i| 1 + (i % 250) as u8).collect();
-        let mut encoder = Encoder::new();
-        let mut buffer = [0; 512];
-        let commands = [
-            Command::Hello,
-            Command::Weights {
-                first: 7,
-                weights: &weights,
-            },
-            Command::Weights {
-                first: 300,
-                weights: &long,
-            },
-            Command::Status,
-        ];
-        for (sequence, command) in (0..).zip(commands) {
-            let wire = encoder.encode(&command, &mut buffer).unwrap();
-            let [body] = &pieces(wire)[..] else {
-                panic!("a frame is one piece");
-            };
-            assert_eq!(frame(sequence, message(body)), wire);
-        }
-    }
 }

@@ -43,21 +43,3 @@ pub fn items() -> Vec<Item> {
     ]
     .concat()
 }
-
-#[cfg(test)]
-mod tests {
-    use std::collections::BTreeSet;
-
-    use super::*;
-
-    #[test]
-    fn ids_are_unique_and_safe_in_file_names() {
-        let all = items();
-        let ids: BTreeSet<&str> = all.iter().map(|item| item.id).collect();
-        assert_eq!(ids.len(), all.len());
-        for id in ids {
-            let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
-            assert!(id.chars().all(plain) && !id.starts_with('-'), "{id}");
-        }
-    }
-}
