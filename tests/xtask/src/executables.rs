@@ -19,26 +19,25 @@ const LIMIT: Duration = Duration::from_secs(1200);
 /// How long the outputs of one that has ended are read on.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Begin first, longest first: whatever starts late and takes long is waited for alone. Those that build firmware, one at a time
-/// over all processes, stand apart, so that they do not wait for each other.
+/// Begin first, longest first: whatever starts late and takes long is waited for alone.
 const LONGEST: [&str; 18] = [
-    "firmware::golden",
-    "recordings::tune_certainty",
     "cli::tiles",
     "gallery",
-    "firmware::budgets",
+    "recordings::tune_certainty",
+    "cli::memory",
+    "firmware::sessions",
     "cli::overwrite",
     "formers::random",
     "firmware::cli_link",
     "formers::pfa_ffbp",
-    "firmware::selftest",
+    "firmware::budgets",
     "formers::sweep_motion",
     "firmware::gotcha",
     "formers::frequency_domain",
     "formers::backprojection",
     "damage::fuzz_targets",
-    "firmware::sessions",
-    "cli::memory",
+    "firmware::golden",
+    "firmware::selftest",
     "cli::messages",
 ];
 
