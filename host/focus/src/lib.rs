@@ -36,6 +36,7 @@ mod pixels;
 pub mod plan;
 mod probes;
 mod rounding;
+mod sampled;
 pub mod straight_track;
 pub mod strip;
 pub mod sub_cpi;
@@ -48,12 +49,13 @@ use subaperture_model::image::Image;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, Weights};
 
-pub use accuracy::{Asked, Judgement, Misses, Settings, TileRecord};
+pub use accuracy::{Asked, Judgement, Misses, Settings};
 pub use cost::Cost;
 pub use error::{FormError, Reason, Remedy};
 pub use former::{Aim, Decision, Forming, ImageFormer, SCRATCH_BYTES, Tile, Work};
 pub use formers::{bp, exact, ffbp, omega_k, pfa, rda, rdbp};
 pub use plan::Plan;
+pub use sampled::TileRecord;
 
 /// The bound on the relative RMS error that formers plan for unless told otherwise, dB.
 pub const DEFAULT_ERROR_DB: f64 = -60.0;

@@ -39,9 +39,10 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
-use super::accuracy::{Seen, judge, sampled_pixels};
+use super::accuracy::judge;
 use super::bp::Backprojection;
 use super::exact::{LANES, add_pulse};
+use super::sampled::{Seen, sampled_pixels};
 use super::{
     Aim, Asked, DEFAULT_ERROR_DB, FormError, ImageFormer, Judgement, Misses, SCRATCH_BYTES, Tile,
     TileRecord, Work, machine, rounding,
@@ -464,7 +465,7 @@ impl Live {
             power: (0..self.shown.pixels.len()).map(|i| power(pixel(i))).sum(),
             seen: seen.collect(),
             terms: self.shown.terms * (norm / fast).powi(2),
-            rounding: rounding::path_phase_rad(&aim),
+            narrow: false,
         };
         // Squares may have been taken off to a rounding; pixels are rounded once more.
         let planned = (self.shown.planned * norm).max(0.0).sqrt();

@@ -16,9 +16,10 @@ use std::collections::BTreeMap;
 use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 
-use super::accuracy::{self, Asked, Judgement, Misses, Probes, Sampled, TileRecord};
+use super::accuracy::{self, Asked, Judgement, Misses};
 use super::cost::Cost;
 use super::patch::{PatchSize, Rectangle};
+use super::sampled::{Probes, Sampled, TileRecord};
 use super::{Aim, FormError, Forming, ImageFormer, Tile, Work, formers};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::{Image, Tiling, copy_common};

@@ -153,36 +153,3 @@ impl Kernel for NarrowSums<'_> {
         sums
     }
 }
-
-/// The sum of the squares of `samples` times `weights`.
-///
-/// In float64, of any float32: good to 1e-7 for the weights' products.
-///
-/// # Panics
-/// If there are not as many weights as samples.
-pub fn power(instructions: Instructions, samples: &[Complex32], weights: &[f32]) -> f64 {
-    assert_eq!(samples.len(), weights.len());
-    instructions.run(Power { samples, weights })
-}
-
-struct Power<'a> {
-    samples: &'a [Complex32],
-    weights: &'a [f32],
-}
-
-impl Kernel for Power<'_> {
-    type Output = f64;
-
-    /// Plain loops: what the lanes' instructions make of them.
-    #[inline(always)]
-    fn run<L: Lanes>(self, _: L) -> f64 {
-        let mut sums = [0.0f64; GROUP];
-        for (samples, weights) in self.samples.chunks(GROUP).zip(self.weights.chunks(GROUP)) {
-            for ((sum, z), w) in sums.iter_mut().zip(samples).zip(weights) {
-                let (re, im) = (f64::from(z.re * w), f64::from(z.im * w));
-                *sum += re * re + im * im;
-            }
-        }
-        sums.iter().sum()
-    }
-}

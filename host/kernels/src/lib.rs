@@ -7,7 +7,8 @@
 //! - [`tile`]: the range profiles of some pulses added to the pixels of a small raster, or of one to points wherever they are.
 //! - [`blurred`]: those of a pulse whose samples were taken one after another in motion.
 //! - [`lanes`]: the instructions that this is done in.
-//! - [`horner`]: the samples of a pulse summed at many delays, in float64.
+//! - [`horner`]: the samples of a pulse summed at many delays.
+//! - [`power`]: their squares summed.
 //! - [`compensation`]: the samples of a pulse referred to another path.
 //! - [`halving`]: half as many pulses, half as many samples.
 //! - [`spreading`]: samples from anywhere put onto a raster.
@@ -31,6 +32,7 @@ pub mod horner;
 pub mod lanes;
 pub mod paths;
 mod phasor;
+pub mod power;
 pub mod reading;
 pub mod spreading;
 pub mod tile;

@@ -64,24 +64,3 @@ fn narrow_sums_are_as_good_as_they_say() {
         }
     }
 }
-
-#[test]
-fn power_is_the_squares_sum() {
-    let mut numbers = Numbers::new(3);
-    for count in [0, 1, 77, 1000] {
-        let samples = numbers.samples(count);
-        let weights: Vec<f32> = (0..count).map(|_| numbers.unit() as f32).collect();
-        let terms = samples.iter().zip(&weights);
-        let expected: f64 = terms
-            .map(|(&z, &w)| wide(z).norm_sqr() * f64::from(w).powi(2))
-            .sum();
-        for instructions in Instructions::available() {
-            let got = power(instructions, &samples, &weights);
-            assert!(
-                (got - expected).abs() <= 1e-6 * expected,
-                "{count}: {got} {expected}"
-            );
-            assert_eq!(got, power(Instructions::Portable, &samples, &weights));
-        }
-    }
-}

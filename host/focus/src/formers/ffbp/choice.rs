@@ -4,11 +4,10 @@
 //! way to the pixel in the middle. First patches are as large as the image, or as the scratch allows; where shorter stretches of pulses, whose
 //! histories are smaller, are faster, they are taken. Stretches are cut where antennas jump, too.
 
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 use super::cost::Way;
 use super::refine::Refiner;
-use super::shares::Shares;
 use super::thinned::Stretch;
 use super::tree::Tree;
 use crate::Aim;
@@ -21,6 +20,9 @@ const LARGEST_FIRST: usize = 1024;
 /// Pulses that a stretch has at least, if it is short for want of scratch.
 const SHORTEST: usize = 64;
 
+/// Most levels that a plan may ask for.
+const MOST_LEVELS: usize = 32;
+
 /// What a plan fixes: the rest follows from it.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct Choices {
@@ -31,12 +33,15 @@ pub(super) struct Choices {
 }
 
 impl Choices {
-    pub(super) fn of(error_db: f64, aim: &Aim) -> Self {
-        let collection = aim.collection;
-        let num_pulses = collection.pulses.len();
-        let shares = Shares::of(error_db, [num_pulses, collection.num_samples]);
-        let refiner = Refiner::new(collection, shares);
-        let breaks = sub_cpi::breaks(collection);
+    /// The fastest, by the account of time, of a bound that `refiner` shares out.
+    pub(super) fn of(error_db: f64, aim: &Aim, refiner: &Refiner) -> Self {
+        let num_pulses = aim.collection.pulses.len();
+        let breaks = sub_cpi::breaks(aim.collection);
+        let choices = |stretches: &[Range<usize>], tree| Self {
+            error_db,
+            stretches: stretches.iter().map(|range| range.len()).collect(),
+            tree,
+        };
         let mut best: Option<(f64, Self)> = None;
         let mut longest = num_pulses;
         loop {
@@ -45,38 +50,55 @@ impl Choices {
             let range = stretches.iter().max_by_key(|range| range.len());
             let range = range.cloned().unwrap_or(0..0);
             let share = num_pulses as f64 / range.len().max(1) as f64;
-            let stretch = Stretch::new(&collection.pulses, range, refiner.taps());
-            let found = fastest(aim, &refiner, &stretch);
-            let better = match (&best, &found) {
-                (None, found) => found.is_some(),
-                (Some((least_ns, _)), Some((time_ns, _))) => share * time_ns < *least_ns,
-                (Some(_), None) => false,
-            };
-            // Shorter ones first make room for larger patches, then only for more ends.
-            let last = longest <= SHORTEST || (best.is_some() && !better);
-            let tree = match found {
-                Some((time_ns, tree)) if better => Some((share * time_ns, tree)),
-                _ if last && best.is_none() => Some((f64::INFINITY, smallest(aim))),
-                _ => None,
-            };
-            if let Some((time_ns, tree)) = tree {
-                let choices = Self {
-                    error_db,
-                    stretches: stretches.iter().map(|range| range.len()).collect(),
-                    tree,
-                };
-                best = Some((time_ns, choices));
+            let stretch = Stretch::new(&aim.collection.pulses, range, refiner.taps());
+            let found = fastest(aim, refiner, &stretch);
+            let found = found.map(|(time_ns, tree)| (share * time_ns, tree));
+            match (found, &best) {
+                (Some((time_ns, tree)), None) => best = Some((time_ns, choices(&stretches, tree))),
+                (Some((time_ns, tree)), Some((least_ns, _))) if time_ns < *least_ns => {
+                    best = Some((time_ns, choices(&stretches, tree)));
+                }
+                // Shorter ones first make room for larger patches, then only for more ends.
+                (_, Some(_)) => break,
+                (None, None) => {}
             }
-            match best {
-                Some((_, choices)) if last => return choices,
-                _ => longest = longest.div_ceil(2),
+            if longest <= SHORTEST {
+                break;
             }
+            longest = longest.div_ceil(2);
         }
+        best.map_or_else(
+            || choices(&sub_cpi::cut(num_pulses, &breaks, longest), smallest(aim)),
+            |(_, choices)| choices,
+        )
+    }
+
+    /// Whether a plan may have made them for `aim`.
+    pub(super) fn are_of(&self, aim: &Aim) -> bool {
+        let sides = [aim.grid.rows.count, aim.grid.columns.count].map(leaf_sides);
+        let mut counts = self.stretches.iter();
+        let total = counts.try_fold(0usize, |sum, count| sum.checked_add(*count));
+        [0, 1].map(|i| sides[i].contains(&self.tree.leaf[i])) == [true; 2]
+            && self.tree.levels <= MOST_LEVELS
+            && !self.stretches.contains(&0)
+            && total == Some(aim.collection.pulses.len())
+            && (-300.0..=0.0).contains(&self.error_db)
+    }
+
+    /// The stretches, halved by `taps`.
+    pub(super) fn stretches(&self, aim: &Aim, taps: &[f32]) -> Vec<Stretch> {
+        let mut first = 0;
+        let each = self.stretches.iter().map(|count| {
+            let pulses = first..first + count;
+            first = pulses.end;
+            Stretch::new(&aim.collection.pulses, pulses, taps)
+        });
+        each.collect()
     }
 }
 
 /// The sides that leaves may have along `count` pixels, from the least to the largest.
-pub(super) fn leaf_sides(count: usize) -> RangeInclusive<usize> {
+fn leaf_sides(count: usize) -> RangeInclusive<usize> {
     SIDES[0].min(count)..=SIDES[SIDES.len() - 1]
 }
 

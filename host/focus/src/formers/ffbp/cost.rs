@@ -12,8 +12,9 @@
 //! **Times** are those of one core with 512-bit registers at 3.6 GHz, measured once (`cargo bench --bench kernels`); here, so that every machine
 //! makes the same choice.
 
+use super::descent::task_level;
 use super::history::Axes;
-use super::leaf::SUMMED_PULSES;
+use super::leaf::{SUMMED_PULSES, points_layout, tile_layout};
 use super::patch_view::Patch;
 use super::refine::Refiner;
 use super::shares::DEGREE;
@@ -74,7 +75,7 @@ impl<'a> Way<'a> {
     ) -> Self {
         let taps = refiner.taps().len();
         let middle = [aim.grid.rows.count / 2, aim.grid.columns.count / 2];
-        let mut axes = Axes::recorded(aim.collection);
+        let mut axes = refiner.recorded();
         let mut steps = Vec::new();
         let mut own = false;
         for level in (0..=tree.levels).rev() {
@@ -118,7 +119,7 @@ impl<'a> Way<'a> {
     /// Bytes of all histories of the way down that are held at once, of the first patch for which they are most.
     pub(super) fn held_bytes(&self) -> u64 {
         let (grid, taps) = (self.aim.grid, self.refiner.taps().len());
-        let recorded = Axes::recorded(self.aim.collection);
+        let recorded = self.refiner.recorded();
         let firsts = self.tree.roots(grid).into_iter().map(|node| {
             let rectangle = self
                 .tree
@@ -185,10 +186,7 @@ impl<'a> Way<'a> {
             .expect("a leaf has pixels");
         let bins_m = axes.step_hz.abs() / SPEED_OF_LIGHT_M_S * length as f64;
         let margin = Pieces::margin_for(&raster(self.aim.grid, &rectangle), bins_m);
-        let layout = match self.own {
-            true => Pieces::around(DEGREE, length, margin),
-            false => Pieces::new(DEGREE, length, margin),
-        };
+        let layout = tile_layout(length, self.own, margin).unwrap_or_else(|| points_layout(length));
         // Along whichever side fits better.
         let along = |a: usize, b: usize| (a.div_ceil(GROUP) * b) as f64;
         let groups = along(rows, columns).min(along(columns, rows));
@@ -247,23 +245,41 @@ impl<'a> Way<'a> {
     }
 }
 
-/// Of all of `aim` in `stretches`, cut like `tree`, of which threads take patches of level `task` by themselves.
-pub(super) fn cost(
-    aim: &Aim,
-    refiner: &Refiner,
-    stretches: &[Stretch],
-    tree: &Tree,
-    task: usize,
-) -> Cost {
-    let (mut operations, mut held, mut thread) = (0.0f64, 0, 0);
-    for stretch in stretches {
-        let way = Way::new(aim, refiner, stretch, tree);
-        operations += way.operations();
-        held = way.held_bytes().max(held);
-        thread = way.thread_bytes(task).max(thread);
+/// The ways through all stretches.
+pub(super) fn ways<'a>(
+    aim: &'a Aim<'a>,
+    refiner: &'a Refiner<'a>,
+    stretches: &'a [Stretch],
+    tree: &'a Tree,
+) -> Vec<Way<'a>> {
+    let each = stretches.iter();
+    each.map(|stretch| Way::new(aim, refiner, stretch, tree))
+        .collect()
+}
+
+/// Bytes that forming takes.
+pub(super) struct Demand {
+    /// Histories on the way to where threads go on by themselves.
+    pub(super) held_bytes: u64,
+    /// Of each thread.
+    pub(super) thread_bytes: u64,
+}
+
+/// What the most demanding of these ways takes.
+pub(super) fn demand(ways: &[Way]) -> Demand {
+    let most = |of: fn(&Way) -> u64| ways.iter().map(of).max().unwrap_or(0);
+    Demand {
+        held_bytes: most(|way| way.held_bytes()),
+        thread_bytes: most(|way| way.thread_bytes(task_level(way.tree))),
     }
-    let pulses = held + refiner.read_bytes(1);
+}
+
+/// Of all of these ways.
+pub(super) fn cost(ways: &[Way], refiner: &Refiner) -> Cost {
+    let operations = ways.iter().map(Way::operations).sum();
+    let demand = demand(ways);
+    let pulses = demand.held_bytes + refiner.read_bytes(1);
     Cost::new(operations, 0.0)
         .holding("pulses", Each::Pass, pulses as f64)
-        .holding("patches' pulses", Each::Thread, thread as f64)
+        .holding("patches' pulses", Each::Thread, demand.thread_bytes as f64)
 }

@@ -155,7 +155,7 @@ impl Descent<'_, '_> {
         if node.level > tasks + 1 && bytes > self.breadth_bytes {
             for quarter in node.quarters() {
                 if let Some(patch) = self.patch(quarter) {
-                    self.down(quarter, self.own(&history, &patch, true));
+                    self.down(quarter, self.own(&history, &patch, None));
                 }
             }
             return;
@@ -166,29 +166,38 @@ impl Descent<'_, '_> {
             let quarters = parents.par_iter().flat_map_iter(|(node, history)| {
                 node.quarters().map(move |quarter| (quarter, history))
             });
-            let made = quarters.filter_map(|(quarter, history)| {
+            let made = quarters.map_init(RefineScratch::default, |scratch, (quarter, history)| {
                 let patch = self.patch(quarter)?;
-                Some((quarter, self.own(history, &patch, false)))
+                Some((quarter, self.own(history, &patch, Some(scratch))))
             });
-            list = made.collect();
+            list = made.flatten().collect();
             if list.is_empty() {
                 return;
             }
         }
         list.par_iter()
             .for_each_init(Scratch::default, |scratch, (node, history)| {
-                let Some(segments) = self.wanted.get(&node.at) else {
+                let (Some(segments), Some(rectangle)) = (
+                    self.wanted.get(&node.at),
+                    self.tree.rectangle(self.grid, *node),
+                ) else {
                     return;
                 };
                 let mut segments = segments.lock().unwrap_or_else(PoisonError::into_inner);
-                self.task(*node, &history.history, &mut segments, scratch);
+                self.task(*node, rectangle, &history.history, &mut segments, scratch);
                 let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
                 self.monitor.progress(done as f64 / self.tasks as f64);
             });
     }
 
-    /// A patch's own history, or that of the patch around it if it would not be smaller.
-    fn own<'c>(&'c self, parent: &Arc<Held<'c>>, patch: &Patch, together: bool) -> Arc<Held<'c>> {
+    /// A patch's own history, or that of the patch around it if it would not be smaller; made by this thread with its buffers,
+    /// else by all.
+    fn own<'c>(
+        &'c self,
+        parent: &Arc<Held<'c>>,
+        patch: &Patch,
+        alone: Option<&mut RefineScratch>,
+    ) -> Arc<Held<'c>> {
         let (refiner, stretch) = (self.refiner, self.stretch);
         let halves = refiner.halves(stretch, &parent.history.axes, patch);
         if halves == [false; 2] {
@@ -196,28 +205,20 @@ impl Descent<'_, '_> {
         }
         let mut held = self.pool.take(self.room(&parent.history.axes, halves));
         let (parent, own) = (&parent.history, &mut held.history);
-        let mut scratch = RefineScratch::default();
-        let alone = (!together).then_some(&mut scratch);
         refiner.refine(stretch, parent, patch, halves, own, alone);
         Arc::new(held)
     }
 
-    /// What a thread does by itself: a patch, whose history is there, and all in it.
+    /// What a thread does by itself: a patch, whose history is there, and all in it. `segments` are what is wanted of it.
     fn task(
         &self,
         node: Node,
+        rectangle: Rectangle,
         history: &PatchHistory,
         segments: &mut [Segment],
         scratch: &mut Scratch,
     ) {
         if self.monitor.cancelled() {
-            return;
-        }
-        let Some(rectangle) = self.tree.rectangle(self.grid, node) else {
-            return;
-        };
-        let mut part = part(segments, &rectangle);
-        if part.is_empty() {
             return;
         }
         if node.level == 0 {
@@ -228,7 +229,7 @@ impl Descent<'_, '_> {
                 history,
                 antennas,
                 rectangle,
-                &mut part,
+                segments,
             );
             return;
         }
@@ -236,10 +237,14 @@ impl Descent<'_, '_> {
             let Some(rectangle) = self.tree.rectangle(self.grid, quarter) else {
                 continue;
             };
+            let mut part = part(segments, &rectangle);
+            if part.is_empty() {
+                continue;
+            }
             let patch = Patch::new(self.grid, rectangle);
             let halves = self.refiner.halves(self.stretch, &history.axes, &patch);
             if halves == [false; 2] {
-                self.task(quarter, history, &mut part, scratch);
+                self.task(quarter, rectangle, history, &mut part, scratch);
                 continue;
             }
             let mut own = scratch.levels.pop().unwrap_or_else(PatchHistory::empty);
@@ -251,7 +256,7 @@ impl Descent<'_, '_> {
                 &mut own,
                 Some(&mut scratch.refine),
             );
-            self.task(quarter, &own, &mut part, scratch);
+            self.task(quarter, rectangle, &own, &mut part, scratch);
             scratch.levels.push(own);
         }
     }

@@ -19,6 +19,26 @@ use subaperture_signal::range_profile::RangeProfiler;
 /// Pulses whose terms are summed before they are added to a pixel.
 pub(super) const SUMMED_PULSES: usize = 64;
 
+/// Bins that a tile may reach past profiles of `length` bins: a row of pieces for a coarse grid's would be mostly repetition.
+fn furthest(length: usize) -> usize {
+    2 * length + 500
+}
+
+/// Which pieces of a profile of `length` bins a tile reads that reaches `margin` bins, from its own centre or past the profile;
+/// none if that is too far.
+pub(super) fn tile_layout(length: usize, own: bool, margin: usize) -> Option<Pieces> {
+    let layout = match own {
+        true => Pieces::around,
+        false => Pieces::new,
+    };
+    (margin <= furthest(length)).then(|| layout(DEGREE, length, margin))
+}
+
+/// Which pieces points read, wherever they are.
+pub(super) fn points_layout(length: usize) -> Pieces {
+    Pieces::new(DEGREE, length, 1)
+}
+
 /// What imaging a small patch needs, for one thread.
 #[derive(Default)]
 pub(super) struct Leaf {
@@ -94,14 +114,15 @@ impl Leaf {
                         cycles_a_bin,
                     }),
             );
-            let by_tile = by_tiles
+            let smooth = by_tiles
                 && path_tile::fits(tile, length, pulses, &raster, highest_hz, shares.tiles);
-            let margin = Pieces::margin_for(&raster, bins_m);
-            let layout = match (by_tile, own) {
-                (true, true) => Pieces::around(DEGREE, length, tile.reach()),
-                (true, false) => Pieces::new(DEGREE, length, margin),
-                (false, _) => Pieces::new(DEGREE, length, 1),
-            };
+            let margin = smooth.then(|| match own {
+                true => tile.reach(),
+                false => Pieces::margin_for(&raster, bins_m),
+            });
+            let tile_layout = margin.and_then(|margin| tile_layout(length, own, margin));
+            let by_tile = tile_layout.is_some();
+            let layout = tile_layout.unwrap_or_else(|| points_layout(length));
             let carrier = Carrier::new(&layout, cycles_a_bin);
             let values = layout.values();
             #[cfg(test)]

@@ -71,10 +71,9 @@ use crate::{
 use subaperture_model::monitor::Monitor;
 
 use choice::Choices;
-use cost::Way;
+use cost::Demand;
 use descent::{Descent, Pool, Wanted, task_level};
 use refine::{Recorded, Refiner};
-use shares::Shares;
 use thinned::Stretch;
 
 /// Fast factorised backprojection.
@@ -127,31 +126,30 @@ impl ImageFormer for FastFactorised {
     }
 
     fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
-        let collection = aim.collection;
-        let num_pulses = collection.pulses.len();
-        shared_band(collection)?;
-        let shares = Shares::of(self.error_db, [num_pulses, collection.num_samples]);
+        shared_band(aim.collection)?;
+        let refiner = Refiner::of(aim.collection, self.error_db);
         let arithmetic = rounding::path_phase_rad(aim).hypot(rounding::band_phase_rad(aim));
-        let planned_db = shares.planned_db(num_pulses, arithmetic);
+        let num_pulses = aim.collection.pulses.len();
+        let planned_db = refiner.shares().planned_db(num_pulses, arithmetic);
         asked.check(planned_db, || {
             Reason::new("kernels and float32 sums leave no less")
                 .helped_by(&[Remedy::OtherFormer(&["bp", "exact"])])
         })?;
-        let choices = Choices::of(self.error_db, aim);
-        let opened = Opened::new(*aim, choices.clone(), shares)?;
+        let choices = Choices::of(self.error_db, aim, &refiner);
+        let stretches = choices.stretches(aim, refiner.taps());
         let tree = choices.tree;
-        let task = task_level(&tree);
+        let ways = cost::ways(aim, &refiner, &stretches, &tree);
         Ok(Decision {
             settings: json!({
-                "stretches": choices.stretches.len(),
+                "stretches": stretches.len(),
                 "levels": tree.levels,
                 "leaf_rows": tree.leaf[0],
                 "leaf_columns": tree.leaf[1],
-                "kernel_taps": opened.refiner.taps().len(),
+                "kernel_taps": refiner.taps().len(),
             }),
             planned_db,
             grain: tree.patch_size(tree.levels),
-            cost: cost::cost(aim, &opened.refiner, &opened.stretches, &tree, task),
+            cost: cost::cost(&ways, &refiner),
             choices: json!(choices),
         })
     }
@@ -161,10 +159,7 @@ impl ImageFormer for FastFactorised {
         aim: Aim<'a>,
         choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        let choices: Choices = chosen(ENTRY.name, choices)?;
-        let counts = [aim.collection.pulses.len(), aim.collection.num_samples];
-        let shares = Shares::of(choices.error_db.clamp(-300.0, 0.0), counts);
-        Ok(Box::new(Opened::new(aim, choices, shares)?))
+        Ok(Box::new(Opened::new(aim, chosen(ENTRY.name, choices)?)?))
     }
 }
 
@@ -174,41 +169,24 @@ struct Opened<'a> {
     choices: Choices,
     refiner: Refiner<'a>,
     stretches: Vec<Stretch>,
+    demand: Demand,
     tasks: Patches,
 }
 
-/// Most levels that a plan may ask for.
-const MOST_LEVELS: usize = 32;
-
 impl<'a> Opened<'a> {
-    fn new(aim: Aim<'a>, choices: Choices, shares: Shares) -> Result<Self, FormError> {
+    fn new(aim: Aim<'a>, choices: Choices) -> Result<Self, FormError> {
         shared_band(aim.collection)?;
-        let refiner = Refiner::new(aim.collection, shares);
-        let tree = choices.tree;
-        let sides = [aim.grid.rows.count, aim.grid.columns.count].map(choice::leaf_sides);
-        let leaves = [0, 1].map(|i| sides[i].contains(&tree.leaf[i])) == [true; 2];
-        let counts = &choices.stretches;
-        let total = counts
-            .iter()
-            .try_fold(0usize, |sum, count| sum.checked_add(*count));
-        let known = leaves
-            && tree.levels <= MOST_LEVELS
-            && !counts.contains(&0)
-            && total == Some(aim.collection.pulses.len())
-            && (-300.0..=0.0).contains(&choices.error_db);
-        if !known {
+        if !choices.are_of(&aim) {
             let what = "its stretches are not of these pulses, its leaves are of no size that there is, or its bound is none";
             return Err(misfit(ENTRY.name, what));
         }
-        let mut first = 0;
-        let stretches = counts.iter().map(|count| {
-            let pulses = first..first + count;
-            first = pulses.end;
-            Stretch::new(&aim.collection.pulses, pulses, refiner.taps())
-        });
+        let refiner = Refiner::of(aim.collection, choices.error_db);
+        let stretches = choices.stretches(&aim, refiner.taps());
+        let tree = choices.tree;
         Ok(Self {
-            stretches: stretches.collect(),
+            demand: cost::demand(&cost::ways(&aim, &refiner, &stretches, &tree)),
             tasks: Patches::of_size(aim.grid, tree.patch_size(task_level(&tree))),
+            stretches,
             refiner,
             choices,
             aim,
@@ -273,13 +251,7 @@ impl Forming for Opened<'_> {
         let mut budget = Budget::new(work.memory_bytes);
         let account = self.tasks.account_bytes(tiles);
         budget.take("patches", account.into(), &[Remedy::MoreMemory])?;
-        let tree = &self.choices.tree;
-        let ways: Vec<Way> = self
-            .stretches
-            .iter()
-            .map(|stretch| Way::new(&self.aim, &self.refiner, stretch, tree))
-            .collect();
-        let held = ways.iter().map(Way::held_bytes).max().unwrap_or(0);
+        let held = self.demand.held_bytes;
         budget.take("histories of patches", held.into(), &[Remedy::MoreMemory])?;
         let threads = rayon::current_num_threads();
         let mut reading_for = threads;
@@ -288,12 +260,9 @@ impl Forming for Opened<'_> {
         }
         let reading = self.refiner.read_bytes(reading_for);
         budget.take("pulses being read", reading.into(), &[Remedy::MoreMemory])?;
-        let task = task_level(tree);
-        let thread = ways.iter().map(|way| way.thread_bytes(task)).max();
-        let thread = thread.unwrap_or(0);
         let largest = threads as u64 * LARGEST_BREADTH;
         let breadth_bytes = (budget.left_bytes() / 2 / BREADTH).min(largest);
-        let more = budget.left_bytes() / 2 / thread.max(1);
+        let more = budget.left_bytes() / 2 / self.demand.thread_bytes.max(1);
         let at_once = self.refiner.read_together(reading_for);
         on_threads(more.saturating_add(1) as usize, || {
             self.add_all(work, at_once, breadth_bytes, tiles)

@@ -1,7 +1,7 @@
 //! From a patch's history to that of a smaller patch in it.
 //!
 //! **What a halving costs is measured before it is made.** Over pulses the kernel interpolates `exp(j phase_p(u))` of each pixel `p` from the
-//! antennas that are kept to those between. That is evaluated for the patch's corners, at the highest frequency, on runs of
+//! antennas that are kept to those between. That is evaluated for the corner whose path changes the fastest, at the highest frequency, on runs of
 //! pulses at both ends, where the kernel reaches past the data, and between, and weighted by what each pulse holds
 //! ([`Thinned::weights`](super::thinned::Thinned): a pulse beyond the data's end has the kernel's tails only). Where it costs more than is
 //! allowed, or where antennas are too rough for a patch of this size ([`super::thinned`]), pulses stay as they are, for this patch.
@@ -44,7 +44,7 @@ const FASTEST: f64 = 0.3;
 /// Pulses, at least, that a thread makes at a time.
 const BLOCK: usize = 16;
 /// Bytes of recorded pulses that are read together, for each thread: what stays in caches.
-const READ_BYTES: u64 = 1 << 20;
+const READ_BYTES: usize = 1 << 20;
 
 /// Pulses as recorded.
 pub(super) struct Recorded<'a> {
@@ -87,7 +87,10 @@ pub(super) struct Refiner<'a> {
 }
 
 impl<'a> Refiner<'a> {
-    pub(super) fn new(collection: &'a Collection, shares: Shares) -> Self {
+    /// For a bound on the error, dB, of histories of these pulses.
+    pub(super) fn of(collection: &'a Collection, error_db: f64) -> Self {
+        let counts = [collection.pulses.len(), collection.num_samples];
+        let shares = Shares::of(error_db.clamp(-300.0, 0.0), counts);
         Self {
             collection,
             taps: shares.taps(),
@@ -212,7 +215,7 @@ impl<'a> Refiner<'a> {
         own: &mut PatchHistory,
     ) -> Result<(), FormError> {
         let monitor = recorded.monitor;
-        let axes = Axes::recorded(self.collection);
+        let axes = self.recorded();
         let (size, width) = (
             self.prepare(stretch, &axes, patch, halves, own),
             axes.num_samples,
@@ -276,7 +279,7 @@ impl<'a> Refiner<'a> {
     /// for any number of threads.
     pub(super) fn read_together(&self, threads: usize) -> usize {
         let pulse_bytes = 8 * self.collection.num_samples;
-        let pulses = threads * READ_BYTES as usize / pulse_bytes;
+        let pulses = threads * READ_BYTES / pulse_bytes;
         let whole = pulses.max(1).next_multiple_of(BLOCK);
         whole.min(self.collection.pulses.len())
     }
@@ -379,7 +382,7 @@ impl<'a> Refiner<'a> {
                 fast,
                 slow,
             } => {
-                let axes = Axes::recorded(self.collection);
+                let axes = self.recorded();
                 let needed = step.needed(W, &range, step.stretch.pulses.len());
                 let start = step.stretch.pulses.start;
                 let pulses = &self.collection.pulses[start + needed.start..start + needed.end];
