@@ -72,12 +72,21 @@ impl<L: Lanes> Table<L> {
         }
     }
 
-    /// Cosine and sine of a phase in [`Self::A_TURN`]ths of a turn, fewer than 2^22.
+    /// The place in the table of a phase in [`Self::A_TURN`]ths of a turn, fewer than 2^22, and what is left.
     #[inline(always)]
-    pub(crate) fn at<const COARSE: bool>(&self, lanes: L, phase: L::Numbers) -> [L::Numbers; 2] {
+    pub(crate) fn place(&self, lanes: L, phase: L::Numbers) -> [L::Numbers; 2] {
         let pattern = lanes.add(phase, self.round);
-        let x = lanes.sub(phase, lanes.sub(pattern, self.round));
-        let x = lanes.mul(x, self.line);
+        [pattern, lanes.sub(phase, lanes.sub(pattern, self.round))]
+    }
+
+    /// Cosine and sine of the phase of [`Self::place`].
+    #[inline(always)]
+    pub(crate) fn at<const COARSE: bool>(
+        &self,
+        lanes: L,
+        [pattern, left]: [L::Numbers; 2],
+    ) -> [L::Numbers; 2] {
+        let x = lanes.mul(left, self.line);
         let mut cos = lanes.of_wide(self.cos, pattern);
         let mut sin = lanes.of_wide(self.sin, pattern);
         let [across, along] = [sin, cos];
@@ -175,9 +184,10 @@ mod tests {
             let table = Table::new(lanes, coarse);
             let got = rms(3.0, |turns| {
                 let phase = lanes.splat(turns * Table::<Portable>::A_TURN as f32);
+                let place = table.place(lanes, phase);
                 let [cos, sin] = match coarse {
-                    false => table.at::<false>(lanes, phase),
-                    true => table.at::<true>(lanes, phase),
+                    false => table.at::<false>(lanes, place),
+                    true => table.at::<true>(lanes, place),
                 };
                 [cos[0], sin[0]]
             });

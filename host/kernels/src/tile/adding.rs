@@ -1,5 +1,7 @@
 //! The pulses of a call, one after another, onto all groups of a tile: what is compiled for each instruction set.
 
+use std::marker::PhantomData;
+
 use super::expansion::Expansion;
 use super::groups::{Groups, Offsets, Rows, Sums};
 use super::pieces::Pieces;
@@ -116,34 +118,20 @@ impl Add<'_> {
                     let first = lanes.load(&offsets.along[part..]);
                     let second = lanes.load(&offsets.across[part..]);
                     let bend = lanes.load(&bend[part..]);
-                    for (run, groups) in groups.chunks_mut(rows.run).enumerate() {
-                        let from = run * rows.run;
-                        let mut values =
-                            [R::window(lanes, planes[0], rows.base[from]); MOST_PLANES];
-                        for p in 1..2 * PLANES {
-                            values[p] = R::window(lanes, planes[p], rows.base[from]);
-                        }
-                        let group = Group::<L, R, PLANES, COARSE, ROW> {
-                            lanes,
-                            first,
-                            second,
-                            bend,
-                            round,
-                            kappa,
-                            turned,
-                            phasors: &phasors,
-                            values,
-                        };
-                        let mut pairs = groups.chunks_exact_mut(2);
-                        let mut row = from;
-                        for pair in &mut pairs {
-                            let [one, two] = pair else { unreachable!() };
-                            group.add([one, two], part, rows.places(row));
-                            row += 2;
-                        }
-                        for last in pairs.into_remainder() {
-                            group.add([last], part, rows.places(row));
-                        }
+                    let group = Group::<L, R, PLANES, COARSE, ROW> {
+                        lanes,
+                        first,
+                        second,
+                        bend,
+                        round,
+                        kappa,
+                        turned,
+                        phasors: &phasors,
+                        reading: PhantomData,
+                    };
+                    match rows.run {
+                        1 => group.add_column::<1>(&planes, rows, part, groups),
+                        _ => group.add_column::<2>(&planes, rows, part, groups),
                     }
                 }
             }
@@ -151,9 +139,8 @@ impl Add<'_> {
     }
 }
 
-/// What groups that share a window have in common.
-struct Group<'a, 'b, L: Lanes, R: Reading, const PLANES: usize, const COARSE: bool, const ROW: bool>
-{
+/// What the groups of a column have in common.
+struct Group<'b, L: Lanes, R: Reading, const PLANES: usize, const COARSE: bool, const ROW: bool> {
     lanes: L,
     first: L::Numbers,
     second: L::Numbers,
@@ -162,84 +149,117 @@ struct Group<'a, 'b, L: Lanes, R: Reading, const PLANES: usize, const COARSE: bo
     kappa: L::Numbers,
     turned: L::Numbers,
     phasors: &'b Table<L>,
-    values: [R::Values<'a, L>; MOST_PLANES],
+    reading: PhantomData<R>,
+}
+
+/// Where in the windows the pixels of a group lie.
+#[derive(Clone, Copy)]
+struct Place<L: Lanes> {
+    /// Their pieces.
+    pattern: L::Numbers,
+    /// Where within them.
+    within: L::Numbers,
+    /// Their phases.
+    phase: [L::Numbers; 2],
 }
 
 impl<L: Lanes, R: Reading, const PLANES: usize, const COARSE: bool, const ROW: bool>
-    Group<'_, '_, L, R, PLANES, COARSE, ROW>
+    Group<'_, L, R, PLANES, COARSE, ROW>
 {
-    /// Adds to the lanes from `part` of `N` groups from `row`, step by step side by side: one waits for what it has, the other works.
+    /// Adds to the lanes from `part` of a column's groups, `N` at a time; runs are of whole `N`.
+    ///
+    /// Places are found one step ahead: while one group waits for what it has looked up, the next ones' are worked on.
     #[inline(always)]
-    fn add<const N: usize>(&self, sums: [&mut Sums; N], part: usize, places: [&[f32; N]; 3]) {
-        let Self {
-            lanes,
-            first,
-            second,
-            bend,
-            round,
-            kappa,
-            turned,
-            phasors,
-            values,
-        } = self;
-        // Loops by index: closures handed to functions of arrays would not be compiled in the lanes' instructions.
-        let nothing = [*round; N];
-        let [
-            mut t,
-            mut pattern,
-            mut f,
-            mut phase,
-            mut real,
-            mut imaginary,
-            mut cos,
-            mut sin,
-        ] = [nothing; 8];
-        for n in 0..N {
-            let [at, along, across] = places;
-            let (at, along) = (lanes.splat(at[n]), lanes.splat(along[n]));
-            let across = lanes.splat(across[n]);
-            t[n] = match ROW {
-                true => lanes.mul_add(*first, lanes.mul_add(*first, across, along), at),
-                false => {
-                    let t = lanes.mul_add(*second, across, *bend);
-                    lanes.add(lanes.mul_add(*first, along, t), at)
+    fn add_column<const N: usize>(
+        &self,
+        planes: &[&[f32]; MOST_PLANES],
+        rows: &Rows,
+        part: usize,
+        groups: &mut [Sums],
+    ) {
+        let whole = groups.len() / N * N;
+        let mut ahead = [self.place(rows, 0); N];
+        for (n, place) in ahead.iter_mut().enumerate().take(groups.len()) {
+            *place = self.place(rows, n);
+        }
+        for (run, groups) in groups.chunks_mut(rows.run).enumerate() {
+            let mut row = run * rows.run;
+            let mut values = [R::window(self.lanes, planes[0], rows.base[row]); MOST_PLANES];
+            for p in 1..2 * PLANES {
+                values[p] = R::window(self.lanes, planes[p], rows.base[row]);
+            }
+            let mut steps = groups.chunks_exact_mut(N);
+            for step in &mut steps {
+                let here = ahead;
+                row += N;
+                // After the last there is none: it is found again.
+                let next = if row < whole { row } else { row - N };
+                for n in 0..N {
+                    ahead[n] = self.place(rows, next + n);
+                    self.add(&mut step[n], part, &here[n], &values);
                 }
-            };
-        }
-        for n in 0..N {
-            pattern[n] = lanes.add(t[n], *round);
-        }
-        for n in 0..N {
-            f[n] = lanes.sub(t[n], lanes.sub(pattern[n], *round));
-        }
-        for n in 0..N {
-            phase[n] = lanes.mul_add(f[n], *kappa, *turned);
-        }
-        for n in 0..N {
-            real[n] = R::look_up(*lanes, values[2 * PLANES - 2], pattern[n]);
-            imaginary[n] = R::look_up(*lanes, values[2 * PLANES - 1], pattern[n]);
-        }
-        for k in (0..PLANES - 1).rev() {
-            for n in 0..N {
-                let value = R::look_up(*lanes, values[2 * k], pattern[n]);
-                real[n] = lanes.mul_add(real[n], f[n], value);
-                let value = R::look_up(*lanes, values[2 * k + 1], pattern[n]);
-                imaginary[n] = lanes.mul_add(imaginary[n], f[n], value);
+            }
+            for last in steps.into_remainder() {
+                self.add(last, part, &self.place(rows, row), &values);
+                row += 1;
             }
         }
-        for n in 0..N {
-            [cos[n], sin[n]] = phasors.at::<COARSE>(*lanes, phase[n]);
+    }
+
+    #[inline(always)]
+    fn place(&self, rows: &Rows, row: usize) -> Place<L> {
+        let lanes = self.lanes;
+        let [at, along, across] = rows.place(row);
+        let (at, along) = (lanes.splat(at), lanes.splat(along));
+        let across = lanes.splat(across);
+        let t = match ROW {
+            true => {
+                let slope = lanes.mul_add(self.first, across, along);
+                lanes.mul_add(self.first, slope, at)
+            }
+            false => {
+                let t = lanes.mul_add(self.second, across, self.bend);
+                lanes.add(lanes.mul_add(self.first, along, t), at)
+            }
+        };
+        let pattern = lanes.add(t, self.round);
+        let within = lanes.sub(t, lanes.sub(pattern, self.round));
+        let phase = lanes.mul_add(within, self.kappa, self.turned);
+        Place {
+            pattern,
+            within,
+            phase: self.phasors.place(lanes, phase),
         }
-        for n in 0..N {
-            let Sums { re, im } = &mut *sums[n];
-            let sum = lanes.mul_add(cos[n], real[n], lanes.load(&re[part..]));
-            lanes.store(
-                lanes.neg_mul_add(sin[n], imaginary[n], sum),
-                &mut re[part..],
-            );
-            let sum = lanes.mul_add(cos[n], imaginary[n], lanes.load(&im[part..]));
-            lanes.store(lanes.mul_add(sin[n], real[n], sum), &mut im[part..]);
+    }
+
+    #[inline(always)]
+    fn add(
+        &self,
+        sums: &mut Sums,
+        part: usize,
+        place: &Place<L>,
+        values: &[R::Values<'_, L>; MOST_PLANES],
+    ) {
+        let lanes = self.lanes;
+        let Place {
+            pattern,
+            within,
+            phase,
+        } = *place;
+        let mut real = R::look_up(lanes, values[2 * PLANES - 2], pattern);
+        let mut imaginary = R::look_up(lanes, values[2 * PLANES - 1], pattern);
+        for k in (0..PLANES - 1).rev() {
+            let value = R::look_up(lanes, values[2 * k], pattern);
+            real = lanes.mul_add(real, within, value);
+            let value = R::look_up(lanes, values[2 * k + 1], pattern);
+            imaginary = lanes.mul_add(imaginary, within, value);
         }
+        let [cos, sin] = self.phasors.at::<COARSE>(lanes, phase);
+        let Sums { re, im } = sums;
+        let sum = lanes.mul_add(cos, real, lanes.load(&re[part..]));
+        lanes.store(lanes.neg_mul_add(sin, imaginary, sum), &mut re[part..]);
+        let sum = lanes.mul_add(cos, imaginary, lanes.load(&im[part..]));
+        lanes.store(lanes.mul_add(sin, real, sum), &mut im[part..]);
     }
 }
 

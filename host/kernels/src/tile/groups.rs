@@ -4,7 +4,7 @@ use num_complex::Complex32;
 
 use super::expansion::Expansion;
 use super::shape::Shape;
-use crate::lanes::GROUP;
+use crate::lanes::{GROUP, Kernel, Lanes};
 
 /// Added to a number below 2^51 and taken off again, it leaves the nearest whole number.
 const ROUND_F64: f64 = 6_755_399_441_055_744.0;
@@ -85,21 +85,40 @@ impl Groups {
         let pixels = [self.shape.along, self.shape.across()];
         [0, 1].map(|axis| (self.counts[axis] * pixels[axis]) as f64 - self.sides[axis] as f64 / 2.0)
     }
+}
 
-    /// Adds the groups' sums to a tile of `columns` columns.
-    pub(super) fn deliver(&self, parts: &[Sums], sums: &mut [Complex32]) {
-        let (along, [_, down]) = (self.shape.along, self.counts);
-        let columns = self.sides[usize::from(self.shape.transposed)];
+/// Adds groups' sums to the pixels of their tile, row by row.
+pub(super) struct Deliver<'a> {
+    pub(super) tile: Groups,
+    pub(super) parts: &'a [Sums],
+    pub(super) sums: &'a mut [Complex32],
+}
+
+impl Kernel for Deliver<'_> {
+    type Output = ();
+
+    /// Plain loops: what the lanes' instructions make of them.
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let Self { tile, parts, sums } = self;
+        let (shape, [_, down]) = (tile.shape, tile.counts);
+        let columns = tile.sides[usize::from(shape.transposed)];
         for (group, Sums { re, im }) in parts.iter().enumerate() {
-            let (first, second) = (group / down * along, group % down * self.shape.across());
-            for (lane, (re, im)) in re.iter().zip(im).enumerate() {
-                let (i, j) = (first + lane % along, second + lane / along);
-                if i < self.sides[0] && j < self.sides[1] {
-                    let (column, row) = match self.shape.transposed {
-                        false => (i, j),
-                        true => (j, i),
-                    };
-                    sums[row * columns + column] += Complex32::new(*re, *im);
+            let (first, second) = (group / down * shape.along, group % down * shape.across());
+            let count = shape.along.min(tile.sides[0] - first);
+            let lines = re.chunks(shape.along).zip(im.chunks(shape.along));
+            for ((re, im), second) in lines.zip(second..tile.sides[1]) {
+                let both = re.iter().zip(im);
+                if shape.transposed {
+                    let column = sums[first * columns + second..].iter_mut();
+                    for (sum, (re, im)) in column.step_by(columns).take(count).zip(both) {
+                        *sum += Complex32::new(*re, *im);
+                    }
+                } else {
+                    let row = &mut sums[second * columns + first..][..count];
+                    for (sum, (re, im)) in row.iter_mut().zip(both) {
+                        *sum += Complex32::new(*re, *im);
+                    }
                 }
             }
         }
@@ -123,11 +142,10 @@ impl Rows {
         }
     }
 
-    /// Place of the middle, change along and change across, of `N` groups from `row`.
+    /// Place of the middle, change along and change across, of the group of a row.
     #[inline(always)]
-    pub(super) fn places<const N: usize>(&self, row: usize) -> [&[f32; N]; 3] {
-        [&self.at, &self.along, &self.across]
-            .map(|values| values[row..row + N].try_into().expect("N groups"))
+    pub(super) fn place(&self, row: usize) -> [f32; 3] {
+        [self.at[row], self.along[row], self.across[row]]
     }
 
     /// For the groups whose middles are `i` pixels along, where the tile's middle has `place` among the pieces.

@@ -4,7 +4,7 @@ use num_complex::Complex32;
 
 use super::adding::Add;
 use super::expansion::{Expansion, Raster, left_out_m};
-use super::groups::{Groups, Rows, Sums};
+use super::groups::{Deliver, Groups, Rows, Sums};
 use super::pieces::Pieces;
 use super::pulse::TilePulse;
 use super::shape::{Shape, Window, steepest};
@@ -44,11 +44,12 @@ impl TileScratch {
             self.expansions.iter_mut().for_each(|e| *e = e.transposed());
         }
         let radius_m = raster.radius_m();
-        let rows = self.tile.sides[1];
+        let lost = shape.left_out(self.tile.sides[1]);
         let each = pulses.iter().zip(&self.expansions).map(|(pulse, e)| {
             let [out_m, back_m] = e.legs_m.map(|leg_m| left_out_m(leg_m, radius_m) / 3.0);
             let legs_m = out_m + back_m;
-            let off_m = legs_m + shape.left_out(e, rows) / (pulse.turns_m * bins).abs();
+            let off = lost.iter().zip(e.third).map(|(each, c)| each * c.abs());
+            let off_m = legs_m + off.sum::<f64>() / (pulse.turns_m * bins).abs();
             // Antennas that are nowhere are no tile's.
             if off_m.is_nan() { f64::INFINITY } else { off_m }
         });
@@ -104,6 +105,10 @@ impl TileScratch {
             rows: &mut self.rows,
             sums: &mut self.sums,
         });
-        tile.deliver(&self.sums, sums);
+        instructions.run(Deliver {
+            tile,
+            parts: &self.sums,
+            sums,
+        });
     }
 }

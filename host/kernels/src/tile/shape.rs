@@ -106,22 +106,23 @@ pub(super) fn steepest<'a>(
 }
 
 impl Shape {
-    /// Root of the mean square, over the pixels of a tile of so many rows of pixels, of what the places in groups of this shape lose of the
-    /// third degree.
+    /// What groups of this shape lose of the third degree, in a tile of so many rows of pixels: the root of the mean square, over its pixels, of
+    /// their places' error for each of its coefficients, whose magnitudes' errors add.
     ///
     /// With a group's middle `j` rows from the tile's, and a pixel at `a` and `b` from that: a row of 16 follows all but the part of
     /// `a^3` that no straight line takes; a block loses `j (c21 a^2 + 2 c12 a b + 3 c03 b^2)` and the cubic form of `a` and `b`.
-    pub(super) fn left_out(&self, e: &Expansion, rows: usize) -> f64 {
-        let [c30, c21, c12, c03] = e.third.map(f64::abs);
+    pub(super) fn left_out(&self, rows: usize) -> [f64; 4] {
         let ([a2, a4, a6], [b2, b4, b6]) = (even_moments(self.along), even_moments(self.across()));
         if self.across() == 1 {
-            return c30 * (a6 - a4 * a4 / a2).max(0.0).sqrt();
+            return [(a6 - a4 * a4 / a2).max(0.0).sqrt(), 0.0, 0.0, 0.0];
         }
         let j = rows as f64 / 12f64.sqrt();
-        let second = c21 * a4.sqrt() + 2.0 * c12 * (a2 * b2).sqrt() + 3.0 * c03 * b4.sqrt();
-        let third =
-            c30 * a6.sqrt() + c21 * (a4 * b2).sqrt() + c12 * (a2 * b4).sqrt() + c03 * b6.sqrt();
-        j * second + third
+        [
+            a6.sqrt(),
+            j * a4.sqrt() + (a4 * b2).sqrt(),
+            j * 2.0 * (a2 * b2).sqrt() + (a2 * b4).sqrt(),
+            j * 3.0 * b4.sqrt() + b6.sqrt(),
+        ]
     }
 }
 
