@@ -80,7 +80,6 @@ impl Add<'_> {
         } = self;
         let shape = tile.shape;
         let (row, length) = (layout.row(), layout.length() as f64);
-        let half = layout.length().div_ceil(2) as f64;
         let offsets = Offsets::new(shape);
         let phasors = Table::new(lanes, COARSE);
         let round = lanes.splat(ROUND + R::MIDDLE as f32);
@@ -94,7 +93,7 @@ impl Add<'_> {
                 false => &[],
             });
             // The turn in which the tile's middle lies, and where in it.
-            let turns = ((expansion.at + half) / length).floor();
+            let turns = layout.turn(expansion.at);
             let place = expansion.at - turns * length - layout.shift() - layout.first();
             let turned = pulse.cycles_a_bin * length * turns;
             let kappa = lanes.splat((pulse.cycles_a_bin * Table::<L>::A_TURN) as f32);

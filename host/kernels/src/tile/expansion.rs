@@ -41,14 +41,43 @@ impl Raster {
     }
 
     fn farthest_m(&self, beyond: usize) -> f64 {
+        let [a, b] = self.corners_m(beyond).map(|u| dot(&u, &u).sqrt());
+        a.max(b)
+    }
+
+    /// Two neighbouring corners from the centre; the other two are opposite.
+    fn corners_m(&self, beyond: usize) -> [[f64; 3]; 2] {
         let reach = |count: usize| (count.saturating_sub(1) as f64) / 2.0 + beyond as f64;
         let (i, j) = (reach(self.columns), reach(self.rows));
-        let corner = |sign: f64| {
-            let u: [f64; 3] =
-                std::array::from_fn(|d| self.along_m[d] * i + self.across_m[d] * j * sign);
-            dot(&u, &u).sqrt()
-        };
-        corner(1.0).max(corner(-1.0))
+        [1.0, -1.0]
+            .map(|sign| std::array::from_fn(|d| self.along_m[d] * i + self.across_m[d] * j * sign))
+    }
+
+    /// Bounds on the paths to its pixels less the datum, metres: the least and the largest.
+    ///
+    /// Paths are convex in the place: they lie above their tangent at the centre and below what they are at the farthest corner.
+    pub fn paths_m(&self, antennas: &Antennas) -> [f64; 2] {
+        let [mut least, mut largest] = [-antennas.datum_m; 2];
+        let [a, b] = self.corners_m(0);
+        let corners = [a, b, a.map(|x| -x), b.map(|x| -x)];
+        for antenna_m in [&antennas.transmitter_m, &antennas.receiver_m] {
+            let from: [f64; 3] = std::array::from_fn(|d| self.centre_m[d] - antenna_m[d]);
+            let at_m = dot(&from, &from).sqrt();
+            let slopes = corners.map(|u| {
+                if at_m > 0.0 {
+                    dot(&from, &u) / at_m
+                } else {
+                    0.0
+                }
+            });
+            least += at_m + slopes.into_iter().fold(f64::INFINITY, f64::min);
+            let lengths = corners.map(|u| {
+                let to: [f64; 3] = std::array::from_fn(|d| from[d] + u[d]);
+                dot(&to, &to).sqrt()
+            });
+            largest += lengths.into_iter().fold(0.0, f64::max);
+        }
+        [least, largest]
     }
 }
 

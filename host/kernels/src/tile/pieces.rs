@@ -8,11 +8,13 @@
 //!
 //! so that `exp(j 2 pi kappa t) value(t) = exp(j 2 pi kappa f) sum_k Q_k[n] f^k`: whoever reads needs the phase within a bin alone, in
 //! float32 whatever the range. Pieces run from `-L/2 - margin` to `L/2 + margin`, so that a tile whose centre lies within a turn reads
-//! without wrapping; the carrier goes on past the turn's ends, where values repeat.
+//! without wrapping; the carrier goes on past the turn's ends, where values repeat. Of a part of the range only its pieces are made
+//! ([`Pieces::over`], [`Pieces::around`]).
 //!
 //! Layout: planes of float32, `Q_0`'s real parts, its imaginary parts, `Q_1`'s, and so on.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use num_complex::{Complex32, Complex64};
 
@@ -31,9 +33,11 @@ const RUN: usize = 64;
 pub struct Pieces {
     degree: usize,
     length: usize,
-    /// Pieces before that of bin 0.
-    before: usize,
+    /// The bin of the first piece.
+    first: i64,
     row: usize,
+    /// Places are counted from here on, within a turn.
+    from: f64,
     /// What [`taps`] says of the degree.
     taps: [[f32; MOST_TAPS]; MOST_TAPS],
 }
@@ -44,7 +48,9 @@ impl Pieces {
     /// # Panics
     /// If there are no such.
     pub fn new(degree: usize, length: usize, margin: usize) -> Self {
-        Self::part(degree, length, length / 2 + margin, length + 2 * margin)
+        let first = -((length / 2 + margin) as i64);
+        let from = -(length.div_ceil(2) as f64);
+        Self::part(degree, length, first, length + 2 * margin, from)
     }
 
     /// Only those up to `reach` bins, [`Self::margin_for`] it, from a tile at whose centre all paths are 0.
@@ -52,16 +58,34 @@ impl Pieces {
     /// # Panics
     /// If there are no such.
     pub fn around(degree: usize, length: usize, reach: usize) -> Self {
-        Self::part(degree, length, reach, 2 * reach)
+        let from = -(length.div_ceil(2) as f64);
+        Self::part(degree, length, -(reach as i64), 2 * reach, from)
     }
 
-    fn part(degree: usize, length: usize, before: usize, row: usize) -> Self {
+    /// Only those about `places`, the bins between which all paths to tiles' centres and points lie; all where that is a turn or more.
+    ///
+    /// # Panics
+    /// If there are no such.
+    pub fn over(degree: usize, length: usize, places: &Range<f64>, margin: usize) -> Self {
+        // Rounding may move a path beyond the ends, and a point's piece is the next one.
+        let (low, high) = (places.start.floor() - 2.0, places.end.ceil() + 2.0);
+        // Far away whole bins are no longer told apart.
+        let near = low.abs().max(high.abs()) < 1e12;
+        if !near || high - low >= length as f64 {
+            return Self::new(degree, length, margin);
+        }
+        let row = (high - low) as usize + 2 * margin;
+        Self::part(degree, length, low as i64 - margin as i64, row, low)
+    }
+
+    fn part(degree: usize, length: usize, first: i64, row: usize, from: f64) -> Self {
         assert!((1..=MOST_DEGREE).contains(&degree) && length > 0);
         Self {
             degree,
             length,
-            before,
+            first,
             row,
+            from,
             taps: taps(degree),
         }
     }
@@ -99,7 +123,13 @@ impl Pieces {
 
     /// The bin of the first piece.
     pub(super) fn first(&self) -> f64 {
-        -(self.before as f64)
+        self.first as f64
+    }
+
+    /// The turn in which a place lies, in bins.
+    #[inline(always)]
+    pub(super) fn turn(&self, at: f64) -> f64 {
+        ((at - self.from) / self.length as f64).floor()
     }
 
     /// Makes the pieces of a profile, the spline's coefficients, into `pieces`.
@@ -216,14 +246,15 @@ impl Make<'_> {
         let Pieces {
             degree,
             length,
-            before,
+            first,
             row,
             taps,
+            ..
         } = *self.layout;
         let [fine_re, fine_im] = &self.carrier.fine;
         // The profile's place under the first piece's first tap.
-        let before = before + degree / 2;
-        let mut place = (length - before % length) % length;
+        let under = first - (degree / 2) as i64;
+        let mut place = under.rem_euclid(length as i64) as usize;
         let [mut under_re, mut under_im] = [[0.0f32; RUN + MOST_TAPS - 1]; 2];
         for first in (0..row).step_by(RUN) {
             let count = RUN.min(row - first);

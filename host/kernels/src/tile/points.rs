@@ -52,7 +52,6 @@ impl Kernel for AddPoints<'_> {
     fn run<L: Lanes>(self, lanes: L) {
         let planes = 2 * (self.layout.degree() + 1);
         let (row, length) = (self.layout.row(), self.layout.length() as f64);
-        let half = self.layout.length().div_ceil(2) as f64;
         let first = self.layout.shift() + self.layout.first();
         let bins_m = self.pulse.turns_m * length;
         let kappa = self.pulse.cycles_a_bin;
@@ -71,7 +70,7 @@ impl Kernel for AddPoints<'_> {
             for (paths_m, sums) in paths_m.chunks(GROUP).zip(sums.chunks_mut(GROUP)) {
                 for (i, path_m) in paths_m.iter().enumerate() {
                     let at = path_m * bins_m;
-                    let turn = ((at + half) / length).floor();
+                    let turn = self.layout.turn(at);
                     let place = at - turn * length - first;
                     let whole = (place + 0.5).floor();
                     let part = place - whole;

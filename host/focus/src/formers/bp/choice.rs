@@ -5,6 +5,8 @@
 //! cheapest is taken, as a few pulses see a few tiles. Tiles are as large as pays: in larger ones fewer pulses and tiles keep to
 //! the polynomials, and the rest takes many times as long.
 
+use std::ops::Range;
+
 use super::{Choices, MOST_OVERSAMPLING, Meaning, SUMMED_PULSES, Way, cost, pulse_bytes};
 use crate::patch::{PatchSize, Patches, Rectangle, spread};
 use crate::path_tile::{self, pulse_antennas, raster};
@@ -72,6 +74,24 @@ pub(super) fn margin(aim: &Aim, side: usize, length: usize) -> usize {
     Pieces::margin_for(&raster(aim.grid, &first), finest)
 }
 
+/// Between which all paths to the grid lie, in turns of profiles; none where that is not known.
+pub(super) fn swath(aim: &Aim, meaning: Meaning) -> Option<Range<f64>> {
+    if aim.grid.polar || !matches!(meaning, Meaning::Places) {
+        return None;
+    }
+    let size = [aim.grid.rows.count, aim.grid.columns.count];
+    let whole = raster(aim.grid, &Rectangle::of(&size.map(|count| 0..count)));
+    let [mut least, mut largest] = [f64::INFINITY, f64::NEG_INFINITY];
+    for pulse in &aim.collection.pulses {
+        let turns_m = pulse.step_hz / SPEED_OF_LIGHT_M_S;
+        for path_m in whole.paths_m(&pulse_antennas(pulse)) {
+            least = least.min(path_m * turns_m);
+            largest = largest.max(path_m * turns_m);
+        }
+    }
+    Some(least..largest)
+}
+
 /// Bins a metre of path, of each pulse.
 fn bins_m(aim: &Aim, length: usize) -> impl Iterator<Item = f64> {
     let pulses = aim.collection.pulses.iter();
@@ -94,6 +114,25 @@ pub(super) fn tile_pulse(aim: &Aim, pulse: &Pulse, length: usize) -> TilePulse {
     }
 }
 
+/// The pieces of profiles that are read for paths within a swath, in turns; all if that is not known.
+pub(super) fn pieces(
+    degree: usize,
+    length: usize,
+    margin: usize,
+    swath: Option<&Range<f64>>,
+) -> Pieces {
+    let bins = length as f64;
+    match swath {
+        Some(swath) => Pieces::over(
+            degree,
+            length,
+            &(swath.start * bins..swath.end * bins),
+            margin,
+        ),
+        None => Pieces::new(degree, length, margin),
+    }
+}
+
 /// A way to read profiles, and what it costs a pixel and pulse.
 #[derive(Clone, Copy)]
 struct Candidate {
@@ -101,6 +140,7 @@ struct Candidate {
     oversampling: f64,
     length: usize,
     margin: usize,
+    pieces: Pieces,
     way: Way,
     /// About, of one core.
     pixel_ns: f64,
@@ -108,13 +148,13 @@ struct Candidate {
 
 /// Chooses, for pixels that are places or velocities and antennas that rest while a pulse lasts.
 pub(super) fn choose(aim: &Aim, shares: &Shares, meaning: Meaning) -> Choices {
-    let candidates = DEGREES.map(|degree| Candidate::new(aim, shares, meaning, degree));
+    let swath = swath(aim, meaning);
+    let candidates = DEGREES.map(|degree| Candidate::new(aim, shares, swath.as_ref(), degree));
     let best = candidates
         .into_iter()
         .min_by(|a, b| a.time_ns(aim).total_cmp(&b.time_ns(aim)))
         .expect("there are degrees");
-    let pieces = Pieces::new(best.degree, best.length, best.margin);
-    let bytes = pulse_bytes(aim.collection.num_samples, pieces.values());
+    let bytes = pulse_bytes(aim.collection.num_samples, best.pieces.values());
     Choices {
         degree: best.degree,
         oversampling: best.oversampling,
@@ -125,7 +165,8 @@ pub(super) fn choose(aim: &Aim, shares: &Shares, meaning: Meaning) -> Choices {
 }
 
 impl Candidate {
-    fn new(aim: &Aim, shares: &Shares, meaning: Meaning, degree: usize) -> Self {
+    /// For paths within a swath, if it is known.
+    fn new(aim: &Aim, shares: &Shares, swath: Option<&Range<f64>>, degree: usize) -> Self {
         let count = aim.collection.num_samples;
         let oversampling = RangeProfiler::oversampling_for(degree, shares.interpolation_db);
         let oversampling = oversampling.min(MOST_OVERSAMPLING);
@@ -135,14 +176,15 @@ impl Candidate {
             oversampling,
             length,
             margin: 1,
+            pieces: pieces(degree, length, 1, swath),
             way: Way::Points,
             pixel_ns: cost::POINT_NS,
         };
-        let flat = !aim.grid.polar && matches!(meaning, Meaning::Places);
-        let flat = flat && tile::DEGREES.contains(&degree);
-        let tiles = SIDES.map(|side| match flat {
-            true => points.in_tiles(aim, shares, side),
-            false => None,
+        let tiles = SIDES.map(|side| match swath {
+            Some(swath) if tile::DEGREES.contains(&degree) => {
+                points.in_tiles(aim, shares, swath, side)
+            }
+            _ => None,
         });
         let tiles = tiles.into_iter().flatten();
         tiles.fold(points, |best, own| {
@@ -155,14 +197,19 @@ impl Candidate {
 
     /// Of the image, about, of one core.
     fn time_ns(&self, aim: &Aim) -> f64 {
-        let pieces = self.length + 2 * self.margin;
-        let profile = cost::profile_ns(self.degree, self.length, pieces);
+        let profile = cost::profile_ns(self.degree, self.length, self.pieces.row());
         let pixels = self.pixel_ns * aim.grid.num_pixels() as f64;
         aim.collection.pulses.len() as f64 * (pixels + profile)
     }
 
     /// The same in tiles of this side; `None` if arithmetic is not good enough for any.
-    fn in_tiles(&self, aim: &Aim, shares: &Shares, side: usize) -> Option<Self> {
+    fn in_tiles(
+        &self,
+        aim: &Aim,
+        shares: &Shares,
+        swath: &Range<f64>,
+        side: usize,
+    ) -> Option<Self> {
         let patches = Patches::new(aim.grid, PatchSize::square(side));
         let highest_hz = rounding::highest_hz(aim);
         let pulses = spread(aim.collection.pulses.len(), PULSES_SEEN);
@@ -207,6 +254,7 @@ impl Candidate {
         }
         Some(Self {
             margin,
+            pieces: pieces(self.degree, self.length, margin, Some(swath)),
             way: Way::Tiles {
                 side,
                 phase_rad: shares.tiles,

@@ -44,20 +44,26 @@ pub(super) fn profile_ns(degree: usize, length: usize, pieces: usize) -> f64 {
     0.3 * length * length.log2() + pieces as f64 * (degree as f64 + 1.0)
 }
 
-/// Of all of `aim` so done, with profiles of `length` bins; of a pulse in hand there are `pulse_bytes`.
-pub(super) fn cost(aim: &Aim, choices: &Choices, length: usize, pulse_bytes: u64) -> Cost {
+/// Of all of `aim` so done, with such `pieces` of profiles; of a pulse in hand there are `pulse_bytes`.
+pub(super) fn cost(aim: &Aim, choices: &Choices, pieces: &Pieces, pulse_bytes: u64) -> Cost {
     let num_pulses = aim.collection.pulses.len();
-    let (pulses, bins, d) = (num_pulses as f64, length as f64, choices.degree as f64);
+    let (pulses, bins, d) = (
+        num_pulses as f64,
+        pieces.length() as f64,
+        choices.degree as f64,
+    );
     let (pixel, profile) = match choices.way {
         Way::Blurs(blurs) => (BLURRED, blurs.count as f64 * transform(bins)),
         way => {
-            let pieces = Pieces::new(choices.degree, length, choices.margin).row() as f64;
             let piece = 2.0 * (d + 1.0) * (d + 1.0) + 6.0 * (d + 1.0);
             let pixel = match way {
                 Way::Points => POINT,
                 _ => TILE,
             };
-            (pixel + 4.0 * d, transform(bins) + pieces * piece)
+            (
+                pixel + 4.0 * d,
+                transform(bins) + pieces.row() as f64 * piece,
+            )
         }
     };
     let held = num_pulses.min(MOST_PARTS * choices.summed_pulses) as f64;

@@ -221,12 +221,13 @@ pub(crate) fn decide(
             .helped_by(&[Remedy::OtherFormer(&["exact"])])
     })?;
     let length = profiler.length();
+    let pieces = choices.pieces(aim, meaning, length);
     let (each, pulse_bytes) = match choices.way {
         Way::Blurs(blurs) => (
             blurs.count,
             sweeping::pulse_bytes(num_samples, &blurs, length),
         ),
-        _ => (1, pulse_bytes(num_samples, choices.pieces(length).values())),
+        _ => (1, pulse_bytes(num_samples, pieces.values())),
     };
     let side = match choices.way {
         Way::Tiles { side, .. } => side,
@@ -244,7 +245,7 @@ pub(crate) fn decide(
         }),
         planned_db,
         grain: Patches::new(aim.grid, PatchSize::square(side)).size(),
-        cost: cost::cost(aim, &choices, length, pulse_bytes),
+        cost: cost::cost(aim, &choices, &pieces, pulse_bytes),
     })
 }
 
@@ -304,7 +305,8 @@ impl Choices {
     }
 
     /// How the polynomials of profiles of `length` bins are laid out.
-    fn pieces(&self, length: usize) -> Pieces {
-        Pieces::new(self.degree, length, self.margin)
+    fn pieces(&self, aim: &Aim, meaning: Meaning, length: usize) -> Pieces {
+        let swath = choice::swath(aim, meaning);
+        choice::pieces(self.degree, length, self.margin, swath.as_ref())
     }
 }

@@ -62,7 +62,7 @@ impl<'a> Opened<'a> {
             _ => PATCH,
         };
         Self {
-            pieces: choices.pieces(profiler.length()),
+            pieces: choices.pieces(&aim, meaning, profiler.length()),
             summed_pulses: choices.summed_pulses,
             way: choices.way,
             patches: Patches::new(aim.grid, PatchSize::square(side)),
