@@ -90,13 +90,36 @@ fn a_pixel_takes_what_its_loop_does() {
 
 #[test]
 fn profiles_are_transformed_once_a_pulse() {
-    let decision = decide(&*listed("bp"), &grid(200));
+    let grid = grid(200);
+    let decision = decide(&*listed("bp"), &grid);
     let bins = decision.settings["profile_length"].as_f64().unwrap();
-    // Of each bin, and of some beyond the ends, the coefficients of a polynomial from as many values, by the carrier.
+    // Of each bin that is read the coefficients of a polynomial from as many values, by the carrier.
     let taps = decision.settings["spline_degree"].as_f64().unwrap() + 1.0;
-    let pieces = 2.0 * taps * taps + 6.0 * taps;
+    let piece = 2.0 * taps * taps + 6.0 * taps;
     let made = decision.cost.shared_operations / PULSES - transform(bins);
-    assert!((1.0..3.0).contains(&(made / (pieces * bins))), "{made}");
+    // Between the least path to the grid's edges and the largest: within them there is none less or larger.
+    let history = Preset::Table41.simulate(&Variation::default());
+    let edges = (0..200).flat_map(|i| [[0, i], [199, i], [i, 0], [i, 199]]);
+    let edges: Vec<_> = edges.map(|[i, j]| grid.position_m(i, j)).collect();
+    let pulses = history.collection().pulses.iter();
+    let places = pulses.flat_map(|pulse| {
+        let bins_m = pulse.step_hz * bins / 299_792_458.0;
+        edges
+            .iter()
+            .map(move |&at| pulse.relative_path_m(at) * bins_m)
+    });
+    let places: Vec<f64> = places.collect();
+    let least = places.iter().copied().fold(f64::INFINITY, f64::min);
+    let read = places.iter().copied().fold(f64::NEG_INFINITY, f64::max) - least;
+    assert!(read < 0.9 * bins, "{read} of {bins}");
+    // To either side as far as the corner of a tile of 64 x 64 pixels and its last groups lie, 16 bins of windows, and whole bins.
+    let bin_m = 299_792_458.0 / (bins * history.collection().pulses[0].step_hz);
+    let reach = 2.0 * (32.0 + 15.0) * 2f64.sqrt() * 0.4 / bin_m + 18.0;
+    let pieces = made / piece;
+    assert!(
+        (read..read + 2.0 * reach + 8.0).contains(&pieces),
+        "{pieces} {read} {reach}"
+    );
 }
 
 #[test]
