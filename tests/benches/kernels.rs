@@ -1,17 +1,28 @@
 //! Kernels by themselves, on one thread, in each instruction set that the processor has.
 //!
-//! `cargo bench --bench kernels [-- PREFIX]`: of the lines that begin so, at greater length. Of backprojection a group is 16 pixels of one pulse. The beam
-//! comes along the columns, and turned by so many degrees.
+//! `cargo bench --bench kernels [-- PATTERN]`, for instance `-- tile` or `-- "halving.*avx512"`. An item is a sample, a point or, of backprojection, a pixel of
+//! one pulse; kernels without an instruction set's name are plain Rust. The beam comes along the columns of a tile, and turned by so many
+//! degrees.
 
-use std::hint::black_box;
-use std::time::Instant;
+use std::fmt;
 
+use divan::Bencher;
+use divan::counter::ItemsCount;
 use subaperture::num_complex::{Complex32, Complex64};
+use subaperture::signal::kaiser_bessel::KaiserBessel;
+use subaperture_kernels::blurred::{self, Blurred, Scale};
+use subaperture_kernels::ceiling;
+use subaperture_kernels::compensation::{self, Ramp};
 use subaperture_kernels::halving::{Halving, HalvingScratch, Layout, Rows, Turning, halved};
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::Instructions;
-use subaperture_kernels::paths::Antennas;
-use subaperture_kernels::tile::{Pieces, Raster, TilePulse, TileScratch};
+use subaperture_kernels::paths::{self, Antennas, Points};
+use subaperture_kernels::reading::Map;
+use subaperture_kernels::spreading::{Band, Line};
+use subaperture_kernels::tile::{Carrier, Pieces, Raster, TilePulse, TileScratch, add_points};
+
+/// Seconds for one line of the table.
+const LONGEST_S: f64 = 0.15;
 
 const PULSES: usize = 64;
 const BINS: usize = 12_288;
@@ -19,6 +30,42 @@ const BINS: usize = 12_288;
 const BIN_M: f64 = 0.125;
 const PIXEL_M: f64 = 0.2;
 const CARRIER_CYCLES_M: f64 = 33.3;
+/// Samples of a pulse.
+const SAMPLES: usize = 4096;
+/// Points: their coordinates stay in the first cache.
+const POINTS: usize = 1024;
+
+fn main() {
+    divan::main();
+}
+
+/// What a kernel is done in, and with.
+struct In<T> {
+    instructions: Instructions,
+    with: T,
+}
+
+impl<T: fmt::Display> fmt::Display for In<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = self.instructions.name();
+        match self.with.to_string() {
+            with if with.is_empty() => f.write_str(name),
+            with => write!(f, "{name} {with}"),
+        }
+    }
+}
+
+/// Every instruction set with each of these.
+fn each<T: Clone>(with: &[T]) -> Vec<In<T>> {
+    let all = Instructions::available();
+    let each = all.into_iter().flat_map(|instructions| {
+        with.iter().map(move |with| In {
+            instructions,
+            with: with.clone(),
+        })
+    });
+    each.collect()
+}
 
 /// Pulses from 2 km away and above, 0.1 m apart.
 fn pulses(turned_deg: f64) -> Vec<TilePulse> {
@@ -43,138 +90,365 @@ fn pulses(turned_deg: f64) -> Vec<TilePulse> {
     (0..PULSES).map(pulse).collect()
 }
 
-/// Halving and narrow sums: nanoseconds a sample before.
-fn samples(prefix: &str) {
-    println!("instructions kernel    ways    pulses x samples    a sample");
-    for instructions in Instructions::available() {
-        for [num_pulses, num_samples] in [[128, 4096], [256, 520], [112, 104], [64, 60]] {
-            let layout = Layout::new(num_samples);
-            let values = vec![0.5; num_pulses * layout.values()];
-            let turning = Turning {
-                start: 0.3,
-                step: 0.01,
-            };
-            let turnings = vec![turning; num_pulses];
-            let recorded = vec![Complex32::ONE; num_pulses * num_samples];
-            let [fast, slow] = [num_samples, num_pulses].map(|count| vec![1.0; count]);
-            for (ways, pulses, samples) in [
-                ("turn", false, false),
-                ("pulses", true, false),
-                ("samples", false, true),
-                ("both", true, true),
-                ("recorded", true, true),
-            ] {
-                let name = format!(
-                    "{:<12} halving   {ways:<8} {num_pulses:>5} x {num_samples:<5}",
-                    instructions.name()
-                );
-                if !name.starts_with(prefix) {
-                    continue;
-                }
-                let halving = Halving {
-                    pulses,
-                    samples,
-                    layout,
-                    rows: match ways {
-                        "recorded" => Rows::Samples {
-                            samples: &recorded,
-                            fast: &fast,
-                            slow: &slow,
-                        },
-                        _ => Rows::Planes(&values),
-                    },
-                    first: 0,
-                    turnings: &turnings,
-                };
-                let count = if pulses {
-                    halved(num_pulses, 8)
-                } else {
-                    num_pulses
-                };
-                let mut out = vec![0.0; count * halving.after(8).values()];
-                let mut scratch = HalvingScratch::default();
-                let ns = shortest_ns(num_pulses * num_samples, || {
-                    halving.make(instructions, &[0.1f32; 8], 0, &mut out, &mut scratch);
-                });
-                println!("{name} {ns:>12.3} ns");
-            }
-            let name = format!("{:<12} narrow sums of 64", instructions.name());
-            if name.starts_with(prefix) && num_samples == 4096 {
-                let row = vec![Complex32::ONE; num_samples];
-                let weights = vec![1.0; num_samples];
-                let steps = [Complex64::ONE; horner::NARROW_TOGETHER];
-                let ns = shortest_ns(num_samples, || {
-                    black_box(horner::narrow_sums(instructions, &row, &weights, &steps));
-                });
-                println!("{name:<40} {ns:>12.3} ns");
-            }
-        }
+fn points() -> Points {
+    let mut points = Points::default();
+    for i in 0..POINTS {
+        points.push([i as f64 * PIXEL_M, 3.0, 0.0]);
+    }
+    points
+}
+
+#[derive(Clone)]
+struct Tile {
+    degree: usize,
+    coarse: bool,
+    side: usize,
+    turned_deg: f64,
+}
+
+impl fmt::Display for Tile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let phasors = if self.coarse { "coarse" } else { "fine" };
+        let Self {
+            degree,
+            side,
+            turned_deg,
+            ..
+        } = self;
+        write!(
+            f,
+            "degree {degree} {phasors} side {side} at {turned_deg} deg"
+        )
     }
 }
 
-/// Nanoseconds each of `count` that `work` does, in the best of some turns.
-fn shortest_ns(count: usize, mut work: impl FnMut()) -> f64 {
-    let times = 4_000_000 / count + 1;
-    let turns = (0..5).map(|_| {
-        let start = Instant::now();
-        (0..times).for_each(|_| work());
-        start.elapsed().as_secs_f64() / (times * count) as f64
+fn tiles() -> Vec<In<Tile>> {
+    let mut tiles = Vec::new();
+    for (degree, coarse) in [(2, true), (2, false), (3, true), (3, false)] {
+        for (side, turned_deg) in [(64, 0.0), (32, 0.0), (16, 0.0), (64, 30.0), (64, 45.0)] {
+            tiles.push(Tile {
+                degree,
+                coarse,
+                side,
+                turned_deg,
+            });
+        }
+    }
+    each(&tiles)
+}
+
+/// The pulses of a tile looked at and added.
+#[divan::bench(args = tiles(), max_time = LONGEST_S)]
+fn tile(bencher: Bencher, tile: &In<Tile>) {
+    let &In {
+        instructions,
+        with:
+            Tile {
+                degree,
+                coarse,
+                side,
+                turned_deg,
+            },
+    } = tile;
+    let raster = Raster {
+        centre_m: [0.0; 3],
+        along_m: [PIXEL_M, 0.0, 0.0],
+        across_m: [0.0, PIXEL_M, 0.0],
+        rows: side,
+        columns: side,
+    };
+    let layout = Pieces::new(degree, BINS, Pieces::margin_for(&raster, 1.0 / BIN_M));
+    let pulses = pulses(turned_deg);
+    let pieces = vec![0.5; PULSES * layout.values()];
+    let mut scratch = TileScratch::default();
+    let mut sums = vec![Complex32::ZERO; side * side];
+    let pairs = PULSES * side * side;
+    bencher.counter(ItemsCount::new(pairs)).bench_local(|| {
+        scratch.look(BINS, &pulses, &raster);
+        scratch.add(instructions, &layout, coarse, &pulses, &pieces, &mut sums);
     });
-    1e9 * turns.fold(f64::INFINITY, f64::min)
 }
 
-fn main() {
-    let prefix = std::env::args().skip(1).find(|arg| !arg.starts_with("--"));
-    let prefix = prefix.unwrap_or_default();
-    samples(&prefix);
-    println!("instructions degree phasors  tile   turned    a group     GBP/s");
-    for instructions in Instructions::available() {
-        for (degree, coarse) in [(2, true), (2, false), (3, true), (3, false)] {
-            for (side, turned_deg) in [(64, 0.0), (32, 0.0), (16, 0.0), (64, 30.0), (64, 45.0)] {
-                let phasors = if coarse { "coarse" } else { "fine" };
-                let name = format!(
-                    "{:<12} {degree:>6} {phasors:>7} {side:>5} {turned_deg:>4} deg",
-                    instructions.name()
-                );
-                if !name.starts_with(&prefix) {
-                    continue;
-                }
-                let raster = Raster {
-                    centre_m: [0.0; 3],
-                    along_m: [PIXEL_M, 0.0, 0.0],
-                    across_m: [0.0, PIXEL_M, 0.0],
-                    rows: side,
-                    columns: side,
-                };
-                let margin = Pieces::margin_for(&raster, 1.0 / BIN_M);
-                let layout = Pieces::new(degree, BINS, margin);
-                let pulses = pulses(turned_deg);
-                let pieces = vec![0.5; PULSES * layout.values()];
-                let mut scratch = TileScratch::default();
-                let mut sums = vec![Complex32::ZERO; side * side];
-                let tiles = 4096 / (side * side) * if prefix.is_empty() { 4 } else { 400 };
-                let turns = if instructions == Instructions::Portable {
-                    1
-                } else {
-                    5
-                };
-                let seconds = (0..turns).map(|_| {
-                    let start = Instant::now();
-                    for _ in 0..tiles {
-                        scratch.look(BINS, &pulses, &raster);
-                        scratch.add(instructions, &layout, coarse, &pulses, &pieces, &mut sums);
-                    }
-                    start.elapsed().as_secs_f64() / tiles as f64
-                });
-                let shortest = seconds.fold(f64::INFINITY, f64::min);
-                black_box(&sums);
-                let pairs = (PULSES * side * side) as f64;
-                println!(
-                    "{name} {:>7.2} ns {:>9.2}",
-                    shortest / pairs * 16e9,
-                    pairs / shortest * 1e-9
-                );
-            }
+/// A pulse's pieces of its profile.
+#[divan::bench(args = each(&[2, 3]), max_time = LONGEST_S)]
+fn pieces(
+    bencher: Bencher,
+    &In {
+        instructions,
+        with: degree,
+    }: &In<usize>,
+) {
+    let layout = Pieces::new(degree, BINS, 64);
+    let carrier = Carrier::new(&layout, CARRIER_CYCLES_M * BIN_M);
+    let profile = vec![Complex32::ONE; BINS];
+    let mut pieces = vec![0.0; layout.values()];
+    bencher
+        .counter(ItemsCount::new(BINS))
+        .bench_local(|| layout.make(instructions, &profile, &carrier, 1.0, &mut pieces));
+}
+
+/// A pulse at points anywhere.
+#[divan::bench(args = each(&[2, 3]), max_time = LONGEST_S)]
+fn scattered_points(
+    bencher: Bencher,
+    &In {
+        instructions,
+        with: degree,
+    }: &In<usize>,
+) {
+    let layout = Pieces::new(degree, BINS, 64);
+    let (pulses, points) = (pulses(0.0), points());
+    let pieces = vec![0.5; layout.values()];
+    let mut sums = vec![Complex32::ZERO; POINTS];
+    bencher.counter(ItemsCount::new(POINTS)).bench_local(|| {
+        add_points(
+            instructions,
+            &layout,
+            &pulses[0],
+            &pieces,
+            &points,
+            &mut sums,
+        )
+    });
+}
+
+#[derive(Clone, Copy)]
+struct Way {
+    name: &'static str,
+    pulses: bool,
+    samples: bool,
+    num_pulses: usize,
+    num_samples: usize,
+}
+
+impl fmt::Display for Way {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            name,
+            num_pulses,
+            num_samples,
+            ..
+        } = self;
+        write!(f, "{name} of {num_pulses} x {num_samples}")
+    }
+}
+
+fn ways() -> Vec<In<Way>> {
+    let mut ways = Vec::new();
+    for [num_pulses, num_samples] in [[128, 4096], [256, 520], [112, 104], [64, 60]] {
+        for (name, pulses, samples) in [
+            ("turn", false, false),
+            ("pulses", true, false),
+            ("samples", false, true),
+            ("both", true, true),
+            ("recorded", true, true),
+        ] {
+            ways.push(Way {
+                name,
+                pulses,
+                samples,
+                num_pulses,
+                num_samples,
+            });
         }
     }
+    each(&ways)
+}
+
+/// Items are samples before.
+#[divan::bench(args = ways(), max_time = LONGEST_S)]
+fn halving(
+    bencher: Bencher,
+    &In {
+        instructions,
+        with: way,
+    }: &In<Way>,
+) {
+    let (num_pulses, num_samples) = (way.num_pulses, way.num_samples);
+    let layout = Layout::new(num_samples);
+    let values = vec![0.5; num_pulses * layout.values()];
+    let turning = Turning {
+        start: 0.3,
+        step: 0.01,
+    };
+    let turnings = vec![turning; num_pulses];
+    let recorded = vec![Complex32::ONE; num_pulses * num_samples];
+    let [fast, slow] = [num_samples, num_pulses].map(|count| vec![1.0; count]);
+    let halving = Halving {
+        pulses: way.pulses,
+        samples: way.samples,
+        layout,
+        rows: match way.name {
+            "recorded" => Rows::Samples {
+                samples: &recorded,
+                fast: &fast,
+                slow: &slow,
+            },
+            _ => Rows::Planes(&values),
+        },
+        first: 0,
+        turnings: &turnings,
+    };
+    let count = match way.pulses {
+        true => halved(num_pulses, 8),
+        false => num_pulses,
+    };
+    let mut out = vec![0.0; count * halving.after(8).values()];
+    let mut scratch = HalvingScratch::default();
+    bencher
+        .counter(ItemsCount::new(num_pulses * num_samples))
+        .bench_local(|| halving.make(instructions, &[0.1f32; 8], 0, &mut out, &mut scratch));
+}
+
+/// A pulse at 64 delays, narrowly: items are samples, once for all delays.
+#[divan::bench(args = each(&[""]), max_time = LONGEST_S)]
+fn narrow_sums_of_64(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
+    let row = vec![Complex32::ONE; SAMPLES];
+    let weights = vec![1.0; SAMPLES];
+    let steps = [Complex64::ONE; horner::NARROW_TOGETHER];
+    bencher
+        .counter(ItemsCount::new(SAMPLES))
+        .bench_local(|| horner::narrow_sums(instructions, &row, &weights, &steps));
+}
+
+/// A pulse at 16 delays in float64: likewise.
+#[divan::bench(args = each(&[""]), max_time = LONGEST_S)]
+fn sums_of_16(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
+    let row = vec![Complex32::ONE; SAMPLES];
+    let weights = vec![1.0; SAMPLES];
+    let steps = [Complex64::ONE; horner::TOGETHER];
+    bencher
+        .counter(ItemsCount::new(SAMPLES))
+        .bench_local(|| horner::sums(instructions, &row, &weights, &steps));
+}
+
+#[divan::bench(args = each(&[""]), max_time = LONGEST_S)]
+fn power(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
+    let row = vec![Complex32::ONE; SAMPLES];
+    let weights = vec![1.0; SAMPLES];
+    bencher
+        .counter(ItemsCount::new(SAMPLES))
+        .bench_local(|| horner::power(instructions, &row, &weights));
+}
+
+#[divan::bench(max_time = LONGEST_S)]
+fn paths_of_a_pulse(bencher: Bencher) {
+    let (pulses, points) = (pulses(0.0), points());
+    let mut paths_m = vec![0.0; POINTS];
+    bencher.counter(ItemsCount::new(POINTS)).bench_local(|| {
+        paths::paths(&pulses[0].antennas, points.part(0..POINTS), &mut paths_m);
+    });
+}
+
+#[divan::bench(max_time = LONGEST_S)]
+fn lines_of_a_sub_cpi(bencher: Bencher) {
+    let (pulses, points) = (pulses(0.0), points());
+    let ends = [pulses[0].antennas, pulses[PULSES - 1].antennas];
+    let mut lines = vec![paths::Line::default(); POINTS];
+    bencher.counter(ItemsCount::new(POINTS)).bench_local(|| {
+        paths::lines(&ends, (PULSES - 1) as f64, &points, &mut lines);
+    });
+}
+
+/// Two profiles of a pulse, read between them.
+#[divan::bench(max_time = LONGEST_S)]
+fn blurred_points(bencher: Bencher) {
+    let profiles = vec![Complex32::ONE; 2 * (BINS + 1)];
+    let scale = Scale {
+        cycles_m: CARRIER_CYCLES_M,
+        weight: 1.0,
+    };
+    let point = |i: usize| Blurred {
+        path_m: i as f64 * PIXEL_M,
+        turns: i as f64 * 1e-4,
+        level: 0.5,
+    };
+    let points: Vec<Blurred> = (0..POINTS).map(point).collect();
+    let mut sums = vec![Complex32::ZERO; POINTS];
+    bencher
+        .counter(ItemsCount::new(POINTS))
+        .bench_local(|| blurred::add(&profiles, BINS, &scale, &points, &mut sums));
+}
+
+#[divan::bench(args = ["turn", "refer", "refer_to_column"], max_time = LONGEST_S)]
+fn compensation(bencher: Bencher, way: &str) {
+    const STRIDE: usize = 64;
+    let samples = vec![Complex32::ONE; SAMPLES];
+    let mut out = samples.clone();
+    let mut column = vec![Complex32::ZERO; SAMPLES * STRIDE];
+    let (weights, narrow) = (vec![1.0; SAMPLES], vec![1.0; SAMPLES]);
+    let ramp = Ramp::new(0.3, 0.01, 1.0);
+    bencher
+        .counter(ItemsCount::new(SAMPLES))
+        .bench_local(|| match way {
+            "turn" => compensation::turn(&samples, ramp, &mut out),
+            "refer" => compensation::refer(&mut out, &weights, ramp),
+            _ => compensation::refer_to_column(&samples, &narrow, ramp, &mut column, STRIDE),
+        });
+}
+
+/// A pulse's samples along a slanted line of a raster, by as many taps.
+#[divan::bench(consts = [4, 6, 8], max_time = LONGEST_S)]
+fn spreading<const W: usize>(bencher: Bencher) {
+    const COLUMNS: usize = 1024;
+    const ROWS: usize = 512;
+    let kernel = KaiserBessel::new(W);
+    let samples = vec![Complex32::ONE; 1000];
+    let line = Line {
+        start: [100.3, 10.7],
+        step: [0.31, 0.97],
+    };
+    let mut cells = vec![Complex32::ZERO; ROWS * COLUMNS];
+    bencher
+        .counter(ItemsCount::new(samples.len()))
+        .bench_local(|| {
+            let mut band = Band {
+                first_row: 0,
+                columns: COLUMNS,
+                cells: &mut cells,
+            };
+            band.spread::<W>(&kernel, &line, &samples);
+        });
+}
+
+/// Points of a range-Doppler map, by as many taps.
+#[divan::bench(consts = [4, 6, 8], max_time = LONGEST_S)]
+fn map_reading<const W: usize>(bencher: Bencher) {
+    const DOPPLER: usize = 128;
+    const LENGTH: usize = 512;
+    let kernel = KaiserBessel::new(W);
+    let values = vec![Complex32::ONE; DOPPLER * (LENGTH + W - 1)];
+    let map = Map::<W> {
+        values: &values,
+        length: LENGTH,
+        kernel: &kernel,
+        cycles_m: CARRIER_CYCLES_M,
+        bins_per_cycle: DOPPLER as f64,
+        zero_bin: DOPPLER as f64 / 2.0,
+        range_bins_m: 1.0 / BIN_M,
+    };
+    let line = |i: usize| paths::Line {
+        path_m: i as f64 * PIXEL_M,
+        rate_m: (i % 64) as f64 * 1e-4,
+    };
+    let lines: Vec<paths::Line> = (0..POINTS).map(line).collect();
+    let mut pixels = vec![Complex32::ZERO; POINTS];
+    bencher
+        .counter(ItemsCount::new(POINTS))
+        .bench_local(|| map.add(&lines, &mut pixels, |_| Complex32::ZERO));
+}
+
+/// What none of them can exceed: items are products with sums.
+#[divan::bench(args = each(&[""]), max_time = LONGEST_S)]
+fn ceiling_of_multiply_adds(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
+    const ROUNDS: usize = 10_000;
+    let count = ceiling::a_round(instructions) * ROUNDS;
+    bencher.counter(ItemsCount::new(count)).bench_local(|| {
+        ceiling::multiply_adds(
+            instructions,
+            divan::black_box(0.5),
+            divan::black_box(1.0),
+            ROUNDS,
+        )
+    });
 }

@@ -1,6 +1,7 @@
-//! The command `subap` as its users run it.
+//! The command `subap` as its users run it, and the benches' program.
 
 mod bad_input;
+mod bench;
 mod channels;
 mod echoes;
 mod json;

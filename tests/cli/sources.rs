@@ -21,15 +21,16 @@ const TYPES: [&str; 7] = [
 ];
 
 /// Where a former is found by the list.
-const SEARCHED: [&str; 4] = [
+const SEARCHED: [&str; 5] = [
     "host/focus/src",
     "host/planner/src",
     "host/subap/src",
     "tests/benches",
+    "tests/src/bin/bench",
 ];
 
 /// Who means one in particular, and why.
-const EXCEPTIONS: [(&str, &str); 9] = [
+const EXCEPTIONS: [(&str, &str); 8] = [
     (
         "host/focus/src/live.rs",
         "a live image is backprojected pulse by pulse",
@@ -58,10 +59,6 @@ const EXCEPTIONS: [(&str, &str); 9] = [
     (
         "host/subap/src/commands/tune/pictures.rs",
         "a picture of any track",
-    ),
-    (
-        "tests/benches/formers.rs",
-        "the thesis's mode beside the list",
     ),
 ];
 

@@ -13,6 +13,7 @@
 //! - [`halving`]: half as many pulses, half as many samples.
 //! - [`spreading`]: samples from anywhere put onto a raster.
 //! - [`reading`]: rasters and range-Doppler maps read between their elements.
+//! - [`ceiling`]: products and sums alone, by which the others are measured.
 //!
 //! A kernel knows no grid, no recording and no former, holds nothing from call to call and runs on the caller's thread. Its
 //! result is the same bits however its caller divides points, pixels or rows among calls. Positions and phases are float64,
@@ -25,6 +26,7 @@
 #![deny(unsafe_code)]
 
 pub mod blurred;
+pub mod ceiling;
 pub mod compensation;
 pub mod halving;
 pub mod horner;

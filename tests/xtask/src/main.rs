@@ -34,6 +34,8 @@ Usage: cargo xtask COMMAND
   miri       what is unsafe in the kernels under Miri, in AVX2 and NEON; needs a nightly Rust with it
   fuzz TARGET SECONDS
              fuzz a reader, guided by coverage; needs a nightly Rust and a C++ compiler
+  bench      measure image formers: time, error, memory, beside others and against
+             another revision ('cargo xtask bench --help')
   module     build the application for the emulated board: target/module/float and fixed
   module-report
              measure the module and write firmware/REPORT.md; with --check compare it
@@ -65,6 +67,7 @@ fn main() -> ExitCode {
             }
         }
         ["fuzz", _, _] => return with_the_library(&words),
+        ["bench", ..] => return bench(&words[1..]),
         ["fmt"] => ensure(&[Need::Rustfmt], Talk::Shown).map(|()| checks::fmt(&mut runner)),
         ["clippy"] => ensure(&[Need::Clippy, Need::FIRMWARE_TARGET], Talk::Shown).map(|()| {
             checks::clippy_host(&mut runner);
@@ -180,9 +183,19 @@ fn unit(runner: &mut Runner, python: Result<PathBuf, String>) {
 
 /// Does what the library is needed for.
 fn with_the_library(words: &[&str]) -> ExitCode {
+    run(&["--bin", "tasks"], words)
+}
+
+/// Measures, by what is optimised as users' programs are.
+fn bench(words: &[&str]) -> ExitCode {
+    run(&["--release", "--bin", "bench"], words)
+}
+
+/// Runs a program of the tests.
+fn run(which: &[&str], words: &[&str]) -> ExitCode {
     let run = ["run", "--quiet", "--package", "subaperture-tests"];
     let mut command = checks::cargo(&run);
-    command.args(["--bin", "tasks", "--"]).args(words);
+    command.args(which).arg("--").args(words);
     match command.status() {
         Ok(status) if status.success() => ExitCode::SUCCESS,
         Ok(status) => status

@@ -1,0 +1,253 @@
+//! The cases that formers are measured on: what the radar flew, what it saw, and the pixels.
+//!
+//! | case | radar and track | pulses x samples | pixels |
+//! |---|---|---|---|
+//! | `a` | 10 GHz, 600 MHz, 2 km away on a bent track of 120 m | 1040 x 1024 | 512 x 512 of 0.2 m |
+//! | `b` | | 4096 x 4096 | 1024 x 1024 |
+//! | `c` | | 4096 x 4096 | 4096 x 4096 |
+//! | `large` | 10 GHz, 600 MHz, 10 km away on a bent track of 600 m | 30,000 x 4096 | 1024 x 1024 of 0.25 m, in the middle of a scene of 1 km |
+//! | `large-whole` | | | all 4000 x 4000 |
+//! | `gotcha` | 9.6 GHz, 622 MHz, once around at 7.2 km, 7.2 km up, 117 pulses a degree | 42,120 x 424 | 512 x 512 of 0.2 m |
+//! | `PxKxS` | as `a` | P x K | S x S of 0.2 m |
+//!
+//! `large` is the large scene of Schone 2020 (30,000 pulses, 1 km x 1 km at 0.25 m), by a part of it; `gotcha` has the geometry of AFRL's
+//! GOTCHA collection. All are simulated: scatterers all over the scene, phases referred to its middle. Windows are Hamming's.
+
+use std::f64::consts::TAU;
+use std::fmt;
+use std::ops::Range;
+
+use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::glam::DVec3;
+use subaperture::phase_history::{Collection, Pulse, Sweep};
+
+/// Names of those that have one.
+pub(crate) const NAMES: [&str; 6] = ["a", "b", "c", "large", "large-whole", "gotcha"];
+
+/// What is measured unless something else is asked for.
+pub(crate) const USUAL: [&str; 5] = ["a", "b", "c", "large", "gotcha"];
+
+/// How the radar flew.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Track {
+    /// So many metres along x, bent a little, this far away on the ground and as high.
+    Bent {
+        length_m: f64,
+        away_m: f64,
+        height_m: f64,
+    },
+    /// Once around.
+    Around { radius_m: f64, height_m: f64 },
+}
+
+/// A case.
+#[derive(Clone, Debug)]
+pub(crate) struct Case {
+    pub(crate) name: String,
+    pub(crate) track: Track,
+    pub(crate) start_hz: f64,
+    pub(crate) step_hz: f64,
+    pub(crate) pulses: usize,
+    pub(crate) samples: usize,
+    /// Pixels of a side of the image, which is about the scene's middle.
+    pub(crate) side: usize,
+    pub(crate) pixel_m: f64,
+    /// The side of the scene, over which scatterers lie.
+    pub(crate) scene_m: f64,
+    pub(crate) scatterers: usize,
+}
+
+impl Case {
+    /// The case of this name.
+    ///
+    /// # Errors
+    /// What there is instead.
+    pub(crate) fn named(name: &str) -> Result<Self, String> {
+        let near = |pulses, samples, side, scatterers| {
+            let track = Track::Bent {
+                length_m: 120.0,
+                away_m: 1732.0,
+                height_m: 1000.0,
+            };
+            let step_hz = 600e6 / samples as f64;
+            Self {
+                name: name.to_owned(),
+                track,
+                start_hz: 10e9 - (samples / 2) as f64 * step_hz,
+                step_hz,
+                pulses,
+                samples,
+                side,
+                pixel_m: 0.2,
+                scene_m: side as f64 * 0.2,
+                scatterers,
+            }
+        };
+        let far = |side| Self {
+            track: Track::Bent {
+                length_m: 600.0,
+                away_m: 8660.0,
+                height_m: 5000.0,
+            },
+            side,
+            pixel_m: 0.25,
+            scene_m: 1000.0,
+            ..near(30_000, 4096, side, 100)
+        };
+        Ok(match name {
+            "a" => near(1040, 1024, 512, 3000),
+            "b" => near(4096, 4096, 1024, 1500),
+            "c" => near(4096, 4096, 4096, 400),
+            "large" => far(1024),
+            "large-whole" => far(4000),
+            "gotcha" => Self {
+                track: Track::Around {
+                    radius_m: 7200.0,
+                    height_m: 7200.0,
+                },
+                start_hz: 9.288e9,
+                step_hz: 1.4714e6,
+                ..near(360 * 117, 424, 512, 300)
+            },
+            _ => {
+                let sizes: Option<Vec<usize>> = name.split('x').map(|n| n.parse().ok()).collect();
+                match sizes.as_deref() {
+                    Some(&[pulses, samples, side]) if pulses > 1 && samples > 1 && side > 0 => {
+                        near(pulses, samples, side, 100)
+                    }
+                    _ => {
+                        return Err(format!(
+                            "there is no case '{name}': choose of {}, or PULSESxSAMPLESxSIDE",
+                            NAMES.join(", ")
+                        ));
+                    }
+                }
+            }
+        })
+    }
+
+    /// The pulse's antenna.
+    fn antenna_m(&self, n: usize) -> DVec3 {
+        let part = n as f64 / (self.pulses - 1) as f64;
+        match self.track {
+            Track::Bent {
+                length_m,
+                away_m,
+                height_m,
+            } => {
+                let u = part - 0.5;
+                let bent = DVec3::new(
+                    0.3 * (9.0 * u).sin(),
+                    0.02 * (40.0 * u).sin(),
+                    0.2 * (23.0 * u).cos(),
+                );
+                DVec3::new(length_m * u, -away_m, height_m) + bent
+            }
+            Track::Around { radius_m, height_m } => {
+                let angle = TAU * n as f64 / self.pulses as f64;
+                let radius_m = radius_m + 5.0 * (3.0 * angle).sin();
+                DVec3::new(radius_m * angle.cos(), radius_m * angle.sin(), height_m)
+            }
+        }
+    }
+
+    /// Geometry and frequencies.
+    pub(crate) fn collection(&self) -> Collection {
+        let pulse = |n: usize| {
+            let at = self.antenna_m(n);
+            Pulse {
+                time_s: 1e-3 * n as f64,
+                transmitter_m: at,
+                receiver_m: at,
+                reference_m: DVec3::ZERO,
+                reference_path_m: 2.0 * at.length(),
+                start_hz: self.start_hz,
+                step_hz: self.step_hz,
+                sweep: Sweep::AT_ONCE,
+            }
+        };
+        Collection {
+            name: self.name.clone(),
+            num_samples: self.samples,
+            pulses: (0..self.pulses).map(pulse).collect(),
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        }
+    }
+
+    /// The image, or `side` x `side` pixels in its middle.
+    pub(crate) fn grid(&self, side: usize) -> ImageGrid {
+        let first_m = -(side as f64) / 2.0 * self.pixel_m;
+        // Half a pixel beyond the last, so that it is one of them whatever the rounding.
+        let last_m = first_m + (side as f64 - 0.5) * self.pixel_m;
+        let axis = format!("{first_m}:{last_m}:{}", self.pixel_m);
+        let text = format!("x={axis},y={axis}");
+        text.parse().expect("the grid is well-formed")
+    }
+
+    /// Pixels of an image of `side` x `side` that its error is judged at: rows and columns, no two the same.
+    pub(crate) fn judged(&self, side: usize) -> Vec<[usize; 2]> {
+        // As many as a few seconds are enough for.
+        let most = 9e9 / (self.pulses as f64 * self.samples as f64);
+        let count = (most as usize).clamp(64, 512).min(side * side);
+        // Strides of a prime that is no divisor of the number of pixels come to each pixel once.
+        let stride = [15_485_863, 32_452_843]
+            .into_iter()
+            .find(|prime| side % prime != 0);
+        let stride = stride.expect("a side has not both divisors");
+        let pixel = |i: usize| {
+            let index = i * stride % (side * side);
+            [index / side, index % side]
+        };
+        (0..count).map(pixel).collect()
+    }
+
+    /// The side of the part in the image's middle that some seconds are enough for, where every pixel takes all samples.
+    pub(crate) fn part_for_exact(&self) -> usize {
+        let pixels = 1e9 / (self.pulses as f64 * self.samples as f64);
+        (pixels.sqrt() as usize)
+            .clamp(4, self.side.max(4))
+            .min(self.side)
+    }
+
+    /// Bytes of all samples.
+    pub(crate) fn bytes(&self) -> u64 {
+        8 * self.pulses as u64 * self.samples as u64
+    }
+
+    /// Runs of pulses that are simulated together.
+    pub(crate) fn runs(&self) -> impl Iterator<Item = Range<usize>> {
+        let (run, pulses) = ((1 << 22) / self.samples + 1, self.pulses);
+        (0..pulses)
+            .step_by(run)
+            .map(move |first| first..pulses.min(first + run))
+    }
+}
+
+impl fmt::Display for Case {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            name,
+            pulses,
+            samples,
+            side,
+            pixel_m,
+            ..
+        } = self;
+        write!(
+            f,
+            "{name}: {pulses} pulses x {samples} samples ({} MiB), {side} x {side} pixels of {pixel_m} m",
+            self.bytes() >> 20
+        )?;
+        let image_m = *side as f64 * pixel_m;
+        if image_m < self.scene_m {
+            let scene_m = self.scene_m;
+            write!(
+                f,
+                ", {image_m} m x {image_m} m of a scene of {scene_m} m x {scene_m} m"
+            )?;
+        }
+        Ok(())
+    }
+}

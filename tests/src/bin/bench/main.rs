@@ -1,0 +1,91 @@
+//! Image formers measured: time, error and memory of each on cases that others are compared by too. Started by `cargo xtask bench`.
+//!
+//! Each measurement is a process of its own, this program again, so that the most memory that it held is the former's.
+#![forbid(unsafe_code)]
+
+mod against;
+mod case;
+mod ceilings;
+mod child;
+mod growth;
+mod machine;
+mod measure;
+mod options;
+mod peers;
+mod recording;
+mod sums;
+mod table;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use case::Case;
+use measure::Asked;
+use options::Options;
+
+const HELP: &str = "\
+Usage: cargo xtask bench [CASE..] [OPTION..]          the table
+       cargo xtask bench growth [OPTION..]            how time grows with pixels, pulses and range bins
+       cargo xtask bench --against REV [CASE..]       this revision against another, interleaved
+
+Cases: a, b, c, large, large-whole, gotcha, or PULSESxSAMPLESxSIDE; a, b, c, large and gotcha unless named.
+
+  --formers LIST    such as bp:-45,ffbp,rdbp-thesis: name and bound in dB, -60 unless given; all unless named
+  --threads LIST    such as 1,2, which is the default
+  --quick           case a, all threads, 10 s at most for each: about a minute
+  --limit SECONDS   what takes longer is stopped and said to [60]
+  --memory-mib N    what formers may take [8192]
+  --rounds N        of --against [7]
+  --peers           torchbp too, installed into target/bench/torchbp if it is not there (some gigabytes)
+  --no-peers        not even where it is installed";
+
+/// What a measurement means: another one cannot be compared.
+const PROTOCOL: &str = "subaperture-bench-1";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match done(&words) {
+        Ok(code) => code,
+        Err(what) => {
+            eprintln!("{what}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn done(words: &[&str]) -> Result<ExitCode, String> {
+    match *words {
+        ["help" | "--help" | "-h"] => println!("{HELP}"),
+        // What this program asks of itself.
+        ["protocol"] => println!("{PROTOCOL}"),
+        ["ceilings"] => println!("{}", serde_json::json!(ceilings::measure())),
+        ["prepare", case, former] => {
+            let (case, asked) = (Case::named(case)?, Asked::parse(former)?);
+            let folder = recording::ready(&case)?;
+            recording::judge(&case, &folder, asked.side(&case))?;
+            println!("true");
+        }
+        ["measure", case, former, memory_mib] => {
+            let memory_mib: u64 = memory_mib.parse().map_err(|_| HELP)?;
+            let measured = measure::measure(
+                &Case::named(case)?,
+                &Asked::parse(former)?,
+                memory_mib << 20,
+            )?;
+            println!("{}", serde_json::json!(measured));
+        }
+        ["sum", case, points, values] => {
+            recording::sum_at(&Case::named(case)?, Path::new(points), Path::new(values))?;
+        }
+        ["growth", ref words @ ..] => growth::print(&Options::parse(words)?)?,
+        _ => {
+            let options = Options::parse(words)?;
+            match &options.against {
+                Some(revision) => return against::print(&options, revision),
+                None => table::print(&options)?,
+            }
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}

@@ -1,0 +1,223 @@
+//! One measurement, by a process of its own: a former, a case, some threads.
+//!
+//! **Time** is that of forming the image from samples in memory, planning included, and of the error's estimate that every image comes with;
+//! the shortest of some turns. **Error** is relative RMS against the float64 sum at some hundred pixels, as it is and after the one complex
+//! factor that makes it least. **Memory** is the most that the process ever held, the samples themselves and about 10 MiB of program
+//! included. **Operations** are those of the former's own account ([`subaperture::focus::cost`]): real additions, multiplications and roots.
+//! **Bytes** are the least that can be moved: samples read once, pixels written once.
+
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use subaperture::focus::formers::{FORMERS, former};
+use subaperture::focus::plan::Request;
+use subaperture::focus::{ImageFormer, Misses, Plan, SCRATCH_BYTES, Task, machine};
+use subaperture::monitor::Silent;
+use subaperture::num_complex::{Complex32, Complex64};
+use subaperture::phase_history::PhaseHistory;
+use subaperture::signal::window::Window;
+
+use crate::case::Case;
+use crate::recording::{self, Judged};
+
+/// Turns go on until they took so long together, seconds.
+const ENOUGH_S: f64 = 1.0;
+/// No more turns.
+const MOST_TURNS: usize = 5;
+/// What formers may take unless told otherwise, bytes.
+pub(crate) const MEMORY_BYTES: u64 = 8 << 30;
+
+/// The bound that is meant where none is given, dB.
+const USUAL_DB: f64 = -60.0;
+
+/// A former as it is asked for: `NAME`, `NAME:DB`, or `rdbp-thesis`, the mode of that name.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Asked {
+    /// As typed.
+    pub(crate) text: String,
+    name: String,
+    settings: serde_json::Value,
+    /// The first of the list, which is formed in part.
+    pub(crate) is_oracle: bool,
+}
+
+impl Asked {
+    /// From text.
+    ///
+    /// # Errors
+    /// What can be asked for.
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
+        let (name, db) = match text.split_once(':') {
+            Some((name, db)) => (name, Some(db)),
+            None => (text, None),
+        };
+        let db: f64 = match db.map(str::parse) {
+            None => USUAL_DB,
+            Some(Ok(db)) => db,
+            Some(Err(_)) => {
+                return Err(format!("'{text}': a bound is a number of dB, as in bp:-45"));
+            }
+        };
+        let known = FORMERS.iter().find(|entry| entry.name == name);
+        let (name, settings) = match (name.strip_suffix("-thesis"), known) {
+            (_, Some(entry)) => (name, entry.within(db).settings()),
+            (Some(name), None) => (name, json!({ "mode": { "thesis": {} } })),
+            (None, None) => (name, json!({})),
+        };
+        former(name, &settings).map_err(|error| error.to_string())?;
+        Ok(Self {
+            text: text.to_owned(),
+            name: name.to_owned(),
+            settings,
+            is_oracle: name == FORMERS[0].name,
+        })
+    }
+
+    /// What is measured unless something else is asked for: all of the list, backprojection with a coarser bound, the thesis's mode.
+    pub(crate) fn usual() -> Vec<Self> {
+        let names = FORMERS.iter().flat_map(|entry| match entry.name {
+            "bp" => vec!["bp:-45", "bp:-60", "bp:-75"],
+            "rdbp" => vec!["rdbp-thesis", "rdbp:-45", "rdbp"],
+            "ffbp" => vec!["ffbp:-45", "ffbp"],
+            name => vec![name],
+        });
+        let names = names.map(|name| Self::parse(name).expect("these are known"));
+        names.collect()
+    }
+
+    /// The side of the part of a case's image that it forms.
+    pub(crate) fn side(&self, case: &Case) -> usize {
+        match self.is_oracle {
+            true => case.part_for_exact(),
+            false => case.side,
+        }
+    }
+
+    fn former(&self) -> Box<dyn ImageFormer> {
+        former(&self.name, &self.settings).expect("it was made before")
+    }
+}
+
+/// What a measurement found.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Measured {
+    /// The shortest time, seconds.
+    pub(crate) seconds: f64,
+    /// How often it was formed.
+    pub(crate) turns: usize,
+    /// Pixels times pulses.
+    pub(crate) pairs: f64,
+    /// Relative RMS error, dB.
+    pub(crate) error_db: f64,
+    /// The same after the best complex factor.
+    pub(crate) scaled_db: f64,
+    /// The most that the process held, bytes; 0 where the system does not tell.
+    pub(crate) peak_bytes: u64,
+    /// Real operations by the former's account; 0 where there is none.
+    pub(crate) operations: f64,
+    /// The least bytes moved.
+    pub(crate) least_bytes: f64,
+    /// What a reader should know.
+    pub(crate) note: String,
+}
+
+impl Measured {
+    /// Billions of pixels times pulses a second.
+    pub(crate) fn rate(&self) -> f64 {
+        self.pairs / self.seconds * 1e-9
+    }
+}
+
+/// Measures; an error is why the former refuses.
+///
+/// # Errors
+/// That, or of the files.
+pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<Measured, String> {
+    let folder = recording::ready(case)?;
+    let side = asked.side(case);
+    let judged = recording::judged(&folder, side)?;
+    let (history, weights) = recording::history(case, &folder)?;
+    let grid = case.grid(side);
+    let former = asked.former();
+    let task = Task {
+        history: &history,
+        grid: &grid,
+        weights: &weights,
+        memory_bytes,
+        monitor: &Silent,
+    };
+    let begun = Instant::now();
+    let mut shortest = f64::INFINITY;
+    let mut turns = 0;
+    let formed = loop {
+        let start = Instant::now();
+        let formed = former.form_best(&task).map_err(|error| error.to_string())?;
+        shortest = shortest.min(start.elapsed().as_secs_f64());
+        turns += 1;
+        if turns == MOST_TURNS || begun.elapsed().as_secs_f64() > ENOUGH_S {
+            break formed;
+        }
+    };
+    let peak_bytes = machine::peak_bytes().unwrap_or(0);
+    let [error_db, scaled_db] = errors_db(&formed.image.pixels, side, &judged);
+    let request = Request {
+        collection: history.collection(),
+        grid: &grid,
+        fast: Window::Hamming,
+        slow: Window::Hamming,
+        scratch_bytes: SCRATCH_BYTES,
+        misses: Misses::Allowed,
+    };
+    // A scene that makes more of errors was formed by another plan, of which no account is kept.
+    let replanned = formed.settings.contains_key("planned_for_db");
+    let plan = Plan::new(&*former, &request, &Silent).ok();
+    let operations = plan
+        .filter(|_| !replanned)
+        .map_or(0.0, |plan| plan.cost.operations);
+    Ok(Measured {
+        seconds: shortest,
+        turns,
+        pairs: (side * side) as f64 * case.pulses as f64,
+        error_db,
+        scaled_db,
+        peak_bytes,
+        operations,
+        least_bytes: (8 * side * side) as f64 + case.bytes() as f64,
+        note: note(case, side, formed.bound_missed, replanned),
+    })
+}
+
+fn note(case: &Case, side: usize, missed: bool, replanned: bool) -> String {
+    let mut notes = Vec::new();
+    if side < case.side {
+        notes.push(format!("{side} x {side} pixels of the middle"));
+    }
+    if missed {
+        notes.push("misses its bound".to_owned());
+    }
+    if replanned {
+        notes.push("formed twice for the bound".to_owned());
+    }
+    notes.join("; ")
+}
+
+/// The relative RMS error of an image's pixels, raw and after the best complex factor, dB.
+fn errors_db(pixels: &[Complex32], side: usize, judged: &[Judged]) -> [f64; 2] {
+    let pairs: Vec<[Complex64; 2]> = judged
+        .iter()
+        .map(|at| {
+            let got = pixels[at.row * side + at.column];
+            [Complex64::new(got.re.into(), got.im.into()), at.value]
+        })
+        .collect();
+    let product: Complex64 = pairs.iter().map(|[got, value]| got.conj() * value).sum();
+    let own: f64 = pairs.iter().map(|[got, _]| got.norm_sqr()).sum();
+    let power: f64 = pairs.iter().map(|[_, value]| value.norm_sqr()).sum();
+    [Complex64::ONE, product / own].map(|factor| {
+        let errors = pairs
+            .iter()
+            .map(|[got, value]| (got * factor - value).norm_sqr());
+        10.0 * (errors.sum::<f64>() / power).log10()
+    })
+}
