@@ -28,7 +28,8 @@ fn rows(text: &str) -> Vec<Vec<&str>> {
 }
 
 fn number(cell: &str) -> f64 {
-    cell.parse().unwrap_or_else(|_| panic!("'{cell}' is no number"))
+    cell.parse()
+        .unwrap_or_else(|_| panic!("'{cell}' is no number"))
 }
 
 #[test]
@@ -37,14 +38,18 @@ fn a_table_has_a_row_for_each_former_and_number_of_threads() {
     let line = format!("{TINY} --formers exact,bp:-45,ffbp,rdbp-thesis --threads 1,2 --no-peers");
     let ran = bench(folder.path(), &line);
     let text = ran.succeeded();
-    for part in ["Machine: ", "Ceilings of 1 thread:", "Ceilings of 2 threads:", "torchbp: not measured"] {
+    for part in [
+        "Machine: ",
+        "Ceilings of 1 thread:",
+        "Ceilings of 2 threads:",
+        "torchbp: not measured",
+    ] {
         assert!(text.contains(part), "no '{part}' in {text}");
     }
     let rows = rows(text);
     let formers: Vec<_> = rows.iter().map(|row| (row[1], row[2])).collect();
-    let expected = ["1", "2"].map(|threads| {
-        ["exact", "bp:-45", "ffbp", "rdbp-thesis"].map(|former| (former, threads))
-    });
+    let expected = ["2", "1"]
+        .map(|threads| ["exact", "bp:-45", "ffbp", "rdbp-thesis"].map(|former| (former, threads)));
     assert_eq!(formers, expected.concat());
     for row in &rows {
         assert_eq!(row[0], TINY);
@@ -68,10 +73,16 @@ fn a_table_has_a_row_for_each_former_and_number_of_threads() {
 #[test]
 fn one_measurement_is_a_line_of_json() {
     let folder = tempfile::tempdir().unwrap();
-    assert_eq!(bench(folder.path(), "protocol").succeeded(), "subaperture-bench-1\n");
+    assert_eq!(
+        bench(folder.path(), "protocol").succeeded(),
+        "subaperture-bench-1\n"
+    );
     let missing = bench(folder.path(), &format!("measure {TINY} bp 100"));
     missing.failed(1, &["judged-24.npy"]);
-    assert_eq!(bench(folder.path(), &format!("prepare {TINY} bp")).succeeded(), "true\n");
+    assert_eq!(
+        bench(folder.path(), &format!("prepare {TINY} bp")).succeeded(),
+        "true\n"
+    );
     let ran = bench(folder.path(), &format!("measure {TINY} bp 100"));
     let measured: Value = serde_json::from_str(ran.succeeded()).unwrap();
     assert_eq!(measured["pairs"], 24.0 * 24.0 * 40.0);
@@ -99,9 +110,9 @@ fn what_it_cannot_do_it_says() {
     said("--threads 0", &["'0'"]);
     said("--round 3", &["--round"]);
     said("--against no-such-revision", &["no-such-revision"]);
-    // A former that refuses is a row.
-    let line = format!("{TINY} --formers pfa --threads 1 --no-peers --memory-mib 1");
-    let ran = bench(folder.path(), &line);
+    // A former that refuses, here for 1.2 MiB of pixels, is a row.
+    let line = "40x48x400 --formers pfa --threads 1 --no-peers --memory-mib 1";
+    let ran = bench(folder.path(), line);
     let text = ran.succeeded();
     assert!(rows(text)[0][10].starts_with("not formed: "), "{text}");
 }

@@ -3,7 +3,8 @@
 //! | case | radar and track | pulses x samples | pixels |
 //! |---|---|---|---|
 //! | `a` | 10 GHz, 600 MHz, 2 km away on a bent track of 120 m | 1040 x 1024 | 512 x 512 of 0.2 m |
-//! | `b` | | 4096 x 4096 | 1024 x 1024 |
+//! | `straight` | the same, not bent, pulses evenly along it | | |
+//! | `b` | as `a` | 4096 x 4096 | 1024 x 1024 |
 //! | `c` | | 4096 x 4096 | 4096 x 4096 |
 //! | `large` | 10 GHz, 600 MHz, 10 km away on a bent track of 600 m | 30,000 x 4096 | 1024 x 1024 of 0.25 m, in the middle of a scene of 1 km |
 //! | `large-whole` | | | all 4000 x 4000 |
@@ -22,19 +23,21 @@ use subaperture::glam::DVec3;
 use subaperture::phase_history::{Collection, Pulse, Sweep};
 
 /// Names of those that have one.
-pub(crate) const NAMES: [&str; 6] = ["a", "b", "c", "large", "large-whole", "gotcha"];
+pub(crate) const NAMES: [&str; 7] = ["a", "straight", "b", "c", "large", "large-whole", "gotcha"];
 
 /// What is measured unless something else is asked for.
-pub(crate) const USUAL: [&str; 5] = ["a", "b", "c", "large", "gotcha"];
+pub(crate) const USUAL: [&str; 6] = ["a", "straight", "b", "c", "large", "gotcha"];
 
 /// How the radar flew.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Track {
-    /// So many metres along x, bent a little, this far away on the ground and as high.
-    Bent {
+    /// So many metres along x, this far away on the ground and as high.
+    Along {
         length_m: f64,
         away_m: f64,
         height_m: f64,
+        /// Whether it is bent a little.
+        bent: bool,
     },
     /// Once around.
     Around { radius_m: f64, height_m: f64 },
@@ -64,10 +67,11 @@ impl Case {
     /// What there is instead.
     pub(crate) fn named(name: &str) -> Result<Self, String> {
         let near = |pulses, samples, side, scatterers| {
-            let track = Track::Bent {
+            let track = Track::Along {
                 length_m: 120.0,
                 away_m: 1732.0,
                 height_m: 1000.0,
+                bent: name != "straight",
             };
             let step_hz = 600e6 / samples as f64;
             Self {
@@ -84,10 +88,11 @@ impl Case {
             }
         };
         let far = |side| Self {
-            track: Track::Bent {
+            track: Track::Along {
                 length_m: 600.0,
                 away_m: 8660.0,
                 height_m: 5000.0,
+                bent: true,
             },
             side,
             pixel_m: 0.25,
@@ -95,7 +100,7 @@ impl Case {
             ..near(30_000, 4096, side, 100)
         };
         Ok(match name {
-            "a" => near(1040, 1024, 512, 3000),
+            "a" | "straight" => near(1040, 1024, 512, 3000),
             "b" => near(4096, 4096, 1024, 1500),
             "c" => near(4096, 4096, 4096, 400),
             "large" => far(1024),
@@ -130,18 +135,20 @@ impl Case {
     fn antenna_m(&self, n: usize) -> DVec3 {
         let part = n as f64 / (self.pulses - 1) as f64;
         match self.track {
-            Track::Bent {
+            Track::Along {
                 length_m,
                 away_m,
                 height_m,
+                bent,
             } => {
                 let u = part - 0.5;
-                let bent = DVec3::new(
+                let straight = DVec3::new(length_m * u, -away_m, height_m);
+                let bend = DVec3::new(
                     0.3 * (9.0 * u).sin(),
                     0.02 * (40.0 * u).sin(),
                     0.2 * (23.0 * u).cos(),
                 );
-                DVec3::new(length_m * u, -away_m, height_m) + bent
+                if bent { straight + bend } else { straight }
             }
             Track::Around { radius_m, height_m } => {
                 let angle = TAU * n as f64 / self.pulses as f64;

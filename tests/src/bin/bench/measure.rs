@@ -77,7 +77,7 @@ impl Asked {
     /// What is measured unless something else is asked for: all of the list, backprojection with a coarser bound, the thesis's mode.
     pub(crate) fn usual() -> Vec<Self> {
         let names = FORMERS.iter().flat_map(|entry| match entry.name {
-            "bp" => vec!["bp:-45", "bp:-60", "bp:-75"],
+            "bp" => vec!["bp:-45", "bp"],
             "rdbp" => vec!["rdbp-thesis", "rdbp:-45", "rdbp"],
             "ffbp" => vec!["ffbp:-45", "ffbp"],
             name => vec![name],

@@ -45,7 +45,7 @@ impl Options {
             cases: Vec::new(),
             formers: Vec::new(),
             threads: Vec::new(),
-            limit: Duration::from_secs(60),
+            limit: Duration::from_secs(30),
             memory_bytes: MEMORY_BYTES,
             peers: Peers::IfThere,
             against: None,
@@ -99,9 +99,11 @@ impl Options {
         if options.threads.is_empty() {
             options.threads = match quick || options.against.is_some() || all == 1 {
                 true => vec![all],
-                false => vec![1, 2],
+                false => vec![2, 1],
             };
         }
+        // What takes too long on more takes too long on fewer.
+        options.threads.sort_unstable_by(|a, b| b.cmp(a));
         if quick {
             options.limit = options.limit.min(Duration::from_secs(10));
         }

@@ -97,7 +97,7 @@ impl Peer {
     /// Whether it can form a case's image: it sees one side, forms the scene's middle alone by polar grids, and holds all profiles at once.
     pub(crate) fn takes(case: &Case) -> bool {
         let image_m = case.side as f64 * case.pixel_m;
-        matches!(case.track, Track::Bent { .. }) && image_m >= case.scene_m && case.side <= 2048
+        matches!(case.track, Track::Along { .. }) && image_m >= case.scene_m && case.side <= 2048
     }
 
     /// Measures a method by a process of its own.
