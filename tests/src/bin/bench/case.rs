@@ -201,7 +201,7 @@ impl Case {
         // Strides of a prime that is no divisor of the number of pixels come to each pixel once.
         let stride = [15_485_863, 32_452_843]
             .into_iter()
-            .find(|prime| side % prime != 0);
+            .find(|&prime| !side.is_multiple_of(prime));
         let stride = stride.expect("a side has not both divisors");
         let pixel = |i: usize| {
             let index = i * stride % (side * side);
