@@ -124,12 +124,14 @@ def main():
         "cfbp": lambda: ops.cfbp(*start, stages=4, d0=-first_m),
         "afbp": lambda: ops.afbp(*start, nsub=sub_apertures, d0=-first_m),
     }
-    shortest, turns, begun = math.inf, 0, time.perf_counter()
+    shortest, processor_s, turns, begun = math.inf, 0, 0, time.perf_counter()
     with torch.no_grad():
         while turns < MOST_TURNS and (turns == 0 or time.perf_counter() - begun < ENOUGH_S):
-            started = time.perf_counter()
+            started, before_s = time.perf_counter(), time.process_time()
             image = ways[method]()
-            shortest = min(shortest, time.perf_counter() - started)
+            took_s = time.perf_counter() - started
+            if took_s < shortest:
+                shortest, processor_s = took_s, time.process_time() - before_s
             turns += 1
     peak = peak_bytes()
     image = image.reshape(side, side).numpy().astype(np.complex128) / scale
@@ -149,6 +151,7 @@ def main():
         json.dumps(
             {
                 "seconds": shortest,
+                "processor_s": processor_s,
                 "turns": turns,
                 "pairs": side * side * len(antennas),
                 "error_db": 10 * math.log10(error / power),

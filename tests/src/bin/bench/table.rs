@@ -90,8 +90,8 @@ pub(crate) fn print(options: &Options) -> Result<(), String> {
 }
 
 const HEAD: &str = "\
-| case | former | threads | s | GBP/s | error dB | scaled | peak MiB | arithmetic | memory | |
-|---|---|---|---|---|---|---|---|---|---|---|";
+| case | former | threads | s | processor s | GBP/s | error dB | scaled | peak MiB | arithmetic | memory | |
+|---|---|---|---|---|---|---|---|---|---|---|---|";
 
 fn row(
     case: &Case,
@@ -102,7 +102,7 @@ fn row(
 ) -> String {
     let begin = format!("| {} | {former} | {threads}", case.name);
     match measured {
-        Err(failure) => format!("{begin} | | | | | | | | {failure} |").replace('\n', " "),
+        Err(failure) => format!("{begin} | | | | | | | | | {failure} |").replace('\n', " "),
         Ok(measured) => {
             // What is not known is not 0.
             let share = |did: f64, ceiling: f64| match did > 0.0 {
@@ -114,8 +114,9 @@ fn row(
                 bytes => (bytes >> 20).to_string(),
             };
             format!(
-                "{begin} | {:.3} | {} | {:.1} | {:.1} | {peak} | {} | {} | {} |",
+                "{begin} | {:.3} | {:.2} | {} | {:.1} | {:.1} | {peak} | {} | {} | {} |",
                 measured.seconds,
+                measured.processor_s,
                 three_digits(measured.rate()),
                 measured.error_db,
                 measured.scaled_db,
