@@ -33,7 +33,7 @@ Cases: a, straight, b, c, large, large-whole, gotcha, or PULSESxSAMPLESxSIDE; al
   --formers LIST    such as bp:-45,ffbp,rdbp-thesis: name and bound in dB, -60 unless given; all unless named
   --threads LIST    such as 1,2, the default; what takes too long on more is not tried on fewer
   --quick           case a, all threads, 10 s at most for each: about a minute
-  --limit SECONDS   what takes longer is stopped, and its row says so [30]
+  --limit SECONDS   what takes longer is stopped, and its row says so [20]
   --memory-mib N    what formers may take [8192]
   --rounds N        of --against [7]
   --peers           torchbp too, installed into target/bench/torchbp if it is not there (some gigabytes)

@@ -45,7 +45,7 @@ impl Options {
             cases: Vec::new(),
             formers: Vec::new(),
             threads: Vec::new(),
-            limit: Duration::from_secs(30),
+            limit: Duration::from_secs(20),
             memory_bytes: MEMORY_BYTES,
             peers: Peers::IfThere,
             against: None,
