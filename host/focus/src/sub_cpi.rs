@@ -20,6 +20,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::{FormError, Reason, Remedy};
+use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::{self, Antennas, Line, Points};
 use subaperture_model::phase_history::{Band, Collection, Pulse};
 
@@ -118,13 +119,20 @@ impl SubCpi {
     }
 
     /// Path offsets `a` and their rates `b` of many points.
-    pub(super) fn lines(&self, datum: &Datum, points: &Points, lines: &mut [Line]) {
+    pub(super) fn lines(
+        &self,
+        instructions: Instructions,
+        datum: &Datum,
+        points: &Points,
+        lines: &mut [Line],
+    ) {
         let node = |i: usize| Antennas {
             transmitter_m: self.nodes[i].transmitter_m.to_array(),
             receiver_m: self.nodes[i].receiver_m.to_array(),
             datum_m: datum.0[i],
         };
-        paths::lines(&[node(0), node(1)], 2.0 * self.half_spacing, points, lines);
+        let between = 2.0 * self.half_spacing;
+        paths::lines(instructions, &[node(0), node(1)], between, points, lines);
     }
 
     /// Path offset `a` in metres and its rate `b` in metres a pulse.

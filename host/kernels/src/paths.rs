@@ -9,6 +9,8 @@
 
 use std::ops::Range;
 
+use crate::lanes::{Instructions, Kernel, Lanes};
+
 /// Points of space, metres, one coordinate after another.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
@@ -52,7 +54,7 @@ impl Points {
     ///
     /// # Panics
     /// If there are not so many.
-    #[inline]
+    #[inline(always)]
     pub fn part(&self, range: Range<usize>) -> [&[f64]; 3] {
         let [x, y, z] = &self.coordinates_m;
         [&x[range.clone()], &y[range.clone()], &z[range]]
@@ -74,7 +76,7 @@ pub struct Antennas {
 ///
 /// # Panics
 /// If slices differ in length.
-#[inline]
+#[inline(always)]
 pub fn paths(antennas: &Antennas, [x, y, z]: [&[f64]; 3], paths_m: &mut [f64]) {
     let count = paths_m.len();
     assert!(x.len() == count && y.len() == count && z.len() == count);
@@ -115,21 +117,49 @@ const RUN: usize = 64;
 ///
 /// # Panics
 /// If there is not as much room as there are points.
-#[inline]
-pub fn lines([early, late]: &[Antennas; 2], between: f64, points: &Points, lines: &mut [Line]) {
+pub fn lines(
+    instructions: Instructions,
+    antennas: &[Antennas; 2],
+    between: f64,
+    points: &Points,
+    lines: &mut [Line],
+) {
     assert_eq!(points.len(), lines.len());
-    let mut paths_m = [[0.0; RUN]; 2];
-    for (run, lines) in lines.chunks_mut(RUN).enumerate() {
-        let part = points.part(run * RUN..run * RUN + lines.len());
-        let [early_m, late_m] = &mut paths_m;
-        paths(early, part, &mut early_m[..lines.len()]);
-        paths(late, part, &mut late_m[..lines.len()]);
-        for (line, (early_m, late_m)) in lines.iter_mut().zip(early_m.iter().zip(late_m)) {
-            line.path_m = (early_m + *late_m) / 2.0;
-            line.rate_m = match between != 0.0 {
-                true => (*late_m - early_m) / between,
-                false => 0.0,
-            };
+    instructions.run(Lines {
+        antennas,
+        between,
+        points,
+        lines,
+    });
+}
+
+struct Lines<'a> {
+    antennas: &'a [Antennas; 2],
+    between: f64,
+    points: &'a Points,
+    lines: &'a mut [Line],
+}
+
+impl Kernel for Lines<'_> {
+    type Output = ();
+
+    /// Plain loops: what the lanes' instructions make of them.
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        let [early, late] = self.antennas;
+        let mut paths_m = [[0.0; RUN]; 2];
+        for (run, lines) in self.lines.chunks_mut(RUN).enumerate() {
+            let part = self.points.part(run * RUN..run * RUN + lines.len());
+            let [early_m, late_m] = &mut paths_m;
+            paths(early, part, &mut early_m[..lines.len()]);
+            paths(late, part, &mut late_m[..lines.len()]);
+            for (line, (early_m, late_m)) in lines.iter_mut().zip(early_m.iter().zip(late_m)) {
+                line.path_m = (early_m + *late_m) / 2.0;
+                line.rate_m = match self.between != 0.0 {
+                    true => (*late_m - early_m) / self.between,
+                    false => 0.0,
+                };
+            }
         }
     }
 }
@@ -205,7 +235,13 @@ mod tests {
         let mut points = Points::default();
         (0..150).for_each(|i| points.push([1000.0 + f64::from(i), 0.0, 0.0]));
         let mut got = vec![Line::default(); 150];
-        lines(&[at(-3.0), at(5.0)], 16.0, &points, &mut got);
+        lines(
+            Instructions::best(),
+            &[at(-3.0), at(5.0)],
+            16.0,
+            &points,
+            &mut got,
+        );
         for (line, i) in got.iter().zip(0..) {
             // 2 (1000 + i - x) - 2000 in the middle, x = 1; 16 m less in 16 pulses. Exact in float64.
             let expected = Line {
@@ -214,7 +250,13 @@ mod tests {
             };
             assert_eq!(*line, expected);
         }
-        lines(&[at(1.0), at(1.0)], 0.0, &points, &mut got);
+        lines(
+            Instructions::Portable,
+            &[at(1.0), at(1.0)],
+            0.0,
+            &points,
+            &mut got,
+        );
         assert!(got.iter().all(|line| line.rate_m == 0.0));
         assert_eq!(got[149].path_m, 296.0);
     }

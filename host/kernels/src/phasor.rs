@@ -44,6 +44,9 @@ static TABLES: LazyLock<[[[f32; PLACES]; 2]; 2]> = LazyLock::new(|| {
 /// Added to a number below 2^22 and taken off again, it leaves the nearest whole number.
 pub(crate) const ROUND: f32 = 12_582_912.0;
 
+/// The same for float64 below 2^51.
+pub(crate) const ROUND_F64: f64 = 6_755_399_441_055_744.0;
+
 /// Phasors by the table.
 #[derive(Clone, Copy)]
 pub(crate) struct Table<L: Lanes> {

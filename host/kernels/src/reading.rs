@@ -12,29 +12,34 @@
 
 use num_complex::Complex32;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
-use subaperture_signal::phase::phasor32;
 
+use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 use crate::paths::Line;
+use crate::phasor::{Polynomials, ROUND_F64};
 
 /// The weighted sum of the `W x W` elements of `values`, rows of `row_length`, from a row and column on.
 ///
 /// # Panics
 /// If they are not there.
-#[inline]
+#[inline(always)]
 pub fn weighted<const W: usize>(
     values: &[Complex32],
     row_length: usize,
     [row, column]: [usize; 2],
     [row_weights, column_weights]: [&[f32; W]; 2],
 ) -> Complex32 {
-    let mut sum = Complex32::ZERO;
-    for (i, row_weight) in (row..).zip(row_weights) {
+    // Rows first: their elements lie beside each other.
+    let mut columns = [Complex32::ZERO; W];
+    for (i, &row_weight) in (row..).zip(row_weights) {
         let start = i * row_length + column;
-        let mut line = Complex32::ZERO;
-        for (value, weight) in values[start..start + W].iter().zip(column_weights) {
-            line += value * weight;
+        for (sum, value) in columns.iter_mut().zip(&values[start..start + W]) {
+            sum.re += value.re * row_weight;
+            sum.im += value.im * row_weight;
         }
-        sum += line * row_weight;
+    }
+    let mut sum = Complex32::ZERO;
+    for (column, weight) in columns.iter().zip(column_weights) {
+        sum += column * weight;
     }
     sum
 }
@@ -65,39 +70,107 @@ impl<const W: usize> Map<'_, W> {
     /// If there are not as many pixels as lines.
     pub fn add(
         &self,
+        instructions: Instructions,
         lines: &[Line],
         pixels: &mut [Complex32],
         mut beyond: impl FnMut(usize) -> Complex32,
     ) {
         assert_eq!(lines.len(), pixels.len());
-        for (i, (line, pixel)) in lines.iter().zip(pixels).enumerate() {
-            *pixel += match self.at(line) {
-                Some(value) => value * phasor32(line.path_m * self.cycles_m),
-                None => beyond(i),
-            };
+        let row_length = self.length + W - 1;
+        let bins = self.values.len() / row_length;
+        let mut read = Read {
+            values: [Complex32::ZERO; GROUP],
+            missed: [true; GROUP],
+        };
+        for (group, (lines, pixels)) in lines
+            .chunks(GROUP)
+            .zip(pixels.chunks_mut(GROUP))
+            .enumerate()
+        {
+            if bins >= W {
+                read = instructions.run(At { map: self, lines });
+            }
+            for (i, pixel) in pixels.iter_mut().enumerate() {
+                *pixel += match read.missed[i] {
+                    false => read.values[i],
+                    true => beyond(group * GROUP + i),
+                };
+            }
         }
     }
+}
 
-    /// The map's value where a line lies; `None` where the kernel would reach beyond its Doppler bins.
-    #[inline]
-    fn at(&self, line: &Line) -> Option<Complex32> {
-        let row_length = self.length + W - 1;
-        let last_bin = (self.values.len() / row_length).checked_sub(W)?;
-        let doppler = line.rate_m * self.cycles_m * self.bins_per_cycle + self.zero_bin;
-        let whole = doppler.floor();
-        let first_bin = whole - (W / 2 - 1) as f64;
-        if !(first_bin >= 0.0 && first_bin <= last_bin as f64) {
-            return None;
+/// The nearest whole number, of those below 2^51.
+#[inline(always)]
+fn nearest(x: f64) -> f64 {
+    (x + ROUND_F64) - ROUND_F64
+}
+
+/// The largest whole number that is not larger.
+#[inline(always)]
+fn below(x: f64) -> f64 {
+    let near = nearest(x);
+    if near > x { near - 1.0 } else { near }
+}
+
+/// What some lines read, and which of them lie beyond the map.
+struct Read {
+    values: [Complex32; GROUP],
+    missed: [bool; GROUP],
+}
+
+/// Up to [`GROUP`] lines, to be read from a map of `W` Doppler bins or more.
+struct At<'a, const W: usize> {
+    map: &'a Map<'a, W>,
+    lines: &'a [Line],
+}
+
+impl<const W: usize> Kernel for At<'_, W> {
+    type Output = Read;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Read {
+        let Self { map, lines } = self;
+        let row_length = map.length + W - 1;
+        let last_bin = (map.values.len() / row_length - W) as f64;
+        let before = (W / 2 - 1) as f64;
+        let doppler_bins = map.cycles_m * map.bins_per_cycle;
+        let mut read = Read {
+            values: [Complex32::ZERO; GROUP],
+            missed: [false; GROUP],
+        };
+        let [mut turns, mut cos, mut sin, mut across, mut along] = [[0.0f32; GROUP]; 5];
+        let [mut bins, mut ranges] = [[0.0f64; GROUP]; 2];
+        for (i, line) in lines.iter().enumerate() {
+            let cycles = line.path_m * map.cycles_m;
+            turns[i] = (cycles - nearest(cycles)) as f32;
+            let doppler = line.rate_m * doppler_bins + map.zero_bin;
+            let range = line.path_m * map.range_bins_m;
+            let [bin, whole] = [doppler, range].map(below);
+            (across[i], along[i]) = ((doppler - bin) as f32, (range - whole) as f32);
+            (bins[i], ranges[i]) = (bin - before, whole - before);
+            // Not a number is beyond it, too.
+            read.missed[i] = !(bins[i] >= 0.0 && bins[i] <= last_bin);
         }
-        let doppler_weights = self.kernel.weights::<W>((doppler - whole) as f32);
-
-        let range = line.path_m * self.range_bins_m;
-        let whole = range.floor();
-        let range_weights = self.kernel.weights::<W>((range - whole) as f32);
-        let first = (whole as i64 - (W / 2 - 1) as i64).rem_euclid(self.length as i64) as usize;
-        let first = [first_bin as usize, first];
-        let weights = [&doppler_weights, &range_weights];
-        Some(weighted(self.values, row_length, first, weights))
+        let phasor = Polynomials::new(lanes);
+        for part in (0..GROUP).step_by(L::COUNT) {
+            let [c, s] = phasor.at(lanes, lanes.load(&turns[part..]));
+            lanes.store(c, &mut cos[part..]);
+            lanes.store(s, &mut sin[part..]);
+        }
+        for i in 0..lines.len() {
+            if read.missed[i] {
+                continue;
+            }
+            let doppler_weights = map.kernel.weights::<W>(across[i]);
+            let range_weights = map.kernel.weights::<W>(along[i]);
+            let first = (ranges[i] as i64).rem_euclid(map.length as i64) as usize;
+            let first = [bins[i] as usize, first];
+            let weights = [&doppler_weights, &range_weights];
+            let value = weighted(map.values, row_length, first, weights);
+            read.values[i] = value * Complex32::new(cos[i], sin[i]);
+        }
+        read
     }
 }
 
@@ -154,10 +227,15 @@ mod tests {
                 .collect();
             let mut pixels = vec![Complex32::ONE; lines.len()];
             let mut missed = Vec::new();
-            map.add(&lines, &mut pixels, |i| {
+            map.add(Instructions::Portable, &lines, &mut pixels, |i| {
                 missed.push(i);
                 Complex32::ONE
             });
+            for instructions in Instructions::available() {
+                let mut other = vec![Complex32::ONE; lines.len()];
+                map.add(instructions, &lines, &mut other, |_| Complex32::ONE);
+                assert!(other == pixels, "{}", instructions.name());
+            }
             let mut read = 0;
             for (i, (line, got)) in lines.iter().zip(&pixels).enumerate() {
                 let doppler = line.rate_m * 31.7 * 3.9 + (bins / 2) as f64;

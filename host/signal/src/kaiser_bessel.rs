@@ -64,7 +64,7 @@ impl KaiserBessel {
 
     /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
     /// `whole - W/2 + 1 + i` has weight `i`.
-    #[inline]
+    #[inline(always)]
     pub fn weights<const W: usize>(&self, fraction: f32) -> [f32; W] {
         self.table.weights(fraction)
     }

@@ -79,13 +79,18 @@ impl WeightTable {
 
     /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
     /// `whole - W/2 + 1 + i` has weight `i`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn weights<const W: usize>(&self, fraction: f32) -> [f32; W] {
         debug_assert_eq!(W, self.taps);
         let place = fraction * STEPS as f32;
         let row = (place as usize).min(STEPS - 1);
         let t = place - row as f32;
         let rows = &self.rows[row * W..(row + 2) * W];
-        std::array::from_fn(|i| rows[i] + (rows[W + i] - rows[i]) * t)
+        // By index: a closure handed to an array would not be compiled in its caller's instructions.
+        let mut weights = [0.0; W];
+        for (i, weight) in weights.iter_mut().enumerate() {
+            *weight = rows[i] + (rows[W + i] - rows[i]) * t;
+        }
+        weights
     }
 }

@@ -5,9 +5,7 @@ use num_complex::Complex32;
 use super::expansion::Expansion;
 use super::shape::Shape;
 use crate::lanes::{GROUP, Kernel, Lanes};
-
-/// Added to a number below 2^51 and taken off again, it leaves the nearest whole number.
-const ROUND_F64: f64 = 6_755_399_441_055_744.0;
+use crate::phasor::ROUND_F64;
 
 /// Those of a group's pixels, in cache lines of their own.
 #[derive(Clone, Copy)]

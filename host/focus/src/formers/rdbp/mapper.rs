@@ -12,6 +12,7 @@ use crate::exact::add_pulse;
 use crate::patch::{Rectangle, Segment};
 use crate::sub_cpi::SubCpi;
 use subaperture_kernels::compensation::{self, Ramp};
+use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::{Line, Points};
 use subaperture_kernels::reading::Map;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -44,6 +45,7 @@ pub(super) struct Mapper<'a, const W: usize> {
     stages: BTreeMap<usize, DopplerStage>,
     range_fft: Arc<dyn Fft<f32>>,
     norm: f64,
+    instructions: Instructions,
     centre_cycles_m: f64,
     range_bins_m: f64,
 }
@@ -88,6 +90,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
             stages: shapes.iter().map(stage).collect(),
             range_fft: fft::inverse(length),
             norm: aim.weights.normalisation(),
+            instructions: Instructions::best(),
             centre_cycles_m: band.centre_hz() / SPEED_OF_LIGHT_M_S,
             range_bins_m: length as f64 * band.step_hz / SPEED_OF_LIGHT_M_S,
             kernel,
@@ -242,8 +245,10 @@ impl<'a, const W: usize> Mapper<'a, W> {
                 points.clear();
                 (0..pixels.len()).for_each(|i| points.push(point(i).to_array()));
                 lines.resize(pixels.len(), Line::default());
-                sub_cpi.lines(&datum, points, lines);
-                map.add(lines, pixels, |i| self.sum(sub_cpi, samples, point(i)));
+                sub_cpi.lines(self.instructions, &datum, points, lines);
+                map.add(self.instructions, lines, pixels, |i| {
+                    self.sum(sub_cpi, samples, point(i))
+                });
             }
         }
     }
