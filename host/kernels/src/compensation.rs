@@ -4,8 +4,8 @@
 //! out[k] = w[k] z[k] exp(+j 2 pi (a + b k)) s,    k = 0 .. K-1
 //! ```
 //!
-//! The phase is a [`Ramp`]: a complex number in float64 that is multiplied on from sample to sample, good to `K` roundings of
-//! 2.5e-16. It is rounded to float32 where it meets a sample: 3e-7 of a sample in all.
+//! The phase is a [`Ramp`]: a complex number in float64 that is multiplied on from sample to sample, or from some to the next, good to `K`
+//! roundings of 2.5e-16. It is rounded to float32 where it meets a sample: 3e-7 of a sample in all.
 
 use num_complex::{Complex32, Complex64};
 use subaperture_signal::phase::{narrow, phasor};
@@ -66,9 +66,17 @@ pub fn refer_to_column(
 ) {
     assert_eq!(samples.len(), weights.len());
     assert!(samples.len() <= column.len().div_ceil(stride));
-    let column = column.iter_mut().step_by(stride);
-    for (((out, z), w), turn) in column.zip(samples).zip(weights).zip(ramp) {
-        *out = z * narrow(turn) * w;
+    // Some at a time, so that a phase need not wait for the one before.
+    let Ramp { mut turn, step } = ramp;
+    let [two, three] = [step * step, step * step * step];
+    let steps = [Complex64::ONE, step, two, three];
+    let rows = samples.chunks(steps.len()).zip(weights.chunks(steps.len()));
+    for ((samples, weights), column) in rows.zip(column.chunks_mut(stride * steps.len())) {
+        let column = column.iter_mut().step_by(stride);
+        for (((out, z), w), step) in column.zip(samples).zip(weights).zip(steps) {
+            *out = z * narrow(turn * step) * w;
+        }
+        turn *= two * two;
     }
 }
 
