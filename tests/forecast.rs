@@ -32,6 +32,7 @@ fn within_a_factor_of_two(former: &dyn ImageFormer, grid: &str) {
         weights: &weights,
         memory_bytes: 1 << 30,
         monitor: &Silent,
+        means: Default::default(),
     };
     let mut best = f64::INFINITY;
     for _ in 0..TRIES {

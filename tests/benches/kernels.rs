@@ -17,6 +17,7 @@ use subaperture_kernels::halving::{Halving, HalvingScratch, Layout, Rows, Turnin
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::{self, Antennas, Points};
+use subaperture_kernels::power;
 use subaperture_kernels::reading::Map;
 use subaperture_kernels::spreading::{Band, Line};
 use subaperture_kernels::tile::{Carrier, Pieces, Raster, TilePulse, TileScratch, add_points};
@@ -328,7 +329,7 @@ fn power(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     let weights = vec![1.0; SAMPLES];
     bencher
         .counter(ItemsCount::new(SAMPLES))
-        .bench_local(|| horner::power(instructions, &row, &weights));
+        .bench_local(|| power::power(instructions, &row, &weights));
 }
 
 #[divan::bench(max_time = LONGEST_S)]
@@ -340,13 +341,19 @@ fn paths_of_a_pulse(bencher: Bencher) {
     });
 }
 
-#[divan::bench(max_time = LONGEST_S)]
-fn lines_of_a_sub_cpi(bencher: Bencher) {
+#[divan::bench(args = each(&[""]), max_time = LONGEST_S)]
+fn lines_of_a_sub_cpi(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     let (pulses, points) = (pulses(0.0), points());
     let ends = [pulses[0].antennas, pulses[PULSES - 1].antennas];
     let mut lines = vec![paths::Line::default(); POINTS];
     bencher.counter(ItemsCount::new(POINTS)).bench_local(|| {
-        paths::lines(&ends, (PULSES - 1) as f64, &points, &mut lines);
+        paths::lines(
+            instructions,
+            &ends,
+            (PULSES - 1) as f64,
+            &points,
+            &mut lines,
+        );
     });
 }
 
@@ -370,7 +377,7 @@ fn blurred_points(bencher: Bencher) {
         .bench_local(|| blurred::add(&profiles, BINS, &scale, &points, &mut sums));
 }
 
-#[divan::bench(args = ["turn", "refer", "refer_to_column"], max_time = LONGEST_S)]
+#[divan::bench(args = ["refer", "refer_to_column"], max_time = LONGEST_S)]
 fn compensation(bencher: Bencher, way: &str) {
     const STRIDE: usize = 64;
     let samples = vec![Complex32::ONE; SAMPLES];
@@ -381,7 +388,6 @@ fn compensation(bencher: Bencher, way: &str) {
     bencher
         .counter(ItemsCount::new(SAMPLES))
         .bench_local(|| match way {
-            "turn" => compensation::turn(&samples, ramp, &mut out),
             "refer" => compensation::refer(&mut out, &weights, ramp),
             _ => compensation::refer_to_column(&samples, &narrow, ramp, &mut column, STRIDE),
         });
@@ -412,8 +418,8 @@ fn spreading<const W: usize>(bencher: Bencher) {
 }
 
 /// Points of a range-Doppler map, by as many taps.
-#[divan::bench(consts = [4, 6, 8], max_time = LONGEST_S)]
-fn map_reading<const W: usize>(bencher: Bencher) {
+#[divan::bench(consts = [4, 6, 8], args = each(&[""]), max_time = LONGEST_S)]
+fn map_reading<const W: usize>(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     const DOPPLER: usize = 128;
     const LENGTH: usize = 512;
     let kernel = KaiserBessel::new(W);
@@ -435,7 +441,7 @@ fn map_reading<const W: usize>(bencher: Bencher) {
     let mut pixels = vec![Complex32::ZERO; POINTS];
     bencher
         .counter(ItemsCount::new(POINTS))
-        .bench_local(|| map.add(&lines, &mut pixels, |_| Complex32::ZERO));
+        .bench_local(|| map.add(instructions, &lines, &mut pixels, |_| Complex32::ZERO));
 }
 
 /// What none of them can exceed: items are products with sums.

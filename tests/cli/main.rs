@@ -8,6 +8,7 @@ mod json;
 mod killed;
 mod locks;
 mod maps;
+mod means;
 mod memory;
 mod messages;
 mod output;

@@ -85,6 +85,7 @@ fn image_from_maps_is_a_product_like_any_other() {
         weights: &weights,
         memory_bytes: 1 << 30,
         monitor: &Silent,
+        means: Default::default(),
     };
     let measured_db = error_db(&image, &Exact.form(&task).unwrap().image);
     println!("{measured_db:.1} dB");

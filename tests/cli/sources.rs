@@ -1,5 +1,5 @@
-//! What sources may name: an image former is found by the list of them, but where one in particular is meant, and no two
-//! files import each other.
+//! What sources may name: an image former is found by the list of them, but where one in particular is meant, what bears on an image's
+//! bits takes nothing of the platform, and no two files import each other.
 
 mod circles;
 
@@ -195,6 +195,93 @@ fn the_command_alone_names_options() {
     assert!(strays.is_empty(), "{strays:#?}");
     assert!(
         used.iter().all(|used| *used) && searched > 200,
+        "{used:?} {searched}"
+    );
+}
+
+/// From a recording to an image: what bears on its bits.
+const BEARING_ON_BITS: [&str; 9] = [
+    "fft",
+    "signal",
+    "kernels",
+    "model",
+    "resolution",
+    "describe",
+    "receive",
+    "io",
+    "focus",
+];
+
+/// Functions that the platform's library has, each with last bits of its own; libm's are the same everywhere.
+const OF_THE_PLATFORM: [&str; 25] = [
+    ".sin()",
+    ".cos()",
+    ".tan()",
+    ".sin_cos()",
+    ".asin()",
+    ".acos()",
+    ".atan()",
+    ".atan2(",
+    ".sinh()",
+    ".cosh()",
+    ".tanh()",
+    ".asinh()",
+    ".acosh()",
+    ".exp()",
+    ".exp2()",
+    ".ln()",
+    ".ln_1p()",
+    ".log2()",
+    ".log10()",
+    ".powf(",
+    ".cbrt()",
+    ".hypot(",
+    ".arg()",
+    "::cis(",
+    "::from_polar(",
+];
+
+/// Where they may stand, for no pixel depends on them.
+const BESIDE_BITS: [(&str, &str); 4] = [
+    ("host/focus/src/live.rs", "what is told of an error"),
+    ("host/io/src/product/record.rs", "what a record tells"),
+    ("host/model/src/image/comparison.rs", "measures of images"),
+    ("host/resolution/src/theory.rs", "measures of responses"),
+];
+
+/// Images by portable transforms are the same bits on every machine, and so are plans of all.
+#[test]
+fn what_bears_on_bits_takes_nothing_of_the_platform() {
+    let mut used = [false; BESIDE_BITS.len()];
+    let mut strays = Vec::new();
+    let mut searched = 0;
+    for package in BEARING_ON_BITS {
+        for path in sources(&root().join("host").join(package).join("src")) {
+            let name = path.strip_prefix(root()).unwrap();
+            // What tests count or draw.
+            let is_of_tests = ["counted.rs", "tests.rs", "trial.rs"];
+            if is_of_tests.iter().any(|test| name.ends_with(test)) {
+                continue;
+            }
+            searched += 1;
+            let text = fs::read_to_string(&path).unwrap();
+            for (number, line) in code(&text) {
+                if !OF_THE_PLATFORM.iter().any(|word| line.contains(word)) {
+                    continue;
+                }
+                match BESIDE_BITS
+                    .iter()
+                    .position(|(place, _)| name == Path::new(place))
+                {
+                    Some(known) => used[known] = true,
+                    None => strays.push(format!("{}:{number}: {line}", name.display())),
+                }
+            }
+        }
+    }
+    assert!(strays.is_empty(), "{strays:#?}");
+    assert!(
+        used.iter().all(|used| *used) && searched > 150,
         "{used:?} {searched}"
     );
 }

@@ -62,6 +62,7 @@ fn form(
             weights: &weights,
             memory_bytes: 1 << 28,
             monitor: &Silent,
+            means: Default::default(),
         },
         misses,
     )

@@ -44,6 +44,7 @@ impl Bench {
             weights: &self.weights,
             memory_bytes,
             monitor,
+            means: Default::default(),
         };
         former.form_best(&task)
     }

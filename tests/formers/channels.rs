@@ -44,6 +44,7 @@ fn form(
         weights: &Weights::new(history.collection(), Window::None, slow),
         memory_bytes: 1 << 28,
         monitor: &Silent,
+        means: Default::default(),
     })
 }
 

@@ -31,6 +31,7 @@ fn decide(former: &dyn ImageFormer, grid: &ImageGrid) -> Decision {
         grid,
         weights: &weights,
         scratch_bytes: SCRATCH_BYTES,
+        means: Default::default(),
     };
     let asked = former.asked(Misses::Allowed);
     former.decide(&aim, &asked, &Silent).unwrap()
@@ -200,6 +201,7 @@ fn plans_tell_what_they_take() {
             slow: Window::None,
             scratch_bytes: SCRATCH_BYTES,
             misses: Misses::Allowed,
+            means: Default::default(),
         };
         let plan = Plan::new(&*former, &request, &Silent).unwrap();
         let text: Value = serde_json::from_str(&plan.to_text()).unwrap();

@@ -93,6 +93,7 @@ fn form(
         weights: &weights,
         memory_bytes: 64 << 20,
         monitor: &Silent,
+        means: Default::default(),
     })
 }
 

@@ -132,6 +132,7 @@ fn try_form(
         weights: &weights,
         memory_bytes,
         monitor,
+        means: Default::default(),
     })
 }
 
@@ -407,6 +408,7 @@ fn small_deviations_are_compensated_and_large_ones_refused() {
                 weights: &weights,
                 memory_bytes: 1 << 30,
                 monitor: &Silent,
+                means: Default::default(),
             });
             let error = refused.unwrap_err();
             assert!(matches!(error, FormError::BoundMissed { .. }), "{error}");
@@ -509,6 +511,7 @@ fn what_a_former_holds_on_its_way_is_what_it_says() {
         weights: &weights,
         memory_bytes: 1 << 28,
         monitor: &Silent,
+        means: Default::default(),
     };
     for rda in [true, false] {
         let mut stages: Vec<Kept> = Vec::new();

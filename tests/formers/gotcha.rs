@@ -39,6 +39,7 @@ fn error_on_a_thousand_pixels_and_the_brightest_point() {
         weights: &weights,
         memory_bytes: 1 << 30,
         monitor: &Silent,
+        means: Default::default(),
     };
 
     // Knuth's generator: a thousand pixels, the same in every run.
@@ -110,6 +111,7 @@ fn factorised_backprojection_keeps_its_bound_on_a_wall() {
         weights: &weights,
         memory_bytes: 1 << 30,
         monitor: &Silent,
+        means: Default::default(),
     };
     // Every 17th pixel, prime to the rows' length.
     let chosen: Vec<usize> = (0..grid.num_pixels() as usize).step_by(17).collect();

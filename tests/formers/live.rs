@@ -109,6 +109,7 @@ fn formed(
         weights: &weights,
         memory_bytes: 1 << 28,
         monitor: &Silent,
+        means: Default::default(),
     };
     former.form_best(&task).unwrap().image
 }

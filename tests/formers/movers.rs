@@ -69,6 +69,7 @@ fn form(former: &dyn ImageFormer, history: &dyn PhaseHistory, grid: &ImageGrid) 
         weights: &weights,
         memory_bytes: 1 << 30,
         monitor: &Silent,
+        means: Default::default(),
     };
     former.form(&task).unwrap().image
 }

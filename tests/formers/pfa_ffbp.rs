@@ -33,6 +33,7 @@ fn try_form(
         weights: &weights,
         memory_bytes,
         monitor,
+        means: Default::default(),
     })
 }
 
@@ -47,6 +48,7 @@ fn form_best(former: &dyn ImageFormer, history: &Simulated, grid: &str) -> Forme
             weights: &weights,
             memory_bytes: 1 << 30,
             monitor: &Silent,
+            means: Default::default(),
         })
         .unwrap()
 }
@@ -220,6 +222,7 @@ fn polar_format_fails_far_from_its_centre_as_predicted() {
             weights: &weights,
             memory_bytes: 1 << 30,
             monitor: &Silent,
+            means: Default::default(),
         };
         let exact = Exact.form(&task).unwrap().image;
         let formed = former.form_best(&task).unwrap();

@@ -152,6 +152,7 @@ fn check(position_m: DVec3, formers: &[&dyn ImageFormer]) {
                 weights: &weights,
                 memory_bytes: 1 << 30,
                 monitor: &Silent,
+                means: Default::default(),
             };
             let image = former.form(&task).unwrap().image;
             let response = measure(&image, &grid, Target::Brightest, &Settings::default()).unwrap();

@@ -111,6 +111,7 @@ impl Bench {
             weights: &self.weights,
             memory_bytes: 1 << 30,
             monitor: &Silent,
+            means: Default::default(),
         });
         let formed = match formed {
             Ok(formed) => formed,

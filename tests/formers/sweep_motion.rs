@@ -188,6 +188,7 @@ fn form(former: &dyn ImageFormer, history: &dyn PhaseHistory, grid: &ImageGrid) 
         weights: &weights(history),
         memory_bytes: 1 << 30,
         monitor: &Silent,
+        means: Default::default(),
     };
     former.form(&task).unwrap().image
 }

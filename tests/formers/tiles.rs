@@ -35,6 +35,7 @@ fn plan(name: &str, settings: &serde_json::Value, history: &Simulated, scratch_b
         slow: Window::default(),
         scratch_bytes,
         misses: Misses::Allowed,
+        means: Default::default(),
     };
     Plan::new(&*former, &request, &Silent).unwrap()
 }
@@ -167,6 +168,7 @@ fn a_task_is_a_plan_carried_out_at_once() {
             weights: &weights,
             memory_bytes: 2 << 30,
             monitor: &Silent,
+            means: Default::default(),
         };
         let formed = former.form_best(&task).unwrap();
         if !formed.settings["planned_error_db"].is_null()

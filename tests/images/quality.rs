@@ -378,6 +378,7 @@ fn focused_points_are_measured_to_theory() {
                     weights: &weights,
                     memory_bytes: 1 << 30,
                     monitor: &Silent,
+                    means: Default::default(),
                 })
                 .unwrap()
                 .image;

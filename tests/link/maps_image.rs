@@ -123,6 +123,7 @@ impl<'a> Bench<'a> {
             weights: &self.weights,
             memory_bytes: 1 << 30,
             monitor: &Silent,
+            means: Default::default(),
         };
         Exact.form(&task).unwrap().image
     }

@@ -45,6 +45,7 @@ fn measured(collection: &Collection, sub_cpi: usize, at: DVec3, lobes: &[Lobe]) 
         weights: &weights,
         memory_bytes: 1 << 30,
         monitor: &Silent,
+        means: Default::default(),
     };
     let thesis = RangeDoppler {
         mode: Mode::Thesis(Thesis::default()),

@@ -93,6 +93,7 @@ fn image(history: &dyn PhaseHistory) -> Vec<Complex32> {
         weights: &weights,
         memory_bytes: 1 << 28,
         monitor: &Silent,
+        means: Default::default(),
     };
     let former = Backprojection { error_db: -60.0 };
     former.form(&task).unwrap().image.pixels

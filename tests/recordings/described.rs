@@ -47,6 +47,7 @@ fn form(history: &dyn PhaseHistory, grid: &ImageGrid, window: Window) -> Image {
         weights: &Weights::new(history.collection(), window, window),
         memory_bytes: u64::MAX,
         monitor: &Silent,
+        means: Default::default(),
     };
     let former = Backprojection { error_db: -50.0 };
     former.form(&task).unwrap().image

@@ -92,6 +92,7 @@ fn image(history: &dyn PhaseHistory) -> Image {
         weights: &weights,
         memory_bytes: 1 << 28,
         monitor: &Silent,
+        means: Default::default(),
     };
     Exact.form(&task).unwrap().image
 }

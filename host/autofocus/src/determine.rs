@@ -202,6 +202,7 @@ fn brightest(problem: &Problem, grid: &ImageGrid, take: &Take) -> Result<DVec3, 
             from: 0.0,
             length: 0.0,
         },
+        means: Default::default(),
     };
     let former = Backprojection { error_db: ERROR_DB };
     let peak = former.form_best(&task)?.image.peak();

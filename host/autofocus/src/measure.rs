@@ -76,6 +76,7 @@ pub fn merit(
             weights: &weights,
             memory_bytes,
             monitor: &quiet,
+            means: Default::default(),
         };
         let former = Backprojection { error_db: ERROR_DB };
         // A search looks at dark places too.
@@ -147,6 +148,7 @@ pub fn merits(
                 weights: &weights,
                 memory_bytes: left,
                 monitor: &quiet,
+                means: Default::default(),
             };
             let former = Backprojection { error_db: ERROR_DB };
             pixels.extend(former.form_planned(&task)?.image.pixels);

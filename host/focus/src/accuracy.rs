@@ -277,6 +277,7 @@ fn attempt<F: ImageFormer + ?Sized>(
     let sampled = Sampled {
         history: task.history,
         probes: &probes,
+        monitor: task.monitor,
     };
     let (tile, decision) = whole(former, task, asked, &sampled, form)?;
     let planned_db = with_sweep(decision.planned_db, swept);
@@ -289,10 +290,9 @@ fn attempt<F: ImageFormer + ?Sized>(
             num_sampled: 0,
         },
     };
-    Ok(Attempt {
-        formed: Formed::on(task.grid, tile.pixels, planned_db, decision.settings),
-        judgement,
-    })
+    let mut formed = Formed::on(task.grid, tile.pixels, planned_db, decision.settings);
+    task.means.note(&mut formed.settings);
+    Ok(Attempt { formed, judgement })
 }
 
 /// What taking all samples of a pulse at one place leaves, if `former` does, relative.
@@ -308,7 +308,7 @@ pub(super) fn swept<F: ImageFormer + ?Sized>(
         return Ok(0.0);
     }
     let swept = sweep::residual(aim.collection, aim.grid);
-    asked.check(20.0 * swept.log10(), || {
+    asked.check(20.0 * libm::log10(swept), || {
         Reason::new(
             "the antennas move from sample to sample of a pulse, and this former takes all samples of one at one place",
         )
@@ -320,7 +320,7 @@ pub(super) fn swept<F: ImageFormer + ?Sized>(
 /// A planned error with what taking all samples of a pulse at one place leaves.
 pub(super) fn with_sweep(planned_db: f64, swept: f64) -> f64 {
     match swept > 0.0 {
-        true => rounding::total_db(&[10f64.powf(planned_db / 20.0), swept]),
+        true => rounding::total_db(&[libm::pow(10.0, planned_db / 20.0), swept]),
         false => planned_db,
     }
 }
@@ -359,6 +359,7 @@ pub(super) fn keep_planned<F: ImageFormer + ?Sized>(
     let planned_db = decision.planned_db;
     let mut formed = Formed::on(task.grid, tile.pixels, planned_db, decision.settings);
     formed.expect(asked.bound_db, planned_db);
+    task.means.note(&mut formed.settings);
     Ok(formed)
 }
 
@@ -383,7 +384,7 @@ pub(super) fn judge(aim: &Aim, records: &[TileRecord], planned_db: f64) -> Judge
         UNEVEN_SCATTER * error / exact
     } else {
         let dark = mean < DARK * terms;
-        let above = shown / 10f64.powf(planned_db / 10.0);
+        let above = shown / libm::pow(10.0, planned_db / 10.0);
         shown
             * match () {
                 () if dark || above > UNEVEN => UNEVEN_SCATTER,
@@ -397,11 +398,11 @@ pub(super) fn judge(aim: &Aim, records: &[TileRecord], planned_db: f64) -> Judge
         true => horner::NARROW_RMS,
         false => 0.0,
     };
-    let own = rounding::path_phase_rad(aim).hypot(narrow).powi(2) * terms / mean;
+    let own = libm::hypot(rounding::path_phase_rad(aim), narrow).powi(2) * terms / mean;
     // Of an image of zeros where there should be zeros, nothing is wrong.
     let measured_db = match error == 0.0 && !own.is_finite() {
         true => LEAST_DB,
-        false => 10.0 * (relative + own).log10(),
+        false => 10.0 * libm::log10(relative + own),
     };
     Judgement {
         planned_db,

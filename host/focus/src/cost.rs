@@ -22,8 +22,44 @@ pub struct Cost {
     pub operations: f64,
     /// Of these, those that any tile takes, however small, if it is formed alone.
     pub shared_operations: f64,
+    /// What that is made of, one after another.
+    pub stages: Vec<StageCost>,
     /// What is held beside pixels and recording.
     pub buffers: Vec<Buffer>,
+}
+
+/// What a stage of forming takes. While an image is formed its monitor is told of the stage by the same name.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StageCost {
+    /// Its name.
+    pub name: Cow<'static, str>,
+    /// Real operations for all of the image.
+    pub operations: f64,
+    /// Time of one core, seconds, by the time model.
+    pub core_s: f64,
+    /// Whether any tile takes it whole.
+    pub shared: bool,
+}
+
+impl StageCost {
+    /// A stage of so many operations and nanoseconds of one core, of which tiles take their share.
+    pub fn new(name: &'static str, operations: f64, core_ns: f64) -> Self {
+        Self {
+            name: name.into(),
+            // Parts of operations say nothing.
+            operations: operations.round(),
+            core_s: 1e-9 * core_ns,
+            shared: false,
+        }
+    }
+
+    /// One that any tile takes whole.
+    pub fn shared(name: &'static str, operations: f64, core_ns: f64) -> Self {
+        Self {
+            shared: true,
+            ..Self::new(name, operations, core_ns)
+        }
+    }
 }
 
 /// A buffer.
@@ -53,14 +89,21 @@ pub enum Each {
 }
 
 impl Cost {
-    /// So many operations, of which some are for all pixels together.
-    pub fn new(operations: f64, shared_operations: f64) -> Self {
-        // Parts of operations say nothing.
+    /// Of these stages.
+    pub fn of(stages: impl IntoIterator<Item = StageCost>) -> Self {
+        let stages: Vec<StageCost> = stages.into_iter().collect();
+        let shared = stages.iter().filter(|stage| stage.shared);
         Self {
-            operations: operations.round(),
-            shared_operations: shared_operations.round().min(operations.round()),
+            operations: stages.iter().map(|stage| stage.operations).sum(),
+            shared_operations: shared.map(|stage| stage.operations).sum(),
+            stages,
             buffers: Vec::new(),
         }
+    }
+
+    /// Seconds of one core for all of the image, by the time model.
+    pub fn core_s(&self) -> f64 {
+        self.stages.iter().map(|stage| stage.core_s).sum()
     }
 
     /// With a buffer of so many bytes more.
@@ -91,7 +134,7 @@ impl Cost {
 
 /// Operations of a transform.
 pub(crate) fn transform(length: f64) -> f64 {
-    5.0 * length * length.max(2.0).log2()
+    5.0 * length * libm::log2(length.max(2.0))
 }
 
 #[cfg(test)]
@@ -100,10 +143,12 @@ mod tests {
 
     #[test]
     fn a_tile_alone_takes_what_is_shared_whole() {
-        let cost = Cost::new(1000.4, 400.0)
+        let all = StageCost::shared("tables", 400.2, 1e9);
+        let cost = Cost::of([all, StageCost::new("sums", 599.8, 2e9)])
             .holding("tables", Each::Image, 100.0)
             .holding("sums", Each::Pixels, 40.0);
         assert_eq!(cost.operations, 1000.0);
+        assert_eq!(cost.core_s(), 3.0);
         assert_eq!(cost.tile_operations(0.0), 400.0);
         assert_eq!(cost.tile_operations(0.5), 700.0);
         assert_eq!(cost.tile_operations(1.0), 1000.0);

@@ -6,7 +6,8 @@
 //! ```
 //!
 //! **The bits of a pixel** follow from the aim, the choices and the samples, and from nothing else: not from threads, not
-//! from memory, not from which tiles are formed, where, in what order or how many at a time. So
+//! from memory, not from which tiles are formed, where, in what order or how many at a time; and, where the aim's transforms are
+//! portable, not from the machine ([`super::Transforms`]). So
 //! - whatever bears on a sum's order or on a table's size is a choice, made for the whole grid, and recorded;
 //! - memory decides only how many pulses are read at a time, how many threads work and how many tiles share a pass over
 //!   the pulses.
@@ -19,7 +20,7 @@ use num_complex::Complex32;
 use super::accuracy::{self, Asked, Misses};
 use super::cost::Cost;
 use super::patch::{PatchSize, Rectangle};
-use super::{FormError, Formed, Task};
+use super::{FormError, Formed, Means, Task};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Collection, PhaseHistory, Weights};
@@ -39,6 +40,8 @@ pub struct Aim<'a> {
     /// Bytes that tables and one worker's buffers may take: a plan that wants more takes another way. The smallest
     /// machine that is to carry it out sets it.
     pub scratch_bytes: u64,
+    /// By what means.
+    pub means: Means<'a>,
 }
 
 /// How an image will be formed.

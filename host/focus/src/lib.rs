@@ -21,6 +21,7 @@
 
 pub mod accuracy;
 pub mod budget;
+mod calibrate;
 pub mod cost;
 mod error;
 pub mod forecast;
@@ -28,6 +29,7 @@ pub mod former;
 pub mod formers;
 pub mod live;
 pub mod machine;
+mod means;
 pub mod moving;
 pub mod patch;
 pub mod path_model;
@@ -37,10 +39,12 @@ pub mod plan;
 mod probes;
 mod rounding;
 mod sampled;
+pub mod stages;
 pub mod straight_track;
 pub mod strip;
 pub mod sub_cpi;
 pub mod sweep;
+pub mod time_model;
 
 use num_complex::Complex32;
 
@@ -50,12 +54,14 @@ use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, Weights};
 
 pub use accuracy::{Asked, Judgement, Misses, Settings};
-pub use cost::Cost;
+pub use cost::{Cost, StageCost};
 pub use error::{FormError, Reason, Remedy};
 pub use former::{Aim, Decision, Forming, ImageFormer, SCRATCH_BYTES, Tile, Work};
 pub use formers::{bp, exact, ffbp, omega_k, pfa, rda, rdbp};
+pub use means::{Means, Transforms};
 pub use plan::Plan;
 pub use sampled::TileRecord;
+pub use time_model::TimeModel;
 
 /// The bound on the relative RMS error that formers plan for unless told otherwise, dB.
 pub const DEFAULT_ERROR_DB: f64 = -60.0;
@@ -69,7 +75,8 @@ pub const MARGIN_DB: f64 = 4.0;
 
 /// The instructions that images are formed in on this machine: `avx512`, `avx2`, `neon` or `portable`.
 ///
-/// Kernels give the same bits in all of them; Fourier transforms do not, and follow the processor too.
+/// Kernels give the same bits in all of them; the fastest Fourier transforms do not, and follow the processor too
+/// ([`Transforms`]).
 pub fn instructions() -> &'static str {
     subaperture_kernels::lanes::Instructions::best().name()
 }
@@ -83,6 +90,8 @@ pub struct Task<'a> {
     pub grid: &'a ImageGrid,
     /// Windows over fast and slow time.
     pub weights: &'a Weights,
+    /// By what means.
+    pub means: Means<'a>,
     /// Bytes that the image, the samples in hand and all scratch may take together.
     pub memory_bytes: u64,
     /// Told of progress, asked whether to go on.
@@ -97,6 +106,7 @@ impl Task<'_> {
             grid: self.grid,
             weights: self.weights,
             scratch_bytes: SCRATCH_BYTES,
+            means: self.means,
         }
     }
 

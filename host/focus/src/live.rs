@@ -521,6 +521,7 @@ fn aim<'a>(collection: &'a Collection, grid: &'a ImageGrid, weights: &'a Weights
         grid,
         weights,
         scratch_bytes: SCRATCH_BYTES,
+        means: Default::default(),
     }
 }
 

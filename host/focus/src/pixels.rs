@@ -7,17 +7,18 @@ use rayon::prelude::*;
 use super::Tile;
 use subaperture_kernels::paths::Points;
 use subaperture_model::geometry::ImageGrid;
-use subaperture_model::monitor::Monitor;
+use subaperture_model::monitor::{Monitor, during};
 
 /// Pixels that a thread takes at a time.
 pub(super) const PIXELS_A_TASK: usize = 256;
 
 /// Has `add` change every pixel of the tiles, knowing its scene point, on all threads. Returns
-/// early, leaving pixels out, when the monitor asks to stop.
+/// early, leaving pixels out, when the monitor asks to stop; it is told of them as `stage`.
 pub(super) fn for_each(
     grid: &ImageGrid,
     tiles: &mut [Tile],
     monitor: &dyn Monitor,
+    stage: &'static str,
     add: impl Fn(DVec3, &mut Complex32) + Sync,
 ) {
     tiles.par_iter_mut().for_each(|tile| {
@@ -27,6 +28,7 @@ pub(super) fn for_each(
             if monitor.cancelled() {
                 return;
             }
+            let _forming = during(monitor, stage);
             for (i, pixel) in (part * PIXELS_A_TASK..).zip(pixels) {
                 let (row, column) = (place.row + i / columns, place.column + i % columns);
                 add(grid.position_m(row, column), pixel);
@@ -40,6 +42,7 @@ pub(super) fn for_each_run<S>(
     grid: &ImageGrid,
     tiles: &mut [Tile],
     monitor: &dyn Monitor,
+    stage: &'static str,
     scratch: impl Fn() -> S + Sync,
     add: impl Fn(&mut S, &Points, &mut [Complex32]) + Sync,
 ) {
@@ -51,6 +54,7 @@ pub(super) fn for_each_run<S>(
             if monitor.cancelled() {
                 return;
             }
+            let _forming = during(monitor, stage);
             points.clear();
             for i in (part * PIXELS_A_TASK..).take(pixels.len()) {
                 let (row, column) = (place.row + i / columns, place.column + i % columns);

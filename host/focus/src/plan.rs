@@ -20,7 +20,8 @@ use super::accuracy::{self, Asked, Judgement, Misses};
 use super::cost::Cost;
 use super::patch::{PatchSize, Rectangle};
 use super::sampled::{Probes, Sampled, TileRecord};
-use super::{Aim, FormError, Forming, ImageFormer, Tile, Work, formers};
+use super::time_model::{TimeModel, TimeModelError};
+use super::{Aim, FormError, Forming, ImageFormer, Means, Tile, Transforms, Work, formers};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::{Image, Tiling, copy_common};
 use subaperture_model::monitor::Monitor;
@@ -54,6 +55,8 @@ pub struct Request<'a> {
     pub scratch_bytes: u64,
     /// Whether a bound may be missed.
     pub misses: Misses,
+    /// By what means.
+    pub means: Means<'a>,
 }
 
 /// How an image will be formed.
@@ -76,6 +79,10 @@ pub struct Plan {
     pub slow_window: String,
     /// The limit on scratch that it was made for, bytes.
     pub scratch_bytes: u64,
+    /// By whose transforms: whoever carries it out uses these.
+    pub transforms: Transforms,
+    /// By what times it was chosen, and its stages foretold.
+    pub time_model: TimeModel,
     /// Bound on the error, dB, if there is one.
     pub bound_db: Option<f64>,
     /// Whether that may be missed.
@@ -160,6 +167,9 @@ pub enum PlanError {
     /// A window that there is not.
     #[error("of the plan: {0}")]
     Window(#[from] subaperture_signal::window::WindowError),
+    /// A time model that is none.
+    #[error(transparent)]
+    Model(#[from] TimeModelError),
     /// A grid that is none.
     #[error(transparent)]
     Grid(#[from] subaperture_model::geometry::GridError),
@@ -231,22 +241,29 @@ impl Plan {
             grid,
             weights: &weights,
             scratch_bytes: request.scratch_bytes,
+            means: request.means,
         };
         let asked = former.asked(request.misses);
         let swept = accuracy::swept(former, &aim, &asked)?;
         let decision = former.decide(&aim, &asked, monitor)?;
         let tile = tile_size(grid, decision.grain);
         let share = (tile.rows * tile.columns) as f64 / grid.num_pixels() as f64;
+        let mut summary = decision.settings;
+        if let Some(summary) = summary.as_object_mut() {
+            request.means.note(summary);
+        }
         Ok(Self {
             schema: SCHEMA.to_owned(),
             former: former.name().to_owned(),
             settings: former.settings(),
             choices: decision.choices,
-            summary: decision.settings,
+            summary,
             grid: *grid,
             window: request.fast.to_string(),
             slow_window: request.slow.to_string(),
             scratch_bytes: request.scratch_bytes,
+            transforms: request.means.transforms,
+            time_model: request.means.model.clone(),
             bound_db,
             misses_allowed: request.misses == Misses::Allowed,
             planned_db: accuracy::with_sweep(decision.planned_db, swept),
@@ -281,6 +298,7 @@ impl Plan {
             });
         }
         let plan: Self = serde_json::from_value(value).map_err(wrong)?;
+        plan.time_model.check()?;
         match plan.grid.fault() {
             Some(fault) => Err(fault.into()),
             None if !plan.has_tiles() => Err(PlanError::Text(
@@ -361,6 +379,10 @@ impl Plan {
             grid: &self.grid,
             weights,
             scratch_bytes: self.scratch_bytes,
+            means: Means {
+                transforms: self.transforms,
+                model: &self.time_model,
+            },
         };
         Ok(Opened {
             plan: self,
@@ -423,6 +445,14 @@ impl Monitor for Pass<'_> {
     fn cancelled(&self) -> bool {
         self.monitor.cancelled()
     }
+
+    fn begins(&self, stage: &'static str) {
+        self.monitor.begins(stage);
+    }
+
+    fn ends(&self, stage: &'static str) {
+        self.monitor.ends(stage);
+    }
 }
 
 impl Opened<'_> {
@@ -454,6 +484,7 @@ impl Opened<'_> {
             let sampled = Sampled {
                 history: work.history,
                 probes: &self.probes,
+                monitor: work.monitor,
             };
             let pass = Pass {
                 monitor: work.monitor,

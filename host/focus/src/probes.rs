@@ -28,7 +28,7 @@ pub(super) fn probes(grid: &ImageGrid) -> Vec<DVec3> {
 
 /// `|exp(j phase) - 1|^2`.
 pub(super) fn turned(phase_rad: f64) -> f64 {
-    4.0 * (phase_rad / 2.0).sin().powi(2)
+    4.0 * libm::sin(phase_rad / 2.0).powi(2)
 }
 
 /// Weights as shares of their sum, and of the sum of their squares: a point's peak counts samples by the one, all of

@@ -79,5 +79,5 @@ pub(super) fn sum(terms: usize) -> f64 {
 /// dB of a root of summed squares.
 pub(super) fn total_db(errors: &[f64]) -> f64 {
     let squares: f64 = errors.iter().map(|error| error * error).sum();
-    10.0 * squares.log10()
+    10.0 * libm::log10(squares)
 }

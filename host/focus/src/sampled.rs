@@ -8,12 +8,14 @@ use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
 use super::exact::{LANES, add_pulse};
+use super::stages::{READING, SAMPLES, during};
 use super::{Aim, Tile};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::{horner, power};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image;
+use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Channel, Collection, InputFile, PhaseHistory, ReadError};
 use subaperture_signal::phase::phasor;
 
@@ -83,6 +85,7 @@ pub(super) struct Probes<'a> {
 pub(super) struct Sampled<'a> {
     pub(super) history: &'a dyn PhaseHistory,
     pub(super) probes: &'a Probes<'a>,
+    pub(super) monitor: &'a dyn Monitor,
 }
 
 /// Sums so far, and the pulses that are in them.
@@ -142,7 +145,7 @@ impl<'a> Probes<'a> {
     }
 
     /// Adds pulses, unless they are in the sums: a former may read some twice.
-    fn add(&self, pulses: Range<usize>, samples: &[Complex32]) {
+    fn add(&self, pulses: Range<usize>, samples: &[Complex32], monitor: &dyn Monitor) {
         let width = self.aim.collection.num_samples;
         let weights = self.aim.weights;
         let fast: Vec<f32> = weights.fast.iter().map(|&w| w as f32).collect();
@@ -155,6 +158,7 @@ impl<'a> Probes<'a> {
             .par_chunks(PULSES_A_PART)
             .zip(samples.par_chunks(PULSES_A_PART * width))
             .map(|(numbers, samples)| {
+                let _summing = during(monitor, SAMPLES);
                 let mut part = vec![Complex64::ZERO; self.points.len()];
                 let mut terms = 0.0;
                 for (&n, row) in numbers.iter().zip(samples.chunks_exact(width)) {
@@ -206,8 +210,10 @@ impl PhaseHistory for Sampled<'_> {
     }
 
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        let reading = during(self.monitor, READING);
         self.history.read(pulses.clone(), samples)?;
-        self.probes.add(pulses, samples);
+        drop(reading);
+        self.probes.add(pulses, samples, self.monitor);
         Ok(())
     }
 

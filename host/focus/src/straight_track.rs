@@ -120,13 +120,13 @@ impl StraightTrack {
     ) -> Result<f64, FormError> {
         let residual_m = self.residual_m(collection, points, reference);
         let allowed_m =
-            10f64.powf(error_db / 20.0) * SPEED_OF_LIGHT_M_S / (4.0 * PI * frequency_hz);
+            libm::pow(10.0, error_db / 20.0) * SPEED_OF_LIGHT_M_S / (4.0 * PI * frequency_hz);
         if residual_m.is_nan() || residual_m > allowed_m {
             let why = format!(
                 "the track is not straight and even: {residual_m:.2e} m RMS of range are left after \
                  motion compensation to a line, an error of {:.0} dB, and an error of {error_db} dB \
                  allows {allowed_m:.2e} m",
-                error_db + 20.0 * (residual_m / allowed_m).log10()
+                error_db + 20.0 * libm::log10(residual_m / allowed_m)
             );
             let remedies = [Remedy::OtherFormer(&["bp", "rdbp"])];
             return Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)));

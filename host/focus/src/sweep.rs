@@ -56,7 +56,7 @@ pub(super) fn worst(
         for pulse in &pulses {
             for &after in &afters {
                 // |1 - exp(j phi)| = 2 |sin(phi / 2)|
-                sum += (2.0 * (PI * left(pulse, point, after)).sin()).powi(2);
+                sum += (2.0 * libm::sin(PI * left(pulse, point, after))).powi(2);
             }
         }
         worst = worst.max(sum / (pulses.len() * afters.len()) as f64);

@@ -45,6 +45,7 @@ pub fn expect(items: &[Item], folder: &Path, context: &Context) -> Result<Expect
         weights: &weights,
         memory_bytes: context.memory_bytes,
         monitor: context.monitor,
+        means: Default::default(),
     })?;
     let measured_s = start.elapsed().as_secs_f64();
     let missing = |item: &&Item| store::load(folder, item, &store::key(item, context)).is_none();

@@ -1,4 +1,4 @@
-//! Telling the caller how far long work is, and being told to stop.
+//! Telling the caller how far long work is and what it is at, and being told to stop.
 
 /// Watches long work. Called from many threads.
 pub trait Monitor: Sync {
@@ -9,6 +9,12 @@ pub trait Monitor: Sync {
     fn cancelled(&self) -> bool {
         false
     }
+
+    /// A thread begins with some of a stage of the work, in the middle of no other.
+    fn begins(&self, _stage: &'static str) {}
+
+    /// It has done what it began.
+    fn ends(&self, _stage: &'static str) {}
 }
 
 /// Says nothing, never stops.
@@ -17,4 +23,22 @@ pub struct Silent;
 
 impl Monitor for Silent {
     fn progress(&self, _fraction: f64) {}
+}
+
+/// Some of a stage of the work, for as long as this is held.
+pub struct During<'a> {
+    monitor: &'a dyn Monitor,
+    stage: &'static str,
+}
+
+/// Begins with some of a stage; for a patch, a run of pixels or some pulses, not for one.
+pub fn during<'a>(monitor: &'a dyn Monitor, stage: &'static str) -> During<'a> {
+    monitor.begins(stage);
+    During { monitor, stage }
+}
+
+impl Drop for During<'_> {
+    fn drop(&mut self) {
+        self.monitor.ends(self.stage);
+    }
 }

@@ -367,7 +367,7 @@ fn to_si(number: f64, unit: &str, dimension: Dimension, text: &str) -> Result<f6
     };
     let value = match scale {
         Linear(factor) => number * factor,
-        Decibel(factor) => 10f64.powf(number / 10.0) * factor,
+        Decibel(factor) => libm::pow(10.0, number / 10.0) * factor,
     };
     if value.is_finite() && value.abs() <= largest {
         Ok(value)

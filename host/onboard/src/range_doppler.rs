@@ -51,7 +51,7 @@ impl RangeDopplerMapper {
             output_centre: (doppler_bins / 2) as f64,
             spacing: -1.0 / doppler_bins as f64,
         };
-        let dft = ScaledDft::new(&scales, shape, |_, m| slow[m]);
+        let dft = ScaledDft::new(fft::Transforms::Fastest, &scales, shape, |_, m| slow[m]);
         let range_fft = fft::inverse(range_bins);
         let norm = 1.0 / (fast.iter().sum::<f64>() * slow.iter().sum::<f64>());
         let scratch = dft

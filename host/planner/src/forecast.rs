@@ -21,6 +21,7 @@ pub fn cost(former: &dyn ImageFormer, task: &Task) -> Option<Cost> {
         grid: task.grid,
         weights: task.weights,
         scratch_bytes: SCRATCH_BYTES,
+        means: task.means,
     };
     let decision = former.decide(&aim, &former.asked(Misses::Allowed), task.monitor);
     Some(decision.ok()?.cost)

@@ -217,6 +217,7 @@ fn costs(collection: &Collection, request: &Request) -> Vec<FormerCost> {
         grid: request.grid,
         weights: &weights,
         scratch_bytes: request.memory_bytes,
+        means: Default::default(),
     };
     let listed = FORMERS.iter().filter_map(|entry| {
         let former = entry.within(request.error_db);

@@ -1,7 +1,7 @@
 //! Discrete Fourier transforms of two dimensions, in place, without a factor in either direction.
 
 use num_complex::Complex64;
-use subaperture_fft::{FftDirection, Real};
+use subaperture_fft::{FftDirection, Real, Transforms};
 
 /// Transforms `data`, `rows x columns`, along both axes.
 pub(super) fn transform(
@@ -10,8 +10,8 @@ pub(super) fn transform(
     columns: usize,
     direction: FftDirection,
 ) {
-    f64::plan(columns, direction).process(data);
-    let down = f64::plan(rows, direction);
+    f64::plan(Transforms::Fastest, columns, direction).process(data);
+    let down = f64::plan(Transforms::Fastest, rows, direction);
     let mut scratch = vec![Complex64::ZERO; down.get_inplace_scratch_len()];
     let mut column = vec![Complex64::ZERO; rows];
     for first in 0..columns {

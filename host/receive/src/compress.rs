@@ -33,8 +33,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{Fft, Transforms};
 
 use super::{Echoes, ReceiveError, collection_of, in_blocks};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -126,7 +125,7 @@ impl<E: Echoes> Compressed<E> {
         Ok(Self {
             echoes,
             collection,
-            fft: fft::forward(num_samples),
+            fft: Transforms::Portable.forward(num_samples),
             first_bin,
             filter,
             centre_hz,

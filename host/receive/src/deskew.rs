@@ -66,8 +66,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{Fft, Transforms};
 
 use self::sweep::{Sweep, ends_of_delays_s, seen_half_delay_s, sweep_of};
 use super::{Echoes, ReceiveError, collection_of, in_blocks};
@@ -104,7 +103,7 @@ impl Edge {
         let room_hz = 0.5 * sample_rate_hz - chirp_hz_s * half_delay_s;
         let sampled_s = (0.6 / room_hz.max(0.0)).min(1.6 / sample_rate_hz);
         let sigma_s = beta_s2.sqrt().max(sampled_s);
-        let spread_s = sigma_s.hypot(beta_s2 / sigma_s);
+        let spread_s = libm::hypot(sigma_s, beta_s2 / sigma_s);
         Self {
             sigma_s,
             begin_s: 4.0 * sigma_s,
@@ -116,7 +115,7 @@ impl Edge {
     fn fade(&self, sample_rate_hz: f64, num_samples: usize) -> Vec<f64> {
         let step = 1.0 / (sample_rate_hz * self.sigma_s);
         let count = (12.0 / step).ceil() as usize;
-        let gauss = |x: f64| (-0.5 * x * x).exp();
+        let gauss = |x: f64| libm::exp(-0.5 * x * x);
         // Simpson's rule over each sample's step: 1e-6 and less with steps below one.
         const PARTS: usize = 8;
         let mut sum = 0.0;
@@ -218,8 +217,8 @@ impl<E: Echoes> Deskewed<E> {
             fade,
             first,
             common_delay_s,
-            forward: fft::forward(length),
-            inverse: fft::inverse(length),
+            forward: Transforms::Portable.forward(length),
+            inverse: Transforms::Portable.inverse(length),
         })
     }
 

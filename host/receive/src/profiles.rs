@@ -24,8 +24,7 @@ use std::sync::Arc;
 
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{Fft, Transforms};
 
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{Collection, PhaseHistory, ReadError, check_finite};
@@ -119,7 +118,7 @@ impl Profiles {
             axis,
             profiles,
             first_step: first_step as i64,
-            fft: fft::forward(bins),
+            fft: Transforms::Portable.forward(bins),
         })
     }
 }

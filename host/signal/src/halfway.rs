@@ -39,7 +39,7 @@ impl Halfway {
     /// If it is odd or 0.
     pub fn new(count: usize) -> Self {
         assert!(count > 0 && count.is_multiple_of(2));
-        let places = (0..=PLACES).map(|i| BAND * (0.5 * PI * i as f64 / PLACES as f64).cos());
+        let places = (0..=PLACES).map(|i| BAND * libm::cos(0.5 * PI * i as f64 / PLACES as f64));
         let places: Vec<f64> = places.collect();
         let columns = (0..count / 2).map(|i| {
             let terms = places.iter().map(|x| response(*x, i));
@@ -91,7 +91,7 @@ impl Halfway {
 
 /// Of a tone and two taps of 1, `i + 1/2` to either side.
 fn response(x: f64, i: usize) -> f64 {
-    2.0 * (TAU * x * (i as f64 + 0.5)).cos()
+    2.0 * libm::cos(TAU * x * (i as f64 + 0.5))
 }
 
 /// The weights of columns whose sum is nearest to `wanted`: by orthogonal columns (Gram and Schmidt, twice).

@@ -24,8 +24,7 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use num_complex::Complex32;
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{Fft, Transforms};
 
 use super::fast_length::fastest_length;
 
@@ -54,19 +53,19 @@ fn component_error(degree: i32, x: f64) -> f64 {
 
 impl RangeProfiler {
     /// For pulses of `window.len()` samples, upsampled at least `oversampling` times (1 or more), read as splines of this degree.
-    pub fn new(degree: usize, window: &[f64], oversampling: f64) -> Self {
+    pub fn new(degree: usize, window: &[f64], oversampling: f64, transforms: Transforms) -> Self {
         let count = window.len();
         let length = Self::length_for(count, oversampling);
         let degree = degree as i32;
         let emphasised = |(k, w): (usize, &f64)| {
             let x = PI * (k as f64 - (count / 2) as f64) / length as f64;
-            let sinc = if x == 0.0 { 1.0 } else { x.sin() / x };
+            let sinc = if x == 0.0 { 1.0 } else { libm::sin(x) / x };
             (w / sinc.powi(degree + 1)) as f32
         };
         Self {
             degree,
             weights: window.iter().enumerate().map(emphasised).collect(),
-            fft: fft::inverse(length),
+            fft: transforms.inverse(length),
         }
     }
 
@@ -77,7 +76,7 @@ impl RangeProfiler {
 
     /// The smallest upsampling at which splines of this degree err by at most `error_db` whatever the spectrum.
     pub fn oversampling_for(degree: usize, error_db: f64) -> f64 {
-        let error = 10f64.powf(error_db / 20.0);
+        let error = libm::pow(10.0, error_db / 20.0);
         let good = |oversampling: f64| component_error(degree as i32, 0.5 / oversampling) <= error;
         // Errors fall with upsampling.
         let (mut low, mut high) = (1.0f64, MOST_OVERSAMPLING);
@@ -101,7 +100,7 @@ impl RangeProfiler {
     /// Relative RMS error of the arithmetic in float32: of the transform, and of the phase that a profile's reader
     /// puts back ([`super::phase::phasor32`]).
     pub fn rounding(&self) -> f64 {
-        6e-8 * (self.length() as f64).log2().max(1.0).sqrt() + 1e-7
+        6e-8 * libm::log2(self.length() as f64).max(1.0).sqrt() + 1e-7
     }
 
     /// Values in a profile, the repeated first one not counted.
@@ -154,7 +153,7 @@ mod tests {
     /// Interpolated profile of a lone scatterer, seen through `window`, against the plain sum.
     fn error_db(degree: usize, window: &[f64], oversampling: f64) -> f64 {
         let count = window.len();
-        let profiler = RangeProfiler::new(degree, window, oversampling);
+        let profiler = RangeProfiler::new(degree, window, oversampling, Transforms::Fastest);
         let length = profiler.length();
         let pulse: Vec<Complex32> = (0..count)
             .map(|k| {
@@ -221,7 +220,7 @@ mod tests {
                 at_edges < bound_db + 0.1 && at_edges > bound_db - 3.0 * order - 0.4,
                 "{degree} {bound_db}: {at_edges}"
             );
-            let profiler = RangeProfiler::new(degree, &edges, oversampling);
+            let profiler = RangeProfiler::new(degree, &edges, oversampling, Transforms::Fastest);
             let predicted = 20.0 * profiler.error().log10();
             assert!(
                 (predicted - at_edges).abs() < 0.2,

@@ -20,15 +20,13 @@
 //! Memory: `K (M + D + L)` complex float32. Error: about 3e-7 relative (float32 transforms), see the
 //! test.
 
-use std::f64::consts::PI;
 use std::sync::Arc;
 
 use num_complex::{Complex32, Complex64};
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{Fft, Transforms};
 
 use super::fast_length::fast_length;
-use super::phase::narrow;
+use super::phase::{narrow, phasor};
 
 /// Shape of a [`ScaledDft`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,7 +65,12 @@ pub struct ScaledDft {
 
 impl ScaledDft {
     /// Plans for `scales[k] = f_k / f_c`. `input_weight(k, m)` is `a_k[m]`.
-    pub fn new(scales: &[f64], shape: Shape, input_weight: impl Fn(usize, usize) -> f64) -> Self {
+    pub fn new(
+        transforms: Transforms,
+        scales: &[f64],
+        shape: Shape,
+        input_weight: impl Fn(usize, usize) -> f64,
+    ) -> Self {
         let Shape {
             inputs,
             input_centre: _,
@@ -77,9 +80,9 @@ impl ScaledDft {
             spacing,
         } = shape;
         let length = fast_length(inputs + outputs - 1);
-        let (forward, inverse) = (fft::forward(length), fft::inverse(length));
-        let forward64 = fft::forward(length);
-        let chirp = |scale: f64, i: f64| Complex64::cis(PI * scale * spacing * i * i);
+        let (forward, inverse) = (transforms.forward(length), transforms.inverse(length));
+        let forward64 = transforms.forward(length);
+        let chirp = |scale: f64, i: f64| phasor(0.5 * scale * spacing * i * i);
         let mut before = Vec::with_capacity(scales.len() * inputs);
         let mut kernel = Vec::with_capacity(scales.len() * length);
         let mut after = Vec::with_capacity(scales.len() * outputs);
@@ -193,7 +196,7 @@ mod tests {
                 spacing,
             };
             let weight = |k: usize, m: usize| 1.0 + 0.1 * (k as f64) - 0.001 * m as f64;
-            let dft = ScaledDft::new(&scales, shape, weight);
+            let dft = ScaledDft::new(Transforms::Fastest, &scales, shape, weight);
             let x: Vec<Complex32> = (0..inputs)
                 .map(|m| Complex32::cis((m * m) as f32 * 0.37).scale(1.0 + m as f32 * 0.01))
                 .collect();
@@ -211,7 +214,7 @@ mod tests {
                                 * (d as f64 - shape.output_centre);
                             Complex64::new(x.re.into(), x.im.into())
                                 * weight(k, m)
-                                * Complex64::cis(2.0 * PI * turns)
+                                * Complex64::cis(std::f64::consts::TAU * turns)
                         })
                         .sum();
                     error += (Complex64::new(got.re.into(), got.im.into()) - expected).norm_sqr();

@@ -63,7 +63,7 @@ pub fn sinc(x: f64) -> f64 {
     if angle == 0.0 {
         1.0
     } else {
-        angle.sin() / angle
+        libm::sin(angle) / angle
     }
 }
 

@@ -46,9 +46,9 @@ impl KaiserWindow {
         let shape = if root < 1e-9 {
             1.0
         } else if inside > 0.0 {
-            root.sinh() / root
+            libm::sinh(root) / root
         } else {
-            root.sin() / root
+            libm::sin(root) / root
         };
         self.width * shape / self.peak
     }

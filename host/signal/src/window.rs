@@ -42,7 +42,7 @@ impl Window {
         };
         match *self {
             Self::None => vec![1.0; n],
-            Self::Hamming => at(&|u| 0.54 + 0.46 * (std::f64::consts::TAU * u).cos()),
+            Self::Hamming => at(&|u| 0.54 + 0.46 * libm::cos(std::f64::consts::TAU * u)),
             Self::Kaiser { beta } => {
                 let norm = bessel_i0(beta);
                 at(&|u| bessel_i0(beta * (1.0 - 4.0 * u * u).max(0.0).sqrt()) / norm)
@@ -52,7 +52,7 @@ impl Window {
                 let sum = |u: f64| {
                     let terms = coefficients.iter().zip(1..);
                     1.0 + terms
-                        .map(|(f, m)| 2.0 * f * (std::f64::consts::TAU * f64::from(m) * u).cos())
+                        .map(|(f, m)| 2.0 * f * libm::cos(std::f64::consts::TAU * f64::from(m) * u))
                         .sum::<f64>()
                 };
                 let peak = sum(0.0);
@@ -65,7 +65,7 @@ impl Window {
 /// Taylor's coefficients F_m (T. T. Taylor 1955; Carrara, Goodman and Majewski, appendix D) with the
 /// smallest `n_bar` that keeps the side lobes monotonic, `n_bar >= 2 A^2 + 1/2`.
 fn taylor_coefficients(side_lobe_db: f64) -> Vec<f64> {
-    let a = (10f64.powf(side_lobe_db / 20.0)).acosh() / std::f64::consts::PI;
+    let a = libm::acosh(libm::pow(10.0, side_lobe_db / 20.0)) / std::f64::consts::PI;
     let n_bar = (2.0 * a * a + 0.5).ceil().max(2.0) as i32;
     let n = f64::from(n_bar);
     let sigma2 = n * n / (a * a + (n - 0.5) * (n - 0.5));

@@ -122,7 +122,7 @@ fn sinc(t: f64) -> f64 {
     if t == 0.0 {
         1.0
     } else {
-        (PI * t).sin() / (PI * t)
+        libm::sin(PI * t) / (PI * t)
     }
 }
 

@@ -21,7 +21,7 @@ use crate::failure::Usage;
 use crate::log::Format;
 pub(crate) use focus::{Focus, Imaging, Velocity};
 pub(crate) use look::{Look, Picture};
-pub(crate) use plan::{Plan, PlanFocus, PlanModule, PlanRadar, PlanTarget};
+pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 use subaperture::units::Dimension;
 pub(crate) use tiled::{Part, Tiled};
 pub(crate) use tune::{Recording, Tune, Vary};

@@ -13,6 +13,7 @@ mod log;
 mod memory;
 mod messages;
 mod progress;
+mod stages;
 mod terminal;
 mod text;
 

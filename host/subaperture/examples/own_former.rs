@@ -6,10 +6,10 @@ use subaperture::SPEED_OF_LIGHT_M_S;
 use subaperture::focus::cost::Each;
 use subaperture::focus::patch::PatchSize;
 use subaperture::focus::{
-    Aim, Asked, Cost, Decision, FormError, Forming, ImageFormer, Reason, Tile, Work,
+    Aim, Asked, Cost, Decision, FormError, Forming, ImageFormer, Reason, StageCost, Tile, Work,
 };
 use subaperture::image::Comparison;
-use subaperture::monitor::Monitor;
+use subaperture::monitor::{Monitor, during};
 use subaperture::num_complex::Complex64;
 use subaperture::prelude::*;
 use subaperture::simulate::{Preset, Variation};
@@ -61,7 +61,9 @@ impl ImageFormer for Recurrence {
 fn cost(aim: &Aim) -> Cost {
     let (pulses, samples) = (aim.collection.pulses.len(), aim.collection.num_samples);
     let all = aim.grid.num_pixels() as f64 * (pulses * samples) as f64;
-    Cost::new(16.0 * all, 0.0).holding("a pulse", Each::Pass, 8.0 * samples as f64)
+    // Some 4 ns of a core each.
+    let sum = StageCost::new("sum", 16.0 * all, 4.0 * all);
+    Cost::of([sum]).holding("a pulse", Each::Pass, 8.0 * samples as f64)
 }
 
 struct Opened<'a> {
@@ -86,6 +88,7 @@ impl Forming for Opened<'_> {
             work.monitor
                 .progress(n as f64 / collection.pulses.len() as f64);
             work.history.read(n..n + 1, &mut samples)?;
+            let _summing = during(work.monitor, "sum");
             for tile in tiles.iter_mut() {
                 let points: Vec<DVec3> = tile.points(grid).collect();
                 for (point_m, pixel) in points.into_iter().zip(&mut tile.pixels) {

@@ -37,6 +37,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         slow: Window::default(),
         scratch_bytes: SCRATCH_BYTES,
         misses: Misses::Refused,
+        means: Default::default(),
     };
     let text = Plan::new(&RangeDoppler::default(), &request, &Silent)?.to_text();
 

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use crate::FocusedImage;
-use subaperture_focus::{FormError, ImageFormer, Misses, Task, machine};
+use subaperture_focus::{FormError, ImageFormer, Means, Misses, Task, TimeModel, machine};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::{Monitor, Silent};
 use subaperture_model::phase_history::{PhaseHistory, Weights};
@@ -48,6 +48,7 @@ pub struct Focusing<'a> {
     memory_bytes: Option<u64>,
     monitor: &'a dyn Monitor,
     misses: Misses,
+    means: Means<'a>,
 }
 
 impl<'a> Focusing<'a> {
@@ -61,6 +62,7 @@ impl<'a> Focusing<'a> {
             memory_bytes: None,
             monitor: &Silent,
             misses: Misses::Refused,
+            means: Means::default(),
         }
     }
 
@@ -94,6 +96,23 @@ impl<'a> Focusing<'a> {
         Self { misses, ..self }
     }
 
+    /// With the same bits on every machine, at the price of slower transforms.
+    #[must_use]
+    pub fn portable(self) -> Self {
+        let means = self.means.portable();
+        Self { means, ..self }
+    }
+
+    /// Choosing by the times of another machine than the one that defaults are of.
+    #[must_use]
+    pub fn time_model(self, model: &'a TimeModel) -> Self {
+        let means = Means {
+            model,
+            ..self.means
+        };
+        Self { means, ..self }
+    }
+
     /// Forms the image, then reads the recording's files once more for their checksums, which go into the record.
     ///
     /// # Errors
@@ -108,6 +127,7 @@ impl<'a> Focusing<'a> {
             weights: &Weights::new(self.history.collection(), fast, slow),
             memory_bytes,
             monitor: self.monitor,
+            means: self.means,
         };
         let formed = former.form_asked(&task, self.misses)?;
         let inputs = self.history.inputs()?;

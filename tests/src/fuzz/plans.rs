@@ -107,6 +107,7 @@ pub(super) fn plan_seeds() -> Vec<Vec<u8>> {
         slow: Window::default(),
         scratch_bytes: SCRATCH_BYTES,
         misses: Misses::Allowed,
+        means: Default::default(),
     };
     let thesis = serde_json::json!({ "mode": { "thesis": {} } });
     let mut formers: Vec<_> = FORMERS

@@ -292,6 +292,7 @@ fn image(history: &dyn PhaseHistory, grid: &ImageGrid, bytes: &[u8]) -> String {
         weights: &Weights::new(history.collection(), window, window),
         memory_bytes: MEMORY_BYTES,
         monitor: &Silent,
+        means: Default::default(),
     };
     match former.form(&task) {
         Ok(formed) => {

@@ -148,7 +148,7 @@ impl Axes {
 
 /// The directions in which pixels are seen, `wavenumber` the least.
 fn directions(reach_m: [f64; 2], range_m: [f64; 2], wavenumber: f64) -> Result<Taper, FormError> {
-    let sine = |u_m: f64, r_m: f64| u_m / r_m.hypot(u_m);
+    let sine = |u_m: f64, r_m: f64| u_m / libm::hypot(r_m, u_m);
     let needed = [
         sine(reach_m[0], range_m[0]).min(sine(reach_m[0], range_m[1])),
         sine(reach_m[1], range_m[0]).max(sine(reach_m[1], range_m[1])),
@@ -162,7 +162,7 @@ fn directions(reach_m: [f64; 2], range_m: [f64; 2], wavenumber: f64) -> Result<T
                 "pixels from {:.3} m from the track's line on, seen up to {:.0} degrees off \
                  broadside, are too near for a frequency-domain former",
                 range_m[0],
-                needed[0].abs().max(needed[1].abs()).asin().to_degrees()
+                libm::asin(needed[0].abs().max(needed[1].abs())).to_degrees()
             );
             let remedies = [Remedy::OtherFormer(&["bp"]), Remedy::FartherGrid];
             Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)))

@@ -57,18 +57,22 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use serde_json::json;
+use subaperture_fft::Transforms;
 
 use super::budget::Budget;
 use super::patch::PatchSize;
 use super::probes::probes;
 use super::straight_track::StraightTrack;
 use super::sub_cpi::shared_band;
-use super::{Aim, Asked, Decision, FormError, Forming, Reason, Remedy, Tile, Work, rounding};
+use super::{
+    Aim, Asked, Decision, FormError, Forming, Reason, Remedy, Tile, TimeModel, Work, rounding,
+};
 use subaperture_model::geometry::ImageGrid;
+use subaperture_model::monitor::during;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
-use subaperture_signal::phase::narrow;
+use subaperture_signal::phase::{cis, narrow};
 
 pub(super) use axes::{Axes, ImageAxis, TAPS};
 pub(super) use prediction::Prediction;
@@ -134,8 +138,11 @@ pub(super) trait RangeMethod: Sync {
     /// Operations on that way, for all wavenumbers along the track, of so many samples a pulse.
     fn operations(&self, samples: usize, sizes: &Sizes) -> f64;
 
+    /// Nanoseconds of one core that this takes.
+    fn time_ns(&self, model: &TimeModel, samples: usize, sizes: &Sizes) -> f64;
+
     /// Prepares for these axes.
-    fn stage(&self, axes: &Axes) -> Box<dyn RangeStage>;
+    fn stage(&self, axes: &Axes, transforms: Transforms) -> Box<dyn RangeStage>;
 }
 
 /// A [`RangeMethod`] ready to work.
@@ -217,18 +224,20 @@ pub(super) fn decide(
         ),
         line: 0.0,
     };
-    asked.check(20.0 * prediction.track.log10(), || prediction.limit(limit))?;
+    asked.check(20.0 * libm::log10(prediction.track), || {
+        prediction.limit(limit)
+    })?;
     prediction.line = prediction::of_line(aim.weights, aim.grid, track, axes, method);
     let planned_db = prediction.total_db(&[rounding::path_phase_rad(aim)]);
     asked.check(planned_db, || prediction.limit(limit))?;
     let steepest = axes
         .needed_sines()
-        .map(|s| s.abs().asin().to_degrees())
+        .map(|s| libm::asin(s.abs()).to_degrees())
         .into_iter()
         .fold(0.0, f64::max);
     let mut all = json!({
-        "track_error_db": 20.0 * prediction.track.max(1e-15).log10(),
-        "line_error_db": 20.0 * prediction.line.max(1e-15).log10(),
+        "track_error_db": 20.0 * libm::log10(prediction.track.max(1e-15)),
+        "line_error_db": 20.0 * libm::log10(prediction.line.max(1e-15)),
         "padded_pulses": axes.period,
         "along_track_wavenumbers": axes.num_bins,
         "range_bins": axes.range.count,
@@ -242,7 +251,7 @@ pub(super) fn decide(
         settings: all,
         planned_db,
         grain: PatchSize::PIXEL,
-        cost: cost::cost(aim.grid, &fitted, method),
+        cost: cost::cost(aim.means.model, aim.grid, &fitted, method),
     })
 }
 
@@ -322,7 +331,7 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         let most = steps.into_iter().max().unwrap_or(0);
         let mut budget = Budget::new(work.memory_bytes);
         budget.take("the two-dimensional spectrum", most, remedies)?;
-        let stage = self.method.stage(axes);
+        let stage = self.method.stage(axes, self.aim.means.transforms);
         let lengths = [
             3 * axes.period,
             3 * axes.along_length,
@@ -355,12 +364,13 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         let num_samples = axes.wavenumbers.len();
         let scratch = || {
             let samples = vec![Complex32::ZERO; num_samples];
-            (samples, vec![Complex32::ZERO; stage.scratch_length()])
+            let scratch = vec![Complex32::ZERO; stage.scratch_length()];
+            (samples, scratch, during(work.monitor, cost::RANGES))
         };
         ranges
             .par_chunks_exact_mut(axes.range.count)
             .enumerate()
-            .for_each_init(scratch, |(samples, scratch), (q, out)| {
+            .for_each_init(scratch, |(samples, scratch, _), (q, out)| {
                 if work.monitor.cancelled() {
                     return;
                 }
@@ -399,7 +409,7 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         // Slow time is transformed from pulse 0 on, which lies before the aperture's centre.
         let start_m = self.track.along_m(0);
         let phase_rad = stage.phase_rad(kappa, kx) - kx * start_m;
-        Complex64::cis(phase_rad)
+        cis(phase_rad)
             * stationary_phase_error(axes.reference_range_m() * kr)
             * (amplitude / roll_off)
     }

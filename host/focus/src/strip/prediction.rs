@@ -27,6 +27,7 @@ use std::f64::consts::{FRAC_PI_4, PI, TAU};
 use glam::DVec3;
 use num_complex::Complex64;
 use rayon::prelude::*;
+use subaperture_signal::phase::cis;
 
 use super::{Axes, RangeMethod, stationary_phase_error};
 use crate::probes::{Shares, probes, turned};
@@ -69,7 +70,7 @@ impl Prediction {
         let why = format!(
             "the track is not straight and even, and moving each pulse to a line for the middle of the grid leaves an \
              error of {:.0} dB at its worst corner",
-            20.0 * self.track.log10()
+            20.0 * libm::log10(self.track)
         );
         Reason::new(why).helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"]), Remedy::SmallerGrid])
     }
@@ -126,13 +127,13 @@ struct Offsets {
 
 impl Offsets {
     fn at(&self, i: usize) -> f64 {
-        self.middle_m - self.half_m * (PI * i as f64 / (OFFSETS - 1) as f64).cos()
+        self.middle_m - self.half_m * libm::cos(PI * i as f64 / (OFFSETS - 1) as f64)
     }
 
     /// The index of a place, between whole ones.
     fn index(&self, place_m: f64) -> f64 {
         let cosine = ((self.middle_m - place_m) / self.half_m).clamp(-1.0, 1.0);
-        cosine.acos() / PI * (OFFSETS - 1) as f64
+        libm::acos(cosine) / PI * (OFFSETS - 1) as f64
     }
 }
 
@@ -238,11 +239,9 @@ fn along(
     offsets: Offsets,
 ) -> Vec<f64> {
     let kx_step = axes.along_wavenumber_step;
-    let steps: Vec<Complex64> = (0..OFFSETS)
-        .map(|i| Complex64::cis(kx_step * offsets.at(i)))
-        .collect();
+    let steps: Vec<Complex64> = (0..OFFSETS).map(|i| cis(kx_step * offsets.at(i))).collect();
     let mut turns: Vec<Complex64> = (0..OFFSETS)
-        .map(|i| Complex64::cis(axes.along_wavenumber(0) * offsets.at(i)))
+        .map(|i| cis(axes.along_wavenumber(0) * offsets.at(i)))
         .collect();
     let mut sums = vec![Complex64::ZERO; OFFSETS];
     let reference_m = axes.reference_range_m();
@@ -252,7 +251,7 @@ fn along(
         if taper != 0.0 {
             let kr = (kappa * kappa - kx * kx).sqrt();
             let phase_rad = method.phase_rad(kappa, kx, range_m, reference_m);
-            let value = Complex64::cis(phase_rad)
+            let value = cis(phase_rad)
                 * stationary_phase_error(reference_m * kr)
                 * (taper * kappa / (kr * kr.sqrt()));
             for (sum, turn) in sums.iter_mut().zip(&turns) {
@@ -263,16 +262,16 @@ fn along(
             *turn *= step;
         }
     }
-    let constant = Complex64::cis(FRAC_PI_4) * TAU.sqrt() * range_m.sqrt()
-        / (axes.period as f64 * track.spacing_m);
+    let constant =
+        cis(FRAC_PI_4) * TAU.sqrt() * range_m.sqrt() / (axes.period as f64 * track.spacing_m);
     let carrier = axes.range.carrier;
     let bracket =
         stationary_phase_error(range_m * carrier) / stationary_phase_error(reference_m * carrier);
     sums.into_iter()
         .enumerate()
         .map(|(i, sum)| {
-            let path_m = range_m.hypot(offsets.at(i));
-            let exact = Complex64::cis(kappa * path_m);
+            let path_m = libm::hypot(range_m, offsets.at(i));
+            let exact = cis(kappa * path_m);
             (sum * constant * bracket * exact.conj() - 1.0).norm_sqr()
         })
         .collect()

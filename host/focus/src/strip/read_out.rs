@@ -2,16 +2,17 @@
 
 use std::f64::consts::{FRAC_PI_4, TAU};
 
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex32;
 use rayon::prelude::*;
-use subaperture_fft as fft;
 
+use super::cost::{COMPRESSION, PIXELS};
 use super::{ImageAxis, RangeMethod, Strip, TAPS, stationary_phase_error, step_done};
 use crate::pixels::for_each;
 use crate::{FormError, Tile, Work};
 use subaperture_kernels::reading::weighted;
+use subaperture_model::monitor::during;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
-use subaperture_signal::phase::{narrow, phasor};
+use subaperture_signal::phase::{cis, narrow, phasor};
 
 /// The image over range and place along the track, `[R][X]`, from `[Q][R]`; brought down by both
 /// carriers.
@@ -23,16 +24,17 @@ pub(super) fn compress<M: RangeMethod>(
     let axes = &strip.axes;
     let (num_bins, num_ranges) = (axes.num_bins, axes.range.count);
     let length = axes.along_length;
-    let fft = fft::inverse(length);
+    let fft = strip.aim.means.transforms.inverse(length);
     let mut image = vec![Complex32::ZERO; num_ranges * axes.along.count];
     let scratch = || {
         let line = vec![Complex32::ZERO; length];
-        (line, vec![Complex32::ZERO; fft.get_inplace_scratch_len()])
+        let scratch = vec![Complex32::ZERO; fft.get_inplace_scratch_len()];
+        (line, scratch, during(work.monitor, COMPRESSION))
     };
     image
         .par_chunks_exact_mut(axes.along.count)
         .enumerate()
-        .for_each_init(scratch, |(line, scratch), (j, row)| {
+        .for_each_init(scratch, |(line, scratch, _), (j, row)| {
             if work.monitor.cancelled() {
                 return;
             }
@@ -62,24 +64,29 @@ pub(super) fn pixels<M: RangeMethod>(
     let kernel = KaiserBessel::new(TAPS);
     let columns = axes.along.count;
     // What of the reference does not depend on range: sqrt(2 pi j), and 1 / period for the sum over kx.
-    let constant =
-        Complex64::cis(FRAC_PI_4) * TAU.sqrt() / (axes.period as f64 * strip.track.spacing_m);
+    let constant = cis(FRAC_PI_4) * TAU.sqrt() / (axes.period as f64 * strip.track.spacing_m);
     let carrier = axes.range.carrier;
     let at_reference = stationary_phase_error(axes.reference_range_m() * carrier);
-    for_each(strip.aim.grid, tiles, work.monitor, |point, pixel| {
-        let (along_m, range_m) = strip.track.along_and_range_m(point);
-        let (row, row_weights) = taps(&kernel, &axes.range, range_m);
-        let (column, column_weights) = taps(&kernel, &axes.along, along_m);
-        let sum = weighted(
-            image,
-            columns,
-            [row, column],
-            [&row_weights, &column_weights],
-        );
-        let turns = (range_m * carrier + along_m * axes.along.carrier) / TAU;
-        let bracket = stationary_phase_error(range_m * carrier) / at_reference;
-        *pixel += sum * narrow(constant * bracket * phasor(turns) * range_m.sqrt());
-    });
+    for_each(
+        strip.aim.grid,
+        tiles,
+        work.monitor,
+        PIXELS,
+        |point, pixel| {
+            let (along_m, range_m) = strip.track.along_and_range_m(point);
+            let (row, row_weights) = taps(&kernel, &axes.range, range_m);
+            let (column, column_weights) = taps(&kernel, &axes.along, along_m);
+            let sum = weighted(
+                image,
+                columns,
+                [row, column],
+                [&row_weights, &column_weights],
+            );
+            let turns = (range_m * carrier + along_m * axes.along.carrier) / TAU;
+            let bracket = stationary_phase_error(range_m * carrier) / at_reference;
+            *pixel += sum * narrow(constant * bracket * phasor(turns) * range_m.sqrt());
+        },
+    );
     step_done(work, 1.0)
 }
 

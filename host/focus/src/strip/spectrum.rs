@@ -2,11 +2,12 @@
 
 use num_complex::Complex32;
 use rayon::prelude::*;
-use subaperture_fft as fft;
 
+use super::cost::SPECTRUM;
 use super::{RangeMethod, Strip, step_done};
 use crate::{FormError, Work};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::monitor::during;
 use subaperture_signal::phase::{narrow, phasor};
 
 /// Pulses read at once.
@@ -21,16 +22,17 @@ pub(super) fn along_track<M: RangeMethod>(
     let samples = on_the_line(strip, work)?;
     let axes = &strip.axes;
     let num_pulses = strip.track.num_pulses;
-    let fft = fft::forward(axes.period);
+    let fft = strip.aim.means.transforms.forward(axes.period);
     let mut spectrum = vec![Complex32::ZERO; axes.wavenumbers.len() * axes.num_bins];
     let scratch = || {
         let line = vec![Complex32::ZERO; axes.period];
-        (line, vec![Complex32::ZERO; fft.get_inplace_scratch_len()])
+        let scratch = vec![Complex32::ZERO; fft.get_inplace_scratch_len()];
+        (line, scratch, during(work.monitor, SPECTRUM))
     };
     spectrum
         .par_chunks_exact_mut(axes.num_bins)
         .enumerate()
-        .for_each_init(scratch, |(line, scratch), (k, bins)| {
+        .for_each_init(scratch, |(line, scratch, _), (k, bins)| {
             if work.monitor.cancelled() {
                 return;
             }
@@ -63,6 +65,7 @@ fn on_the_line<M: RangeMethod>(strip: &Strip<M>, work: &Work) -> Result<Vec<Comp
         rows.par_chunks_exact_mut(num_samples)
             .zip(pulses.clone())
             .for_each(|(row, n)| {
+                let _moving = during(work.monitor, SPECTRUM);
                 let pulse = &collection.pulses[n];
                 let weight = aim.weights.slow[n] * norm;
                 let excess_m = track.excess_path_m(n, pulse, strip.reference);

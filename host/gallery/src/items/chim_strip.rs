@@ -6,7 +6,7 @@ use num_complex::{Complex32, Complex64};
 
 use crate::{Context, ItemError, Picture};
 use subaperture_focus::exact::Exact;
-use subaperture_focus::{ImageFormer, Task};
+use subaperture_focus::{ImageFormer, Task, Transforms};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Comparison, Image};
@@ -66,6 +66,7 @@ pub(super) fn with_task<T>(
         weights: &weights,
         memory_bytes: context.memory_bytes,
         monitor: context.monitor,
+        means: Default::default(),
     })
 }
 
@@ -100,7 +101,12 @@ pub(super) fn profiles(
     reference_m: f64,
     shown_m: (f64, f64),
 ) -> (Vec<f32>, Axis) {
-    let profiler = RangeProfiler::new(1, &window.weights(band.count), RANGE_PADDING);
+    let profiler = RangeProfiler::new(
+        1,
+        &window.weights(band.count),
+        RANGE_PADDING,
+        Transforms::Fastest,
+    );
     let length = profiler.length();
     let step = band.unambiguous_path_m() / 2.0 / length as f64;
     let bin = |range_m: f64| ((range_m - reference_m) / step).round() as i64;

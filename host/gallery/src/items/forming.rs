@@ -187,6 +187,7 @@ pub(super) fn form_weighted(
             whole: context.monitor,
             place,
         },
+        means: Default::default(),
     };
     // The theses' methods are shown with the errors they have.
     Ok(former.form_best(&task)?.image)

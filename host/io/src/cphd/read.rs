@@ -6,8 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use num_complex::Complex32;
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{Fft, Transforms};
 
 use super::conventions::{Domain, Sgn};
 use super::header::{Block, Header};
@@ -214,7 +213,7 @@ impl Cphd {
 
         let arrival = vectors.bins.map(|bins| Arrival {
             bins,
-            fft: fft::forward(stored_samples),
+            fft: Transforms::Portable.forward(stored_samples),
             shifts: vectors.shifts,
         });
         let collection = Collection {

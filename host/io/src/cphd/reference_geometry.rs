@@ -65,11 +65,11 @@ impl Arithmetic {
     }
 
     fn acos_deg(self, cosine: f64) -> f64 {
-        self.clamp(cosine).acos().to_degrees()
+        libm::acos(self.clamp(cosine)).to_degrees()
     }
 
     fn asin_deg(self, sine: f64) -> f64 {
-        self.clamp(sine).asin().to_degrees()
+        libm::asin(self.clamp(sine)).to_degrees()
     }
 
     fn clamp(self, x: f64) -> f64 {
@@ -79,7 +79,7 @@ impl Arithmetic {
 
 /// Angle from north of a direction given by its north and east parts, degrees, 0 to 360.
 fn bearing_deg(north: f64, east: f64) -> f64 {
-    east.atan2(north).to_degrees().rem_euclid(360.0)
+    libm::atan2(east, north).to_degrees().rem_euclid(360.0)
 }
 
 /// Local directions at the SRP.
@@ -129,7 +129,7 @@ impl Platform {
         let position_unit = a.unit(position);
         let srp_radius = a.length(place.srp);
         let across = a.length(offset.cross(place.srp));
-        let earth_angle = across.atan2(a.dot(position, place.srp));
+        let earth_angle = libm::atan2(across, a.dot(position, place.srp));
         // (5, 6): the SRP is to the left of the track if the platform is to the right of the SRP.
         let speed = a.length(velocity);
         let v = velocity / speed;
@@ -214,11 +214,11 @@ impl Bistatic {
         let b = (u_tx + u_rcv) / 2.0;
         let b_rate = (u_tx_rate + u_rcv_rate) / 2.0;
         let b_length = a.length(b);
-        let half = a.clamp(b_length).acos(); // (4)
+        let half = libm::acos(a.clamp(b_length)); // (4)
         let bistatic_rate = if b_length == 0.0 || b_length >= 1.0 {
             0.0
         } else {
-            -4.0 * a.dot(b, b_rate) / (2.0 * half).sin() // (5)
+            -4.0 * a.dot(b, b_rate) / libm::sin(2.0 * half) // (5)
         };
         // (6, 7): its part in the ground plane.
         let b_up = a.dot(b, place.up);
@@ -239,8 +239,8 @@ impl Bistatic {
             azimuth_rate: -(across / ground).to_degrees(),                     // (10)
             bistatic: (2.0 * half).to_degrees(),
             bistatic_rate: bistatic_rate.to_degrees(),
-            graze: (b_up / ground).atan().to_degrees(), // (8)
-            twist: if_turning(-a.asin_deg(a.dot(n, y))), // (14)
+            graze: libm::atan(b_up / ground).to_degrees(), // (8)
+            twist: if_turning(-a.asin_deg(a.dot(n, y))),   // (14)
             slope: if_turning(a.acos_deg(a.dot(place.up, n))), // (15)
             layover: if_turning(bearing_deg(a.dot(-n, place.north), a.dot(-n, place.east))), // (16)
             transmitter: Platform::new(vector.tx_pos, vector.tx_vel, &place, a), // (18)

@@ -16,6 +16,7 @@ use std::sync::Arc;
 
 use num_complex::{Complex32, Complex64};
 use subaperture_fft::Fft;
+use subaperture_signal::phase::phasor;
 
 /// Bands are compared with bins to this part of a bin, well above the rounding of FX1 and FX2
 /// (1e-6 Hz at 10 GHz) and below what would change the set meant.
@@ -84,7 +85,7 @@ impl Transform {
         let scale = self.bins.count as f64 / self.num_toa as f64;
         for (k, z) in fx.iter_mut().enumerate() {
             let m = self.bins.first + k as i64;
-            let turned = self.buffer[self.bin(m)] * turn(-(m as f64) * shift) * scale;
+            let turned = self.buffer[self.bin(m)] * phasor(-(m as f64) * shift) * scale;
             *z = Complex32::new(turned.re as f32, turned.im as f32);
         }
     }
@@ -96,7 +97,7 @@ impl Transform {
             let m = self.bins.first + k as i64;
             let bin = self.bin(m);
             self.buffer[bin] =
-                Complex64::new(f64::from(s.re), f64::from(s.im)) * turn(m as f64 * shift);
+                Complex64::new(f64::from(s.re), f64::from(s.im)) * phasor(m as f64 * shift);
         }
         self.fft
             .process_with_scratch(&mut self.buffer, &mut self.scratch);
@@ -109,9 +110,4 @@ impl Transform {
     fn bin(&self, m: i64) -> usize {
         m.rem_euclid(self.num_toa as i64) as usize
     }
-}
-
-/// `exp(j 2 pi cycles)`, reduced first so that many cycles lose no phase.
-fn turn(cycles: f64) -> Complex64 {
-    Complex64::cis((cycles - cycles.round()) * std::f64::consts::TAU)
 }

@@ -8,7 +8,7 @@ use subaperture_describe::{place, radar};
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history;
 use subaperture_model::radar::Antenna;
-use subaperture_signal::phase::narrow;
+use subaperture_signal::phase::{cis, narrow};
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
@@ -345,7 +345,7 @@ fn used(radar: &Values, recording: &Values, kind: &str, letter: &str) -> Result<
                 false => format!("{letter}{}", number + 1),
             },
             offset_m: antennas[section].offset_m,
-            calibration: Complex64::from_polar(10f64.powf(-level_db / 20.0), -phase_rad),
+            calibration: cis(-phase_rad) * libm::pow(10.0, -level_db / 20.0),
         }
     };
     match recording.optional_count(kind) {

@@ -41,8 +41,8 @@ impl Geodetic {
 
     /// Unit vectors east, north and up (normal to the ellipsoid) in ECF.
     pub fn east_north_up(&self) -> [DVec3; 3] {
-        let (sin_lat, cos_lat) = self.latitude_deg.to_radians().sin_cos();
-        let (sin_lon, cos_lon) = self.longitude_deg.to_radians().sin_cos();
+        let (sin_lat, cos_lat) = libm::sincos(self.latitude_deg.to_radians());
+        let (sin_lon, cos_lon) = libm::sincos(self.longitude_deg.to_radians());
         [
             DVec3::new(-sin_lon, cos_lon, 0.0),
             DVec3::new(-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat),
@@ -56,7 +56,7 @@ impl Geodetic {
     /// so the result has a length of about 1 m.
     pub fn direction(&self, d_latitude: f64, d_longitude: f64) -> DVec3 {
         let [east, north, _] = self.east_north_up();
-        let (sin_lat, cos_lat) = self.latitude_deg.to_radians().sin_cos();
+        let (sin_lat, cos_lat) = libm::sincos(self.latitude_deg.to_radians());
         let w2 = 1.0 - ECCENTRICITY2 * sin_lat * sin_lat;
         let prime_vertical_m = SEMI_MAJOR_M / w2.sqrt();
         let meridian_m = prime_vertical_m * (1.0 - ECCENTRICITY2) / w2;

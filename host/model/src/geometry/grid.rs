@@ -151,7 +151,7 @@ impl ImageGrid {
     #[inline]
     pub fn point_m(&self, row_value: f64, column_value: f64) -> DVec3 {
         if self.polar {
-            let (sin, cos) = column_value.sin_cos();
+            let (sin, cos) = libm::sincos(column_value);
             self.origin_m + (self.x_axis * cos + self.y_axis * sin) * row_value
         } else {
             self.origin_m + self.x_axis * column_value + self.y_axis * row_value
@@ -173,7 +173,7 @@ impl ImageGrid {
         if !self.polar {
             return [self.x_axis, self.y_axis];
         }
-        let (sin, cos) = column_value.sin_cos();
+        let (sin, cos) = libm::sincos(column_value);
         [
             (self.y_axis * cos - self.x_axis * sin) * row_value,
             self.x_axis * cos + self.y_axis * sin,
@@ -186,7 +186,7 @@ impl ImageGrid {
         let from = point_m - self.origin_m;
         let (x, y) = (from.dot(self.x_axis), from.dot(self.y_axis));
         match self.polar {
-            true => [x.hypot(y), y.atan2(x)],
+            true => [libm::hypot(x, y), libm::atan2(y, x)],
             false => [y, x],
         }
     }

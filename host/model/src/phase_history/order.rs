@@ -50,7 +50,7 @@ pub(super) fn travelled_angles(runs: &[&[Pulse]]) -> Option<Vec<f64>> {
     let up = normal.cross(across);
     let pulses = runs.iter().flat_map(|run| run.iter());
     let mut angles: Vec<f64> = pulses
-        .map(|p| arm(p).dot(up).atan2(arm(p).dot(across)))
+        .map(|p| libm::atan2(arm(p).dot(up), arm(p).dot(across)))
         .collect();
     let mut sorted = angles.clone();
     sorted.sort_by(f64::total_cmp);

@@ -44,16 +44,16 @@ impl Antenna {
                 azimuth_rad,
                 elevation_rad,
             } => {
-                let azimuth = left.atan2(ahead) / azimuth_rad;
-                let elevation = up.clamp(-1.0, 1.0).asin() / elevation_rad;
-                (-2.0 * LN_2 * (azimuth * azimuth + elevation * elevation)).exp()
+                let azimuth = libm::atan2(left, ahead) / azimuth_rad;
+                let elevation = libm::asin(up.clamp(-1.0, 1.0)) / elevation_rad;
+                libm::exp(-2.0 * LN_2 * (azimuth * azimuth + elevation * elevation))
             }
             Pattern::Aperture {
                 azimuth_rad,
                 elevation_rad,
             } if ahead > 0.0 => {
-                sinc(HALF_POWER * left / (azimuth_rad / 2.0).sin())
-                    * sinc(HALF_POWER * up / (elevation_rad / 2.0).sin())
+                sinc(HALF_POWER * left / libm::sin(azimuth_rad / 2.0))
+                    * sinc(HALF_POWER * up / libm::sin(elevation_rad / 2.0))
             }
             Pattern::Aperture { .. } => 0.0,
         }
@@ -65,7 +65,7 @@ fn sinc(x: f64) -> f64 {
     if x.abs() < 1e-8 {
         1.0
     } else {
-        (PI * x).sin() / (PI * x)
+        libm::sin(PI * x) / (PI * x)
     }
 }
 

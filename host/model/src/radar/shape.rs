@@ -9,10 +9,10 @@
 //! ```
 
 use num_complex::Complex64;
-use subaperture_fft as fft;
+use subaperture_fft::Transforms;
 
 use super::PulseShape;
-use subaperture_signal::phase::phasor;
+use subaperture_signal::phase::{cis, phasor};
 
 impl PulseShape {
     /// Length, seconds.
@@ -48,7 +48,7 @@ impl PulseShape {
                     let t = i as f64 / rate_hz;
                     samples[i % count] += phasor(0.5 * chirp_hz_s * t * (t - duration_s));
                 }
-                fft::forward(count).process(&mut samples);
+                Transforms::Portable.forward(count).process(&mut samples);
                 samples
             }
             Self::PhaseCode { phases_rad, chip_s } => (0..count)
@@ -57,10 +57,14 @@ impl PulseShape {
                     let turns = (m as f64 - above as f64) * rate_hz / count as f64 * chip_s;
                     let chips = phases_rad.iter().enumerate();
                     let sum: Complex64 = chips
-                        .map(|(c, &phase)| Complex64::cis(phase) * phasor(-turns * c as f64))
+                        .map(|(c, &phase)| cis(phase) * phasor(-turns * c as f64))
                         .sum();
                     let half = std::f64::consts::PI * turns;
-                    let sinc = if half == 0.0 { 1.0 } else { half.sin() / half };
+                    let sinc = if half == 0.0 {
+                        1.0
+                    } else {
+                        libm::sin(half) / half
+                    };
                     sum * phasor(-0.5 * turns) * (rate_hz * chip_s * sinc)
                 })
                 .collect(),

@@ -45,7 +45,7 @@ impl Trajectory for Arc {
     fn pose(&self, time_s: f64) -> Pose {
         // A quaternion has twice the period; the same arm is to give the same pose.
         let angle = self.angle_rad(time_s).rem_euclid(2.0 * PI);
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = libm::sincos(angle);
         Pose {
             position_m: self.pivot_m + DVec3::new(cos, sin, 0.0) * self.radius_m,
             attitude: DQuat::from_rotation_z(angle),

@@ -22,7 +22,7 @@ pub struct Circular {
 impl Trajectory for Circular {
     fn pose(&self, time_s: f64) -> Pose {
         let angle = self.start_rad + self.rate_rad_s * time_s;
-        let (sin, cos) = angle.sin_cos();
+        let (sin, cos) = libm::sincos(angle);
         Pose {
             position_m: self.centre_m + DVec3::new(cos, sin, 0.0) * self.radius_m,
             // Along the tangent, the way it goes.

@@ -48,8 +48,8 @@ pub struct TrackError(pub String);
 /// goes straight up or down, y is along the scene's; of one that stands, the attitude is the scene's axes.
 #[inline]
 pub fn heading(velocity: DVec3) -> DQuat {
-    let pitch = -velocity.z.atan2(velocity.x.hypot(velocity.y));
-    turned(0.0, pitch, velocity.y.atan2(velocity.x))
+    let pitch = -libm::atan2(velocity.z, libm::hypot(velocity.x, velocity.y));
+    turned(0.0, pitch, libm::atan2(velocity.y, velocity.x))
 }
 
 /// The attitude after a turn by yaw about z, then pitch about the new y, then roll about the new x, radians,

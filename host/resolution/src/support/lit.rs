@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
+use subaperture_signal::phase::phasor;
 
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::Monitor;
@@ -54,7 +55,7 @@ pub fn measured_gains(
         }
         history.read(n..n + 1, &mut samples)?;
         let turns = pulse.relative_path_m(place_m) / SPEED_OF_LIGHT_M_S;
-        let turn = |hz: f64| Complex64::cis(std::f64::consts::TAU * (hz * turns).fract());
+        let turn = |hz: f64| phasor(hz * turns);
         let step = turn(pulse.step_hz);
         // Horner's rule, from the highest frequency down.
         let sum = samples
@@ -68,7 +69,7 @@ pub fn measured_gains(
     }
     let reach = (count / SHARE / 2).max(1) as isize;
     let kernel: Vec<f64> = (-reach..=reach)
-        .map(|m| 1.0 + (std::f64::consts::PI * m as f64 / (reach + 1) as f64).cos())
+        .map(|m| 1.0 + libm::cos(std::f64::consts::PI * m as f64 / (reach + 1) as f64))
         .collect();
     let gain = |n: usize| {
         let (mut sum, mut weight) = (Complex64::ZERO, 0.0);
@@ -78,7 +79,7 @@ pub fn measured_gains(
                 weight += w;
             }
         }
-        (sum / weight).norm()
+        (sum / weight).norm_sqr().sqrt()
     };
     Ok((0..count).map(gain).collect())
 }

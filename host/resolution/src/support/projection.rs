@@ -1,9 +1,10 @@
 //! Weights over spatial frequency along a line, and the response that they make.
 
 use std::cell::OnceCell;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use num_complex::Complex64;
+use subaperture_signal::phase::phasor;
 
 use crate::theory::{Expected, expected_of};
 
@@ -83,12 +84,12 @@ impl Projection {
     /// The response `s_m` from the peak, which is 1, without the turn of the band's middle.
     pub fn at(&self, s_m: f64) -> Complex64 {
         let step = self.extent() / BINS as f64 * s_m;
-        let turn = Complex64::cis(TAU * step);
-        let mut phasor = Complex64::cis(-PI * self.extent() * s_m);
+        let turn = phasor(step);
+        let mut phase = phasor(-0.5 * self.extent() * s_m);
         let mut value = Complex64::ZERO;
         for &weight in &self.bins {
-            value += phasor * weight;
-            phasor *= turn;
+            value += phase * weight;
+            phase *= turn;
         }
         value / (self.sum * sinc(step).powi(2))
     }
@@ -133,7 +134,7 @@ impl Projection {
 fn sinc(x: f64) -> f64 {
     match x.abs() < 1e-8 {
         true => 1.0,
-        false => (PI * x).sin() / (PI * x),
+        false => libm::sin(PI * x) / (PI * x),
     }
 }
 

@@ -132,9 +132,9 @@ impl Survey {
         let (x, y) = (x_m.1 - x_m.0, y_m.1 - y_m.0);
         // The scene's sides along and across the line of sight, corner to corner; all around, its diagonal.
         let (deep_m, wide_m) = match self.looks_from_around() {
-            true => (x.hypot(y), x.hypot(y)),
+            true => (libm::hypot(x, y), libm::hypot(x, y)),
             false => {
-                let (sin, cos) = self.azimuth_deg.to_radians().sin_cos();
+                let (sin, cos) = libm::sincos(self.azimuth_deg.to_radians());
                 (x * cos.abs() + y * sin.abs(), x * sin.abs() + y * cos.abs())
             }
         };
@@ -178,7 +178,7 @@ impl Survey {
 /// constraint alone the area is largest where its terms are equal; where that point breaks the
 /// other, the largest rectangle touches both.
 fn largest_upright_rectangle(a: f64, b: f64, turn: f64) -> (f64, f64) {
-    let (sin, cos) = (turn.sin().abs(), turn.cos().abs());
+    let (sin, cos) = (libm::sin(turn).abs(), libm::cos(turn).abs());
     let (short, long) = (a.min(b), a.max(b));
     if short <= long * 2.0 * sin * cos {
         let quarter = short / 4.0;
@@ -199,7 +199,7 @@ fn largest_upright_rectangle(a: f64, b: f64, turn: f64) -> (f64, f64) {
 
 /// Rounds down to two significant digits: grids with steps that a person would write.
 pub fn round_to_two_digits(value: f64) -> f64 {
-    let unit = 10f64.powf(value.log10().floor() - 1.0);
+    let unit = libm::pow(10.0, libm::log10(value).floor() - 1.0);
     let digits = (value / unit + 1e-9).floor();
     // Division by a power of ten is exact to the last digit where multiplication by 0.01 is not.
     if unit < 1.0 {

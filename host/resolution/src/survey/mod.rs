@@ -244,9 +244,10 @@ impl Survey {
             aperture_azimuth_deg: aperture.azimuth_rad.to_degrees(),
             scene_centre_m: centre.to_array(),
             slant_range_m,
-            grazing_angle_deg: to_antenna.z.clamp(-1.0, 1.0).asin().to_degrees(),
-            azimuth_deg: to_antenna.y.atan2(to_antenna.x).to_degrees(),
-            squint_deg: velocity.map(|v| v.dot(line_of_sight).clamp(-1.0, 1.0).asin().to_degrees()),
+            grazing_angle_deg: libm::asin(to_antenna.z.clamp(-1.0, 1.0)).to_degrees(),
+            azimuth_deg: libm::atan2(to_antenna.y, to_antenna.x).to_degrees(),
+            squint_deg: velocity
+                .map(|v| libm::asin(v.dot(line_of_sight).clamp(-1.0, 1.0)).to_degrees()),
             side: velocity.and_then(|v| side(v, line_of_sight)),
             bistatic_angle_deg: angle_between(seen(middle.transmitter_m), seen(middle.receiver_m))
                 .to_degrees(),
@@ -342,7 +343,7 @@ fn geodetic_origin(frame: &SceneFrame) -> Option<Geodetic> {
 /// Radians; 0 if a vector has no length.
 fn angle_between(a: DVec3, b: DVec3) -> f64 {
     // Good for small angles too, where the arc cosine is not.
-    a.cross(b).length().atan2(a.dot(b))
+    libm::atan2(a.cross(b).length(), a.dot(b))
 }
 
 #[cfg(test)]

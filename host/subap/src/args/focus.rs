@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args as Group, ValueHint};
 use glam::DVec3;
-use subaperture::focus::Misses;
+use subaperture::focus::{Means, Misses, TimeModel};
 use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::signal::window::Window;
 use subaperture::units::Dimension;
@@ -26,7 +26,7 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "channels", "set", "velocity", "window", "slow_window", "scratch", "check"
+        "paths", "channel", "channels", "set", "velocity", "window", "slow_window", "scratch", "check", "portable", "model"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
 
@@ -83,6 +83,15 @@ pub(crate) struct Imaging {
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,
 
+    /// Form the same bits on every machine: Fourier transforms take two to four times as long
+    #[arg(long)]
+    pub(crate) portable: bool,
+
+    /// Choose by the times of another machine, as subap plan calibrate has measured them [default: those that are built in, so
+    /// that every machine makes the same plan]
+    #[arg(long, value_name = "MODEL", value_hint = ValueHint::FilePath, help_heading = "Tiles")]
+    pub(crate) model: Option<PathBuf>,
+
     /// Memory for tables and one thread's buffers, on which a plan depends: that of the smallest machine that is to
     /// carry it out [default: 48M]
     #[arg(long, value_name = "SIZE", value_parser = scratch_size, help_heading = "Tiles")]
@@ -96,6 +105,21 @@ impl Imaging {
             true => Misses::Allowed,
             false => Misses::Refused,
         }
+    }
+
+    /// By what means it is formed, with the time model that was read, if there is one.
+    pub(crate) fn means<'m>(&self, model: Option<&'m TimeModel>) -> Means<'m> {
+        let means = means(self.portable);
+        let model = model.unwrap_or(means.model);
+        Means { model, ..means }
+    }
+}
+
+/// What `--portable` asks for.
+fn means<'m>(portable: bool) -> Means<'m> {
+    match portable {
+        true => Means::default().portable(),
+        false => Means::default(),
     }
 }
 
@@ -137,9 +161,20 @@ pub(crate) struct Velocity {
     #[arg(long, value_name = "W", default_value_t = Window::default())]
     pub(crate) slow_window: Window,
 
+    /// Form the same bits on every machine: Fourier transforms take two to four times as long
+    #[arg(long)]
+    pub(crate) portable: bool,
+
     #[command(flatten)]
     pub(crate) writing: Writing,
 
     #[command(flatten)]
     pub(crate) rehearsal: Rehearsal,
+}
+
+impl Velocity {
+    /// By what means it is formed.
+    pub(crate) fn means(&self) -> Means<'static> {
+        means(self.portable)
+    }
 }

@@ -24,6 +24,8 @@ pub(crate) enum PlanTarget {
     Focus(Box<PlanFocus>),
     /// A small computer that makes maps of patches and sends them over a serial link
     Module(Box<PlanModule>),
+    /// This machine's times, for subap focus --model: what is chosen then is what is fastest here
+    Calibrate(PlanCalibrate),
     /// A radar: resolution, sampling, sub-CPIs and their lobes, memory, sensitivity
     Radar(Box<PlanRadar>),
 }
@@ -40,6 +42,21 @@ pub(crate) struct PlanFocus {
 
     #[command(flatten)]
     pub(crate) image: Imaging,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+}
+
+/// `subap plan calibrate`.
+#[derive(Debug, Group)]
+pub(crate) struct PlanCalibrate {
+    /// File for the time model
+    #[arg(long, short, value_name = "MODEL", value_hint = ValueHint::FilePath, value_parser = output())]
+    pub(crate) out: PathBuf,
+
+    /// What the model is called in plans and records [default: measured]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) name: Option<String>,
 
     #[command(flatten)]
     pub(crate) writing: Writing,

@@ -172,6 +172,7 @@ pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
         weights: &weights,
         memory_bytes: session.memory_bytes - other_bytes,
         monitor: &Silent,
+        means: Default::default(),
     };
     if typed.rehearsal.dry_run {
         ahead(session, typed, &task)?.announce(session, &typed.rehearsal)?;

@@ -10,19 +10,20 @@ use std::time::Instant;
 
 use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
-use subaperture::focus::{FormError, Formed, ImageFormer};
+use subaperture::focus::{FormError, Formed, ImageFormer, Means, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::WriteError;
 use subaperture::io::product::Product;
 use subaperture::io::product::record::Brightest;
 use subaperture::phase_history::PhaseHistory;
+use subaperture::planner::forecast::cost;
 use subaperture::resolution::survey::Survey;
 
 use crate::args::{Focus, Imaging};
 use crate::commands::forming::{self, Forming};
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{advice, interrupt, messages, text};
+use crate::{advice, interrupt, messages, stages, text};
 
 /// Forms the image and writes its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
@@ -40,6 +41,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let start = Instant::now();
     // What can be refused is refused before anything is read.
     let former = typed.image.former.former()?;
+    let model = forming::time_model(&typed.image)?;
     if let Some(grid) = &typed.image.grid {
         room(typed, grid)?;
     }
@@ -49,6 +51,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let survey = forming::survey(&recorded)?;
     let moving = moving(typed, &recorded)?;
     let job = Job {
+        means: typed.image.means(model.as_ref()),
         session,
         typed,
         history: match &moving {
@@ -69,7 +72,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         )
     });
     let windows = [typed.image.window, typed.image.slow_window];
-    let forming = Forming::new(session, job.history, &grid, windows);
+    let forming = Forming::new(session, job.history, &grid, windows, job.means);
     if announce(&job, &*former, &forming)? {
         return Ok(());
     }
@@ -111,6 +114,8 @@ pub(crate) struct Job<'a> {
     /// As it is seen from what moves, if that is asked for.
     pub(crate) history: &'a dyn PhaseHistory,
     pub(crate) survey: &'a Survey,
+    /// By what means.
+    pub(crate) means: Means<'a>,
     /// When it began.
     pub(crate) start: Instant,
 }
@@ -169,6 +174,11 @@ fn announce(job: &Job, former: &dyn ImageFormer, forming: &Forming<'_>) -> anyho
     let Job { session, typed, .. } = *job;
     let progress = session.progress("measuring");
     let task = forming.task(&progress);
+    if session.verbosity() > 0
+        && let Some(cost) = cost(former, &task)
+    {
+        stages::foretell(session, &cost);
+    }
     let only = forming::announce(session, &typed.rehearsal, former, &task, &typed.out)?;
     progress.finish();
     Ok(only)
@@ -188,9 +198,11 @@ fn form(
         .check
         .map(|count| check::Plan::new(&task, image_bytes, count));
     let checking = checking.transpose()?;
-    let formed = former
-        .form_asked(&task, typed.image.misses())
-        .map_err(with_advice)?;
+    let formed = stages::measured(session, &progress, |monitor| {
+        let task = Task { monitor, ..task };
+        former.form_asked(&task, typed.image.misses())
+    });
+    let formed = formed.map_err(with_advice)?;
     progress.finish();
     tell_settings(&formed.settings);
     if formed.bound_missed {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::Context;
 use serde_json::Value;
-use subaperture::focus::{ImageFormer, Task};
+use subaperture::focus::{ImageFormer, Means, Task, TimeModel};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::claim::Claims;
@@ -17,7 +17,7 @@ use subaperture::resolution::survey::Survey;
 use subaperture::signal::window::Window;
 
 use crate::ahead::Ahead;
-use crate::args::{Rehearsal, Writing};
+use crate::args::{Imaging, Rehearsal, Writing};
 use crate::config::Session;
 
 /// Claims the folder of an image and checks that it can be written. Held until the command's end.
@@ -65,27 +65,41 @@ pub(crate) fn grid_or(
     Ok(grid)
 }
 
+/// The time model in a file, if one is asked for.
+pub(crate) fn time_model(typed: &Imaging) -> anyhow::Result<Option<TimeModel>> {
+    let Some(path) = &typed.model else {
+        return Ok(None);
+    };
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("cannot read the time model {}", path.display()))?;
+    let model = TimeModel::from_text(&text).with_context(|| path.display().to_string())?;
+    Ok(Some(model))
+}
+
 /// An image to be formed.
 pub(crate) struct Forming<'f> {
     history: &'f dyn PhaseHistory,
     grid: &'f ImageGrid,
     weights: Weights,
     memory_bytes: u64,
+    means: Means<'f>,
 }
 
 impl<'f> Forming<'f> {
-    /// Of a recording on a grid, under windows in fast and slow time.
+    /// Of a recording on a grid, under windows in fast and slow time, by these means.
     pub(crate) fn new(
         session: &Session,
         history: &'f dyn PhaseHistory,
         grid: &'f ImageGrid,
         [fast, slow]: [Window; 2],
+        means: Means<'f>,
     ) -> Self {
         Self {
             history,
             grid,
             weights: Weights::new(history.collection(), fast, slow),
             memory_bytes: session.memory_bytes,
+            means,
         }
     }
 
@@ -97,6 +111,7 @@ impl<'f> Forming<'f> {
             weights: &self.weights,
             memory_bytes: self.memory_bytes,
             monitor,
+            means: self.means,
         }
     }
 }

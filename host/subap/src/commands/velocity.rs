@@ -39,7 +39,7 @@ pub(crate) fn run(session: &Session, typed: &Velocity) -> anyhow::Result<()> {
         error_db: typed.error_db.unwrap_or(DEFAULT_ERROR_DB),
     };
     let windows = [typed.window, typed.slow_window];
-    let forming = Forming::new(session, &history, &grid, windows);
+    let forming = Forming::new(session, &history, &grid, windows, typed.means());
     let progress = session.progress("focusing");
     let task = forming.task(&progress);
     let rehearsal = &typed.rehearsal;

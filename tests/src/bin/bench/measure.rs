@@ -149,6 +149,7 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
         weights: &weights,
         memory_bytes,
         monitor: &Silent,
+        means: Default::default(),
     };
     let begun = Instant::now();
     let mut shortest = [f64::INFINITY, 0.0];
@@ -174,6 +175,7 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
         slow: Window::Hamming,
         scratch_bytes: SCRATCH_BYTES,
         misses: Misses::Allowed,
+        means: Default::default(),
     };
     // A scene that makes more of errors was formed by another plan, of which no account is kept.
     let replanned = formed.settings.contains_key("planned_for_db");

@@ -55,7 +55,7 @@ impl Blurs {
         );
         let margin = 0.05 * (high - low);
         let span = high - low + 2.0 * margin;
-        let allowed = 10f64.powf(error_db / 20.0);
+        let allowed = libm::pow(10.0, error_db / 20.0);
         let most_rad = (allowed * 120f64.sqrt()).sqrt();
         // A single profile, halfway, errs by its distance from the halfway.
         if TAU * span / 2.0 <= allowed {
@@ -81,7 +81,7 @@ impl Blurs {
                 + after * after * (pulse.step_hz * terms.rate_m + 0.5 * centre_hz * terms.bend_m);
             (frequency_hz * (path_m - pulse.reference_path_m) - modelled) / SPEED_OF_LIGHT_M_S
         });
-        (blurs, error.hypot(cubic))
+        (blurs, libm::hypot(error, cubic))
     }
 
     /// Whether a decision for pulses of so many samples could have come to this.

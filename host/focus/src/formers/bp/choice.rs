@@ -42,9 +42,9 @@ pub(super) struct Shares {
 impl Shares {
     pub(super) fn of(error_db: f64) -> Self {
         let target_db = error_db - MARGIN_DB;
-        let target = 10f64.powf(target_db / 20.0);
+        let target = libm::pow(10.0, target_db / 20.0);
         Self {
-            interpolation_db: target_db + 10.0 * INTERPOLATION.log10(),
+            interpolation_db: target_db + 10.0 * libm::log10(INTERPOLATION),
             tiles: target * TILES.sqrt(),
             arithmetic: target * ARITHMETIC.sqrt(),
         }
@@ -58,7 +58,7 @@ impl Shares {
             } => {
                 let length =
                     RangeProfiler::length_for(aim.collection.num_samples, choices.oversampling);
-                phase_rad.hypot(arithmetic(aim, length, coarse))
+                libm::hypot(phase_rad, arithmetic(aim, length, coarse))
             }
             _ => 0.0,
         }
@@ -146,8 +146,9 @@ struct Candidate {
     pixel_ns: f64,
 }
 
-/// Chooses, for pixels that are places or velocities and antennas that rest while a pulse lasts.
-pub(super) fn choose(aim: &Aim, shares: &Shares, meaning: Meaning) -> Choices {
+/// Chooses, for pixels that are places or velocities and antennas that rest while a pulse lasts; and about how many nanoseconds of one core
+/// a pixel and pulse then take.
+pub(super) fn choose(aim: &Aim, shares: &Shares, meaning: Meaning) -> (Choices, f64) {
     let swath = swath(aim, meaning);
     let candidates = DEGREES.map(|degree| Candidate::new(aim, shares, swath.as_ref(), degree));
     let best = candidates
@@ -155,13 +156,14 @@ pub(super) fn choose(aim: &Aim, shares: &Shares, meaning: Meaning) -> Choices {
         .min_by(|a, b| a.time_ns(aim).total_cmp(&b.time_ns(aim)))
         .expect("there are degrees");
     let bytes = pulse_bytes(aim.collection.num_samples, best.pieces.values());
-    Choices {
+    let choices = Choices {
         degree: best.degree,
         oversampling: best.oversampling,
         margin: best.margin,
         summed_pulses: (aim.scratch_bytes / bytes).clamp(1, SUMMED_PULSES as u64) as usize,
         way: best.way,
-    }
+    };
+    (choices, best.pixel_ns)
 }
 
 impl Candidate {
@@ -178,7 +180,7 @@ impl Candidate {
             margin: 1,
             pieces: pieces(degree, length, 1, swath),
             way: Way::Points,
-            pixel_ns: cost::POINT_NS,
+            pixel_ns: aim.means.model.point_ns,
         };
         let tiles = SIDES.map(|side| match swath {
             Some(swath) if tile::DEGREES.contains(&degree) => {
@@ -197,7 +199,8 @@ impl Candidate {
 
     /// Of the image, about, of one core.
     fn time_ns(&self, aim: &Aim) -> f64 {
-        let profile = cost::profile_ns(self.degree, self.length, self.pieces.row());
+        let row = self.pieces.row();
+        let profile = cost::profile_ns(aim.means.model, self.degree, self.length, row);
         let pixels = self.pixel_ns * aim.grid.num_pixels() as f64;
         aim.collection.pulses.len() as f64 * (pixels + profile)
     }
@@ -229,6 +232,7 @@ impl Candidate {
             return None;
         }
         let rectangles: Vec<Rectangle> = patches.spread(TILES_SEEN).collect();
+        let model = aim.means.model;
         let (mut sum, mut look) = (0.0, TileScratch::default());
         for rectangle in &rectangles {
             let raster = raster(aim.grid, rectangle);
@@ -246,7 +250,7 @@ impl Candidate {
                     true => {
                         let (window, groups) = look.grouping();
                         let pixels = (raster.rows * raster.columns) as f64;
-                        cost::tile_ns(self.degree, coarse, window, groups) / pixels
+                        cost::tile_ns(model, self.degree, coarse, window, groups) / pixels
                     }
                     false => self.pixel_ns,
                 };

@@ -198,14 +198,22 @@ pub(crate) fn decide(
     let collection = aim.collection;
     let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
     let shares = Shares::of(error_db);
-    let (choices, way_error) = match collection.sweeps() {
-        true => sweeping::choose(aim, error_db - MARGIN_DB, meaning),
+    let (choices, pixel_ns, way_error) = match collection.sweeps() {
+        true => {
+            let (choices, error) = sweeping::choose(aim, error_db - MARGIN_DB, meaning);
+            (choices, aim.means.model.blurred_point_ns, error)
+        }
         false => {
-            let choices = choice::choose(aim, &shares, meaning);
-            (choices, shares.of_way(aim, &choices))
+            let (choices, pixel_ns) = choice::choose(aim, &shares, meaning);
+            (choices, pixel_ns, shares.of_way(aim, &choices))
         }
     };
-    let profiler = RangeProfiler::new(choices.degree, &aim.weights.fast, choices.oversampling);
+    let profiler = RangeProfiler::new(
+        choices.degree,
+        &aim.weights.fast,
+        choices.oversampling,
+        aim.means.transforms,
+    );
     let summed_pulses = choices.summed_pulses;
     let planned_db = rounding::total_db(&[
         profiler.error(),
@@ -245,7 +253,7 @@ pub(crate) fn decide(
         }),
         planned_db,
         grain: Patches::new(aim.grid, PatchSize::square(side)).size(),
-        cost: cost::cost(aim, &choices, &pieces, pulse_bytes),
+        cost: cost::cost(aim, &choices, &pieces, pixel_ns, pulse_bytes),
     })
 }
 
@@ -259,7 +267,12 @@ pub(crate) fn open<'a>(
     // Normalised here, before the transform sums: large samples stay within float32.
     let norm = aim.weights.normalisation();
     let window: Vec<f64> = aim.weights.fast.iter().map(|w| w * norm).collect();
-    let profiler = RangeProfiler::new(choices.degree, &window, choices.oversampling);
+    let profiler = RangeProfiler::new(
+        choices.degree,
+        &window,
+        choices.oversampling,
+        aim.means.transforms,
+    );
     Ok(match choices.way {
         Way::Blurs(blurs) => Box::new(sweeping::Opened {
             profiler,

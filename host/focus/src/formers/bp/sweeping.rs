@@ -5,6 +5,7 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 
 use super::blurs::Blurs;
+use super::cost::{PIXELS, PROFILES};
 use super::{Choices, MOST_OVERSAMPLING, MOST_PARTS, Meaning, SUMMED_BLURRED, Way};
 use crate::budget::Budget;
 use crate::pixels::for_each_run;
@@ -12,6 +13,7 @@ use crate::{Aim, FormError, Forming, Remedy, Tile, Work};
 use subaperture_kernels::blurred::{self, Blurred, Scale};
 use subaperture_kernels::paths::Points;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::{PathTerms, Pulse};
 use subaperture_signal::range_profile::RangeProfiler;
 
@@ -24,7 +26,7 @@ pub(super) fn pulse_bytes(num_samples: usize, blurs: &Blurs, length: usize) -> u
 pub(super) fn choose(aim: &Aim, error_db: f64, meaning: Meaning) -> (Choices, f64) {
     let num_samples = aim.collection.num_samples;
     // Half of the error's power for either interpolation.
-    let share_db = error_db - 10.0 * 2f64.log10();
+    let share_db = error_db - 10.0 * libm::log10(2.0);
     let oversampling = RangeProfiler::oversampling_for(1, share_db);
     let oversampling = oversampling.min(MOST_OVERSAMPLING);
     let (blurs, blurs_error) = Blurs::new(aim, share_db, meaning);
@@ -85,7 +87,7 @@ impl Forming for Opened<'_> {
             let samples = &mut samples[..pulses.len() * num_samples];
             work.history.read(pulses.clone(), samples)?;
             let profiles = &mut profiles[..pulses.len() * each * (length + 1)];
-            self.profiles(samples, profiles);
+            self.profiles(samples, profiles, work.monitor);
             let sources: Vec<Source> = pulses.clone().map(|n| self.source(n)).collect();
             let add = |scratch: &mut Scratch, points: &Points, pixels: &mut [Complex32]| {
                 let profiles = profiles.chunks(summed * each * (length + 1));
@@ -96,7 +98,7 @@ impl Forming for Opened<'_> {
                 }
             };
             let (grid, monitor) = (self.aim.grid, work.monitor);
-            for_each_run(grid, tiles, monitor, Scratch::default, add);
+            for_each_run(grid, tiles, monitor, PIXELS, Scratch::default, add);
             if work.monitor.cancelled() {
                 return Err(FormError::Cancelled);
             }
@@ -108,17 +110,18 @@ impl Forming for Opened<'_> {
 
 impl Opened<'_> {
     /// The profiles of `samples`, pulse by pulse.
-    fn profiles(&self, samples: &[Complex32], profiles: &mut [Complex32]) {
+    fn profiles(&self, samples: &[Complex32], profiles: &mut [Complex32], monitor: &dyn Monitor) {
         let num_samples = self.aim.collection.num_samples;
         let (profiler, each) = (&self.profiler, self.blurs.count);
         let scratch = || {
             let row = vec![Complex32::ZERO; num_samples];
-            (row, vec![Complex32::ZERO; profiler.scratch_length()])
+            let fft = vec![Complex32::ZERO; profiler.scratch_length()];
+            (row, fft, during(monitor, PROFILES))
         };
         profiles
             .par_chunks_exact_mut(profiler.length() + 1)
             .enumerate()
-            .for_each_init(scratch, |(row, scratch), (i, profile)| {
+            .for_each_init(scratch, |(row, scratch, _), (i, profile)| {
                 let first = i / each * num_samples;
                 let pulse = &samples[first..first + num_samples];
                 self.blurs.sharpen(i % each, pulse, row);

@@ -7,6 +7,7 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 
 use super::choice::tile_pulse;
+use super::cost::{PIXELS, PROFILES};
 use super::{Choices, MOST_PARTS, Meaning, Way, pulse_bytes};
 use crate::budget::Budget;
 use crate::patch::{PatchSize, Patches, Rectangle, Segment};
@@ -15,6 +16,7 @@ use crate::{Aim, FormError, Forming, Remedy, Tile, Work, rounding};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::Points;
 use subaperture_kernels::tile::{self, Carrier, Pieces, TilePulse, TileScratch};
+use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::Pulse;
 use subaperture_signal::range_profile::RangeProfiler;
 
@@ -75,13 +77,19 @@ impl<'a> Opened<'a> {
     }
 
     /// The pieces of pulses from `first` on, pulse by pulse.
-    fn make_pieces(&self, first: usize, samples: &[Complex32], pieces: &mut [f32]) {
+    fn make_pieces(
+        &self,
+        first: usize,
+        samples: &[Complex32],
+        pieces: &mut [f32],
+        monitor: &dyn Monitor,
+    ) {
         let num_samples = self.aim.collection.num_samples;
         let length = self.profiler.length();
         let scratch = || {
             let profile = vec![Complex32::ZERO; length + 1];
             let fft = vec![Complex32::ZERO; self.profiler.scratch_length()];
-            (profile, fft, None::<Carrier>)
+            (profile, fft, None::<Carrier>, during(monitor, PROFILES))
         };
         pieces
             .par_chunks_exact_mut(self.pieces.values())
@@ -89,7 +97,7 @@ impl<'a> Opened<'a> {
             .enumerate()
             .for_each_init(
                 scratch,
-                |(profile, fft, carrier), (i, (pieces, samples))| {
+                |(profile, fft, carrier, _), (i, (pieces, samples))| {
                     let n = first + i;
                     self.profiler.profile(samples, profile, fft);
                     let pulse = tile_pulse(&self.aim, &self.aim.collection.pulses[n], length);
@@ -221,7 +229,7 @@ impl Forming for Opened<'_> {
             let samples = &mut samples[..pulses.len() * num_samples];
             work.history.read(pulses.clone(), samples)?;
             let pieces = &mut pieces[..pulses.len() * self.pieces.values()];
-            self.make_pieces(first, samples, pieces);
+            self.make_pieces(first, samples, pieces, work.monitor);
             let pulses = collection.pulses[pulses].chunks(summed);
             let batches: Vec<Batch> = pulses
                 .zip(pieces.chunks(summed * self.pieces.values()))
@@ -236,6 +244,7 @@ impl Forming for Opened<'_> {
                 .collect();
             let each = patches.par_iter_mut();
             each.for_each_init(Scratch::default, |scratch, (rectangle, segments)| {
+                let _forming = during(work.monitor, PIXELS);
                 for batch in &batches {
                     if work.monitor.cancelled() {
                         return;

@@ -9,7 +9,10 @@
 
 use super::BLOCK_PULSES;
 use crate::Aim;
-use crate::cost::{Cost, Each};
+use crate::cost::{Cost, Each, StageCost};
+
+/// The stage.
+pub(super) const SUM: &str = "sum";
 
 /// Operations a pixel, pulse and frequency.
 const AT_ONCE: f64 = 8.0;
@@ -19,13 +22,15 @@ const IN_MOTION: f64 = 73.0;
 pub(super) fn cost(aim: &Aim, pixel_bytes: u64) -> Cost {
     let (num_samples, num_pulses) = (aim.collection.num_samples, aim.collection.pulses.len());
     let pixels = aim.grid.num_pixels() as f64;
-    let each = match aim.collection.sweeps() {
-        true => IN_MOTION,
-        false => AT_ONCE,
+    let model = aim.means.model;
+    let (each, each_ns) = match aim.collection.sweeps() {
+        true => (IN_MOTION, model.swept_sum_ns),
+        false => (AT_ONCE, model.sum_ns),
     };
     let samples = (num_samples * num_pulses) as f64;
     let held = (num_samples * num_pulses.min(BLOCK_PULSES)) as f64;
-    Cost::new(each * pixels * samples, 0.0)
+    let pairs = pixels * samples;
+    Cost::of([StageCost::new(SUM, each * pairs, each_ns * pairs)])
         .holding("points and sums", Each::Pixels, pixel_bytes as f64 * pixels)
         .holding("pulses", Each::Pass, 8.0 * held)
 }

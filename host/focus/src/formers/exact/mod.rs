@@ -31,7 +31,7 @@ use crate::{Aim, Asked, Decision, FormError, Forming, ImageFormer, Remedy, Tile,
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::Instructions;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::monitor::Monitor;
+use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::{PhaseHistory, Pulse, Weights};
 use subaperture_signal::phase::{narrow, phasor, widen};
 
@@ -172,6 +172,7 @@ fn sum_at(
                 if monitor.cancelled() {
                     return;
                 }
+                let _summing = during(monitor, cost::SUM);
                 for &(n, row) in &rows {
                     add_pulse(
                         &collection.pulses[n],

@@ -9,19 +9,18 @@
 //!
 //! First patches read all pulses once each. A tile takes what its first patches take: nothing is shared.
 //!
-//! **Times** are those of one core with 512-bit registers at 3.6 GHz, measured once (`cargo bench --bench kernels`); here, so that every machine
-//! makes the same choice.
+//! **Times** are of one core, by the time model.
 
 use super::descent::task_level;
 use super::history::Axes;
-use super::leaf::{SUMMED_PULSES, points_layout, tile_layout};
+use super::leaf::{LEAVES, SUMMED_PULSES, points_layout, tile_layout};
 use super::patch_view::Patch;
-use super::refine::Refiner;
+use super::refine::{HISTORIES, Refiner};
 use super::shares::DEGREE;
 use super::thinned::Stretch;
 use super::tree::Tree;
 use crate::Aim;
-use crate::cost::{Cost, Each, transform};
+use crate::cost::{Cost, Each, StageCost, transform};
 use crate::path_tile::raster;
 use subaperture_kernels::lanes::GROUP;
 use subaperture_kernels::tile::Pieces;
@@ -34,17 +33,6 @@ const TURN: f64 = 18.0;
 const PIECE: f64 = 88.0;
 /// Operations a pixel and pulse of a leaf.
 const PIXEL_AND_PULSE: f64 = 42.0;
-
-/// Nanoseconds to turn a sample, of a tap over pulses and of one over samples, of a pulse, and of deciding on a patch.
-const TURN_NS: f64 = 0.5;
-const TAP_NS: [f64; 2] = [0.05, 0.09];
-const PULSE_NS: f64 = 40.0;
-const PATCH_NS: f64 = 12_000.0;
-/// Nanoseconds of a pulse on a leaf, of a group of its pixels, of a piece of its profile, and of a bin and stage of the transform.
-const LEAF_PULSE_NS: f64 = 150.0;
-const GROUP_NS: f64 = 9.6;
-const PIECE_NS: f64 = 1.5;
-const TRANSFORM_NS: f64 = 0.3;
 
 /// A history made.
 struct Step {
@@ -200,30 +188,40 @@ impl<'a> Way<'a> {
 
     /// Nanoseconds of one core for the stretch.
     pub(super) fn time_ns(&self) -> f64 {
-        let taps = self.refiner.taps().len() as f64 + 1.0;
-        let steps = self.over_steps(|[before, over_pulses, over_samples, pulses]| {
-            PATCH_NS
-                + pulses * PULSE_NS
-                + before * TURN_NS
-                + taps * (over_pulses * TAP_NS[0] + over_samples * TAP_NS[1])
-        });
-        let [length, pieces, groups, _] = self.leaf();
-        let pulse = LEAF_PULSE_NS
-            + TRANSFORM_NS * length * length.log2()
-            + PIECE_NS * pieces
-            + GROUP_NS * groups;
-        steps + self.patches(0) * self.pulses(&self.last) * pulse
+        self.histories_ns() + self.leaves_ns()
     }
 
-    /// Operations for the stretch.
-    fn operations(&self) -> f64 {
+    fn histories_ns(&self) -> f64 {
+        let model = self.aim.means.model;
+        let taps = self.refiner.taps().len() as f64 + 1.0;
+        self.over_steps(|[before, over_pulses, over_samples, pulses]| {
+            let sums_ns = over_pulses * model.pulse_tap_ns + over_samples * model.sample_tap_ns;
+            model.patch_ns
+                + pulses * model.history_pulse_ns
+                + before * model.turn_ns
+                + taps * sums_ns
+        })
+    }
+
+    fn leaves_ns(&self) -> f64 {
+        let model = self.aim.means.model;
+        let [length, pieces, groups, _] = self.leaf();
+        let pulse = model.leaf_pulse_ns
+            + model.transform(length)
+            + model.leaf_piece_ns * pieces
+            + model.leaf_group_ns * groups;
+        self.patches(0) * self.pulses(&self.last) * pulse
+    }
+
+    /// Operations for the stretch, of histories and of leaves.
+    fn operations(&self) -> [f64; 2] {
         let taps = 4.0 * self.refiner.taps().len() as f64 + 2.0;
         let steps = self.over_steps(|[before, over_pulses, over_samples, _]| {
             before * TURN + taps * (over_pulses + over_samples)
         });
         let [length, pieces, _, pixels] = self.leaf();
         let pulse = transform(length) + PIECE * pieces + PIXEL_AND_PULSE * pixels;
-        steps + self.patches(0) * self.pulses(&self.last) * pulse
+        [steps, self.patches(0) * self.pulses(&self.last) * pulse]
     }
 
     /// Bytes of a thread that takes a patch of this level by itself.
@@ -276,10 +274,21 @@ pub(super) fn demand(ways: &[Way]) -> Demand {
 
 /// Of all of these ways.
 pub(super) fn cost(ways: &[Way], refiner: &Refiner) -> Cost {
-    let operations = ways.iter().map(Way::operations).sum();
+    let (mut operations, mut times_ns) = ([0.0; 2], [0.0; 2]);
+    for way in ways {
+        let own = (way.operations(), [way.histories_ns(), way.leaves_ns()]);
+        for stage in [0, 1] {
+            operations[stage] += own.0[stage];
+            times_ns[stage] += own.1[stage];
+        }
+    }
     let demand = demand(ways);
     let pulses = demand.held_bytes + refiner.read_bytes(1);
-    Cost::new(operations, 0.0)
+    let stages = [HISTORIES, LEAVES]
+        .into_iter()
+        .zip(operations)
+        .zip(times_ns);
+    Cost::of(stages.map(|((name, operations), ns)| StageCost::new(name, operations, ns)))
         .holding("pulses", Each::Pass, pulses as f64)
         .holding("patches' pulses", Each::Thread, demand.thread_bytes as f64)
 }

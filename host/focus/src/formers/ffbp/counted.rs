@@ -48,6 +48,7 @@ fn the_account_is_what_the_loops_do() {
             grid: &grid,
             weights: &weights,
             scratch_bytes: SCRATCH_BYTES,
+            means: Default::default(),
         };
         let asked = former.asked(Misses::Allowed);
         let told = former
@@ -61,6 +62,7 @@ fn the_account_is_what_the_loops_do() {
             weights: &weights,
             memory_bytes: 1 << 30,
             monitor: &Silent,
+            means: Default::default(),
         };
         OPERATIONS.store(0, Ordering::Relaxed);
         former.form_best(&task).unwrap();

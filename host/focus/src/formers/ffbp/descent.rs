@@ -15,9 +15,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
+use subaperture_fft::Transforms;
 
 use super::history::{Axes, PatchHistory};
-use super::leaf::Leaf;
+use super::leaf::{LEAVES, Leaf};
 use super::patch_view::Patch;
 use super::refine::{Recorded, RefineScratch, Refiner};
 use super::thinned::Stretch;
@@ -25,7 +26,7 @@ use super::tree::{Node, Tree};
 use crate::FormError;
 use crate::patch::{Rectangle, Segment};
 use subaperture_model::geometry::ImageGrid;
-use subaperture_model::monitor::Monitor;
+use subaperture_model::monitor::{Monitor, during};
 
 /// Levels above the leaves that a thread takes by itself.
 const TASK_LEVEL: usize = 2;
@@ -85,6 +86,7 @@ pub(super) struct Descent<'a, 'b> {
     pub(super) grid: &'a ImageGrid,
     pub(super) tree: &'a Tree,
     pub(super) refiner: &'a Refiner<'a>,
+    pub(super) transforms: Transforms,
     pub(super) stretch: &'a Stretch,
     pub(super) wanted: &'a Wanted<'b>,
     pub(super) pool: &'a Pool,
@@ -117,7 +119,14 @@ impl Descent<'_, '_> {
             }
             let mut next = self.pool.take(self.room(&held.history.axes, halves));
             let own = &mut next.history;
-            refiner.refine(stretch, &held.history, &patch, halves, own, None);
+            refiner.refine(
+                stretch,
+                &held.history,
+                (&patch, halves),
+                own,
+                None,
+                self.monitor,
+            );
             held = next;
         }
         self.down(node, Arc::new(held));
@@ -175,8 +184,12 @@ impl Descent<'_, '_> {
                 return;
             }
         }
+        let own = || Scratch {
+            leaf: Leaf::new(self.transforms),
+            ..Scratch::default()
+        };
         list.par_iter()
-            .for_each_init(Scratch::default, |scratch, (node, history)| {
+            .for_each_init(own, |scratch, (node, history)| {
                 let (Some(segments), Some(rectangle)) = (
                     self.wanted.get(&node.at),
                     self.tree.rectangle(self.grid, *node),
@@ -205,7 +218,7 @@ impl Descent<'_, '_> {
         }
         let mut held = self.pool.take(self.room(&parent.history.axes, halves));
         let (parent, own) = (&parent.history, &mut held.history);
-        refiner.refine(stretch, parent, patch, halves, own, alone);
+        refiner.refine(stretch, parent, (patch, halves), own, alone, self.monitor);
         Arc::new(held)
     }
 
@@ -222,6 +235,7 @@ impl Descent<'_, '_> {
             return;
         }
         if node.level == 0 {
+            let _forming = during(self.monitor, LEAVES);
             let antennas = &self.stretch.thinned[history.axes.thinning].antennas;
             scratch.leaf.image(
                 self.grid,
@@ -251,10 +265,10 @@ impl Descent<'_, '_> {
             self.refiner.refine(
                 self.stretch,
                 history,
-                &patch,
-                halves,
+                (&patch, halves),
                 &mut own,
                 Some(&mut scratch.refine),
+                self.monitor,
             );
             self.task(quarter, rectangle, &own, &mut part, scratch);
             scratch.levels.push(own);

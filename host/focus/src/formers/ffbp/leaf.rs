@@ -9,12 +9,16 @@ use super::shares::{DEGREE, Shares};
 use super::thinned::Antennas;
 use crate::patch::{Rectangle, Segment};
 use crate::path_tile::{self, raster};
+use subaperture_fft::Transforms;
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::{self, Points};
 use subaperture_kernels::tile::{self, Carrier, Pieces, TilePulse, TileScratch};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_signal::range_profile::RangeProfiler;
+
+/// The stage.
+pub(super) const LEAVES: &str = "leaves";
 
 /// Pulses whose terms are summed before they are added to a pixel.
 pub(super) const SUMMED_PULSES: usize = 64;
@@ -42,6 +46,7 @@ pub(super) fn points_layout(length: usize) -> Pieces {
 /// What imaging a small patch needs, for one thread.
 #[derive(Default)]
 pub(super) struct Leaf {
+    transforms: Transforms,
     profilers: BTreeMap<usize, RangeProfiler>,
     samples: Vec<Complex32>,
     profile: Vec<Complex32>,
@@ -54,6 +59,14 @@ pub(super) struct Leaf {
 }
 
 impl Leaf {
+    /// By these transforms.
+    pub(super) fn new(transforms: Transforms) -> Self {
+        Self {
+            transforms,
+            ..Self::default()
+        }
+    }
+
     /// Adds the image of `rectangle` to what is wanted of it.
     pub(super) fn image(
         &mut self,
@@ -65,6 +78,7 @@ impl Leaf {
         segments: &mut [Segment],
     ) {
         let Self {
+            transforms,
             profilers,
             samples,
             profile,
@@ -80,7 +94,12 @@ impl Leaf {
         let count = axes.num_samples;
         let profiler = profilers.entry(count).or_insert_with_key(|&count| {
             // Samples are weighted.
-            RangeProfiler::new(DEGREE, &vec![1.0; count], shares.oversampling())
+            RangeProfiler::new(
+                DEGREE,
+                &vec![1.0; count],
+                shares.oversampling(),
+                *transforms,
+            )
         });
         let length = profiler.length();
         samples.resize(count, Complex32::ZERO);

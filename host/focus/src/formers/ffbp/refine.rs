@@ -27,9 +27,12 @@ use crate::FormError;
 use subaperture_kernels::halving::{self, Halving, HalvingScratch, Rows, Turning};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::monitor::Monitor;
+use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::{Collection, PhaseHistory};
 use subaperture_signal::phase::phasor;
+
+/// The stage.
+pub(super) const HISTORIES: &str = "histories of patches";
 
 /// A patch that reaches further from its centre, in parts of its distance from the antennas, is near.
 const NEAR: f64 = 0.5;
@@ -253,6 +256,7 @@ impl<'a> Refiner<'a> {
                 patch,
                 halves,
                 size,
+                monitor,
             };
             let out = &mut own.values[made * size..until * size];
             if here.end == num_pulses || monitor.cancelled() {
@@ -299,10 +303,10 @@ impl<'a> Refiner<'a> {
         &self,
         stretch: &Stretch,
         parent: &PatchHistory,
-        patch: &Patch,
-        halves: [bool; 2],
+        (patch, halves): (&Patch, [bool; 2]),
         own: &mut PatchHistory,
         alone: Option<&mut RefineScratch>,
+        monitor: &dyn Monitor,
     ) {
         let size = self.prepare(stretch, &parent.axes, patch, halves, own);
         let before = Before::History(parent);
@@ -312,6 +316,7 @@ impl<'a> Refiner<'a> {
             patch,
             halves,
             size,
+            monitor,
         };
         match alone {
             Some(scratch) => self.make(&step, 0, &mut own.values, scratch),
@@ -351,6 +356,7 @@ impl<'a> Refiner<'a> {
 
     /// Pulses of a history from `first` on.
     fn make(&self, step: &Step, first: usize, out: &mut [f32], scratch: &mut RefineScratch) {
+        let _making = during(step.monitor, HISTORIES);
         match self.taps.len() {
             8 => self.make_with::<8>(step, first, out, scratch),
             10 => self.make_with::<10>(step, first, out, scratch),
@@ -446,6 +452,8 @@ struct Step<'a> {
     halves: [bool; 2],
     /// Numbers a pulse.
     size: usize,
+    /// Told of it.
+    monitor: &'a dyn Monitor,
 }
 
 impl Step<'_> {

@@ -58,13 +58,13 @@ fn most_halvings(mut count: usize, taps: usize) -> usize {
 impl Shares {
     /// The shares of a bound for so many pulses and samples.
     pub(super) fn of(error_db: f64, counts: [usize; 2]) -> Self {
-        let target = 10f64.powf((error_db - MARGIN_DB) / 20.0);
+        let target = libm::pow(10.0, (error_db - MARGIN_DB) / 20.0);
         let each = TAPS.into_iter().map(|taps| {
             let halvings = counts.map(|count| most_halvings(count, taps).max(1));
             (Halfway::new(taps), halvings)
         });
         let good = |(kernel, [slow, fast]): &(Halfway, [usize; 2])| {
-            let error = kernel.error().hypot(HALVING);
+            let error = libm::hypot(kernel.error(), HALVING);
             error <= target * (SLOW / *slow as f64).sqrt()
                 && error <= target * (FAST / *fast as f64).sqrt()
         };
@@ -93,23 +93,23 @@ impl Shares {
 
     /// Upsampling of range profiles.
     pub(super) fn oversampling(&self) -> f64 {
-        RangeProfiler::oversampling_for(DEGREE, 20.0 * self.profile.log10())
+        RangeProfiler::oversampling_for(DEGREE, 20.0 * libm::log10(self.profile))
     }
 
     /// What it comes to, dB, for `num_pulses` pulses and errors of the arithmetic.
     pub(super) fn planned_db(&self, num_pulses: usize, arithmetic: f64) -> f64 {
         let [slow, fast] = self.halvings.map(|times| times as f64);
         let decimations = match self.decimate {
-            true => self
-                .rough
-                .hypot(slow.sqrt() * self.slow)
-                .hypot(fast.sqrt() * self.fast),
+            true => libm::hypot(
+                libm::hypot(self.rough, slow.sqrt() * self.slow),
+                fast.sqrt() * self.fast,
+            ),
             false => 0.0,
         };
         rounding::total_db(&[
             decimations,
             self.profile,
-            self.tiles.hypot(self.arithmetic),
+            libm::hypot(self.tiles, self.arithmetic),
             rounding::sum(num_pulses),
             // Transforms and phases of profiles, as `RangeProfiler::rounding` for the longest.
             4e-7,

@@ -47,8 +47,7 @@ use std::sync::Arc;
 
 use num_complex::Complex32;
 use serde_json::json;
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{Fft, Transforms};
 
 use super::options::ERROR_DB;
 use super::{Entry, of};
@@ -56,7 +55,7 @@ use crate::cost::transform;
 use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage, Strip, TAPS};
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Formed, Forming, ImageFormer, Misses,
-    Reason, Remedy, Task, accuracy,
+    Reason, Remedy, Task, TimeModel, accuracy,
 };
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
@@ -170,8 +169,14 @@ impl RangeMethod for Stolt {
         wavenumbers * (transform(2.0 * sizes.ranges as f64) + 44.0 * samples as f64)
     }
 
-    fn stage(&self, axes: &Axes) -> Box<dyn RangeStage> {
-        Box::new(Spreader::new(axes))
+    fn time_ns(&self, model: &TimeModel, samples: usize, sizes: &Sizes) -> f64 {
+        let spreading = model.raster_tap_ns * (TAPS * samples) as f64;
+        let line = model.transform(2.0 * sizes.ranges as f64) + spreading;
+        sizes.along_wavenumbers as f64 * line
+    }
+
+    fn stage(&self, axes: &Axes, transforms: Transforms) -> Box<dyn RangeStage> {
+        Box::new(Spreader::new(axes, transforms))
     }
 }
 
@@ -188,7 +193,7 @@ struct Spreader {
 }
 
 impl Spreader {
-    fn new(axes: &Axes) -> Self {
+    fn new(axes: &Axes, transforms: Transforms) -> Self {
         let kernel = KaiserBessel::new(TAPS);
         let count = axes.range.count;
         let length = fast_length(2 * count);
@@ -201,7 +206,7 @@ impl Spreader {
                 .map(|j| (1.0 / kernel.spectrum(place(j))) as f32)
                 .collect(),
             kernel,
-            fft: fft::inverse(length),
+            fft: transforms.inverse(length),
         }
     }
 }

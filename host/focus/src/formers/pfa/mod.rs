@@ -67,7 +67,7 @@ use crate::{
 };
 use subaperture_kernels::compensation::{self, Ramp};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::monitor::Monitor;
+use subaperture_model::monitor::{Monitor, during};
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::phasor32;
 
@@ -162,7 +162,7 @@ impl ImageFormer for PolarFormat {
                 "centre_m": plane.centre_m.to_array(),
                 "raster": size.cells,
                 "kernel_taps": taps,
-                "curvature_error_db": 20.0 * residual.max(1e-15).log10(),
+                "curvature_error_db": 20.0 * libm::log10(residual.max(1e-15)),
             }),
             planned_db,
             grain: PatchSize::PIXEL,
@@ -236,9 +236,12 @@ impl<'a, const W: usize> Opened<'a, W> {
             let tracks: Vec<Track> = samples
                 .par_chunks_exact_mut(num_samples)
                 .zip(pulses.clone())
-                .map(|(row, n)| self.refer(n, row))
+                .map(|(row, n)| {
+                    let _spreading = during(work.monitor, raster::SPREADING);
+                    self.refer(n, row)
+                })
                 .collect();
-            raster.spread(&tracks, samples);
+            raster.spread(&tracks, samples, work.monitor);
             if work.monitor.cancelled() {
                 return Err(FormError::Cancelled);
             }
@@ -247,7 +250,7 @@ impl<'a, const W: usize> Opened<'a, W> {
                 .progress(0.6 * pulses.end as f64 / num_pulses as f64);
         }
         drop(samples);
-        let transform = raster.transform();
+        let transform = raster.transform(self.aim.means.transforms, work.monitor);
         work.monitor.progress(0.8);
         Ok(transform)
     }
@@ -287,7 +290,8 @@ impl<const W: usize> Forming for Opened<'_, W> {
         };
         drop(kept);
         let beyond = AtomicBool::new(false);
-        for_each(self.aim.grid, tiles, work.monitor, |point, pixel| {
+        let stage = cost::PIXELS;
+        for_each(self.aim.grid, tiles, work.monitor, stage, |point, pixel| {
             let place_m = self.plane.place(point) - self.extent.centre_m;
             if !place_m.abs().cmple(self.extent.half_m).all() {
                 beyond.store(true, Ordering::Relaxed);
@@ -314,7 +318,7 @@ impl PolarFormat {
     /// Taps of the kernels within the error bound, 4 or 6.
     fn taps(&self) -> usize {
         // Spreading and reading, in two directions each.
-        let target = 10f64.powf((self.error_db - MARGIN_DB) / 20.0);
+        let target = libm::pow(10.0, (self.error_db - MARGIN_DB) / 20.0);
         if 2.0 * KaiserBessel::new(4).error(0.25) <= target {
             4
         } else {

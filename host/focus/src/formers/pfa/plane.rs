@@ -240,13 +240,13 @@ fn probe_points(grid: &ImageGrid, side: usize) -> impl Iterator<Item = DVec3> {
 fn pseudo_inverse(m: DMat2) -> DMat2 {
     let (a, b, d) = (m.x_axis.x, m.x_axis.y, m.y_axis.y);
     let (mean, difference) = ((a + d) / 2.0, (a - d) / 2.0);
-    let root = difference.hypot(b);
+    let root = libm::hypot(difference, b);
     let (large, small) = (mean + root, mean - root);
     if large <= 0.0 {
         return DMat2::ZERO;
     }
-    let angle = b.atan2(difference) / 2.0;
-    let (sin, cos) = angle.sin_cos();
+    let angle = libm::atan2(b, difference) / 2.0;
+    let (sin, cos) = libm::sincos(angle);
     let (u, v) = (DVec2::new(cos, sin), DVec2::new(-sin, cos));
     let outer = |v: DVec2| DMat2::from_cols(v * v.x, v * v.y);
     let mut inverse = outer(u) * (1.0 / large);

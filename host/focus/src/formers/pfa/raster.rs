@@ -16,15 +16,20 @@
 use glam::DVec2;
 use num_complex::Complex32;
 use rayon::prelude::*;
-use subaperture_fft as fft;
+use subaperture_fft::Transforms;
 
 use super::plane::{self, Extent};
 use crate::budget::Budget;
 use crate::{FormError, Reason, Remedy};
 use subaperture_kernels::reading::weighted;
 use subaperture_kernels::spreading::{Band, Line};
+use subaperture_model::monitor::{Monitor, during};
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
+
+/// Its stages.
+pub(super) const SPREADING: &str = "spreading";
+pub(super) const TRANSFORMS: &str = "transforms";
 
 /// Rows of the raster that one thread spreads onto at a time. Fixed, so that sums have one order.
 const ROWS_A_TASK: usize = 32;
@@ -140,7 +145,7 @@ fn raster_axes(
 /// Relative RMS error of spreading and reading together with `taps` taps, in two directions each, tables included: at the
 /// edge of the extent, where a grid of few pixels lies, by 3 dB above the mean.
 pub(super) fn error(taps: usize) -> f64 {
-    2.0 * std::f64::consts::SQRT_2 * KaiserBessel::new(taps).error(0.25).hypot(TABLE)
+    2.0 * std::f64::consts::SQRT_2 * libm::hypot(KaiserBessel::new(taps).error(0.25), TABLE)
 }
 
 /// The spectrum, on a raster.
@@ -176,7 +181,12 @@ impl<const W: usize> Raster<W> {
     }
 
     /// Adds the samples of some pulses, `samples` pulse by pulse.
-    pub(super) fn spread(&mut self, tracks: &[Track], samples: &[Complex32]) {
+    pub(super) fn spread(
+        &mut self,
+        tracks: &[Track],
+        samples: &[Complex32],
+        monitor: &dyn Monitor,
+    ) {
         let num_samples = samples.len() / tracks.len();
         let (rows, columns, kernel) = (self.rows, self.columns, &self.kernel);
         let line = |track: &Track| Line {
@@ -188,6 +198,7 @@ impl<const W: usize> Raster<W> {
             .par_chunks_mut(ROWS_A_TASK * columns.count)
             .enumerate()
             .for_each(|(task, cells)| {
+                let _spreading = during(monitor, SPREADING);
                 let mut band = Band {
                     first_row: task * ROWS_A_TASK,
                     columns: columns.count,
@@ -200,7 +211,7 @@ impl<const W: usize> Raster<W> {
     }
 
     /// The image that the spectrum is of.
-    pub(super) fn transform(self) -> Readable<W> {
+    pub(super) fn transform(self, transforms: Transforms, monitor: &dyn Monitor) -> Readable<W> {
         let Self {
             kernel,
             rows,
@@ -209,7 +220,7 @@ impl<const W: usize> Raster<W> {
         } = self;
         let (kept_rows, kept_columns) = (rows.kept(W), columns.kept(W));
         // Along rows, emphasised both ways.
-        let fft = fft::inverse(columns.length);
+        let fft = transforms.inverse(columns.length);
         let (row_emphasis, column_emphasis) = (rows.emphasis(&kernel), columns.emphasis(&kernel));
         let mut half = vec![Complex32::ZERO; rows.count * kept_columns];
         half.par_chunks_exact_mut(kept_columns)
@@ -218,9 +229,10 @@ impl<const W: usize> Raster<W> {
             .for_each_init(
                 || {
                     let scratch = fft.get_inplace_scratch_len();
-                    vec![Complex32::ZERO; columns.length + scratch]
+                    let buffer = vec![Complex32::ZERO; columns.length + scratch];
+                    (buffer, during(monitor, TRANSFORMS))
                 },
-                |buffer, ((out, row), row_weight)| {
+                |(buffer, _), ((out, row), row_weight)| {
                     let (line, scratch) = buffer.split_at_mut(columns.length);
                     line.fill(Complex32::ZERO);
                     for (i, (z, w)) in row.iter().zip(&column_emphasis).enumerate() {
@@ -235,7 +247,7 @@ impl<const W: usize> Raster<W> {
             );
         drop(values);
         // Along columns; the result is stored column by column.
-        let fft = fft::inverse(rows.length);
+        let fft = transforms.inverse(rows.length);
         let mut image = vec![Complex32::ZERO; kept_columns * kept_rows];
         image
             .par_chunks_exact_mut(kept_rows)
@@ -243,9 +255,10 @@ impl<const W: usize> Raster<W> {
             .for_each_init(
                 || {
                     let scratch = fft.get_inplace_scratch_len();
-                    vec![Complex32::ZERO; rows.length + scratch]
+                    let buffer = vec![Complex32::ZERO; rows.length + scratch];
+                    (buffer, during(monitor, TRANSFORMS))
                 },
-                |buffer, (column, out)| {
+                |(buffer, _), (column, out)| {
                     let (line, scratch) = buffer.split_at_mut(rows.length);
                     line.fill(Complex32::ZERO);
                     for (i, row) in half.chunks_exact(kept_columns).enumerate() {
@@ -310,6 +323,7 @@ impl<const W: usize> Readable<W> {
 mod tests {
     use super::*;
     use num_complex::Complex64;
+    use subaperture_model::monitor::Silent;
 
     #[test]
     fn the_sum_is_the_plain_sum() {
@@ -336,8 +350,8 @@ mod tests {
             half_m: DVec2::new(7.0, 11.0),
         };
         let mut raster = Raster::<6>::new(band, extent, &mut Budget::new(1 << 24)).unwrap();
-        raster.spread(&tracks, &samples);
-        let image = raster.transform();
+        raster.spread(&tracks, &samples, &Silent);
+        let image = raster.transform(Transforms::Fastest, &Silent);
         let (mut error, mut power) = (0.0, 0.0);
         for i in 0..300 {
             let u = f64::from(i) * 0.618_034;

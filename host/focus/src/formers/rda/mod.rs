@@ -50,8 +50,7 @@ use std::sync::Arc;
 
 use num_complex::Complex32;
 use serde_json::json;
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{Fft, Transforms};
 
 use super::options::{ERROR_DB, Opt, Takes};
 use super::{Entry, of};
@@ -60,7 +59,7 @@ use crate::strip::{self, Axes, ImageAxis, RangeMethod, RangeStage, Sizes, Stage,
 use crate::sub_cpi::shared_band;
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Formed, Forming, ImageFormer, Misses,
-    Reason, Remedy, Task, accuracy,
+    Reason, Remedy, Task, TimeModel, accuracy,
 };
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
@@ -235,8 +234,14 @@ impl RangeMethod for Expansion {
         wavenumbers * (transform(2.0 * samples as f64) + 44.0 * sizes.ranges as f64)
     }
 
-    fn stage(&self, axes: &Axes) -> Box<dyn RangeStage> {
-        Box::new(RangeDopplerStage::new(*self, axes))
+    fn time_ns(&self, model: &TimeModel, samples: usize, sizes: &Sizes) -> f64 {
+        let bin = model.phasor_ns + model.raster_tap_ns * TAPS as f64;
+        let line = model.transform(2.0 * samples as f64) + bin * sizes.ranges as f64;
+        sizes.along_wavenumbers as f64 * line
+    }
+
+    fn stage(&self, axes: &Axes, transforms: Transforms) -> Box<dyn RangeStage> {
+        Box::new(RangeDopplerStage::new(*self, axes, transforms))
     }
 }
 
@@ -254,7 +259,7 @@ struct RangeDopplerStage {
 }
 
 impl RangeDopplerStage {
-    fn new(expansion: Expansion, axes: &Axes) -> Self {
+    fn new(expansion: Expansion, axes: &Axes, transforms: Transforms) -> Self {
         let kernel = KaiserBessel::new(TAPS);
         let count = axes.wavenumbers.len();
         let length = fast_length((2 * count).max(TAPS));
@@ -272,7 +277,7 @@ impl RangeDopplerStage {
                 .map(|k| (1.0 / kernel.spectrum(place(k))) as f32)
                 .collect(),
             kernel,
-            fft: fft::inverse(length),
+            fft: transforms.inverse(length),
         }
     }
 }

@@ -12,10 +12,10 @@
 //! mode's are of a patch, and tiles share none where their edges are those of patches.
 
 use super::layout::Layout;
-use super::mapper::Shapes;
-use crate::Aim;
-use crate::cost::{Cost, Each, transform};
+use super::mapper::{MAPS, PIXELS, Shapes};
+use crate::cost::{Cost, Each, StageCost, transform};
 use crate::patch::Patches;
+use crate::{Aim, TimeModel};
 use subaperture_signal::scaled_dft::ScaledDft;
 
 /// Pixels by pulses' operations of the thesis's mode.
@@ -25,6 +25,17 @@ const PRECISE_PIXEL: f64 = 56.0;
 /// Compensating a sample to a patch's centre, taken with its pulse's others or at its own place.
 const COMPENSATION: [f64; 2] = [8.0, 60.0];
 
+/// Nanoseconds of a patch's map of `bins` from `m` pulses of `k` samples: compensation, Doppler, range.
+pub(super) fn map_ns(model: &TimeModel, m: f64, k: f64, bins: f64) -> f64 {
+    let transform = |n: f64| model.map_transform_ns * n * libm::log2(n.max(2.0));
+    model.compensation_ns * m * k + k * 2.0 * transform(m + bins) + bins * transform(2.0 * k)
+}
+
+/// Nanoseconds of a pixel read with a kernel of so many taps.
+pub(super) fn pixel_ns(model: &TimeModel, taps: f64) -> f64 {
+    model.map_pixel_ns + model.map_tap_ns * taps * taps
+}
+
 /// Of the thesis's mode laid out as `layout`.
 pub(super) fn thesis(aim: &Aim, layout: &Layout, keystone: bool) -> Cost {
     let (k, m) = (layout.band.count as f64, layout.longest as f64);
@@ -33,7 +44,18 @@ pub(super) fn thesis(aim: &Aim, layout: &Layout, keystone: bool) -> Cost {
     let map = resampling + k * transform(doppler) + doppler * transform(range);
     let sub_cpis = layout.sub_cpis.len() as f64;
     let pixels = THESIS_PIXEL * aim.grid.num_pixels() as f64;
-    let cost = Cost::new(sub_cpis * (map + pixels), sub_cpis * map);
+    let model = aim.means.model;
+    let maps_ns = k * model.transform(doppler) + doppler * model.transform(range);
+    let pixel_ns = model.map_pixel_ns * aim.grid.num_pixels() as f64;
+    let cost = Cost::of([
+        // Of Keystone an operation is a fourth of a tap's.
+        StageCost::shared(
+            MAPS,
+            sub_cpis * map,
+            sub_cpis * (maps_ns + 0.25 * model.map_tap_ns * resampling),
+        ),
+        StageCost::new(PIXELS, sub_cpis * pixels, sub_cpis * pixel_ns),
+    ]);
     let cost = cost.holding("map", Each::Pass, 8.0 * doppler * (range + k));
     let cost = match keystone {
         true => cost.holding("Keystone weights", Each::Pass, 4.0 * k * m * m),
@@ -55,12 +77,17 @@ pub(super) fn precise(
     let compensation = COMPENSATION[usize::from(aim.collection.sweeps())];
     let taps = taps as f64;
     let pixel = PRECISE_PIXEL + 8.0 * taps + 4.0 * taps * taps;
-    let pixels = pixel * aim.grid.num_pixels() as f64;
-    let operations = sub_cpis.iter().map(|length| {
+    let (num_pixels, sub_cpi_count) = (aim.grid.num_pixels() as f64, sub_cpis.len() as f64);
+    let model = aim.means.model;
+    let count = patches.count() as f64;
+    let (mut maps, mut maps_ns) = (0.0, 0.0);
+    for length in sub_cpis {
         let (m, bins) = (*length as f64, shapes[length].0.outputs as f64);
         let map = compensation * m * k + 2.0 * k * transform(m + bins) + bins * transform(2.0 * k);
-        patches.count() as f64 * map + pixels
-    });
+        maps += count * map;
+        maps_ns += count * map_ns(model, m, k, bins);
+    }
+    let read = sub_cpi_count * num_pixels;
     let shapes = || shapes.values().map(|(shape, _)| shape);
     let tables = shapes().map(|shape| {
         ScaledDft::table_bytes(aim.collection.num_samples, shape.inputs, shape.outputs)
@@ -69,8 +96,11 @@ pub(super) fn precise(
         let (m, bins) = (shape.inputs as f64, shape.outputs as f64);
         8.0 * (bins * (2.0 * k + taps) + m * k)
     });
-    Cost::new(operations.sum(), 0.0)
-        .holding("Doppler tables", Each::Image, tables.sum::<u64>() as f64)
-        .holding("map", Each::Thread, map.fold(0.0, f64::max))
-        .holding("pulses", Each::Pass, 8.0 * k * held as f64)
+    Cost::of([
+        StageCost::new(MAPS, maps, maps_ns),
+        StageCost::new(PIXELS, read * pixel, read * pixel_ns(model, taps)),
+    ])
+    .holding("Doppler tables", Each::Image, tables.sum::<u64>() as f64)
+    .holding("map", Each::Thread, map.fold(0.0, f64::max))
+    .holding("pulses", Each::Pass, 8.0 * k * held as f64)
 }

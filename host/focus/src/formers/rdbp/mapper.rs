@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
-use subaperture_fft::{self as fft, Fft};
+use subaperture_fft::Fft;
 
 use crate::Aim;
 use crate::exact::add_pulse;
@@ -16,11 +16,16 @@ use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::{Line, Points};
 use subaperture_kernels::reading::Map;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::Band;
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{narrow, phasor};
 use subaperture_signal::scaled_dft::{ScaledDft, Shape};
+
+/// The stages.
+pub(super) const MAPS: &str = "maps";
+pub(super) const PIXELS: &str = "pixels";
 
 /// Pixels whose paths are held at a time.
 const RUN: usize = 64;
@@ -64,6 +69,7 @@ pub(super) struct Scratch {
 
 impl<'a, const W: usize> Mapper<'a, W> {
     pub(super) fn new(aim: Aim<'a>, band: &Band, shapes: &Shapes) -> Self {
+        let transforms = aim.means.transforms;
         let kernel = KaiserBessel::new(W);
         let length = fast_length(2 * band.count);
         let centre = band.count / 2;
@@ -77,7 +83,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
                 1.0 / kernel.spectrum(u / bins_per_cycle)
             };
             let stage = DopplerStage {
-                dft: ScaledDft::new(&scales, shape, weight),
+                dft: ScaledDft::new(transforms, &scales, shape, weight),
                 centre: shape.output_centre,
                 bins_per_cycle,
             };
@@ -88,7 +94,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
             aim,
             range_weights: fast.map(range_weight).collect(),
             stages: shapes.iter().map(stage).collect(),
-            range_fft: fft::inverse(length),
+            range_fft: transforms.inverse(length),
             norm: aim.weights.normalisation(),
             instructions: Instructions::best(),
             centre_cycles_m: band.centre_hz() / SPEED_OF_LIGHT_M_S,
@@ -146,10 +152,14 @@ impl<'a, const W: usize> Mapper<'a, W> {
         rectangle: &Rectangle,
         segments: &mut [Segment],
         scratch: &mut Scratch,
+        monitor: &dyn Monitor,
     ) {
         let stage = &self.stages[&sub_cpi.num_pulses()];
+        let mapping = during(monitor, MAPS);
         self.compensate(sub_cpi, samples, rectangle, &mut scratch.slow);
         self.map(stage, sub_cpi.num_pulses(), scratch);
+        drop(mapping);
+        let _reading = during(monitor, PIXELS);
         self.read(stage, sub_cpi, samples, rectangle, scratch, segments);
     }
 

@@ -155,7 +155,7 @@ impl ImageFormer for RangeDoppler {
                     patch_m: self.patch_m,
                     memory_bytes: aim.scratch_bytes,
                 };
-                let plan = Plan::new(aim.collection, aim.grid, &request)?;
+                let plan = Plan::by(aim.means.model, aim.collection, aim.grid, &request)?;
                 asked.check(plan.predicted_db, || {
                     Reason::new(
                         "sub-CPIs and patches of these sizes, or float32 sums, leave no less",

@@ -11,10 +11,11 @@
 //! corners; then every sub-CPI is measured on every patch, and one that errs by more is halved until it does not. The worst pixel,
 //! patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
 
+use super::cost;
 use crate::patch::{self, PatchSize};
 use crate::path_model::{Measure, Probe, lengths, patch_sizes};
 use crate::sub_cpi::{self, SubCpi, bins_per_cycle, shared_band};
-use crate::{FormError, MARGIN_DB, rounding};
+use crate::{FormError, MARGIN_DB, TimeModel, rounding};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Band, Collection};
 use subaperture_signal::fast_length::fast_length;
@@ -69,7 +70,7 @@ fn kernel_error(taps: usize, num_samples: usize, num_pulses: usize) -> f64 {
         2..FEW => kernel.largest_error(0.25),
         _ => kernel.error(0.25),
     };
-    of(num_samples).hypot(of(num_pulses))
+    libm::hypot(of(num_samples), of(num_pulses))
 }
 
 impl Plan {
@@ -81,6 +82,19 @@ impl Plan {
     /// # Errors
     /// [`FormError::Unsuited`] if the pulses do not share one band, or a given length is zero.
     pub fn new(
+        collection: &Collection,
+        grid: &ImageGrid,
+        request: &Request,
+    ) -> Result<Self, FormError> {
+        Self::by(&TimeModel::DEFAULT, collection, grid, request)
+    }
+
+    /// The same by a time model of its own.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn by(
+        model: &TimeModel,
         collection: &Collection,
         grid: &ImageGrid,
         request: &Request,
@@ -115,8 +129,15 @@ impl Plan {
                 .then(|| sub_cpi::pulses_a_sample(collection)),
             measure: Measure::Worst,
         };
-        let target = 10f64.powf((request.error_db - MARGIN_DB) / 20.0);
-        let best = Choice::best(&probe, &lengths, &patches, target, request.memory_bytes);
+        let target = libm::pow(10.0, (request.error_db - MARGIN_DB) / 20.0);
+        let best = Choice::best(
+            &probe,
+            model,
+            &lengths,
+            &patches,
+            target,
+            request.memory_bytes,
+        );
         // A given length is the user's word; it is measured, not changed.
         let allowed = match request.sub_cpi {
             Some(_) => f64::INFINITY,
@@ -130,7 +151,7 @@ impl Plan {
             sub_cpis,
             model_error,
         } = Cut::new(&probe, &best, smaller, allowed);
-        let rounding = ARITHMETIC.hypot(rounding::sum(sub_cpis.len()));
+        let rounding = libm::hypot(ARITHMETIC, rounding::sum(sub_cpis.len()));
         Ok(Self {
             band,
             sub_cpi_length: sub_cpis.iter().map(SubCpi::num_pulses).max().unwrap_or(0),
@@ -202,6 +223,7 @@ impl Choice {
     /// The best of some lengths, the shortest first, and patches, the largest first, for an error of `target`.
     fn best(
         probe: &Probe,
+        model: &TimeModel,
         lengths: &[usize],
         patches: &[PatchSize],
         target: f64,
@@ -217,14 +239,14 @@ impl Choice {
                 let probed = probe.run(length, patch);
                 for (taps, kernel_error) in kernels {
                     let span = probed.doppler_span;
-                    let error = probed.model_error.hypot(kernel_error);
+                    let error = libm::hypot(probed.model_error, kernel_error);
                     let choice = Self {
                         length,
                         patch,
                         taps,
                         kernel_error,
                         error,
-                        cost: cost(probe, length, patch, taps, span),
+                        cost: time_ns(probe, model, length, patch, taps, span),
                         fits: bytes(probe, length, taps, span) <= memory_bytes,
                         meets: error <= target,
                     };
@@ -273,13 +295,18 @@ fn bytes(probe: &Probe, length: usize, taps: usize, doppler_span: f64) -> u64 {
     ScaledDft::table_bytes(count, length, bins) + 8 * (map + 2 * (length * count) as u64)
 }
 
-/// Rough cost of the image in nanoseconds of one core: compensation, Doppler, range, pixels.
-fn cost(probe: &Probe, length: usize, patch: PatchSize, taps: usize, doppler_span: f64) -> f64 {
-    let (m, k) = (length as f64, probe.band.count as f64);
+/// Rough time of the image in nanoseconds of one core.
+fn time_ns(
+    probe: &Probe,
+    model: &TimeModel,
+    length: usize,
+    patch: PatchSize,
+    taps: usize,
+    doppler_span: f64,
+) -> f64 {
     let bins = doppler_bins(probe, length, taps, doppler_span);
-    let transform = |n: f64| 0.7 * n * n.max(2.0).log2();
-    let map = 4.0 * m * k + k * 2.0 * transform(m + bins) + bins * transform(2.0 * k);
-    let pixels = (patch.rows * patch.columns) as f64 * (40.0 + 0.7 * (taps * taps) as f64);
+    let map = cost::map_ns(model, length as f64, probe.band.count as f64, bins);
+    let pixels = (patch.rows * patch.columns) as f64 * cost::pixel_ns(model, taps as f64);
     let patches = probe.grid.rows.count.div_ceil(patch.rows)
         * probe.grid.columns.count.div_ceil(patch.columns);
     let sub_cpis = probe.collection.pulses.len().div_ceil(length);

@@ -234,7 +234,7 @@ impl<'a, const W: usize> Opened<'a, W> {
                         }
                         let first = (sub_cpi.pulses.start - pulses.start) * num_samples;
                         let rows = &samples[first..first + sub_cpi.num_pulses() * num_samples];
-                        mapper.add(sub_cpi, rows, rectangle, segments, scratch);
+                        mapper.add(sub_cpi, rows, rectangle, segments, scratch, work.monitor);
                     }
                     let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                     let part = done as f64 / count as f64;

@@ -42,16 +42,18 @@ use std::sync::Arc;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use serde_json::json;
-use subaperture_fft::{self as fft, Fft};
+use subaperture_fft::Fft;
 
 use super::cost;
 use super::layout::Layout;
+use super::mapper::{MAPS, PIXELS};
 use crate::budget::Budget;
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
 use crate::sub_cpi::CentreState;
 use crate::{Aim, Asked, Decision, FormError, Forming, Reason, Remedy, Tile, Work, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::monitor::during;
 use subaperture_model::phase_history::Band;
 use subaperture_signal::phase::{phasor, phasor32};
 use subaperture_signal::sinc_keystone::{SincKeystone, sinc};
@@ -208,8 +210,8 @@ impl<'a> Opened<'a> {
             range_length,
             fast: aim.weights.fast.iter().map(|&w| w as f32).collect(),
             norm: aim.weights.normalisation(),
-            doppler_fft: fft::inverse(doppler_length),
-            range_fft: fft::inverse(range_length),
+            doppler_fft: aim.means.transforms.inverse(doppler_length),
+            range_fft: aim.means.transforms.inverse(range_length),
             band,
             aim,
             choices,
@@ -258,17 +260,21 @@ impl<'a> Opened<'a> {
     /// From slow time to Doppler, frequency by frequency.
     fn to_doppler(
         &self,
+        work: &Work,
         samples: &[Complex32],
         m: usize,
         resampler: Option<&SincKeystone>,
         doppler: &mut [Complex32],
     ) {
         let (length, fft) = (self.doppler_length, &self.doppler_fft);
-        let scratch = || vec![Complex32::ZERO; fft.get_inplace_scratch_len().max(2 * m)];
+        let scratch = || {
+            let buffer = vec![Complex32::ZERO; fft.get_inplace_scratch_len().max(2 * m)];
+            (buffer, during(work.monitor, MAPS))
+        };
         doppler
             .par_chunks_exact_mut(length)
             .enumerate()
-            .for_each_init(scratch, |scratch, (k, row)| {
+            .for_each_init(scratch, |(scratch, _), (k, row)| {
                 let (slow, resampled) = scratch.split_at_mut(m);
                 for (z, pulse) in slow.iter_mut().zip(samples.chunks_exact(self.band.count)) {
                     *z = pulse[k];
@@ -286,18 +292,22 @@ impl<'a> Opened<'a> {
     }
 
     /// From frequency to range, Doppler bin by Doppler bin.
-    fn to_range(&self, doppler: &[Complex32], map: &mut [Complex32]) {
+    fn to_range(&self, work: &Work, doppler: &[Complex32], map: &mut [Complex32]) {
         let (length, fft) = (self.range_length, &self.range_fft);
-        let scratch = || vec![Complex32::ZERO; fft.get_inplace_scratch_len()];
-        map.par_chunks_exact_mut(length)
-            .enumerate()
-            .for_each_init(scratch, |scratch, (d, row)| {
+        let scratch = || {
+            let buffer = vec![Complex32::ZERO; fft.get_inplace_scratch_len()];
+            (buffer, during(work.monitor, MAPS))
+        };
+        map.par_chunks_exact_mut(length).enumerate().for_each_init(
+            scratch,
+            |(scratch, _), (d, row)| {
                 row.fill(Complex32::ZERO);
                 for (k, values) in doppler.chunks_exact(self.doppler_length).enumerate() {
                     row[(k + length - self.band.count / 2) % length] = values[d];
                 }
                 fft.process_with_scratch(row, scratch);
-            });
+            },
+        );
     }
 
     /// Adds the map of a sub-CPI to every pixel.
@@ -309,13 +319,19 @@ impl<'a> Opened<'a> {
         let m = pulses.len();
         // Slow time was rotated by whole pulses; for even M half a pulse is left.
         let left_over = (m as f64 - 1.0) / 2.0 - (m / 2) as f64;
-        for_each(self.aim.grid, tiles, work.monitor, |point, pixel| {
-            let (path_m, rate_m) = state.path_and_rate(point);
-            let nu = rate_m * cycles_m;
-            let place = [nu * lengths[0] as f64, path_m * range_bins_m];
-            let value = bilinear(map, lengths, place);
-            *pixel += value * phasor32(path_m * cycles_m - nu * left_over);
-        });
+        for_each(
+            self.aim.grid,
+            tiles,
+            work.monitor,
+            PIXELS,
+            |point, pixel| {
+                let (path_m, rate_m) = state.path_and_rate(point);
+                let nu = rate_m * cycles_m;
+                let place = [nu * lengths[0] as f64, path_m * range_bins_m];
+                let value = bilinear(map, lengths, place);
+                *pixel += value * phasor32(path_m * cycles_m - nu * left_over);
+            },
+        );
     }
 }
 
@@ -334,8 +350,8 @@ impl Forming for Opened<'_> {
                 resampler = Some((m, SincKeystone::new(&self.band.scales(), m)));
             }
             let resampler = resampler.as_ref().map(|(_, resampler)| resampler);
-            self.to_doppler(samples, m, resampler, &mut buffers.doppler);
-            self.to_range(&buffers.doppler, &mut buffers.map);
+            self.to_doppler(work, samples, m, resampler, &mut buffers.doppler);
+            self.to_range(work, &buffers.doppler, &mut buffers.map);
             self.add(work, pulses, &buffers.map, tiles);
             if work.monitor.cancelled() {
                 return Err(FormError::Cancelled);

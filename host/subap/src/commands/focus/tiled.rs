@@ -18,7 +18,9 @@ use anyhow::{Context, bail};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use subaperture::focus::plan::{Opened, Request, Sink};
-use subaperture::focus::{FormError, Judgement, Plan, SCRATCH_BYTES, Task, Tile, TileRecord, Work};
+use subaperture::focus::{
+    FormError, Judgement, Means, Plan, SCRATCH_BYTES, Task, Tile, TileRecord, Work,
+};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::{Image, Parts, PartsError, power};
 use subaperture::io::atomic::WriteError;
@@ -34,7 +36,7 @@ use crate::args::{Focus, Imaging, Part};
 use crate::commands::forming;
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{messages, text};
+use crate::{messages, stages, text};
 
 /// A pass over the pulses forms at most this part of the tiles, so that a run that is killed loses little.
 const PASSES: usize = 16;
@@ -48,7 +50,9 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let recorded = session.open(&typed.input)?;
     let survey = forming::survey(&recorded)?;
     let moving = super::moving(typed, &recorded)?;
+    let model = forming::time_model(&typed.image)?;
     let job = Job {
+        means: typed.image.means(model.as_ref()),
         session,
         typed,
         history: match &moving {
@@ -106,6 +110,7 @@ fn into_store(job: &Job, plan: Plan, mut own: Option<Claims>) -> anyhow::Result<
     let (mut store, mut plan) = store(job, plan)?;
     loop {
         session.note(1, || describe(&plan, part));
+        stages::foretell(session, &plan.cost);
         let weights = plan.weights(job.history.collection())?;
         let opened = plan.open(job.history.collection(), &weights)?;
         fill(job, &plan, &opened, &store)?;
@@ -169,14 +174,15 @@ fn form(
     keep: &mut Keep,
 ) -> anyhow::Result<()> {
     let progress = job.session.progress("focusing");
-    let work = Work {
-        history: job.history,
-        memory_bytes: job.session.memory_bytes,
-        monitor: &progress,
-    };
-    opened
-        .form(&work, indices, most_a_pass, keep)
-        .map_err(with_advice)?;
+    let formed = stages::measured(job.session, &progress, |monitor| {
+        let work = Work {
+            history: job.history,
+            memory_bytes: job.session.memory_bytes,
+            monitor,
+        };
+        opened.form(&work, indices, most_a_pass, keep)
+    });
+    formed.map_err(with_advice)?;
     progress.finish();
     Ok(())
 }
@@ -200,7 +206,7 @@ fn read_plan(path: &Path) -> anyhow::Result<Plan> {
 }
 
 fn make_plan(job: &Job, grid: &ImageGrid) -> anyhow::Result<Plan> {
-    plan_image(job.session, &job.typed.image, job.history, grid)
+    plan_image(job.session, &job.typed.image, job.history, grid, job.means)
 }
 
 /// The plan that the options come to.
@@ -209,16 +215,22 @@ pub(crate) fn plan_image(
     typed: &Imaging,
     history: &dyn PhaseHistory,
     grid: &ImageGrid,
+    means: Means,
 ) -> anyhow::Result<Plan> {
     let progress = session.progress("planning");
     let former = typed.former.former()?;
-    let request = request(typed, history, grid);
+    let request = request(typed, history, grid, means);
     let plan = Plan::new(&*former, &request, &progress).map_err(with_advice)?;
     progress.finish();
     Ok(plan)
 }
 
-fn request<'a>(typed: &Imaging, history: &'a dyn PhaseHistory, grid: &'a ImageGrid) -> Request<'a> {
+fn request<'a>(
+    typed: &Imaging,
+    history: &'a dyn PhaseHistory,
+    grid: &'a ImageGrid,
+    means: Means<'a>,
+) -> Request<'a> {
     Request {
         collection: history.collection(),
         grid,
@@ -226,6 +238,7 @@ fn request<'a>(typed: &Imaging, history: &'a dyn PhaseHistory, grid: &'a ImageGr
         slow: typed.slow_window,
         scratch_bytes: typed.scratch.unwrap_or(SCRATCH_BYTES),
         misses: typed.misses(),
+        means,
     }
 }
 
@@ -239,7 +252,7 @@ fn plan_for_less(job: &Job, grid: &ImageGrid, error_db: f64) -> Result<Option<Pl
     let plan = match Plan::for_less(
         &*former,
         error_db,
-        &request(typed, job.history, grid),
+        &request(typed, job.history, grid, job.means),
         &progress,
     ) {
         // No such plan: what the first one's miss says is what can be done.
@@ -484,6 +497,7 @@ impl<'a> Judged<'a> {
             weights,
             memory_bytes: job.session.memory_bytes,
             monitor: &progress,
+            means: Default::default(),
         };
         let largest = image
             .places()

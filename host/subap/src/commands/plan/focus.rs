@@ -16,10 +16,12 @@ use crate::text;
 pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     let mut claims = session.claims(&typed.writing, &typed.input.paths);
     claims.file(&typed.out, Kind::Record)?;
+    let model = forming::time_model(&typed.image)?;
+    let means = typed.image.means(model.as_ref());
     let history = session.open(&typed.input)?;
     let survey = forming::survey(&history)?;
     let grid = grid_of(session, &typed.image, &survey)?;
-    let plan = tiled::plan_image(session, &typed.image, &history, &grid)?;
+    let plan = tiled::plan_image(session, &typed.image, &history, &grid, means)?;
     let text_of_plan = plan.to_text();
     write_atomically(&typed.out, text_of_plan.len() as u64, |file| {
         file.write_all(text_of_plan.as_bytes())

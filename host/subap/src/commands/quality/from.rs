@@ -226,6 +226,7 @@ impl<'a> From<'a> {
             weights: &weights,
             memory_bytes: self.session.memory_bytes,
             monitor: &progress,
+            means: Default::default(),
         };
         let forming = forecast::forecast(chip.former, &task)?;
         // The beam is measured from all echoes.
@@ -265,6 +266,7 @@ impl<'a> From<'a> {
             weights: &weights,
             memory_bytes: self.session.memory_bytes,
             monitor: &progress,
+            means: Default::default(),
         };
         let image = former
             .form_best(&task)

@@ -108,6 +108,7 @@ fn image(
         weights: &Weights::new(history.collection(), typed.window, typed.slow_window),
         memory_bytes: session.memory_bytes,
         monitor: &progress,
+        means: Default::default(),
     };
     let former = Backprojection {
         error_db: DEFAULT_ERROR_DB,

@@ -1,0 +1,311 @@
+//! A time model of this machine, measured in about a second: kernels by themselves, on one thread, each on what caches hold.
+//!
+//! Each kernel is run over and over for [`TURN`], and its shortest time counts: other work on the machine only makes it longer. Where several
+//! numbers of the model are of one kernel, all are as many times those of the default model as what that foretells takes here; so are
+//! those of decisions and of paths, with a phasor's.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use num_complex::{Complex32, Complex64};
+use subaperture_fft::Transforms;
+
+use crate::time_model::{TIMES_NS, TimeModel};
+use subaperture_kernels::compensation::{Ramp, refer_to_column};
+use subaperture_kernels::halving::{Halving, HalvingScratch, Layout, Rows, Turning, halved};
+use subaperture_kernels::horner;
+use subaperture_kernels::lanes::{GROUP, Instructions};
+use subaperture_kernels::paths::{Antennas, Points};
+use subaperture_kernels::reading::weighted;
+use subaperture_kernels::tile::{Carrier, Pieces, Raster, TilePulse, TileScratch, add_points};
+use subaperture_signal::phase::phasor;
+use subaperture_signal::range_profile::RangeProfiler;
+use subaperture_signal::scaled_dft::{ScaledDft, Shape};
+
+/// How long a kernel is run.
+const TURN: Duration = Duration::from_millis(60);
+
+/// Taps of a halving, and of a kernel that reads rasters.
+const HALVING_TAPS: usize = 8;
+const RASTER_TAPS: usize = 6;
+
+/// Degree, bins and pulses of what is backprojected, and pixels a side of the tile.
+const DEGREE: usize = 3;
+const BINS: usize = 2048;
+const PULSES: usize = 32;
+const SIDE: usize = 32;
+
+impl TimeModel {
+    /// The times of this machine as it is now, under a name: about a second's work of one thread.
+    pub fn measured(name: String) -> Self {
+        let known = Self::DEFAULT;
+        let phasor_ns = phasor_ns();
+        let slower = phasor_ns / known.phasor_ns;
+        let (tiles, point_ns, piece_ns) = backprojection();
+        let [turn_ns, pulse_tap_ns, sample_tap_ns] = halving();
+        let tap_ns = raster_tap_ns();
+        let reading = tap_ns / known.raster_tap_ns;
+        let sum_ns = sum_ns();
+        let model = Self {
+            name: name.into(),
+            transform_ns: transform_ns(),
+            map_transform_ns: map_transform_ns(),
+            piece_ns: piece_ns / (DEGREE + 1) as f64,
+            leaf_piece_ns: piece_ns,
+            tile_pulse_ns: tiles * known.tile_pulse_ns,
+            tile_group_ns: tiles * known.tile_group_ns,
+            coarse_group_ns: tiles * known.coarse_group_ns,
+            narrow_plane_ns: tiles * known.narrow_plane_ns,
+            wide_plane_ns: tiles * known.wide_plane_ns,
+            scattered_plane_ns: tiles * known.scattered_plane_ns,
+            leaf_pulse_ns: tiles * known.leaf_pulse_ns,
+            leaf_group_ns: tiles * known.leaf_group_ns,
+            point_ns,
+            blurred_point_ns: slower * known.blurred_point_ns,
+            turn_ns,
+            pulse_tap_ns,
+            sample_tap_ns,
+            history_pulse_ns: slower * known.history_pulse_ns,
+            patch_ns: slower * known.patch_ns,
+            compensation_ns: compensation_ns(),
+            map_pixel_ns: reading * known.map_pixel_ns,
+            map_tap_ns: reading * known.map_tap_ns,
+            sum_ns,
+            swept_sum_ns: slower * known.swept_sum_ns,
+            raster_tap_ns: tap_ns,
+            phasor_ns,
+        };
+        debug_assert_eq!(model.check(), Ok(()));
+        model
+    }
+}
+
+/// Nanoseconds each of `count` that `work` does, in the shortest of its runs: a time, whatever the clock says.
+fn shortest_ns(count: usize, mut work: impl FnMut()) -> f64 {
+    let begun = Instant::now();
+    let mut shortest = Duration::MAX;
+    while begun.elapsed() < TURN {
+        let start = Instant::now();
+        work();
+        shortest = shortest.min(start.elapsed());
+    }
+    let each_ns = 1e9 * shortest.as_secs_f64() / count as f64;
+    each_ns.clamp(1e3 * TIMES_NS.start(), 1e-3 * TIMES_NS.end())
+}
+
+fn noise(count: usize) -> Vec<Complex32> {
+    let value = |i: usize| phasor((i * i % 1009) as f64 * 0.618_034);
+    (0..count)
+        .map(|i| Complex32::new(value(i).re as f32, value(i).im as f32))
+        .collect()
+}
+
+/// A sum of phasors, so that none can be left out.
+fn phasor_ns() -> f64 {
+    const COUNT: usize = 4096;
+    shortest_ns(COUNT, || {
+        let turns = |i: usize| i as f64 * 0.372_1;
+        let sum: Complex64 = (0..COUNT).map(|i| phasor(turns(black_box(i)))).sum();
+        black_box(sum);
+    })
+}
+
+/// By a range profile.
+fn transform_ns() -> f64 {
+    let window = vec![1.0; 256];
+    let profiler = RangeProfiler::new(DEGREE, &window, 4.0, Transforms::Fastest);
+    let length = profiler.length();
+    let pulse = noise(window.len());
+    let mut profile = vec![Complex32::ZERO; length + 1];
+    let mut scratch = vec![Complex32::ZERO; profiler.scratch_length()];
+    let steps = length as f64 * libm::log2(length as f64);
+    shortest_ns(1, || profiler.profile(&pulse, &mut profile, &mut scratch)) / steps
+}
+
+/// By two transforms of a patch's slow time, their results put in place.
+fn map_transform_ns() -> f64 {
+    let (inputs, outputs) = (64, 40);
+    let shape = Shape {
+        inputs,
+        input_centre: 31.5,
+        input_drift: 0.0,
+        outputs,
+        output_centre: 20.0,
+        spacing: 1.0 / 128.0,
+    };
+    let dft = ScaledDft::new(Transforms::Fastest, &[1.0], shape, |_, _| 1.0);
+    let samples = noise(inputs);
+    let mut scratch = vec![Complex32::ZERO; dft.scratch_length()];
+    let mut row = vec![Complex32::ZERO; outputs];
+    let length = (inputs + outputs) as f64;
+    let steps = 2.0 * length * libm::log2(length);
+    let once_ns = shortest_ns(16, || {
+        for _ in 0..16 {
+            dft.transform(0, &samples, &mut scratch, |d, value| row[d] = value);
+        }
+        black_box(&row);
+    });
+    once_ns / steps
+}
+
+/// How many times the default model's time a tile takes; of a point, and of a piece, nanoseconds.
+fn backprojection() -> (f64, f64, f64) {
+    let instructions = Instructions::best();
+    let raster = Raster {
+        centre_m: [0.0; 3],
+        along_m: [0.2, 0.0, 0.0],
+        across_m: [0.0, 0.2, 0.0],
+        rows: SIDE,
+        columns: SIDE,
+    };
+    let bin_m = 0.125;
+    let pulse = |n: usize| {
+        let at_m = [n as f64 * 0.1, 1732.0, 1000.0];
+        TilePulse {
+            antennas: Antennas {
+                transmitter_m: at_m,
+                receiver_m: at_m,
+                datum_m: 4000.0,
+            },
+            turns_m: 1.0 / (bin_m * BINS as f64),
+            cycles_a_bin: 33.3 * bin_m,
+        }
+    };
+    let pulses: Vec<TilePulse> = (0..PULSES).map(pulse).collect();
+    let layout = Pieces::new(DEGREE, BINS, Pieces::margin_for(&raster, 1.0 / bin_m));
+    let carrier = Carrier::new(&layout, pulses[0].cycles_a_bin);
+    let profile = noise(BINS);
+    let mut pieces = vec![0.0; PULSES * layout.values()];
+    let own = &mut pieces[..layout.values()];
+    let piece_ns = shortest_ns(layout.row(), || {
+        layout.make(instructions, &profile, &carrier, 1.0, own);
+    });
+    let mut tile = TileScratch::default();
+    let mut sums = vec![Complex32::ZERO; SIDE * SIDE];
+    let took_ns = shortest_ns(PULSES, || {
+        tile.look(BINS, &pulses, &raster);
+        tile.add(instructions, &layout, false, &pulses, &pieces, &mut sums);
+    });
+    let known = TimeModel::DEFAULT;
+    let group_ns = known.tile_group_ns + known.narrow_plane_ns * (DEGREE + 1) as f64;
+    let foretold_ns = known.tile_pulse_ns + group_ns * (SIDE * SIDE / GROUP) as f64;
+    let mut points = Points::default();
+    for i in 0..SIDE * SIDE {
+        points.push([0.2 * (i % SIDE) as f64, 0.2 * (i / SIDE) as f64, 0.0]);
+    }
+    let own = &pieces[..layout.values()];
+    let point_ns = shortest_ns(points.len(), || {
+        add_points(instructions, &layout, &pulses[0], own, &points, &mut sums);
+    });
+    black_box(&sums);
+    (took_ns / foretold_ns, point_ns, piece_ns)
+}
+
+/// Of a sample turned, of a tap over pulses and of one over samples.
+fn halving() -> [f64; 3] {
+    let (num_pulses, num_samples) = (64, 256);
+    let layout = Layout::new(num_samples);
+    let values = vec![0.5; num_pulses * layout.values()];
+    let turnings = vec![
+        Turning {
+            start: 0.3,
+            step: 0.01,
+        };
+        num_pulses
+    ];
+    let took_ns = |pulses: bool, samples: bool| {
+        let halving = Halving {
+            pulses,
+            samples,
+            layout,
+            rows: Rows::Planes(&values),
+            first: 0,
+            turnings: &turnings,
+        };
+        let count = match pulses {
+            true => halved(num_pulses, HALVING_TAPS),
+            false => num_pulses,
+        };
+        let mut out = vec![0.0; count * halving.after(HALVING_TAPS).values()];
+        let mut scratch = HalvingScratch::default();
+        let took_ns = shortest_ns(1, || {
+            let taps = [0.1f32; HALVING_TAPS];
+            halving.make(Instructions::best(), &taps, 0, &mut out, &mut scratch);
+        });
+        (took_ns, out.len() as f64 / 2.0)
+    };
+    let samples = (num_pulses * num_samples) as f64;
+    let (turn_ns, _) = took_ns(false, false);
+    let taps = (HALVING_TAPS + 1) as f64;
+    // Turning is part of either; of what is so small little is left at the least.
+    let tap_ns = |(halved_ns, after): (f64, f64)| {
+        (halved_ns - turn_ns).max(0.1 * halved_ns) / (taps * after)
+    };
+    [
+        turn_ns / samples,
+        tap_ns(took_ns(true, false)),
+        tap_ns(took_ns(false, true)),
+    ]
+}
+
+fn compensation_ns() -> f64 {
+    let (num_samples, stride) = (512, 64);
+    let samples = noise(num_samples);
+    let weights = vec![0.9f32; num_samples];
+    let mut matrix = vec![Complex32::ZERO; num_samples * stride];
+    shortest_ns(num_samples * stride, || {
+        for column in 0..stride {
+            let ramp = Ramp::new(0.1 * column as f64, 0.013, 1.0);
+            refer_to_column(&samples, &weights, ramp, &mut matrix[column..], stride);
+        }
+        black_box(&matrix);
+    })
+}
+
+fn raster_tap_ns() -> f64 {
+    let side = 128;
+    let values = noise(side * side);
+    let weights = [0.2f32; RASTER_TAPS];
+    let count = 1024;
+    let taps = count * RASTER_TAPS * RASTER_TAPS;
+    shortest_ns(taps, || {
+        let place = |i: usize| [i * 37 % (side - RASTER_TAPS), i * 91 % (side - RASTER_TAPS)];
+        let sum: Complex32 = (0..count)
+            .map(|i| weighted(&values, side, place(i), [&weights, &weights]))
+            .sum();
+        black_box(sum);
+    })
+}
+
+fn sum_ns() -> f64 {
+    let row = noise(1024);
+    let weights = vec![1.0; row.len()];
+    let steps = [Complex64::new(0.6, 0.8); horner::TOGETHER];
+    shortest_ns(row.len() * horner::TOGETHER, || {
+        black_box(horner::sums(Instructions::best(), &row, &weights, &steps));
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two measurements of one machine, which may be at other work: within a factor of 100 of each other and of the default.
+    #[test]
+    fn a_measured_model_is_of_times() {
+        let begun = Instant::now();
+        let model = TimeModel::measured("here".to_owned());
+        assert!(begun.elapsed() < Duration::from_secs(20));
+        model.check().unwrap();
+        let numbers = |model: &TimeModel| -> Vec<(String, f64)> {
+            let json = serde_json::to_value(model).unwrap();
+            let entries = json.as_object().unwrap().iter();
+            let numbers = entries.filter_map(|(key, value)| Some((key.clone(), value.as_f64()?)));
+            numbers.collect()
+        };
+        for ((key, got), (_, known)) in numbers(&model).iter().zip(numbers(&TimeModel::DEFAULT)) {
+            println!("{key}: {got:.3} here, {known} by default");
+            assert!(got / known < 100.0 && known / got < 100.0, "{key}");
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! With `-v`: what each stage of forming an image will cost, and then what it did cost.
+
+use subaperture::focus::Cost;
+use subaperture::focus::stages::{Taken, Timed, Times};
+use subaperture::monitor::Monitor;
+use subaperture::quantity::seconds;
+
+use crate::config::Session;
+
+/// Before the work: by the former's own account and its time model.
+pub(crate) fn foretell(session: &Session, cost: &Cost) {
+    for stage in &cost.stages {
+        session.note(1, || {
+            let (name, operations) = (&stage.name, stage.operations);
+            let time = duration(stage.core_s);
+            format!("stage {name:<28} {operations:.1e} operations, about {time} of a core")
+        });
+    }
+    session.note(1, || {
+        let all = duration(cost.core_s());
+        let threads = session.threads;
+        let each = duration(cost.core_s() / threads as f64);
+        format!("all stages about {all} of a core, {each} on {threads}, reading apart")
+    });
+}
+
+/// Forms by `form`, which is given a monitor that does what `monitor` does; and says what stages took.
+pub(crate) fn measured<T>(
+    session: &Session,
+    monitor: &dyn Monitor,
+    form: impl FnOnce(&dyn Monitor) -> T,
+) -> T {
+    if session.verbosity() == 0 {
+        return form(monitor);
+    }
+    let times = Times::default();
+    let formed = form(&Timed {
+        monitor,
+        times: &times,
+    });
+    for Taken {
+        stage,
+        threads,
+        clock,
+    } in times.taken()
+    {
+        session.note(1, || {
+            let [threads, clock] = [threads, clock].map(|time| duration(time.as_secs_f64()));
+            format!("stage {stage:<28} took {threads} of a core, {clock} on the clock")
+        });
+    }
+    formed
+}
+
+/// Two digits are what it is good for.
+fn duration(duration_s: f64) -> String {
+    let rounded = format!("{duration_s:.1e}").parse();
+    seconds(rounded.unwrap_or(duration_s))
+}

@@ -1,0 +1,224 @@
+//! Images of the same bits on every machine: by portable transforms, which are the sum that defines them.
+//!
+//! Nothing here is taken from the platform: geometry is of sums and products, and samples are of whole numbers. So the digests below are
+//! those of any machine, and a machine that has others is one on which something else decides bits.
+
+use num_complex::{Complex32, Complex64};
+use subaperture::focus::formers::former;
+use subaperture::focus::plan::{InMemory, Request};
+use subaperture::focus::{Formed, Means, Misses, Plan, SCRATCH_BYTES, Task, Transforms, Work};
+use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::glam::DVec3;
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{self, Collection, PhaseHistory, Pulse, Sweep, Weights};
+use subaperture::signal::window::Window;
+
+/// What is formed, and the digest of its pixels.
+const IMAGES: [(&str, &str, u64); 8] = [
+    ("exact", "{}", 0x6a3d_7ee8_4020_87ef),
+    ("bp", "{}", 0x44fc_1ebe_090a_a8b5),
+    ("rdbp", "{}", 0x502c_5b10_942e_b365),
+    (
+        "rdbp",
+        r#"{ "mode": { "thesis": {} } }"#,
+        0xd2d3_2b0b_6f66_29ac,
+    ),
+    ("ffbp", "{}", 0xcb25_c851_a5c9_2df4),
+    ("pfa", "{}", 0x05d8_e9f0_04a8_1548),
+    ("omega-k", "{}", 0x3fdf_f47b_04d2_1c07),
+    ("rda", "{}", 0x56a2_f0c7_8c01_8ae7),
+];
+
+/// Numbers from -1 to 1, of which float32 holds every digit.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005);
+        self.0 = self.0.wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 44) as f32 / 524_288.0 - 1.0
+    }
+}
+
+/// Of a straight, even track, 1 km off, and a scene like noise.
+fn history() -> phase_history::InMemory {
+    let (num_pulses, num_samples) = (300, 120);
+    let pulse = |n: usize| {
+        let antenna_m = DVec3::new(0.25 * n as f64 - 37.4, -1000.0, 300.0);
+        Pulse {
+            time_s: 0.002 * n as f64,
+            transmitter_m: antenna_m,
+            receiver_m: antenna_m,
+            reference_m: DVec3::ZERO,
+            reference_path_m: 2.0 * antenna_m.length(),
+            start_hz: 5e9,
+            step_hz: 1e6,
+            sweep: Sweep::AT_ONCE,
+        }
+    };
+    let collection = Collection {
+        name: "portable".to_owned(),
+        num_samples,
+        pulses: (0..num_pulses).map(pulse).collect(),
+        frame: SceneFrame::Local,
+        extent: None,
+        timed: true,
+    };
+    let mut numbers = Numbers(7);
+    let samples = (0..num_pulses * num_samples)
+        .map(|_| Complex32::new(numbers.next(), numbers.next()))
+        .collect();
+    phase_history::InMemory::new(collection, samples).unwrap()
+}
+
+fn grid() -> ImageGrid {
+    "x=-20:20:0.7,y=-24:24:0.9,yaw=11".parse().unwrap()
+}
+
+fn formed(name: &str, settings: &str, means: Means) -> Formed {
+    let settings = serde_json::from_str(settings).unwrap();
+    let history = history();
+    let windows = Weights::new(history.collection(), Window::Hamming, Window::default());
+    let task = Task {
+        history: &history,
+        grid: &grid(),
+        weights: &windows,
+        memory_bytes: 1 << 30,
+        monitor: &Silent,
+        means,
+    };
+    former(name, &settings).unwrap().form_best(&task).unwrap()
+}
+
+/// FNV-1a over all bits.
+fn digest(pixels: &[Complex32]) -> u64 {
+    let numbers = pixels.iter().flat_map(|z| [z.re, z.im]);
+    let bytes = numbers.flat_map(|x| x.to_bits().to_le_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+/// A digest that changes on purpose is written anew from what this prints.
+#[test]
+fn images_have_the_bits_that_are_stated() {
+    let mut wrong = Vec::new();
+    for (name, settings, stated) in IMAGES {
+        let image = formed(name, settings, Means::default().portable());
+        assert_eq!(image.settings["transforms"], "portable");
+        let got = digest(&image.image.pixels);
+        println!("{name} {settings}: {got:#018x}");
+        if got != stated {
+            wrong.push(format!("{name} {settings}: {got:#018x}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// The fastest and the portable transforms err by float32 each: images are as far apart as two that keep what is planned.
+#[test]
+fn portable_images_are_the_fastest_ones_to_the_planned_error() {
+    for (name, settings, _) in IMAGES {
+        let portable = formed(name, settings, Means::default().portable());
+        let fastest = formed(name, settings, Means::default());
+        assert_eq!(fastest.settings["transforms"], "fastest");
+        let (mut error, mut power) = (0.0, 0.0);
+        for (a, b) in portable.image.pixels.iter().zip(&fastest.image.pixels) {
+            error += f64::from((a - b).norm_sqr());
+            power += f64::from(b.norm_sqr());
+        }
+        let apart_db = 10.0 * (error / power).log10();
+        println!(
+            "{name} {settings}: {apart_db:.1} dB apart, {:.1} dB predicted",
+            fastest.predicted_error_db
+        );
+        // Two errors of the same size, that have nothing to do with each other, are 3 dB more than one.
+        assert!(
+            power > 0.0 && apart_db < fastest.predicted_error_db.max(-140.0) + 3.1,
+            "{name}"
+        );
+        // In fact they share all but the rounding of transforms, and what is planned is -60 dB.
+        assert!(apart_db < -100.0, "{name}: {apart_db}");
+    }
+}
+
+/// Whoever carries a plan out has the transforms that it was made with.
+#[test]
+fn a_plan_carries_its_transforms() {
+    let history = history();
+    let grid = grid();
+    let former = former("omega-k", &serde_json::json!({})).unwrap();
+    let request = Request {
+        collection: history.collection(),
+        grid: &grid,
+        fast: Window::Hamming,
+        slow: Window::default(),
+        scratch_bytes: SCRATCH_BYTES,
+        misses: Misses::Allowed,
+        means: Means::default().portable(),
+    };
+    let text = Plan::new(&*former, &request, &Silent).unwrap().to_text();
+    let plan = Plan::from_text(&text).unwrap();
+    assert_eq!(plan.transforms, Transforms::Portable);
+    let weights = plan.weights(history.collection()).unwrap();
+    let opened = plan.open(history.collection(), &weights).unwrap();
+    let work = Work {
+        history: &history,
+        memory_bytes: 1 << 30,
+        monitor: &Silent,
+    };
+    let mut image = InMemory::new(&plan.grid);
+    let all: Vec<usize> = (0..plan.num_tiles()).collect();
+    opened.form(&work, &all, usize::MAX, &mut image).unwrap();
+    let at_once = formed("omega-k", "{}", Means::default().portable());
+    assert!(image.image.pixels == at_once.image.pixels);
+    assert!(Plan::from_text(&text.replace("\"portable\"", "\"quick\"")).is_err());
+}
+
+/// `exp(-j 2 pi i k / n)`, of a number that is reduced exactly.
+fn root(i: usize, k: usize, n: usize) -> Complex64 {
+    Complex64::cis(-std::f64::consts::TAU * (i * k % n) as f64 / n as f64)
+}
+
+/// Lengths of every radix, of products of them, and of other primes. A transform's error is `1e-7 sqrt(log2 n)` of the values'
+/// RMS or so in float32, and 1e-16 of it in float64; those by way of a chirp make three.
+#[test]
+fn portable_transforms_are_their_sum() {
+    let lengths = (1..=80).chain([97, 121, 169, 210, 360, 512, 1001, 1024, 1031, 2048]);
+    for n in lengths {
+        let mut numbers = Numbers(n as u64);
+        let values: Vec<Complex64> = (0..n)
+            .map(|_| Complex64::new(numbers.next().into(), numbers.next().into()))
+            .collect();
+        let sum = |k: usize| -> Complex64 {
+            let terms = values.iter().enumerate();
+            terms.map(|(i, z)| z * root(i, k, n)).sum()
+        };
+        let expected: Vec<Complex64> = (0..n).map(sum).collect();
+        let rms = expected.iter().map(Complex64::norm_sqr).sum::<f64>().sqrt();
+        let apart = |got: Vec<Complex64>| {
+            let squares = got.iter().zip(&expected).map(|(a, b)| (a - b).norm_sqr());
+            squares.sum::<f64>().sqrt() / rms
+        };
+        let allowed = 3.0 * ((n as f64).log2() + 1.0).sqrt();
+
+        let mut wide = values.clone();
+        Transforms::Portable.forward(n).process(&mut wide);
+        assert!(apart(wide.clone()) < allowed * 2e-16, "{n}");
+        Transforms::Portable.inverse(n).process(&mut wide);
+        let back = wide
+            .iter()
+            .zip(&values)
+            .map(|(a, b)| (a / n as f64 - b).norm());
+        assert!(back.fold(0.0, f64::max) < 1e-14, "{n}");
+
+        let narrow = |z: &Complex64| Complex32::new(z.re as f32, z.im as f32);
+        let mut few: Vec<Complex32> = values.iter().map(narrow).collect();
+        Transforms::Portable.forward(n).process(&mut few);
+        let got = few.iter().map(|z| Complex64::new(z.re.into(), z.im.into()));
+        let error = apart(got.collect());
+        assert!(error < allowed * 1e-7, "{n}: {error}");
+    }
+    let empty: &mut [Complex32] = &mut [];
+    Transforms::Portable.forward(0).process(empty);
+}

@@ -1,0 +1,224 @@
+//! What stages are foretold to take, and that formers tell of just these; plans by other times than those that are built in.
+
+use std::time::Instant;
+
+use num_complex::Complex32;
+use subaperture::focus::formers::{FORMERS, former};
+use subaperture::focus::plan::{InMemory, PlanError, Request};
+use subaperture::focus::stages::{READING, SAMPLES, Taken, Timed, Times};
+use subaperture::focus::{Means, Misses, Plan, SCRATCH_BYTES, TimeModel, Work};
+use subaperture::geometry::ImageGrid;
+use subaperture::monitor::Silent;
+use subaperture::phase_history::PhaseHistory;
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Preset, Simulated, Variation};
+
+fn plan(name: &str, settings: &serde_json::Value, history: &Simulated, model: &TimeModel) -> Plan {
+    let former = former(name, settings).unwrap();
+    let grid: ImageGrid = "x=-40:40:0.4,y=-40:40:0.4".parse().unwrap();
+    let request = Request {
+        collection: history.collection(),
+        grid: &grid,
+        fast: Window::Hamming,
+        slow: Window::default(),
+        scratch_bytes: SCRATCH_BYTES,
+        misses: Misses::Allowed,
+        means: Means {
+            model,
+            ..Means::default()
+        },
+    };
+    Plan::new(&*former, &request, &Silent).unwrap()
+}
+
+/// The image of a plan's text, and what its stages took.
+fn formed(plan: &Plan, history: &Simulated) -> (Vec<Complex32>, Vec<Taken>) {
+    let plan = Plan::from_text(&plan.to_text()).unwrap();
+    let weights = plan.weights(history.collection()).unwrap();
+    let opened = plan.open(history.collection(), &weights).unwrap();
+    let times = Times::default();
+    let work = Work {
+        history,
+        memory_bytes: 1 << 30,
+        monitor: &Timed {
+            monitor: &Silent,
+            times: &times,
+        },
+    };
+    let mut image = InMemory::new(&plan.grid);
+    let all: Vec<usize> = (0..plan.num_tiles()).collect();
+    let begun = Instant::now();
+    opened.form(&work, &all, usize::MAX, &mut image).unwrap();
+    let elapsed = begun.elapsed();
+    let taken = times.taken();
+    for stage in &taken {
+        assert!(
+            stage.clock <= elapsed && stage.clock <= stage.threads,
+            "{stage:?}"
+        );
+    }
+    (image.image.pixels, taken)
+}
+
+#[test]
+fn formers_tell_of_the_stages_that_they_foretell() {
+    let history = Preset::Table41.simulate(&Variation::default());
+    let thesis = serde_json::json!({ "mode": { "thesis": {} } });
+    let plain = FORMERS.map(|entry| (entry.name, serde_json::json!({})));
+    for (name, settings) in plain.into_iter().chain([("rdbp", thesis)]) {
+        if name == "exact" {
+            // Its one stage takes half a minute here; its loop is that of the check, too.
+            continue;
+        }
+        let plan = plan(name, &settings, &history, &TimeModel::DEFAULT);
+        let cost = &plan.cost;
+        let stages = cost.stages.iter();
+        let sum: f64 = stages.clone().map(|stage| stage.operations).sum();
+        assert_eq!(sum, cost.operations, "{name}");
+        let shared = stages.clone().filter(|stage| stage.shared);
+        let shared: f64 = shared.map(|stage| stage.operations).sum();
+        assert_eq!(shared, cost.shared_operations, "{name}");
+        let (_, taken) = formed(&plan, &history);
+        let own = taken
+            .iter()
+            .filter(|taken| ![READING, SAMPLES].contains(&taken.stage));
+        let told: Vec<&str> = own.map(|taken| taken.stage).collect();
+        let foretold: Vec<&str> = stages.clone().map(|stage| &*stage.name).collect();
+        assert_eq!(told, foretold, "{name}");
+        assert_eq!(taken.len(), told.len() + 2, "{name}: {taken:?}");
+        for stage in stages {
+            let took = taken
+                .iter()
+                .find(|taken| taken.stage == stage.name)
+                .unwrap();
+            let took_s = took.threads.as_secs_f64();
+            println!(
+                "{name} {}: {:.2e} operations, {:.3} s foretold, {took_s:.3} s taken",
+                stage.name, stage.operations, stage.core_s
+            );
+            // Of a machine that may be at other work, and slower than the model's: no more than that they are times of the same.
+            assert!(stage.core_s > 0.0 && took_s > 0.0);
+            assert!(
+                took_s < 1000.0 * stage.core_s && stage.core_s < 100.0 * took_s,
+                "{name}"
+            );
+        }
+    }
+}
+
+/// Every other number that there is makes another choice, and the image is as good: what a model says bears on time alone.
+#[test]
+fn an_absurd_model_makes_another_plan_that_keeps_its_bound() {
+    let history = Preset::Table41.simulate(&Variation::default());
+    let nothing = serde_json::json!({});
+    let exact = plan("exact", &nothing, &history, &TimeModel::DEFAULT);
+    let (exact, _) = formed(&exact, &history);
+    let models = [
+        TimeModel {
+            name: "leaves for nothing".into(),
+            leaf_group_ns: 1e-6,
+            leaf_pulse_ns: 1e-6,
+            leaf_piece_ns: 1e-6,
+            transform_ns: 1e-6,
+            tile_pulse_ns: 1e12,
+            map_transform_ns: 1e-6,
+            ..TimeModel::DEFAULT
+        },
+        TimeModel {
+            name: "histories for nothing".into(),
+            turn_ns: 1e-6,
+            pulse_tap_ns: 1e-6,
+            sample_tap_ns: 1e-6,
+            patch_ns: 1e-6,
+            transform_ns: 1e12,
+            piece_ns: 1e12,
+            compensation_ns: 1e-6,
+            map_transform_ns: 1e9,
+            ..TimeModel::DEFAULT
+        },
+    ];
+    for name in ["bp", "ffbp", "rdbp"] {
+        let default = plan(name, &nothing, &history, &TimeModel::DEFAULT);
+        let others = models
+            .each_ref()
+            .map(|model| plan(name, &nothing, &history, model));
+        let choice = |plan: &Plan| {
+            let mut choice = plan.summary.clone();
+            choice.as_object_mut().unwrap().remove("time_model");
+            choice
+        };
+        let changed = others
+            .iter()
+            .filter(|other| choice(other) != choice(&default));
+        assert!(changed.count() > 0, "{name}: {}", default.summary);
+        for (other, model) in others.iter().zip(&models) {
+            assert_eq!(other.time_model, *model);
+            assert_eq!(other.summary["time_model"], serde_json::json!(model));
+            let (image, _) = formed(other, &history);
+            let (mut error, mut power) = (0.0, 0.0);
+            for (a, b) in image.iter().zip(&exact) {
+                error += f64::from((a - b).norm_sqr());
+                power += f64::from(b.norm_sqr());
+            }
+            let error_db = 10.0 * (error / power).log10();
+            println!(
+                "{name}, {}: {error_db:.1} dB by {}",
+                model.name,
+                choice(other)
+            );
+            assert!(other.planned_db <= -60.0 && error_db <= -60.0, "{name}");
+        }
+    }
+}
+
+/// Choices of the default model, of which no machine has a say.
+#[test]
+fn the_default_plan_is_of_no_machine() {
+    let history = Preset::Table41.simulate(&Variation::default());
+    let model = TimeModel::measured("here".to_owned());
+    assert_ne!(model, TimeModel::DEFAULT);
+    for entry in &FORMERS {
+        let nothing = serde_json::json!({});
+        let former = former(entry.name, &nothing).unwrap();
+        let grid: ImageGrid = "x=-40:40:0.4,y=-40:40:0.4".parse().unwrap();
+        let request = Request {
+            collection: history.collection(),
+            grid: &grid,
+            fast: Window::Hamming,
+            slow: Window::default(),
+            scratch_bytes: SCRATCH_BYTES,
+            misses: Misses::Allowed,
+            means: Means::default(),
+        };
+        let default = Plan::new(&*former, &request, &Silent).unwrap();
+        assert_eq!(default.time_model, TimeModel::DEFAULT);
+        assert_eq!(default.summary["time_model"], "default");
+        // That this machine was measured changes nothing of it.
+        assert_eq!(
+            default,
+            plan(entry.name, &nothing, &history, &TimeModel::DEFAULT)
+        );
+        let own = plan(entry.name, &nothing, &history, &model);
+        assert_eq!(own.summary["time_model"]["name"], "here");
+        assert_eq!(own.cost.operations > 0.0, default.cost.operations > 0.0);
+    }
+}
+
+#[test]
+fn plans_with_times_that_are_none_are_refused() {
+    let history = Preset::Table41.simulate(&Variation::default());
+    let plan = plan("bp", &serde_json::json!({}), &history, &TimeModel::DEFAULT);
+    let text = plan.to_text();
+    for wrong in ["-9.0", "0.0", "1e13", "1e-9"] {
+        let other = text.replace("\"point_ns\": 9.0", &format!("\"point_ns\": {wrong}"));
+        assert_ne!(other, text);
+        let error = Plan::from_text(&other).unwrap_err();
+        assert!(matches!(error, PlanError::Model(_)), "{error}");
+        assert!(
+            error
+                .to_string()
+                .contains("point_ns of the time model 'default'"),
+            "{error}"
+        );
+    }
+}
