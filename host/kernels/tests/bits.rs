@@ -3,8 +3,9 @@
 //! seen in the tests' messages.
 
 use num_complex::{Complex32, Complex64};
-use subaperture_kernels::horner::{NARROW_TOGETHER, TOGETHER, narrow_sums, power, sums};
+use subaperture_kernels::horner::{NARROW_TOGETHER, TOGETHER, narrow_sums, sums};
 use subaperture_kernels::lanes::Instructions;
+use subaperture_kernels::power::power;
 use subaperture_kernels::tile::DEGREES;
 
 use crate::halving::{Case, WAYS};
