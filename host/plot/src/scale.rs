@@ -71,11 +71,11 @@ fn from_data(powers: &[f64], top_db: Option<f64>, span_db: Option<f64>) -> (f64,
     if seen.is_empty() {
         return (top_db.unwrap_or(0.0), span_db.unwrap_or(60.0));
     }
-    seen.sort_unstable_by(f64::total_cmp);
-    let last = seen.len() - 1;
-    let db = |rank: usize| 10.0 * seen[rank].log10();
-    let top_db = top_db.unwrap_or_else(|| db(last).ceil());
-    let bottom_db = (db(last / 2) - 6.0).floor();
+    let peak = seen.iter().copied().fold(0.0, f64::max);
+    let middle = (seen.len() - 1) / 2;
+    let (_, median, _) = seen.select_nth_unstable_by(middle, f64::total_cmp);
+    let top_db = top_db.unwrap_or_else(|| (10.0 * peak.log10()).ceil());
+    let bottom_db = (10.0 * median.log10() - 6.0).floor();
     let span_db = span_db.unwrap_or_else(|| (top_db - bottom_db).clamp(40.0, 60.0));
     (top_db, span_db)
 }
