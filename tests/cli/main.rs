@@ -19,5 +19,6 @@ mod recordings;
 mod results;
 mod simulate;
 mod sources;
+mod statistics;
 mod tiles;
 mod usage;

@@ -162,41 +162,46 @@ const LIKE_OPTIONS: [(&str, &str); 3] = [
     ),
 ];
 
-/// Messages of the library say what is wrong and what would help; how that is typed is the command's to say
-/// (`host/subap/src/advice.rs`).
-#[test]
-fn the_command_alone_names_options() {
-    let mut used = [false; LIKE_OPTIONS.len()];
+/// Of these sources, lines of code that are like what is looked for stand only where it is known why, and there they do. How many sources these are.
+fn stands_only_where_known(
+    sources: impl Iterator<Item = PathBuf>,
+    is_like: impl Fn(&str) -> bool,
+    known: &[(&str, &str)],
+) -> usize {
+    let mut used = vec![false; known.len()];
     let mut strays = Vec::new();
     let mut searched = 0;
-    for path in sources(&root().join("host")) {
+    for path in sources {
         let name = path.strip_prefix(root()).unwrap();
-        let is_library = !name.starts_with("host/subap") && name.iter().any(|part| part == "src");
-        if !is_library {
-            continue;
-        }
-        searched += 1;
         let text = fs::read_to_string(&path).unwrap();
-        for (number, line) in code(&text) {
-            // No operator of the language is written so.
-            let mut parts = line.split("--").skip(1);
-            if !parts.any(|rest| rest.starts_with(|c: char| c.is_ascii_lowercase())) {
-                continue;
-            }
-            match LIKE_OPTIONS
-                .iter()
-                .position(|(place, _)| name == Path::new(place))
-            {
+        searched += 1;
+        for (number, line) in code(&text).filter(|(_, line)| is_like(line)) {
+            match known.iter().position(|(place, _)| name == Path::new(place)) {
                 Some(known) => used[known] = true,
                 None => strays.push(format!("{}:{number}: {line}", name.display())),
             }
         }
     }
     assert!(strays.is_empty(), "{strays:#?}");
-    assert!(
-        used.iter().all(|used| *used) && searched > 200,
-        "{used:?} {searched}"
-    );
+    assert!(used.iter().all(|used| *used), "{known:?}: {used:?}");
+    searched
+}
+
+/// Messages of the library say what is wrong and what would help; how that is typed is the command's to say
+/// (`host/subap/src/advice.rs`).
+#[test]
+fn the_command_alone_names_options() {
+    let library = sources(&root().join("host")).into_iter().filter(|path| {
+        let name = path.strip_prefix(root()).unwrap();
+        !name.starts_with("host/subap") && name.iter().any(|part| part == "src")
+    });
+    let is_like = |line: &str| {
+        // No operator of the language is written so.
+        let mut parts = line.split("--").skip(1);
+        parts.any(|rest| rest.starts_with(|c: char| c.is_ascii_lowercase()))
+    };
+    let searched = stands_only_where_known(library, is_like, &LIKE_OPTIONS);
+    assert!(searched > 200, "{searched}");
 }
 
 /// From a recording to an image: what bears on its bits.
@@ -252,38 +257,15 @@ const BESIDE_BITS: [(&str, &str); 4] = [
 /// Images by portable transforms are the same bits on every machine, and so are plans of all.
 #[test]
 fn what_bears_on_bits_takes_nothing_of_the_platform() {
-    let mut used = [false; BESIDE_BITS.len()];
-    let mut strays = Vec::new();
-    let mut searched = 0;
-    for package in BEARING_ON_BITS {
-        for path in sources(&root().join("host").join(package).join("src")) {
-            let name = path.strip_prefix(root()).unwrap();
-            // What tests count or draw.
-            let is_of_tests = ["counted.rs", "tests.rs", "trial.rs"];
-            if is_of_tests.iter().any(|test| name.ends_with(test)) {
-                continue;
-            }
-            searched += 1;
-            let text = fs::read_to_string(&path).unwrap();
-            for (number, line) in code(&text) {
-                if !OF_THE_PLATFORM.iter().any(|word| line.contains(word)) {
-                    continue;
-                }
-                match BESIDE_BITS
-                    .iter()
-                    .position(|(place, _)| name == Path::new(place))
-                {
-                    Some(known) => used[known] = true,
-                    None => strays.push(format!("{}:{number}: {line}", name.display())),
-                }
-            }
-        }
-    }
-    assert!(strays.is_empty(), "{strays:#?}");
-    assert!(
-        used.iter().all(|used| *used) && searched > 150,
-        "{used:?} {searched}"
-    );
+    // What tests count or draw.
+    const OF_TESTS: [&str; 3] = ["counted.rs", "tests.rs", "trial.rs"];
+    let bearing = BEARING_ON_BITS
+        .iter()
+        .flat_map(|package| sources(&root().join("host").join(package).join("src")))
+        .filter(|path| !OF_TESTS.iter().any(|test| path.ends_with(test)));
+    let is_like = |line: &str| OF_THE_PLATFORM.iter().any(|word| line.contains(word));
+    let searched = stands_only_where_known(bearing, is_like, &BESIDE_BITS);
+    assert!(searched > 150, "{searched}");
 }
 
 /// Arrows between files of a crate lead one way, as those between crates do.

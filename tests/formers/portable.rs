@@ -12,6 +12,7 @@ use subaperture::glam::DVec3;
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{self, Collection, PhaseHistory, Pulse, Sweep, Weights};
 use subaperture::signal::window::Window;
+use subaperture_tests::digest;
 
 /// What is formed, and the digest of its pixels.
 const IMAGES: [(&str, &str, u64); 8] = [
@@ -90,13 +91,10 @@ fn formed(name: &str, settings: &str, means: Means) -> Formed {
     former(name, &settings).unwrap().form_best(&task).unwrap()
 }
 
-/// FNV-1a over all bits.
-fn digest(pixels: &[Complex32]) -> u64 {
+/// Of all bits.
+fn digest_of(pixels: &[Complex32]) -> u64 {
     let numbers = pixels.iter().flat_map(|z| [z.re, z.im]);
-    let bytes = numbers.flat_map(|x| x.to_bits().to_le_bytes());
-    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-    })
+    digest(numbers.flat_map(|x| x.to_bits().to_le_bytes()))
 }
 
 /// A digest that changes on purpose is written anew from what this prints.
@@ -106,7 +104,7 @@ fn images_have_the_bits_that_are_stated() {
     for (name, settings, stated) in IMAGES {
         let image = formed(name, settings, Means::default().portable());
         assert_eq!(image.settings["transforms"], "portable");
-        let got = digest(&image.image.pixels);
+        let got = digest_of(&image.image.pixels);
         println!("{name} {settings}: {got:#018x}");
         if got != stated {
             wrong.push(format!("{name} {settings}: {got:#018x}"));

@@ -14,6 +14,14 @@ use subaperture::signal::window::Window;
 use subaperture::simulate::{Preset, Simulated, Variation};
 
 fn plan(name: &str, settings: &serde_json::Value, history: &Simulated, model: &TimeModel) -> Plan {
+    let means = Means {
+        model,
+        ..Means::default()
+    };
+    plan_by(name, settings, history, means)
+}
+
+fn plan_by(name: &str, settings: &serde_json::Value, history: &Simulated, means: Means) -> Plan {
     let former = former(name, settings).unwrap();
     let grid: ImageGrid = "x=-40:40:0.4,y=-40:40:0.4".parse().unwrap();
     let request = Request {
@@ -23,10 +31,7 @@ fn plan(name: &str, settings: &serde_json::Value, history: &Simulated, model: &T
         slow: Window::default(),
         scratch_bytes: SCRATCH_BYTES,
         misses: Misses::Allowed,
-        means: Means {
-            model,
-            ..Means::default()
-        },
+        means,
     };
     Plan::new(&*former, &request, &Silent).unwrap()
 }
@@ -179,18 +184,7 @@ fn the_default_plan_is_of_no_machine() {
     assert_ne!(model, TimeModel::DEFAULT);
     for entry in &FORMERS {
         let nothing = serde_json::json!({});
-        let former = former(entry.name, &nothing).unwrap();
-        let grid: ImageGrid = "x=-40:40:0.4,y=-40:40:0.4".parse().unwrap();
-        let request = Request {
-            collection: history.collection(),
-            grid: &grid,
-            fast: Window::Hamming,
-            slow: Window::default(),
-            scratch_bytes: SCRATCH_BYTES,
-            misses: Misses::Allowed,
-            means: Means::default(),
-        };
-        let default = Plan::new(&*former, &request, &Silent).unwrap();
+        let default = plan_by(entry.name, &nothing, &history, Means::default());
         assert_eq!(default.time_model, TimeModel::DEFAULT);
         assert_eq!(default.summary["time_model"], "default");
         // That this machine was measured changes nothing of it.

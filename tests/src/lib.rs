@@ -18,6 +18,13 @@ pub mod tiny_disk;
 
 use subaperture::image::Image;
 
+/// FNV-1a, 64 bits.
+pub fn digest(bytes: impl IntoIterator<Item = u8>) -> u64 {
+    bytes.into_iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
 /// Relative RMS error of `image` against `reference`, dB. Apart from the library's own comparison.
 ///
 /// # Panics

@@ -12,6 +12,7 @@ use subaperture_core::stream::{
     BlockFloat, Capacity, Engine, FixedEngine, MapSamples, Patch, SetupError, Work,
 };
 use subaperture_core::{LengthError, Sc16};
+use subaperture_tests::digest;
 
 type Scene = (&'static str, fn(&Case) -> Vec<Complex64>);
 
@@ -223,9 +224,7 @@ fn bits_do_not_change() {
     let (values, bits, saturated) = run(&case);
     assert_eq!(saturated, 0);
     assert!(signal_to_error_db(&values, &case.exact()) > 70.0);
-    let hash = bits.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
-        (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
-    });
+    let hash = digest(bits);
     assert_eq!(hash, 0x341b_64ac_769a_5c49, "{hash:#018x}");
 }
 

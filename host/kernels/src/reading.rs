@@ -17,6 +17,9 @@ use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 use crate::paths::Line;
 use crate::phasor::{Polynomials, ROUND_F64};
 
+/// Lines read at a time: other instructions cannot be entered for a few at no cost.
+const RUN: usize = 4 * GROUP;
+
 /// The weighted sum of the `W x W` elements of `values`, rows of `row_length`, from a row and column on.
 ///
 /// # Panics
@@ -79,21 +82,17 @@ impl<const W: usize> Map<'_, W> {
         let row_length = self.length + W - 1;
         let bins = self.values.len() / row_length;
         let mut read = Read {
-            values: [Complex32::ZERO; GROUP],
-            missed: [true; GROUP],
+            values: [Complex32::ZERO; RUN],
+            missed: [true; RUN],
         };
-        for (group, (lines, pixels)) in lines
-            .chunks(GROUP)
-            .zip(pixels.chunks_mut(GROUP))
-            .enumerate()
-        {
+        for (run, (lines, pixels)) in lines.chunks(RUN).zip(pixels.chunks_mut(RUN)).enumerate() {
             if bins >= W {
                 read = instructions.run(At { map: self, lines });
             }
             for (i, pixel) in pixels.iter_mut().enumerate() {
                 *pixel += match read.missed[i] {
                     false => read.values[i],
-                    true => beyond(group * GROUP + i),
+                    true => beyond(run * RUN + i),
                 };
             }
         }
@@ -115,11 +114,11 @@ fn below(x: f64) -> f64 {
 
 /// What some lines read, and which of them lie beyond the map.
 struct Read {
-    values: [Complex32; GROUP],
-    missed: [bool; GROUP],
+    values: [Complex32; RUN],
+    missed: [bool; RUN],
 }
 
-/// Up to [`GROUP`] lines, to be read from a map of `W` Doppler bins or more.
+/// Up to [`RUN`] lines, to be read from a map of `W` Doppler bins or more.
 struct At<'a, const W: usize> {
     map: &'a Map<'a, W>,
     lines: &'a [Line],
@@ -136,11 +135,11 @@ impl<const W: usize> Kernel for At<'_, W> {
         let before = (W / 2 - 1) as f64;
         let doppler_bins = map.cycles_m * map.bins_per_cycle;
         let mut read = Read {
-            values: [Complex32::ZERO; GROUP],
-            missed: [false; GROUP],
+            values: [Complex32::ZERO; RUN],
+            missed: [false; RUN],
         };
-        let [mut turns, mut cos, mut sin, mut across, mut along] = [[0.0f32; GROUP]; 5];
-        let [mut bins, mut ranges] = [[0.0f64; GROUP]; 2];
+        let [mut turns, mut cos, mut sin, mut across, mut along] = [[0.0f32; RUN]; 5];
+        let [mut bins, mut ranges] = [[0.0f64; RUN]; 2];
         for (i, line) in lines.iter().enumerate() {
             let cycles = line.path_m * map.cycles_m;
             turns[i] = (cycles - nearest(cycles)) as f32;
@@ -153,7 +152,7 @@ impl<const W: usize> Kernel for At<'_, W> {
             read.missed[i] = !(bins[i] >= 0.0 && bins[i] <= last_bin);
         }
         let phasor = Polynomials::new(lanes);
-        for part in (0..GROUP).step_by(L::COUNT) {
+        for part in (0..lines.len().next_multiple_of(GROUP)).step_by(L::COUNT) {
             let [c, s] = phasor.at(lanes, lanes.load(&turns[part..]));
             lanes.store(c, &mut cos[part..]);
             lanes.store(s, &mut sin[part..]);

@@ -40,27 +40,26 @@ const CORE: [(&str, &str); 7] = [
     ("clippy, core, fixed, selftest", "fixed,selftest"),
 ];
 
-/// The library with each of its features alone: what the command, which names all of them, never builds.
-const LIBRARY: [(&str, &str); 11] = [
-    ("clippy, library without features", ""),
-    ("clippy, library, cphd", "cphd"),
-    ("clippy, library, gotcha", "gotcha"),
-    ("clippy, library, npz", "npz"),
-    ("clippy, library, recording", "recording"),
-    ("clippy, library, simulate", "simulate"),
-    ("clippy, library, quality", "quality"),
-    ("clippy, library, plot", "plot"),
-    ("clippy, library, planner", "planner"),
-    ("clippy, library, autofocus", "autofocus"),
-    ("clippy, library, link", "link"),
+/// The library with some of its features, such that each is there without each other one that it does not bring: what the command,
+/// which names all of them, never builds.
+const LIBRARY: [&str; 7] = [
+    "",
+    "gotcha,npz,link",
+    "simulate,plot,planner",
+    "cphd,autofocus,link",
+    "cphd,gotcha,plot",
+    "npz,quality,planner",
+    "simulate,autofocus",
 ];
 
 /// What is not published.
-const OURS_ALONE: [&str; 6] = [
+const OURS_ALONE: [&str; 8] = [
     "--exclude",
     "subaperture-firmware",
     "--exclude",
     "subaperture-tests",
+    "--exclude",
+    "subaperture-fuzz",
     "--exclude",
     "subaperture-xtask",
 ];
@@ -79,8 +78,6 @@ pub(crate) fn cargo(arguments: &[&str]) -> Command {
 
 pub(crate) fn fmt(runner: &mut Runner) {
     runner.check("format", &mut cargo(&["fmt", "--all", "--check"]));
-    let fuzz = ["fmt", "--manifest-path", "tests/fuzz/Cargo.toml", "--check"];
-    runner.check("format, fuzzing programs", &mut cargo(&fuzz));
 }
 
 pub(crate) fn clippy_host(runner: &mut Runner) {
@@ -88,23 +85,14 @@ pub(crate) fn clippy_host(runner: &mut Runner) {
         "clippy, host",
         cargo(&["clippy", "--workspace", "--exclude", "subaperture-firmware"]).args([
             "--all-targets",
+            // Without the fuzzer itself, for which a C++ compiler would be needed.
+            "--features",
+            "subaperture-fuzz/programs",
             "--locked",
             "--",
             "-D",
             "warnings",
         ]),
-    );
-    // Without the fuzzer itself, for which a C++ compiler would be needed.
-    runner.check(
-        "clippy, fuzzing programs",
-        cargo(&["clippy", "--manifest-path", "tests/fuzz/Cargo.toml"])
-            .args([
-                "--target-dir",
-                "target",
-                "--no-default-features",
-                "--locked",
-            ])
-            .args(["--", "-D", "warnings"]),
     );
 }
 
@@ -120,9 +108,9 @@ pub(crate) fn clippy_core(runner: &mut Runner) {
 }
 
 pub(crate) fn clippy_library(runner: &mut Runner) {
-    for (name, features) in LIBRARY {
+    for features in LIBRARY {
         runner.check(
-            name,
+            "clippy, library, some features",
             cargo(&["clippy", "--package", "subaperture", "--locked"])
                 .args(["--lib", "--examples"])
                 .args(["--no-default-features", "--features", features])
@@ -288,38 +276,60 @@ fn advisories_reachable() -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::{BTreeMap, BTreeSet};
+
     use super::*;
 
-    /// The tables of a manifest that say how tests are compiled: their heads and settings.
-    fn profiles(manifest: &str) -> Vec<(&str, Vec<&str>)> {
-        let mut tables = Vec::new();
-        for line in manifest.lines().filter(|line| !line.starts_with('#')) {
-            if line.starts_with('[') {
-                tables.push((line, Vec::new()));
-            } else if let Some((_, settings)) = tables.last_mut()
-                && !line.is_empty()
-            {
-                settings.push(line);
-            }
-        }
-        tables.retain(|(head, _)| head.starts_with("[profile.dev"));
-        tables
+    /// The library's features, and those that each of them brings.
+    fn features() -> BTreeMap<String, Vec<String>> {
+        let manifest = std::fs::read_to_string(root().join("host/subaperture/Cargo.toml")).unwrap();
+        let lines = manifest.lines().skip_while(|line| *line != "[features]");
+        let lines = lines.skip(1).take_while(|line| line.contains('='));
+        lines
+            .map(|line| {
+                let (name, brings) = line.split_once(" = ").unwrap();
+                let brings = brings.trim_matches(['[', ']']).split(", ");
+                let brings = brings.map(|word| word.trim_matches('"').to_owned());
+                (name.to_owned(), brings.collect())
+            })
+            .collect()
     }
 
-    /// Otherwise cargo checks each package that both have twice.
+    /// With all that they bring.
+    fn with_brought<'a>(
+        names: &[&'a str],
+        all: &'a BTreeMap<String, Vec<String>>,
+    ) -> BTreeSet<&'a str> {
+        let mut found = BTreeSet::new();
+        let mut left = names.to_vec();
+        while let Some(name) = left.pop() {
+            if let Some(brings) = all.get(name)
+                && found.insert(name)
+            {
+                left.extend(brings.iter().map(String::as_str));
+            }
+        }
+        found
+    }
+
     #[test]
-    fn fuzzing_programs_are_compiled_like_the_rest() {
-        let read = |name: &str| std::fs::read_to_string(root().join(name)).unwrap();
-        let lock = read("tests/fuzz/Cargo.lock");
-        let (ours, theirs) = (read("Cargo.toml"), read("tests/fuzz/Cargo.toml"));
-        let mut expected = profiles(&ours);
-        expected.retain(|(head, _)| {
-            let package = head.strip_prefix("[profile.dev.package.");
-            package.is_none_or(|name| {
-                lock.contains(&format!("name = \"{}\"\n", name.trim_end_matches(']')))
-            })
-        });
-        assert!(expected.len() > 1);
-        assert_eq!(profiles(&theirs), expected);
+    fn every_feature_is_looked_at_without_every_other() {
+        let all = features();
+        let sets = LIBRARY.map(|set| with_brought(&set.split(',').collect::<Vec<_>>(), &all));
+        let single: Vec<&str> = all
+            .keys()
+            .map(String::as_str)
+            .filter(|name| !["default", "full"].contains(name))
+            .collect();
+        assert!(single.len() > 8 && sets[0].is_empty(), "{single:?}");
+        for &one in &single {
+            let brought = with_brought(&[one], &all);
+            for other in single.iter().filter(|other| !brought.contains(*other)) {
+                let seen = sets
+                    .iter()
+                    .any(|set| set.contains(one) && !set.contains(other));
+                assert!(seen, "{one} without {other}");
+            }
+        }
     }
 }

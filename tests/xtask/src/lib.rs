@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod firmware;
+pub mod processor;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

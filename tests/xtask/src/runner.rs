@@ -4,6 +4,8 @@ use std::io::{BufRead, BufReader};
 use std::process::{Command, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 
+use subaperture_xtask::processor::{self, Of};
+
 use crate::executables::{self, Run};
 use crate::log::{TestLog, note};
 use crate::prerequisites::{Talk, tell};
@@ -225,7 +227,7 @@ impl Runner {
         for line in self.skipped.iter().chain(&self.failures) {
             println!("{line}");
         }
-        if let Some(seconds) = processor_seconds() {
+        if let Some(seconds) = processor::seconds(Of::Children) {
             println!("{seconds:.0} s of processor time");
         }
         println!("{} passed, {} failed", self.passed, self.failed);
@@ -235,17 +237,6 @@ impl Runner {
             ExitCode::FAILURE
         }
     }
-}
-
-/// What all that we started and that has ended took of the processors, if the system says so: on a busy machine it tells more than
-/// the clock.
-fn processor_seconds() -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // proc(5): fields 16 and 17, in hundredths of a second; the second is a name in brackets.
-    let (_, fields) = stat.rsplit_once(") ")?;
-    let mut ticks = fields.split(' ').skip(13).map(str::parse::<f64>);
-    let (user, system) = (ticks.next()?.ok()?, ticks.next()?.ok()?);
-    Some((user + system) / 100.0)
 }
 
 fn word(outcome: Outcome) -> &'static str {

@@ -18,6 +18,7 @@ use subaperture::monitor::Silent;
 use subaperture::num_complex::{Complex32, Complex64};
 use subaperture::phase_history::PhaseHistory;
 use subaperture::signal::window::Window;
+use subaperture_xtask::processor::{self, Of};
 
 use crate::case::Case;
 use crate::recording::{self, Judged};
@@ -197,15 +198,9 @@ pub(crate) fn measure(case: &Case, asked: &Asked, memory_bytes: u64) -> Result<M
     })
 }
 
-/// Processor time that this process took so far, seconds; 0 where the system does not say.
+/// That of this process so far, seconds; 0 where the system does not say.
 fn processor_seconds() -> f64 {
-    let Ok(stat) = std::fs::read_to_string("/proc/self/stat") else {
-        return 0.0;
-    };
-    // User and system time, in hundredths of a second, are the 12th and 13th after the name.
-    let after = stat.rsplit(')').next().unwrap_or_default();
-    let numbers = after.split_whitespace().skip(11).take(2);
-    numbers.filter_map(|n| n.parse::<f64>().ok()).sum::<f64>() / 100.0
+    processor::seconds(Of::Own).unwrap_or(0.0)
 }
 
 fn note(case: &Case, side: usize, missed: bool, replanned: bool) -> String {

@@ -21,6 +21,7 @@ use subaperture::io::npy::{Array, ArrayWriter, Number, Values};
 use subaperture::num_complex::{Complex32, Complex64};
 use subaperture::phase_history::{Collection, InMemory, Weights};
 use subaperture::signal::window::Window;
+use subaperture_tests::digest;
 
 use crate::case::Case;
 use crate::sums;
@@ -43,10 +44,7 @@ pub(crate) fn place() -> PathBuf {
 
 /// The case's folder.
 fn folder(case: &Case) -> PathBuf {
-    let mut hash = 0xcbf2_9ce4_8422_2325u64;
-    for byte in format!("{FORMAT} {case:?}").bytes() {
-        hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
-    }
+    let hash = digest(format!("{FORMAT} {case:?}").into_bytes());
     place().join(format!("{}-{:08x}", case.name, hash >> 32))
 }
 

@@ -45,6 +45,8 @@ pub(crate) fn run(name: &str, seconds: &str) -> ExitCode {
         "run",
         "--fuzz-dir",
         "tests/fuzz",
+        "--features",
+        "fuzzer",
         "--target-dir",
         "target/fuzz",
         "--sanitizer",

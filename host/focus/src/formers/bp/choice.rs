@@ -146,11 +146,10 @@ struct Candidate {
     pixel_ns: f64,
 }
 
-/// Chooses, for pixels that are places or velocities and antennas that rest while a pulse lasts; and about how many nanoseconds of one core
+/// Chooses, for paths within a swath, if it is known, and antennas that rest while a pulse lasts; and about how many nanoseconds of one core
 /// a pixel and pulse then take.
-pub(super) fn choose(aim: &Aim, shares: &Shares, meaning: Meaning) -> (Choices, f64) {
-    let swath = swath(aim, meaning);
-    let candidates = DEGREES.map(|degree| Candidate::new(aim, shares, swath.as_ref(), degree));
+pub(super) fn choose(aim: &Aim, shares: &Shares, swath: Option<&Range<f64>>) -> (Choices, f64) {
+    let candidates = DEGREES.map(|degree| Candidate::new(aim, shares, swath, degree));
     let best = candidates
         .into_iter()
         .min_by(|a, b| a.time_ns(aim).total_cmp(&b.time_ns(aim)))

@@ -34,6 +34,8 @@ mod cost;
 mod sweeping;
 mod tiles;
 
+use std::ops::Range;
+
 use glam::DVec3;
 use serde_json::json;
 
@@ -198,13 +200,14 @@ pub(crate) fn decide(
     let collection = aim.collection;
     let (num_samples, num_pulses) = (collection.num_samples, collection.pulses.len());
     let shares = Shares::of(error_db);
+    let swath = choice::swath(aim, meaning);
     let (choices, pixel_ns, way_error) = match collection.sweeps() {
         true => {
             let (choices, error) = sweeping::choose(aim, error_db - MARGIN_DB, meaning);
             (choices, aim.means.model.blurred_point_ns, error)
         }
         false => {
-            let (choices, pixel_ns) = choice::choose(aim, &shares, meaning);
+            let (choices, pixel_ns) = choice::choose(aim, &shares, swath.as_ref());
             (choices, pixel_ns, shares.of_way(aim, &choices))
         }
     };
@@ -229,7 +232,7 @@ pub(crate) fn decide(
             .helped_by(&[Remedy::OtherFormer(&["exact"])])
     })?;
     let length = profiler.length();
-    let pieces = choices.pieces(aim, meaning, length);
+    let pieces = choices.pieces(length, swath.as_ref());
     let (each, pulse_bytes) = match choices.way {
         Way::Blurs(blurs) => (
             blurs.count,
@@ -317,9 +320,8 @@ impl Choices {
         }
     }
 
-    /// How the polynomials of profiles of `length` bins are laid out.
-    fn pieces(&self, aim: &Aim, meaning: Meaning, length: usize) -> Pieces {
-        let swath = choice::swath(aim, meaning);
-        choice::pieces(self.degree, length, self.margin, swath.as_ref())
+    /// How the polynomials of profiles of `length` bins are laid out, for paths within a swath, if it is known.
+    fn pieces(&self, length: usize, swath: Option<&Range<f64>>) -> Pieces {
+        choice::pieces(self.degree, length, self.margin, swath)
     }
 }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::choice::tile_pulse;
+use super::choice::{swath, tile_pulse};
 use super::cost::{PIXELS, PROFILES};
 use super::{Choices, MOST_PARTS, Meaning, Way, pulse_bytes};
 use crate::budget::Budget;
@@ -63,8 +63,9 @@ impl<'a> Opened<'a> {
             Way::Tiles { side, .. } => side,
             _ => PATCH,
         };
+        let swath = swath(&aim, meaning);
         Self {
-            pieces: choices.pieces(&aim, meaning, profiler.length()),
+            pieces: choices.pieces(profiler.length(), swath.as_ref()),
             summed_pulses: choices.summed_pulses,
             way: choices.way,
             patches: Patches::new(aim.grid, PatchSize::square(side)),

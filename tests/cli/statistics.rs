@@ -1,0 +1,31 @@
+//! What the benches make of times.
+
+use subaperture_tests::statistics::{exponent, is_slower, quartiles};
+
+#[test]
+fn an_exponent_is_that_of_the_power_law() {
+    let points = [1.0, 2.0, 4.0, 8.0].map(|x: f64| (x, 3.0 * x.powf(1.7)));
+    assert!((exponent(&points).unwrap() - 1.7).abs() < 1e-12);
+    // Logarithms 0, 0 and 1 over 0, 1 and 2: a slope of a half.
+    let e = std::f64::consts::E;
+    let bent = [(1.0, 1.0), (e, 1.0), (e * e, e)];
+    assert!((exponent(&bent).unwrap() - 0.5).abs() < 1e-12);
+    assert_eq!(exponent(&points[..1]), None);
+    assert_eq!(exponent(&[]), None);
+}
+
+#[test]
+fn quartiles_lie_between_sorted_values() {
+    assert_eq!(quartiles(&[5.0, 1.0, 3.0, 2.0, 4.0]), Some([2.0, 3.0, 4.0]));
+    assert_eq!(quartiles(&[2.0, 1.0]), Some([1.25, 1.5, 1.75]));
+    assert_eq!(quartiles(&[7.0]), Some([7.0; 3]));
+    assert_eq!(quartiles(&[]), None);
+}
+
+#[test]
+fn what_spreads_about_the_limit_is_not_slower() {
+    assert!(is_slower(&[1.2, 1.15, 1.3, 1.05, 1.2, 1.25, 1.18], 1.1));
+    assert!(!is_slower(&[1.2, 1.0, 1.3, 1.05, 1.2, 0.9, 1.18], 1.1));
+    assert!(!is_slower(&[1.0; 7], 1.1));
+    assert!(!is_slower(&[], 1.1));
+}
