@@ -83,23 +83,22 @@ impl Add<'_> {
         let offsets = Offsets::new(shape);
         let phasors = Table::new(lanes, COARSE);
         let round = lanes.splat(ROUND + R::MIDDLE as f32);
-        for ((pulse, expansion), pieces) in pulses
-            .iter()
-            .zip(expansions)
-            .zip(pieces.chunks_exact(layout.values()))
-        {
-            let planes: [&[f32]; MOST_PLANES] = std::array::from_fn(|p| match p < 2 * PLANES {
-                true => &pieces[p * row..(p + 1) * row],
-                false => &[],
-            });
-            // The turn in which the tile's middle lies, and where in it.
-            let turns = layout.turn(expansion.at);
-            let place = expansion.at - turns * length - layout.shift() - layout.first();
-            let turned = pulse.cycles_a_bin * length * turns;
-            let kappa = lanes.splat((pulse.cycles_a_bin * Table::<L>::A_TURN) as f32);
-            let turned = lanes.splat(((turned - turned.round()) * Table::<L>::A_TURN) as f32);
-            for column in 0..tile.counts[0] {
-                let i = tile.middle(0, column);
+        let down = tile.counts[1];
+        // Sums of a column stay in the nearest cache while all pulses are added to them.
+        for (column, groups) in sums.chunks_exact_mut(down).enumerate() {
+            let i = tile.middle(0, column);
+            let each = pulses.iter().zip(expansions);
+            for ((pulse, expansion), pieces) in each.zip(pieces.chunks_exact(layout.values())) {
+                let planes: [&[f32]; MOST_PLANES] = std::array::from_fn(|p| match p < 2 * PLANES {
+                    true => &pieces[p * row..(p + 1) * row],
+                    false => &[],
+                });
+                // The turn in which the tile's middle lies, and where in it.
+                let turns = layout.turn(expansion.at);
+                let place = expansion.at - turns * length - layout.shift() - layout.first();
+                let turned = pulse.cycles_a_bin * length * turns;
+                let kappa = lanes.splat((pulse.cycles_a_bin * Table::<L>::A_TURN) as f32);
+                let turned = lanes.splat(((turned - turned.round()) * Table::<L>::A_TURN) as f32);
                 rows.of_column(
                     expansion,
                     place,
@@ -111,8 +110,6 @@ impl Add<'_> {
                     true => [0.0; GROUP],
                     false => offsets.bend(expansion, i),
                 };
-                let down = tile.counts[1];
-                let groups = &mut sums[column * down..(column + 1) * down];
                 for part in (0..GROUP).step_by(L::COUNT) {
                     let first = lanes.load(&offsets.along[part..]);
                     let second = lanes.load(&offsets.across[part..]);
