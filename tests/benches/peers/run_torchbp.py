@@ -56,26 +56,31 @@ def polar_grid(away_m, half_m, side):
     return {"r": (near_m, far_m), "theta": (-sine, sine), "nr": side, "ntheta": side}
 
 
-def polar_judged(grid, half_m, origin_m, case, bench, keep):
-    """Pixels of a polar grid within the scene, as rows and columns, and what they should be."""
+def polar_points(grid, origin_m, rows, columns):
+    """Pixels of a polar grid in the case's frame, whose x is along the track."""
+    (r_0, r_1), (t_0, t_1) = grid["r"], grid["theta"]
+    ranges = r_0 + (r_1 - r_0) / grid["nr"] * rows
+    sines = t_0 + (t_1 - t_0) / grid["ntheta"] * columns
+    return np.stack([ranges * sines + origin_m[0], ranges * np.sqrt(1 - sines**2) + origin_m[1], 0 * ranges], axis=-1)
+
+
+def within_scene(points_m, half_m):
+    return np.all(np.abs(points_m) < half_m, axis=-1)
+
+
+def polar_judged(grid, half_m, origin_m, within, case, bench, keep):
+    """Some pixels of a polar grid of those within the scene: row, column, what it should be, how many it stands for."""
     if not keep.is_file():
         random = np.random.default_rng(1)
-        rows = random.integers(grid["nr"], size=8 * JUDGED)
-        columns = random.integers(grid["ntheta"], size=8 * JUDGED)
-        (r_0, r_1), (t_0, t_1) = grid["r"], grid["theta"]
-        ranges = r_0 + (r_1 - r_0) / grid["nr"] * rows
-        sines = t_0 + (t_1 - t_0) / grid["ntheta"] * columns
-        # Back to the case's frame, whose x is along the track.
-        points = np.stack(
-            [ranges * sines + origin_m[0], ranges * np.sqrt(1 - sines**2) + origin_m[1], 0 * ranges], axis=1
-        )
-        within = np.flatnonzero(np.all(np.abs(points) < half_m, axis=1))[:JUDGED]
+        picked = random.choice(np.flatnonzero(within), size=JUDGED, replace=False)
+        rows, columns = np.unravel_index(picked, within.shape)
         with tempfile.TemporaryDirectory() as made:
             there, values = Path(made, "points.npy"), Path(made, "values.npy")
-            np.save(there, points[within])
+            np.save(there, polar_points(grid, origin_m, rows, columns))
             subprocess.run([bench, "sum", case, there, values], check=True)
             sums = np.load(values)
-        lines = np.column_stack([rows[within], columns[within], sums])
+        stands_for = np.full(JUDGED, np.count_nonzero(within) / JUDGED)
+        lines = np.column_stack([rows, columns, sums, stands_for])
         new = keep.with_name(f"{keep.stem}-{os.getpid()}.npy")
         np.save(new, lines)
         new.replace(keep)
@@ -136,17 +141,22 @@ def main():
     peak = peak_bytes()
     image = image.reshape(side, side).numpy().astype(np.complex128) / scale
 
+    power = np.sum(np.abs(image) ** 2)
     if on_polar:
         keep = folder / "torchbp-polar.npy"
-        judged = polar_judged(polar, half_m, origin_m, case, bench, keep)
+        every = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
+        within = within_scene(polar_points(polar, origin_m, *every), half_m)
+        power = np.sum(np.abs(image[within]) ** 2)
+        judged = polar_judged(polar, half_m, origin_m, within, case, bench, keep)
     else:
         judged = np.load(folder / f"judged-{side}.npy")
     rows, columns = judged[:, :2].astype(int).T
     expected = judged[:, 2] + 1j * judged[:, 3]
+    stands_for = judged[:, 4]
     got = image[rows, columns]
-    power = np.sum(np.abs(expected) ** 2)
-    error = np.sum(np.abs(got - expected) ** 2)
-    left = power - np.abs(np.vdot(got, expected)) ** 2 / np.sum(np.abs(got) ** 2)
+    error = np.sum(stands_for * np.abs(got - expected) ** 2)
+    best = np.sum(stands_for * got.conj() * expected) / np.sum(stands_for * np.abs(got) ** 2)
+    left = np.sum(stands_for * np.abs(best * got - expected) ** 2)
     print(
         json.dumps(
             {
@@ -155,7 +165,7 @@ def main():
                 "turns": turns,
                 "pairs": side * side * len(antennas),
                 "error_db": 10 * math.log10(error / power),
-                "scaled_db": 10 * math.log10(max(left, 0) / power),
+                "scaled_db": 10 * math.log10(left / power),
                 "peak_bytes": peak,
                 "operations": 0,
                 "least_bytes": 0,

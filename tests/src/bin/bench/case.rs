@@ -22,6 +22,8 @@ use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::glam::DVec3;
 use subaperture::phase_history::{Collection, Pulse, Sweep};
 
+use crate::sums;
+
 /// Names of those that have one.
 pub(crate) const NAMES: [&str; 7] = ["a", "straight", "b", "c", "large", "large-whole", "gotcha"];
 
@@ -41,6 +43,18 @@ pub(crate) enum Track {
     },
     /// Once around.
     Around { radius_m: f64, height_m: f64 },
+}
+
+/// Pixels of a scatterer's main lobe: 3 x 3.
+const LOBE_PIXELS: usize = 9;
+
+/// A pixel that errors are judged at.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub(crate) row: usize,
+    pub(crate) column: usize,
+    /// How many pixels it stands for.
+    pub(crate) stands_for: f64,
 }
 
 /// A case.
@@ -193,21 +207,38 @@ impl Case {
         text.parse().expect("the grid is well-formed")
     }
 
-    /// Pixels of an image of `side` x `side` that its error is judged at: rows and columns, no two the same.
-    pub(crate) fn judged(&self, side: usize) -> Vec<[usize; 2]> {
+    /// Pixels of an image of `side` x `side` that its error is judged at, and how many each stands for: some spread evenly over all, for what
+    /// errors there are everywhere, and some at scatterers, for those about them, which the former would mostly miss.
+    pub(crate) fn judged(&self, side: usize) -> Vec<Place> {
         // As many as a few seconds are enough for.
         let most = 9e9 / (self.pulses as f64 * self.samples as f64);
-        let count = (most as usize).clamp(64, 512).min(side * side);
+        let count = (most as usize / 2).clamp(32, 256).min(side * side);
         // Strides of a prime that is no divisor of the number of pixels come to each pixel once.
         let stride = [15_485_863, 32_452_843]
             .into_iter()
             .find(|&prime| !side.is_multiple_of(prime));
         let stride = stride.expect("a side has not both divisors");
-        let pixel = |i: usize| {
+        let spread = (0..count).map(|i| {
             let index = i * stride % (side * side);
-            [index / side, index % side]
-        };
-        (0..count).map(pixel).collect()
+            Place {
+                row: index / side,
+                column: index % side,
+                stands_for: (side * side) as f64 / count as f64,
+            }
+        });
+        let pixel = |at_m: f64| (at_m / self.pixel_m).round() + (side / 2) as f64;
+        let scatterers = sums::scatterers(self.scatterers, self.scene_m).into_iter();
+        let pixels = scatterers.map(|s| [pixel(s.position_m.y), pixel(s.position_m.x)]);
+        let within: Vec<[f64; 2]> = pixels
+            .filter(|place| place.iter().all(|&i| (0.0..side as f64).contains(&i)))
+            .collect();
+        let count = count.min(within.len());
+        let bright = within[..count].iter().map(|&[row, column]| Place {
+            row: row as usize,
+            column: column as usize,
+            stands_for: (LOBE_PIXELS * within.len()) as f64 / count as f64,
+        });
+        spread.chain(bright).collect()
     }
 
     /// The side of the part in the image's middle that some seconds are enough for, where every pixel takes all samples.

@@ -2,8 +2,8 @@
 //!
 //! **Time** is that of forming the image from samples in memory, planning included, and of the error's estimate that every image comes with;
 //! the shortest of some turns; processor time is that of all threads in that turn, to a hundredth of a second, and what other programs take away
-//! is not in it. **Error** is relative RMS against the float64 sum at some hundred pixels, as it is and after the one complex
-//! factor that makes it least. **Memory** is the most that the process ever held, the samples themselves and about 10 MiB of program
+//! is not in it. **Error** is relative RMS over the image, as it is and after the one complex factor that makes it least: the error against the float64 sum
+//! at some hundred pixels, each for those it stands for, over the power of all. **Memory** is the most that the process ever held, the samples themselves and about 10 MiB of program
 //! included. **Operations** are those of the former's own account ([`subaperture::focus::cost`]): real additions, multiplications and roots.
 //! **Bytes** are the least that can be moved: samples read once, pixels written once.
 
@@ -217,22 +217,24 @@ fn note(case: &Case, side: usize, missed: bool, replanned: bool) -> String {
     notes.join("; ")
 }
 
-/// The relative RMS error of an image's pixels, raw and after the best complex factor, dB.
+/// The relative RMS error of an image, raw and after the best complex factor, dB: the error where it is judged, over the power of all pixels.
 fn errors_db(pixels: &[Complex32], side: usize, judged: &[Judged]) -> [f64; 2] {
-    let pairs: Vec<[Complex64; 2]> = judged
+    let wide = |z: Complex32| Complex64::new(z.re.into(), z.im.into());
+    let power: f64 = pixels.iter().map(|&z| wide(z).norm_sqr()).sum();
+    let pairs: Vec<(f64, Complex64, Complex64)> = judged
         .iter()
         .map(|at| {
-            let got = pixels[at.row * side + at.column];
-            [Complex64::new(got.re.into(), got.im.into()), at.value]
+            let got = wide(pixels[at.row * side + at.column]);
+            (at.stands_for, got, at.value)
         })
         .collect();
-    let product: Complex64 = pairs.iter().map(|[got, value]| got.conj() * value).sum();
-    let own: f64 = pairs.iter().map(|[got, _]| got.norm_sqr()).sum();
-    let power: f64 = pairs.iter().map(|[_, value]| value.norm_sqr()).sum();
+    let each = pairs.iter();
+    let product: Complex64 = each.map(|(n, got, value)| got.conj() * value * n).sum();
+    let own: f64 = pairs.iter().map(|(n, got, _)| got.norm_sqr() * n).sum();
     [Complex64::ONE, product / own].map(|factor| {
         let errors = pairs
             .iter()
-            .map(|[got, value]| (got * factor - value).norm_sqr());
+            .map(|(n, got, value)| (got * factor - value).norm_sqr() * n);
         10.0 * (errors.sum::<f64>() / power).log10()
     })
 }

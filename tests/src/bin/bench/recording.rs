@@ -8,7 +8,7 @@
 //! | `antennas.npy` | float64 `[pulse][x, y, z]`, metres; phases are referred to the scene's middle, `(0, 0, 0)` |
 //! | `weights-fast.npy`, `weights-slow.npy` | float64 windows over samples and pulses |
 //! | `case.json` | `start_hz`, `step_hz`, `side` and `pixel_m` of the image, which is about the middle |
-//! | `judged-SIDE.npy` | float64 `[place][row, column, real, imaginary]`: the image of `SIDE` x `SIDE` pixels at some of them |
+//! | `judged-SIDE.npy` | float64 `[place][row, column, real, imaginary, stands for]`: the image of `SIDE` x `SIDE` pixels at some of them, and how many pixels each stands for |
 //!
 //! A folder and the files of judged pixels are there whole or not at all.
 
@@ -27,7 +27,7 @@ use crate::case::Case;
 use crate::sums;
 
 /// Another one is another folder.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 /// A pixel of the image, and what it should be.
 #[derive(Clone, Copy)]
@@ -35,6 +35,8 @@ pub(crate) struct Judged {
     pub(crate) row: usize,
     pub(crate) column: usize,
     pub(crate) value: Complex64,
+    /// How many pixels it stands for.
+    pub(crate) stands_for: f64,
 }
 
 /// Where the benches keep what they make.
@@ -156,15 +158,18 @@ pub(crate) fn judge(case: &Case, folder: &Path, side: usize) -> Result<(), Strin
     let grid = case.grid(side);
     let points_m: Vec<_> = places
         .iter()
-        .map(|&[row, column]| grid.position_m(row, column))
+        .map(|place| grid.position_m(place.row, place.column))
         .collect();
     let values = values_at(case, folder, &points_m)?;
     let lines = places.iter().zip(values);
     let lines: Vec<f64> = lines
-        .flat_map(|(&[row, column], value)| [row as f64, column as f64, value.re, value.im])
+        .flat_map(|(place, value)| {
+            let [row, column] = [place.row, place.column].map(|i| i as f64);
+            [row, column, value.re, value.im, place.stands_for]
+        })
         .collect();
     let new = path.with_extension(format!("new-{}", std::process::id()));
-    write_array(&new, &[places.len(), 4], &lines)
+    write_array(&new, &[places.len(), 5], &lines)
         .and_then(|()| fs::rename(&new, &path))
         .map_err(|error| format!("{}: {error}", path.display()))
 }
@@ -215,10 +220,11 @@ fn real(path: &Path) -> Result<Vec<f64>, String> {
 /// Of the file.
 pub(crate) fn judged(folder: &Path, side: usize) -> Result<Vec<Judged>, String> {
     let numbers = real(&judged_file(folder, side))?;
-    let judged = numbers.chunks_exact(4).map(|line| Judged {
+    let judged = numbers.chunks_exact(5).map(|line| Judged {
         row: line[0] as usize,
         column: line[1] as usize,
         value: Complex64::new(line[2], line[3]),
+        stands_for: line[4],
     });
     Ok(judged.collect())
 }
