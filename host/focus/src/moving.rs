@@ -98,6 +98,10 @@ impl PhaseHistory for Moving<'_> {
         self.history.read(pulses, samples)
     }
 
+    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        self.history.at_hand(pulses)
+    }
+
     fn channels(&self) -> Vec<Channel> {
         self.history.channels()
     }

@@ -217,6 +217,12 @@ impl PhaseHistory for Sampled<'_> {
         Ok(())
     }
 
+    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        let samples = self.history.at_hand(pulses.clone())?;
+        self.probes.add(pulses, samples, self.monitor);
+        Some(samples)
+    }
+
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
         self.history.true_antennas()
     }

@@ -62,6 +62,11 @@ impl InMemory {
         self.inputs = inputs;
         self
     }
+
+    fn of(&self, pulses: Range<usize>) -> &[Complex32] {
+        let width = self.collection.num_samples;
+        &self.samples[pulses.start * width..pulses.end * width]
+    }
 }
 
 impl PhaseHistory for InMemory {
@@ -70,9 +75,12 @@ impl PhaseHistory for InMemory {
     }
 
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
-        let width = self.collection.num_samples;
-        samples.copy_from_slice(&self.samples[pulses.start * width..pulses.end * width]);
+        samples.copy_from_slice(self.of(pulses));
         Ok(())
+    }
+
+    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        Some(self.of(pulses))
     }
 
     fn channels(&self) -> Vec<Channel> {

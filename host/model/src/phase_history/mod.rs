@@ -281,6 +281,15 @@ pub trait PhaseHistory: Sync + Send {
     /// If `samples.len() != pulses.len() * num_samples` or `pulses.end` is past the last pulse.
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError>;
 
+    /// The same samples, where they lie in memory anyway.
+    ///
+    /// # Panics
+    /// If `pulses.end` is past the last pulse.
+    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        let _ = pulses;
+        None
+    }
+
     /// Where transmitter and receiver truly were in every pulse, metres in the scene frame, if that is
     /// known: simulations know it, and [`Pulse`] holds what was measured.
     fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {

@@ -36,6 +36,11 @@ impl<'a> Stretch<'a> {
     pub fn pulses(&self) -> Range<usize> {
         self.first..self.first + self.collection.pulses.len()
     }
+
+    /// Pulses of the history that some of these are.
+    fn within(&self, pulses: Range<usize>) -> Range<usize> {
+        self.first + pulses.start..self.first + pulses.end
+    }
 }
 
 impl PhaseHistory for Stretch<'_> {
@@ -44,8 +49,11 @@ impl PhaseHistory for Stretch<'_> {
     }
 
     fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
-        let within = self.first + pulses.start..self.first + pulses.end;
-        self.history.read(within, samples)
+        self.history.read(self.within(pulses), samples)
+    }
+
+    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        self.history.at_hand(self.within(pulses))
     }
 
     fn held_bytes(&self) -> u64 {

@@ -194,23 +194,33 @@ impl<'a> Opened<'a> {
         })
     }
 
-    fn recorded<'b>(&self, work: &'b Work, at_once: usize, stretch: &Stretch) -> Recorded<'b> {
+    fn recorded<'b>(
+        &self,
+        work: &'b Work,
+        Reading { at_once, hold }: Reading,
+        stretch: &Stretch,
+    ) -> Result<Recorded<'b>, FormError> {
+        let held = match hold {
+            true => Some(self.refiner.hold(stretch, work.history, at_once)?),
+            false => None,
+        };
         let weights = self.aim.weights;
         let norm = weights.normalisation();
         let slow = &weights.slow[stretch.pulses.clone()];
-        Recorded {
+        Ok(Recorded {
             history: work.history,
             at_once,
             monitor: work.monitor,
             fast: weights.fast.iter().map(|&w| w as f32).collect(),
             slow: slow.iter().map(|w| (w * norm) as f32).collect(),
-        }
+            held,
+        })
     }
 
     fn add_all(
         &self,
         work: &Work,
-        at_once: usize,
+        reading: Reading,
         breadth_bytes: u64,
         tiles: &mut [Tile],
     ) -> Result<(), FormError> {
@@ -218,7 +228,7 @@ impl<'a> Opened<'a> {
         let (done, pool) = (AtomicUsize::new(0), Pool::default());
         let tasks = self.stretches.len() * wanted.len();
         for stretch in &self.stretches {
-            let recorded = self.recorded(work, at_once, stretch);
+            let recorded = self.recorded(work, reading, stretch)?;
             let descent = Descent {
                 monitor: work.monitor,
                 grid: self.aim.grid,
@@ -243,6 +253,15 @@ impl<'a> Opened<'a> {
     }
 }
 
+/// How recorded pulses are read.
+#[derive(Clone, Copy)]
+struct Reading {
+    /// So many together.
+    at_once: usize,
+    /// All of a stretch, once for all first patches.
+    hold: bool,
+}
+
 /// Levels that are made side by side, each of four histories of up to half of one before.
 const BREADTH: u64 = 8;
 /// A history larger than as much for each thread is halved by all threads together.
@@ -260,14 +279,25 @@ impl Forming for Opened<'_> {
         while reading_for > 1 && self.refiner.read_bytes(reading_for) > budget.left_bytes() / 4 {
             reading_for /= 2;
         }
-        let reading = self.refiner.read_bytes(reading_for);
-        budget.take("pulses being read", reading.into(), &[Remedy::MoreMemory])?;
+        let bytes = self.refiner.read_bytes(reading_for);
+        budget.take("pulses being read", bytes.into(), &[Remedy::MoreMemory])?;
+        let stretches = self.stretches.iter();
+        let held = stretches.map(|s| self.refiner.held_bytes(s)).max();
+        let held = held.unwrap_or(0);
+        let reading = Reading {
+            at_once: self.refiner.read_together(reading_for),
+            hold: self.choices.tree.roots(self.aim.grid).len() > 1
+                && work.history.at_hand(0..0).is_none()
+                && held <= budget.left_bytes() / 2,
+        };
+        if reading.hold {
+            budget.take("recorded pulses", held.into(), &[Remedy::MoreMemory])?;
+        }
         let largest = threads as u64 * LARGEST_BREADTH;
         let breadth_bytes = (budget.left_bytes() / 2 / BREADTH).min(largest);
         let more = budget.left_bytes() / 2 / self.demand.thread_bytes.max(1);
-        let at_once = self.refiner.read_together(reading_for);
         on_threads(more.saturating_add(1) as usize, || {
-            self.add_all(work, at_once, breadth_bytes, tiles)
+            self.add_all(work, reading, breadth_bytes, tiles)
         })
     }
 }

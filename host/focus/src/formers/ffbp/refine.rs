@@ -59,6 +59,16 @@ pub(super) struct Recorded<'a> {
     pub(super) fast: Vec<f32>,
     /// One a pulse of the stretch.
     pub(super) slow: Vec<f32>,
+    /// Samples of the whole stretch, if they are held for all first patches.
+    pub(super) held: Option<Vec<Complex32>>,
+}
+
+impl Recorded<'_> {
+    /// All samples of the stretch, where they are held, here or by the history.
+    fn at_hand(&self, stretch: &Stretch) -> Option<&[Complex32]> {
+        let held = self.held.as_deref();
+        held.or_else(|| self.history.at_hand(stretch.pulses.clone()))
+    }
 }
 
 /// Pulses before.
@@ -205,7 +215,7 @@ impl<'a> Refiner<'a> {
 
     /// Makes `own`, the history of a first patch, from recorded pulses, halved as `halves` says.
     ///
-    /// They are read in order and once, some at a time while those before are halved.
+    /// Where they are not at hand they are read in order and once, some at a time while those before are halved.
     ///
     /// # Errors
     /// Those of reading.
@@ -224,6 +234,24 @@ impl<'a> Refiner<'a> {
             axes.num_samples,
         );
         let (num_pulses, num_after) = (stretch.pulses.len(), own.num_pulses());
+        if let Some(samples) = recorded.at_hand(stretch) {
+            let before = Before::Recorded {
+                samples,
+                first: 0,
+                fast: &recorded.fast,
+                slow: &recorded.slow,
+            };
+            let step = Step {
+                stretch,
+                before,
+                patch,
+                halves,
+                size,
+                monitor,
+            };
+            self.make_together(&step, 0, &mut own.values);
+            return Ok(());
+        }
         let at_once = recorded.at_once.min(num_pulses);
         let room = self.room(at_once);
         let [mut samples, mut ahead] = [(); 2].map(|()| vec![Complex32::ZERO; room]);
@@ -279,6 +307,32 @@ impl<'a> Refiner<'a> {
         }
     }
 
+    /// Reads all pulses of a stretch, for more than one first patch.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub(super) fn hold(
+        &self,
+        stretch: &Stretch,
+        history: &dyn PhaseHistory,
+        at_once: usize,
+    ) -> Result<Vec<Complex32>, FormError> {
+        let width = self.collection.num_samples;
+        let mut samples = vec![Complex32::ZERO; stretch.pulses.len() * width];
+        let mut first = stretch.pulses.start;
+        for part in samples.chunks_mut(at_once * width) {
+            let next = first + part.len() / width;
+            history.read(first..next, part)?;
+            first = next;
+        }
+        Ok(samples)
+    }
+
+    /// Bytes of the samples of a stretch.
+    pub(super) fn held_bytes(&self, stretch: &Stretch) -> u64 {
+        8 * (stretch.pulses.len() * self.collection.num_samples) as u64
+    }
+
     /// Recorded pulses that are read together: whole blocks, so that whoever sums pulses as they are read does it in the same order
     /// for any number of threads.
     pub(super) fn read_together(&self, threads: usize) -> usize {
@@ -327,7 +381,9 @@ impl<'a> Refiner<'a> {
     /// Pulses of a history from `first` on, some of them on each thread.
     fn make_together(&self, step: &Step, first: usize, out: &mut [f32]) {
         let count = out.len() / step.size;
-        let block = count.div_ceil(rayon::current_num_threads()).max(BLOCK);
+        // Of many, several parts a thread: threads are not equally fast.
+        let even = count.div_ceil(rayon::current_num_threads());
+        let block = even.min(even.div_ceil(4).max(8 * BLOCK)).max(BLOCK);
         let blocks = out.par_chunks_mut(block * step.size).enumerate();
         blocks.for_each_init(RefineScratch::default, |scratch, (i, out)| {
             self.make(step, first + i * block, out, scratch);
