@@ -98,39 +98,58 @@ pub(super) struct Descent<'a, 'b> {
 }
 
 impl Descent<'_, '_> {
-    /// Adds what recorded pulses say of a first patch.
+    /// Adds what recorded pulses say of first patches, one after another; `ahead`, the next one's history is made while patches within
+    /// the one before are worked on.
     ///
     /// # Errors
     /// Those of reading.
-    pub(super) fn first(&self, recorded: &Recorded, node: Node) -> Result<(), FormError> {
-        let Some(patch) = self.patch(node) else {
-            return Ok(());
-        };
+    pub(super) fn all(
+        &self,
+        recorded: &Recorded,
+        firsts: &[Node],
+        ahead: bool,
+    ) -> Result<(), FormError> {
+        let mut nodes = firsts
+            .iter()
+            .filter_map(|&node| Some((node, self.patch(node)?)));
+        let mut next = nodes.next();
+        let mut made = None;
+        while let Some((node, patch)) = next {
+            let history = match made.take() {
+                Some(history) => history,
+                None => self.first(recorded, &patch)?,
+            };
+            next = nodes.next();
+            let down = || self.down(node, Arc::new(history));
+            match &next {
+                Some((_, patch)) if ahead => {
+                    made = Some(rayon::join(down, || self.first(recorded, patch)).1?);
+                }
+                _ => down(),
+            }
+        }
+        Ok(())
+    }
+
+    /// The history of a first patch.
+    fn first(&self, recorded: &Recorded, patch: &Patch) -> Result<Held<'_>, FormError> {
         let (refiner, stretch) = (self.refiner, self.stretch);
         let axes = refiner.recorded();
-        let mut halves = refiner.halves(stretch, &axes, &patch);
+        let mut halves = refiner.halves(stretch, &axes, patch);
         let mut held = self.pool.take(self.room(&axes, halves));
-        refiner.read(stretch, recorded, &patch, halves, &mut held.history)?;
+        refiner.read(stretch, recorded, patch, halves, &mut held.history)?;
         // As long as a patch of this size allows it.
         loop {
-            halves = refiner.halves(stretch, &held.history.axes, &patch);
+            halves = refiner.halves(stretch, &held.history.axes, patch);
             if halves == [false; 2] {
-                break;
+                return Ok(held);
             }
             let mut next = self.pool.take(self.room(&held.history.axes, halves));
             let own = &mut next.history;
-            refiner.refine(
-                stretch,
-                &held.history,
-                (&patch, halves),
-                own,
-                None,
-                self.monitor,
-            );
+            let before = &held.history;
+            refiner.refine(stretch, before, (patch, halves), own, None, self.monitor);
             held = next;
         }
-        self.down(node, Arc::new(held));
-        Ok(())
     }
 
     /// Numbers of a history that is made so.

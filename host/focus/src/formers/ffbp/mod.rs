@@ -197,7 +197,7 @@ impl<'a> Opened<'a> {
     fn recorded<'b>(
         &self,
         work: &'b Work,
-        Reading { at_once, hold }: Reading,
+        Reading { at_once, hold, .. }: Reading,
         stretch: &Stretch,
     ) -> Result<Recorded<'b>, FormError> {
         let held = match hold {
@@ -242,9 +242,11 @@ impl<'a> Opened<'a> {
                 done: &done,
                 tasks,
             };
-            for node in self.choices.tree.roots(self.aim.grid) {
-                descent.first(&recorded, node)?;
-            }
+            descent.all(
+                &recorded,
+                &self.choices.tree.roots(self.aim.grid),
+                reading.ahead,
+            )?;
             if work.monitor.cancelled() {
                 return Err(FormError::Cancelled);
             }
@@ -260,6 +262,8 @@ struct Reading {
     at_once: usize,
     /// All of a stretch, once for all first patches.
     hold: bool,
+    /// For a first patch while there is another one's work to do.
+    ahead: bool,
 }
 
 /// Levels that are made side by side, each of four histories of up to half of one before.
@@ -284,15 +288,26 @@ impl Forming for Opened<'_> {
         let stretches = self.stretches.iter();
         let held = stretches.map(|s| self.refiner.held_bytes(s)).max();
         let held = held.unwrap_or(0);
-        let reading = Reading {
-            at_once: self.refiner.read_together(reading_for),
-            hold: self.choices.tree.roots(self.aim.grid).len() > 1
-                && work.history.at_hand(0..0).is_none()
-                && held <= budget.left_bytes() / 2,
-        };
-        if reading.hold {
+        let several = self.choices.tree.roots(self.aim.grid).len() > 1;
+        let ahead = several && threads > 1 && self.demand.held_bytes <= budget.left_bytes() / 4;
+        if ahead {
+            let bytes = self.demand.held_bytes;
+            budget.take(
+                "the next patch's histories",
+                bytes.into(),
+                &[Remedy::MoreMemory],
+            )?;
+        }
+        let hold =
+            several && work.history.at_hand(0..0).is_none() && held <= budget.left_bytes() / 2;
+        if hold {
             budget.take("recorded pulses", held.into(), &[Remedy::MoreMemory])?;
         }
+        let reading = Reading {
+            at_once: self.refiner.read_together(reading_for),
+            hold,
+            ahead,
+        };
         let largest = threads as u64 * LARGEST_BREADTH;
         let breadth_bytes = (budget.left_bytes() / 2 / BREADTH).min(largest);
         let more = budget.left_bytes() / 2 / self.demand.thread_bytes.max(1);
