@@ -340,3 +340,25 @@ fn gotcha_default_grid_and_crosscheck() {
     let ran = run(folder.path(), &format!("crosscheck {}", words(&files)));
     assert!(number_after(ran.succeeded(), "worst relative error ") < -100.0);
 }
+
+/// Without a former's name it is the fastest, or the one that has the options given.
+#[test]
+fn options_of_a_former_name_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    run(folder.path(), "simulate --preset table-4-1 -o t.cphd").succeeded();
+    let settings = |options: &str| {
+        let line = format!("focus t.cphd --grid x=-8:8:0.4,y=-8:8:0.4 {options} -o out --force");
+        run(folder.path(), &line).succeeded();
+        let record = fs::read(at("out").join("image.json")).unwrap();
+        let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
+        record["settings"].clone()
+    };
+    let fastest = settings("--error-db -50");
+    assert_eq!(fastest["algorithm"], "auto");
+    assert_eq!(fastest["resolved"]["former"], "ffbp");
+    for options in ["--sub-cpi 20", "--mode thesis"] {
+        assert_eq!(settings(options)["algorithm"], "rdbp", "{options}");
+    }
+    run(folder.path(), "focus t.cphd -a auto --sub-cpi 20 -o x").failed(2, &["--sub-cpi"]);
+}

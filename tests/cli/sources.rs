@@ -10,7 +10,8 @@ use subaperture::focus::formers::FORMERS;
 use subaperture_tests::subap::{root, run};
 
 /// The formers' types.
-const TYPES: [&str; 7] = [
+const TYPES: [&str; 8] = [
+    "Auto",
     "Exact",
     "Backprojection",
     "RangeDoppler",

@@ -1,6 +1,7 @@
 //! Image formers against the exact sum and theory: what they form, what they refuse, how well they know their errors.
 
 mod accuracy;
+mod auto;
 mod backprojection;
 mod channels;
 mod costs;

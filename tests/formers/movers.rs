@@ -265,8 +265,10 @@ fn the_command_line_moves_too() {
     ))
     .succeeded();
     // A metre a second takes them all out of it.
-    run(&format!("focus s.cphd -o dark --velocity 5,-1.5,0 {grid}"))
-        .failed(1, &["the grid is dark", "--error-db"]);
+    run(&format!(
+        "focus s.cphd -a rdbp -o dark --velocity 5,-1.5,0 {grid}"
+    ))
+    .failed(1, &["the grid is dark", "--error-db"]);
     let bytes = |name: &str| std::fs::read(folder.path().join(name).join("image.npy")).unwrap();
     assert!(bytes("still") == bytes("zero") && bytes("still") != bytes("fast"));
     let json = |name: &str| -> serde_json::Value {

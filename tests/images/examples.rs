@@ -39,7 +39,7 @@ fn a_recording_is_read_and_focused() {
     // The bound of the program's text.
     assert!(numbers(&text, "predicted error:")[0] < -60.0, "{text}");
     let stored = product::read(&folder.path().join("lot")).unwrap();
-    assert_eq!(stored.metadata["settings"]["algorithm"], "rdbp");
+    assert_eq!(stored.metadata["settings"]["algorithm"], "auto");
     assert_eq!(stored.metadata["inputs"][0]["path"], "table.cphd");
     // The command takes the folder for one of its own, and its own image is the same.
     run(folder.path(), "focus table.cphd --out other -q").succeeded();

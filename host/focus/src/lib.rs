@@ -57,7 +57,7 @@ pub use accuracy::{Asked, Judgement, Misses, Settings};
 pub use cost::{Cost, StageCost};
 pub use error::{FormError, Reason, Remedy};
 pub use former::{Aim, Decision, Forming, ImageFormer, SCRATCH_BYTES, Tile, Work};
-pub use formers::{bp, exact, ffbp, omega_k, pfa, rda, rdbp};
+pub use formers::{auto, bp, exact, ffbp, omega_k, pfa, rda, rdbp};
 pub use means::{Means, Transforms};
 pub use plan::Plan;
 pub use sampled::TileRecord;

@@ -1,5 +1,6 @@
 //! What most programs need: `use subaperture::prelude::*;`.
 
+pub use crate::focus::auto::Auto;
 pub use crate::focus::bp::Backprojection;
 pub use crate::focus::exact::Exact;
 pub use crate::focus::ffbp::FastFactorised;

@@ -1,5 +1,6 @@
 //! The image formers, a folder each, and the one list by which everything else finds them.
 
+pub mod auto;
 pub mod bp;
 pub mod exact;
 pub mod ffbp;
@@ -37,8 +38,9 @@ impl Entry {
 }
 
 /// All of them, the oracle first.
-pub static FORMERS: [Entry; 7] = [
+pub static FORMERS: [Entry; 8] = [
     exact::ENTRY,
+    auto::ENTRY,
     bp::ENTRY,
     rdbp::ENTRY,
     ffbp::ENTRY,
@@ -48,7 +50,7 @@ pub static FORMERS: [Entry; 7] = [
 ];
 
 /// The one that is taken unless another is asked for.
-pub const DEFAULT: Entry = rdbp::ENTRY;
+pub const DEFAULT: Entry = auto::ENTRY;
 
 /// A former that there is not.
 #[derive(Debug, thiserror::Error)]

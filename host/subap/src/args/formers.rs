@@ -1,6 +1,7 @@
 //! `--algorithm` and what the image formers of the list can be told: options made of their descriptions.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, ValueParser};
+use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
 use serde_json::{Map, Value};
 use subaperture::focus::ImageFormer;
@@ -118,7 +119,7 @@ impl clap::Args for FormerOptions {
             .long(ALGORITHM)
             .short('a')
             .value_name("ALGORITHM")
-            .help("Image former")
+            .help("Image former; the one whose options are given, if none is named")
             .value_parser(PossibleValuesParser::new(FORMERS.iter().map(former)))
             .default_value(formers::DEFAULT.name);
         let options = options();
@@ -135,16 +136,25 @@ impl clap::Args for FormerOptions {
 
 impl FromArgMatches for FormerOptions {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let name = matches.get_one::<String>(ALGORITHM);
-        let entry = FORMERS
-            .iter()
-            .find(|entry| name.is_some_and(|name| name == entry.name));
         let given = options()
             .into_iter()
             .filter_map(|(option, _)| Some((option.name.to_owned(), value(option, matches)?)));
+        let given: Given = given.collect();
+        let name = matches.get_one::<String>(ALGORITHM);
+        let mut named = FORMERS
+            .iter()
+            .filter(|entry| name.is_some_and(|name| name == entry.name));
+        let named = named
+            .next()
+            .expect("no other word is taken, and one is there by default");
+        let takes = |entry: &&Entry| given.keys().all(|option| entry.option(option).is_some());
+        let entry = match matches.value_source(ALGORITHM) {
+            Some(ValueSource::DefaultValue) if !takes(&named) => FORMERS.iter().find(takes),
+            _ => None,
+        };
         Ok(Self {
-            entry: entry.expect("no other word is taken, and one is there by default"),
-            given: given.collect(),
+            entry: entry.unwrap_or(named),
+            given,
         })
     }
 

@@ -1,0 +1,176 @@
+//! The fastest former: which it takes, and what it refuses.
+
+use std::collections::BTreeSet;
+
+use glam::DVec3;
+use subaperture::focus::auto::{Auto, CANDIDATES};
+use subaperture::focus::formers::former;
+use subaperture::focus::plan::Request;
+use subaperture::focus::{FormError, ImageFormer, Means, Misses, Plan, SCRATCH_BYTES, TimeModel};
+use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::monitor::Silent;
+use subaperture::phase_history::{Collection, Pulse, Sweep};
+use subaperture::signal::window::Window;
+
+/// Past a scene 2 km away, a little bent.
+fn collection(num_pulses: usize, num_samples: usize, length_m: f64) -> Collection {
+    let pulse = |n: usize| {
+        let u = n as f64 / (num_pulses - 1) as f64 - 0.5;
+        let antenna_m = DVec3::new(length_m * u, -1732.0 + 0.1 * (9.0 * u).sin(), 1000.0);
+        Pulse {
+            time_s: 1e-3 * n as f64,
+            transmitter_m: antenna_m,
+            receiver_m: antenna_m,
+            reference_m: DVec3::ZERO,
+            reference_path_m: 2.0 * antenna_m.length(),
+            start_hz: 9.7e9,
+            step_hz: 600e6 / num_samples as f64,
+            sweep: Sweep::AT_ONCE,
+        }
+    };
+    Collection {
+        name: "auto".to_owned(),
+        num_samples,
+        pulses: (0..num_pulses).map(pulse).collect(),
+        frame: SceneFrame::Local,
+        extent: None,
+        timed: true,
+    }
+}
+
+fn plan(
+    former: &dyn ImageFormer,
+    collection: &Collection,
+    grid: &str,
+    misses: Misses,
+    model: &TimeModel,
+) -> Result<Plan, FormError> {
+    let grid: ImageGrid = grid.parse().unwrap();
+    let request = Request {
+        collection,
+        grid: &grid,
+        fast: Window::Hamming,
+        slow: Window::Hamming,
+        scratch_bytes: SCRATCH_BYTES,
+        misses,
+        means: Means {
+            model,
+            ..Means::default()
+        },
+    };
+    Plan::new(former, &request, &Silent)
+}
+
+#[test]
+fn the_fastest_that_keeps_the_bound_is_taken() {
+    let mut taken = BTreeSet::new();
+    for (pulses, samples, length_m, grid) in [
+        (60, 64, 3.0, "x=-4:4:0.2,y=-4:4:0.2"),
+        (300, 256, 20.0, "x=-20:20:0.2,y=-20:20:0.2"),
+        (2000, 1024, 120.0, "x=-80:80:0.2,y=-80:80:0.2"),
+    ] {
+        let collection = collection(pulses, samples, length_m);
+        let planned = |former: &dyn ImageFormer| {
+            let model = &TimeModel::DEFAULT;
+            plan(former, &collection, grid, Misses::Refused, model)
+        };
+        let own = planned(&Auto::default().error_db(-55.0)).unwrap();
+        let name = own.summary["former"].as_str().unwrap().to_owned();
+        let bound = serde_json::json!({ "error_db": -55.0 });
+        for candidate in CANDIDATES {
+            let former = former(candidate, &bound).unwrap();
+            let Ok(other) = planned(&*former) else {
+                continue;
+            };
+            assert!(own.cost.core_s() <= other.cost.core_s(), "{candidate}");
+            if candidate == name {
+                assert_eq!(own.cost, other.cost);
+                assert_eq!(own.planned_db, other.planned_db);
+            }
+        }
+        assert!(own.planned_db <= -55.0);
+        println!("{pulses} pulses: {name}");
+        taken.insert(name);
+    }
+    assert!(taken.contains("ffbp"), "{taken:?}");
+}
+
+/// What is fastest is the model's to say.
+#[test]
+fn another_model_takes_another() {
+    let collection = collection(300, 256, 20.0);
+    let slow = TimeModel {
+        name: "slow loops".into(),
+        tile_group_ns: 1e6,
+        coarse_group_ns: 1e6,
+        leaf_group_ns: 1e6,
+        point_ns: 1e6,
+        ..TimeModel::DEFAULT
+    };
+    let grid = "x=-20:20:0.2,y=-20:20:0.2";
+    let plan = plan(&Auto::default(), &collection, grid, Misses::Refused, &slow);
+    assert_eq!(plan.unwrap().summary["former"], "rdbp");
+}
+
+/// Samples taken one after another in motion are for formers that know their moments.
+#[test]
+fn in_motion_only_those_are_taken_that_follow_it() {
+    let mut collection = collection(300, 256, 20.0);
+    for pulse in &mut collection.pulses {
+        pulse.sweep = Sweep {
+            sample_s: 1e-6,
+            transmitter_m_s: DVec3::new(30.0, 0.0, 0.0),
+            receiver_m_s: DVec3::new(30.0, 0.0, 0.0),
+            ..Sweep::AT_ONCE
+        };
+    }
+    let grid = "x=-20:20:0.2,y=-20:20:0.2";
+    let model = &TimeModel::DEFAULT;
+    let plan = plan(&Auto::default(), &collection, grid, Misses::Refused, model).unwrap();
+    let name = plan.summary["former"].as_str().unwrap();
+    let taken = former(name, &serde_json::json!({})).unwrap();
+    assert!(taken.follows_sweeps() && name != "ffbp", "{name}");
+}
+
+#[test]
+fn what_all_refuse_is_refused() {
+    let collection = collection(60, 64, 3.0);
+    let grid = "x=-4:4:0.2,y=-4:4:0.2";
+    let asked = Auto::default().error_db(-150.0);
+    let model = &TimeModel::DEFAULT;
+    let refused = plan(&asked, &collection, grid, Misses::Refused, model).unwrap_err();
+    assert!(refused.to_string().contains("-150 dB asked"), "{refused}");
+    // As good as can be.
+    let best = plan(&asked, &collection, grid, Misses::Allowed, model).unwrap();
+    for candidate in CANDIDATES {
+        let former = former(candidate, &asked.settings()).unwrap();
+        let other = plan(&*former, &collection, grid, Misses::Allowed, model).unwrap();
+        assert!(other.planned_db > -150.0, "{candidate}");
+    }
+    assert!(best.planned_db > -150.0);
+}
+
+/// A plan that was changed by hand names no other former.
+#[test]
+fn choices_of_others_are_refused() {
+    let collection = collection(60, 64, 3.0);
+    let model = &TimeModel::DEFAULT;
+    let grid = "x=-4:4:0.2,y=-4:4:0.2";
+    let plan = plan(&Auto::default(), &collection, grid, Misses::Refused, model).unwrap();
+    let text = plan.to_text();
+    let name = plan.summary["former"].as_str().unwrap();
+    let weights = plan.weights(&collection).unwrap();
+    for other in ["pfa", "auto", "nothing"] {
+        let changed = text.replace(
+            &format!("\"former\": \"{name}\""),
+            &format!("\"former\": \"{other}\""),
+        );
+        assert_ne!(changed, text);
+        let plan = Plan::from_text(&changed).unwrap();
+        let told = match plan.open(&collection, &weights) {
+            Ok(_) => panic!("{other} is opened"),
+            Err(error) => error.to_string(),
+        };
+        assert!(told.contains("it is by another former"), "{told}");
+    }
+}
