@@ -82,6 +82,8 @@ impl Asked {
             "bp" => vec!["bp:-45", "bp"],
             "rdbp" => vec!["rdbp-thesis", "rdbp:-45", "rdbp"],
             "ffbp" => vec!["ffbp:-45", "ffbp"],
+            // One of the others.
+            "auto" => vec![],
             name => vec![name],
         });
         let names = names.map(|name| Self::parse(name).expect("these are known"));
