@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use subaperture_xtask::cargo;
 
 /// Packages that somebody who forms images of arrays need not compile, and the features that bring each.
-const OPTIONAL: [(&str, &[&str]); 14] = [
+const OPTIONAL: [(&str, &[&str]); 15] = [
     ("roxmltree", &["cphd"]),
     ("flate2", &["gotcha", "npz", "plot", "simulate"]),
     ("zip", &["npz"]),
@@ -20,6 +20,7 @@ const OPTIONAL: [(&str, &[&str]); 14] = [
     ("subaperture-planner", &["planner"]),
     ("subaperture-quality", &["quality", "autofocus"]),
     ("subaperture-autofocus", &["autofocus"]),
+    ("subaperture-motion", &["motion"]),
 ];
 
 /// What no library brings.
@@ -32,7 +33,7 @@ const NEVER: [&str; 5] = [
 ];
 
 /// Every feature that brings something of its own.
-const FEATURES: [&str; 10] = [
+const FEATURES: [&str; 11] = [
     "cphd",
     "gotcha",
     "npz",
@@ -42,6 +43,7 @@ const FEATURES: [&str; 10] = [
     "plot",
     "planner",
     "autofocus",
+    "motion",
     "link",
 ];
 

@@ -74,6 +74,7 @@
 //! | `plot` | pictures of images and curves | `plot` | `png`, `ab_glyph`, `dejavu` |
 //! | `planner` | what a radar will show, what that takes and costs | `planner` | |
 //! | `autofocus` | parameters of a recording by the sharpness of its image | `autofocus` | |
+//! | `motion` | a radar's own motion from the phases of its echoes | `motion` | |
 //! | `onboard` | a processor on the platform: its plan, the serial link, its maps | `link` | `subaperture-core`, `serial2` |
 //!
 //! `default` is `cphd`, `gotcha`, `npz`, `recording`, `simulate`, `quality` and `plot`.
@@ -99,6 +100,8 @@ pub use {
 pub use subaperture_autofocus as autofocus;
 #[cfg(feature = "recording")]
 pub use subaperture_describe as describe;
+#[cfg(feature = "motion")]
+pub use subaperture_motion as motion;
 #[cfg(feature = "link")]
 pub use subaperture_onboard as onboard;
 #[cfg(feature = "planner")]

@@ -44,8 +44,8 @@ const CORE: [(&str, &str); 7] = [
 /// which names all of them, never builds.
 const LIBRARY: [&str; 7] = [
     "",
-    "gotcha,npz,link",
-    "simulate,plot,planner",
+    "gotcha,npz,link,motion",
+    "simulate,plot,planner,motion",
     "cphd,autofocus,link",
     "cphd,gotcha,plot",
     "npz,quality,planner",

@@ -1,0 +1,213 @@
+//! What is measured, and of what it follows.
+//!
+//! ```text
+//! path_c(i, n) = |P_i - T_c| + |P_i - R_c|,      T_c, R_c = p_n + turned(heading_n) (antennas of channel c)
+//! phase_c      = beta_i - 2 pi (path_c - path_i) / wavelength
+//! range        = mean over channels of path_c / 2
+//! ```
+//!
+//! with `path_i` the mean path to the target from a pose at which it was seen, and `beta_i` its phase there: a target that is a little farther
+//! away is not at the same time one of another phase, as it would be with its phase at path 0.
+
+use std::f64::consts::TAU;
+
+use glam::{DVec2, DVec3};
+
+/// Antennas on a rigid body, in its own frame: x along the array, y where it looks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Array {
+    /// Transmitters, metres.
+    pub transmitters_m: Vec<DVec2>,
+    /// Receivers, metres.
+    pub receivers_m: Vec<DVec2>,
+    /// Wavelength at which phases are told.
+    pub wavelength_m: f64,
+}
+
+/// Where the body is, and how far it is turned.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Pose {
+    /// Its origin, metres.
+    pub at_m: DVec2,
+    /// From the frame's x axis to its own, radians, counterclockwise.
+    pub heading_rad: f64,
+}
+
+/// What reflects.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Target {
+    /// Its place, metres.
+    pub at_m: DVec2,
+    /// The mean phase of its echo where it was seen from, radians.
+    pub phase_rad: f64,
+    /// A pose from which it was seen.
+    pub from: Pose,
+}
+
+/// A target in a pulse.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sighting {
+    /// Which target.
+    pub target: usize,
+    /// Half of the mean path, metres, and its standard deviation.
+    pub range_m: f64,
+    /// Metres.
+    pub range_sigma_m: f64,
+    /// Of each channel, transmitter by transmitter, receiver by receiver; whole turns say nothing.
+    pub phases_rad: Vec<f64>,
+    /// Of each of them, radians.
+    pub phase_sigma_rad: f64,
+}
+
+/// A measured number's model, and how it changes with pose (x, y, heading) and target (x, y, phase).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Line {
+    /// The number.
+    pub value: f64,
+    /// With the pose.
+    pub pose: DVec3,
+    /// With the target.
+    pub target: DVec3,
+}
+
+/// From a transmitter by way of a place to a receiver.
+struct Path {
+    length_m: f64,
+    /// How it changes with the place; with the pose the other way.
+    slope: DVec2,
+    /// How it changes as the array turns, metres a radian.
+    turn_m: f64,
+}
+
+impl Array {
+    /// Channels: each transmitter with each receiver.
+    pub fn channels(&self) -> impl Iterator<Item = [DVec2; 2]> {
+        let each = self.transmitters_m.iter();
+        each.flat_map(|&t| self.receivers_m.iter().map(move |&r| [t, r]))
+    }
+
+    /// How many.
+    pub fn num_channels(&self) -> usize {
+        self.transmitters_m.len() * self.receivers_m.len()
+    }
+
+    /// Radians a metre of path.
+    pub fn rad_m(&self) -> f64 {
+        TAU / self.wavelength_m
+    }
+
+    /// The phases of a target's channels, then its range.
+    pub fn lines(&self, pose: &Pose, target: &Target) -> Vec<Line> {
+        let mean = |paths: &[Path]| {
+            let share = 1.0 / paths.len() as f64;
+            let length_m = paths.iter().map(|path| path.length_m).sum::<f64>();
+            let slope = paths.iter().map(|path| path.slope).sum::<DVec2>();
+            let turn_m = paths.iter().map(|path| path.turn_m).sum::<f64>();
+            (share * length_m, share * slope, share * turn_m)
+        };
+        let (seen_m, seen_slope, _) = mean(&self.paths(&target.from, target.at_m));
+        let paths = self.paths(pose, target.at_m);
+        let (mean_m, slope, turn_m) = mean(&paths);
+        let k = self.rad_m();
+        let phases = paths.iter().map(|path| {
+            let with = -k * (path.slope - seen_slope);
+            Line {
+                value: target.phase_rad - k * (path.length_m - seen_m),
+                pose: (k * path.slope).extend(-k * path.turn_m),
+                target: with.extend(1.0),
+            }
+        });
+        let range = Line {
+            value: 0.5 * mean_m,
+            pose: (-0.5 * slope).extend(0.5 * turn_m),
+            target: (0.5 * slope).extend(0.0),
+        };
+        phases.chain(std::iter::once(range)).collect()
+    }
+
+    /// Of each channel.
+    fn paths(&self, pose: &Pose, at_m: DVec2) -> Vec<Path> {
+        let (sin, cos) = libm::sincos(pose.heading_rad);
+        let turned = |a: DVec2| DVec2::new(cos * a.x - sin * a.y, sin * a.x + cos * a.y);
+        let leg = |antenna_m: DVec2| {
+            let arm = turned(antenna_m);
+            let from = at_m - (pose.at_m + arm);
+            let length = from.length();
+            let u = from / length;
+            // The arm's end moves across it.
+            (length, u, -u.dot(arm.perp()))
+        };
+        let each = self.channels().map(|channel| {
+            let [(a, u, turn_u), (b, v, turn_v)] = channel.map(leg);
+            Path {
+                length_m: a + b,
+                slope: u + v,
+                turn_m: turn_u + turn_v,
+            }
+        });
+        each.collect()
+    }
+
+    /// Two channels of one transmitter whose receivers are nearest to each other, and from the first receiver to the second.
+    pub fn shortest_baseline(&self) -> Option<([usize; 2], DVec2)> {
+        let receivers = &self.receivers_m;
+        let pairs =
+            (0..receivers.len()).flat_map(|i| (i + 1..receivers.len()).map(move |j| [i, j]));
+        pairs
+            .map(|[i, j]| ([i, j], receivers[j] - receivers[i]))
+            .min_by(|a, b| a.1.length().total_cmp(&b.1.length()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn derivatives_are_differences() {
+        let array = Array {
+            transmitters_m: vec![DVec2::new(-0.03, 0.01), DVec2::new(0.1, 0.0)],
+            receivers_m: vec![DVec2::ZERO, DVec2::new(0.002, 0.0), DVec2::new(0.0, 0.05)],
+            wavelength_m: 0.004,
+        };
+        let pose = Pose {
+            at_m: DVec2::new(0.3, -0.1),
+            heading_rad: 0.2,
+        };
+        let target = Target {
+            at_m: DVec2::new(1.5, 3.0),
+            phase_rad: 0.7,
+            from: Pose {
+                at_m: DVec2::new(0.1, 0.2),
+                heading_rad: -0.1,
+            },
+        };
+        let lines = array.lines(&pose, &target);
+        assert_eq!(lines.len(), 7);
+        let h = 1e-6;
+        let moved = |i: usize, by: f64| {
+            let (mut pose, mut target) = (pose, target);
+            match i {
+                0 => pose.at_m.x += by,
+                1 => pose.at_m.y += by,
+                2 => pose.heading_rad += by,
+                3 => target.at_m.x += by,
+                4 => target.at_m.y += by,
+                _ => target.phase_rad += by,
+            }
+            array.lines(&pose, &target)
+        };
+        for i in 0..6 {
+            let (after, before) = (moved(i, h), moved(i, -h));
+            for (c, line) in lines.iter().enumerate() {
+                let derivative = (after[c].value - before[c].value) / (2.0 * h);
+                let told = [line.pose, line.target][i / 3].to_array()[i % 3];
+                // Second differences and the rounding of a phase of 1e4 rad over a step of 1e-6.
+                assert!(
+                    (derivative - told).abs() < 1e-4 * told.abs().max(1.0),
+                    "{c} {i}: {derivative} {told}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,325 @@
+//! Pulse by pulse: phases without wraps, a window of pulses that are looked at again, and those before it as known.
+
+use std::collections::VecDeque;
+use std::f64::consts::{PI, TAU};
+
+use glam::{DMat3, DVec2};
+
+use crate::joint::{self, Estimate, Known, NoEstimate};
+use crate::model::{Array, Pose, Sighting, Target};
+
+/// A phase so far from where it was expected, in parts of half a turn, may be one that wrapped.
+const WRAPPED: f64 = 0.6;
+
+/// Follows a radar.
+pub struct Tracker {
+    array: Array,
+    window: usize,
+    /// Of the pulses in the window, and all targets.
+    estimate: Estimate,
+    pulses: VecDeque<Vec<Sighting>>,
+    /// Number of the first of them.
+    first: usize,
+    known: Known,
+    /// What each target is called.
+    names: Vec<usize>,
+}
+
+/// What a pulse told.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// Where the radar is.
+    pub pose: Pose,
+    /// Covariance of x, y and heading.
+    pub covariance: DMat3,
+    /// Of the window: the sum of squared errors in standard deviations, and how many numbers are in it beyond those that are found.
+    pub chi_square: [f64; 2],
+    /// Phases that may have wrapped.
+    pub doubtful: usize,
+    /// Whether the least squares of the window came to their end.
+    pub settled: bool,
+}
+
+/// Why a pulse told nothing.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MotionError {
+    /// The array has not two receivers.
+    #[error("an angle of arrival takes two receivers, and the array has {0}")]
+    Receivers(usize),
+    /// Receivers are too far apart for angles to be told.
+    #[error(
+        "the nearest receivers are {baseline_m} m apart: angles of arrival are told without doubt up to half a wavelength, {half_m} m"
+    )]
+    Baseline {
+        /// Between them.
+        baseline_m: f64,
+        /// Half a wavelength.
+        half_m: f64,
+    },
+    /// A sighting that is none.
+    #[error("target {target}: {what}")]
+    Sighting {
+        /// The target's number.
+        target: usize,
+        /// What is wrong.
+        what: &'static str,
+    },
+    /// The least squares.
+    #[error(transparent)]
+    NoEstimate(#[from] NoEstimate),
+}
+
+impl Tracker {
+    /// With so many pulses that are looked at again, 2 at the least: the cost of a pulse grows with them.
+    ///
+    /// # Errors
+    /// [`MotionError::Receivers`], [`MotionError::Baseline`].
+    pub fn new(array: Array, window: usize) -> Result<Self, MotionError> {
+        let Some((_, baseline)) = array.shortest_baseline() else {
+            return Err(MotionError::Receivers(array.receivers_m.len()));
+        };
+        let (baseline_m, half_m) = (baseline.length(), 0.5 * array.wavelength_m);
+        // To a ten-thousandth: half a wavelength is often what is meant.
+        if baseline_m.is_nan() || baseline_m > half_m * 1.0001 || baseline_m == 0.0 {
+            return Err(MotionError::Baseline { baseline_m, half_m });
+        }
+        Ok(Self {
+            array,
+            window: window.max(2),
+            estimate: Estimate::default(),
+            pulses: VecDeque::new(),
+            first: 0,
+            known: Known::default(),
+            names: Vec::new(),
+        })
+    }
+
+    /// Where targets are: the number they are called by, and what is known of them.
+    pub fn targets(&self) -> impl Iterator<Item = (usize, Target)> {
+        let names = self.names.iter().copied();
+        names.zip(self.estimate.targets.iter().copied())
+    }
+
+    /// Poses of the pulses in the window, the last one last, as they are known by now.
+    pub fn window(&self) -> &[Pose] {
+        &self.estimate.poses
+    }
+
+    /// The last pulse as it is understood: targets by their place in [`Self::targets`], phases without wraps.
+    pub fn last(&self) -> &[Sighting] {
+        self.pulses.back().map_or(&[], Vec::as_slice)
+    }
+
+    /// Takes the next pulse: what is seen in it, each target by a number of its own.
+    ///
+    /// # Errors
+    /// [`MotionError`]; the pulse is then as if it had not been.
+    pub fn push(&mut self, sightings: &[Sighting]) -> Result<Step, MotionError> {
+        self.check(sightings)?;
+        if self.pulses.len() == self.window {
+            self.leave_behind()?;
+        }
+        let before = self.estimate.clone();
+        let done = self.advance(sightings);
+        if done.is_err() {
+            self.estimate = before;
+            self.names.truncate(self.estimate.targets.len());
+            self.pulses.truncate(self.estimate.poses.len());
+        }
+        done
+    }
+
+    fn check(&self, sightings: &[Sighting]) -> Result<(), MotionError> {
+        for (i, sighting) in sightings.iter().enumerate() {
+            let target = sighting.target;
+            let is_known = |x: f64| x.is_finite() && x > 0.0;
+            let what = if sighting.phases_rad.len() != self.array.num_channels() {
+                "a phase of each channel is wanted"
+            } else if !sighting.phases_rad.iter().all(|x| x.is_finite()) {
+                "a phase is no number"
+            } else if !is_known(sighting.range_m) {
+                "its range is no distance"
+            } else if !is_known(sighting.range_sigma_m) || !is_known(sighting.phase_sigma_rad) {
+                "a standard deviation is above 0"
+            } else if sightings[..i].iter().any(|other| other.target == target) {
+                "it is seen twice in a pulse"
+            } else {
+                continue;
+            };
+            return Err(MotionError::Sighting { target, what });
+        }
+        Ok(())
+    }
+
+    fn advance(&mut self, sightings: &[Sighting]) -> Result<Step, MotionError> {
+        let expected = match self.estimate.poses[..] {
+            [] => Pose::default(),
+            [only] => only,
+            // It goes on as it went.
+            [.., before, last] => Pose {
+                at_m: 2.0 * last.at_m - before.at_m,
+                heading_rad: 2.0 * last.heading_rad - before.heading_rad,
+            },
+        };
+        let mut doubtful = 0;
+        let mut own = Vec::with_capacity(sightings.len());
+        for sighting in sightings {
+            let (sighting, doubts) = self.unwrapped(sighting, &expected);
+            doubtful += doubts;
+            own.push(sighting);
+        }
+        self.pulses.push_back(own);
+        self.estimate.poses.push(expected);
+        let pulses = self.pulses.make_contiguous();
+        let solved = joint::solve(
+            &self.array,
+            pulses,
+            self.first,
+            &mut self.estimate,
+            &self.known,
+        )?;
+        let all = joint::covariances(&self.array, pulses, self.first, &self.estimate, &self.known)?;
+        let numbers: usize = pulses
+            .iter()
+            .flatten()
+            .map(|s| s.phases_rad.len() + 1)
+            .sum();
+        let found = 3 * pulses.len() + 3 * self.estimate.targets.len();
+        Ok(Step {
+            pose: self.estimate.poses[pulses.len() - 1],
+            covariance: all[pulses.len() - 1],
+            chi_square: [solved.sum, numbers.saturating_sub(found) as f64],
+            doubtful,
+            settled: solved.settled,
+        })
+    }
+
+    /// The first pulse of the window is looked at no more.
+    fn leave_behind(&mut self) -> Result<(), NoEstimate> {
+        let targets = &self.estimate.targets;
+        self.known.take(
+            &self.array,
+            &self.pulses[0],
+            self.first,
+            &self.estimate.poses[0],
+            targets,
+        )?;
+        self.pulses.pop_front();
+        self.estimate.poses.remove(0);
+        self.first += 1;
+        Ok(())
+    }
+
+    /// A sighting by our own numbers, its phases continued from before; and how many of them may have wrapped.
+    fn unwrapped(&mut self, sighting: &Sighting, pose: &Pose) -> (Sighting, usize) {
+        let known = self.names.iter().position(|name| *name == sighting.target);
+        let index = known.unwrap_or_else(|| {
+            let target = first_look(&self.array, sighting, pose);
+            self.estimate.targets.push(target);
+            self.names.push(sighting.target);
+            self.names.len() - 1
+        });
+        let expected = self.array.lines(pose, &self.estimate.targets[index]);
+        let mut doubtful = 0;
+        let phases = sighting.phases_rad.iter().zip(&expected);
+        let phases_rad: Vec<f64> = phases
+            .map(|(phase, line)| {
+                let whole = phase + TAU * ((line.value - phase) / TAU).round();
+                doubtful += usize::from((whole - line.value).abs() > WRAPPED * PI);
+                whole
+            })
+            .collect();
+        let own = Sighting {
+            target: index,
+            phases_rad,
+            ..sighting.clone()
+        };
+        (own, doubtful)
+    }
+}
+
+/// A target by its range and the angle at which it arrives at the nearest two receivers.
+fn first_look(array: &Array, sighting: &Sighting, pose: &Pose) -> Target {
+    let ([i, j], baseline) = array.shortest_baseline().expect("there are two receivers");
+    let turns = (sighting.phases_rad[j] - sighting.phases_rad[i]) / TAU;
+    let turns = turns - turns.round();
+    // Nearer to the target the phase is larger, for the path is shorter.
+    let along = (turns * array.wavelength_m / baseline.length()).clamp(-1.0, 1.0);
+    let direction = baseline.normalize();
+    let ahead = match direction.perp() {
+        perp if perp.y < 0.0 => -perp,
+        perp => perp,
+    };
+    let from = direction * along + ahead * (1.0 - along * along).sqrt();
+    let heading = DVec2::from_angle(pose.heading_rad);
+    let mut target = Target {
+        at_m: pose.at_m + heading.rotate(from) * sighting.range_m,
+        phase_rad: 0.0,
+        from: *pose,
+    };
+    target.phase_rad = sighting.phases_rad[0] - array.lines(pose, &target)[0].value;
+    target
+}
+
+/// A track, known as well as all pulses together tell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Track {
+    /// One a pulse.
+    pub poses: Vec<Pose>,
+    /// As each was known when its pulse had come, in a frame turned a little otherwise.
+    pub live: Vec<Pose>,
+    /// Of x, y and heading of each.
+    pub covariances: Vec<DMat3>,
+    /// By the numbers they are called.
+    pub targets: Vec<(usize, Target)>,
+    /// The sum of squared errors in standard deviations, and how many numbers there are beyond those that are found.
+    pub chi_square: [f64; 2],
+    /// Phases that may have wrapped, of each pulse.
+    pub doubtful: Vec<usize>,
+    /// Whether the least squares came to their end.
+    pub settled: bool,
+}
+
+/// The track of a radar that saw this, pulse by pulse: followed first, with so many pulses that are looked at again, then all of it at once.
+///
+/// # Errors
+/// [`MotionError`], and the pulse's number.
+pub fn track(
+    array: &Array,
+    pulses: &[Vec<Sighting>],
+    window: usize,
+) -> Result<Track, (usize, MotionError)> {
+    let mut tracker = Tracker::new(array.clone(), window).map_err(|error| (0, error))?;
+    let mut estimate = Estimate::default();
+    let (mut understood, mut doubtful) = (Vec::new(), Vec::new());
+    for (n, sightings) in pulses.iter().enumerate() {
+        let step = tracker.push(sightings).map_err(|error| (n, error))?;
+        estimate.poses.push(step.pose);
+        understood.push(tracker.last().to_vec());
+        doubtful.push(step.doubtful);
+    }
+    estimate.targets = tracker.targets().map(|(_, target)| target).collect();
+    let live = estimate.poses.clone();
+    let whole = |error: NoEstimate| (pulses.len(), error.into());
+    let nothing = Known::default();
+    let solved = joint::solve(array, &understood, 0, &mut estimate, &nothing).map_err(whole)?;
+    let covariances =
+        joint::covariances(array, &understood, 0, &estimate, &nothing).map_err(whole)?;
+    let numbers: usize = understood
+        .iter()
+        .flatten()
+        .map(|s| s.phases_rad.len() + 1)
+        .sum();
+    let found = 3 * (pulses.len().max(1) - 1) + 3 * estimate.targets.len();
+    let names = tracker.targets().map(|(name, _)| name);
+    Ok(Track {
+        targets: names.zip(estimate.targets.iter().copied()).collect(),
+        poses: estimate.poses,
+        live,
+        covariances,
+        chi_square: [solved.sum, numbers.saturating_sub(found) as f64],
+        doubtful,
+        settled: solved.settled,
+    })
+}
