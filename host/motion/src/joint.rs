@@ -71,7 +71,7 @@ pub enum NoEstimate {
 /// How far the least squares came.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solved {
-    /// The sum of squares, in standard deviations, less what is known alone.
+    /// The sum of squares, in standard deviations, of these pulses.
     pub sum: f64,
     /// Whether further steps would change nothing: not so where little is seen as yet, or targets are confused, or phases wrapped.
     pub settled: bool,
@@ -92,8 +92,10 @@ struct Normal {
     /// Targets by targets, poses eliminated, row by row.
     matrix: Vec<f64>,
     right: Vec<f64>,
-    /// The sum of squares, less what is known alone.
+    /// The sum of squares of these pulses.
     sum: f64,
+    /// By how much targets displease what is known, but for a constant.
+    displeased: f64,
     /// How much diagonals are enlarged.
     damping: f64,
 }
@@ -162,6 +164,7 @@ impl Normal {
             matrix: vec![0.0; size * size],
             right: vec![0.0; size],
             sum: 0.0,
+            displeased: 0.0,
             damping,
         };
         normal.add_known(known, &estimate.targets);
@@ -193,8 +196,7 @@ impl Normal {
             }
             self.matrix[i * size + i] += self.damping * row[i];
             self.right[i] += pull;
-            // The square's part that depends on the targets.
-            self.sum -= at[i] * (known.vector[i] + pull);
+            self.displeased -= at[i] * (known.vector[i] + pull);
         }
     }
 
@@ -324,7 +326,9 @@ pub fn solve(
         let (next, promised) = now.step(estimate)?;
         settled = promised < ENOUGH;
         let then = normal(&next, damping)?;
-        if then.sum <= now.sum {
+        // Of large numbers that nearly cancel, their rounding is no increase.
+        let rounding = 1e-13 * now.displeased.abs();
+        if then.sum + then.displeased <= now.sum + now.displeased + rounding {
             (*estimate, now) = (next, then);
             if damping == DAMPING {
                 match settled {
@@ -399,6 +403,7 @@ impl Known {
             matrix: vec![0.0; size * size],
             right: vec![0.0; size],
             sum: 0.0,
+            displeased: 0.0,
             damping: 0.0,
         };
         own.add_pulse(array, sightings, number, pose, targets)?;

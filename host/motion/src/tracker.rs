@@ -32,7 +32,8 @@ pub struct Step {
     pub pose: Pose,
     /// Covariance of x, y and heading.
     pub covariance: DMat3,
-    /// Of the window: the sum of squared errors in standard deviations, and how many numbers are in it beyond those that are found.
+    /// Of the window: the sum of squared errors in standard deviations, and about how many it should be: as many as there are numbers, less those that
+    /// are found of them.
     pub chi_square: [f64; 2],
     /// Phases that may have wrapped.
     pub doubtful: usize,
@@ -185,7 +186,12 @@ impl Tracker {
             .flatten()
             .map(|s| s.phases_rad.len() + 1)
             .sum();
-        let found = 3 * pulses.len() + 3 * self.estimate.targets.len();
+        // Later on pulses left behind tell the targets.
+        let targets = match self.first {
+            0 => self.estimate.targets.len(),
+            _ => 0,
+        };
+        let found = 3 * pulses.len() + 3 * targets;
         Ok(Step {
             pose: self.estimate.poses[pulses.len() - 1],
             covariance: all[pulses.len() - 1],

@@ -369,6 +369,14 @@ fn what_tells_nothing_is_refused() {
                 .unwrap();
         }
     }
+    let step = tracker
+        .push(&sightings(&array, &poses[99], &noise, &mut random))
+        .unwrap();
+    let [sum, free] = step.chi_square;
+    assert!(
+        free > 40.0 && (sum - free).abs() < 5.0 * (2.0 * free).sqrt(),
+        "{sum} {free}"
+    );
     let last = tracker.window()[tracker.window().len() - 1];
     assert!(last.at_m.distance(poses[99].at_m) < 0.01, "{last:?}");
 
