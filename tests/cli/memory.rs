@@ -176,7 +176,7 @@ fn recordings_and_images_may_be_larger_than_the_budget() {
 
 /// Some ten minutes and 5 GB of disk.
 #[test]
-#[ignore = "long: cargo test -p subaperture-tests --test cli -- --ignored a_gigabyte"]
+#[ignore = "minutes: cargo xtask long"]
 fn recordings_and_images_may_be_larger_than_a_gigabyte() {
     larger_than(1024, &["rdbp", "pfa", "rda", "omega-k"]);
 }

@@ -100,16 +100,13 @@ fn the_fastest_that_keeps_the_bound_is_taken() {
 fn another_model_takes_another() {
     let collection = collection(300, 256, 20.0);
     let slow = TimeModel {
-        name: "slow loops".into(),
-        tile_group_ns: 1e6,
-        coarse_group_ns: 1e6,
+        name: "slow leaves".into(),
         leaf_group_ns: 1e6,
-        point_ns: 1e6,
         ..TimeModel::DEFAULT
     };
     let grid = "x=-20:20:0.2,y=-20:20:0.2";
     let plan = plan(&Auto::default(), &collection, grid, Misses::Refused, &slow);
-    assert_eq!(plan.unwrap().summary["former"], "rdbp");
+    assert_eq!(plan.unwrap().summary["former"], "bp");
 }
 
 /// Samples taken one after another in motion are for formers that know their moments.

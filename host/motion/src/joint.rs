@@ -149,6 +149,18 @@ fn measured<'a>(
 }
 
 impl Normal {
+    /// Of nothing yet, for systems of this size.
+    fn empty(size: usize, damping: f64) -> Self {
+        Self {
+            pulses: Vec::new(),
+            matrix: vec![0.0; size * size],
+            right: vec![0.0; size],
+            sum: 0.0,
+            displeased: 0.0,
+            damping,
+        }
+    }
+
     /// Of pulses from number `first` on.
     fn new(
         array: &Array,
@@ -159,14 +171,7 @@ impl Normal {
         damping: f64,
     ) -> Result<Self, NoEstimate> {
         let size = 3 * estimate.targets.len();
-        let mut normal = Self {
-            pulses: Vec::with_capacity(pulses.len()),
-            matrix: vec![0.0; size * size],
-            right: vec![0.0; size],
-            sum: 0.0,
-            displeased: 0.0,
-            damping,
-        };
+        let mut normal = Self::empty(size, damping);
         normal.add_known(known, &estimate.targets);
         if let Some(target) = estimate.targets.first() {
             // Across the direction in which it is seen from the first pose, which is the origin.
@@ -245,13 +250,15 @@ impl Normal {
         // Symmetric, so that rows are columns.
         let factor = Factor::new(3, &own.to_cols_array()).ok_or(NoEstimate::Pose(number))?;
         let inverse = DMat3::from_cols_slice(&factor.inverse());
+        let pose_alone = inverse * own_right;
         for (target, both) in &with {
-            let taken = both.transpose() * (inverse * own_right);
+            let taken = both.transpose() * pose_alone;
             let to = self.right[3 * target..].iter_mut();
             to.zip(taken.to_array())
                 .for_each(|(to, value)| *to -= value);
+            let follows = inverse * *both;
             for (other, before) in &with {
-                let taken = before.transpose() * inverse * *both;
+                let taken = before.transpose() * follows;
                 add(&mut self.matrix, size, [*other, *target], -taken);
             }
         }
@@ -352,8 +359,16 @@ pub fn solve(
     })
 }
 
-/// Covariances of the poses (x, y, heading) of pulses from number `first` on, about an estimate: where that is the truth and errors are
-/// Gaussian, no unbiased estimator has smaller ones (Cramer and Rao).
+/// How well an estimate is known.
+pub struct Covariances {
+    pulses: Vec<Own>,
+    /// Targets by targets, row by row.
+    targets: Vec<f64>,
+    size: usize,
+}
+
+/// Covariances about an estimate from pulses of number `first` on: where that is the truth and errors are Gaussian, no unbiased estimator has
+/// smaller ones (Cramer and Rao).
 ///
 /// # Errors
 /// [`NoEstimate`].
@@ -363,24 +378,44 @@ pub fn covariances(
     first: usize,
     estimate: &Estimate,
     known: &Known,
-) -> Result<Vec<DMat3>, NoEstimate> {
+) -> Result<Covariances, NoEstimate> {
     let normal = Normal::new(array, pulses, first, estimate, known, 0.0)?;
     let size = normal.right.len();
     let factor = Factor::new(size, &normal.matrix).ok_or(NoEstimate::Targets)?;
-    let targets = factor.inverse();
-    let each = normal.pulses.iter().map(|own| {
-        let mut covariance = own.inverse;
+    Ok(Covariances {
+        pulses: normal.pulses,
+        targets: factor.inverse(),
+        size,
+    })
+}
+
+impl Covariances {
+    /// Of a pulse's pose: x, y and heading.
+    ///
+    /// # Panics
+    /// If there are not so many pulses.
+    pub fn pose(&self, pulse: usize) -> DMat3 {
+        let own = &self.pulses[pulse];
         // How the pose follows the targets.
-        for (a, both) in &own.with {
-            let of_a = own.inverse * *both;
-            for (b, both) in &own.with {
-                let of_b = own.inverse * *both;
-                covariance += of_a * block(&targets, size, [*a, *b]) * of_b.transpose();
+        let follows = own
+            .with
+            .iter()
+            .map(|(target, both)| (*target, own.inverse * *both));
+        let follows: Vec<(usize, DMat3)> = follows.collect();
+        let mut covariance = own.inverse;
+        for (a, of_a) in &follows {
+            for (b, of_b) in &follows {
+                let both = block(&self.targets, self.size, [*a, *b]);
+                covariance += *of_a * both * of_b.transpose();
             }
         }
         covariance
-    });
-    Ok(each.collect())
+    }
+
+    /// Of all poses.
+    pub fn poses(&self) -> impl Iterator<Item = DMat3> {
+        (0..self.pulses.len()).map(|pulse| self.pose(pulse))
+    }
 }
 
 impl Known {
@@ -398,14 +433,7 @@ impl Known {
     ) -> Result<(), NoEstimate> {
         self.grow(targets.len());
         let size = 3 * targets.len();
-        let mut own = Normal {
-            pulses: Vec::new(),
-            matrix: vec![0.0; size * size],
-            right: vec![0.0; size],
-            sum: 0.0,
-            displeased: 0.0,
-            damping: 0.0,
-        };
+        let mut own = Normal::empty(size, 0.0);
         own.add_pulse(array, sightings, number, pose, targets)?;
         let at: Vec<f64> = targets.iter().flat_map(values).collect();
         for i in 0..size {

@@ -45,9 +45,19 @@ pub struct Step {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MotionError {
-    /// The array has not two receivers.
-    #[error("an angle of arrival takes two receivers, and the array has {0}")]
-    Receivers(usize),
+    /// The array has not two receivers and a transmitter.
+    #[error(
+        "an angle of arrival takes a transmitter and two receivers, and the array has {transmitters} and {receivers}"
+    )]
+    Antennas {
+        /// Transmitters.
+        transmitters: usize,
+        /// Receivers.
+        receivers: usize,
+    },
+    /// An array that is none.
+    #[error("the array's {0} is no number, or not above 0")]
+    Array(&'static str),
     /// Receivers are too far apart for angles to be told.
     #[error(
         "the nearest receivers are {baseline_m} m apart: angles of arrival are told without doubt up to half a wavelength, {half_m} m"
@@ -75,14 +85,26 @@ impl Tracker {
     /// With so many pulses that are looked at again, 2 at the least: the cost of a pulse grows with them.
     ///
     /// # Errors
-    /// [`MotionError::Receivers`], [`MotionError::Baseline`].
+    /// [`MotionError::Antennas`], [`MotionError::Array`], [`MotionError::Baseline`].
     pub fn new(array: Array, window: usize) -> Result<Self, MotionError> {
-        let Some((_, baseline)) = array.shortest_baseline() else {
-            return Err(MotionError::Receivers(array.receivers_m.len()));
+        let (Some((_, baseline)), false) =
+            (array.shortest_baseline(), array.transmitters_m.is_empty())
+        else {
+            return Err(MotionError::Antennas {
+                transmitters: array.transmitters_m.len(),
+                receivers: array.receivers_m.len(),
+            });
         };
+        if !(array.wavelength_m.is_finite() && array.wavelength_m > 0.0) {
+            return Err(MotionError::Array("wavelength"));
+        }
+        let mut antennas = array.transmitters_m.iter().chain(&array.receivers_m);
+        if !antennas.all(|at_m| at_m.is_finite()) {
+            return Err(MotionError::Array("antennas' place"));
+        }
         let (baseline_m, half_m) = (baseline.length(), 0.5 * array.wavelength_m);
         // To a ten-thousandth: half a wavelength is often what is meant.
-        if baseline_m.is_nan() || baseline_m > half_m * 1.0001 || baseline_m == 0.0 {
+        if baseline_m > half_m * 1.0001 || baseline_m == 0.0 {
             return Err(MotionError::Baseline { baseline_m, half_m });
         }
         Ok(Self {
@@ -180,12 +202,8 @@ impl Tracker {
             &mut self.estimate,
             &self.known,
         )?;
-        let all = joint::covariances(&self.array, pulses, self.first, &self.estimate, &self.known)?;
-        let numbers: usize = pulses
-            .iter()
-            .flatten()
-            .map(|s| s.phases_rad.len() + 1)
-            .sum();
+        let known_to =
+            joint::covariances(&self.array, pulses, self.first, &self.estimate, &self.known)?;
         // Later on pulses left behind tell the targets.
         let targets = match self.first {
             0 => self.estimate.targets.len(),
@@ -194,8 +212,8 @@ impl Tracker {
         let found = 3 * pulses.len() + 3 * targets;
         Ok(Step {
             pose: self.estimate.poses[pulses.len() - 1],
-            covariance: all[pulses.len() - 1],
-            chi_square: [solved.sum, numbers.saturating_sub(found) as f64],
+            covariance: known_to.pose(pulses.len() - 1),
+            chi_square: [solved.sum, beyond(pulses, found)],
             doubtful,
             settled: solved.settled,
         })
@@ -268,6 +286,13 @@ fn first_look(array: &Array, sighting: &Sighting, pose: &Pose) -> Target {
     target
 }
 
+/// How many numbers are measured beyond those that are found of them.
+fn beyond(pulses: &[Vec<Sighting>], found: usize) -> f64 {
+    let sightings = pulses.iter().flatten();
+    let measured: usize = sightings.map(|s| s.phases_rad.len() + 1).sum();
+    measured.saturating_sub(found) as f64
+}
+
 /// A track, known as well as all pulses together tell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {
@@ -312,19 +337,14 @@ pub fn track(
     let solved = joint::solve(array, &understood, 0, &mut estimate, &nothing).map_err(whole)?;
     let covariances =
         joint::covariances(array, &understood, 0, &estimate, &nothing).map_err(whole)?;
-    let numbers: usize = understood
-        .iter()
-        .flatten()
-        .map(|s| s.phases_rad.len() + 1)
-        .sum();
     let found = 3 * (pulses.len().max(1) - 1) + 3 * estimate.targets.len();
     let names = tracker.targets().map(|(name, _)| name);
     Ok(Track {
         targets: names.zip(estimate.targets.iter().copied()).collect(),
         poses: estimate.poses,
         live,
-        covariances,
-        chi_square: [solved.sum, numbers.saturating_sub(found) as f64],
+        covariances: covariances.poses().collect(),
+        chi_square: [solved.sum, beyond(&understood, found)],
         doubtful,
         settled: solved.settled,
     })

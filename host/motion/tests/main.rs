@@ -154,7 +154,7 @@ fn bound(array: &Array, poses: &[Pose], noise: &Noise) -> [f64; 2] {
     };
     let pulses = without_noise(array, poses, noise);
     let all = covariances(array, &pulses, 0, &truth, &Known::default()).unwrap();
-    let last = all[all.len() - 1];
+    let last = all.pose(poses.len() - 1);
     let along = poses[poses.len() - 1].at_m.normalize().extend(0.0);
     [along.dot(last * along).sqrt(), last.z_axis.z.sqrt()]
 }
@@ -221,7 +221,7 @@ fn four_receivers_tell_what_can_be_known() {
 }
 
 #[test]
-#[ignore = "minutes: cargo test -p subaperture-motion -- --ignored --nocapture"]
+#[ignore = "minutes: cargo xtask long"]
 fn tracks_of_fifty_seeds() {
     for receivers in [2, 4] {
         check(receivers, &[15.0, 20.0, 25.0, 30.0, 35.0, 40.0], 50);
@@ -326,7 +326,7 @@ fn covariances_are_those_of_the_whole_system() {
         }
         rows[k] = row;
     }
-    for (n, got) in got.iter().enumerate() {
+    for (n, got) in got.poses().enumerate() {
         for i in 0..3 {
             for j in 0..3 {
                 let [a, b] = [i, j].map(|i| 3 * n + i);
@@ -426,11 +426,39 @@ fn what_tells_nothing_is_refused() {
     ));
     let lone = Array {
         receivers_m: vec![DVec2::ZERO],
+        ..array.clone()
+    };
+    let deaf = Array {
+        transmitters_m: Vec::new(),
+        ..array.clone()
+    };
+    for (array, antennas) in [(lone, [1, 1]), (deaf, [0, 2])] {
+        let Err(MotionError::Antennas {
+            transmitters,
+            receivers,
+        }) = Tracker::new(array, 5)
+        else {
+            panic!("{antennas:?}");
+        };
+        assert_eq!([transmitters, receivers], antennas);
+    }
+    for wavelength_m in [f64::NAN, 0.0, -1.0, f64::INFINITY] {
+        let array = Array {
+            wavelength_m,
+            ..array.clone()
+        };
+        assert!(matches!(
+            Tracker::new(array, 5),
+            Err(MotionError::Array("wavelength"))
+        ));
+    }
+    let nowhere = Array {
+        transmitters_m: vec![DVec2::new(0.0, f64::NAN)],
         ..array
     };
     assert!(matches!(
-        Tracker::new(lone, 5),
-        Err(MotionError::Receivers(1))
+        Tracker::new(nowhere, 5),
+        Err(MotionError::Array(_))
     ));
 }
 

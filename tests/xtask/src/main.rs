@@ -30,6 +30,7 @@ Usage: cargo xtask COMMAND
   oldest     all that is published, compiled by the oldest Rust that it says it needs
   package    whether all that is published can be packed for crates.io
   unit       the tests of core, host and tests, doc tests included
+  long       the tests that take minutes each, which 'test' leaves out
   firmware   the firmware under QEMU against the host, and the bits of core and kernels on other machines
   miri       what is unsafe in the kernels under Miri, in AVX2 and NEON; needs a nightly Rust with it
   fuzz TARGET SECONDS
@@ -100,6 +101,10 @@ fn main() -> ExitCode {
         ["unit"] => {
             let python = python(Talk::Shown);
             unit(&mut runner, python);
+            Ok(())
+        }
+        ["long"] => {
+            suite::long(&mut runner);
             Ok(())
         }
         ["firmware"] => ensure(&[Need::FIRMWARE_TARGET, Need::Qemu], Talk::Shown).map(|()| {

@@ -35,6 +35,14 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
     );
 }
 
+/// What is marked as ignored: each takes minutes.
+pub(crate) fn long(runner: &mut Runner) {
+    let mut command = cargo(&["test", "--workspace", "--exclude", "subaperture-firmware"]);
+    command.args(["--tests", "--no-fail-fast", "--locked"]);
+    command.args(["--", "--ignored", SHOW_OUTPUT]);
+    runner.tests("tests that take minutes each", &mut command);
+}
+
 /// Only what runs under QEMU.
 pub(crate) fn firmware(runner: &mut Runner) {
     let mut build = cargo(&["test", "--package", "subaperture-tests"]);

@@ -141,11 +141,9 @@ impl FromArgMatches for FormerOptions {
             .filter_map(|(option, _)| Some((option.name.to_owned(), value(option, matches)?)));
         let given: Given = given.collect();
         let name = matches.get_one::<String>(ALGORITHM);
-        let mut named = FORMERS
+        let named = FORMERS
             .iter()
-            .filter(|entry| name.is_some_and(|name| name == entry.name));
-        let named = named
-            .next()
+            .find(|entry| name.is_some_and(|name| name == entry.name))
             .expect("no other word is taken, and one is there by default");
         let takes = |entry: &&Entry| given.keys().all(|option| entry.option(option).is_some());
         let entry = match matches.value_source(ALGORITHM) {

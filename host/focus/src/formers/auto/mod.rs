@@ -1,14 +1,15 @@
 //! The fastest of the formers that take any track.
 //!
 //! Each of [`CANDIDATES`] plans the image within the same bound; of those that keep it that one forms it which takes the least time by the
-//! time model. So sub-CPIs and patches of one level ([`crate::rdbp`]), of several ([`crate::ffbp`]) and plain backprojection
-//! ([`crate::bp`]) are one family: small images and few pulses are backprojected, large ones factorised. Where antennas move while a
-//! pulse lasts, only those are candidates that take each sample at its own moment.
+//! time model. That is [`crate::ffbp`] wherever it takes the collection: an image too small to be factorised is one patch of its own, backprojected
+//! at the rate of plain backprojection. [`crate::bp`] forms what `ffbp` refuses: bounds beyond its kernels, and antennas that move while a pulse
+//! lasts, where each sample is to be taken at its own moment. Patches of one level ([`crate::rdbp`]) are no candidate: on every case that was
+//! measured they took longer than `ffbp`, and planning them takes longer than forming a small image.
 //!
 //! Plans of the default time model are the same on every machine, and so is this choice. The choice is part of the plan, and the record's settings
 //! say it (`former`).
 //!
-//! Error, cost and memory: those of the former that is taken. Planning takes that of all of them: some milliseconds.
+//! Error, cost and memory: those of the former that is taken. Planning takes that of both.
 
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -21,7 +22,7 @@ use crate::{Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFor
 use subaperture_model::monitor::Monitor;
 
 /// By name; of two that are as fast the first.
-pub const CANDIDATES: [&str; 3] = ["bp", "ffbp", "rdbp"];
+pub const CANDIDATES: [&str; 2] = ["bp", "ffbp"];
 
 /// The fastest former within a bound.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,7 +57,7 @@ impl Auto {
 /// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "auto",
-    summary: "the fastest of bp, ffbp and rdbp within the bound",
+    summary: "the faster of bp and ffbp within the bound",
     options: &[ERROR_DB],
     of: of::<Auto>,
 };

@@ -75,6 +75,7 @@ use cost::Demand;
 use descent::{Descent, Pool, Wanted, task_level};
 use refine::{Recorded, Refiner};
 use thinned::Stretch;
+use tree::Node;
 
 /// Fast factorised backprojection.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -220,7 +221,7 @@ impl<'a> Opened<'a> {
     fn add_all(
         &self,
         work: &Work,
-        reading: Reading,
+        (roots, reading): (&[Node], Reading),
         breadth_bytes: u64,
         tiles: &mut [Tile],
     ) -> Result<(), FormError> {
@@ -242,11 +243,7 @@ impl<'a> Opened<'a> {
                 done: &done,
                 tasks,
             };
-            descent.all(
-                &recorded,
-                &self.choices.tree.roots(self.aim.grid),
-                reading.ahead,
-            )?;
+            descent.all(&recorded, roots, reading.ahead)?;
             if work.monitor.cancelled() {
                 return Err(FormError::Cancelled);
             }
@@ -288,7 +285,8 @@ impl Forming for Opened<'_> {
         let stretches = self.stretches.iter();
         let held = stretches.map(|s| self.refiner.held_bytes(s)).max();
         let held = held.unwrap_or(0);
-        let several = self.choices.tree.roots(self.aim.grid).len() > 1;
+        let roots = self.choices.tree.roots_of(self.aim.grid, tiles);
+        let several = roots.len() > 1;
         let ahead = several && threads > 1 && self.demand.held_bytes <= budget.left_bytes() / 4;
         if ahead {
             let bytes = self.demand.held_bytes;
@@ -312,7 +310,7 @@ impl Forming for Opened<'_> {
         let breadth_bytes = (budget.left_bytes() / 2 / BREADTH).min(largest);
         let more = budget.left_bytes() / 2 / self.demand.thread_bytes.max(1);
         on_threads(more.saturating_add(1) as usize, || {
-            self.add_all(work, reading, breadth_bytes, tiles)
+            self.add_all(work, (&roots, reading), breadth_bytes, tiles)
         })
     }
 }

@@ -69,6 +69,16 @@ impl Recorded<'_> {
         let held = self.held.as_deref();
         held.or_else(|| self.history.at_hand(stretch.pulses.clone()))
     }
+
+    /// These pulses of the stretch, of which the samples are.
+    fn before<'a>(&'a self, samples: &'a [Complex32], pulses: Range<usize>) -> Before<'a> {
+        Before::Recorded {
+            samples,
+            first: pulses.start,
+            fast: &self.fast,
+            slow: &self.slow[pulses],
+        }
+    }
 }
 
 /// Pulses before.
@@ -227,29 +237,22 @@ impl<'a> Refiner<'a> {
         halves: [bool; 2],
         own: &mut PatchHistory,
     ) -> Result<(), FormError> {
-        let monitor = recorded.monitor;
         let axes = self.recorded();
         let (size, width) = (
             self.prepare(stretch, &axes, patch, halves, own),
             axes.num_samples,
         );
         let (num_pulses, num_after) = (stretch.pulses.len(), own.num_pulses());
+        let step = Step {
+            stretch,
+            patch,
+            halves,
+            size,
+            monitor: recorded.monitor,
+        };
         if let Some(samples) = recorded.at_hand(stretch) {
-            let before = Before::Recorded {
-                samples,
-                first: 0,
-                fast: &recorded.fast,
-                slow: &recorded.slow,
-            };
-            let step = Step {
-                stretch,
-                before,
-                patch,
-                halves,
-                size,
-                monitor,
-            };
-            self.make_together(&step, 0, &mut own.values);
+            let before = recorded.before(samples, 0..num_pulses);
+            self.make_together(&step, before, 0, &mut own.values);
             return Ok(());
         }
         let at_once = recorded.at_once.min(num_pulses);
@@ -272,23 +275,10 @@ impl<'a> Refiner<'a> {
                 (false, true) => here.end / 2,
                 (false, false) => here.end,
             };
-            let before = Before::Recorded {
-                samples: &samples,
-                first: here.start,
-                fast: &recorded.fast,
-                slow: &recorded.slow[here.clone()],
-            };
-            let step = Step {
-                stretch,
-                before,
-                patch,
-                halves,
-                size,
-                monitor,
-            };
+            let before = recorded.before(&samples, here.clone());
             let out = &mut own.values[made * size..until * size];
-            if here.end == num_pulses || monitor.cancelled() {
-                self.make_together(&step, made, out);
+            if here.end == num_pulses || recorded.monitor.cancelled() {
+                self.make_together(&step, before, made, out);
                 return Ok(());
             }
             let next = here.end..(here.end + at_once).min(num_pulses);
@@ -299,7 +289,7 @@ impl<'a> Refiner<'a> {
                 .copy_from_slice(&samples[from * width..(from + kept.len()) * width]);
             let (read, ()) = rayon::join(
                 || reading(next.clone(), &mut ahead[kept.len() * width..]),
-                || self.make_together(&step, made, out),
+                || self.make_together(&step, before, made, out),
             );
             read?;
             std::mem::swap(&mut samples, &mut ahead);
@@ -366,27 +356,26 @@ impl<'a> Refiner<'a> {
         let before = Before::History(parent);
         let step = Step {
             stretch,
-            before,
             patch,
             halves,
             size,
             monitor,
         };
         match alone {
-            Some(scratch) => self.make(&step, 0, &mut own.values, scratch),
-            None => self.make_together(&step, 0, &mut own.values),
+            Some(scratch) => self.make(&step, before, 0, &mut own.values, scratch),
+            None => self.make_together(&step, before, 0, &mut own.values),
         }
     }
 
     /// Pulses of a history from `first` on, some of them on each thread.
-    fn make_together(&self, step: &Step, first: usize, out: &mut [f32]) {
+    fn make_together(&self, step: &Step, before: Before, first: usize, out: &mut [f32]) {
         let count = out.len() / step.size;
         // Of many, several parts a thread: threads are not equally fast.
         let even = count.div_ceil(rayon::current_num_threads());
         let block = even.min(even.div_ceil(4).max(8 * BLOCK)).max(BLOCK);
         let blocks = out.par_chunks_mut(block * step.size).enumerate();
         blocks.for_each_init(RefineScratch::default, |scratch, (i, out)| {
-            self.make(step, first + i * block, out, scratch);
+            self.make(step, before, first + i * block, out, scratch);
         });
     }
 
@@ -411,19 +400,27 @@ impl<'a> Refiner<'a> {
     }
 
     /// Pulses of a history from `first` on.
-    fn make(&self, step: &Step, first: usize, out: &mut [f32], scratch: &mut RefineScratch) {
+    fn make(
+        &self,
+        step: &Step,
+        before: Before,
+        first: usize,
+        out: &mut [f32],
+        scratch: &mut RefineScratch,
+    ) {
         let _making = during(step.monitor, HISTORIES);
         match self.taps.len() {
-            8 => self.make_with::<8>(step, first, out, scratch),
-            10 => self.make_with::<10>(step, first, out, scratch),
-            12 => self.make_with::<12>(step, first, out, scratch),
-            _ => self.make_with::<16>(step, first, out, scratch),
+            8 => self.make_with::<8>(step, before, first, out, scratch),
+            10 => self.make_with::<10>(step, before, first, out, scratch),
+            12 => self.make_with::<12>(step, before, first, out, scratch),
+            _ => self.make_with::<16>(step, before, first, out, scratch),
         }
     }
 
     fn make_with<const W: usize>(
         &self,
         step: &Step,
+        before: Before,
         first: usize,
         out: &mut [f32],
         scratch: &mut RefineScratch,
@@ -437,7 +434,7 @@ impl<'a> Refiner<'a> {
             start: axes.start_hz * (path_m / SPEED_OF_LIGHT_M_S),
             step: axes.step_hz * (path_m / SPEED_OF_LIGHT_M_S),
         };
-        let (rows, layout, needed) = match step.before {
+        let (rows, layout, needed) = match before {
             Before::Recorded {
                 samples,
                 first,
@@ -503,7 +500,6 @@ impl<'a> Refiner<'a> {
 /// A history in the making.
 struct Step<'a> {
     stretch: &'a Stretch,
-    before: Before<'a>,
     patch: &'a Patch,
     halves: [bool; 2],
     /// Numbers a pulse.

@@ -4,6 +4,7 @@
 //! so on up to the first patches. So where a pixel's patches lie follows from the sizes alone, and not from the part of the image that
 //! is formed.
 
+use crate::Tile;
 use crate::patch::{PatchSize, Rectangle};
 use subaperture_model::geometry::ImageGrid;
 
@@ -71,6 +72,20 @@ impl Tree {
                 })
             })
             .collect()
+    }
+
+    /// Those first patches that have pixels of these tiles.
+    pub(super) fn roots_of(&self, grid: &ImageGrid, tiles: &[Tile]) -> Vec<Node> {
+        let meet = |own: &Rectangle, tile: &Tile| {
+            let mut each = own.place().into_iter().zip(tile.place.place());
+            each.all(|(a, b)| a.start < b.end && b.start < a.end)
+        };
+        let mut roots = self.roots(grid);
+        roots.retain(|&node| {
+            let own = self.rectangle(grid, node);
+            own.is_some_and(|own| tiles.iter().any(|tile| meet(&own, tile)))
+        });
+        roots
     }
 }
 
