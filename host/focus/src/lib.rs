@@ -37,6 +37,7 @@ mod path_tile;
 mod pixels;
 pub mod plan;
 mod probes;
+mod read_ahead;
 mod rounding;
 mod sampled;
 pub mod stages;

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::cost::SPECTRUM;
 use super::{RangeMethod, Strip, step_done};
+use crate::read_ahead::read_ahead_into;
 use crate::{FormError, Work};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::during;
@@ -58,10 +59,7 @@ fn on_the_line<M: RangeMethod>(strip: &Strip<M>, work: &Work) -> Result<Vec<Comp
     // Normalised here, before transforms sum: large samples stay within float32.
     let norm = aim.weights.normalisation();
     let mut samples = vec![Complex32::ZERO; num_pulses * num_samples];
-    for first in (0..num_pulses).step_by(BLOCK_PULSES) {
-        let pulses = first..(first + BLOCK_PULSES).min(num_pulses);
-        let rows = &mut samples[first * num_samples..pulses.end * num_samples];
-        work.history.read(pulses.clone(), rows)?;
+    read_ahead_into(work.history, BLOCK_PULSES, &mut samples, |pulses, rows| {
         rows.par_chunks_exact_mut(num_samples)
             .zip(pulses.clone())
             .for_each(|(row, n)| {
@@ -74,7 +72,7 @@ fn on_the_line<M: RangeMethod>(strip: &Strip<M>, work: &Work) -> Result<Vec<Comp
                     *z *= narrow(phasor(-pulse.frequency_hz(k) * delay_s) * (w * weight));
                 }
             });
-        step_done(work, 0.3 * pulses.end as f64 / num_pulses as f64)?;
-    }
+        step_done(work, 0.3 * pulses.end as f64 / num_pulses as f64)
+    })?;
     Ok(samples)
 }

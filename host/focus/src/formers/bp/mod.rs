@@ -45,6 +45,7 @@ use super::options::ERROR_DB;
 use super::{Entry, of};
 use crate::former::{chosen, misfit};
 use crate::patch::{PatchSize, Patches};
+use crate::read_ahead::BLOCKS_HELD;
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Reason,
     Remedy, rounding,
@@ -185,9 +186,9 @@ enum Way {
     Blurs(Blurs),
 }
 
-/// Bytes of a pulse, its upsampled profile and so many numbers made of it.
+/// Bytes of a pulse, as often as it is held, and of so many numbers made of it.
 fn pulse_bytes(num_samples: usize, values: usize) -> u64 {
-    (8 * num_samples + 4 * values) as u64
+    (8 * BLOCKS_HELD * num_samples + 4 * values) as u64
 }
 
 /// Decides for a grid of this meaning.

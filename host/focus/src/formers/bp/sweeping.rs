@@ -9,6 +9,7 @@ use super::cost::{PIXELS, PROFILES};
 use super::{Choices, MOST_OVERSAMPLING, MOST_PARTS, Meaning, SUMMED_BLURRED, Way};
 use crate::budget::Budget;
 use crate::pixels::for_each_run;
+use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
 use crate::{Aim, FormError, Forming, Remedy, Tile, Work};
 use subaperture_kernels::blurred::{self, Blurred, Scale};
 use subaperture_kernels::paths::Points;
@@ -19,7 +20,7 @@ use subaperture_signal::range_profile::RangeProfiler;
 
 /// Bytes of a pulse and its upsampled profiles.
 pub(super) fn pulse_bytes(num_samples: usize, blurs: &Blurs, length: usize) -> u64 {
-    8 * (num_samples + blurs.count * (length + 1)) as u64
+    8 * (BLOCKS_HELD * num_samples + blurs.count * (length + 1)) as u64
 }
 
 /// Chooses for a relative RMS error of `error_db`; and the error of the steps between profiles.
@@ -80,31 +81,31 @@ impl Forming for Opened<'_> {
             &[Remedy::MoreMemory],
         )?;
         let block = (parts * summed).min(num_pulses);
-        let mut samples = vec![Complex32::ZERO; block * num_samples];
         let mut profiles = vec![Complex32::ZERO; block * each * (length + 1)];
-        for first in (0..num_pulses).step_by(block) {
-            let pulses = first..(first + block).min(num_pulses);
-            let samples = &mut samples[..pulses.len() * num_samples];
-            work.history.read(pulses.clone(), samples)?;
-            let profiles = &mut profiles[..pulses.len() * each * (length + 1)];
-            self.profiles(samples, profiles, work.monitor);
-            let sources: Vec<Source> = pulses.clone().map(|n| self.source(n)).collect();
-            let add = |scratch: &mut Scratch, points: &Points, pixels: &mut [Complex32]| {
-                let profiles = profiles.chunks(summed * each * (length + 1));
-                for (sources, profiles) in sources.chunks(summed).zip(profiles) {
-                    self.sum(sources, profiles, points, scratch);
-                    let sums = pixels.iter_mut().zip(&scratch.sums);
-                    sums.for_each(|(pixel, sum)| *pixel += sum);
+        read_ahead(
+            work.history,
+            blocks_of(num_pulses, block),
+            |pulses, samples| {
+                let profiles = &mut profiles[..pulses.len() * each * (length + 1)];
+                self.profiles(samples, profiles, work.monitor);
+                let sources: Vec<Source> = pulses.clone().map(|n| self.source(n)).collect();
+                let add = |scratch: &mut Scratch, points: &Points, pixels: &mut [Complex32]| {
+                    let profiles = profiles.chunks(summed * each * (length + 1));
+                    for (sources, profiles) in sources.chunks(summed).zip(profiles) {
+                        self.sum(sources, profiles, points, scratch);
+                        let sums = pixels.iter_mut().zip(&scratch.sums);
+                        sums.for_each(|(pixel, sum)| *pixel += sum);
+                    }
+                };
+                let (grid, monitor) = (self.aim.grid, work.monitor);
+                for_each_run(grid, tiles, monitor, PIXELS, Scratch::default, add);
+                if work.monitor.cancelled() {
+                    return Err(FormError::Cancelled);
                 }
-            };
-            let (grid, monitor) = (self.aim.grid, work.monitor);
-            for_each_run(grid, tiles, monitor, PIXELS, Scratch::default, add);
-            if work.monitor.cancelled() {
-                return Err(FormError::Cancelled);
-            }
-            work.monitor.progress(pulses.end as f64 / num_pulses as f64);
-        }
-        Ok(())
+                work.monitor.progress(pulses.end as f64 / num_pulses as f64);
+                Ok(())
+            },
+        )
     }
 }
 

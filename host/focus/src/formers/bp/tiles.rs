@@ -12,6 +12,7 @@ use super::{Choices, MOST_PARTS, Meaning, Way, pulse_bytes};
 use crate::budget::Budget;
 use crate::patch::{PatchSize, Patches, Rectangle, Segment};
 use crate::path_tile::{self, raster};
+use crate::read_ahead::{blocks_of, read_ahead};
 use crate::{Aim, FormError, Forming, Remedy, Tile, Work, rounding};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::Points;
@@ -219,46 +220,46 @@ impl Forming for Opened<'_> {
             &[Remedy::MoreMemory],
         )?;
         let block = (parts * summed).min(num_pulses);
-        let mut samples = vec![Complex32::ZERO; block * num_samples];
         let mut pieces = vec![0.0; block * self.pieces.values()];
         let mut patches = self.patches.split(tiles);
         let blocks = num_pulses.div_ceil(block);
         let done = AtomicUsize::new(0);
         let parts = (blocks * patches.len()) as f64;
-        for first in (0..num_pulses).step_by(block) {
-            let pulses = first..(first + block).min(num_pulses);
-            let samples = &mut samples[..pulses.len() * num_samples];
-            work.history.read(pulses.clone(), samples)?;
-            let pieces = &mut pieces[..pulses.len() * self.pieces.values()];
-            self.make_pieces(first, samples, pieces, work.monitor);
-            let pulses = collection.pulses[pulses].chunks(summed);
-            let batches: Vec<Batch> = pulses
-                .zip(pieces.chunks(summed * self.pieces.values()))
-                .map(|(pulses, pieces)| Batch {
-                    tile_pulses: pulses
-                        .iter()
-                        .map(|p| tile_pulse(&self.aim, p, length))
-                        .collect(),
-                    pulses,
-                    pieces,
-                })
-                .collect();
-            let each = patches.par_iter_mut();
-            each.for_each_init(Scratch::default, |scratch, (rectangle, segments)| {
-                let _forming = during(work.monitor, PIXELS);
-                for batch in &batches {
-                    if work.monitor.cancelled() {
-                        return;
+        read_ahead(
+            work.history,
+            blocks_of(num_pulses, block),
+            |pulses, samples| {
+                let pieces = &mut pieces[..pulses.len() * self.pieces.values()];
+                self.make_pieces(pulses.start, samples, pieces, work.monitor);
+                let pulses = collection.pulses[pulses].chunks(summed);
+                let batches: Vec<Batch> = pulses
+                    .zip(pieces.chunks(summed * self.pieces.values()))
+                    .map(|(pulses, pieces)| Batch {
+                        tile_pulses: pulses
+                            .iter()
+                            .map(|p| tile_pulse(&self.aim, p, length))
+                            .collect(),
+                        pulses,
+                        pieces,
+                    })
+                    .collect();
+                let each = patches.par_iter_mut();
+                each.for_each_init(Scratch::default, |scratch, (rectangle, segments)| {
+                    let _forming = during(work.monitor, PIXELS);
+                    for batch in &batches {
+                        if work.monitor.cancelled() {
+                            return;
+                        }
+                        self.add(batch, rectangle, segments, scratch);
                     }
-                    self.add(batch, rectangle, segments, scratch);
+                    let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    work.monitor.progress(done as f64 / parts);
+                });
+                match work.monitor.cancelled() {
+                    true => Err(FormError::Cancelled),
+                    false => Ok(()),
                 }
-                let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-                work.monitor.progress(done as f64 / parts);
-            });
-            if work.monitor.cancelled() {
-                return Err(FormError::Cancelled);
-            }
-        }
-        Ok(())
+            },
+        )
     }
 }

@@ -10,6 +10,7 @@
 use super::BLOCK_PULSES;
 use crate::Aim;
 use crate::cost::{Cost, Each, StageCost};
+use crate::read_ahead::BLOCKS_HELD;
 
 /// The stage.
 pub(super) const SUM: &str = "sum";
@@ -32,5 +33,5 @@ pub(super) fn cost(aim: &Aim, pixel_bytes: u64) -> Cost {
     let pairs = pixels * samples;
     Cost::of([StageCost::new(SUM, each * pairs, each_ns * pairs)])
         .holding("points and sums", Each::Pixels, pixel_bytes as f64 * pixels)
-        .holding("pulses", Each::Pass, 8.0 * held)
+        .holding("pulses", Each::Pass, (8 * BLOCKS_HELD) as f64 * held)
 }

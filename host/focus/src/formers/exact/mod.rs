@@ -27,6 +27,7 @@ use rayon::prelude::*;
 use super::Entry;
 use crate::budget::Budget;
 use crate::patch::PatchSize;
+use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
 use crate::{Aim, Asked, Decision, FormError, Forming, ImageFormer, Remedy, Tile, Work, rounding};
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::Instructions;
@@ -152,16 +153,12 @@ fn sum_at(
     let collection = history.collection();
     let num_samples = collection.num_samples;
     let num_pulses = collection.pulses.len();
-    let pulse_bytes = 8 * num_samples as u64;
+    let pulse_bytes = (8 * BLOCKS_HELD * num_samples) as u64;
     let wanted = num_pulses.min(BLOCK_PULSES);
     let remedies = &[Remedy::MoreMemory];
     let block = budget.take_block("a pulse", pulse_bytes, wanted, remedies)?;
-    let mut samples = vec![Complex32::ZERO; block * num_samples];
     let mut sums = vec![Complex64::ZERO; points.len()];
-    for first in (0..num_pulses).step_by(block) {
-        let pulses = first..(first + block).min(num_pulses);
-        let samples = &mut samples[..pulses.len() * num_samples];
-        history.read(pulses.clone(), samples)?;
+    read_ahead(history, blocks_of(num_pulses, block), |pulses, samples| {
         let rows: Vec<_> = pulses
             .clone()
             .zip(samples.chunks_exact(num_samples))
@@ -188,7 +185,8 @@ fn sum_at(
             return Err(FormError::Cancelled);
         }
         monitor.progress(pulses.end as f64 / num_pulses as f64);
-    }
+        Ok(())
+    })?;
     let norm = weights.normalisation();
     sums.iter_mut().for_each(|z| *z *= norm);
     Ok(sums)

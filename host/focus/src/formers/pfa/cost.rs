@@ -6,6 +6,7 @@ use super::raster::{RasterSize, SPREADING, TRANSFORMS};
 use super::{BLOCK_PULSES, FIT_PULSES};
 use crate::Aim;
 use crate::cost::{Cost, Each, StageCost, transform};
+use crate::read_ahead::BLOCKS_HELD;
 
 /// The stage of reading pixels.
 pub(super) const PIXELS: &str = "pixels";
@@ -32,5 +33,5 @@ pub(super) fn cost(aim: &Aim, size: &RasterSize) -> Cost {
         StageCost::new(PIXELS, pixel * pixels, pixel_ns * pixels),
     ])
     .holding("raster", Each::Image, size.bytes() as f64)
-    .holding("pulses", Each::Pass, 8.0 * held)
+    .holding("pulses", Each::Pass, (8 * BLOCKS_HELD) as f64 * held)
 }

@@ -61,6 +61,7 @@ use crate::budget::Budget;
 use crate::former::{chosen, misfit};
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
+use crate::read_ahead::{BLOCKS_HELD, blocks_of, read_ahead};
 use crate::{
     Aim, Asked, DEFAULT_ERROR_DB, Decision, FormError, Forming, ImageFormer, MARGIN_DB, Reason,
     Remedy, Tile, Work, rounding,
@@ -224,32 +225,32 @@ impl<'a, const W: usize> Opened<'a, W> {
         let mut raster = Raster::<W>::new(band, self.extent, &mut budget)?;
         let block = budget.take_block(
             "a pulse",
-            8 * num_samples as u64,
+            (8 * BLOCKS_HELD * num_samples) as u64,
             num_pulses.min(BLOCK_PULSES),
             &[Remedy::MoreMemory],
         )?;
-        let mut samples = vec![Complex32::ZERO; block * num_samples];
-        for first in (0..num_pulses).step_by(block) {
-            let pulses = first..(first + block).min(num_pulses);
-            let samples = &mut samples[..pulses.len() * num_samples];
-            work.history.read(pulses.clone(), samples)?;
-            let tracks: Vec<Track> = samples
-                .par_chunks_exact_mut(num_samples)
-                .zip(pulses.clone())
-                .map(|(row, n)| {
-                    let _spreading = during(work.monitor, raster::SPREADING);
-                    self.refer(n, row)
-                })
-                .collect();
-            raster.spread(&tracks, samples, work.monitor);
-            if work.monitor.cancelled() {
-                return Err(FormError::Cancelled);
-            }
-            // The rest is transforms and reading.
-            work.monitor
-                .progress(0.6 * pulses.end as f64 / num_pulses as f64);
-        }
-        drop(samples);
+        read_ahead(
+            work.history,
+            blocks_of(num_pulses, block),
+            |pulses, samples| {
+                let tracks: Vec<Track> = samples
+                    .par_chunks_exact_mut(num_samples)
+                    .zip(pulses.clone())
+                    .map(|(row, n)| {
+                        let _spreading = during(work.monitor, raster::SPREADING);
+                        self.refer(n, row)
+                    })
+                    .collect();
+                raster.spread(&tracks, samples, work.monitor);
+                if work.monitor.cancelled() {
+                    return Err(FormError::Cancelled);
+                }
+                // The rest is transforms and reading.
+                work.monitor
+                    .progress(0.6 * pulses.end as f64 / num_pulses as f64);
+                Ok(())
+            },
+        )?;
         let transform = raster.transform(self.aim.means.transforms, work.monitor);
         work.monitor.progress(0.8);
         Ok(transform)

@@ -14,6 +14,7 @@
 use super::cost;
 use crate::patch::{self, PatchSize};
 use crate::path_model::{Measure, Probe, lengths, patch_sizes};
+use crate::read_ahead::BLOCKS_HELD;
 use crate::sub_cpi::{self, SubCpi, bins_per_cycle, shared_band};
 use crate::{FormError, MARGIN_DB, TimeModel, rounding};
 use subaperture_model::geometry::ImageGrid;
@@ -284,7 +285,7 @@ fn doppler_bins(probe: &Probe, length: usize, taps: usize, doppler_span: f64) ->
     (doppler_span * bins_per_cycle).ceil() + taps as f64 + 2.0
 }
 
-/// Bytes of the tables, one thread's buffers and the pulses of a sub-CPI that they are made of, about.
+/// Bytes of the tables, one thread's buffers and the pulses of the sub-CPIs that are read for them, about.
 fn bytes(probe: &Probe, length: usize, taps: usize, doppler_span: f64) -> u64 {
     let bins = doppler_bins(probe, length, taps, doppler_span);
     if bins > 1e12 {
@@ -292,7 +293,8 @@ fn bytes(probe: &Probe, length: usize, taps: usize, doppler_span: f64) -> u64 {
     }
     let (bins, count) = (bins as usize, probe.band.count);
     let map = bins as u64 * (fast_length(2 * count) + taps) as u64;
-    ScaledDft::table_bytes(count, length, bins) + 8 * (map + 2 * (length * count) as u64)
+    ScaledDft::table_bytes(count, length, bins)
+        + 8 * (map + ((1 + BLOCKS_HELD) * length * count) as u64)
 }
 
 /// Rough time of the image in nanoseconds of one core.

@@ -33,7 +33,6 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use num_complex::Complex32;
 use rayon::prelude::*;
 
 use super::mapper::{Mapper, Shapes};
@@ -43,6 +42,7 @@ use crate::budget::{Budget, on_threads};
 use crate::cost::Cost;
 use crate::former::misfit;
 use crate::patch::{self, PatchSize, Patches, Rectangle};
+use crate::read_ahead::{BLOCKS_HELD, read_ahead};
 use crate::sub_cpi::{SubCpi, bins_per_cycle, pulses_a_sample, shared_band};
 use crate::{Aim, FormError, Forming, Remedy, Tile, Work};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -207,21 +207,23 @@ impl<'a, const W: usize> Opened<'a, W> {
         })
     }
 
-    /// Adds all sub-CPIs to all tiles, as many sub-CPIs at a time as `samples` holds.
+    /// Adds all sub-CPIs to all tiles, so many of them at a time.
     fn add_blocks(
         &self,
         work: &Work,
         mapper: &Mapper<W>,
-        samples: &mut [Complex32],
+        block: usize,
         tiles: &mut [Tile],
     ) -> Result<(), FormError> {
         let num_samples = self.band.count;
-        let block = samples.len() / (self.longest * num_samples);
         let num_blocks = self.sub_cpis.len().div_ceil(block);
-        for (index, sub_cpis) in self.sub_cpis.chunks(block).enumerate() {
-            let pulses = sub_cpis[0].pulses.start..sub_cpis[sub_cpis.len() - 1].pulses.end;
-            let samples = &mut samples[..pulses.len() * num_samples];
-            work.history.read(pulses.clone(), samples)?;
+        let mut blocks = self.sub_cpis.chunks(block).enumerate();
+        let pulses = |of: &[SubCpi]| of[0].pulses.start..of[of.len() - 1].pulses.end;
+        let all = self.sub_cpis.chunks(block).map(pulses);
+        read_ahead(work.history, all, |pulses, samples| {
+            let Some((index, sub_cpis)) = blocks.next() else {
+                return Ok(());
+            };
             let done = AtomicUsize::new(0);
             let mut patches = self.patches.split(tiles);
             let count = patches.len();
@@ -242,11 +244,11 @@ impl<'a, const W: usize> Opened<'a, W> {
                         .progress((index as f64 + part) / num_blocks as f64);
                 },
             );
-            if work.monitor.cancelled() {
-                return Err(FormError::Cancelled);
+            match work.monitor.cancelled() {
+                true => Err(FormError::Cancelled),
+                false => Ok(()),
             }
-        }
-        Ok(())
+        })
     }
 }
 
@@ -277,14 +279,11 @@ impl<const W: usize> Forming for Opened<'_, W> {
         )?;
         let block = budget.take_block(
             "a sub-CPI",
-            (self.longest * num_samples * 8) as u64,
+            (self.longest * num_samples * 8 * BLOCKS_HELD) as u64,
             held_at_once(self.longest, self.sub_cpis.len()),
             &[Remedy::Smaller(&["sub_cpi"]), Remedy::MoreMemory],
         )?;
-        let mut samples = vec![Complex32::ZERO; block * self.longest * num_samples];
-        on_threads(workers, || {
-            self.add_blocks(work, mapper, &mut samples, tiles)
-        })
+        on_threads(workers, || self.add_blocks(work, mapper, block, tiles))
     }
 }
 

@@ -50,6 +50,7 @@ use super::mapper::{MAPS, PIXELS};
 use crate::budget::Budget;
 use crate::patch::PatchSize;
 use crate::pixels::for_each;
+use crate::read_ahead::{BLOCKS_HELD, read_ahead};
 use crate::sub_cpi::CentreState;
 use crate::{Aim, Asked, Decision, FormError, Forming, Reason, Remedy, Tile, Work, rounding};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -189,7 +190,6 @@ pub(super) struct Opened<'a> {
 
 /// Samples, spectra over Doppler and the map of a sub-CPI.
 struct Buffers {
-    samples: Vec<Complex32>,
     doppler: Vec<Complex32>,
     map: Vec<Complex32>,
 }
@@ -228,23 +228,17 @@ impl<'a> Opened<'a> {
             let weight_bytes = 2 * u128::from(SincKeystone::bytes(num_samples, longest));
             budget.take("Keystone weights", weight_bytes, remedies)?;
         }
-        budget.take("a sub-CPI", (longest * num_samples) as u128 * 8, remedies)?;
+        let held = (longest * num_samples * BLOCKS_HELD) as u128;
+        budget.take("a sub-CPI", held * 8, remedies)?;
         let zeros = |count: usize| vec![Complex32::ZERO; count];
         Ok(Buffers {
-            samples: zeros(longest * num_samples),
             doppler: zeros(num_samples * self.doppler_length),
             map: zeros(self.doppler_length * self.range_length),
         })
     }
 
-    /// Samples of `pulses`, weighted.
-    fn read(
-        &self,
-        work: &Work,
-        pulses: &Range<usize>,
-        samples: &mut [Complex32],
-    ) -> Result<(), FormError> {
-        work.history.read(pulses.clone(), samples)?;
+    /// Weights the samples of `pulses`.
+    fn weight(&self, pulses: &Range<usize>, samples: &mut [Complex32]) {
         for (n, row) in pulses
             .clone()
             .zip(samples.chunks_exact_mut(self.band.count))
@@ -254,7 +248,6 @@ impl<'a> Opened<'a> {
                 .zip(&self.fast)
                 .for_each(|(z, w)| *z *= w * slow);
         }
-        Ok(())
     }
 
     /// From slow time to Doppler, frequency by frequency.
@@ -339,27 +332,34 @@ impl Forming for Opened<'_> {
     fn form(&self, work: &Work, tiles: &mut [Tile]) -> Result<(), FormError> {
         let mut buffers = self.buffers(work.memory_bytes)?;
         let mut resampler: Option<(usize, SincKeystone)> = None;
-        for (index, pulses) in self.sub_cpis.iter().enumerate() {
-            let m = pulses.len();
-            let samples = &mut buffers.samples[..m * self.band.count];
-            self.read(work, pulses, samples)?;
-            if work.monitor.cancelled() {
-                return Err(FormError::Cancelled);
-            }
-            if self.choices.keystone && resampler.as_ref().is_none_or(|(length, _)| *length != m) {
-                resampler = Some((m, SincKeystone::new(&self.band.scales(), m)));
-            }
-            let resampler = resampler.as_ref().map(|(_, resampler)| resampler);
-            self.to_doppler(work, samples, m, resampler, &mut buffers.doppler);
-            self.to_range(work, &buffers.doppler, &mut buffers.map);
-            self.add(work, pulses, &buffers.map, tiles);
-            if work.monitor.cancelled() {
-                return Err(FormError::Cancelled);
-            }
-            let done = (index + 1) as f64 / self.sub_cpis.len() as f64;
-            work.monitor.progress(done);
-        }
-        Ok(())
+        let mut done = 0;
+        read_ahead(
+            work.history,
+            self.sub_cpis.iter().cloned(),
+            |pulses, samples| {
+                let m = pulses.len();
+                self.weight(&pulses, samples);
+                if work.monitor.cancelled() {
+                    return Err(FormError::Cancelled);
+                }
+                if self.choices.keystone
+                    && resampler.as_ref().is_none_or(|(length, _)| *length != m)
+                {
+                    resampler = Some((m, SincKeystone::new(&self.band.scales(), m)));
+                }
+                let resampler = resampler.as_ref().map(|(_, resampler)| resampler);
+                self.to_doppler(work, samples, m, resampler, &mut buffers.doppler);
+                self.to_range(work, &buffers.doppler, &mut buffers.map);
+                self.add(work, &pulses, &buffers.map, tiles);
+                if work.monitor.cancelled() {
+                    return Err(FormError::Cancelled);
+                }
+                done += 1;
+                work.monitor
+                    .progress(f64::from(done) / self.sub_cpis.len() as f64);
+                Ok(())
+            },
+        )
     }
 }
 
