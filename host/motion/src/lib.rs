@@ -15,10 +15,19 @@
 //! **Phase.** Of an echo it falls by `2 pi / wavelength` a metre of path, as everywhere here.
 #![forbid(unsafe_code)]
 
+pub mod arrival;
+mod check;
 mod dense;
+pub mod increment;
 pub mod joint;
 pub mod model;
+pub mod pairwise;
+pub mod robust;
 pub mod tracker;
 
+pub use check::MotionError;
+pub use increment::{Heading, Increment, chain};
 pub use model::{Array, Pose, Sighting, Target};
-pub use tracker::{MotionError, Step, Track, Tracker, track};
+pub use pairwise::Pairwise;
+pub use robust::Robust;
+pub use tracker::{Step, Track, Tracker, track};

@@ -71,12 +71,12 @@ pub struct Line {
 }
 
 /// From a transmitter by way of a place to a receiver.
-struct Path {
-    length_m: f64,
+pub(crate) struct Path {
+    pub(crate) length_m: f64,
     /// How it changes with the place; with the pose the other way.
-    slope: DVec2,
+    pub(crate) slope: DVec2,
     /// How it changes as the array turns, metres a radian.
-    turn_m: f64,
+    pub(crate) turn_m: f64,
 }
 
 impl Array {
@@ -89,6 +89,13 @@ impl Array {
     /// How many.
     pub fn num_channels(&self) -> usize {
         self.transmitters_m.len() * self.receivers_m.len()
+    }
+
+    /// The middle between all transmitters' and all receivers' mean places, metres: ranges are from there, to the square of the antennas' spread over
+    /// twice the range.
+    pub fn centre_m(&self) -> DVec2 {
+        let mean = |places: &[DVec2]| places.iter().sum::<DVec2>() / places.len() as f64;
+        0.5 * (mean(&self.transmitters_m) + mean(&self.receivers_m))
     }
 
     /// Radians a metre of path.
@@ -126,7 +133,7 @@ impl Array {
     }
 
     /// Of each channel.
-    fn paths(&self, pose: &Pose, at_m: DVec2) -> Vec<Path> {
+    pub(crate) fn paths(&self, pose: &Pose, at_m: DVec2) -> Vec<Path> {
         let (sin, cos) = libm::sincos(pose.heading_rad);
         let turned = |a: DVec2| DVec2::new(cos * a.x - sin * a.y, sin * a.x + cos * a.y);
         let leg = |antenna_m: DVec2| {

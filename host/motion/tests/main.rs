@@ -1,5 +1,7 @@
 //! Tracks found from simulated phases, against the truth and against what can be known.
 
+mod increments;
+
 use std::f64::consts::TAU;
 
 use glam::DVec2;

@@ -1,0 +1,98 @@
+//! Motion from one pulse to the next, and tracks of such.
+
+use glam::{DVec2, DVec3};
+
+use crate::model::{Array, Pose};
+
+/// How a radar moved from a pulse to the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Increment {
+    /// Of the array's origin, in the array's frame at the former pulse: x along the array, y where it looks. Metres.
+    pub moved_m: DVec2,
+    /// Counterclockwise, radians.
+    pub turn_rad: f64,
+}
+
+/// What is known of the heading beforehand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Heading {
+    /// Nothing: turns are found.
+    #[default]
+    Found,
+    /// It does not change, as on a rail.
+    Held,
+}
+
+/// A phase so far from where it was expected, in parts of half a turn, may be one that wrapped.
+pub(crate) const WRAPPED: f64 = 0.6;
+
+impl Pose {
+    /// Where the radar is after an increment.
+    #[must_use]
+    pub fn after(&self, increment: &Increment) -> Self {
+        let (sin, cos) = libm::sincos(self.heading_rad);
+        Self {
+            at_m: self.at_m + DVec2::new(cos, sin).rotate(increment.moved_m),
+            heading_rad: self.heading_rad + increment.turn_rad,
+        }
+    }
+}
+
+impl Increment {
+    /// Changes it by so much of x, y and turn.
+    pub(crate) fn step(&mut self, by: DVec3) {
+        self.moved_m += by.truncate();
+        self.turn_rad += by.z;
+    }
+
+    /// A pose after this, of one that was the frame's.
+    pub(crate) fn pose(&self) -> Pose {
+        Pose::default().after(self)
+    }
+
+    /// A place that does not move, in the array's frame after this.
+    pub(crate) fn seen_after(&self, at_m: DVec2) -> DVec2 {
+        let (sin, cos) = libm::sincos(self.turn_rad);
+        DVec2::new(cos, -sin).rotate(at_m - self.moved_m)
+    }
+
+    /// By how much phases of a place change, channel by channel.
+    pub(crate) fn phases_rad(&self, array: &Array, at_m: DVec2) -> impl Iterator<Item = f64> {
+        let k = array.rad_m();
+        let before = array.paths(&Pose::default(), at_m);
+        let after = array.paths(&self.pose(), at_m);
+        let both = before.into_iter().zip(after);
+        both.map(move |(before, after)| -k * (after.length_m - before.length_m))
+    }
+}
+
+/// Poses that increments lead to, from the origin with heading 0: one more than there are increments.
+pub fn chain(increments: impl IntoIterator<Item = Increment>) -> Vec<Pose> {
+    let start = Pose::default();
+    let next = |pose: &mut Pose, increment: Increment| {
+        *pose = pose.after(&increment);
+        Some(*pose)
+    };
+    let rest = increments.into_iter().scan(start, next);
+    std::iter::once(start).chain(rest).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_square_closes() {
+        let side = Increment {
+            moved_m: DVec2::new(2.0, 1.0),
+            turn_rad: std::f64::consts::FRAC_PI_2,
+        };
+        let poses = chain([side; 4]);
+        assert_eq!(poses.len(), 5);
+        assert!(poses[4].at_m.length() < 1e-15 && poses[1].at_m == DVec2::new(2.0, 1.0));
+        // Forth by a side, and seen from there.
+        let place = DVec2::new(3.0, -1.0);
+        let seen = side.seen_after(place);
+        assert!((poses[1].at_m + DVec2::Y.rotate(seen)).distance(place) < 1e-15);
+    }
+}

@@ -1,0 +1,475 @@
+//! MPGA pulse by pulse, by the true path lengths, of directions that are known to err, and without what does not belong.
+//!
+//! ```text
+//! y_c  =  phase_c(n) - phase_c(n-1)  =  f_c(x; P) + noise        f_c = -2 pi (path_c(x, P) - path_c(0, P)) / wavelength,     x = (dx, dy, turn)
+//! ```
+//!
+//! of each target that both pulses saw. Its place `P`, in the array's frame at the former pulse, is known of pulses before: angles and ranges of each are taken
+//! in as they come, moved along by what was found, and forgotten over [`Robust::new`]'s `memory` pulses. So `P` errs, by a covariance `Q` that is known.
+//!
+//! **How errors of directions bias the motion.** Least squares set `S(P) = sum of J(P)^T V^-1 (y - f(x; P))` to zero, `J = df/dx`. `S(P)` has mean 0 at the true motion for
+//! the true places. For places with errors `e`, `f` and `J` err *together*: `f` is about `J x`, and `E (dJ e)^T V^-1 (-dJ e) x < 0` for each target: the solution is drawn
+//! to no motion. The mean of `S` over errors is, to the fourth order,
+//!
+//! ```text
+//! E S(P + e)  =  S(P) + 1/2 sum over a of d^2 S / d e_a^2,       e_a along the axes of Q, one standard deviation long
+//! ```
+//!
+//! which differences at `P + e_a` and `P - e_a` tell: what is set to zero here is `S` less that, the corrected score of errors in variables
+//! (Nakamura 1990). It holds the curvature of sines and cosines as well. Differences of channels tell `P`, their mean does not, so that errors of `P` are of other noise than
+//! most of `y`; turns, which differences tell too, share it by a share of one in `memory`.
+//!
+//! **What does not belong** (a target that moves, two in one range bin, a phase that wrapped): `r^T V^-1 r` of a target beyond what one in ten thousand has
+//! counts less the farther it is off. `V` is the noise of two pulses and what `Q` makes of `f`. Those within count in full, so that the covariance is that of least squares. Where
+//! all together leave one beyond, the start is the motion that two targets tell with which most agree: steps from what all tell would end
+//! at the one whose direction no other has, be it right or wrong.
+//!
+//! **Covariance** of an increment by itself. Errors of increments are not independent: noise of a pulse's phase is in two of them with opposite signs, and what `P` is off by
+//! in `memory` of them with the same sign. A sum's covariance is not the sum of theirs.
+//!
+//! **Units** metres, radians. **Cost** targets times the cube of channels. **Accuracy** `tests/increments.rs`: the mean over seeds is within its own spread of the
+//! truth from 15 dB on. **Errors** [`MotionError`].
+
+use std::f64::consts::{PI, TAU};
+
+use glam::{DMat2, DMat3, DVec2, DVec3};
+
+use crate::arrival;
+use crate::check::{self, MotionError};
+use crate::dense::Factor;
+use crate::increment::{Heading, Increment, WRAPPED};
+use crate::joint::NoEstimate;
+use crate::model::{Array, Sighting};
+
+/// Steps at most.
+const MOST_STEPS: usize = 12;
+/// Information of a turn that is held.
+const HELD: f64 = 1e16;
+
+/// What two pulses told.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// From the former to the latter.
+    pub increment: Increment,
+    /// Of its x, y and turn.
+    pub covariance: DMat3,
+    /// Targets that both saw, and how much each counted: 1 if it agrees.
+    pub weights: Vec<(usize, f64)>,
+    /// The sum of squared errors in standard deviations, and how many numbers there are beyond those that are found.
+    pub chi_square: [f64; 2],
+    /// Phases that may have wrapped.
+    pub doubtful: usize,
+}
+
+/// What is known of a target.
+#[derive(Clone)]
+struct Place {
+    name: usize,
+    /// In the array's frame at the last pulse.
+    at_m: DVec2,
+    information: DMat2,
+    /// As they were when it was seen last.
+    phases_rad: Vec<f64>,
+    sigma_rad: f64,
+    pulse: usize,
+}
+
+/// Takes pulse after pulse.
+pub struct Robust {
+    array: Array,
+    heading: Heading,
+    /// What remains of what is known at each pulse.
+    kept: f64,
+    memory: usize,
+    places: Vec<Place>,
+    last: Increment,
+    pulses: usize,
+}
+
+/// A target in two pulses.
+struct Pair {
+    name: usize,
+    at_m: DVec2,
+    /// One standard deviation along each axis of its covariance.
+    axes_m: [DVec2; 2],
+    differences_rad: Vec<f64>,
+    /// Variance of each difference.
+    variance: f64,
+}
+
+/// A target's part of the equations for a motion.
+struct Part {
+    matrix: DMat3,
+    /// Of the place as it is known, and without what its errors are expected to add.
+    score: DVec3,
+    unbiased: DVec3,
+    /// Squared error in standard deviations.
+    square: f64,
+}
+
+impl Part {
+    /// The squared error after a small step.
+    fn square_after(&self, step: DVec3) -> f64 {
+        self.square - 2.0 * self.score.dot(step) + step.dot(self.matrix * step)
+    }
+}
+
+/// The squared error, of so many numbers, that one in ten thousand exceeds.
+fn usual(numbers: usize) -> f64 {
+    let n = numbers as f64;
+    n + 4.0 * libm::sqrt(2.0 * n) + 8.0
+}
+
+/// Between -pi and pi.
+fn wrapped(phase: f64) -> f64 {
+    phase - TAU * (phase / TAU).round()
+}
+
+/// Columns whose outer products add up to the inverse.
+fn axes(information: DMat2) -> [DVec2; 2] {
+    // Lower triangle of the covariance (Cholesky).
+    let covariance = information.inverse();
+    let [a, b, d] = [
+        covariance.x_axis.x,
+        covariance.x_axis.y,
+        covariance.y_axis.y,
+    ];
+    let first = libm::sqrt(a.max(0.0));
+    let along = if first > 0.0 { b / first } else { 0.0 };
+    let second = libm::sqrt((d - along * along).max(0.0));
+    [DVec2::new(first, along), DVec2::new(0.0, second)]
+}
+
+impl Pair {
+    /// About a motion.
+    fn part(&self, array: &Array, motion: &Increment) -> Option<Part> {
+        let size = self.differences_rad.len();
+        let k = array.rad_m();
+        let pose = motion.pose();
+        let line = |at_m: DVec2| {
+            let errors: Vec<f64> = motion
+                .phases_rad(array, at_m)
+                .zip(&self.differences_rad)
+                .map(|(model, measured)| measured - model)
+                .collect();
+            let slopes: Vec<DVec3> = array
+                .paths(&pose, at_m)
+                .iter()
+                .map(|path| (k * path.slope).extend(-k * path.turn_m))
+                .collect();
+            (errors, slopes)
+        };
+        let here = line(self.at_m);
+        let around = self
+            .axes_m
+            .map(|axis| [axis, -axis].map(|axis| line(self.at_m + axis)));
+        // Noise, and what the place's errors make of the model.
+        let mut variance = vec![0.0; size * size];
+        for [(ahead, _), (behind, _)] in &around {
+            for i in 0..size {
+                for j in 0..size {
+                    let [a, b] = [i, j].map(|i| 0.5 * (ahead[i] - behind[i]));
+                    variance[i * size + j] += a * b;
+                }
+            }
+        }
+        (0..size).for_each(|i| variance[i * size + i] += self.variance);
+        let factor = Factor::new(size, &variance)?;
+        let weighed = |errors: &[f64]| {
+            let mut errors = errors.to_vec();
+            factor.solve(&mut errors);
+            errors
+        };
+        let score = |(errors, slopes): &(Vec<f64>, Vec<DVec3>)| {
+            let weighed = weighed(errors);
+            let each = weighed.iter().zip(slopes);
+            each.map(|(error, slope)| *slope * *error).sum::<DVec3>()
+        };
+        let mut matrix = DMat3::ZERO;
+        for axis in 0..3 {
+            let column: Vec<f64> = here.1.iter().map(|slope| slope[axis]).collect();
+            let each = weighed(&column).into_iter().zip(&here.1);
+            *matrix.col_mut(axis) = each.map(|(x, slope)| *slope * x).sum();
+        }
+        let own = score(&here);
+        let bias = around
+            .iter()
+            .map(|[ahead, behind]| 0.5 * (score(ahead) + score(behind)) - own)
+            .sum::<DVec3>();
+        let square = weighed(&here.0)
+            .iter()
+            .zip(&here.0)
+            .map(|(a, b)| a * b)
+            .sum();
+        Some(Part {
+            matrix,
+            score: own,
+            unbiased: own - bias,
+            square,
+        })
+    }
+}
+
+impl Robust {
+    /// With so many pulses over which what is known of places is forgotten, 2 at the least: a hundred, say, over which the radar moves little against the ranges.
+    ///
+    /// # Errors
+    /// [`MotionError::Antennas`], [`MotionError::Array`], [`MotionError::Baseline`].
+    pub fn new(array: Array, heading: Heading, memory: usize) -> Result<Self, MotionError> {
+        check::array(&array)?;
+        let memory = memory.max(2);
+        Ok(Self {
+            array,
+            heading,
+            kept: 1.0 - 1.0 / memory as f64,
+            memory,
+            places: Vec::new(),
+            last: Increment::default(),
+            pulses: 0,
+        })
+    }
+
+    /// Takes the next pulse, and tells how the radar moved since the one before; nothing of the first.
+    ///
+    /// # Errors
+    /// [`MotionError::Sighting`]: the pulse is as if it had not been. [`NoEstimate::Pose`]: places are forgotten, and the next pulse will be compared with this one.
+    pub fn push(&mut self, sightings: &[Sighting]) -> Result<Option<Found>, MotionError> {
+        check::sightings(&self.array, sightings)?;
+        let number = self.pulses;
+        self.pulses += 1;
+        let found = match number {
+            0 => None,
+            _ => match self.compare(sightings, number) {
+                Ok(found) => Some(found),
+                Err(error) => {
+                    self.places.clear();
+                    self.see(sightings, number);
+                    return Err(error.into());
+                }
+            },
+        };
+        if let Some(found) = &found {
+            self.last = found.increment;
+            for place in &mut self.places {
+                place.at_m = found.increment.seen_after(place.at_m);
+                let turn = DMat2::from_angle(found.increment.turn_rad);
+                place.information = turn.transpose() * place.information * turn * self.kept;
+            }
+        }
+        self.see(sightings, number);
+        let memory = self.memory;
+        self.places.retain(|place| number - place.pulse < memory);
+        Ok(found)
+    }
+
+    /// How the radar moved since the former pulse.
+    fn compare(&self, sightings: &[Sighting], number: usize) -> Result<Found, NoEstimate> {
+        let mut doubtful = 0;
+        let mut pairs = Vec::with_capacity(sightings.len());
+        for sighting in sightings {
+            let seen = |place: &&Place| place.name == sighting.target && place.pulse + 1 == number;
+            let Some(place) = self.places.iter().find(seen) else {
+                continue;
+            };
+            let expected = self.last.phases_rad(&self.array, place.at_m);
+            let phases = sighting.phases_rad.iter().zip(&place.phases_rad);
+            let differences_rad = phases
+                .zip(expected)
+                .map(|((after, before), expected)| {
+                    let off = wrapped(after - before - expected);
+                    doubtful += usize::from(off.abs() > WRAPPED * PI);
+                    expected + off
+                })
+                .collect();
+            let [a, b] = [place.sigma_rad, sighting.phase_sigma_rad];
+            pairs.push(Pair {
+                name: place.name,
+                at_m: place.at_m,
+                axes_m: axes(place.information),
+                differences_rad,
+                variance: a * a + b * b,
+            });
+        }
+        let nothing = NoEstimate::Pose(number);
+        if pairs.len() < 2 {
+            return Err(nothing);
+        }
+        let limit = usual(self.array.num_channels());
+        let parts = |motion: &Increment| {
+            let each = pairs.iter().map(|pair| pair.part(&self.array, motion));
+            each.collect::<Option<Vec<Part>>>().ok_or(nothing)
+        };
+        let mut motion = self.last;
+        motion.step(self.start(&parts(&motion)?, limit).ok_or(nothing)?);
+        let mut last = None;
+        for _ in 0..MOST_STEPS {
+            let parts = parts(&motion)?;
+            let weight = |part: &Part| (limit / part.square).powi(2).min(1.0);
+            let weights: Vec<f64> = parts.iter().map(weight).collect();
+            let counted = || parts.iter().zip(&weights);
+            let matrix = counted().map(|(part, weight)| part.matrix * *weight).sum();
+            let covariance = self.inverse(matrix).ok_or(nothing)?;
+            let score: DVec3 = counted()
+                .map(|(part, weight)| part.unbiased * *weight)
+                .sum();
+            let step = covariance * score;
+            motion.step(step);
+            let sum = counted()
+                .map(|(part, weight)| part.square * weight)
+                .sum::<f64>();
+            last = Some((covariance, weights, sum));
+            // Of squared standard deviations.
+            if step.dot(score).abs() < 1e-8 {
+                break;
+            }
+        }
+        let (covariance, weights, sum) = last.expect("there are steps");
+        if !(motion.moved_m.is_finite() && motion.turn_rad.is_finite()) {
+            return Err(nothing);
+        }
+        let numbers = pairs.len() * self.array.num_channels();
+        let unknowns = match self.heading {
+            Heading::Found => 3,
+            Heading::Held => 2,
+        };
+        Ok(Found {
+            increment: motion,
+            covariance,
+            weights: pairs.iter().map(|pair| pair.name).zip(weights).collect(),
+            chi_square: [sum, numbers.saturating_sub(unknowns) as f64],
+            doubtful,
+        })
+    }
+
+    /// Of a motion's matrix.
+    fn inverse(&self, mut matrix: DMat3) -> Option<DMat3> {
+        if self.heading == Heading::Held {
+            matrix.z_axis.z += HELD;
+        }
+        // Symmetric, so that rows are columns.
+        let factor = Factor::new(3, &matrix.to_cols_array())?;
+        Some(DMat3::from_cols_slice(&factor.inverse()))
+    }
+
+    /// A step to where most agree: that of all, if all do.
+    fn start(&self, parts: &[Part], limit: f64) -> Option<DVec3> {
+        let of = |some: &[&Part]| {
+            let inverse = self.inverse(some.iter().map(|part| part.matrix).sum())?;
+            Some(inverse * some.iter().map(|part| part.score).sum::<DVec3>())
+        };
+        let all = of(&parts.iter().collect::<Vec<_>>())?;
+        let squares = |step: DVec3| parts.iter().map(move |part| part.square_after(step));
+        if squares(all).all(|square| square <= limit) {
+            return Some(all);
+        }
+        // Two alone are always met, but for a number: who is off has to cost more than noise costs of those who are not.
+        let far = 5.0 * limit;
+        let counted = |step: &DVec3| squares(*step).map(|square| square.min(far)).sum::<f64>();
+        let pairs = parts.iter().enumerate().flat_map(|(i, a)| {
+            let others = parts[i + 1..].iter();
+            others.filter_map(move |b| of(&[a, b]))
+        });
+        let candidates = [all, DVec3::ZERO].into_iter().chain(pairs);
+        candidates.min_by(|a, b| counted(a).total_cmp(&counted(b)))
+    }
+
+    /// Takes in angles and ranges of a pulse.
+    fn see(&mut self, sightings: &[Sighting], number: usize) {
+        for sighting in sightings {
+            let known = |place: &&mut Place| place.name == sighting.target;
+            match self.places.iter_mut().find(known) {
+                Some(place) => place.see(&self.array, sighting, number),
+                None => self.places.push(Place::new(&self.array, sighting, number)),
+            }
+        }
+    }
+}
+
+impl Place {
+    fn new(array: &Array, sighting: &Sighting, pulse: usize) -> Self {
+        let arrival = arrival::look(array, sighting);
+        let from = arrival.at_m - array.centre_m();
+        let (along, across) = (from.normalize_or_zero(), from.perp().normalize_or_zero());
+        let across_m = arrival.bearing_sigma_rad * sighting.range_m;
+        let outer =
+            |u: DVec2, sigma: f64| DMat2::from_cols(u * u.x, u * u.y) * (1.0 / (sigma * sigma));
+        Self {
+            name: sighting.target,
+            at_m: arrival.at_m,
+            information: outer(along, sighting.range_sigma_m) + outer(across, across_m),
+            phases_rad: sighting.phases_rad.clone(),
+            sigma_rad: sighting.phase_sigma_rad,
+            pulse,
+        }
+    }
+
+    /// Takes in what another pulse tells of it.
+    fn see(&mut self, array: &Array, sighting: &Sighting, pulse: usize) {
+        let k = array.rad_m();
+        let sigma = sighting.phase_sigma_rad;
+        let paths = array.paths(&Default::default(), self.at_m);
+        let count = paths.len() as f64;
+        let mean_slope = paths.iter().map(|path| path.slope).sum::<DVec2>() / count;
+        let mean_m = paths.iter().map(|path| path.length_m).sum::<f64>() / count;
+        let axes_m = axes(self.information);
+        let errors: Vec<(f64, DVec2)> = paths
+            .iter()
+            .zip(&sighting.phases_rad)
+            .map(|(path, phase)| (phase + k * path.length_m, -k * (path.slope - mean_slope)))
+            .collect();
+        // Channels whose whole turns follow from what is known, about the first.
+        let sure = |slope: DVec2| {
+            let squares = axes_m.iter().map(|axis| slope.dot(*axis).powi(2));
+            3.0 * libm::sqrt(squares.sum::<f64>() + 2.0 * sigma * sigma) < PI
+        };
+        let about = errors[0];
+        let told: Vec<(f64, DVec2)> = errors
+            .iter()
+            .map(|(error, slope)| (wrapped(error - about.0), *slope - about.1))
+            .filter(|(_, slope)| sure(*slope))
+            .collect();
+        let count = told.len() as f64;
+        let mean_error = told.iter().map(|(error, _)| error).sum::<f64>() / count;
+        let mean = told.iter().map(|(_, slope)| *slope).sum::<DVec2>() / count;
+        let (mut matrix, mut right, mut square) = (DMat2::ZERO, DVec2::ZERO, 0.0);
+        let mut add = |error: f64, slope: DVec2, weight: f64| {
+            matrix += DMat2::from_cols(slope * slope.x, slope * slope.y) * weight;
+            right += slope * (error * weight);
+            square += error * error * weight;
+        };
+        for (error, slope) in &told {
+            add(error - mean_error, *slope - mean, 1.0 / (sigma * sigma));
+        }
+        let range_off_m = sighting.range_m - 0.5 * mean_m;
+        add(
+            range_off_m,
+            0.5 * mean_slope,
+            sighting.range_sigma_m.powi(-2),
+        );
+        // What noise and the place's own errors let expect.
+        let both = self.information + matrix;
+        let expected = square - right.dot(both.inverse() * right);
+        let weight = (usual(told.len()) / expected).clamp(0.0, 1.0);
+        self.information += matrix * weight;
+        let step = self.information.inverse() * (right * weight);
+        if step.is_finite() {
+            self.at_m += step;
+        }
+        self.phases_rad.clone_from(&sighting.phases_rad);
+        self.sigma_rad = sigma;
+        self.pulse = pulse;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn axes_add_up_to_the_covariance() {
+        let information = DMat2::from_cols(DVec2::new(4.0, 1.0), DVec2::new(1.0, 9.0));
+        let [a, b] = axes(information);
+        let sum = DMat2::from_cols(a * a.x, a * a.y) + DMat2::from_cols(b * b.x, b * b.y);
+        assert!((sum * information).abs_diff_eq(DMat2::IDENTITY, 1e-14));
+    }
+}
