@@ -18,11 +18,15 @@
 pub mod arrival;
 mod check;
 mod dense;
+pub mod diagnosis;
 pub mod increment;
 pub mod joint;
 pub mod model;
+pub mod movers;
 pub mod pairwise;
 pub mod robust;
+mod series;
+pub mod squint;
 pub mod tracker;
 
 pub use check::MotionError;

@@ -1,6 +1,10 @@
 //! Tracks found from simulated phases, against the truth and against what can be known.
 
+mod diagnosis;
 mod increments;
+mod movers;
+mod scene;
+mod squint;
 
 use std::f64::consts::TAU;
 
