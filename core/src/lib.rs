@@ -56,9 +56,10 @@
 //! | `fixed` | 16-bit samples, and the stream in fixed point without floating-point arithmetic: `fixed_point` | `stream` | `fixed` |
 //! | `link` | [`link`], the wire format of a module; `serde` for what it sends | `fixed`: both forms of samples are sent | `cobs`, `crc`, `postcard`, `serde` |
 //! | `selftest` | [`selftest`]: checksums that every machine must get; of the stream too if there is `link` | | |
+//! | `motion` | [`motion`]: a radar's motion from pulse to pulse, in float64 | | |
 //! | `defmt` | log formatting of everything that is logged on a target | | `defmt` |
 //!
-//! The first four are on unless `default-features = false`: a program holds only what it calls, whatever
+//! The first five are on unless `default-features = false`: a program holds only what it calls, whatever
 //! the features, so that leaving one out saves compiling and dependencies, and makes no program smaller.
 //!
 // Names of what is not there lead to the table above.
@@ -75,6 +76,7 @@
     doc = "[`selftest`]: crate#features",
     doc = "[`selftest::SelfTest`]: crate#features"
 )]
+#![cfg_attr(not(feature = "motion"), doc = "[`motion`]: crate#features")]
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -87,6 +89,8 @@ pub mod keystone;
 #[cfg(feature = "link")]
 pub mod link;
 mod map;
+#[cfg(feature = "motion")]
+pub mod motion;
 mod plan;
 #[cfg(feature = "stream")]
 mod pulse;

@@ -23,7 +23,9 @@ fn main() {
 fn array() -> Array {
     Array {
         transmitters_m: vec![DVec2::new(-0.02, 0.0)],
-        receivers_m: (0..4).map(|i| DVec2::new(0.5 * WAVELENGTH_M * f64::from(i), 0.0)).collect(),
+        receivers_m: (0..4)
+            .map(|i| DVec2::new(0.5 * WAVELENGTH_M * f64::from(i), 0.0))
+            .collect(),
         wavelength_m: WAVELENGTH_M,
     }
 }
@@ -33,7 +35,10 @@ fn pulses(array: &Array) -> Vec<Vec<Sighting>> {
     let sighting = |n: usize, target: usize| {
         let at_m = DVec2::from_array(PLACES_M[target]) - DVec2::new(1e-3 * n as f64, 0.0);
         let transmitter_m = at_m.distance(array.transmitters_m[0]);
-        let paths_m = array.receivers_m.iter().map(|r| at_m.distance(*r) + transmitter_m);
+        let paths_m = array
+            .receivers_m
+            .iter()
+            .map(|r| at_m.distance(*r) + transmitter_m);
         let phases_rad = paths_m.enumerate().map(|(c, path_m)| {
             let error = ((n * 7919 + target * 104_729 + c * 1299) % 1009) as f64 / 1009.0 - 0.5;
             -TAU * path_m / WAVELENGTH_M + 0.1 * error
@@ -46,7 +51,11 @@ fn pulses(array: &Array) -> Vec<Vec<Sighting>> {
             phase_sigma_rad: 0.03,
         }
     };
-    let pulse = |n: usize| (0..PLACES_M.len()).map(|target| sighting(n, target)).collect();
+    let pulse = |n: usize| {
+        (0..PLACES_M.len())
+            .map(|target| sighting(n, target))
+            .collect()
+    };
     (0..PULSES).map(pulse).collect()
 }
 

@@ -11,6 +11,7 @@ mod float;
 mod kernel;
 mod map;
 mod memory;
+mod motion;
 mod push;
 mod selftest;
 mod stages;

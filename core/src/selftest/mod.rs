@@ -9,17 +9,22 @@
 //! |---|---|---|
 //! | [`SelfTest`] | one sub-CPI through [`Plan`], by the sinc Keystone and by the exact one | both maps, pixels, power |
 //! | `FloatStreamSelfTest`, `FixedStreamSelfTest` (with the feature `link`) | two runs of the stream | maps with their headers, the frames of the link |
+//! | `MotionSelfTest` (with the feature `motion`) | pulses through `motion::Pairwise` | increments, in float64 |
 //!
 //! The expected numbers are held by `tests/stream/selftest.rs`; `tests/firmware/selftest.rs` and `tests/firmware/golden.rs`
 //! compare those of other machines.
 
 #[cfg(feature = "link")]
 mod frames;
+#[cfg(feature = "motion")]
+mod motion;
 #[cfg(feature = "link")]
 mod scene;
 #[cfg(feature = "link")]
 mod stream;
 
+#[cfg(feature = "motion")]
+pub use motion::{MOTION_PULSES, MotionSelfTest};
 #[cfg(feature = "link")]
 pub use stream::{FixedStreamSelfTest, FloatStreamSelfTest, StreamSelfTestError};
 

@@ -30,12 +30,13 @@ const CLIPPY: [(&str, &str); 4] = [
 
 /// The core with each set of features that is not implied by another: what its users here, who name
 /// all of them, never build.
-const CORE: [(&str, &str); 7] = [
+const CORE: [(&str, &str); 8] = [
     ("clippy, core, the Keystone alone", ""),
     ("clippy, core, stream", "stream"),
     ("clippy, core, fixed", "fixed"),
     ("clippy, core, link", "link"),
     ("clippy, core, selftest", "selftest"),
+    ("clippy, core, motion, selftest", "motion,selftest"),
     ("clippy, core, stream, selftest", "stream,selftest"),
     ("clippy, core, fixed, selftest", "fixed,selftest"),
 ];
