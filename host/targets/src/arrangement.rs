@@ -1,0 +1,270 @@
+//! Which channels are of which antennas, and where those are on their body: from a recording's own positions in its first pulse.
+//!
+//! **Body.** Its origin is the first channel's transmitter. Its x axis lies along the receivers, from one of the two that are farthest apart to the other (where
+//! there is one only, from transmitter to receiver; where both are one, level across the way to the reference point), its y axis is where the radar looks: towards the
+//! first pulse's reference point, as far as that is across x. Where x is level within 20 degrees both are made level, and z is up: the radar moves in the
+//! level plane, and what lies out of it is taken for farther away. Otherwise the plane is the one in which x and the reference point lie.
+//!
+//! Antennas of pulses that are not quite of one moment (transmitters that take turns) are moved to that of the first channel, as their channel's next pulse
+//! tells.
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::phase_history::{Channels, PhaseHistory, Pulse};
+use subaperture_motion::Array;
+
+/// Antennas of a level array are off the level by less, as the sine of the angle.
+const LEVEL: f64 = 0.34;
+
+/// Antennas that are nearer to each other are one, metres: far below any wavelength, above the rounding of positions in kilometres.
+const SAME_M: f64 = 1e-6;
+
+/// Antennas on a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Arrangement {
+    /// The body's origin in the first pulse, metres in the scene frame.
+    pub origin_m: DVec3,
+    /// From the body's axes to the scene's in the first pulse.
+    pub attitude: DQuat,
+    /// Transmitters, in the body's axes, metres.
+    pub transmitters_m: Vec<DVec3>,
+    /// Receivers.
+    pub receivers_m: Vec<DVec3>,
+    /// Transmitter and receiver of each channel.
+    pub of_channels: Vec<[usize; 2]>,
+}
+
+/// Why channels are not those of an array.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ArrangementError {
+    /// A channel has no pulses.
+    #[error("the recording holds no pulses")]
+    NoPulses,
+    /// Two channels are of the same antennas.
+    #[error("channels '{}' and '{}' are of the same antennas", names[0], names[1])]
+    Twice {
+        /// Both.
+        names: [String; 2],
+    },
+    /// A transmitter and a receiver have no channel.
+    #[error(
+        "{transmitters} transmitters and {receivers} receivers make {} channels, and there are {channels}: motion is found from every receiver's \
+         echo of every transmitter",
+        transmitters * receivers
+    )]
+    Pairs {
+        /// Transmitters at different places.
+        transmitters: usize,
+        /// Receivers at different places.
+        receivers: usize,
+        /// Channels.
+        channels: usize,
+    },
+}
+
+impl Arrangement {
+    /// That of a recording.
+    ///
+    /// # Errors
+    /// [`ArrangementError`].
+    pub fn of(channels: &Channels) -> Result<Self, ArrangementError> {
+        let antennas: Option<Vec<[DVec3; 2]>> = channels
+            .iter()
+            .map(|(_, history)| at_first(channels.channel(0), history))
+            .collect();
+        let antennas = antennas.ok_or(ArrangementError::NoPulses)?;
+        let first = channels.channel(0).collection().pulses.first();
+        let first = first.ok_or(ArrangementError::NoPulses)?;
+        let origin_m = first.transmitter_m;
+        let (mut transmitters, mut receivers) = (Vec::new(), Vec::new());
+        let of_channels: Vec<[usize; 2]> = antennas
+            .iter()
+            .map(|[t, r]| [numbered(&mut transmitters, *t), numbered(&mut receivers, *r)])
+            .collect();
+        for (i, pair) in of_channels.iter().enumerate() {
+            if let Some(j) = of_channels[..i].iter().position(|other| other == pair) {
+                let name = |c: usize| channels.about().nth(c).map(|about| about.name.clone());
+                return Err(ArrangementError::Twice {
+                    names: [j, i].map(|c| name(c).unwrap_or_default()),
+                });
+            }
+        }
+        if transmitters.len() * receivers.len() != of_channels.len() {
+            return Err(ArrangementError::Pairs {
+                transmitters: transmitters.len(),
+                receivers: receivers.len(),
+                channels: of_channels.len(),
+            });
+        }
+        let attitude = attitude(first, &transmitters, &receivers);
+        let body = |at_m: &DVec3| attitude.inverse() * (*at_m - origin_m);
+        Ok(Self {
+            origin_m,
+            attitude,
+            transmitters_m: transmitters.iter().map(body).collect(),
+            receivers_m: receivers.iter().map(body).collect(),
+            of_channels,
+        })
+    }
+
+    /// Channels transmitter by transmitter, receiver by receiver.
+    pub fn order(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.of_channels.len()).collect();
+        order.sort_by_key(|&c| self.of_channels[c]);
+        order
+    }
+
+    /// The array in its plane, whose phases are those at `middle_hz`.
+    pub fn array(&self, middle_hz: f64) -> Array {
+        let plane = |all: &[DVec3]| all.iter().map(|at| at.truncate()).collect::<Vec<DVec2>>();
+        Array {
+            transmitters_m: plane(&self.transmitters_m),
+            receivers_m: plane(&self.receivers_m),
+            wavelength_m: SPEED_OF_LIGHT_M_S / middle_hz,
+        }
+    }
+}
+
+/// A channel's antennas, moved to the moment of the first channel's first pulse.
+fn at_first(first: &dyn PhaseHistory, history: &dyn PhaseHistory) -> Option<[DVec3; 2]> {
+    let first = first.collection().pulses.first()?;
+    let pulses = &history.collection().pulses;
+    let own = pulses.first()?;
+    let antennas = |pulse: &Pulse| [pulse.transmitter_m, pulse.receiver_m];
+    let later_s = own.time_s - first.time_s;
+    let back = match pulses.get(1) {
+        Some(next) if later_s != 0.0 && next.time_s > own.time_s => {
+            later_s / (next.time_s - own.time_s)
+        }
+        _ => return Some(antennas(own)),
+    };
+    let next = antennas(&pulses[1]);
+    let moved = |i: usize| antennas(own)[i] - back * (next[i] - antennas(own)[i]);
+    Some([moved(0), moved(1)])
+}
+
+/// The number of a place among those there are, and it among them.
+fn numbered(all: &mut Vec<DVec3>, at_m: DVec3) -> usize {
+    let known = all.iter().position(|known| known.distance(at_m) < SAME_M);
+    known.unwrap_or_else(|| {
+        all.push(at_m);
+        all.len() - 1
+    })
+}
+
+/// From the body's axes to the scene's.
+fn attitude(pulse: &Pulse, transmitters: &[DVec3], receivers: &[DVec3]) -> DQuat {
+    let pairs = receivers
+        .iter()
+        .enumerate()
+        .flat_map(|(i, a)| receivers[i + 1..].iter().map(move |b| *b - *a));
+    let longest = pairs.max_by(|a, b| a.length().total_cmp(&b.length()));
+    let look = pulse.reference_m - transmitters[0];
+    let along = longest
+        .and_then(DVec3::try_normalize)
+        .or_else(|| (receivers[0] - transmitters[0]).try_normalize())
+        .filter(|_| transmitters[0].distance(receivers[0]) > SAME_M || longest.is_some())
+        .or_else(|| look.cross(DVec3::Z).try_normalize())
+        .unwrap_or(DVec3::X);
+    let level = along.z.abs() < LEVEL;
+    let along = match level {
+        true => along.with_z(0.0).normalize(),
+        false => along,
+    };
+    let up = match level {
+        true => DVec3::Z,
+        false => along
+            .cross(look)
+            .try_normalize()
+            .unwrap_or_else(|| along.any_orthonormal_vector()),
+    };
+    let ahead = up.cross(along);
+    // Turned about z if it looks the other way.
+    let sign = if ahead.dot(look) < 0.0 { -1.0 } else { 1.0 };
+    DQuat::from_mat3(&DMat3::from_cols(sign * along, sign * ahead, up))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use num_complex::Complex32;
+    use subaperture_model::geometry::SceneFrame;
+    use subaperture_model::phase_history::{Channel, Collection, InMemory, Sweep};
+
+    fn channel(name: &str, t: DVec3, r: DVec3, look: DVec3, delay_s: f64) -> (Channel, InMemory) {
+        let pulse = |n: usize| {
+            let time_s = n as f64 * 0.1 + delay_s;
+            let moved = DVec3::X * time_s;
+            Pulse {
+                time_s,
+                transmitter_m: t + moved,
+                receiver_m: r + moved,
+                reference_m: look,
+                reference_path_m: 0.0,
+                start_hz: 1e9,
+                step_hz: 1e6,
+                sweep: Sweep::AT_ONCE,
+            }
+        };
+        let collection = Collection {
+            name: name.to_owned(),
+            num_samples: 2,
+            pulses: (0..3).map(pulse).collect(),
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        };
+        let samples = vec![Complex32::ZERO; 6];
+        (
+            Channel::new(name),
+            InMemory::new(collection, samples).unwrap(),
+        )
+    }
+
+    fn of(all: Vec<(Channel, InMemory)>) -> Result<Arrangement, ArrangementError> {
+        let boxed = all.into_iter().map(|(about, history)| {
+            let boxed: Box<dyn PhaseHistory> = Box::new(history);
+            (about, boxed)
+        });
+        Arrangement::of(&Channels::new(boxed.collect()).unwrap())
+    }
+
+    #[test]
+    fn channels_are_pairs_of_antennas() {
+        let at = |x: f64, y: f64| DVec3::new(x, y, 2.0);
+        // The array along y, the radar looks along -x; the second transmitter sends later.
+        let (t, r) = ([at(1.0, 0.0), at(1.0, 0.3)], [at(1.0, 0.1), at(1.02, 0.2)]);
+        let look = DVec3::new(-50.0, 5.0, 0.0);
+        let all = [[0, 1], [1, 0], [0, 0], [1, 1]];
+        let arrangement = of(all
+            .iter()
+            .map(|&[i, j]| channel(&format!("{i}{j}"), t[i], r[j], look, 0.02 * i as f64))
+            .collect())
+        .unwrap();
+        assert_eq!(arrangement.of_channels, [[0, 0], [1, 1], [0, 1], [1, 0]]);
+        assert_eq!(arrangement.order(), [0, 2, 3, 1]);
+        assert!(arrangement.origin_m.distance(t[0]) < 1e-12);
+        let (x, z) = (arrangement.attitude * DVec3::X, arrangement.attitude * DVec3::Z);
+        assert!(z.distance(DVec3::Z) < 1e-12);
+        assert!((x.dot(look) / 50.0).abs() < 0.3, "{x}");
+        assert!((arrangement.attitude * DVec3::Y).x < -0.9);
+        for (got, wanted) in [
+            (arrangement.transmitters_m[1], t[1]),
+            (arrangement.receivers_m[0], r[1]),
+        ] {
+            let back = arrangement.origin_m + arrangement.attitude * got;
+            assert!(back.distance(wanted) < 1e-9, "{back} {wanted}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_array_is_refused() {
+        let at = |x: f64| DVec3::new(x, 0.0, 0.0);
+        let channel = |name: &str, t: f64, r: f64| channel(name, at(t), at(r), DVec3::Y, 0.0);
+        let twice = of(vec![channel("a", 0.0, 1.0), channel("b", 0.0, 1.0)]).unwrap_err();
+        assert!(twice.to_string().contains("'a' and 'b'"), "{twice}");
+        let apart = of(vec![channel("a", 0.0, 1.0), channel("b", 2.0, 3.0)]).unwrap_err();
+        assert!(apart.to_string().contains("make 4 channels, and there are 2"));
+    }
+}

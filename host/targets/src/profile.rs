@@ -1,0 +1,185 @@
+//! Range profiles of the channels of a pulse, on one axis of path.
+//!
+//! What the recording did to the phases is undone first: sample `k` of a channel is turned back by `2 pi f_k reference_path / c`, so that a scatterer
+//! at path `p` has the phase `-2 pi f_k p / c` in every channel and pulse, whatever antennas they were compensated with. Then
+//!
+//! ```text
+//! S_c(p) = sum_k w_k z_ck exp(+j 2 pi (k - (K-1)/2) step p / c),        power(l) = sum_c |S_c(l c / (L step))|^2
+//! ```
+//!
+//! with `w` symmetric about `(K-1)/2`, the middle of the band. A scatterer's `S_c` near its own path `p_0` is then a real number times
+//! `exp(-j 2 pi f_m p_0 / c)`, `f_m` the frequency in the middle: **its phase is that of the path at `f_m`, whatever the error of `p`**, and
+//! has nothing in common with the error of the path found. Read at another frequency of the band it would carry the path's error along, as a slope.
+//!
+//! Paths repeat after `c / step`; they are told from a least one on, half of that below the first pulse's reference, and from 0.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use num_complex::{Complex32, Complex64};
+use subaperture_fft::{Fft, Transforms};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::phase_history::{Band, Pulse};
+use subaperture_signal::fast_length::fastest_length;
+use subaperture_signal::phase::phasor;
+
+/// Bins of a profile for each sample: peaks lose less than a tenth of their power between them under any window.
+pub(crate) const STRIDE: usize = 4;
+
+/// Makes profiles of one band.
+pub(crate) struct Profiler {
+    pub(crate) band: Band,
+    /// Over frequency.
+    pub(crate) window: Vec<f64>,
+    fft: Arc<dyn Fft<f64>>,
+    /// Bins that are searched: the first, and how many.
+    pub(crate) bins: (usize, usize),
+    /// Paths are told from this on, metres.
+    least_path_m: f64,
+}
+
+/// Samples of a pulse, channel by channel, whose phases are those of whole paths.
+pub(crate) type Echoes = Vec<Vec<Complex64>>;
+
+impl Profiler {
+    /// For paths within twice these ranges, or all that are told apart.
+    pub(crate) fn new(
+        band: Band,
+        window: Vec<f64>,
+        reference_path_m: f64,
+        ranges_m: Option<(f64, f64)>,
+    ) -> Self {
+        let length = fastest_length(band.count * STRIDE);
+        let repeats_m = band.unambiguous_path_m();
+        let first_m = ranges_m.map_or(reference_path_m - 0.5 * repeats_m, |(near_m, _)| 2.0 * near_m);
+        let mut profiler = Self {
+            band,
+            window,
+            fft: Transforms::Portable.inverse(length),
+            bins: (0, length),
+            least_path_m: first_m.max(0.0),
+        };
+        let bin_m = profiler.bin_m();
+        profiler.bins.0 = ((profiler.least_path_m / bin_m).ceil() as u64 % length as u64) as usize;
+        if let Some((_, far_m)) = ranges_m {
+            let count = (2.0 * far_m - profiler.least_path_m) / bin_m;
+            profiler.bins.1 = (count.max(0.0) as usize).min(length);
+        }
+        profiler
+    }
+
+    /// Frequency in the middle of the band, hertz.
+    pub(crate) fn middle_hz(&self) -> f64 {
+        self.band.start_hz + 0.5 * (self.band.count as f64 - 1.0) * self.band.step_hz
+    }
+
+    /// Path from bin to bin, metres.
+    pub(crate) fn bin_m(&self) -> f64 {
+        self.band.unambiguous_path_m() / self.fft.len() as f64
+    }
+
+    /// Path of a range resolution, metres.
+    pub(crate) fn cell_m(&self) -> f64 {
+        SPEED_OF_LIGHT_M_S / self.band.bandwidth_hz()
+    }
+
+    /// Bins a range resolution.
+    pub(crate) fn stride(&self) -> usize {
+        (self.cell_m() / self.bin_m()).round() as usize
+    }
+
+    /// The path that bin `i` of the searched ones is of, metres.
+    pub(crate) fn path_m(&self, i: usize) -> f64 {
+        self.told_m((self.bins.0 + i) as f64 * self.bin_m())
+    }
+
+    /// The path that is told for one that differs from it by whole repetitions, metres.
+    pub(crate) fn told_m(&self, path_m: f64) -> f64 {
+        let repeats_m = self.band.unambiguous_path_m();
+        let above = (path_m - self.least_path_m) / repeats_m;
+        path_m - above.floor() * repeats_m
+    }
+
+    /// Samples as they would be had the recording compensated nothing.
+    pub(crate) fn uncompensated(&self, pulse: &Pulse, samples: &[Complex32]) -> Vec<Complex64> {
+        let turns = |hz: f64| -hz * pulse.reference_path_m / SPEED_OF_LIGHT_M_S;
+        let step = phasor(turns(self.band.step_hz));
+        let mut phase = phasor(turns(self.band.start_hz));
+        let each = samples.iter().map(|z| {
+            let turned = Complex64::new(z.re.into(), z.im.into()) * phase;
+            phase *= step;
+            turned
+        });
+        each.collect()
+    }
+
+    /// Power in the searched bins.
+    pub(crate) fn power(&self, samples: &[Complex64]) -> Vec<f64> {
+        let all = self.full_power(samples);
+        let (first, count) = self.bins;
+        (0..count).map(|i| all[(first + i) % all.len()]).collect()
+    }
+
+    /// Power in all bins from path 0 on.
+    pub(crate) fn full_power(&self, samples: &[Complex64]) -> Vec<f64> {
+        let length = self.fft.len();
+        let mut bins: Vec<Complex64> = samples
+            .iter()
+            .zip(&self.window)
+            .map(|(z, w)| z * w)
+            .collect();
+        bins.resize(length, Complex64::ZERO);
+        self.fft.process(&mut bins);
+        bins.iter().map(Complex64::norm_sqr).collect()
+    }
+
+    /// Radians of sample `k` a metre of path, relative to the middle of the band.
+    pub(crate) fn rad_m(&self, k: usize) -> f64 {
+        let from_middle = k as f64 - 0.5 * (self.band.count as f64 - 1.0);
+        TAU * from_middle * self.band.step_hz / SPEED_OF_LIGHT_M_S
+    }
+
+    /// `exp(+j rad_m(k) path)` for all samples in turn.
+    pub(crate) fn phasors(&self, path_m: f64) -> impl Iterator<Item = Complex64> + use<> {
+        let step_turns = self.band.step_hz * path_m / SPEED_OF_LIGHT_M_S;
+        let step = phasor(step_turns);
+        let first = phasor(-0.5 * (self.band.count as f64 - 1.0) * step_turns);
+        let mut phase = first;
+        (0..self.band.count).map(move |_| {
+            let own = phase;
+            phase *= step;
+            own
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_told_from_the_least_on() {
+        let band = Band {
+            start_hz: 1e9,
+            step_hz: 4e6,
+            count: 101,
+        };
+        let repeats_m = SPEED_OF_LIGHT_M_S / 4e6;
+        for (reference_m, ranges_m, least_m) in [
+            (10.0, None, 0.0),
+            (1000.0, None, 1000.0 - 0.5 * repeats_m),
+            (1000.0, Some((12.0, 20.0)), 24.0),
+        ] {
+            let profiler = Profiler::new(band, vec![1.0; 101], reference_m, ranges_m);
+            let (_, count) = profiler.bins;
+            for i in 0..count {
+                let path_m = profiler.path_m(i);
+                assert!((least_m - 1e-9..least_m + repeats_m).contains(&path_m));
+                assert!((path_m - profiler.path_m(0) - i as f64 * profiler.bin_m()).abs() < 1e-6);
+            }
+            if let Some((_, far_m)) = ranges_m {
+                assert!((profiler.path_m(count - 1) - 2.0 * far_m).abs() < 2.0 * profiler.bin_m());
+            }
+        }
+    }
+}

@@ -1,0 +1,331 @@
+//! The radar's track from its targets, in the scene.
+//!
+//! [`subaperture_motion::track`] tells poses in a frame of its own. They are laid upon the recorded positions as well as turn and shift can do it (least squares),
+//! so that an image lies where it would, and their shape is that of the echoes alone. Where the recorded positions do not move, the first pose
+//! is laid upon them.
+
+use std::collections::HashMap;
+use std::f64::consts::{PI, TAU};
+
+use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::Channels;
+use subaperture_motion::{Array, MotionError, Pose, Sighting, Target, Track, Tracker, track};
+
+use crate::arrangement::Arrangement;
+use crate::fault::Fault;
+use crate::see::{Seen, Settings, TargetsError, see};
+
+/// Pulses that motion looks at again.
+const WINDOW: usize = 10;
+/// Targets whose places are found, those seen most often: a pulse's time grows with the cube of their number.
+const MOST_SOLVED: usize = 48;
+/// Squared errors over their expected number from which on something is wrong with the model, not the noise.
+const MISFIT: f64 = 2.0;
+
+/// A moment of the track.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moment {
+    /// The pulse's number in the recording.
+    pub pulse: usize,
+    /// When, seconds from the collection's start.
+    pub time_s: f64,
+    /// The body's origin, metres in the scene frame.
+    pub position_m: DVec3,
+    /// From the body's axes to the scene's.
+    pub attitude: DQuat,
+    /// Covariance of x and y, metres, and of the heading, radians: along the scene's axes where the plane of motion is level, else along the body's of the first pulse; relative to
+    /// the first pose's place and the direction to the first target.
+    pub covariance: DMat3,
+    /// Targets seen.
+    pub targets: usize,
+    /// RMS of what ranges and phases are off, in standard deviations.
+    pub residual: f64,
+}
+
+/// A target of the track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Its number.
+    pub target: usize,
+    /// In how many pulses it was seen.
+    pub pulses: usize,
+    /// Where, metres in the scene frame, at the height of the radar where the plane of motion is level.
+    pub position_m: DVec3,
+}
+
+/// A radar's track, and what it was found by.
+#[derive(Clone, Debug)]
+pub struct Recovered {
+    /// In the order of pulses; those that tell nothing have none.
+    pub moments: Vec<Moment>,
+    /// Targets.
+    pub places: Vec<Place>,
+    /// What was seen.
+    pub seen: Seen,
+    /// Squared errors in standard deviations, and how many numbers there are beyond those that are found.
+    pub chi_square: [f64; 2],
+    /// Whether the least squares came to their end.
+    pub settled: bool,
+}
+
+impl Recovered {
+    /// The track's length, metres: from pose to pose.
+    pub fn length_m(&self) -> f64 {
+        let pairs = self.moments.windows(2);
+        pairs
+            .map(|pair| pair[0].position_m.distance(pair[1].position_m))
+            .sum()
+    }
+}
+
+/// Finds the track of a recording's radar. `channels` is taken; a way to open it again is asked for nowhere.
+///
+/// # Errors
+/// [`TargetsError`].
+pub fn recover(
+    channels: Channels,
+    settings: &Settings,
+    monitor: &dyn Monitor,
+) -> Result<Recovered, TargetsError> {
+    let nominal_m = recorded_m(&channels);
+    let mut seen = see(channels, settings, monitor)?;
+    let pulses = solved_for(&seen.pulses);
+    let mut kept: Vec<usize> = (0..pulses.len()).filter(|&n| pulses[n].len() > 1).collect();
+    if kept.len() < 2 {
+        return Err(too_few(&seen.pulses));
+    }
+    let own = |kept: &[usize]| -> Vec<Vec<Sighting>> {
+        kept.iter().map(|&n| pulses[n].clone()).collect()
+    };
+    let solve = |kept: &[usize]| track(&seen.array, &own(kept), WINDOW);
+    let found = solve(&kept).or_else(|(n, error)| match error {
+        MotionError::NoEstimate(_) if n < kept.len() => {
+            kept = tellable(&seen.array, &own(&kept), &kept)?;
+            solve(&kept)
+        }
+        error => Err((n, error)),
+    });
+    let found = found.map_err(|(n, source)| TargetsError::Motion {
+        pulse: kept.get(n).copied().unwrap_or(pulses.len() - 1),
+        source,
+    })?;
+    let recorded: Vec<DVec3> = kept.iter().map(|&n| nominal_m[n]).collect();
+    let laid = Laid::new(&found, &recorded, &seen.arrangement, seen.array.wavelength_m);
+    let targets: HashMap<usize, Target> = found.targets.iter().copied().collect();
+    let moments = kept.iter().enumerate().map(|(i, &n)| Moment {
+        pulse: n,
+        time_s: seen.times_s[n],
+        position_m: laid.position_m(found.poses[i].at_m, recorded[i]),
+        attitude: laid.attitude(&found.poses[i]),
+        covariance: laid.covariance(&found.covariances[i]),
+        targets: pulses[n].len(),
+        residual: residual(&seen.array, &found.poses[i], &targets, &pulses[n]),
+    });
+    let moments: Vec<Moment> = moments.collect();
+    let count = |target: usize| {
+        let all = kept.iter().flat_map(|&n| &pulses[n]);
+        all.filter(|sighting| sighting.target == target).count()
+    };
+    let places = found.targets.iter().map(|(number, target)| Place {
+        target: *number,
+        pulses: count(*number),
+        position_m: laid.position_m(target.at_m, recorded[0]),
+    });
+    let places = places.collect();
+    seen.faults
+        .extend(faults(&found, &kept, pulses.len(), laid.reversed));
+    Ok(Recovered {
+        moments,
+        places,
+        seen,
+        chi_square: found.chi_square,
+        settled: found.settled,
+    })
+}
+
+/// Where the recording has the first channel's transmitter, pulse by pulse, metres in the scene frame.
+fn recorded_m(channels: &Channels) -> Vec<DVec3> {
+    let pulses = &channels.channel(0).collection().pulses;
+    pulses.iter().map(|pulse| pulse.transmitter_m).collect()
+}
+
+/// Sightings of the targets that are seen most often.
+fn solved_for(pulses: &[Vec<Sighting>]) -> Vec<Vec<Sighting>> {
+    let mut counts: HashMap<usize, usize> = HashMap::new();
+    for sighting in pulses.iter().flatten() {
+        *counts.entry(sighting.target).or_default() += 1;
+    }
+    let mut by_count: Vec<(usize, usize)> = counts.into_iter().collect();
+    by_count.sort_by_key(|&(target, count)| (std::cmp::Reverse(count), target));
+    by_count.truncate(MOST_SOLVED);
+    let is_solved = |sighting: &&Sighting| by_count.iter().any(|(target, _)| *target == sighting.target);
+    let each = pulses.iter();
+    each.map(|all| all.iter().filter(is_solved).cloned().collect())
+        .collect()
+}
+
+fn too_few(pulses: &[Vec<Sighting>]) -> TargetsError {
+    let ranges = pulses.iter().flatten().map(|sighting| sighting.range_m);
+    TargetsError::TooFew {
+        most: pulses.iter().map(Vec::len).max().unwrap_or(0),
+        pulses: pulses.iter().filter(|all| !all.is_empty()).count(),
+        ranges_m: ranges.fold((f64::INFINITY, 0.0), |(near, far), range_m| {
+            (near.min(range_m), far.max(range_m))
+        }),
+    }
+}
+
+/// The pulses that tell their pose beside those before them.
+fn tellable(
+    array: &Array,
+    pulses: &[Vec<Sighting>],
+    numbers: &[usize],
+) -> Result<Vec<usize>, (usize, MotionError)> {
+    let mut tracker = Tracker::new(array.clone(), WINDOW).map_err(|error| (0, error))?;
+    let mut tellable = Vec::with_capacity(numbers.len());
+    let mut first_error = None;
+    for (i, (&n, sightings)) in numbers.iter().zip(pulses).enumerate() {
+        match tracker.push(sightings) {
+            Ok(_) => tellable.push(n),
+            Err(error) => {
+                first_error.get_or_insert((i, error));
+            }
+        }
+    }
+    match first_error {
+        Some(error) if tellable.len() < 2 => Err(error),
+        _ => Ok(tellable),
+    }
+}
+
+/// RMS of what is off, in standard deviations. Phases are compared but for whole turns.
+fn residual(
+    array: &Array,
+    pose: &Pose,
+    targets: &HashMap<usize, Target>,
+    sightings: &[Sighting],
+) -> f64 {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for sighting in sightings {
+        let Some(target) = targets.get(&sighting.target) else {
+            continue;
+        };
+        let lines = array.lines(pose, target);
+        let (range, phases) = lines.split_last().expect("a range follows the phases");
+        sum += ((sighting.range_m - range.value) / sighting.range_sigma_m).powi(2);
+        for (phase, line) in sighting.phases_rad.iter().zip(phases) {
+            let turns = (phase - line.value) / TAU;
+            sum += (TAU * (turns - turns.round()) / sighting.phase_sigma_rad).powi(2);
+        }
+        count += lines.len();
+    }
+    (sum / count.max(1) as f64).sqrt()
+}
+
+fn faults(found: &Track, kept: &[usize], all: usize, reversed: bool) -> Vec<Fault> {
+    let mut faults = Vec::new();
+    let ends = [0].into_iter().chain(kept.iter().map(|n| n + 1));
+    let starts = kept.iter().copied().chain([all]);
+    let gaps = || ends.clone().zip(starts.clone()).filter(|(a, b)| a < b);
+    if let Some((first, _)) = gaps().next() {
+        faults.push(Fault::Blind {
+            pulses: all - kept.len(),
+            first,
+            longest: gaps().map(|(a, b)| b - a).max().unwrap_or(0),
+        });
+    }
+    let doubtful = || (0..kept.len()).filter(|&i| found.doubtful[i] > 0);
+    if let Some(first) = doubtful().next() {
+        faults.push(Fault::Doubtful {
+            pulses: doubtful().count(),
+            first: kept[first],
+        });
+    }
+    let [sum, expected] = found.chi_square;
+    if sum > MISFIT * expected {
+        faults.push(Fault::Misfit {
+            chi_square_ratio: sum / expected,
+        });
+    }
+    faults.extend(reversed.then_some(Fault::Reversed));
+    faults
+}
+
+/// A frame laid upon the recorded positions.
+struct Laid {
+    origin_m: DVec3,
+    body: DQuat,
+    turn_rad: f64,
+    shift_m: DVec2,
+    /// The scene's x from the body's in the first pulse, if the plane is level.
+    yaw_rad: f64,
+    reversed: bool,
+}
+
+impl Laid {
+    fn new(found: &Track, recorded_m: &[DVec3], arrangement: &Arrangement, wavelength_m: f64) -> Self {
+        let body = arrangement.attitude;
+        let in_plane = |at: &DVec3| (body.inverse() * (*at - arrangement.origin_m)).truncate();
+        let wanted: Vec<DVec2> = recorded_m.iter().map(in_plane).collect();
+        let got: Vec<DVec2> = found.poses.iter().map(|pose| pose.at_m).collect();
+        let share = 1.0 / got.len() as f64;
+        let mean = |all: &[DVec2]| all.iter().sum::<DVec2>() * share;
+        let (mean_got, mean_wanted) = (mean(&got), mean(&wanted));
+        let (mut dot, mut cross, mut size) = (0.0, 0.0, 0.0);
+        for (got, wanted) in got.iter().zip(&wanted) {
+            let (a, b) = (*got - mean_got, *wanted - mean_wanted);
+            dot += a.dot(b);
+            cross += a.perp_dot(b);
+            size += b.length_squared();
+        }
+        let moves = (size * share).sqrt() > 0.25 * wavelength_m;
+        let mean_heading = found.poses.iter().map(|pose| pose.heading_rad).sum::<f64>() * share;
+        let (turn_rad, shift_m) = match moves {
+            true => {
+                let turn_rad = libm::atan2(cross, dot);
+                (turn_rad, mean_wanted - turned(turn_rad, mean_got))
+            }
+            false => {
+                let turn_rad = -found.poses[0].heading_rad;
+                (turn_rad, wanted[0] - turned(turn_rad, got[0]))
+            }
+        };
+        let off = (turn_rad + mean_heading) / TAU;
+        let level = (body * DVec3::Z).distance(DVec3::Z) < 1e-6;
+        let x = body * DVec3::X;
+        Self {
+            origin_m: arrangement.origin_m,
+            body,
+            turn_rad,
+            shift_m,
+            yaw_rad: match level {
+                true => libm::atan2(x.y, x.x),
+                false => 0.0,
+            },
+            reversed: moves && TAU * (off - off.round()).abs() > 0.5 * PI,
+        }
+    }
+
+    /// Of a place in the plane, as far out of it as `recorded_m` is.
+    fn position_m(&self, at_m: DVec2, recorded_m: DVec3) -> DVec3 {
+        let out_m = (self.body.inverse() * (recorded_m - self.origin_m)).z;
+        let laid = turned(self.turn_rad, at_m) + self.shift_m;
+        self.origin_m + self.body * laid.extend(out_m)
+    }
+
+    fn attitude(&self, pose: &Pose) -> DQuat {
+        self.body * DQuat::from_rotation_z(pose.heading_rad + self.turn_rad)
+    }
+
+    fn covariance(&self, covariance: &DMat3) -> DMat3 {
+        let (sin, cos) = libm::sincos(self.turn_rad + self.yaw_rad);
+        let turn = DMat3::from_mat2(DMat2::from_cols(DVec2::new(cos, sin), DVec2::new(-sin, cos)));
+        turn * *covariance * turn.transpose()
+    }
+}
+
+fn turned(by_rad: f64, at_m: DVec2) -> DVec2 {
+    let (sin, cos) = libm::sincos(by_rad);
+    DVec2::new(cos * at_m.x - sin * at_m.y, sin * at_m.x + cos * at_m.y)
+}

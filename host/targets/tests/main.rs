@@ -1,0 +1,7 @@
+//! Targets and tracks from simulated echoes, against the truth, against what noise does, and against what can be known.
+
+mod echoes;
+mod faults;
+mod noise;
+mod scene;
+mod tracks;
