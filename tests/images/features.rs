@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use subaperture_xtask::cargo;
 
 /// Packages that somebody who forms images of arrays need not compile, and the features that bring each.
-const OPTIONAL: [(&str, &[&str]); 15] = [
+const OPTIONAL: [(&str, &[&str]); 16] = [
     ("roxmltree", &["cphd"]),
     ("flate2", &["gotcha", "npz", "plot", "simulate"]),
     ("zip", &["npz"]),
@@ -21,6 +21,7 @@ const OPTIONAL: [(&str, &[&str]); 15] = [
     ("subaperture-quality", &["quality", "autofocus"]),
     ("subaperture-autofocus", &["autofocus"]),
     ("subaperture-motion", &["motion"]),
+    ("subaperture-targets", &["motion"]),
 ];
 
 /// What no library brings.

@@ -12,7 +12,7 @@
 //! | `cphd` | CPHD 1.x, read and written: `cphd` | `roxmltree` |
 //! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha` | `flate2` |
 //! | `npz` | arrays in NumPy's archives ([`npy::Array::read`]) | `zip`, `flate2` |
-//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `recorded_track`, `motive`, `novatel`, `track_csv`, `track_axes` | `subaperture-describe`, `subaperture-receive` |
+//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `recorded_track`, `motive`, `novatel`, `track_csv`, `found_track`, `track_axes` | `subaperture-describe`, `subaperture-receive` |
 //!
 //! NumPy's `.npy` and images are always there. A file whose feature is off is known for what it is, and refused with the
 //! feature's name.
@@ -22,6 +22,8 @@ pub mod atomic;
 pub mod claim;
 #[cfg(feature = "cphd")]
 pub mod cphd;
+#[cfg(feature = "recording")]
+pub mod found_track;
 #[cfg(feature = "gotcha")]
 pub mod gotcha;
 pub mod input;

@@ -3,7 +3,7 @@
 //! The first line names the columns, in any order: `time_s`, `x_m`, `y_m`, `z_m`, or in other units `time_ms`, `time_us`,
 //! `x_mm`, `x_cm` and so on, all three in one; and if attitude is known all
 //! of `roll_deg`, `pitch_deg`, `yaw_deg` or all of `roll_rad`, `pitch_rad`, `yaw_rad`. Every line
-//! after it is a fix. Times are seconds from the collection's start, positions metres in the scene
+//! after it is a fix; what [`crate::found_track`] says beside is passed over. Times are seconds from the collection's start, positions metres in the scene
 //! frame; angles are right-handed about x forward, y left and z up ([`turned`]). Empty lines and
 //! lines that begin with `#` are passed over.
 //!
@@ -18,6 +18,8 @@ use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+
+use crate::found_track::BESIDE;
 
 use subaperture_model::track::{Fix, turned};
 
@@ -158,7 +160,7 @@ impl Columns {
             let places = PLACES.iter().flat_map(|(names, _)| *names);
             let angles = DEGREES.into_iter().chain(RADIANS);
             let known: Vec<&str> = times.chain(places).chain(angles).collect();
-            if !known.contains(&name.as_str()) {
+            if !known.contains(&name.as_str()) && !BESIDE.contains(&name.as_str()) {
                 return Err(format!(
                     "column '{name}' is not known; the columns are {}",
                     known.join(", ")

@@ -5,6 +5,7 @@ mod formers;
 mod look;
 mod plan;
 mod tiled;
+mod track;
 mod tune;
 mod values;
 
@@ -24,6 +25,7 @@ pub(crate) use look::{Look, Picture};
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 use subaperture::units::Dimension;
 pub(crate) use tiled::{Part, Tiled};
+pub(crate) use track::Track;
 pub(crate) use tune::{Recording, Tune, Vary};
 pub(crate) use values::{At, SeveralChannels, several_channels};
 use values::{
@@ -121,6 +123,8 @@ pub(crate) enum Command {
     Recording(Recording),
     /// Find what nobody measured of a raw recording's geometry by the sharpness of its image
     Tune(Tune),
+    /// Find the track of a radar with several receivers from its echoes alone
+    Track(Track),
     /// Say how far apart two complex images are
     Compare(Compare),
     /// Measure an image: responses of points, level, contrast, differences from another

@@ -3,6 +3,7 @@
 use subaperture::focus::FormError;
 use subaperture::io::{cphd, recording};
 use subaperture::onboard::link::LinkError;
+use subaperture::targets::TargetsError;
 
 use crate::advice::one_line;
 use crate::messages;
@@ -68,6 +69,7 @@ fn is_interruption(cause: &(dyn std::error::Error + 'static)) -> bool {
     cause.is::<Interrupted>()
         || matches!(cause.downcast_ref(), Some(FormError::Cancelled))
         || matches!(cause.downcast_ref(), Some(LinkError::Cancelled))
+        || matches!(cause.downcast_ref(), Some(TargetsError::Cancelled))
         || matches!(cause.downcast_ref(), Some(cphd::WriteError::Cancelled))
         || matches!(cause.downcast_ref(), Some(recording::WriteError::Cancelled))
 }

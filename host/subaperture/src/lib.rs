@@ -74,7 +74,7 @@
 //! | `plot` | pictures of images and curves | `plot` | `png`, `ab_glyph`, `dejavu` |
 //! | `planner` | what a radar will show, what that takes and costs | `planner` | |
 //! | `autofocus` | parameters of a recording by the sharpness of its image | `autofocus` | |
-//! | `motion` | a radar's own motion from the phases of its echoes | `motion` | |
+//! | `motion`, `targets` | a radar's own motion from the phases of its echoes, and the targets that they are of | `motion` | |
 //! | `onboard` | a processor on the platform: its plan, the serial link, its maps | `link` | `subaperture-core`, `serial2` |
 //!
 //! `default` is `cphd`, `gotcha`, `npz`, `recording`, `simulate`, `quality` and `plot`.
@@ -114,6 +114,8 @@ pub use subaperture_quality as quality;
 pub use subaperture_receive as receive;
 #[cfg(feature = "simulate")]
 pub use subaperture_simulate as simulate;
+#[cfg(feature = "motion")]
+pub use subaperture_targets as targets;
 
 pub use {glam, num_complex};
 

@@ -1,6 +1,6 @@
 //! Which channels are of which antennas, and where those are on their body: from a recording's own positions in its first pulse.
 //!
-//! **Body.** Its origin is the first channel's transmitter. Its x axis lies along the receivers, from one of the two that are farthest apart to the other (where
+//! **Body.** Its origin is the middle between the mean of its transmitters and that of its receivers. Its x axis lies along the receivers, from one of the two that are farthest apart to the other (where
 //! there is one only, from transmitter to receiver; where both are one, level across the way to the reference point), its y axis is where the radar looks: towards the
 //! first pulse's reference point, as far as that is across x. Where x is level within 20 degrees both are made level, and z is up: the radar moves in the
 //! level plane, and what lies out of it is taken for farther away. Otherwise the plane is the one in which x and the reference point lie.
@@ -76,7 +76,6 @@ impl Arrangement {
         let antennas = antennas.ok_or(ArrangementError::NoPulses)?;
         let first = channels.channel(0).collection().pulses.first();
         let first = first.ok_or(ArrangementError::NoPulses)?;
-        let origin_m = first.transmitter_m;
         let (mut transmitters, mut receivers) = (Vec::new(), Vec::new());
         let of_channels: Vec<[usize; 2]> = antennas
             .iter()
@@ -97,7 +96,8 @@ impl Arrangement {
                 channels: of_channels.len(),
             });
         }
-        let attitude = attitude(first, &transmitters, &receivers);
+        let origin_m = 0.5 * (mean(&transmitters) + mean(&receivers));
+        let attitude = attitude(first, origin_m, &transmitters, &receivers);
         let body = |at_m: &DVec3| attitude.inverse() * (*at_m - origin_m);
         Ok(Self {
             origin_m,
@@ -124,6 +124,10 @@ impl Arrangement {
             wavelength_m: SPEED_OF_LIGHT_M_S / middle_hz,
         }
     }
+}
+
+fn mean(all: &[DVec3]) -> DVec3 {
+    all.iter().sum::<DVec3>() / all.len() as f64
 }
 
 /// A channel's antennas, moved to the moment of the first channel's first pulse.
@@ -154,13 +158,18 @@ fn numbered(all: &mut Vec<DVec3>, at_m: DVec3) -> usize {
 }
 
 /// From the body's axes to the scene's.
-fn attitude(pulse: &Pulse, transmitters: &[DVec3], receivers: &[DVec3]) -> DQuat {
+fn attitude(
+    pulse: &Pulse,
+    origin_m: DVec3,
+    transmitters: &[DVec3],
+    receivers: &[DVec3],
+) -> DQuat {
     let pairs = receivers
         .iter()
         .enumerate()
         .flat_map(|(i, a)| receivers[i + 1..].iter().map(move |b| *b - *a));
     let longest = pairs.max_by(|a, b| a.length().total_cmp(&b.length()));
-    let look = pulse.reference_m - transmitters[0];
+    let look = pulse.reference_m - origin_m;
     let along = longest
         .and_then(DVec3::try_normalize)
         .or_else(|| (receivers[0] - transmitters[0]).try_normalize())
@@ -244,7 +253,8 @@ mod tests {
         .unwrap();
         assert_eq!(arrangement.of_channels, [[0, 0], [1, 1], [0, 1], [1, 0]]);
         assert_eq!(arrangement.order(), [0, 2, 3, 1]);
-        assert!(arrangement.origin_m.distance(t[0]) < 1e-12);
+        let middle_m = 0.25 * (t[0] + t[1] + r[0] + r[1]);
+        assert!(arrangement.origin_m.distance(middle_m) < 1e-9);
         let (x, z) = (arrangement.attitude * DVec3::X, arrangement.attitude * DVec3::Z);
         assert!(z.distance(DVec3::Z) < 1e-12);
         assert!((x.dot(look) / 50.0).abs() < 0.3, "{x}");

@@ -15,8 +15,8 @@
 //! another target: whole turns of phase between would be a guess.
 //!
 //! **Crossing.** Targets whose ranges are predicted within [`Follow::apart_cells`] of each other are one peak, or two that bend each other's
-//! phases. They are followed, and nothing is told of them until they are apart: then each is known by its angle of arrival, unless that is
-//! the same as well. A target that is born so near to another has split from it, or lay hidden by it: that is reported.
+//! phases. They are followed as well as they can be, and nothing is told of them until they are apart, when angles of arrival tell which is which; one that was
+//! not found again until then is another target, until the track says that both lie at one place ([`crate::recover()`]). A target that is born so near to another has split from it, or lay hidden by it: that is reported.
 
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -271,24 +271,11 @@ impl Follower {
     /// The echo of each that is followed.
     fn associate(&self, echoes: &[Echo]) -> Vec<Option<usize>> {
         let gate_m = self.follow.gate_cells * self.cell_m;
-        let mut pairs = Vec::new();
-        for (i, own) in self.all.iter().enumerate().filter(|(_, own)| self.is_alive(own)) {
-            for (e, echo) in echoes.iter().enumerate() {
-                let off = (echo.range_m - own.range_m) / gate_m;
-                let turned = turned_rad(&own.differences_rad, &echo.phases_rad) / MOST_TURNED_RAD;
-                if off.abs() < 1.0 && turned < 1.0 {
-                    pairs.push((off * off + turned * turned, i, e));
-                }
-            }
-        }
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut taken = vec![None; self.all.len()];
-        for (_, i, e) in pairs {
-            if taken[i].is_none() && !taken.contains(&Some(e)) {
-                taken[i] = Some(e);
-            }
-        }
-        taken
+        let expected = self.all.iter().map(|own| {
+            let alive = self.is_alive(own);
+            alive.then_some((own.range_m, own.differences_rad.as_slice()))
+        });
+        associate(expected, echoes, gate_m)
     }
 
     fn update(&mut self, i: usize, echo: &Echo) {
@@ -388,7 +375,37 @@ impl Follower {
     }
 }
 
-fn sighting(target: usize, echo: &Echo) -> Sighting {
+/// The echo of each whose range and differences of phase are expected.
+pub(crate) fn associate<'a>(
+    expected: impl Iterator<Item = Option<(f64, &'a [f64])>>,
+    echoes: &[Echo],
+    gate_m: f64,
+) -> Vec<Option<usize>> {
+    let mut pairs = Vec::new();
+    let mut taken = Vec::new();
+    for (i, expected) in expected.enumerate() {
+        taken.push(None);
+        let Some((range_m, differences_rad)) = expected else {
+            continue;
+        };
+        for (e, echo) in echoes.iter().enumerate() {
+            let off = (echo.range_m - range_m) / gate_m;
+            let turned = turned_rad(differences_rad, &echo.phases_rad) / MOST_TURNED_RAD;
+            if off.abs() < 1.0 && turned < 1.0 {
+                pairs.push((off * off + turned * turned, i, e));
+            }
+        }
+    }
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for (_, i, e) in pairs {
+        if taken[i].is_none() && !taken.contains(&Some(e)) {
+            taken[i] = Some(e);
+        }
+    }
+    taken
+}
+
+pub(crate) fn sighting(target: usize, echo: &Echo) -> Sighting {
     Sighting {
         target,
         range_m: echo.range_m,
@@ -399,7 +416,7 @@ fn sighting(target: usize, echo: &Echo) -> Sighting {
 }
 
 /// Of each channel but the first, against the first.
-fn differences_rad(phases_rad: &[f64]) -> Vec<f64> {
+pub(crate) fn differences_rad(phases_rad: &[f64]) -> Vec<f64> {
     let (first, rest) = phases_rad.split_first().unwrap_or((&0.0, &[]));
     rest.iter().map(|phase| phase - first).collect()
 }

@@ -14,7 +14,6 @@
 //! | [`arrangement`] | antennas on their body, from the recording's first pulse | 7.3.2 |
 //! | [`cfar`] | detection in the power of all channels, by the mean or an order statistic | 7.3.3 |
 //! | [`echo`] | path and phases of each target, with standard deviations | 7.3.3 |
-//! | [`arrival`] | angle of arrival, from the shortest baseline on | 7.3.4 |
 //! | [`follow`] | the same target over pulses | |
 //! | [`see()`] | these one after another, over a recording in blocks | 7.4 |
 //! | [`recover()`] | the track, laid upon the recorded positions | 7.4 |
@@ -22,7 +21,6 @@
 #![forbid(unsafe_code)]
 
 pub mod arrangement;
-pub mod arrival;
 pub mod cfar;
 pub mod echo;
 pub mod fault;

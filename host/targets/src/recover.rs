@@ -3,6 +3,9 @@
 //! [`subaperture_motion::track`] tells poses in a frame of its own. They are laid upon the recorded positions as well as turn and shift can do it (least squares),
 //! so that an image lies where it would, and their shape is that of the echoes alone. Where the recorded positions do not move, the first pose
 //! is laid upon them.
+//!
+//! A target that was lost and found again has another number then. The track tells that both are at one place, within a range resolution: all echoes are given to targets
+//! again, by the ranges and angles that poses and places say, and the track is found once more.
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
@@ -13,13 +16,19 @@ use subaperture_model::phase_history::Channels;
 use subaperture_motion::{Array, MotionError, Pose, Sighting, Target, Track, Tracker, track};
 
 use crate::arrangement::Arrangement;
+use crate::echo::Echo;
 use crate::fault::Fault;
+use crate::follow::{Follow, associate, differences_rad, sighting};
 use crate::see::{Seen, Settings, TargetsError, see};
 
+/// Times that echoes are looked at again by what is known of the targets.
+const LOOKS: usize = 2;
 /// Pulses that motion looks at again.
 const WINDOW: usize = 10;
 /// Targets whose places are found, those seen most often: a pulse's time grows with the cube of their number.
 const MOST_SOLVED: usize = 48;
+/// Pulses in which a target has to be told of: its place is three numbers more to find, and fewer pulses say nothing of the others.
+const LEAST_TOLD: usize = 10;
 /// Squared errors over their expected number from which on something is wrong with the model, not the noise.
 const MISFIT: f64 = 2.0;
 
@@ -41,6 +50,37 @@ pub struct Moment {
     pub targets: usize,
     /// RMS of what ranges and phases are off, in standard deviations.
     pub residual: f64,
+}
+
+impl Moment {
+    /// Standard deviation of the place along the worst direction, metres.
+    pub fn spread_m(&self) -> f64 {
+        self.axes()[0].length()
+    }
+
+    /// A closed ring about the place, at so many standard deviations, metres in the scene's x and y where the plane of motion is level.
+    pub fn ellipse_m(&self, sigmas: f64) -> Vec<DVec2> {
+        const CORNERS: usize = 36;
+        let [major, minor] = self.axes();
+        let corner = |i: usize| {
+            let (sin, cos) = libm::sincos(TAU * i as f64 / CORNERS as f64);
+            self.position_m.truncate() + sigmas * (cos * major + sin * minor)
+        };
+        (0..=CORNERS).map(corner).collect()
+    }
+
+    /// Half axes of the ellipse of one standard deviation.
+    fn axes(&self) -> [DVec2; 2] {
+        let c = &self.covariance;
+        let (a, b, both) = (c.x_axis.x, c.y_axis.y, c.x_axis.y);
+        let (middle, half) = (0.5 * (a + b), libm::hypot(0.5 * (a - b), both));
+        let towards = DVec2::from_angle(0.5 * libm::atan2(2.0 * both, a - b));
+        let size = |variance: f64| variance.max(0.0).sqrt();
+        [
+            size(middle + half) * towards,
+            size(middle - half) * towards.perp(),
+        ]
+    }
 }
 
 /// A target of the track.
@@ -90,26 +130,20 @@ pub fn recover(
 ) -> Result<Recovered, TargetsError> {
     let nominal_m = recorded_m(&channels);
     let mut seen = see(channels, settings, monitor)?;
-    let pulses = solved_for(&seen.pulses);
-    let mut kept: Vec<usize> = (0..pulses.len()).filter(|&n| pulses[n].len() > 1).collect();
-    if kept.len() < 2 {
-        return Err(too_few(&seen.pulses));
-    }
-    let own = |kept: &[usize]| -> Vec<Vec<Sighting>> {
-        kept.iter().map(|&n| pulses[n].clone()).collect()
-    };
-    let solve = |kept: &[usize]| track(&seen.array, &own(kept), WINDOW);
-    let found = solve(&kept).or_else(|(n, error)| match error {
-        MotionError::NoEstimate(_) if n < kept.len() => {
-            kept = tellable(&seen.array, &own(&kept), &kept)?;
-            solve(&kept)
+    let mut solved = Solved::new(&seen, solved_for(&seen.pulses))?;
+    // What is known of the targets' places tells which echoes are theirs, and which of them are one.
+    for _ in 0..LOOKS {
+        let again = solved_for(&looked_again(&seen, &solved, settings.follow));
+        match Solved::new(&seen, again) {
+            Ok(better) if better.kept.len() >= solved.kept.len() => solved = better,
+            _ => break,
         }
-        error => Err((n, error)),
-    });
-    let found = found.map_err(|(n, source)| TargetsError::Motion {
-        pulse: kept.get(n).copied().unwrap_or(pulses.len() - 1),
-        source,
-    })?;
+    }
+    let Solved {
+        kept,
+        pulses,
+        found,
+    } = solved;
     let recorded: Vec<DVec3> = kept.iter().map(|&n| nominal_m[n]).collect();
     let laid = Laid::new(&found, &recorded, &seen.arrangement, seen.array.wavelength_m);
     let targets: HashMap<usize, Target> = found.targets.iter().copied().collect();
@@ -144,10 +178,128 @@ pub fn recover(
     })
 }
 
-/// Where the recording has the first channel's transmitter, pulse by pulse, metres in the scene frame.
+/// A track, of these pulses.
+struct Solved {
+    /// Their numbers.
+    kept: Vec<usize>,
+    /// Of all pulses.
+    pulses: Vec<Vec<Sighting>>,
+    found: Track,
+}
+
+impl Solved {
+    fn new(seen: &Seen, pulses: Vec<Vec<Sighting>>) -> Result<Self, TargetsError> {
+        let mut kept: Vec<usize> = (0..pulses.len()).filter(|&n| pulses[n].len() > 1).collect();
+        if kept.len() < 2 {
+            return Err(too_few(&seen.pulses));
+        }
+        let own = |kept: &[usize]| -> Vec<Vec<Sighting>> {
+            kept.iter().map(|&n| pulses[n].clone()).collect()
+        };
+        let solve = |kept: &[usize]| track(&seen.array, &own(kept), WINDOW);
+        let found = solve(&kept).or_else(|(n, error)| match error {
+            MotionError::NoEstimate(_) if n < kept.len() => {
+                kept = tellable(&seen.array, &own(&kept), &kept)?;
+                solve(&kept)
+            }
+            error => Err((n, error)),
+        });
+        let found = found.map_err(|(n, source)| TargetsError::Motion {
+            pulse: kept.get(n).copied().unwrap_or(pulses.len() - 1),
+            source,
+        })?;
+        Ok(Self {
+            kept,
+            pulses,
+            found,
+        })
+    }
+
+    /// The pose at a pulse, between those that are known if need be.
+    fn pose(&self, pulse: usize) -> Pose {
+        let poses = &self.found.poses;
+        let next = self.kept.partition_point(|&n| n < pulse);
+        let at = |i: usize| (self.kept[i], poses[i]);
+        match (next.checked_sub(1).map(at), (next < poses.len()).then(|| at(next))) {
+            (_, Some((n, pose))) if n == pulse => pose,
+            (Some((before, a)), Some((after, b))) => {
+                let part = (pulse - before) as f64 / (after - before) as f64;
+                Pose {
+                    at_m: a.at_m.lerp(b.at_m, part),
+                    heading_rad: a.heading_rad + part * (b.heading_rad - a.heading_rad),
+                }
+            }
+            (Some((_, pose)), None) | (None, Some((_, pose))) => pose,
+            (None, None) => Pose::default(),
+        }
+    }
+}
+
+/// Sightings of all pulses by the places of a track's targets: those that are one place are one target, and those too near to each other in range are
+/// not told.
+fn looked_again(seen: &Seen, solved: &Solved, follow: Follow) -> Vec<Vec<Sighting>> {
+    let targets = distinct(solved, seen.cell_m);
+    let gate_m = follow.gate_cells * seen.cell_m;
+    let apart_m = follow.apart_cells * seen.cell_m;
+    let pulse = |(n, echoes): (usize, &Vec<Echo>)| {
+        let pose = solved.pose(n);
+        let expected: Vec<(f64, Vec<f64>)> = targets
+            .iter()
+            .map(|(_, target)| {
+                let lines = seen.array.lines(&pose, target);
+                let values: Vec<f64> = lines.iter().map(|line| line.value).collect();
+                let (range_m, phases_rad) = values.split_last().expect("a range follows the phases");
+                (*range_m, differences_rad(phases_rad))
+            })
+            .collect();
+        let each = expected.iter().map(|(range_m, rad)| Some((*range_m, rad.as_slice())));
+        let taken = associate(each, echoes, gate_m);
+        let mut told = Vec::new();
+        for (i, echo) in taken.into_iter().enumerate() {
+            let near = |other: &(f64, Vec<f64>)| (other.0 - expected[i].0).abs() < apart_m;
+            let alone = expected.iter().filter(|other| near(other)).count() == 1;
+            if let Some(echo) = echo.filter(|_| alone) {
+                told.push(sighting(targets[i].0, &echoes[echo]));
+            }
+        }
+        told
+    };
+    seen.echoes.iter().enumerate().map(pulse).collect()
+}
+
+/// Targets at different places, those seen most often first.
+fn distinct(solved: &Solved, cell_m: f64) -> Vec<(usize, Target)> {
+    let count = |number: usize| {
+        let all = solved.kept.iter().flat_map(|&n| &solved.pulses[n]);
+        all.filter(|sighting| sighting.target == number).count()
+    };
+    let mut all: Vec<(usize, usize, Target)> = solved
+        .found
+        .targets
+        .iter()
+        .map(|(number, target)| (count(*number), *number, *target))
+        .collect();
+    all.sort_by_key(|(count, number, _)| (std::cmp::Reverse(*count), *number));
+    let mut distinct: Vec<(usize, Target)> = Vec::new();
+    for (_, number, target) in all {
+        let is_there = |(_, other): &(usize, Target)| other.at_m.distance(target.at_m) < cell_m;
+        if !distinct.iter().any(is_there) {
+            distinct.push((number, target));
+        }
+    }
+    distinct
+}
+
+/// Where the recording has the middle of all channels' antennas, pulse by pulse, metres in the scene frame.
 fn recorded_m(channels: &Channels) -> Vec<DVec3> {
-    let pulses = &channels.channel(0).collection().pulses;
-    pulses.iter().map(|pulse| pulse.transmitter_m).collect()
+    let mut sums = vec![DVec3::ZERO; channels.num_pulses()];
+    for (_, history) in channels.iter() {
+        for (sum, pulse) in sums.iter_mut().zip(&history.collection().pulses) {
+            *sum += 0.5 * (pulse.transmitter_m + pulse.receiver_m);
+        }
+    }
+    let share = 1.0 / channels.len() as f64;
+    sums.into_iter().map(|sum| share * sum).collect()
 }
 
 /// Sightings of the targets that are seen most often.
@@ -159,6 +311,7 @@ fn solved_for(pulses: &[Vec<Sighting>]) -> Vec<Vec<Sighting>> {
     let mut by_count: Vec<(usize, usize)> = counts.into_iter().collect();
     by_count.sort_by_key(|&(target, count)| (std::cmp::Reverse(count), target));
     by_count.truncate(MOST_SOLVED);
+    by_count.retain(|(_, count)| *count >= LEAST_TOLD);
     let is_solved = |sighting: &&Sighting| by_count.iter().any(|(target, _)| *target == sighting.target);
     let each = pulses.iter();
     each.map(|all| all.iter().filter(is_solved).cloned().collect())

@@ -54,6 +54,8 @@ pub struct Seen {
     pub channels: Vec<String>,
     /// Of every pulse.
     pub pulses: Vec<Vec<Sighting>>,
+    /// All echoes of every pulse, whether of a target or not.
+    pub echoes: Vec<Vec<Echo>>,
     /// When each was, seconds from the collection's start.
     pub times_s: Vec<f64>,
     /// Range resolution, metres.
@@ -346,6 +348,7 @@ impl<'s> Looker<'s> {
             Follower::new(self.settings.follow, cell_m).map_err(TargetsError::Settings)?;
         let num_pulses = channels.num_pulses();
         let mut pulses = Vec::with_capacity(num_pulses);
+        let mut all_echoes = Vec::with_capacity(num_pulses);
         let mut events = Vec::new();
         let mut unreadable = Unreadable::default();
         let mut lost = Lost::new(channels.len());
@@ -361,6 +364,7 @@ impl<'s> Looker<'s> {
                 echo.phases_rad = order.iter().map(|&c| echo.phases_rad[c]).collect();
             }
             pulses.extend(follower.push(&found));
+            all_echoes.push(found);
             events.append(&mut follower.events());
             monitor.progress((n + 1) as f64 / num_pulses as f64);
         };
@@ -419,6 +423,7 @@ impl<'s> Looker<'s> {
             array,
             channels: order.iter().map(|&c| names[c].clone()).collect(),
             pulses,
+            echoes: all_echoes,
             times_s,
             cell_m,
             events,

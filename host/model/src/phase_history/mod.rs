@@ -13,6 +13,7 @@ mod channels;
 mod coherent_sum;
 mod in_memory;
 mod joined;
+mod on_track;
 mod order;
 pub mod physical;
 mod stretch;
@@ -34,6 +35,7 @@ pub use channels::{Channel, ChannelError, ChannelHistory, Channels, which_channe
 pub use coherent_sum::CoherentSum;
 pub use in_memory::InMemory;
 pub use joined::Joined;
+pub use on_track::OnTrack;
 use order::ranks_by_angle;
 pub use stretch::Stretch;
 pub use sweep::{PathTerms, Sweep};

@@ -26,7 +26,7 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "channels", "set", "velocity", "window", "slow_window", "scratch", "check", "portable", "model"
+        "paths", "channel", "channels", "set", "velocity", "track", "window", "slow_window", "scratch", "check", "portable", "model"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
 
@@ -40,6 +40,12 @@ pub(crate) struct Focus {
     /// Focus what moves at this velocity, m/s; pixels are places at the first pulse
     #[arg(long, value_name = "VX,VY[,VZ]", allow_hyphen_values = true, value_parser = vector(Dimension::Speed))]
     pub(crate) velocity: Option<DVec3>,
+
+    /// The radar moved as this track says, in place of the recorded positions, as subap track writes it: places and attitudes of the
+    /// body whose origin is the middle of the antennas and whose x axis lies along the receivers
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath,
+        conflicts_with_all = ["tiled", "plan", "tiles", "resume"])]
+    pub(crate) track: Option<PathBuf>,
 
     /// Form N pixels, chosen by a fixed seed, by the exact sum too and report the image's error
     #[arg(long, value_name = "N", value_parser = positive)]

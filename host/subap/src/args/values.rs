@@ -225,6 +225,15 @@ pub(super) fn rectangle(text: &str) -> Result<Extent, String> {
     parsed.ok_or_else(|| "give two ascending ranges, for example -5:5,20:30".to_owned())
 }
 
+/// Two ascending lengths.
+pub(super) fn ranges(text: &str) -> Result<(f64, f64), String> {
+    let parsed = text.split_once(':').and_then(|(near, far)| {
+        let metres = |text| quantity(text, Dimension::Length).ok();
+        Some((metres(near)?, metres(far)?)).filter(|(near, far)| 0.0 <= *near && near < far)
+    });
+    parsed.ok_or_else(|| "give two ascending ranges from 0, for example 2m:30m".to_owned())
+}
+
 pub(super) fn odd(text: &str) -> Result<usize, String> {
     positive(text)
         .ok()

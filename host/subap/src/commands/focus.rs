@@ -3,6 +3,7 @@
 mod check;
 mod deliver;
 mod from_maps;
+mod on_track;
 mod record;
 pub(crate) mod tiled;
 
@@ -47,7 +48,10 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     }
     let _claims = forming::claim(session, &typed.writing, &typed.input.paths, &typed.out, 0)?;
 
-    let recorded = session.open(&typed.input)?;
+    let recorded = match &typed.track {
+        None => session.open(&typed.input)?,
+        Some(track) => on_track::open(session, &typed.input, track)?,
+    };
     let survey = forming::survey(&recorded)?;
     let moving = moving(typed, &recorded)?;
     let job = Job {
@@ -156,7 +160,8 @@ impl Job<'_> {
         let Self { session, typed, .. } = *self;
         interrupt::check()?;
         let checksums = session.progress("checksums");
-        let inputs = self.history.inputs()?;
+        let mut inputs = self.history.inputs()?;
+        inputs.extend(on_track::input(typed)?);
         checksums.finish();
         let told = about.check.as_ref().map(ToString::to_string);
         let record = record::Record::of(self, grid, about, &inputs)?;

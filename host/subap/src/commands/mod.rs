@@ -15,6 +15,7 @@ mod recording;
 mod reproduce;
 mod simulate;
 mod stored;
+mod track;
 mod tune;
 mod velocity;
 
@@ -38,6 +39,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Link(typed) => link::run(session, &typed),
         Command::Info(typed) => info::run(session, &typed),
         Command::Recording(typed) => recording::run(&typed),
+        Command::Track(typed) => track::run(session, &typed),
         Command::Tune(typed) => tune::run(session, &typed),
         Command::Picture(typed) => picture::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),

@@ -100,6 +100,10 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
         ("grid", json!(image.grid.is_some())),
         ("allow_error", json!(image.allow_error)),
         ("velocity_m_s", json!(typed.velocity.map(|v| v.to_array()))),
+        ("track", {
+            let file = typed.track.as_ref();
+            json!(file.map(|path| path.to_string_lossy()))
+        }),
         ("channel", json!(typed.input.channel)),
         ("channels", {
             let several = typed.input.channels.as_ref();

@@ -1,0 +1,125 @@
+//! Tracks that were found of echoes, with what is known of their errors, as comma-separated values.
+//!
+//! A file is one of [`crate::track_csv`], which reads its times, places and attitudes and passes over the rest. Its first line says who wrote
+//! it, the second names the columns; then every line is a pulse:
+//!
+//! | column | what it is |
+//! |---|---|
+//! | `time_s`, `x_m`, `y_m`, `z_m` | when the body was where, in the scene frame |
+//! | `roll_deg`, `pitch_deg`, `yaw_deg` | how it was turned |
+//! | `variance_x_m2`, `covariance_x_y_m2`, `variance_y_m2` | of x and y |
+//! | `covariance_x_yaw_m_rad`, `covariance_y_yaw_m_rad`, `variance_yaw_rad2` | of these with the heading, and of it |
+//! | `residual` | RMS of what ranges and phases are off the track, in standard deviations |
+//! | `targets` | how many were seen |
+//! | `pulse` | its number in the recording, from 0 |
+
+use std::io::Write;
+use std::path::Path;
+
+use glam::{DMat3, EulerRot};
+use subaperture_model::track::Fix;
+
+use crate::atomic::{WriteError, write_atomically};
+use crate::ours::TEXT_MARK;
+
+/// A line of the file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FoundFix {
+    /// When and where; its attitude is told as that of the scene's axes if there is none.
+    pub fix: Fix,
+    /// Of x and y, metres, and heading, radians.
+    pub covariance: DMat3,
+    /// RMS of what is off, in standard deviations.
+    pub residual: f64,
+    /// Targets seen.
+    pub targets: usize,
+    /// Number of the pulse.
+    pub pulse: usize,
+}
+
+/// Columns that say nothing of where the body is.
+pub(crate) const BESIDE: [&str; 9] = [
+    "variance_x_m2",
+    "covariance_x_y_m2",
+    "variance_y_m2",
+    "covariance_x_yaw_m_rad",
+    "covariance_y_yaw_m_rad",
+    "variance_yaw_rad2",
+    "residual",
+    "targets",
+    "pulse",
+];
+
+/// Writes a track, complete or not at all.
+///
+/// # Errors
+/// [`WriteError`].
+pub fn write(path: &Path, fixes: &[FoundFix]) -> Result<(), WriteError> {
+    let text = text(fixes);
+    write_atomically(path, text.len() as u64, |file| {
+        file.write_all(text.as_bytes())
+    })
+}
+
+/// The file's text.
+pub fn text(fixes: &[FoundFix]) -> String {
+    let place = "time_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg";
+    let mut text = format!("# a track found of echoes, {TEXT_MARK}\n{place},{}\n", BESIDE.join(","));
+    for found in fixes {
+        let fix = &found.fix;
+        let (yaw, pitch, roll) = fix
+            .attitude
+            .unwrap_or_default()
+            .to_euler(EulerRot::ZYX);
+        let c = &found.covariance;
+        let numbers = [c.x_axis.x, c.x_axis.y, c.y_axis.y, c.x_axis.z, c.y_axis.z, c.z_axis.z];
+        let at = fix.position_m.to_array().map(|x| format!("{x:.9}"));
+        let turned = [roll, pitch, yaw].map(|rad| format!("{:.9}", rad.to_degrees()));
+        let known = numbers.map(|x| format!("{x:.6e}"));
+        text += &format!(
+            "{},{},{},{},{:.4},{},{}\n",
+            fix.time_s,
+            at.join(","),
+            turned.join(","),
+            known.join(","),
+            found.residual,
+            found.targets,
+            found.pulse
+        );
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::track_csv;
+    use glam::{DVec3, DQuat};
+    use subaperture_model::track::turned;
+
+    #[test]
+    fn what_is_written_is_read() {
+        let fix = |n: usize| FoundFix {
+            fix: Fix {
+                time_s: n as f64 / 3.0,
+                position_m: DVec3::new(1.0 / 7.0, -2e3 / 3.0, 0.5) * n as f64,
+                attitude: Some(turned(0.01, -0.02, 3.0 + 0.1 * n as f64)),
+            },
+            covariance: DMat3::from_diagonal(DVec3::new(1e-6, 2e-6, 3e-8)),
+            residual: 1.02,
+            targets: 5,
+            pulse: n,
+        };
+        let fixes: Vec<FoundFix> = (0..4).map(fix).collect();
+        let text = text(&fixes);
+        assert!(text.lines().next().unwrap().contains(TEXT_MARK));
+        let read = track_csv::read_from(text.as_bytes(), Path::new("track.csv")).unwrap();
+        assert_eq!(read.len(), 4);
+        for (read, written) in read.iter().zip(&fixes) {
+            assert_eq!(read.time_s, written.fix.time_s);
+            assert!(read.position_m.distance(written.fix.position_m) < 1e-9);
+            let turn = |fix: &Fix| fix.attitude.unwrap_or(DQuat::IDENTITY) * DVec3::X;
+            assert!(turn(read).distance(turn(&written.fix)) < 1e-10);
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! A recording as a radar on another track made it: the same samples, the antennas elsewhere.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use super::{Channel, Collection, InputFile, PhaseHistory, ReadError};
+use crate::track::Trajectory;
+
+/// A phase history whose antennas are where a track carries them.
+///
+/// Phases stay compensated to the paths that the recording says, whatever its positions were: [`Pulse::reference_path_m`](super::Pulse::reference_path_m) is
+/// a number of the samples. Where samples are taken one after another the antennas go on as the recording says
+/// ([`Sweep`](super::Sweep)): what the tracks differ by within a pulse is neglected.
+///
+/// Memory: a copy of the geometry, 240 bytes a pulse.
+pub struct OnTrack<'a> {
+    history: Box<dyn PhaseHistory + 'a>,
+    collection: Collection,
+    first: usize,
+}
+
+impl<'a> OnTrack<'a> {
+    /// Transmitter and receiver at these places on the body (its axes, metres), over the pulses whose times are within `span_s`: a run of them, for
+    /// times ascend.
+    ///
+    /// # Errors
+    /// [`ReadError::Mismatch`] if no pulse is within.
+    pub fn new(
+        history: Box<dyn PhaseHistory + 'a>,
+        track: &dyn Trajectory,
+        arms_m: [DVec3; 2],
+        span_s: (f64, f64),
+    ) -> Result<Self, ReadError> {
+        let of = history.collection();
+        let within = |time_s: f64| span_s.0 <= time_s && time_s <= span_s.1;
+        let first = of.pulses.iter().position(|pulse| within(pulse.time_s));
+        let last = of.pulses.iter().rposition(|pulse| within(pulse.time_s));
+        let (Some(first), Some(last)) = (first, last) else {
+            let times = |of: &Collection| Some((of.pulses.first()?.time_s, of.pulses.last()?.time_s));
+            let (from_s, to_s) = times(of).unwrap_or_default();
+            return Err(ReadError::Mismatch(format!(
+                "{}: no pulse is within the track: pulses are from {from_s} s to {to_s} s, the track from {} s to {} s",
+                of.name, span_s.0, span_s.1
+            )));
+        };
+        let mut collection = Collection {
+            pulses: of.pulses[first..=last].to_vec(),
+            name: of.name.clone(),
+            ..*of
+        };
+        for pulse in &mut collection.pulses {
+            let pose = track.pose(pulse.time_s);
+            let [transmitter_m, receiver_m] = arms_m.map(|arm_m| pose.point_m(arm_m));
+            pulse.transmitter_m = transmitter_m;
+            pulse.receiver_m = receiver_m;
+        }
+        Ok(Self {
+            history,
+            collection,
+            first,
+        })
+    }
+
+    fn recorded(&self, pulses: Range<usize>) -> Range<usize> {
+        pulses.start + self.first..pulses.end + self.first
+    }
+}
+
+impl PhaseHistory for OnTrack<'_> {
+    fn collection(&self) -> &Collection {
+        &self.collection
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        self.history.read(self.recorded(pulses), samples)
+    }
+
+    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        self.history.at_hand(self.recorded(pulses))
+    }
+
+    fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        let all = self.history.true_antennas()?;
+        all.get(self.recorded(0..self.collection.pulses.len()))
+    }
+
+    fn start_ns(&self) -> Option<i64> {
+        self.history.start_ns()
+    }
+
+    fn channels(&self) -> Vec<Channel> {
+        self.history.channels()
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.history.warnings()
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.history.held_bytes() + size_of_val(self.collection.pulses.as_slice()) as u64
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        self.history.inputs()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::SceneFrame;
+    use crate::phase_history::{InMemory, Pulse, Sweep};
+    use crate::track::{Pose, turned};
+    use std::f64::consts::FRAC_PI_2;
+
+    /// Northwards at 2 m/s, heading so.
+    #[derive(Debug)]
+    struct North;
+
+    impl Trajectory for North {
+        fn pose(&self, time_s: f64) -> Pose {
+            Pose {
+                position_m: DVec3::Y * (2.0 * time_s),
+                attitude: turned(0.0, 0.0, FRAC_PI_2),
+            }
+        }
+    }
+
+    #[test]
+    fn antennas_are_where_the_track_carries_them() {
+        let pulse = |n: usize| Pulse {
+            time_s: n as f64,
+            transmitter_m: DVec3::X * n as f64,
+            receiver_m: DVec3::X * n as f64,
+            reference_m: DVec3::new(0.0, 50.0, 0.0),
+            reference_path_m: 100.0 + n as f64,
+            start_hz: 1e9,
+            step_hz: 1e6,
+            sweep: Sweep::AT_ONCE,
+        };
+        let collection = Collection {
+            name: "east".to_owned(),
+            num_samples: 2,
+            pulses: (0..6).map(pulse).collect(),
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        };
+        let samples: Vec<Complex32> = (0..12).map(|i| Complex32::new(i as f32, 0.0)).collect();
+        let history = || Box::new(InMemory::new(collection.clone(), samples.clone()).unwrap());
+        let arms_m = [DVec3::X, DVec3::Y];
+        let moved = OnTrack::new(history(), &North, arms_m, (0.5, 4.0)).unwrap();
+        let pulses = &moved.collection().pulses;
+        assert_eq!(pulses.len(), 4);
+        for (pulse, n) in pulses.iter().zip(1..) {
+            let at = DVec3::Y * (2.0 * f64::from(n));
+            assert!(pulse.transmitter_m.distance(at + DVec3::Y) < 1e-12);
+            assert!(pulse.receiver_m.distance(at - DVec3::X) < 1e-12);
+            // What the samples were compensated to stays.
+            assert_eq!(pulse.reference_path_m, 100.0 + f64::from(n));
+        }
+        let mut got = [Complex32::ZERO; 4];
+        moved.read(1..3, &mut got).unwrap();
+        assert_eq!(got.map(|z| z.re), [4.0, 5.0, 6.0, 7.0]);
+        assert_eq!(moved.at_hand(1..3).unwrap(), got);
+        let error = OnTrack::new(history(), &North, arms_m, (6.0, 9.0)).err().unwrap();
+        assert!(error.to_string().contains("no pulse is within"), "{error}");
+    }
+}

@@ -1,0 +1,62 @@
+//! `subap track`.
+
+use std::path::PathBuf;
+
+use clap::{Args as Group, ValueHint};
+use subaperture::signal::window::Window;
+
+use super::values::{any, output, positive, ranges, several_channels};
+use super::{SeveralChannels, Writing};
+use subaperture::units::Dimension;
+
+/// `subap track`.
+#[derive(Debug, Group)]
+#[command(after_help = "An image on the track that the radar itself found:\n  \
+    subap track walk.cphd -o track.csv\n  \
+    subap focus walk.cphd --track track.csv --out image")]
+pub(crate) struct Track {
+    /// CPHD 1.x of several channels, or a description of a raw recording (.toml): two receivers at the least, half a
+    /// wavelength apart or less
+    #[arg(value_name = "INPUT", value_hint = ValueHint::FilePath)]
+    pub(crate) input: PathBuf,
+
+    /// The receivers that are used: all, or some as T1R1,T1R2
+    #[arg(long, value_name = "all|A,B", value_parser = several_channels, default_value = "all")]
+    pub(crate) channels: SeveralChannels,
+
+    /// Override a key of a description, as radar.first_pulse=9.2s; any number of times
+    #[arg(long, value_name = "KEY=VALUE", value_parser = super::setting)]
+    pub(crate) set: Vec<(String, String)>,
+
+    /// File for the track: time, position, attitude, covariance and residual of every pulse; subap focus --track takes it
+    #[arg(long, short, value_name = "CSV", value_hint = ValueHint::FilePath, value_parser = output())]
+    pub(crate) out: PathBuf,
+
+    /// File for a picture of track and targets [default: the track's, ending in .png]
+    #[arg(long, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
+    pub(crate) picture: Option<PathBuf>,
+
+    /// Ranges in which targets are looked for, nearest and farthest, as 2m:30m [default: all that are told apart]
+    #[arg(long, value_name = "NEAR:FAR", value_parser = ranges)]
+    pub(crate) range: Option<(f64, f64)>,
+
+    /// Targets of a pulse that are used at the most, the strongest
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = positive)]
+    pub(crate) targets: usize,
+
+    /// Echoes nearer to noise are not used, dB
+    #[arg(long, value_name = "DB", default_value_t = 10.0, allow_negative_numbers = true, value_parser = any(Dimension::Level))]
+    pub(crate) least_snr: f64,
+
+    /// Pulses in a row in which a target may be unseen
+    #[arg(long, value_name = "N", default_value_t = 30)]
+    pub(crate) bridge: usize,
+
+    /// Window over frequency: none, taylor, taylor:DB, hamming or kaiser:BETA; its side lobes limit how weak targets
+    /// beside strong ones may be
+    #[arg(long, value_name = "W", default_value = "taylor:50")]
+    pub(crate) window: Window,
+
+    #[command(flatten)]
+    pub(crate) writing: Writing,
+}

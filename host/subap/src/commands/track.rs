@@ -1,0 +1,231 @@
+//! `subap track`: a recording of several receivers in, the radar's track out.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use glam::DVec3;
+use serde_json::json;
+use subaperture::io::atomic::write_atomically;
+use subaperture::io::found_track::{self, FoundFix};
+use subaperture::io::open::{Options, open_channels};
+use subaperture::io::ours::Kind;
+use subaperture::plot::{Chart, Curve, Stroke, lines};
+use subaperture::targets::follow::Event;
+use subaperture::targets::{Moment, Recovered, Settings, TargetsError, recover};
+use subaperture::track::Fix;
+
+use crate::args::Track;
+use crate::config::Session;
+use crate::{interrupt, messages, text};
+
+/// Error ellipses in the picture.
+const ELLIPSES: usize = 12;
+
+/// Finds the track and writes it with its picture, each complete or not at all.
+pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
+    let picture = match &typed.picture {
+        Some(path) => path.clone(),
+        None => beside(&typed.out),
+    };
+    let mut claims = session.claims(&typed.writing, &[&typed.input]);
+    claims.file(&typed.out, Kind::Text)?;
+    claims.file(&picture, Kind::Picture)?;
+    let options = Options {
+        channel: None,
+        memory_bytes: session.memory_bytes,
+        settings: &typed.set,
+    };
+    let reading = session.progress("reading");
+    let channels = open_channels(&typed.input, typed.channels.named(), &options)?;
+    reading.finish();
+    for warning in channels.channel(0).warnings() {
+        messages::warning(warning);
+    }
+    let name = channels.channel(0).collection().name.clone();
+    let recorded_m: Vec<DVec3> = (channels.channel(0).collection().pulses.iter())
+        .map(|pulse| pulse.transmitter_m)
+        .collect();
+    let defaults = Settings::default();
+    let mut settings = Settings {
+        window: typed.window,
+        ranges_m: typed.range,
+        most_targets: typed.targets,
+        least_snr_db: typed.least_snr,
+        ..defaults
+    };
+    settings.follow.bridge = typed.bridge;
+    let progress = session.progress("following targets");
+    let found = recover(channels, &settings, &progress).map_err(with_advice)?;
+    progress.finish();
+    for event in &found.seen.events {
+        session.note(1, || told(event));
+    }
+    for fault in &found.seen.faults {
+        messages::warning(fault.to_string());
+    }
+    interrupt::check()?;
+    let drawn = lines(&chart(&name, &found, &recorded_m))?;
+    let fixes: Vec<FoundFix> = found.moments.iter().map(fix).collect();
+    found_track::write(&typed.out, &fixes)?;
+    write_atomically(&picture, drawn.len() as u64, |file| file.write_all(&drawn))?;
+    tell(session, typed, &picture, &found)
+}
+
+/// The picture's file beside the track's.
+fn beside(track: &Path) -> PathBuf {
+    track.with_extension("png")
+}
+
+fn fix(moment: &Moment) -> FoundFix {
+    FoundFix {
+        fix: Fix {
+            time_s: moment.time_s,
+            position_m: moment.position_m,
+            attitude: Some(moment.attitude),
+        },
+        covariance: moment.covariance,
+        residual: moment.residual,
+        targets: moment.targets,
+        pulse: moment.pulse,
+    }
+}
+
+/// `error`, with what the command line can do about it.
+fn with_advice(error: TargetsError) -> anyhow::Error {
+    let advice = match &error {
+        TargetsError::Nothing { .. } => {
+            "place reflectors, or look at other ranges with --range"
+        }
+        TargetsError::TooFew { .. } => {
+            "place a second reflector, or lower --least-snr"
+        }
+        TargetsError::Motion { .. } => {
+            "leave out ranges of clutter with --range, or receivers with --channels"
+        }
+        _ => return error.into(),
+    };
+    anyhow::anyhow!("{error}: {advice}")
+}
+
+fn told(event: &Event) -> String {
+    match event {
+        Event::Born {
+            target,
+            pulse,
+            range_m,
+        } => format!("target {target}: seen from pulse {pulse} on, first at {range_m:.2} m"),
+        Event::Lost { target, pulse } => format!("target {target}: last seen in pulse {pulse}"),
+        Event::Crossed { targets, pulse } => format!(
+            "targets {} and {} come too near to be told apart in pulse {pulse}",
+            targets[0], targets[1]
+        ),
+        Event::Split {
+            target,
+            into,
+            pulse,
+        } => format!("target {into} split from target {target} in pulse {pulse}"),
+        _ => format!("{event:?}"),
+    }
+}
+
+/// The track over the recorded one, targets, and error ellipses so much enlarged that they are seen.
+fn chart(name: &str, found: &Recovered, recorded_m: &[DVec3]) -> Chart {
+    let at = |m: DVec3| (m.x, m.y);
+    let moments = &found.moments;
+    let spread_m = moments.iter().map(Moment::spread_m).fold(0.0, f64::max);
+    let length_m = found.length_m();
+    // A twentieth of the track, by a power of ten.
+    let larger = 10f64.powf((0.05 * length_m / spread_m).log10().floor());
+    let larger = if larger.is_finite() { larger.max(1.0) } else { 1.0 };
+    let mut ellipses = Vec::new();
+    for moment in moments.iter().step_by(moments.len().div_ceil(ELLIPSES)) {
+        let ring = moment.ellipse_m(larger);
+        ellipses.extend(ring.into_iter().map(|m| (m.x, m.y)));
+        ellipses.push((f64::NAN, f64::NAN));
+    }
+    let curve = |name: String, points: Vec<(f64, f64)>, stroke: Stroke| Curve {
+        name,
+        points,
+        stroke,
+    };
+    Chart {
+        title: format!("{name}: {} poses, {length_m:.3} m", moments.len()),
+        across_label: "x (m)".to_owned(),
+        up_label: "y (m)".to_owned(),
+        curves: vec![
+            curve(
+                "track found".to_owned(),
+                moments.iter().map(|moment| at(moment.position_m)).collect(),
+                Stroke::Solid,
+            ),
+            curve(
+                "recorded".to_owned(),
+                recorded_m.iter().copied().map(at).collect(),
+                Stroke::Dashed,
+            ),
+            curve(
+                "targets".to_owned(),
+                found.places.iter().map(|place| at(place.position_m)).collect(),
+                Stroke::Dots,
+            ),
+            curve(format!("1 sigma x {larger:.0}"), ellipses, Stroke::Solid),
+        ],
+        ..Chart::default()
+    }
+}
+
+fn tell(
+    session: &Session,
+    typed: &Track,
+    picture: &Path,
+    found: &Recovered,
+) -> anyhow::Result<()> {
+    let last = found.moments.last().context("a track has poses")?;
+    let seen = &found.seen;
+    let [sum, expected] = found.chi_square;
+    let sigma_m = last.spread_m();
+    let sigma_deg = last.covariance.z_axis.z.sqrt().to_degrees();
+    if session.json() {
+        return text::say_json(
+            "track",
+            json!({
+                "track": typed.out.display().to_string(),
+                "picture": picture.display().to_string(),
+                "pulses": seen.times_s.len(),
+                "poses": found.moments.len(),
+                "channels": seen.channels,
+                "length_m": found.length_m(),
+                "last_sigma_m": sigma_m,
+                "last_sigma_heading_deg": sigma_deg,
+                "chi_square": sum,
+                "chi_square_expected": expected,
+                "settled": found.settled,
+                "targets": found.places.iter().map(|place| json!({
+                    "target": place.target,
+                    "pulses": place.pulses,
+                    "position_m": place.position_m.to_array(),
+                })).collect::<Vec<_>>(),
+            }),
+        );
+    }
+    if !session.tells() {
+        return Ok(());
+    }
+    text::say(format!(
+        "{}: {} poses of {} pulses, {:.3} m of track by {} targets in channels {}; {}",
+        typed.out.display(),
+        found.moments.len(),
+        seen.times_s.len(),
+        found.length_m(),
+        found.places.len(),
+        seen.channels.join(", "),
+        picture.display()
+    ))?;
+    text::say(format!(
+        "last pose known to {:.2} mm and {sigma_deg:.3} deg; errors {:.2} times what noise makes",
+        1e3 * sigma_m,
+        (sum / expected.max(1.0)).sqrt()
+    ))?;
+    Ok(())
+}
