@@ -21,4 +21,5 @@ mod simulate;
 mod sources;
 mod statistics;
 mod tiles;
+mod track;
 mod usage;

@@ -3,7 +3,7 @@
 use num_complex::{Complex32, Complex64};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Channels, PhaseHistory, ReadError};
-use subaperture_motion::{Array, Sighting};
+use subaperture_motion::{Array, Sighting, Tracker};
 use subaperture_signal::window::Window;
 
 use crate::arrangement::{Arrangement, ArrangementError};
@@ -115,8 +115,8 @@ pub enum TargetsError {
         /// Nearest and farthest.
         ranges_m: (f64, f64),
     },
-    /// Fewer than two receivers work.
-    #[error("{left} of {} channels have echoes (dead: {}): an angle of arrival takes two receivers of one transmitter", left + dead.len(), dead.join(", "))]
+    /// Those that work are no array.
+    #[error("{left} of {} channels have echoes (dead: {}): an angle of arrival takes two receivers of one transmitter, half a wavelength apart or less", left + dead.len(), dead.join(", "))]
     Left {
         /// Channels with echoes.
         left: usize,
@@ -181,7 +181,20 @@ pub fn see(
         dead.into_iter()
             .map(|(channel, below_db)| Fault::Dead { channel, below_db }),
     );
-    let arrangement = Arrangement::of(&channels)?;
+    let without = !names.is_empty();
+    let left = TargetsError::Left {
+        left: channels.len(),
+        dead: names,
+    };
+    let arrangement = match Arrangement::of(&channels) {
+        Ok(arrangement) => arrangement,
+        Err(_) if without => return Err(left),
+        Err(error) => return Err(error.into()),
+    };
+    let array = arrangement.array(profiler.middle_hz());
+    if without && Tracker::new(array, 2).is_err() {
+        return Err(left);
+    }
     let looker = Looker::new(&profiler, settings, channels.len())?;
     let mut seen = looker.follow(&channels, arrangement, monitor)?;
     faults.append(&mut seen.faults);
