@@ -1,5 +1,6 @@
 //! The command `subap` as its users run it, and the benches' program.
 
+mod autofocus;
 mod bad_input;
 mod bench;
 mod channels;

@@ -35,16 +35,42 @@
 #![forbid(unsafe_code)]
 
 mod anchor;
+mod centring;
 mod certainty;
+mod correction;
+mod curve;
+mod dense;
 mod determine;
+mod echoes;
+mod estimator;
+mod joint;
+mod lbfgs;
+mod map_drift;
 mod measure;
+mod modified_pga;
+mod patches;
+mod pga;
+mod rigid;
+mod sharpen;
+mod sharpness;
 
 use std::collections::BTreeMap;
 
 use subaperture_model::monitor::Monitor;
 
+pub use correction::{Corrected, Correction, Misfit};
 pub use determine::{Expected, Model, Problem, determine, rehearse};
+pub use echoes::Points;
+pub use estimator::{Estimator, UnknownEstimator};
+pub use map_drift::MapDrift;
 pub use measure::{Measure, PARTS, Sight, UnknownMeasure, merit, merits};
+pub use modified_pga::ModifiedPhaseGradient;
+pub use pga::PhaseGradient;
+pub use sharpen::{
+    Figures, Look, Method, Round, SharpenError, Sharpened, Stopping, Subject, sharpen,
+};
+
+pub use sharpness::{Goal, LEAST_ACROSS, Sharpness, Unknown, UnknownName};
 
 /// The interval of a parameter: `count` values from `start` on, `step` apart.
 pub use subaperture_model::geometry::Axis;

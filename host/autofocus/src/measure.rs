@@ -45,7 +45,7 @@ pub enum Sight {
 const ERROR_DB: f64 = -40.0;
 
 /// Tells nothing but when to stop.
-struct Quiet<'a>(&'a dyn Monitor);
+pub(super) struct Quiet<'a>(pub(super) &'a dyn Monitor);
 
 impl Monitor for Quiet<'_> {
     fn progress(&self, _fraction: f64) {}

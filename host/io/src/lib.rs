@@ -12,7 +12,7 @@
 //! | `cphd` | CPHD 1.x, read and written: `cphd` | `roxmltree` |
 //! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha` | `flate2` |
 //! | `npz` | arrays in NumPy's archives ([`npy::Array::read`]) | `zip`, `flate2` |
-//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `recorded_track`, `motive`, `novatel`, `track_csv`, `found_track`, `track_axes` | `subaperture-describe`, `subaperture-receive` |
+//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `recorded_track`, `motive`, `novatel`, `track_csv`, `found_track`, `track_axes`, `phase_csv` | `subaperture-describe`, `subaperture-receive` |
 //!
 //! NumPy's `.npy` and images are always there. A file whose feature is off is known for what it is, and refused with the
 //! feature's name.
@@ -37,6 +37,8 @@ pub mod novatel;
 pub mod npy;
 pub mod open;
 pub mod ours;
+#[cfg(feature = "recording")]
+pub mod phase_csv;
 pub mod place;
 pub mod product;
 #[cfg(feature = "recording")]

@@ -1,5 +1,6 @@
 //! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
 
+mod autofocus;
 mod focus;
 mod formers;
 mod look;
@@ -20,6 +21,7 @@ use subaperture::simulate::{Preset, scenario};
 
 use crate::failure::Usage;
 use crate::log::Format;
+pub(crate) use autofocus::{Autofocus, Way};
 pub(crate) use focus::{Focus, Imaging, Velocity};
 pub(crate) use look::{Look, Picture};
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
@@ -125,6 +127,8 @@ pub(crate) enum Command {
     Tune(Tune),
     /// Find the track of a radar with several receivers from its echoes alone
     Track(Track),
+    /// Find phases or a track by which an image is sharper
+    Autofocus(Autofocus),
     /// Say how far apart two complex images are
     Compare(Compare),
     /// Measure an image: responses of points, level, contrast, differences from another

@@ -73,7 +73,7 @@
 //! | `quality` | measures of images: responses, statistics, coherence | `quality` | |
 //! | `plot` | pictures of images and curves | `plot` | `png`, `ab_glyph`, `dejavu` |
 //! | `planner` | what a radar will show, what that takes and costs | `planner` | |
-//! | `autofocus` | parameters of a recording by the sharpness of its image | `autofocus` | |
+//! | `autofocus` | parameters, phases and tracks of recordings by the sharpness of their images | `autofocus` | |
 //! | `motion`, `targets` | a radar's own motion from the phases of its echoes, and the targets that they are of | `motion` | |
 //! | `onboard` | a processor on the platform: its plan, the serial link, its maps | `link` | `subaperture-core`, `serial2` |
 //!

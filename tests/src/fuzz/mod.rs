@@ -184,6 +184,14 @@ pub static TARGETS: [Target; 18] = [
         most_bytes: in_proportion,
     },
     Target {
+        name: "phase_csv",
+        read: tracks::phases,
+        seeds: tracks::phase_seeds,
+        repair: as_it_is,
+        words: tracks::PHASE_WORDS,
+        most_bytes: in_proportion,
+    },
+    Target {
         name: "motive",
         read: tracks::motive,
         seeds: tracks::motive_seeds,

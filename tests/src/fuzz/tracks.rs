@@ -6,7 +6,7 @@ use glam::DVec3;
 use subaperture::geometry::SceneFrame;
 use subaperture::io::novatel::{self, Damage, Source};
 use subaperture::io::track_axes::TrackAxes;
-use subaperture::io::{motive, track_csv};
+use subaperture::io::{motive, phase_csv, track_csv};
 use subaperture::track::{Fix, SampledTrack, Trajectory};
 
 pub(super) const NOVATEL_WORDS: &[&str] = &[
@@ -25,6 +25,8 @@ pub(super) const NOVATEL_WORDS: &[&str] = &[
     "INS_ALIGNING",
     "FINESTEERING",
 ];
+
+pub(super) const PHASE_WORDS: &[&str] = &["pulse", "phase_rad", ",", "\n", "#", "0", "1", "NaN", "1e12"];
 
 pub(super) const CSV_WORDS: &[&str] = &[
     "time_s",
@@ -205,6 +207,29 @@ pub(super) fn csv(bytes: &[u8]) -> String {
     match track_csv::read_from(bytes, Path::new("input.csv")) {
         Ok(fixes) if fixes.is_empty() => "no fixes".to_owned(),
         Ok(fixes) => follow(&fixes),
+        Err(error) => error.to_string(),
+    }
+}
+
+pub(super) fn phase_seeds() -> Vec<Vec<u8>> {
+    [
+        "pulse,phase_rad\n0,0.125\n1,-0.5\n2,1e3\n",
+        "\u{feff}# written by subap\npulse, phase_rad\r\n\r\n0, -2.5e-17\r\n",
+    ]
+    .map(|text| text.as_bytes().to_vec())
+    .to_vec()
+}
+
+/// What is read is finite, and is written and read again as it is.
+pub(super) fn phases(bytes: &[u8]) -> String {
+    let path = Path::new("input.csv");
+    match phase_csv::read_from(bytes, path) {
+        Ok(phases) => {
+            assert!(phases.iter().all(|phase| phase.is_finite()));
+            let again = phase_csv::read_from(phase_csv::text(&phases).as_bytes(), path);
+            assert_eq!(again.expect("what was written"), phases);
+            format!("{} phases", phases.len())
+        }
         Err(error) => error.to_string(),
     }
 }

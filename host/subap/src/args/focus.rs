@@ -26,7 +26,8 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "channels", "set", "velocity", "track", "window", "slow_window", "scratch", "check", "portable", "model"
+        "paths", "channel", "channels", "set", "velocity", "track", "phase", "window", "slow_window", "scratch", "check", "portable",
+        "model"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
 
@@ -46,6 +47,10 @@ pub(crate) struct Focus {
     #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath,
         conflicts_with_all = ["tiled", "plan", "tiles", "resume"])]
     pub(crate) track: Option<PathBuf>,
+    /// Take these phase errors away first, a pulse each, as subap autofocus writes them
+    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath,
+        conflicts_with_all = ["tiled", "plan", "tiles", "resume"])]
+    pub(crate) phase: Option<PathBuf>,
 
     /// Form N pixels, chosen by a fixed seed, by the exact sum too and report the image's error
     #[arg(long, value_name = "N", value_parser = positive)]

@@ -1,6 +1,7 @@
 //! `subap focus`: recordings in, an image and its record out.
 
 mod check;
+mod corrected;
 mod deliver;
 mod from_maps;
 mod on_track;
@@ -52,15 +53,20 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         None => session.open(&typed.input)?,
         Some(track) => on_track::open(session, &typed.input, track)?,
     };
-    let survey = forming::survey(&recorded)?;
-    let moving = moving(typed, &recorded)?;
+    let corrected = corrected::corrected(typed, &recorded)?;
+    let recorded: &dyn PhaseHistory = match &corrected {
+        Some(corrected) => corrected,
+        None => &recorded,
+    };
+    let survey = forming::survey(recorded)?;
+    let moving = moving(typed, recorded)?;
     let job = Job {
         means: typed.image.means(model.as_ref()),
         session,
         typed,
         history: match &moving {
             Some(moving) => moving,
-            None => &recorded,
+            None => recorded,
         },
         survey: &survey,
         start,
@@ -162,6 +168,7 @@ impl Job<'_> {
         let checksums = session.progress("checksums");
         let mut inputs = self.history.inputs()?;
         inputs.extend(on_track::input(typed)?);
+        inputs.extend(corrected::input(typed)?);
         checksums.finish();
         let told = about.check.as_ref().map(ToString::to_string);
         let record = record::Record::of(self, grid, about, &inputs)?;

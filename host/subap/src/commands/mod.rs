@@ -1,5 +1,6 @@
 //! One file a command.
 
+mod autofocus;
 mod compare;
 mod completions;
 mod crosscheck;
@@ -41,6 +42,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Recording(typed) => recording::run(&typed),
         Command::Track(typed) => track::run(session, &typed),
         Command::Tune(typed) => tune::run(session, &typed),
+        Command::Autofocus(typed) => autofocus::run(session, &typed),
         Command::Picture(typed) => picture::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),

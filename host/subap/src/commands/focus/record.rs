@@ -104,6 +104,10 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
             let file = typed.track.as_ref();
             json!(file.map(|path| path.to_string_lossy()))
         }),
+        ("phase", {
+            let file = typed.phase.as_ref();
+            json!(file.map(|path| path.to_string_lossy()))
+        }),
         ("channel", json!(typed.input.channel)),
         ("channels", {
             let several = typed.input.channels.as_ref();

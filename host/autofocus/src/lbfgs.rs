@@ -1,0 +1,141 @@
+//! Least values of smooth functions of many variables: the limited-memory method of Broyden, Fletcher, Goldfarb and Shanno
+//! (Liu and Nocedal, On the limited memory BFGS method for large scale optimization, 1989), with steps halved until the function falls by
+//! a part of what its slope promises (Armijo).
+
+/// Steps remembered.
+const MEMORY: usize = 8;
+
+/// Part of the promised fall that is asked for, and halvings of a step at most.
+const FALL: f64 = 1e-4;
+const HALVINGS: usize = 20;
+
+/// What was found.
+#[derive(Clone, Debug)]
+pub(crate) struct Least {
+    /// Where.
+    pub(crate) at: Vec<f64>,
+    /// The value there.
+    pub(crate) value: f64,
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// From `start` on downhill, `steps` at the most, until a step gains less than `still` of the value. `first` is how far the first step
+/// goes, in units of the variables. `function` gives the value and its gradient, or nothing to stop at the best so far.
+pub(crate) fn least(
+    start: Vec<f64>,
+    first: f64,
+    steps: usize,
+    still: f64,
+    mut function: impl FnMut(&[f64]) -> Option<(f64, Vec<f64>)>,
+) -> Option<Least> {
+    let (mut value, mut gradient) = function(&start)?;
+    let mut at = start;
+    let mut pairs: Vec<(Vec<f64>, Vec<f64>)> = Vec::new();
+    for _ in 0..steps {
+        let length = dot(&gradient, &gradient).sqrt();
+        if !(length > 0.0 && length.is_finite()) {
+            break;
+        }
+        let mut direction = descent(&gradient, &pairs, first / length);
+        let mut slope = dot(&direction, &gradient);
+        if slope >= 0.0 {
+            pairs.clear();
+            direction = gradient.iter().map(|g| -g * first / length).collect();
+            slope = -first * length;
+        }
+        let mut found = None;
+        for halving in 0..HALVINGS {
+            let part = 0.5f64.powi(halving as i32);
+            let there: Vec<f64> = at.iter().zip(&direction).map(|(x, d)| x + part * d).collect();
+            let Some((there_value, there_gradient)) = function(&there) else {
+                return Some(Least { at, value });
+            };
+            if there_value <= value + FALL * part * slope {
+                found = Some((there, there_value, there_gradient));
+                break;
+            }
+        }
+        let Some((there, there_value, there_gradient)) = found else {
+            match pairs.is_empty() {
+                true => break,
+                // The curvature that is remembered misleads: steepest descent from here.
+                false => pairs.clear(),
+            }
+            continue;
+        };
+        let moved: Vec<f64> = there.iter().zip(&at).map(|(a, b)| a - b).collect();
+        let turned: Vec<f64> = there_gradient.iter().zip(&gradient).map(|(a, b)| a - b).collect();
+        // Only a function that bends upwards between both tells a curvature.
+        if dot(&moved, &turned) > 1e-12 * dot(&turned, &turned).sqrt() * dot(&moved, &moved).sqrt() {
+            pairs.push((moved, turned));
+            if pairs.len() > MEMORY {
+                pairs.remove(0);
+            }
+        }
+        let gained = value - there_value;
+        (at, value, gradient) = (there, there_value, there_gradient);
+        if gained <= still * value.abs() {
+            break;
+        }
+    }
+    Some(Least { at, value })
+}
+
+/// The inverse Hessian that the pairs remember, times the gradient, negated; `scale` stands for it where there are none.
+fn descent(gradient: &[f64], pairs: &[(Vec<f64>, Vec<f64>)], scale: f64) -> Vec<f64> {
+    let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
+    let mut parts = Vec::with_capacity(pairs.len());
+    for (moved, turned) in pairs.iter().rev() {
+        let part = dot(moved, &direction) / dot(moved, turned);
+        direction.iter_mut().zip(turned).for_each(|(d, y)| *d -= part * y);
+        parts.push(part);
+    }
+    let scale = match pairs.last() {
+        Some((moved, turned)) => dot(moved, turned) / dot(turned, turned),
+        None => scale,
+    };
+    direction.iter_mut().for_each(|d| *d *= scale);
+    for ((moved, turned), part) in pairs.iter().zip(parts.iter().rev()) {
+        let other = dot(turned, &direction) / dot(moved, turned);
+        direction.iter_mut().zip(moved).for_each(|(d, s)| *d += (part - other) * s);
+    }
+    direction
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bent_valley_is_followed_to_its_end() {
+        // Rosenbrock's function in 10 variables: 0 at ones.
+        let function = |x: &[f64]| {
+            let mut gradient = vec![0.0; x.len()];
+            let mut value = 0.0;
+            for i in 0..x.len() - 1 {
+                let (a, b) = (x[i + 1] - x[i] * x[i], 1.0 - x[i]);
+                value += 100.0 * a * a + b * b;
+                gradient[i] -= 400.0 * x[i] * a + 2.0 * b;
+                gradient[i + 1] += 200.0 * a;
+            }
+            Some((value, gradient))
+        };
+        let start = vec![-0.5; 10];
+        let found = least(start, 0.1, 500, 0.0, function).unwrap();
+        assert!(found.value < 1e-10, "{}", found.value);
+        assert!(found.at.iter().all(|x| (x - 1.0).abs() < 1e-4), "{:?}", found.at);
+    }
+
+    #[test]
+    fn it_stops_when_told_to() {
+        let mut calls = 0;
+        let found = least(vec![1.0], 0.1, 100, 0.0, |x| {
+            calls += 1;
+            (calls < 4).then(|| (x[0] * x[0], vec![2.0 * x[0]]))
+        });
+        assert!(found.unwrap().value < 1.0);
+    }
+}

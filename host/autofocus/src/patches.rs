@@ -1,0 +1,182 @@
+//! Small parts of an image around its brightest points, pulse by pulse: what an image would become under any phases.
+//!
+//! The value of pixel `p` is `sum_n b_n(p) exp(-j psi_n)`, with `b_n(p)` what pulse `n` puts there by backprojection and
+//! `psi_n` the phase that is taken away of it. For a displacement of the radar `psi = k s . d` with the line of sight `s` from the
+//! patch's middle: within a patch of a few cells it hardly turns, and each round of autofocus makes all of it anew.
+//!
+//! Memory: 8 bytes a pixel and pulse. Range profiles are read linearly at [`ERROR_DB`]; where antennas move within a pulse the
+//! profile is read where range and Doppler are coupled to, its blur is neglected.
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use rayon::prelude::*;
+
+use subaperture_fft::Transforms;
+use subaperture_focus::FormError;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::monitor::Monitor;
+use subaperture_model::phase_history::{PhaseHistory, Pulse};
+use subaperture_resolution::support::path_gradient;
+use subaperture_signal::phase::{cis, narrow, phasor32, widen};
+use subaperture_signal::range_profile::RangeProfiler;
+
+use super::echoes::wavenumber_rad_m;
+
+/// Error of range profiles, dB: far below what moves a maximum.
+const ERROR_DB: f64 = -45.0;
+
+/// Bytes of profiles held at a time.
+const BLOCK_BYTES: usize = 16 << 20;
+
+/// A part of an image, pulse by pulse.
+pub(crate) struct Patch {
+    /// Pixels.
+    pub(crate) count: usize,
+    /// What pulse `n` puts on pixel `i`, at `n * count + i`.
+    values: Vec<Complex32>,
+    /// How the phase of each pulse turns with a displacement along x, y and z: `k s`, radians a metre.
+    pub(crate) slopes: Vec<DVec3>,
+    /// Power of all values.
+    power: f64,
+}
+
+/// Bytes of patches.
+pub(crate) fn bytes(patches: usize, pixels: usize, pulses: usize) -> u64 {
+    (patches * pulses) as u64 * (8 * pixels as u64 + size_of::<DVec3>() as u64)
+}
+
+/// The pixels around a place: `size` rows and columns, or what of them the grid has.
+pub(crate) fn pixels_around(grid: &ImageGrid, place_m: DVec3, size: usize) -> Vec<DVec3> {
+    let [row, column] = grid.coordinates(place_m);
+    let span = |value: f64, axis: &subaperture_model::geometry::Axis| {
+        let middle = ((value - axis.start) / axis.step).round().max(0.0) as usize;
+        let first = middle.saturating_sub(size / 2);
+        first..(first + size).min(axis.count)
+    };
+    let columns = span(column, &grid.columns);
+    span(row, &grid.rows)
+        .flat_map(|row| columns.clone().map(move |column| (row, column)))
+        .map(|(row, column)| grid.position_m(row, column))
+        .collect()
+}
+
+/// The patches of these pixels.
+///
+/// # Errors
+/// [`FormError`]: pulses are not read, or the monitor asks to stop.
+pub(crate) fn patches(
+    history: &dyn PhaseHistory,
+    fast: &[f64],
+    pixels: &[Vec<DVec3>],
+    monitor: &dyn Monitor,
+) -> Result<Vec<Patch>, FormError> {
+    let collection = history.collection();
+    let (count, width) = (collection.pulses.len(), collection.num_samples);
+    let profiler = RangeProfiler::new(
+        1,
+        fast,
+        RangeProfiler::oversampling_for(1, ERROR_DB),
+        Transforms::Fastest,
+    );
+    let length = profiler.length();
+    let scale = (1.0 / (fast.iter().sum::<f64>() * count as f64)) as f32;
+    let mut patches: Vec<Patch> = pixels
+        .iter()
+        .map(|pixels| Patch {
+            count: pixels.len(),
+            values: Vec::with_capacity(pixels.len() * count),
+            slopes: Vec::with_capacity(count),
+            power: 0.0,
+        })
+        .collect();
+    let run = (BLOCK_BYTES / (8 * (length + 1 + width))).clamp(1, count);
+    let mut samples = vec![Complex32::ZERO; run * width];
+    let mut profiles = vec![Complex32::ZERO; run * (length + 1)];
+    for start in (0..count).step_by(run) {
+        if monitor.cancelled() {
+            return Err(FormError::Cancelled);
+        }
+        let pulses = &collection.pulses[start..(start + run).min(count)];
+        let block = &mut samples[..pulses.len() * width];
+        history.read(start..start + pulses.len(), block)?;
+        block
+            .par_chunks_exact(width)
+            .zip(profiles.par_chunks_exact_mut(length + 1))
+            .for_each(|(pulse, profile)| {
+                let mut scratch = vec![Complex32::ZERO; profiler.scratch_length()];
+                profiler.profile(pulse, profile, &mut scratch);
+            });
+        patches.par_iter_mut().zip(pixels).for_each(|(patch, pixels)| {
+            let middle_m = pixels.iter().sum::<DVec3>() / pixels.len().max(1) as f64;
+            for (pulse, profile) in pulses.iter().zip(profiles.chunks_exact(length + 1)) {
+                let hz = pulse.frequency_hz(width / 2);
+                let value = |point: &DVec3| read(pulse, profile, hz, *point) * scale;
+                patch.values.extend(pixels.iter().map(value));
+                let gradient = path_gradient(pulse.transmitter_m, pulse.receiver_m, middle_m);
+                patch.slopes.push(wavenumber_rad_m(collection, pulse) * gradient);
+            }
+        });
+    }
+    for patch in &mut patches {
+        patch.power = patch.values.iter().map(|z| f64::from(z.norm_sqr())).sum();
+    }
+    Ok(patches)
+}
+
+/// What a pulse puts at a point.
+fn read(pulse: &Pulse, profile: &[Complex32], hz: f64, point: DVec3) -> Complex32 {
+    let terms = pulse.path_terms(point, DVec3::ZERO) - pulse.reference_terms();
+    let length = profile.len() - 1;
+    // Range and Doppler are coupled where antennas move from sample to sample.
+    let path_m = terms.path_m + hz * terms.rate_m / pulse.step_hz;
+    let at = path_m * pulse.step_hz / SPEED_OF_LIGHT_M_S;
+    let at = (at - at.floor()) * length as f64;
+    let index = (at as usize).min(length - 1);
+    let part = (at - index as f64) as f32;
+    let value = profile[index] * (1.0 - part) + profile[index + 1] * part;
+    value * phasor32(hz * terms.path_m / SPEED_OF_LIGHT_M_S)
+}
+
+impl Patch {
+    /// Of unit power, if all pulses were in step with one another nowhere: powers of patches are then alike, however
+    /// bright.
+    pub(crate) fn scale(&self) -> f64 {
+        match self.power > 0.0 {
+            true => 1.0 / self.power,
+            false => 0.0,
+        }
+    }
+
+    /// The pixels, once phases are taken away.
+    pub(crate) fn image(&self, phases_rad: &[f64]) -> Vec<Complex64> {
+        let mut image = vec![Complex64::ZERO; self.count];
+        // Float32 within a pulse, float64 over pulses.
+        for (values, &phase) in self.values.chunks_exact(self.count.max(1)).zip(phases_rad) {
+            let phasor = narrow(cis(-phase));
+            for (sum, value) in image.iter_mut().zip(values) {
+                *sum += widen(value * phasor);
+            }
+        }
+        image
+    }
+
+    /// How a figure changes with the phase of every pulse, of how it changes with the power of every pixel:
+    /// `d |I|^2 / d psi = 2 Re (I* (-j) b exp(-j psi)) = 2 Im (I* b exp(-j psi))`.
+    pub(crate) fn by_phases(
+        &self,
+        image: &[Complex64],
+        by_power: &[f64],
+        phases_rad: &[f64],
+    ) -> Vec<f64> {
+        let pulled: Vec<Complex64> = image.iter().zip(by_power).map(|(z, &by)| z.conj() * by).collect();
+        let pulses = self.values.chunks_exact(self.count.max(1));
+        pulses
+            .zip(phases_rad)
+            .map(|(values, &phase)| {
+                let sum: Complex64 = values.iter().zip(&pulled).map(|(b, z)| widen(*b) * z).sum();
+                2.0 * (sum * cis(-phase)).im
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,346 @@
+//! Autofocus by the sharpness of backprojected patches, with analytic gradients.
+//!
+//! Of the patches around the brightest points (`patches.rs`) what is made as small as can be over the phases taken away of the pulses, with
+//! `q_i = |I_i|^2 / P`, `P` the power of all that is put on the patch, so that bright and faint patches count alike:
+//!
+//! ```text
+//! minimum entropy     - sum_i (q_i / Q) ln (q_i / Q),  Q = sum q_i      its gradient by q_i:  -(ln (q_i / Q) + E) / Q
+//! maximum sharpness   - ln sum_i q_i^2                                                       -2 q_i / sum q_i^2
+//! ```
+//!
+//! and on to the phases by `d q / d psi_n = 2 Im (I* b_n exp(-j psi_n)) / P`. Phases are those of the pulses themselves, or of
+//! displacements of the radar, `psi_n = k s_n . d_n`, `s` from each patch. Either is a B-spline over the aperture
+//! (`curve.rs`), of few intervals in the first round and twice as many in each, at the end a number a turn: what is smooth is found first, where the
+//! figure has few maxima, and every round makes the patches anew on the track found so far, around the points that are bright by then. Steps
+//! are those of the limited-memory BFGS method (`lbfgs.rs`).
+//!
+//! **Directions.** A displacement along the mean line of sight shows in all patches. One across it shows only by the
+//! angles between lines of sight; it is sought where those are wide enough ([`LEAST_ACROSS`]), and left alone elsewhere: far away nothing
+//! tells it, and it blurs nothing. Both lie in the plane of the pixels.
+//!
+//! Cost a step: twice the patches' values. Memory: 8 bytes a pixel of patches and pulse; fewer patches where that is
+//! more than half of what is left.
+
+use std::fmt;
+use std::str::FromStr;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use subaperture_focus::FormError;
+
+use super::correction::Correction;
+use super::curve::Curves;
+use super::echoes::{Points, brightest};
+use super::lbfgs::least;
+use super::modified_pga::middles;
+use super::patches::{Patch, bytes, patches, pixels_around};
+use super::rigid::without_rigid_motion;
+use super::sharpen::{Look, Method, SharpenError};
+
+/// What is sought.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Unknown {
+    /// A phase a pulse.
+    #[default]
+    Phase,
+    /// The track.
+    Track,
+}
+
+/// What is made as small, or as large, as can be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Goal {
+    /// Minimum entropy.
+    Entropy,
+    /// Maximum sum of squared power.
+    #[default]
+    Sharpness,
+}
+
+/// Not the name of what autofocus seeks.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("'{0}': write phase or track")]
+pub struct UnknownName(String);
+
+impl FromStr for Unknown {
+    type Err = UnknownName;
+
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        match text {
+            "phase" => Ok(Self::Phase),
+            "track" => Ok(Self::Track),
+            _ => Err(UnknownName(text.to_owned())),
+        }
+    }
+}
+
+impl fmt::Display for Unknown {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Phase => "phase",
+            Self::Track => "track",
+        })
+    }
+}
+
+/// Autofocus by sharpness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sharpness {
+    /// Phases or the track.
+    pub unknown: Unknown,
+    /// What sharp means in patches.
+    pub goal: Goal,
+    /// Around which points patches lie.
+    pub points: Points,
+    /// Pixels a patch has along either side: more than a point is blurred over.
+    pub patch: usize,
+}
+
+impl Default for Sharpness {
+    fn default() -> Self {
+        Self {
+            unknown: Unknown::default(),
+            goal: Goal::default(),
+            points: Points {
+                most: 24,
+                within_db: 25.0,
+            },
+            patch: 24,
+        }
+    }
+}
+
+/// Intervals of the first round's curves.
+const FIRST_INTERVALS: usize = 4;
+
+/// Rounds with a number a turn.
+const FREE_ROUNDS: usize = 3;
+
+/// Steps of a round at most, and the part of the value a step has to gain.
+const STEPS: usize = 80;
+const STILL: f64 = 1e-6;
+
+/// How far the first step turns phases, radians.
+const FIRST_STEP_RAD: f64 = 0.3;
+
+/// Rms of the path's growth across the mean line of sight, of that along it, from which displacements across are sought.
+pub const LEAST_ACROSS: f64 = 0.05;
+
+impl Method for Sharpness {
+    fn name(&self) -> &'static str {
+        "sharpness"
+    }
+
+    fn first_rounds(&self, turns: usize) -> usize {
+        let halves = libm::log2(turns as f64 / (2 * FIRST_INTERVALS) as f64).max(0.0);
+        halves.ceil() as usize + FREE_ROUNDS
+    }
+
+    fn propose(&self, look: &Look) -> Result<Option<Correction>, SharpenError> {
+        let collection = look.history.collection();
+        let grid = look.subject.grid;
+        let turns = collection.num_turns();
+        let mut points = brightest(collection, grid, look.image, self.points);
+        let pixels = self.patch * self.patch;
+        let pulses = collection.pulses.len();
+        look.room("patches", bytes(1, pixels, pulses))?;
+        let fits = |count: usize| look.room("patches", 2 * bytes(count, pixels, pulses)).is_ok();
+        while points.len() > 1 && !fits(points.len()) {
+            points.pop();
+        }
+        let places: Vec<Vec<DVec3>> = points
+            .iter()
+            .map(|&place_m| pixels_around(grid, place_m, self.patch))
+            .collect();
+        let patches = patches(look.history, &look.fast(), &places, look.subject.monitor)?;
+        let axes = [grid.x_axis, grid.y_axis];
+        let directions = match self.unknown {
+            Unknown::Phase => Vec::new(),
+            Unknown::Track => directions(&patches, axes, turns),
+        };
+        let intervals = FIRST_INTERVALS << look.round.min(30);
+        let problem = Problem {
+            patches: &patches,
+            curves: Curves::new(intervals, turns),
+            directions,
+            goal: self.goal,
+            turns,
+        };
+        let start = vec![0.0; problem.curves.count * problem.directions.len().max(1)];
+        let found = least(start, problem.first_step(), STEPS, STILL, |numbers| {
+            (!look.subject.monitor.cancelled()).then(|| problem.value(numbers))
+        });
+        if look.subject.monitor.cancelled() {
+            return Err(FormError::Cancelled.into());
+        }
+        let Some(found) = found else {
+            return Ok(None);
+        };
+        let channels = pulses / turns;
+        Ok(Some(match self.unknown {
+            Unknown::Phase => {
+                let phases = problem.curves.values(&found.at);
+                Correction::Phase {
+                    error_rad: (0..channels).flat_map(|_| phases.iter().copied()).collect(),
+                }
+            }
+            Unknown::Track => {
+                let moved = problem.displacements(&found.at);
+                let antennas: Vec<DVec3> = middles(collection).take(turns).collect();
+                let moved = without_rigid_motion(axes, &antennas, &moved);
+                Correction::Track {
+                    displacement_m: (0..channels).flat_map(|_| moved.iter().copied()).collect(),
+                }
+            }
+        }))
+    }
+}
+
+/// Of every turn the directions along which displacements are sought: the mean line of sight in the plane, and across it where
+/// angles are wide enough. A list of turns for each.
+fn directions(patches: &[Patch], axes: [DVec3; 2], turns: usize) -> Vec<Vec<DVec3>> {
+    let normal = axes[0].cross(axes[1]);
+    let flat = |v: DVec3| v - normal * v.dot(normal);
+    let (mut along, mut across) = (Vec::with_capacity(turns), Vec::with_capacity(turns));
+    let mut powers = [0.0; 2];
+    for n in 0..turns {
+        let slopes = || patches.iter().map(|patch| flat(patch.slopes[n]));
+        let ahead = slopes().sum::<DVec3>().normalize_or(axes[0]);
+        let aside = normal.cross(ahead);
+        for slope in slopes() {
+            powers[0] += slope.dot(ahead).powi(2);
+            powers[1] += slope.dot(aside).powi(2);
+        }
+        along.push(ahead);
+        across.push(aside);
+    }
+    match powers[1] > LEAST_ACROSS * LEAST_ACROSS * powers[0] {
+        true => vec![along, across],
+        false => vec![along],
+    }
+}
+
+/// Patches and what is sought in them.
+struct Problem<'a> {
+    patches: &'a [Patch],
+    curves: Curves,
+    /// Of displacements; none of phases.
+    directions: Vec<Vec<DVec3>>,
+    goal: Goal,
+    turns: usize,
+}
+
+impl Problem<'_> {
+    /// How far the numbers go in the first step: some tenths of a radian in each turn.
+    fn first_step(&self) -> f64 {
+        let numbers = (self.curves.count * self.directions.len().max(1)) as f64;
+        let slope = match self.directions.is_empty() {
+            true => 1.0,
+            false => self.patches[0].slopes[0].length(),
+        };
+        FIRST_STEP_RAD * numbers.sqrt() / slope
+    }
+
+    /// Displacements of all turns.
+    fn displacements(&self, numbers: &[f64]) -> Vec<DVec3> {
+        let mut all = vec![DVec3::ZERO; self.turns];
+        for (numbers, directions) in numbers.chunks_exact(self.curves.count).zip(&self.directions) {
+            let along = self.curves.values(numbers);
+            for ((sum, length), direction) in all.iter_mut().zip(along).zip(directions) {
+                *sum += *direction * length;
+            }
+        }
+        all
+    }
+
+    /// The phases that are taken away of a patch's pulses.
+    fn phases(&self, patch: &Patch, common: &[f64], moved: &[DVec3]) -> Vec<f64> {
+        let each = patch.slopes.iter().enumerate();
+        match self.directions.is_empty() {
+            true => each.map(|(n, _)| common[n % self.turns]).collect(),
+            false => each.map(|(n, slope)| slope.dot(moved[n % self.turns])).collect(),
+        }
+    }
+
+    /// What is to be small, with its gradient by the numbers.
+    fn value(&self, numbers: &[f64]) -> (f64, Vec<f64>) {
+        let (common, moved) = match self.directions.is_empty() {
+            true => (self.curves.values(numbers), Vec::new()),
+            false => (Vec::new(), self.displacements(numbers)),
+        };
+        let images: Vec<_> = self
+            .patches
+            .par_iter()
+            .map(|patch| {
+                let phases = self.phases(patch, &common, &moved);
+                let image = patch.image(&phases);
+                (phases, image)
+            })
+            .collect();
+        let powers: Vec<Vec<f64>> = images
+            .iter()
+            .zip(self.patches)
+            .map(|((_, image), patch)| image.iter().map(|z| z.norm_sqr() * patch.scale()).collect())
+            .collect();
+        let (value, by_powers) = figure(self.goal, &powers);
+        // By the phases of every pulse of every patch.
+        let by_phases: Vec<Vec<f64>> = self
+            .patches
+            .par_iter()
+            .zip(&images)
+            .zip(&by_powers)
+            .map(|((patch, (phases, image)), by_power)| {
+                let by_power: Vec<f64> = by_power.iter().map(|by| by * patch.scale()).collect();
+                patch.by_phases(image, &by_power, phases)
+            })
+            .collect();
+        let gradient = match self.directions.is_empty() {
+            true => {
+                let mut by_turn = vec![0.0; self.turns];
+                for by in &by_phases {
+                    by.iter().enumerate().for_each(|(n, by)| by_turn[n % self.turns] += by);
+                }
+                self.curves.gradient(&by_turn)
+            }
+            false => {
+                let mut by_move = vec![DVec3::ZERO; self.turns];
+                for (patch, by) in self.patches.iter().zip(&by_phases) {
+                    for (n, (by, slope)) in by.iter().zip(&patch.slopes).enumerate() {
+                        by_move[n % self.turns] += *slope * *by;
+                    }
+                }
+                let along = self.directions.iter().flat_map(|directions| {
+                    let by: Vec<f64> = by_move.iter().zip(directions).map(|(a, b)| a.dot(*b)).collect();
+                    self.curves.gradient(&by)
+                });
+                along.collect()
+            }
+        };
+        (value, gradient)
+    }
+}
+
+/// The figure of powers, less is sharper, and how it changes with each.
+fn figure(goal: Goal, powers: &[Vec<f64>]) -> (f64, Vec<Vec<f64>>) {
+    let all = || powers.iter().flatten();
+    let each = |by: &dyn Fn(f64) -> f64| -> Vec<Vec<f64>> {
+        powers
+            .iter()
+            .map(|powers| powers.iter().map(|&q| by(q)).collect())
+            .collect()
+    };
+    match goal {
+        Goal::Sharpness => {
+            let squares: f64 = all().map(|q| q * q).sum();
+            (-libm::log(squares), each(&|q| -2.0 * q / squares))
+        }
+        Goal::Entropy => {
+            let total: f64 = all().sum();
+            // A dark pixel has no part in it.
+            let log = |q: f64| libm::log((q / total).max(f64::MIN_POSITIVE));
+            let entropy = -all().map(|&q| q / total * log(q)).sum::<f64>();
+            (entropy, each(&|q| -(log(q) + entropy) / total))
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! Autofocus on echoes simulated here, by formulas of their own, and on real recordings where they are at hand.
+
+mod far;
+mod gotcha;
+mod near;
+mod real;
+
+use glam::DVec3;
+use num_complex::{Complex32, Complex64};
+use subaperture_autofocus::{Measure, Method, Sharpened, Stopping, Subject, sharpen};
+use subaperture_focus::bp::Backprojection;
+use subaperture_focus::{ImageFormer, Task};
+use subaperture_model::geometry::{ImageGrid, SceneFrame};
+use subaperture_model::image::Image;
+use subaperture_model::monitor::Silent;
+use subaperture_model::phase_history::{
+    Collection, InMemory, PhaseHistory, Pulse, Sweep, Weights,
+};
+use subaperture_signal::window::Window;
+
+const C_M_S: f64 = 299_792_458.0;
+
+/// Knuth's generator.
+struct Random(u64);
+
+impl Random {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Gaussian of unit variance, by Box and Muller.
+    fn gauss(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        radius * (std::f64::consts::TAU * self.uniform()).cos()
+    }
+}
+
+/// A radar on a track, seen by its echoes.
+struct Radar {
+    start_hz: f64,
+    step_hz: f64,
+    samples: usize,
+    /// Where it is thought to be.
+    recorded_m: Vec<DVec3>,
+    /// Where it was.
+    true_m: Vec<DVec3>,
+    /// Phase errors, radians.
+    phases_rad: Vec<f64>,
+    /// Noise of a sample, rms.
+    noise: f64,
+}
+
+impl Radar {
+    /// The echoes of points of some amplitude, phases not referred to any range.
+    fn echoes(&self, points: &[(DVec3, f64)], random: &mut Random) -> InMemory {
+        let mut samples = Vec::with_capacity(self.samples * self.true_m.len());
+        for (at_m, &phase) in self.true_m.iter().zip(&self.phases_rad) {
+            let mut pulse = vec![Complex64::ZERO; self.samples];
+            for &(point_m, amplitude) in points {
+                let delay_s = 2.0 * point_m.distance(*at_m) / C_M_S;
+                let turn = |hz: f64| Complex64::cis(-std::f64::consts::TAU * (hz * delay_s).fract());
+                let (mut value, step) = (turn(self.start_hz), turn(self.step_hz));
+                value *= amplitude;
+                for sum in &mut pulse {
+                    *sum += value;
+                    value *= step;
+                }
+            }
+            let error = Complex64::cis(phase);
+            samples.extend(pulse.into_iter().map(|z| {
+                let noise = Complex64::new(random.gauss(), random.gauss());
+                let z = z * error + noise * (self.noise / 2f64.sqrt());
+                Complex32::new(z.re as f32, z.im as f32)
+            }));
+        }
+        let pulse = |(n, &at_m): (usize, &DVec3)| Pulse {
+            time_s: n as f64 * 1e-3,
+            transmitter_m: at_m,
+            receiver_m: at_m,
+            reference_m: DVec3::ZERO,
+            reference_path_m: 0.0,
+            start_hz: self.start_hz,
+            step_hz: self.step_hz,
+            sweep: Sweep::AT_ONCE,
+        };
+        let collection = Collection {
+            name: "simulated".to_owned(),
+            num_samples: self.samples,
+            pulses: self.recorded_m.iter().enumerate().map(pulse).collect(),
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        };
+        InMemory::new(collection, samples).unwrap()
+    }
+}
+
+fn form(history: &dyn PhaseHistory, grid: &ImageGrid) -> Image {
+    let task = Task {
+        history,
+        grid,
+        weights: &Weights::new(history.collection(), Window::default(), Window::default()),
+        memory_bytes: 1 << 30,
+        monitor: &Silent,
+        means: Default::default(),
+    };
+    Backprojection { error_db: -50.0 }.form_planned(&task).unwrap().image
+}
+
+fn sharpened(history: &dyn PhaseHistory, grid: &ImageGrid, method: &dyn Method) -> Sharpened {
+    let former = Backprojection { error_db: -50.0 };
+    let subject = Subject {
+        history,
+        grid,
+        former: &former,
+        windows: [Window::default(); 2],
+        measure: Measure::Entropy,
+        memory_bytes: 1 << 30,
+        monitor: &Silent,
+    };
+    let found = sharpen(&subject, method, Stopping::default()).unwrap();
+    for (i, round) in found.rounds.iter().enumerate() {
+        println!("{}: round {i}: {round:.4?}", method.name());
+    }
+    println!("{}: {:.4?} -> {:.4?}", method.name(), found.before, found.after);
+    assert!(found.after.entropy <= found.before.entropy);
+    found
+}
+
+/// Power of the brightest pixel within `near_m` of a place, dB.
+fn peak_db(image: &Image, grid: &ImageGrid, place_m: DVec3, near_m: f64) -> f64 {
+    let near = |i: &usize| {
+        grid.position_m(i / image.columns, i % image.columns).distance(place_m) <= near_m
+    };
+    let powers = (0..image.pixels.len()).filter(near).map(|i| image.pixels[i].norm_sqr());
+    10.0 * f64::from(powers.fold(0.0, f32::max)).log10()
+}

@@ -1,0 +1,84 @@
+//! Recordings by radars on an arm, on a rail and on a scanner, as they are: autofocus sharpens them or leaves them.
+
+use std::path::{Path, PathBuf};
+
+use subaperture_autofocus::{
+    MapDrift, Method, ModifiedPhaseGradient, PhaseGradient, Sharpness, Unknown,
+};
+use subaperture_io::recording::{RecordingFile, examples};
+use subaperture_model::geometry::ImageGrid;
+
+use super::sharpened;
+
+/// A folder of real files, or `None` with a message.
+fn real_folder(name: &str, file: &str) -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../../shared/data")
+        .join(name);
+    if folder.join(file).exists() {
+        return Some(folder);
+    }
+    println!("skipped: {} not found", folder.join(file).display());
+    None
+}
+
+/// Every method on the image of a described recording; `sharpened` asserts that none makes it worse.
+fn try_all(example: &str, folder: &Path, settings: &[(&str, &str)], grid: &str) {
+    let text = examples::text(example).unwrap();
+    let file = RecordingFile::new(format!("{example}.toml"), text, folder);
+    let history = file.with(settings.iter().copied()).unwrap().history(u64::MAX).unwrap();
+    let grid: ImageGrid = grid.parse().unwrap();
+    let track = Sharpness {
+        unknown: Unknown::Track,
+        ..Sharpness::default()
+    };
+    let methods: [&dyn Method; 5] = [
+        &PhaseGradient::default(),
+        &ModifiedPhaseGradient::default(),
+        &Sharpness::default(),
+        &track,
+        &MapDrift::default(),
+    ];
+    for method in methods {
+        let found = sharpened(&history, &grid, method);
+        println!(
+            "{example}, {}: entropy {:.4} -> {:.4}, contrast {:.3} -> {:.3}",
+            method.name(),
+            found.before.entropy,
+            found.after.entropy,
+            found.before.contrast,
+            found.after.contrast
+        );
+    }
+}
+
+#[test]
+fn the_arc() {
+    for (name, data) in [
+        ("arcsar-8", "Prova_Esterna_8.bin"),
+        ("arcsar-10", "Prova_Esterna_10.bin"),
+    ] {
+        if let Some(folder) = real_folder("arcsar-awr1642", data) {
+            try_all(name, &folder, &[], "r=2:6:0.03,theta=60:120:0.3");
+        }
+    }
+}
+
+#[test]
+fn the_rail() {
+    if let Some(folder) = real_folder("pulson440-rail", "rail_trial6.npz") {
+        let settings = [
+            ("recording.range_bias", "0.45 m"),
+            ("radar.first_pulse", "9.22 s"),
+        ];
+        try_all("pulson-rail", &folder, &settings, "x=1.2:3.2:0.03,y=-4.8:-0.8:0.03,z=0.0375");
+    }
+}
+
+#[test]
+fn the_scanner() {
+    if let Some(folder) = real_folder("ti-mimo-scan", "stop2/01.bin") {
+        // A vertical plane: the scanner goes up.
+        try_all("ti-mimo", &folder, &[], "x=0.8:4:0.04,y=-1:1:0.04,z=0,yaw=90,roll=90");
+    }
+}
