@@ -40,31 +40,65 @@ fn phases_are_found_written_and_taken_away() {
     assert_eq!(phase_csv::read(&at.join("phase.csv")).unwrap().len(), 1040);
 
     run(at, &format!("focus shaken.cphd {GRID} --out before")).succeeded();
-    run(at, &format!("focus shaken.cphd {GRID} --phase phase.csv --out after")).succeeded();
+    run(
+        at,
+        &format!("focus shaken.cphd {GRID} --phase phase.csv --out after"),
+    )
+    .succeeded();
     let gained_db = brightest_db(at, "after") - brightest_db(at, "before");
-    let told_db = found["after"]["peak_db"].as_f64().unwrap() - found["before"]["peak_db"].as_f64().unwrap();
+    let told_db =
+        found["after"]["peak_db"].as_f64().unwrap() - found["before"]["peak_db"].as_f64().unwrap();
     // Both images are within -60 dB of the exact ones.
-    assert!(gained_db > 2.0 && (gained_db - told_db).abs() < 0.05, "{gained_db} {told_db}");
-    let record: Value = serde_json::from_slice(&fs::read(at.join("after/image.json")).unwrap()).unwrap();
-    assert!(record["inputs"].to_string().contains("phase.csv"), "{}", record["inputs"]);
+    assert!(
+        gained_db > 2.0 && (gained_db - told_db).abs() < 0.05,
+        "{gained_db} {told_db}"
+    );
+    let record: Value =
+        serde_json::from_slice(&fs::read(at.join("after/image.json")).unwrap()).unwrap();
+    assert!(
+        record["inputs"].to_string().contains("phase.csv"),
+        "{}",
+        record["inputs"]
+    );
 
     // Its own files are replaced, those of others are not.
-    run(at, &format!("autofocus shaken.cphd {GRID} --rounds 1 -o phase.csv")).succeeded();
+    run(
+        at,
+        &format!("autofocus shaken.cphd {GRID} --rounds 1 -o phase.csv"),
+    )
+    .succeeded();
     fs::write(at.join("mine.csv"), "pulse,phase_rad\n0,0\n").unwrap();
-    run(at, &format!("autofocus shaken.cphd {GRID} -o mine.csv")).failed(1, &["mine.csv", "--force"]);
-    run(at, &format!("focus shaken.cphd {GRID} --phase mine.csv --out d"))
-        .failed(1, &["mine.csv", "1 entries", "1040 pulses"]);
-    run(at, &format!("focus shaken.cphd {GRID} --phase none.csv --out d")).failed(1, &["none.csv"]);
-    run(at, &format!("focus shaken.cphd {GRID} --phase phase.csv --tiled --out d")).failed(2, &["--phase", "--tiled"]);
+    run(at, &format!("autofocus shaken.cphd {GRID} -o mine.csv"))
+        .failed(1, &["mine.csv", "--force"]);
+    run(
+        at,
+        &format!("focus shaken.cphd {GRID} --phase mine.csv --out d"),
+    )
+    .failed(1, &["mine.csv", "1 entries", "1040 pulses"]);
+    run(
+        at,
+        &format!("focus shaken.cphd {GRID} --phase none.csv --out d"),
+    )
+    .failed(1, &["none.csv"]);
+    run(
+        at,
+        &format!("focus shaken.cphd {GRID} --phase phase.csv --tiled --out d"),
+    )
+    .failed(2, &["--phase", "--tiled"]);
 }
 
 #[test]
 fn a_track_is_one_that_is_read_again() {
     let folder = shaken();
     let at = folder.path();
-    let line = format!("autofocus shaken.cphd {GRID} -m sharpness --unknown track --rounds 3 -o track.csv");
+    let line = format!(
+        "autofocus shaken.cphd {GRID} -m sharpness --unknown track --rounds 3 -o track.csv"
+    );
     let told = run(at, &line).succeeded();
-    assert!(told.contains("track moved by") && told.contains("entropy"), "{told}");
+    assert!(
+        told.contains("track moved by") && told.contains("entropy"),
+        "{told}"
+    );
     let fixes = track_csv::read(&at.join("track.csv")).unwrap();
     assert_eq!(fixes.len(), 1040);
     SampledTrack::new(&fixes).unwrap();
@@ -74,10 +108,21 @@ fn a_track_is_one_that_is_read_again() {
 fn without_a_file_it_only_says_what_would_be_gained() {
     let folder = shaken();
     let before = listing(folder.path());
-    let told = run(folder.path(), &format!("autofocus shaken.cphd {GRID} -m map-drift --rounds 2")).succeeded();
+    let told = run(
+        folder.path(),
+        &format!("autofocus shaken.cphd {GRID} -m map-drift --rounds 2"),
+    )
+    .succeeded();
     assert!(told.contains("before") && told.contains("after"), "{told}");
-    let told = run(folder.path(), &format!("autofocus shaken.cphd {GRID} --dry-run")).succeeded();
-    assert!(told.contains("17 images at most of 200 x 200 pixels"), "{told}");
+    let told = run(
+        folder.path(),
+        &format!("autofocus shaken.cphd {GRID} --dry-run"),
+    )
+    .succeeded();
+    assert!(
+        told.contains("17 images at most of 200 x 200 pixels"),
+        "{told}"
+    );
     assert_eq!(listing(folder.path()), before);
     for (line, part) in [
         ("autofocus shaken.cphd -m best", "map-drift"),

@@ -98,7 +98,8 @@ pub(crate) fn centre(
         let places = (-reach..=reach).map(move |i| middle_m + i as f64 * step_m);
         places.map(|place| (place, sum(place))).collect::<Vec<_>>()
     };
-    let largest = |sums: &[(f64, f64)]| (0..sums.len()).max_by(|&a, &b| sums[a].1.total_cmp(&sums[b].1));
+    let largest =
+        |sums: &[(f64, f64)]| (0..sums.len()).max_by(|&a, &b| sums[a].1.total_cmp(&sums[b].1));
     let sums = around(0.0, coarse_m, reach);
     let Some(best) = largest(&sums) else {
         return stays();
@@ -110,7 +111,9 @@ pub(crate) fn centre(
     };
     let mut moved_m = sums[best].0;
     // To the vertex of the parabola through the highest and its neighbours.
-    if let [(_, before), (_, at), (_, after)] = sums[best.saturating_sub(1)..(best + 2).min(sums.len())] {
+    if let [(_, before), (_, at), (_, after)] =
+        sums[best.saturating_sub(1)..(best + 2).min(sums.len())]
+    {
         let bend = before - 2.0 * at + after;
         if bend < 0.0 {
             moved_m += fine_m * (0.5 * (before - after) / bend).clamp(-0.5, 0.5);

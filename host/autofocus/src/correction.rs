@@ -13,9 +13,7 @@ use std::ops::Range;
 use glam::DVec3;
 use num_complex::Complex32;
 
-use subaperture_model::phase_history::{
-    Channel, Collection, InputFile, PhaseHistory, ReadError,
-};
+use subaperture_model::phase_history::{Channel, Collection, InputFile, PhaseHistory, ReadError};
 use subaperture_signal::phase::{cis, narrow};
 
 /// What is changed, an entry a pulse.
@@ -222,8 +220,8 @@ impl PhaseHistory for Corrected<'_> {
     }
 
     fn held_bytes(&self) -> u64 {
-        let own = size_of_val(self.collection.pulses.as_slice())
-            + size_of_val(self.phasors.as_slice());
+        let own =
+            size_of_val(self.collection.pulses.as_slice()) + size_of_val(self.phasors.as_slice());
         self.history.held_bytes() + own as u64
     }
 

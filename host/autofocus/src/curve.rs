@@ -38,15 +38,14 @@ impl Curves {
         }
     }
 
-    /// Whether each turn has its own number.
-    pub(crate) fn is_free(&self) -> bool {
-        self.count == self.weights.len()
-    }
-
     /// The values of the curve of these numbers in all turns.
     pub(crate) fn values(&self, numbers: &[f64]) -> Vec<f64> {
         let at = |(first, weights): &(usize, Vec<f64>)| -> f64 {
-            weights.iter().zip(&numbers[*first..]).map(|(w, x)| w * x).sum()
+            weights
+                .iter()
+                .zip(&numbers[*first..])
+                .map(|(w, x)| w * x)
+                .sum()
         };
         self.weights.iter().map(at).collect()
     }
@@ -77,9 +76,19 @@ mod tests {
             assert!((value - 1.0 - (n as f64 + 0.5) * 0.07).abs() < 1e-12);
         }
         let any: Vec<f64> = (0..100).map(|n| (f64::from(n) * 0.7).sin()).collect();
-        let forward: f64 = curves.values(&line).iter().zip(&any).map(|(a, b)| a * b).sum();
-        let backward: f64 = curves.gradient(&any).iter().zip(&line).map(|(a, b)| a * b).sum();
+        let forward: f64 = curves
+            .values(&line)
+            .iter()
+            .zip(&any)
+            .map(|(a, b)| a * b)
+            .sum();
+        let backward: f64 = curves
+            .gradient(&any)
+            .iter()
+            .zip(&line)
+            .map(|(a, b)| a * b)
+            .sum();
         assert!((forward - backward).abs() < 1e-9);
-        assert!(Curves::new(60, 100).is_free());
+        assert_eq!(Curves::new(60, 100).values(&any), any);
     }
 }

@@ -6,11 +6,8 @@ pub(crate) fn solve(matrix: &[f64], right: &[f64]) -> Option<Vec<f64>> {
     let mut a = matrix.to_vec();
     let mut x = right.to_vec();
     for column in 0..n {
-        let largest = |&i: &usize, &j: &usize| {
-            a[i * n + column]
-                .abs()
-                .total_cmp(&a[j * n + column].abs())
-        };
+        let largest =
+            |&i: &usize, &j: &usize| a[i * n + column].abs().total_cmp(&a[j * n + column].abs());
         let pivot = (column..n).max_by(largest)?;
         let value = a[pivot * n + column];
         if value == 0.0 || !value.is_finite() {
@@ -45,7 +42,11 @@ pub(crate) fn solve_definite(matrix: &mut [f64], right: &[f64]) -> Option<Vec<f6
             let (above, below) = matrix.split_at(i * n);
             let known: f64 = match i == j {
                 true => below[..j].iter().map(|v| v * v).sum(),
-                false => below[..j].iter().zip(&above[j * n..]).map(|(a, b)| a * b).sum(),
+                false => below[..j]
+                    .iter()
+                    .zip(&above[j * n..])
+                    .map(|(a, b)| a * b)
+                    .sum(),
             };
             let left = matrix[i * n + j] - known;
             matrix[i * n + j] = match i == j {
@@ -57,7 +58,11 @@ pub(crate) fn solve_definite(matrix: &mut [f64], right: &[f64]) -> Option<Vec<f6
     }
     let mut x = right.to_vec();
     for i in 0..n {
-        let known: f64 = matrix[i * n..i * n + i].iter().zip(&x).map(|(a, b)| a * b).sum();
+        let known: f64 = matrix[i * n..i * n + i]
+            .iter()
+            .zip(&x)
+            .map(|(a, b)| a * b)
+            .sum();
         x[i] = (x[i] - known) / matrix[i * n + i];
     }
     for i in (0..n).rev() {
@@ -78,7 +83,9 @@ mod tests {
         let mut state = 1u64;
         let a: Vec<f64> = (0..n * n)
             .map(|_| {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1);
                 (state >> 40) as f64 / (1u64 << 24) as f64 - 0.5
             })
             .collect();

@@ -132,7 +132,9 @@ pub(crate) fn brightest(
         let paths_m = paths(place_m);
         let apart = |(others_m, _): &(Vec<f64>, DVec3)| {
             let pairs = paths_m.iter().zip(others_m);
-            let apart = pairs.filter(|(a, b)| (*a - *b).abs() >= 0.75 * bin_m).count();
+            let apart = pairs
+                .filter(|(a, b)| (*a - *b).abs() >= 0.75 * bin_m)
+                .count();
             apart as f64 >= APART * telling.len() as f64
         };
         if kept.iter().all(apart) {

@@ -97,9 +97,16 @@ fn eigenvector(rows: &[Row], count: usize) -> Vec<f64> {
     for _ in 0..ITERATIONS {
         let mut next = vec![Complex64::ZERO; count];
         for row in rows {
-            let along: Complex64 = row.values.iter().zip(&vector).map(|(x, v)| x.conj() * v).sum();
+            let along: Complex64 = row
+                .values
+                .iter()
+                .zip(&vector)
+                .map(|(x, v)| x.conj() * v)
+                .sum();
             let along = along * row.weight;
-            next.iter_mut().zip(&row.values).for_each(|(v, x)| *v += x * along);
+            next.iter_mut()
+                .zip(&row.values)
+                .for_each(|(v, x)| *v += x * along);
         }
         let length = next.iter().map(|v| v.norm_sqr()).sum::<f64>().sqrt();
         if !(length > 0.0 && length.is_finite()) {
@@ -107,7 +114,11 @@ fn eigenvector(rows: &[Row], count: usize) -> Vec<f64> {
         }
         let scale = (count as f64).sqrt() / length;
         next.iter_mut().for_each(|v| *v *= scale);
-        let moved: f64 = next.iter().zip(&vector).map(|(a, b)| (a - b).norm_sqr()).sum();
+        let moved: f64 = next
+            .iter()
+            .zip(&vector)
+            .map(|(a, b)| (a - b).norm_sqr())
+            .sum();
         vector = next;
         if moved < STILL * count as f64 {
             break;
@@ -182,7 +193,9 @@ mod tests {
         let left: Vec<f64> = found.iter().zip(truth).map(|(a, b)| a - b).collect();
         let mean: Complex64 = left.iter().map(|&x| cis(x)).sum();
         let mean = mean.im.atan2(mean.re);
-        let squares = left.iter().map(|x| super::super::correction::wrap(x - mean).powi(2));
+        let squares = left
+            .iter()
+            .map(|x| super::super::correction::wrap(x - mean).powi(2));
         squares.sum::<f64>() / left.len() as f64
     }
 
@@ -212,7 +225,9 @@ mod tests {
 
     #[test]
     fn both_follow_a_smooth_phase() {
-        let truth: Vec<f64> = (0..300).map(|n| 9.0 * (f64::from(n) / 40.0).sin()).collect();
+        let truth: Vec<f64> = (0..300)
+            .map(|n| 9.0 * (f64::from(n) / 40.0).sin())
+            .collect();
         let rows = rows(&truth, &[0.01; 6], 1);
         for estimator in [Estimator::Gradient, Estimator::Eigenvector] {
             let found = phases_rad(estimator, &rows, truth.len());
@@ -226,9 +241,13 @@ mod tests {
     #[test]
     fn a_window_keeps_what_turns_slowly() {
         let tone = |cycles: f64| -> Vec<Complex64> {
-            (0..256).map(|n| cis(std::f64::consts::TAU * cycles * f64::from(n))).collect()
+            (0..256)
+                .map(|n| cis(std::f64::consts::TAU * cycles * f64::from(n)))
+                .collect()
         };
-        let power = |values: &[Complex64]| values[32..224].iter().map(|v| v.norm_sqr()).sum::<f64>() / 192.0;
+        let power = |values: &[Complex64]| {
+            values[32..224].iter().map(|v| v.norm_sqr()).sum::<f64>() / 192.0
+        };
         let mut slow = tone(0.02);
         low_pass(&mut slow, 0.1);
         let mut fast = tone(0.2);

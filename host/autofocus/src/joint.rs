@@ -1,10 +1,14 @@
-//! Displacements of all pulses, places of points and their phases, together, by least squares.
+//! Displacements of all pulses, places of points and their phases, together, by least squares with exact geometry.
+//!
+//! What is measured is the phase of a history, taken at a place `q_i` and the recorded antennas; what it should be, if the point lies at
+//! `q_i + p_i` and the antennas were displaced by `x(n)`,
 //!
 //! ```text
-//! arg h_i(n) = c_i + a_i(n) . (x(n) - p_i),    a = k s in the plane, radians a metre
+//! arg h_i(n) = c_i - k (path(q_i + p_i, antennas + x(n)) - path(q_i, antennas))
 //! ```
 //!
-//! with a prior of zero and some spread on `x(n)` and `p_i`. For each pulse the two unknowns `x(n)` are eliminated from the normal equations,
+//! whose slopes are `k s` by `x` and `-k s` by `p`, `s = u_t + u_r`, anew in every step of Gauss and Newton. There is a prior of zero and some spread on
+//! `x(n)` and `p_i`. For each pulse the two unknowns `x(n)` are eliminated from the normal equations,
 //!
 //! ```text
 //! | X_n  Y_n | | x(n) |   | g_n |         sum_n (Z_n - Y_n^T X_n^-1 Y_n) y = sum_n (h_n - Y_n^T X_n^-1 g_n)
@@ -18,21 +22,28 @@
 //! allows count less (Cauchy's weight), so that a bin with two scatterers, or a point that moves, does not pull; the noise is
 //! at least what is left of the history's residuals in the middle (their median).
 
+use glam::DVec3;
 use num_complex::Complex64;
 
+use subaperture_model::phase_history::Pulse;
+use subaperture_resolution::support::path_gradient;
 use subaperture_signal::phase::cis;
 
 use super::correction::unwrapped;
 use super::dense::solve_definite;
 
-/// A history with how its phase turns with a displacement.
-pub(crate) struct Sighted {
+/// A history with the geometry that it was taken by.
+pub(crate) struct Sighted<'a> {
     /// Which point it is of.
     pub(crate) point: usize,
+    /// Where the point was taken to be.
+    pub(crate) place_m: DVec3,
+    /// The pulses, with the recorded antennas.
+    pub(crate) pulses: &'a [Pulse],
+    /// Radians a metre of path, of each.
+    pub(crate) wavenumbers: Vec<f64>,
     /// A value a turn.
     pub(crate) values: Vec<Complex64>,
-    /// Radians a metre along both axes of the plane, a pair a turn.
-    pub(crate) slopes: Vec<[f64; 2]>,
     /// Power of all that is not the point.
     pub(crate) rest: f64,
 }
@@ -45,7 +56,7 @@ pub(crate) struct Solved {
 
 /// Gauss-Newton steps, those first in which phases are followed over whole turns; and the smallest variance of a phase, radians
 /// squared: geometry and range cells leave as much.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 10;
 const FOLLOWED: usize = 4;
 const LEAST_VARIANCE: f64 = 1e-4;
 
@@ -55,16 +66,33 @@ const HALVED_AT: f64 = 2.385;
 /// Robust passes over the steps of a pulse.
 const PASSES: usize = 3;
 
-impl Sighted {
+impl Sighted<'_> {
     /// Variance of the phase in turn `n`.
     fn variance(&self, n: usize) -> f64 {
         let power = self.values[n].norm_sqr();
         LEAST_VARIANCE + 0.5 * self.rest / power.max(1e-3 * self.rest)
     }
 
-    fn turn(&self, n: usize, [x, y]: [f64; 2]) -> f64 {
-        self.slopes[n][0] * x + self.slopes[n][1] * y
+    /// The phase of turn `n`, radians, of a point `off_m` beside its place and antennas `moved_m` beside theirs.
+    fn model(&self, n: usize, moved_m: DVec3, off_m: DVec3) -> f64 {
+        let pulse = &self.pulses[n];
+        // The path by the displaced antennas is that to the point displaced the other way.
+        let there_m = self.place_m + off_m - moved_m;
+        -self.wavenumbers[n] * (pulse.path_m(there_m) - pulse.path_m(self.place_m))
     }
+
+    /// How it grows with the displacement along both axes, radians a metre.
+    fn slopes(&self, n: usize, axes: [DVec3; 2], moved_m: DVec3, off_m: DVec3) -> [f64; 2] {
+        let pulse = &self.pulses[n];
+        let there_m = self.place_m + off_m - moved_m;
+        let gradient = path_gradient(pulse.transmitter_m, pulse.receiver_m, there_m);
+        axes.map(|axis| self.wavenumbers[n] * gradient.dot(axis))
+    }
+}
+
+/// A vector of the plane.
+fn flat(axes: [DVec3; 2], [x, y]: [f64; 2]) -> DVec3 {
+    axes[0] * x + axes[1] * y
 }
 
 fn cauchy(residual: f64, variance: f64) -> f64 {
@@ -72,22 +100,33 @@ fn cauchy(residual: f64, variance: f64) -> f64 {
 }
 
 /// Displacements by steps from pulse to pulse, the first at zero; each step with a prior of zero and spread `spread_m`.
-pub(crate) fn steps(rows: &[Sighted], turns: usize, spread_m: f64) -> Vec<[f64; 2]> {
+pub(crate) fn steps(
+    rows: &[Sighted],
+    axes: [DVec3; 2],
+    turns: usize,
+    spread_m: f64,
+) -> Vec<[f64; 2]> {
     let mut at = [0.0; 2];
     let mut all = vec![at];
     for n in 1..turns {
+        let at_m = flat(axes, at);
+        // The phase that this pulse would be ahead by, and how it grows with a step; C (6.11).
+        let turned: Vec<([f64; 2], f64)> = rows
+            .iter()
+            .map(|row| {
+                let model = |n| row.model(n, at_m, DVec3::ZERO);
+                let turned =
+                    row.values[n - 1].conj() * row.values[n] * cis(model(n - 1) - model(n));
+                let slopes = row.slopes(n, axes, at_m, DVec3::ZERO);
+                (slopes, libm::atan2(turned.im, turned.re))
+            })
+            .collect();
         let mut step = [0.0; 2];
         for _ in 0..PASSES {
             let prior = 1.0 / (spread_m * spread_m);
             let (mut a, mut b, mut d) = (prior, 0.0, prior);
             let mut right = [0.0; 2];
-            for row in rows {
-                let [s0, s1] = [0, 1].map(|i| 0.5 * (row.slopes[n - 1][i] + row.slopes[n][i]));
-                let turned = row.values[n - 1].conj() * row.values[n];
-                // The part of a displacement so far that the line of sight's turning shows.
-                let carried = row.turn(n, at) - row.turn(n - 1, at);
-                let turned = turned * cis(-carried);
-                let phase = libm::atan2(turned.im, turned.re);
+            for (row, &([s0, s1], phase)) in rows.iter().zip(&turned) {
                 let variance = row.variance(n - 1) + row.variance(n);
                 let residual = phase - s0 * step[0] - s1 * step[1];
                 let weight = cauchy(residual, variance) / variance;
@@ -115,6 +154,7 @@ pub(crate) fn steps(rows: &[Sighted], turns: usize, spread_m: f64) -> Vec<[f64; 
 /// Makes displacements better; `points` are how many, priors those of displacements and of places, metres.
 pub(crate) fn refine(
     rows: &[Sighted],
+    axes: [DVec3; 2],
     points: usize,
     [displacement_m, place_m]: [f64; 2],
     solved: &mut Solved,
@@ -125,10 +165,15 @@ pub(crate) fn refine(
     // Each history's phase, the displacements so far taken away.
     let constant = |row: &Sighted, found: &[[f64; 2]]| {
         let each = row.values.iter().zip(found).enumerate();
-        let sum: Complex64 = each.map(|(n, (value, &x))| value * cis(-row.turn(n, x))).sum();
+        let sum: Complex64 = each
+            .map(|(n, (value, &x))| value * cis(-row.model(n, flat(axes, x), DVec3::ZERO)))
+            .sum();
         libm::atan2(sum.im, sum.re)
     };
-    let mut constants: Vec<f64> = rows.iter().map(|row| constant(row, &solved.displacements)).collect();
+    let mut constants: Vec<f64> = rows
+        .iter()
+        .map(|row| constant(row, &solved.displacements))
+        .collect();
     let prior = 1.0 / (displacement_m * displacement_m);
     for round in 0..ROUNDS {
         let mut matrix = vec![0.0; size * size];
@@ -148,21 +193,23 @@ pub(crate) fn refine(
             .iter()
             .zip(&constants)
             .map(|(row, &constant)| {
-                Residuals::of(row, constant, places[row.point], &solved.displacements, round < FOLLOWED)
+                let off_m = flat(axes, places[row.point]);
+                let moved_m = solved.displacements.iter().map(|&x| flat(axes, x));
+                Residuals::of(row, axes, constant, off_m, moved_m, round < FOLLOWED)
             })
             .collect();
-        let mut kept: Vec<Pulse> = Vec::with_capacity(turns);
+        let mut kept: Vec<Turn> = Vec::with_capacity(turns);
         for n in 0..turns {
-            let pulse = Pulse::of(rows, n, &residuals, solved.displacements[n], prior, size);
-            pulse.eliminate(rows, n, &mut matrix, &mut right, size);
-            kept.push(pulse);
+            let turn = Turn::of(rows, n, &residuals, solved.displacements[n], prior, size);
+            turn.eliminate(rows, &mut matrix, &mut right, size);
+            kept.push(turn);
         }
         let Some(y) = solve_definite(&mut matrix, &right) else {
             return;
         };
         let mut most = 0.0f64;
-        for (pulse, x) in kept.iter().zip(&mut solved.displacements) {
-            let step = pulse.step(&y);
+        for (turn, x) in kept.iter().zip(&mut solved.displacements) {
+            let step = turn.step(&y);
             most = most.max(libm::hypot(step[0], step[1]));
             *x = [x[0] + step[0], x[1] + step[1]];
         }
@@ -178,9 +225,10 @@ pub(crate) fn refine(
     }
 }
 
-/// What a history's phases are from the best so far, radians.
+/// What a history's phases are from the best so far, radians, and how they grow with a displacement.
 struct Residuals {
     left_rad: Vec<f64>,
+    slopes: Vec<[f64; 2]>,
     /// Variance of what is left, by its median.
     variance: f64,
 }
@@ -188,19 +236,18 @@ struct Residuals {
 impl Residuals {
     fn of(
         row: &Sighted,
+        axes: [DVec3; 2],
         constant: f64,
-        place: [f64; 2],
-        displacements: &[[f64; 2]],
+        off_m: DVec3,
+        moved_m: impl Iterator<Item = DVec3>,
         followed: bool,
     ) -> Self {
-        let each = row.values.iter().zip(displacements).enumerate();
-        let wrapped: Vec<f64> = each
-            .map(|(n, (value, x))| {
-                let model = constant + row.turn(n, [x[0] - place[0], x[1] - place[1]]);
-                let left = value * cis(-model);
-                libm::atan2(left.im, left.re)
-            })
-            .collect();
+        let (mut wrapped, mut slopes) = (Vec::new(), Vec::new());
+        for ((n, value), moved_m) in row.values.iter().enumerate().zip(moved_m) {
+            let left = value * cis(-constant - row.model(n, moved_m, off_m));
+            wrapped.push(libm::atan2(left.im, left.re));
+            slopes.push(row.slopes(n, axes, moved_m, off_m));
+        }
         let mut left_rad = match followed {
             true => unwrapped(&wrapped),
             false => wrapped,
@@ -211,29 +258,32 @@ impl Residuals {
         };
         // Whole turns of all of it are the constant's.
         let turns = median(&mut left_rad.clone()) / std::f64::consts::TAU;
-        left_rad.iter_mut().for_each(|left| *left -= std::f64::consts::TAU * turns.round());
+        left_rad
+            .iter_mut()
+            .for_each(|left| *left -= std::f64::consts::TAU * turns.round());
         // The median of a Gaussian's magnitude is 0.6745 of its deviation.
         let deviation = median(&mut left_rad.iter().map(|left| left.abs()).collect()) / 0.6745;
         Self {
             left_rad,
+            slopes,
             variance: deviation * deviation,
         }
     }
 }
 
-/// The normal equations of a pulse.
-struct Pulse {
+/// The normal equations of a turn.
+struct Turn {
     /// `X^-1`, symmetric.
     inverse: [f64; 3],
     /// `Y`, two rows.
     mixed: [Vec<f64>; 2],
     /// `g`.
     right: [f64; 2],
-    /// Weights and residuals of the histories.
-    terms: Vec<[f64; 2]>,
+    /// Weight, residual and slopes of each history.
+    terms: Vec<([f64; 2], [f64; 2])>,
 }
 
-impl Pulse {
+impl Turn {
     fn of(
         rows: &[Sighted],
         n: usize,
@@ -250,7 +300,7 @@ impl Pulse {
             let residual = residuals.left_rad[n];
             let variance = row.variance(n).max(residuals.variance);
             let weight = cauchy(residual, variance) / variance;
-            let [s0, s1] = row.slopes[n];
+            let [s0, s1] = residuals.slopes[n];
             a += weight * s0 * s0;
             b += weight * s0 * s1;
             d += weight * s1 * s1;
@@ -262,7 +312,7 @@ impl Pulse {
                 mixed[at] -= weight * slope * s0;
                 mixed[at + 1] -= weight * slope * s1;
             }
-            terms.push([weight, residual]);
+            terms.push(([weight, residual], [s0, s1]));
         }
         let determinant = a * d - b * b;
         Self {
@@ -278,18 +328,11 @@ impl Pulse {
         [p * u + q * v, q * u + r * v]
     }
 
-    /// Adds what is left of the pulse once its displacement is eliminated; the matrix's lower triangle.
-    fn eliminate(
-        &self,
-        rows: &[Sighted],
-        n: usize,
-        matrix: &mut [f64],
-        right: &mut [f64],
-        size: usize,
-    ) {
-        for (i, (row, [weight, residual])) in rows.iter().zip(&self.terms).enumerate() {
+    /// Adds what is left of the turn once its displacement is eliminated; the matrix's lower triangle.
+    fn eliminate(&self, rows: &[Sighted], matrix: &mut [f64], right: &mut [f64], size: usize) {
+        for (i, (row, &([weight, residual], [s0, s1]))) in rows.iter().zip(&self.terms).enumerate()
+        {
             let at = rows.len() + 2 * row.point;
-            let [s0, s1] = row.slopes[n];
             let own = [(i, 1.0), (at, -s0), (at + 1, -s1)];
             for (j, &(to, by)) in own.iter().enumerate() {
                 right[to] += weight * by * residual;
@@ -320,5 +363,153 @@ impl Pulse {
             self.right[0] - along(&self.mixed[0]),
             self.right[1] - along(&self.mixed[1]),
         ])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use subaperture_model::phase_history::Sweep;
+
+    use super::super::rigid::without_rigid_motion;
+    use super::*;
+
+    const WAVELENGTH_M: f64 = 3.9e-3;
+    const TURNS: usize = 400;
+    const PLACES_M: [[f64; 2]; 6] = [
+        [0.6, 3.0],
+        [0.1, 4.0],
+        [-0.9, 2.2],
+        [1.6, 5.6],
+        [2.4, 2.6],
+        [-2.1, 3.7],
+    ];
+
+    /// Knuth's generator; sums of twelve are as good as Gaussian here.
+    fn gauss(state: &mut u64) -> f64 {
+        let mut uniform = || {
+            *state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (*state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+    }
+
+    /// Where the antenna is thought to be, and how far it is from there: 3 mm of sway, two waves.
+    fn track(n: usize) -> ([f64; 2], [f64; 2]) {
+        let u = n as f64 / TURNS as f64;
+        let sway = |waves: f64| 3e-3 * (std::f64::consts::TAU * waves * u + waves).sin();
+        ([u, 0.0], [sway(2.0), sway(1.3)])
+    }
+
+    /// The recorded pulses.
+    fn pulses() -> Vec<Pulse> {
+        let pulse = |n: usize| {
+            let [x, y] = track(n).0;
+            let at_m = DVec3::new(x, y, 0.0);
+            Pulse {
+                time_s: n as f64,
+                transmitter_m: at_m,
+                receiver_m: at_m,
+                reference_m: DVec3::ZERO,
+                reference_path_m: 0.0,
+                start_hz: 77e9,
+                step_hz: 1e6,
+                sweep: Sweep::AT_ONCE,
+            }
+        };
+        (0..TURNS).map(pulse).collect()
+    }
+
+    /// Echoes of points that lie off the places taken for them by `off_m`, in noise of `noise` of their power.
+    fn rows<'a>(pulses: &'a [Pulse], off_m: f64, noise: f64) -> Vec<Sighted<'a>> {
+        let mut state = 5;
+        let k = std::f64::consts::TAU / WAVELENGTH_M;
+        let row = |(point, place): (usize, &[f64; 2])| {
+            let off = [off_m * gauss(&mut state), off_m * gauss(&mut state)];
+            let own = gauss(&mut state);
+            let value = |n: usize| {
+                let (thought, moved) = track(n);
+                let there = [0, 1].map(|i| place[i] - thought[i]);
+                let true_there = [0, 1].map(|i| there[i] + off[i] - moved[i]);
+                let longer =
+                    libm::hypot(true_there[0], true_there[1]) - libm::hypot(there[0], there[1]);
+                let error = Complex64::new(gauss(&mut state), gauss(&mut state));
+                cis(own - 2.0 * k * longer) + error * (noise / 2.0).sqrt()
+            };
+            Sighted {
+                point,
+                place_m: DVec3::new(place[0], place[1], 0.0),
+                pulses,
+                wavenumbers: vec![k; TURNS],
+                values: (0..TURNS).map(value).collect(),
+                rest: noise,
+            }
+        };
+        PLACES_M.iter().enumerate().map(row).collect()
+    }
+
+    const AXES: [DVec3; 2] = [DVec3::X, DVec3::Y];
+
+    fn found(rows: &[Sighted]) -> Vec<[f64; 2]> {
+        let mut solved = Solved {
+            displacements: steps(rows, AXES, TURNS, WAVELENGTH_M / 4.0),
+        };
+        let priors = [8.0 * WAVELENGTH_M, 0.02];
+        refine(rows, AXES, PLACES_M.len(), priors, &mut solved);
+        solved.displacements
+    }
+
+    #[test]
+    fn a_track_is_found_though_places_are_off_by_wavelengths() {
+        // 1 cm off turns phases by up to 2 k x 1 cm x 0.4 rad of turning lines of sight, two turns.
+        let pulses = pulses();
+        let displacements = found(&rows(&pulses, 0.01, 1e-4));
+        let flat = |v: [f64; 2]| super::flat(AXES, v);
+        let antennas: Vec<DVec3> = (0..TURNS).map(|n| flat(track(n).0)).collect();
+        let truth: Vec<DVec3> = (0..TURNS).map(|n| flat(track(n).1)).collect();
+        let found: Vec<DVec3> = displacements.iter().map(|&d| flat(d)).collect();
+        let [truth, found] = [truth, found].map(|d| without_rigid_motion(AXES, &antennas, &d));
+        let squares = truth
+            .iter()
+            .zip(&found)
+            .map(|(a, b)| a.distance_squared(*b));
+        let rms_m = (squares.sum::<f64>() / TURNS as f64).sqrt();
+        println!("{:.1} um rms off", 1e6 * rms_m);
+        // A twentieth of a wavelength, of 3 mm of sway. What is left turns phases by less than their noise, with the places where they
+        // then are: noise of 0.01 rad and the prior on places decide about it.
+        assert!(rms_m < WAVELENGTH_M / 20.0, "{rms_m}");
+    }
+
+    #[test]
+    fn displacements_differ_from_the_truth_as_little_as_can_be() {
+        let pulses = pulses();
+        let rows = rows(&pulses, 0.0, 1e-2);
+        let displacements = found(&rows);
+        let error = |n: usize| {
+            let (_, moved) = track(n);
+            [0, 1].map(|i| displacements[n][i] - moved[i])
+        };
+        // Neighbours' errors share what places and constants err by; what is left has twice the variance of one, which is
+        // no less than the inverse of the information of its phases.
+        let (mut sum, mut bound) = (0.0, 0.0);
+        for n in 1..TURNS {
+            let (a, b) = (error(n - 1), error(n));
+            sum += (b[0] - a[0]).powi(2) + (b[1] - a[1]).powi(2);
+            let information = rows.iter().fold([0.0; 3], |[p, q, r], row| {
+                let [s0, s1] = row.slopes(n, AXES, DVec3::ZERO, DVec3::ZERO);
+                let weight = 1.0 / (0.5 * 1e-2);
+                [
+                    p + weight * s0 * s0,
+                    q + weight * s0 * s1,
+                    r + weight * s1 * s1,
+                ]
+            });
+            let [p, q, r] = information;
+            bound += 2.0 * (p + r) / (p * r - q * q);
+        }
+        println!("variance over the bound: {:.3}", sum / bound);
+        // 800 values tell a variance to 5 %; Cauchy's weights cost 5 %.
+        assert!((0.9..1.2).contains(&(sum / bound)), "{}", sum / bound);
     }
 }

@@ -70,7 +70,7 @@ pub use sharpen::{
     Figures, Look, Method, Round, SharpenError, Sharpened, Stopping, Subject, sharpen,
 };
 
-pub use sharpness::{Goal, LEAST_ACROSS, Sharpness, Unknown, UnknownName};
+pub use sharpness::{Goal, LEAST_ACROSS, Sharpness, Unknown, UnknownGoal, UnknownName};
 
 /// The interval of a parameter: `count` values from `start` on, `step` apart.
 pub use subaperture_model::geometry::Axis;

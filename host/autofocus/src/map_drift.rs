@@ -30,7 +30,7 @@ use subaperture_quality::registration::offset;
 use super::centring::cross_range;
 use super::correction::Correction;
 use super::dense::solve;
-use super::echoes::{brightest, wavenumber_rad_m, Echo, Points, gradients};
+use super::echoes::{Echo, Points, brightest, gradients, wavenumber_rad_m};
 use super::measure::Quiet;
 use super::sharpen::{Look, Method, SharpenError};
 
@@ -70,7 +70,10 @@ impl Method for MapDrift {
                 pulses: turns,
             });
         }
-        look.room("images of looks", (8 * looks as u64 + 48) * grid.num_pixels())?;
+        look.room(
+            "images of looks",
+            (8 * looks as u64 + 48) * grid.num_pixels(),
+        )?;
         let only = Points {
             most: 1,
             within_db: 0.0,
@@ -112,7 +115,9 @@ impl Method for MapDrift {
             let each = terms.iter().zip(2..);
             each.map(|(term, power)| term * place(n).powi(power)).sum()
         };
-        let error_rad = (0..collection.pulses.len()).map(|n| phase(n % turns)).collect();
+        let error_rad = (0..collection.pulses.len())
+            .map(|n| phase(n % turns))
+            .collect();
         Ok(Some(Correction::Phase { error_rad }))
     }
 }

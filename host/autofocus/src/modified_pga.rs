@@ -33,8 +33,10 @@ use glam::DVec3;
 
 use subaperture_model::phase_history::Collection;
 
+use subaperture_signal::phase::cis;
+
 use super::correction::Correction;
-use super::echoes::{Points, cell_path_m, gradients, wavenumber_rad_m};
+use super::echoes::{Points, cell_path_m, wavenumber_rad_m};
 use super::estimator::low_pass;
 use super::joint::{Sighted, Solved, refine, steps};
 use super::pga::{centred, seen, window};
@@ -102,28 +104,34 @@ impl Method for ModifiedPhaseGradient {
             .map(|(centred, echo)| {
                 let mut values = centred.values;
                 low_pass(&mut values, width);
-                let slope = |(n, gradient): (usize, DVec3)| {
-                    let k = wavenumber_rad_m(collection, &collection.pulses[echo.first + n]);
-                    axes.map(|axis| k * gradient.dot(axis))
-                };
-                let gradients = gradients(collection, echo, centred.place_m);
+                let pulses = &collection.pulses[echo.first..echo.first + turns];
+                let wavenumber = |pulse| wavenumber_rad_m(collection, pulse);
+                // Back to the place that all channels of the point share.
+                let place_m = places[echo.point];
+                for (value, pulse) in values.iter_mut().zip(pulses) {
+                    let path_m = pulse.path_m(centred.place_m) - pulse.path_m(place_m);
+                    *value *= cis(-wavenumber(pulse) * path_m);
+                }
                 Sighted {
                     point: echo.point,
-                    slopes: gradients.into_iter().enumerate().map(slope).collect(),
+                    place_m,
+                    pulses,
+                    wavenumbers: pulses.iter().map(wavenumber).collect(),
                     rest: echo.signal_and_rest()[1],
                     values,
                 }
             })
             .collect();
-        let wavelength_m = std::f64::consts::TAU / wavenumber_rad_m(collection, &collection.pulses[0]);
+        let wavelength_m =
+            std::f64::consts::TAU / wavenumber_rad_m(collection, &collection.pulses[0]);
         let mut solved = Solved {
-            displacements: steps(&rows, turns, wavelength_m / 4.0),
+            displacements: steps(&rows, axes, turns, wavelength_m / 4.0),
         };
         let priors = [
             DISPLACEMENT_WAVELENGTHS * wavelength_m,
             PLACE_CELLS * cell_path_m(collection) / 2.0,
         ];
-        refine(&rows, places.len(), priors, &mut solved);
+        refine(&rows, axes, places.len(), priors, &mut solved);
         let displaced = solved
             .displacements
             .iter()
@@ -132,7 +140,9 @@ impl Method for ModifiedPhaseGradient {
         let displaced: Vec<DVec3> = displaced.collect();
         let displaced = without_rigid_motion(axes, &antennas, &displaced);
         let channels = collection.pulses.len() / turns;
-        let displacement_m = (0..channels).flat_map(|_| displaced.iter().copied()).collect();
+        let displacement_m = (0..channels)
+            .flat_map(|_| displaced.iter().copied())
+            .collect();
         Ok(Some(Correction::Track { displacement_m }))
     }
 }

@@ -107,16 +107,21 @@ pub(crate) fn patches(
                 let mut scratch = vec![Complex32::ZERO; profiler.scratch_length()];
                 profiler.profile(pulse, profile, &mut scratch);
             });
-        patches.par_iter_mut().zip(pixels).for_each(|(patch, pixels)| {
-            let middle_m = pixels.iter().sum::<DVec3>() / pixels.len().max(1) as f64;
-            for (pulse, profile) in pulses.iter().zip(profiles.chunks_exact(length + 1)) {
-                let hz = pulse.frequency_hz(width / 2);
-                let value = |point: &DVec3| read(pulse, profile, hz, *point) * scale;
-                patch.values.extend(pixels.iter().map(value));
-                let gradient = path_gradient(pulse.transmitter_m, pulse.receiver_m, middle_m);
-                patch.slopes.push(wavenumber_rad_m(collection, pulse) * gradient);
-            }
-        });
+        patches
+            .par_iter_mut()
+            .zip(pixels)
+            .for_each(|(patch, pixels)| {
+                let middle_m = pixels.iter().sum::<DVec3>() / pixels.len().max(1) as f64;
+                for (pulse, profile) in pulses.iter().zip(profiles.chunks_exact(length + 1)) {
+                    let hz = pulse.frequency_hz(width / 2);
+                    let value = |point: &DVec3| read(pulse, profile, hz, *point) * scale;
+                    patch.values.extend(pixels.iter().map(value));
+                    let gradient = path_gradient(pulse.transmitter_m, pulse.receiver_m, middle_m);
+                    patch
+                        .slopes
+                        .push(wavenumber_rad_m(collection, pulse) * gradient);
+                }
+            });
     }
     for patch in &mut patches {
         patch.power = patch.values.iter().map(|z| f64::from(z.norm_sqr())).sum();
@@ -169,7 +174,11 @@ impl Patch {
         by_power: &[f64],
         phases_rad: &[f64],
     ) -> Vec<f64> {
-        let pulled: Vec<Complex64> = image.iter().zip(by_power).map(|(z, &by)| z.conj() * by).collect();
+        let pulled: Vec<Complex64> = image
+            .iter()
+            .zip(by_power)
+            .map(|(z, &by)| z.conj() * by)
+            .collect();
         let pulses = self.values.chunks_exact(self.count.max(1));
         pulses
             .zip(phases_rad)

@@ -91,16 +91,23 @@ impl Method for PhaseGradient {
                 0 => (None, NEAR_CELLS),
                 _ => (Some(phases.as_slice()), FAR_CELLS),
             };
-            let rows: Vec<Row> = centred(collection, look.subject.grid, &echoes, &places, known, reach)
-                .into_iter()
-                .zip(&echoes)
-                .map(|(centred, echo)| {
-                    let mut values = centred.values;
-                    low_pass(&mut values, width);
-                    let weight = 1.0 / echo.signal_and_rest()[1];
-                    Row { values, weight }
-                })
-                .collect();
+            let rows: Vec<Row> = centred(
+                collection,
+                look.subject.grid,
+                &echoes,
+                &places,
+                known,
+                reach,
+            )
+            .into_iter()
+            .zip(&echoes)
+            .map(|(centred, echo)| {
+                let mut values = centred.values;
+                low_pass(&mut values, width);
+                let weight = 1.0 / echo.signal_and_rest()[1];
+                Row { values, weight }
+            })
+            .collect();
             phases = phases_rad(self.estimator, &rows, turns);
         }
         let channels = collection.pulses.len() / turns;

@@ -48,7 +48,13 @@ mod tests {
             .map(|n| DVec3::new(f64::from(n) / 100.0, -3.0, 1.0))
             .collect();
         let (sin, cos) = 0.03f64.sin_cos();
-        let rigid = |p: DVec3| DVec3::new(cos * p.x - sin * p.y + 0.2, sin * p.x + cos * p.y - 0.1, p.z);
+        let rigid = |p: DVec3| {
+            DVec3::new(
+                cos * p.x - sin * p.y + 0.2,
+                sin * p.x + cos * p.y - 0.1,
+                p.z,
+            )
+        };
         let moved: Vec<DVec3> = antennas.iter().map(|&p| rigid(p) - p).collect();
         for left in without_rigid_motion(axes, &antennas, &moved) {
             assert!(left.length() < 1e-14, "{left}");

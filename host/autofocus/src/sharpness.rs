@@ -63,6 +63,11 @@ pub enum Goal {
 #[error("'{0}': write phase or track")]
 pub struct UnknownName(String);
 
+/// Not the name of what patches are sharpened by.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("'{0}': write entropy or sharpness")]
+pub struct UnknownGoal(String);
+
 impl FromStr for Unknown {
     type Err = UnknownName;
 
@@ -72,6 +77,27 @@ impl FromStr for Unknown {
             "track" => Ok(Self::Track),
             _ => Err(UnknownName(text.to_owned())),
         }
+    }
+}
+
+impl FromStr for Goal {
+    type Err = UnknownGoal;
+
+    fn from_str(text: &str) -> Result<Self, UnknownGoal> {
+        match text {
+            "entropy" => Ok(Self::Entropy),
+            "sharpness" => Ok(Self::Sharpness),
+            _ => Err(UnknownGoal(text.to_owned())),
+        }
+    }
+}
+
+impl fmt::Display for Goal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Entropy => "entropy",
+            Self::Sharpness => "sharpness",
+        })
     }
 }
 
@@ -145,7 +171,10 @@ impl Method for Sharpness {
         let pixels = self.patch * self.patch;
         let pulses = collection.pulses.len();
         look.room("patches", bytes(1, pixels, pulses))?;
-        let fits = |count: usize| look.room("patches", 2 * bytes(count, pixels, pulses)).is_ok();
+        let fits = |count: usize| {
+            look.room("patches", 2 * bytes(count, pixels, pulses))
+                .is_ok()
+        };
         while points.len() > 1 && !fits(points.len()) {
             points.pop();
         }
@@ -180,13 +209,13 @@ impl Method for Sharpness {
         let channels = pulses / turns;
         Ok(Some(match self.unknown {
             Unknown::Phase => {
-                let phases = problem.curves.values(&found.at);
+                let phases = problem.curves.values(&found);
                 Correction::Phase {
                     error_rad: (0..channels).flat_map(|_| phases.iter().copied()).collect(),
                 }
             }
             Unknown::Track => {
-                let moved = problem.displacements(&found.at);
+                let moved = problem.displacements(&found);
                 let antennas: Vec<DVec3> = middles(collection).take(turns).collect();
                 let moved = without_rigid_motion(axes, &antennas, &moved);
                 Correction::Track {
@@ -245,7 +274,10 @@ impl Problem<'_> {
     /// Displacements of all turns.
     fn displacements(&self, numbers: &[f64]) -> Vec<DVec3> {
         let mut all = vec![DVec3::ZERO; self.turns];
-        for (numbers, directions) in numbers.chunks_exact(self.curves.count).zip(&self.directions) {
+        for (numbers, directions) in numbers
+            .chunks_exact(self.curves.count)
+            .zip(&self.directions)
+        {
             let along = self.curves.values(numbers);
             for ((sum, length), direction) in all.iter_mut().zip(along).zip(directions) {
                 *sum += *direction * length;
@@ -259,7 +291,9 @@ impl Problem<'_> {
         let each = patch.slopes.iter().enumerate();
         match self.directions.is_empty() {
             true => each.map(|(n, _)| common[n % self.turns]).collect(),
-            false => each.map(|(n, slope)| slope.dot(moved[n % self.turns])).collect(),
+            false => each
+                .map(|(n, slope)| slope.dot(moved[n % self.turns]))
+                .collect(),
         }
     }
 
@@ -299,7 +333,9 @@ impl Problem<'_> {
             true => {
                 let mut by_turn = vec![0.0; self.turns];
                 for by in &by_phases {
-                    by.iter().enumerate().for_each(|(n, by)| by_turn[n % self.turns] += by);
+                    by.iter()
+                        .enumerate()
+                        .for_each(|(n, by)| by_turn[n % self.turns] += by);
                 }
                 self.curves.gradient(&by_turn)
             }
@@ -311,7 +347,11 @@ impl Problem<'_> {
                     }
                 }
                 let along = self.directions.iter().flat_map(|directions| {
-                    let by: Vec<f64> = by_move.iter().zip(directions).map(|(a, b)| a.dot(*b)).collect();
+                    let by: Vec<f64> = by_move
+                        .iter()
+                        .zip(directions)
+                        .map(|(a, b)| a.dot(*b))
+                        .collect();
                     self.curves.gradient(&by)
                 });
                 along.collect()

@@ -110,7 +110,10 @@ mod tests {
     fn what_is_written_is_read_again() {
         let some = [0.1, -2.5e-17, 1.0 / 3.0, -1234.5];
         assert_eq!(phases(&text(&some)).unwrap(), some);
-        assert_eq!(phases("\u{feff}pulse, phase_rad\r\n\r\n0, 1\r\n").unwrap(), [1.0]);
+        assert_eq!(
+            phases("\u{feff}pulse, phase_rad\r\n\r\n0, 1\r\n").unwrap(),
+            [1.0]
+        );
     }
 
     #[test]
@@ -118,9 +121,18 @@ mod tests {
         for (text, what) in [
             ("", "line 1: no header"),
             ("# nothing\n", "line 1: no header"),
-            ("phase_rad,pulse\n", "line 1: the header is 'phase_rad,pulse'"),
-            ("pulse,phase_rad\n1,0\n", "line 2: pulse is '1' where 0 is expected"),
-            ("pulse,phase_rad\n0,0\n0,0\n", "line 3: pulse is '0' where 1 is expected"),
+            (
+                "phase_rad,pulse\n",
+                "line 1: the header is 'phase_rad,pulse'",
+            ),
+            (
+                "pulse,phase_rad\n1,0\n",
+                "line 2: pulse is '1' where 0 is expected",
+            ),
+            (
+                "pulse,phase_rad\n0,0\n0,0\n",
+                "line 3: pulse is '0' where 1 is expected",
+            ),
             ("pulse,phase_rad\n0\n", "line 2: one value"),
             ("pulse,phase_rad\n0,NaN\n", "line 2: phase_rad is 'NaN'"),
             ("pulse,phase_rad\n0,inf\n", "line 2: phase_rad is 'inf'"),

@@ -26,7 +26,17 @@ pub(super) const NOVATEL_WORDS: &[&str] = &[
     "FINESTEERING",
 ];
 
-pub(super) const PHASE_WORDS: &[&str] = &["pulse", "phase_rad", ",", "\n", "#", "0", "1", "NaN", "1e12"];
+pub(super) const PHASE_WORDS: &[&str] = &[
+    "pulse",
+    "phase_rad",
+    ",",
+    "\n",
+    "#",
+    "0",
+    "1",
+    "NaN",
+    "1e12",
+];
 
 pub(super) const CSV_WORDS: &[&str] = &[
     "time_s",

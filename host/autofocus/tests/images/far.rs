@@ -1,10 +1,19 @@
 //! A small scene far away, where phase errors are alike for all of it.
 
 use glam::DVec3;
-use subaperture_autofocus::{Estimator, PhaseGradient};
+use subaperture_autofocus::{
+    Corrected, Correction, Estimator, MapDrift, Measure, Method, PhaseGradient, SharpenError,
+    Stopping, Subject, sharpen,
+};
+use subaperture_focus::FormError;
+use subaperture_focus::bp::Backprojection;
 use subaperture_model::geometry::ImageGrid;
+use subaperture_model::image::Image;
+use subaperture_model::monitor::Silent;
+use subaperture_model::phase_history::{PhaseHistory, Stretch};
+use subaperture_signal::window::Window;
 
-use super::{Radar, Random, form, peak_db, sharpened};
+use super::{Radar, Random, corrected, form, peak_db, sharpened};
 
 /// 10 GHz, 300 MHz, 512 pulses over 300 m at 10 km: cells of 0.5 m either way.
 fn radar() -> Radar {
@@ -25,25 +34,140 @@ fn radar() -> Radar {
 fn scene(random: &mut Random) -> Vec<(DVec3, f64)> {
     (0..40)
         .map(|_| {
-            let place_m = DVec3::new(60.0 * random.uniform() - 30.0, 60.0 * random.uniform() - 30.0, 0.0);
+            let place_m = DVec3::new(
+                60.0 * random.uniform() - 30.0,
+                60.0 * random.uniform() - 30.0,
+                0.0,
+            );
             (place_m, 0.2 + random.uniform())
         })
         .collect()
 }
 
+fn level_db(image: &Image) -> f64 {
+    10.0 * f64::from(image.peak().unwrap().value.norm_sqr()).log10()
+}
+
+const GRID: &str = "x=-35:35:0.25,y=-35:35:0.25,z=0";
+
 #[test]
 fn white_errors_of_two_radians_are_taken_away() {
     let mut random = Random(7);
     let points = scene(&mut random);
-    let grid: ImageGrid = "x=-35:35:0.2,y=-35:35:0.2,z=0".parse().unwrap();
-    let perfect = form(&radar().echoes(&points, &mut Random(1)), &grid);
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let perfect = radar().echoes(&points, &mut Random(1));
     let mut disturbed = radar();
-    disturbed.phases_rad.iter_mut().for_each(|phase| *phase = 2.0 * random.gauss());
+    disturbed
+        .phases_rad
+        .iter_mut()
+        .for_each(|phase| *phase = 2.0 * random.gauss());
     let history = disturbed.echoes(&points, &mut Random(1));
-    let best_db = peak_db(&perfect, &grid, DVec3::ZERO, 60.0);
+    // The brightest of the points, wherever the image is shifted to by what looks like a shift.
+    let brightest = points.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap().0;
+    let at = |history: &dyn PhaseHistory| peak_db(history, brightest, 1.5, [0.05, 0.05]);
+    let best_db = at(&perfect);
     for estimator in [Estimator::Eigenvector, Estimator::Gradient] {
-        let method = PhaseGradient { estimator, ..PhaseGradient::default() };
-        let found = sharpened(&history, &grid, &method);
-        println!("{estimator}: perfect {best_db:.3} dB, before {:.3}, after {:.3}", found.before.peak_db, found.after.peak_db);
+        let method = PhaseGradient {
+            estimator,
+            ..PhaseGradient::default()
+        };
+        let found = sharpened(&history, &grid, &method, 4);
+        let [before_db, after_db] = [at(&history), at(&corrected(&history, &found))];
+        println!(
+            "{estimator}: perfect {best_db:.3} dB, before {before_db:.3}, after {after_db:.3}"
+        );
+        // exp(-2^2) of the power is left by such errors, and what they scatter: -17 dB and -27 dB.
+        assert!(before_db < best_db - 8.0);
+        assert!(
+            after_db > best_db - 0.1,
+            "{estimator}: {after_db} {best_db}"
+        );
     }
+}
+
+#[test]
+fn a_quadratic_error_drifts_looks_apart() {
+    let points = scene(&mut Random(7));
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let mut disturbed = radar();
+    let count = disturbed.phases_rad.len() as f64;
+    for (n, phase) in disturbed.phases_rad.iter_mut().enumerate() {
+        let u = 2.0 * (n as f64 + 0.5) / count - 1.0;
+        *phase = 15.0 * u * u;
+    }
+    let history = disturbed.echoes(&points, &mut Random(1));
+    let found = sharpened(&history, &grid, &MapDrift::default(), 6);
+    let Some(Correction::Phase { error_rad }) = &found.correction else {
+        panic!("nothing was found");
+    };
+    // The quadratic term, by its own sums over the phases: orthogonal to constant and slope.
+    let (mut sum, mut norm) = (0.0, 0.0);
+    for (n, phase) in error_rad.iter().enumerate() {
+        let u = 2.0 * (n as f64 + 0.5) / count - 1.0;
+        let basis = u * u - 1.0 / 3.0;
+        sum += basis * phase;
+        norm += basis * basis;
+    }
+    let term = sum / norm;
+    let perfect = form(&radar().echoes(&points, &mut Random(1)), &grid);
+    println!(
+        "quadratic term {term:.3} rad of 15; peak {:.3} dB of {:.3}",
+        level_db(&found.image_after),
+        level_db(&perfect)
+    );
+    // A look's cell is 1 m, and a shift of a hundredth of that a term of 0.03 rad; half a radian at the ends of the aperture costs
+    // 0.1 dB of a point (a variance of 0.5^2 x 4 / 45).
+    assert!((term - 15.0).abs() < 0.5, "{term}");
+    // Points between pixels, of a quarter of a metre in cells of half a metre.
+    assert!(level_db(&found.image_after) > level_db(&perfect) - 0.5);
+}
+
+#[test]
+fn what_is_sharp_is_left_as_it_is() {
+    let points = scene(&mut Random(7));
+    let grid: ImageGrid = GRID.parse().unwrap();
+    let history = radar().echoes(&points, &mut Random(1));
+    for method in [
+        &PhaseGradient::default() as &dyn Method,
+        &MapDrift::default(),
+    ] {
+        let found = sharpened(&history, &grid, method, 3);
+        let gained = found.before.entropy - found.after.entropy;
+        // Never worse; and what little phases of noise can be made to look better by is below a hundredth of a nat.
+        assert!((0.0..0.01).contains(&gained), "{}: {gained}", method.name());
+    }
+    // Too short, dark and misfitting recordings say so.
+    let short = Stretch::new(&history, 0..5);
+    let subject = Subject {
+        history: &short,
+        grid: &grid,
+        former: &Backprojection { error_db: -50.0 },
+        windows: [Window::default(); 2],
+        measure: Measure::Entropy,
+        memory_bytes: 1 << 30,
+        monitor: &Silent,
+    };
+    let error = sharpen(&subject, &PhaseGradient::default(), Stopping::default()).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "pga needs 8 pulses at the least; the recording has 5"
+    );
+    let tight = Subject {
+        history: &history,
+        memory_bytes: 2 << 20,
+        ..subject
+    };
+    let error = sharpen(&tight, &PhaseGradient::default(), Stopping::default()).unwrap_err();
+    assert!(
+        matches!(error, SharpenError::Form(FormError::Memory { .. })),
+        "{error}"
+    );
+    let nan = Correction::Phase {
+        error_rad: vec![f64::NAN; 512],
+    };
+    let error = Corrected::new(&history, &nan).err().unwrap();
+    assert_eq!(
+        error.to_string(),
+        "the correction of pulse 0 (from 0) is not a finite number"
+    );
 }

@@ -3,14 +3,12 @@
 use std::path::Path;
 
 use glam::DVec3;
-use subaperture_autofocus::{
-    Corrected, Correction, Estimator, Goal, PhaseGradient, Sharpness, Unknown,
-};
-use subaperture_model::geometry::ImageGrid;
+use subaperture_autofocus::{Corrected, Correction, PhaseGradient, Sharpness, Unknown};
 use subaperture_io::open::{Options, open_all};
+use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Joined, PhaseHistory};
 
-use super::{Random, form, sharpened};
+use super::{Random, corrected, peak_db, sharpened};
 
 fn gotcha() -> Option<Joined> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/gotcha");
@@ -22,24 +20,33 @@ fn gotcha() -> Option<Joined> {
     Some(open_all(&paths, &Options::default()).unwrap())
 }
 
-const GRID: &str = "x=-40:40:0.2,y=-40:50:0.2,z=0";
+const GRID: &str = "x=-40:20:0.25,y=0:50:0.25,z=0";
+
+/// The brightest reflector.
+const REFLECTOR_M: DVec3 = DVec3::new(-15.6, 21.6, 0.0);
+
+fn reflector_db(history: &dyn PhaseHistory) -> f64 {
+    peak_db(history, REFLECTOR_M, 1.0, [0.05, 0.05])
+}
 
 #[test]
 fn white_errors_of_two_radians_are_taken_away() {
     let Some(history) = gotcha() else { return };
     let grid: ImageGrid = GRID.parse().unwrap();
     let mut random = Random(11);
-    let error_rad = (0..history.collection().pulses.len()).map(|_| 2.0 * random.gauss()).collect();
+    let error_rad = (0..history.collection().pulses.len())
+        .map(|_| 2.0 * random.gauss())
+        .collect();
     let disturbed = Corrected::new(&history, &Correction::Phase { error_rad }).unwrap();
-    let perfect = form(&history, &grid);
-    let best_db = 10.0 * f64::from(perfect.peak().unwrap().value.norm_sqr()).log10();
-    let own = sharpened(&history, &grid, &PhaseGradient::default());
-    println!("undisturbed {best_db:.3} dB, sharpened itself {:.3} dB", own.after.peak_db);
-    for estimator in [Estimator::Eigenvector, Estimator::Gradient] {
-        let method = PhaseGradient { estimator, ..PhaseGradient::default() };
-        let found = sharpened(&disturbed, &grid, &method);
-        println!("{estimator}: before {:.3}, after {:.3}", found.before.peak_db, found.after.peak_db);
-    }
+    let found = sharpened(&disturbed, &grid, &PhaseGradient::default(), 4);
+    let [best_db, before_db, after_db] = [
+        reflector_db(&history),
+        reflector_db(&disturbed),
+        reflector_db(&corrected(&disturbed, &found)),
+    ];
+    println!("reflector: undisturbed {best_db:.3} dB, before {before_db:.3}, after {after_db:.3}");
+    assert!(before_db < best_db - 8.0);
+    assert!(after_db > best_db - 0.1, "{after_db} {best_db}");
 }
 
 #[test]
@@ -54,16 +61,23 @@ fn a_random_walk_of_the_track_is_recovered() {
             at_m
         })
         .collect();
-    let rms = Correction::Track { displacement_m: walk.clone() }.rms_displacement_m().unwrap();
-    let displacement_m: Vec<DVec3> = walk.iter().map(|d| *d * (0.02 / rms)).collect();
+    let mean = walk.iter().sum::<DVec3>() / walk.len() as f64;
+    let squares: f64 = walk.iter().map(|d| d.distance_squared(mean)).sum();
+    let scale = 0.02 / (squares / walk.len() as f64).sqrt();
+    // 2 cm rms: 1.3 wavelengths of path.
+    let displacement_m = walk.iter().map(|d| *d * scale).collect();
     let disturbed = Corrected::new(&history, &Correction::Track { displacement_m }).unwrap();
-    let perfect = form(&history, &grid);
-    let best_db = 10.0 * f64::from(perfect.peak().unwrap().value.norm_sqr()).log10();
-    for unknown in [Unknown::Track, Unknown::Phase] {
-        for goal in [Goal::Sharpness, Goal::Entropy] {
-            let method = Sharpness { unknown, goal, ..Sharpness::default() };
-            let found = sharpened(&disturbed, &grid, &method);
-            println!("{unknown} {goal:?}: undisturbed {best_db:.3} before {:.3}, after {:.3}", found.before.peak_db, found.after.peak_db);
-        }
-    }
+    let method = Sharpness {
+        unknown: Unknown::Track,
+        ..Sharpness::default()
+    };
+    let found = sharpened(&disturbed, &grid, &method, 12);
+    let [best_db, before_db, after_db] = [
+        reflector_db(&history),
+        reflector_db(&disturbed),
+        reflector_db(&corrected(&disturbed, &found)),
+    ];
+    println!("reflector: undisturbed {best_db:.3} dB, before {before_db:.3}, after {after_db:.3}");
+    assert!(before_db < best_db - 6.0);
+    assert!(after_db > best_db - 0.3, "{after_db} {best_db}");
 }

@@ -7,15 +7,15 @@ mod real;
 
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
-use subaperture_autofocus::{Measure, Method, Sharpened, Stopping, Subject, sharpen};
+use subaperture_autofocus::{
+    Axis, Corrected, Correction, Measure, Method, Sharpened, Stopping, Subject, sharpen,
+};
 use subaperture_focus::bp::Backprojection;
 use subaperture_focus::{ImageFormer, Task};
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::Image;
 use subaperture_model::monitor::Silent;
-use subaperture_model::phase_history::{
-    Collection, InMemory, PhaseHistory, Pulse, Sweep, Weights,
-};
+use subaperture_model::phase_history::{Collection, InMemory, PhaseHistory, Pulse, Sweep, Weights};
 use subaperture_signal::window::Window;
 
 const C_M_S: f64 = 299_792_458.0;
@@ -62,7 +62,8 @@ impl Radar {
             let mut pulse = vec![Complex64::ZERO; self.samples];
             for &(point_m, amplitude) in points {
                 let delay_s = 2.0 * point_m.distance(*at_m) / C_M_S;
-                let turn = |hz: f64| Complex64::cis(-std::f64::consts::TAU * (hz * delay_s).fract());
+                let turn =
+                    |hz: f64| Complex64::cis(-std::f64::consts::TAU * (hz * delay_s).fract());
                 let (mut value, step) = (turn(self.start_hz), turn(self.step_hz));
                 value *= amplitude;
                 for sum in &mut pulse {
@@ -108,10 +109,19 @@ fn form(history: &dyn PhaseHistory, grid: &ImageGrid) -> Image {
         monitor: &Silent,
         means: Default::default(),
     };
-    Backprojection { error_db: -50.0 }.form_planned(&task).unwrap().image
+    Backprojection { error_db: -50.0 }
+        .form_planned(&task)
+        .unwrap()
+        .image
 }
 
-fn sharpened(history: &dyn PhaseHistory, grid: &ImageGrid, method: &dyn Method) -> Sharpened {
+/// What a method makes of a recording in so many rounds; never a worse image.
+fn sharpened(
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+    method: &dyn Method,
+    rounds: usize,
+) -> Sharpened {
     let former = Backprojection { error_db: -50.0 };
     let subject = Subject {
         history,
@@ -122,20 +132,61 @@ fn sharpened(history: &dyn PhaseHistory, grid: &ImageGrid, method: &dyn Method) 
         memory_bytes: 1 << 30,
         monitor: &Silent,
     };
-    let found = sharpen(&subject, method, Stopping::default()).unwrap();
+    let stopping = Stopping {
+        rounds,
+        ..Stopping::default()
+    };
+    let found = sharpen(&subject, method, stopping).unwrap();
     for (i, round) in found.rounds.iter().enumerate() {
         println!("{}: round {i}: {round:.4?}", method.name());
     }
-    println!("{}: {:.4?} -> {:.4?}", method.name(), found.before, found.after);
-    assert!(found.after.entropy <= found.before.entropy);
+    println!(
+        "{}: {:.4?} -> {:.4?}",
+        method.name(),
+        found.before,
+        found.after
+    );
+    // By a sum of the test's own.
+    let told = [&found.image_before, &found.image_after].map(entropy);
+    assert!(told[1] <= told[0], "{told:?}");
+    assert_eq!(found.correction.is_some(), told[1] < told[0]);
+    assert!((told[1] - found.after.entropy).abs() < 1e-6, "{told:?}");
     found
 }
 
-/// Power of the brightest pixel within `near_m` of a place, dB.
-fn peak_db(image: &Image, grid: &ImageGrid, place_m: DVec3, near_m: f64) -> f64 {
-    let near = |i: &usize| {
-        grid.position_m(i / image.columns, i % image.columns).distance(place_m) <= near_m
+fn entropy(image: &Image) -> f64 {
+    let powers = || image.pixels.iter().map(|z| f64::from(z.norm_sqr()));
+    let total: f64 = powers().sum();
+    -powers()
+        .filter(|p| *p > 0.0)
+        .map(|p| p / total * (p / total).ln())
+        .sum::<f64>()
+}
+
+/// The recording as corrected, or as it is.
+fn corrected<'a>(history: &'a dyn PhaseHistory, found: &Sharpened) -> Corrected<'a> {
+    let none = Correction::Phase {
+        error_rad: vec![0.0; history.collection().pulses.len()],
     };
-    let powers = (0..image.pixels.len()).filter(near).map(|i| image.pixels[i].norm_sqr());
+    Corrected::new(history, found.correction.as_ref().unwrap_or(&none)).unwrap()
+}
+
+/// Highest power within `half_m` of a place along x and y, dB, on pixels of `step_m`.
+fn peak_db(history: &dyn PhaseHistory, place_m: DVec3, half_m: f64, step_m: [f64; 2]) -> f64 {
+    let axis = |middle: f64, step: f64| {
+        let half = (half_m / step).ceil();
+        Axis {
+            start: middle - half * step,
+            step,
+            count: 2 * half as usize + 1,
+        }
+    };
+    let grid = ImageGrid::horizontal(
+        axis(place_m.x, step_m[0]),
+        axis(place_m.y, step_m[1]),
+        place_m.z,
+    );
+    let image = form(history, &grid);
+    let powers = image.pixels.iter().map(|z| z.norm_sqr());
     10.0 * f64::from(powers.fold(0.0, f32::max)).log10()
 }

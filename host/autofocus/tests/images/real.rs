@@ -26,7 +26,11 @@ fn real_folder(name: &str, file: &str) -> Option<PathBuf> {
 fn try_all(example: &str, folder: &Path, settings: &[(&str, &str)], grid: &str) {
     let text = examples::text(example).unwrap();
     let file = RecordingFile::new(format!("{example}.toml"), text, folder);
-    let history = file.with(settings.iter().copied()).unwrap().history(u64::MAX).unwrap();
+    let history = file
+        .with(settings.iter().copied())
+        .unwrap()
+        .history(u64::MAX)
+        .unwrap();
     let grid: ImageGrid = grid.parse().unwrap();
     let track = Sharpness {
         unknown: Unknown::Track,
@@ -40,7 +44,7 @@ fn try_all(example: &str, folder: &Path, settings: &[(&str, &str)], grid: &str) 
         &MapDrift::default(),
     ];
     for method in methods {
-        let found = sharpened(&history, &grid, method);
+        let found = sharpened(&history, &grid, method, 6);
         println!(
             "{example}, {}: entropy {:.4} -> {:.4}, contrast {:.3} -> {:.3}",
             method.name(),
@@ -71,7 +75,12 @@ fn the_rail() {
             ("recording.range_bias", "0.45 m"),
             ("radar.first_pulse", "9.22 s"),
         ];
-        try_all("pulson-rail", &folder, &settings, "x=1.2:3.2:0.03,y=-4.8:-0.8:0.03,z=0.0375");
+        try_all(
+            "pulson-rail",
+            &folder,
+            &settings,
+            "x=1.2:3.2:0.03,y=-4.8:-0.8:0.03,z=0.0375",
+        );
     }
 }
 
@@ -79,6 +88,11 @@ fn the_rail() {
 fn the_scanner() {
     if let Some(folder) = real_folder("ti-mimo-scan", "stop2/01.bin") {
         // A vertical plane: the scanner goes up.
-        try_all("ti-mimo", &folder, &[], "x=0.8:4:0.04,y=-1:1:0.04,z=0,yaw=90,roll=90");
+        try_all(
+            "ti-mimo",
+            &folder,
+            &[],
+            "x=0.8:4:0.04,y=-1:1:0.04,z=0,yaw=90,roll=90",
+        );
     }
 }

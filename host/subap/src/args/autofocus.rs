@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args as Group, ValueEnum, ValueHint};
-use subaperture::autofocus::{Estimator, Measure, Unknown};
+use subaperture::autofocus::{Estimator, Goal, Measure, Unknown};
 use subaperture::geometry::ImageGrid;
 use subaperture::signal::window::Window;
 use subaperture::units::Dimension;
@@ -14,9 +14,11 @@ use super::{Input, Rehearsal, Writing};
 
 /// `subap autofocus`.
 #[derive(Debug, Group)]
-#[command(after_help = "Phases that blur an image, and the image without them:\n  \
+#[command(
+    after_help = "Phases that blur an image, and the image without them:\n  \
     subap autofocus a.cphd -o phase.csv --picture sharper.png\n  \
-    subap focus a.cphd --phase phase.csv --out sharper")]
+    subap focus a.cphd --phase phase.csv --out sharper"
+)]
 pub(crate) struct Autofocus {
     #[command(flatten)]
     pub(crate) input: Input,
@@ -64,6 +66,10 @@ pub(crate) struct Autofocus {
     /// Of sharpness: what is sought, phase or track
     #[arg(long, value_name = "WHAT", default_value_t)]
     pub(crate) unknown: Unknown,
+
+    /// Of sharpness: what patches are sharpened by, sharpness or entropy
+    #[arg(long, value_name = "GOAL", default_value_t)]
+    pub(crate) goal: Goal,
 
     /// Of sharpness: pixels that a patch has along either side, more than a point is blurred over
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = positive)]

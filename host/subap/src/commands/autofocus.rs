@@ -7,8 +7,8 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use subaperture::autofocus::{
-    Correction, Figures, MapDrift, Method, ModifiedPhaseGradient, PhaseGradient, Points, SharpenError,
-    Sharpened, Sharpness, Stopping, Subject, sharpen,
+    Correction, Figures, MapDrift, Method, ModifiedPhaseGradient, PhaseGradient, Points,
+    SharpenError, Sharpened, Sharpness, Stopping, Subject, sharpen,
 };
 use subaperture::focus::ImageFormer;
 use subaperture::focus::forecast::Forecast;
@@ -62,9 +62,8 @@ pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
     progress.finish();
     let found = found.map_err(|error| match error {
         SharpenError::Form(error) => anyhow::Error::new(error),
-        error @ SharpenError::TooFewPoints { .. } => {
-            anyhow::Error::new(error).context("look farther down with --within, or take another --method")
-        }
+        error @ SharpenError::TooFewPoints { .. } => anyhow::Error::new(error)
+            .context("look farther down with --within, or take another --method"),
         error => anyhow::Error::new(error),
     })?;
     interrupt::check()?;
@@ -80,7 +79,10 @@ pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
         put(path, &plot::panels(&panels, 2)?)?;
     }
     if session.json() {
-        return text::say_json("autofocus", record(session, typed, &history, &found, start)?);
+        return text::say_json(
+            "autofocus",
+            record(session, typed, &history, &found, start)?,
+        );
     }
     report(session, typed, &found, start)
 }
@@ -158,7 +160,7 @@ fn method(typed: &Autofocus) -> Box<dyn Method> {
                 unknown: typed.unknown,
                 points: points(default.points),
                 patch: typed.patch_pixels,
-                ..default
+                goal: typed.goal,
             })
         }
         Way::MapDrift => Box::new(MapDrift {
