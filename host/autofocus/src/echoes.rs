@@ -194,20 +194,20 @@ fn responses(
 ) -> Vec<Complex64> {
     let scale = 1.0 / fast.iter().sum::<f64>();
     let at = |point: &DVec3| -> Complex64 {
-        let weighted = samples.iter().zip(fast).enumerate();
+        let weighted = || samples.iter().zip(fast);
         if !pulse.sweep.is_at_once() {
             let middle = (samples.len() / 2) as f64;
             let term = |(k, (z, w)): (usize, (&num_complex::Complex32, &f64))| {
                 let path_m = pulse.relative_path_after_m(*point, k as f64 - middle);
                 widen(*z) * phasor(pulse.frequency_hz(k) * path_m / SPEED_OF_LIGHT_M_S) * *w
             };
-            return weighted.map(term).sum::<Complex64>() * scale;
+            return weighted().enumerate().map(term).sum::<Complex64>() * scale;
         }
         let delay_s = pulse.relative_path_m(*point) / SPEED_OF_LIGHT_M_S;
         let mut turning = phasor(pulse.start_hz * delay_s);
         let step = phasor(pulse.step_hz * delay_s);
         let mut sum = Complex64::ZERO;
-        for (_, (z, w)) in weighted {
+        for (z, w) in weighted() {
             sum += widen(*z) * turning * *w;
             // Rounding grows by 1e-16 a sample.
             turning *= step;

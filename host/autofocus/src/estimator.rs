@@ -81,14 +81,13 @@ pub(crate) fn phases_rad(estimator: Estimator, rows: &[Row], count: usize) -> Ve
 
 fn gradient(rows: &[Row], count: usize) -> Vec<f64> {
     let mut phase = 0.0;
-    let mut phases = vec![0.0; count];
-    for n in 1..count {
+    let steps = (1..count).map(|n| {
         let step = |row: &Row| row.values[n - 1].conj() * row.values[n] * row.weight;
         let sum: Complex64 = rows.iter().map(step).sum();
         phase += libm::atan2(sum.im, sum.re);
-        phases[n] = phase;
-    }
-    phases
+        phase
+    });
+    std::iter::once(0.0).chain(steps).take(count).collect()
 }
 
 fn eigenvector(rows: &[Row], count: usize) -> Vec<f64> {

@@ -1,7 +1,9 @@
-//! Unknown geometry found by the sharpness of the image: a search over a few parameters.
+//! Unknown geometry, phases and tracks found by the sharpness of the image.
 //!
 //! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
 //! has it as its module `autofocus`.
+//!
+//! # Parameters
 //!
 //! A search knows its parameters only by their intervals, and the image only by a figure of merit, larger is better:
 //! the caller says how values become a merit, usually through [`merit`]. It goes
@@ -32,6 +34,20 @@
 //! one surveyed reflector finds both, and the reflector then lies within 3 cm of its survey.
 //!
 //! Every evaluation is made once. The result depends on nothing but the merit: it is deterministic if that is.
+//!
+//! # Phases and tracks
+//!
+//! What changes from pulse to pulse is no matter of a few parameters. [`sharpen`] finds it by a [`Method`] and images of any
+//! former, and never makes an image worse:
+//!
+//! | method | finds | for |
+//! |---|---|---|
+//! | [`PhaseGradient`] | a phase a pulse | scenes with some bright points, any error that is alike for all of them |
+//! | [`ModifiedPhaseGradient`] | displacements of the antennas, two components a pulse | near scenes, points under different directions |
+//! | [`Sharpness`] | either, as curves of more and more numbers | scenes without points that stand alone; tracks seen from afar |
+//! | [`MapDrift`] | a polynomial of few terms | smooth errors, scenes without points |
+//!
+//! What comes out is a [`Correction`], and [`Corrected`] is the recording with it.
 #![forbid(unsafe_code)]
 
 mod anchor;

@@ -62,6 +62,10 @@ impl Method for MapDrift {
     fn propose(&self, look: &Look) -> Result<Option<Correction>, SharpenError> {
         let collection = look.history.collection();
         let (grid, turns) = (look.subject.grid, collection.num_turns());
+        if !look.kept {
+            // It would say the same again.
+            return Ok(None);
+        }
         let looks = self.looks.max(2);
         if turns < LEAST_PULSES * looks {
             return Err(SharpenError::TooShort {

@@ -68,7 +68,7 @@ const LEAST_POINTS: usize = 2;
 const REACH_CELLS: f64 = 1.5;
 
 /// Prior spread of displacements, in wavelengths, and of points' places, in range cells.
-const DISPLACEMENT_WAVELENGTHS: f64 = 8.0;
+const DISPLACEMENT_WAVELENGTHS: f64 = 2.0;
 const PLACE_CELLS: f64 = 0.5;
 
 impl Method for ModifiedPhaseGradient {

@@ -26,6 +26,9 @@ use super::echoes::wavenumber_rad_m;
 /// Error of range profiles, dB: far below what moves a maximum.
 const ERROR_DB: f64 = -45.0;
 
+/// Pulses that are summed in float32: sums of so many err by 1e-6 at most.
+const PULSES_A_RUN: usize = 16;
+
 /// Bytes of profiles held at a time.
 const BLOCK_BYTES: usize = 16 << 20;
 
@@ -155,13 +158,23 @@ impl Patch {
 
     /// The pixels, once phases are taken away.
     pub(crate) fn image(&self, phases_rad: &[f64]) -> Vec<Complex64> {
+        let count = self.count.max(1);
         let mut image = vec![Complex64::ZERO; self.count];
-        // Float32 within a pulse, float64 over pulses.
-        for (values, &phase) in self.values.chunks_exact(self.count.max(1)).zip(phases_rad) {
-            let phasor = narrow(cis(-phase));
-            for (sum, value) in image.iter_mut().zip(values) {
-                *sum += widen(value * phasor);
+        let mut some = vec![Complex32::ZERO; self.count];
+        // Float32 over some pulses, float64 over all.
+        let runs = self.values.chunks(count * PULSES_A_RUN);
+        for (values, phases_rad) in runs.zip(phases_rad.chunks(PULSES_A_RUN)) {
+            some.fill(Complex32::ZERO);
+            for (values, &phase) in values.chunks_exact(count).zip(phases_rad) {
+                let phasor = narrow(cis(-phase));
+                some.iter_mut()
+                    .zip(values)
+                    .for_each(|(sum, value)| *sum += value * phasor);
             }
+            image
+                .iter_mut()
+                .zip(&some)
+                .for_each(|(sum, some)| *sum += widen(*some));
         }
         image
     }
@@ -174,17 +187,26 @@ impl Patch {
         by_power: &[f64],
         phases_rad: &[f64],
     ) -> Vec<f64> {
-        let pulled: Vec<Complex64> = image
+        // In float32 but for a scale, by which nothing is too small for it.
+        let pull = |(z, &by): (&Complex64, &f64)| z.conj() * by;
+        let most = image
             .iter()
             .zip(by_power)
-            .map(|(z, &by)| z.conj() * by)
+            .map(|pair| pull(pair).norm_sqr())
+            .fold(0.0, f64::max)
+            .sqrt()
+            .max(f64::MIN_POSITIVE);
+        let pulled: Vec<Complex32> = image
+            .iter()
+            .zip(by_power)
+            .map(|pair| narrow(pull(pair) / most))
             .collect();
         let pulses = self.values.chunks_exact(self.count.max(1));
         pulses
             .zip(phases_rad)
             .map(|(values, &phase)| {
-                let sum: Complex64 = values.iter().zip(&pulled).map(|(b, z)| widen(*b) * z).sum();
-                2.0 * (sum * cis(-phase)).im
+                let sum: Complex32 = values.iter().zip(&pulled).map(|(b, z)| b * z).sum();
+                2.0 * most * (widen(sum) * cis(-phase)).im
             })
             .collect()
     }

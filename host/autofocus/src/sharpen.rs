@@ -111,6 +111,8 @@ pub struct Look<'a> {
     pub image: &'a Image,
     /// Rounds before this one.
     pub round: usize,
+    /// Whether what the last round proposed was kept; so it is in the first.
+    pub kept: bool,
 }
 
 impl Look<'_> {
@@ -233,6 +235,7 @@ pub fn sharpen(
             history: corrected.as_ref().map_or(subject.history, |c| c),
             image: &best.image,
             round,
+            kept: rounds.last().is_none_or(|round: &Round| round.kept),
         };
         let Some(more) = method.propose(&look)? else {
             break;

@@ -144,8 +144,8 @@ const FIRST_INTERVALS: usize = 4;
 const FREE_ROUNDS: usize = 3;
 
 /// Steps of a round at most, and the part of the value a step has to gain.
-const STEPS: usize = 80;
-const STILL: f64 = 1e-6;
+const STEPS: usize = 60;
+const STILL: f64 = 1e-5;
 
 /// How far the first step turns phases, radians.
 const FIRST_STEP_RAD: f64 = 0.3;
@@ -381,6 +381,101 @@ fn figure(goal: Goal, powers: &[Vec<f64>]) -> (f64, Vec<Vec<f64>>) {
             let log = |q: f64| libm::log((q / total).max(f64::MIN_POSITIVE));
             let entropy = -all().map(|&q| q / total * log(q)).sum::<f64>();
             (entropy, each(&|q| -(log(q) + entropy) / total))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use num_complex::Complex32;
+    use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
+    use subaperture_model::monitor::Silent;
+    use subaperture_model::phase_history::{Collection, InMemory, Pulse, Sweep};
+
+    /// Patches of 24 pulses from around a scene of noise, which is bright everywhere.
+    fn noise() -> Vec<Patch> {
+        let mut state = 3u64;
+        let mut uniform = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 40) as f32 / (1u64 << 24) as f32 - 0.5
+        };
+        let samples = (0..24 * 16)
+            .map(|_| Complex32::new(uniform(), uniform()))
+            .collect();
+        let pulse = |n: u32| {
+            let at_m = DVec3::new(0.05 * f64::from(n), -3.0, 0.3);
+            Pulse {
+                time_s: n.into(),
+                transmitter_m: at_m,
+                receiver_m: at_m,
+                reference_m: DVec3::ZERO,
+                reference_path_m: 6.0,
+                start_hz: 5e9,
+                step_hz: 20e6,
+                sweep: Sweep::AT_ONCE,
+            }
+        };
+        let collection = Collection {
+            name: "noise".to_owned(),
+            num_samples: 16,
+            pulses: (0..24).map(pulse).collect(),
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        };
+        let history = InMemory::new(collection, samples).unwrap();
+        let axis = |start| Axis {
+            start,
+            step: 0.1,
+            count: 30,
+        };
+        let grid = ImageGrid::horizontal(axis(-1.0), axis(-1.0), 0.0);
+        let places = [DVec3::new(0.2, 0.1, 0.0), DVec3::new(1.3, 1.0, 0.0)];
+        let pixels: Vec<_> = places.iter().map(|&p| pixels_around(&grid, p, 5)).collect();
+        patches(&history, &[1.0; 16], &pixels, &Silent).unwrap()
+    }
+
+    #[test]
+    fn gradients_are_those_of_differences() {
+        let patches = noise();
+        let axes = [DVec3::X, DVec3::Y];
+        let both = directions(&patches, axes, 24);
+        assert_eq!(both.len(), 2);
+        for goal in [Goal::Entropy, Goal::Sharpness] {
+            for (directions, step) in [(Vec::new(), 1e-3), (both.clone(), 1e-5)] {
+                for intervals in [3, 24] {
+                    let problem = Problem {
+                        patches: &patches,
+                        curves: Curves::new(intervals, 24),
+                        directions: directions.clone(),
+                        goal,
+                        turns: 24,
+                    };
+                    let count = problem.curves.count * directions.len().max(1);
+                    let at: Vec<f64> = (0..count)
+                        .map(|i| 100.0 * step * (i as f64 * 1.7).sin())
+                        .collect();
+                    let (_, gradient) = problem.value(&at);
+                    let largest = gradient.iter().fold(0.0f64, |most, g| most.max(g.abs()));
+                    for (i, analytic) in gradient.iter().enumerate() {
+                        let beside = |sign: f64| {
+                            let mut there = at.clone();
+                            there[i] += sign * step;
+                            problem.value(&there).0
+                        };
+                        let difference = (beside(1.0) - beside(-1.0)) / (2.0 * step);
+                        // Values are float32 sums of 24 pulses, 3e-7 of the figure of some units; over two steps of 1e-3 rad that is
+                        // 1e-3 of a slope of one. The third derivative adds 1e-6.
+                        assert!(
+                            (difference - analytic).abs() < 3e-3 * largest,
+                            "{goal} {i}: {difference} {analytic}"
+                        );
+                    }
+                }
+            }
         }
     }
 }

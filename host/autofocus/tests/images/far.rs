@@ -71,7 +71,7 @@ fn white_errors_of_two_radians_are_taken_away() {
             estimator,
             ..PhaseGradient::default()
         };
-        let found = sharpened(&history, &grid, &method, 4);
+        let found = sharpened(&history, &grid, &method, 3);
         let [before_db, after_db] = [at(&history), at(&corrected(&history, &found))];
         println!(
             "{estimator}: perfect {best_db:.3} dB, before {before_db:.3}, after {after_db:.3}"

@@ -38,7 +38,7 @@ fn white_errors_of_two_radians_are_taken_away() {
         .map(|_| 2.0 * random.gauss())
         .collect();
     let disturbed = Corrected::new(&history, &Correction::Phase { error_rad }).unwrap();
-    let found = sharpened(&disturbed, &grid, &PhaseGradient::default(), 4);
+    let found = sharpened(&disturbed, &grid, &PhaseGradient::default(), 2);
     let [best_db, before_db, after_db] = [
         reflector_db(&history),
         reflector_db(&disturbed),
@@ -71,7 +71,7 @@ fn a_random_walk_of_the_track_is_recovered() {
         unknown: Unknown::Track,
         ..Sharpness::default()
     };
-    let found = sharpened(&disturbed, &grid, &method, 12);
+    let found = sharpened(&disturbed, &grid, &method, 6);
     let [best_db, before_db, after_db] = [
         reflector_db(&history),
         reflector_db(&disturbed),

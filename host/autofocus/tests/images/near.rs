@@ -67,8 +67,8 @@ fn the_modified_one_sharpens_what_one_phase_for_all_does_not() {
         ..radar
     };
     let known = known.echoes(&points, &mut Random(1));
-    let stock = sharpened(&history, &grid, &PhaseGradient::default(), 5);
-    let modified = sharpened(&history, &grid, &ModifiedPhaseGradient::default(), 4);
+    let stock = sharpened(&history, &grid, &PhaseGradient::default(), 3);
+    let modified = sharpened(&history, &grid, &ModifiedPhaseGradient::default(), 2);
     let [by_stock, by_modified] = [&stock, &modified].map(|found| corrected(&history, found));
     let perfect_entropy = entropy(&form(&known, &grid));
     println!(

@@ -1,4 +1,5 @@
-//! Recordings by radars on an arm, on a rail and on a scanner, as they are: autofocus sharpens them or leaves them.
+//! Recordings by radars on an arm, on a rail and on a scanner, as they are: autofocus sharpens them or leaves them. Two rounds,
+//! on every second pulse of the longer ones, so that it takes seconds.
 
 use std::path::{Path, PathBuf};
 
@@ -44,7 +45,7 @@ fn try_all(example: &str, folder: &Path, settings: &[(&str, &str)], grid: &str) 
         &MapDrift::default(),
     ];
     for method in methods {
-        let found = sharpened(&history, &grid, method, 6);
+        let found = sharpened(&history, &grid, method, 2);
         println!(
             "{example}, {}: entropy {:.4} -> {:.4}, contrast {:.3} -> {:.3}",
             method.name(),
@@ -63,7 +64,8 @@ fn the_arc() {
         ("arcsar-10", "Prova_Esterna_10.bin"),
     ] {
         if let Some(folder) = real_folder("arcsar-awr1642", data) {
-            try_all(name, &folder, &[], "r=2:6:0.03,theta=60:120:0.3");
+            let settings = [("recording.every", "2")];
+            try_all(name, &folder, &settings, "r=2:6:0.04,theta=60:120:0.4");
         }
     }
 }
@@ -72,6 +74,7 @@ fn the_arc() {
 fn the_rail() {
     if let Some(folder) = real_folder("pulson440-rail", "rail_trial6.npz") {
         let settings = [
+            ("recording.every", "2"),
             ("recording.range_bias", "0.45 m"),
             ("radar.first_pulse", "9.22 s"),
         ];
