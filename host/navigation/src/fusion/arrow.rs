@@ -1,0 +1,301 @@
+//! Normal equations of a chain: each link with itself and the next, and all with what is common to them.
+//!
+//! ```text
+//! | D_0  E_0            B_0 |
+//! | E_0' D_1  E_1       B_1 |
+//! |      E_1' D_2  ..   B_2 |
+//! | B_0' B_1' B_2  ..   C   |
+//! ```
+//!
+//! Its Cholesky factor has the same form, so that time and memory grow with the number of links. With `L_i` the factor of what is left of `D_i`, `W_i =
+//! L_i^-1 E_i` and `V_i = L_i^-1 B_i` (what is left of it),
+//!
+//! ```text
+//! D_(i+1) -= W_i' W_i      B_(i+1) -= W_i' V_i      C -= V_i' V_i
+//! ```
+//!
+//! The inverse at the places where the matrix is not 0 follows backwards: `x_i = -A_i x_(i+1) - F_i g` and noise of `(L_i L_i')^-1`, with `A_i = L_i^-T W_i`
+//! and `F_i = L_i^-T V_i`, so that its blocks are those of this linear model's covariances. (This is the fixed-interval smoother of Rauch, Tung
+//! and Striebel, in information form.)
+
+use super::matrix::{
+    Matrix, backward, factor, forward, inverse, less, plus, times, transposed, zero,
+};
+
+/// The matrix of a link's and its right side, `N` unknowns a link, `G` common ones.
+#[derive(Clone)]
+pub(super) struct Link<const N: usize, const G: usize> {
+    pub(super) own: Matrix<N, N>,
+    /// With the next.
+    pub(super) next: Matrix<N, N>,
+    pub(super) common: Matrix<N, G>,
+    pub(super) right: [f64; N],
+}
+
+/// The equations.
+pub(super) struct Arrow<const N: usize, const G: usize> {
+    pub(super) links: Vec<Link<N, G>>,
+    pub(super) common: Matrix<G, G>,
+    pub(super) right: [f64; G],
+}
+
+/// Its factor: of each link `L`, `W`, `V` and the right side so far.
+pub(super) struct Factored<const N: usize, const G: usize> {
+    links: Vec<Link<N, G>>,
+    common: Matrix<G, G>,
+    right: [f64; G],
+}
+
+/// Covariances of a link: with itself, the next, and the common ones.
+#[derive(Clone)]
+pub(super) struct Covariance<const N: usize, const G: usize> {
+    pub(super) own: Matrix<N, N>,
+    pub(super) next: Matrix<N, N>,
+    pub(super) common: Matrix<N, G>,
+}
+
+fn column<const N: usize>(values: &[f64; N]) -> Matrix<N, 1> {
+    values.map(|value| [value])
+}
+
+fn values<const N: usize>(column: &Matrix<N, 1>) -> [f64; N] {
+    column.map(|[value]| value)
+}
+
+impl<const N: usize, const G: usize> Arrow<N, G> {
+    pub(super) fn new(links: usize) -> Self {
+        let empty = Link {
+            own: zero(),
+            next: zero(),
+            common: zero(),
+            right: [0.0; N],
+        };
+        Self {
+            links: vec![empty; links],
+            common: zero(),
+            right: [0.0; G],
+        }
+    }
+
+    /// The factor; none if the matrix is not positive definite, with the link at which that shows.
+    pub(super) fn factor(mut self) -> Result<Factored<N, G>, usize> {
+        for i in 0..self.links.len() {
+            let (done, rest) = self.links.split_at_mut(i + 1);
+            let link = &mut done[i];
+            let lower = factor(&link.own).ok_or(i)?;
+            let mut right = column(&link.right);
+            forward(&lower, &mut link.next);
+            forward(&lower, &mut link.common);
+            forward(&lower, &mut right);
+            link.own = lower;
+            link.right = values(&right);
+            if let Some(next) = rest.first_mut() {
+                let mut left = column(&next.right);
+                less(&mut next.own, &link.next, &link.next);
+                less(&mut next.common, &link.next, &link.common);
+                less(&mut left, &link.next, &right);
+                next.right = values(&left);
+            }
+            let mut left = column(&self.right);
+            less(&mut self.common, &link.common, &link.common);
+            less(&mut left, &link.common, &right);
+            self.right = values(&left);
+        }
+        let lower = factor(&self.common).ok_or(self.links.len())?;
+        let mut right = column(&self.right);
+        forward(&lower, &mut right);
+        Ok(Factored {
+            links: self.links,
+            common: lower,
+            right: values(&right),
+        })
+    }
+}
+
+impl<const N: usize, const G: usize> Factored<N, G> {
+    /// The solution: of each link, and the common ones.
+    pub(super) fn solution(&self) -> (Vec<[f64; N]>, [f64; G]) {
+        let rights = self.links.iter().map(|link| link.right);
+        self.back(rights.collect(), self.right)
+    }
+
+    /// What has the inverse as its covariance, of independent numbers of variance 1.
+    pub(super) fn coloured(&self, mut white: impl FnMut() -> f64) -> (Vec<[f64; N]>, [f64; G]) {
+        let links = self.links.iter().map(|_| std::array::from_fn(|_| white()));
+        let links: Vec<[f64; N]> = links.collect();
+        let common = std::array::from_fn(|_| white());
+        self.back(links, common)
+    }
+
+    /// `L^-T` of a vector.
+    fn back(&self, mut links: Vec<[f64; N]>, common: [f64; G]) -> (Vec<[f64; N]>, [f64; G]) {
+        let mut common = column(&common);
+        backward(&self.common, &mut common);
+        let mut next: Option<Matrix<N, 1>> = None;
+        for (link, x) in self.links.iter().zip(&mut links).rev() {
+            let mut own = column(x);
+            if let Some(next) = &next {
+                less(&mut own, &transposed(&link.next), next);
+            }
+            less(&mut own, &transposed(&link.common), &common);
+            backward(&link.own, &mut own);
+            *x = values(&own);
+            next = Some(own);
+        }
+        (links, values(&common))
+    }
+
+    /// Covariances of the solution: of each link, and of the common ones.
+    pub(super) fn covariances(&self) -> (Vec<Covariance<N, G>>, Matrix<G, G>) {
+        let common = inverse(&self.common);
+        let mut all: Vec<Covariance<N, G>> = Vec::with_capacity(self.links.len());
+        for link in self.links.iter().rev() {
+            let mut along = link.next;
+            backward(&link.own, &mut along);
+            let mut with = link.common;
+            backward(&link.own, &mut with);
+            let negative = |a: Matrix<N, N>| a.map(|row| row.map(|value| -value));
+            let zeros = zero();
+            let (next_own, next_common) = match all.last() {
+                Some(next) => (&next.own, &next.common),
+                None => (&zeros, &zero()),
+            };
+            let by_common = times(&with, &transposed(next_common));
+            let next = negative(plus(&times(&along, next_own), &by_common));
+            let sum = plus(&times(&along, next_common), &times(&with, &common));
+            let common_with = sum.map(|row| row.map(|value| -value));
+            let mut own = inverse(&link.own);
+            less(&mut own, &transposed(&next), &transposed(&along));
+            less(&mut own, &transposed(&common_with), &transposed(&with));
+            all.push(Covariance {
+                own,
+                next,
+                common: common_with,
+            });
+        }
+        all.reverse();
+        (all, common)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A chain of 4 links of 3 unknowns and 2 common ones, and the same matrix whole.
+    fn chain() -> (Arrow<3, 2>, Vec<Vec<f64>>, Vec<f64>) {
+        let mut arrow = Arrow::<3, 2>::new(4);
+        let size = 14;
+        let mut whole = vec![vec![0.0; size]; size];
+        let mut right = vec![0.0; size];
+        // Sums of squares of rows that touch a link, its next and the common ones, and a little of each unknown.
+        for n in 0..60 {
+            let i = n % 4;
+            let mut row = vec![0.0; size];
+            let at = |k: usize| ((n * 31 + k * 17) as f64 * 0.7).sin();
+            for k in 0..3 {
+                row[3 * i + k] = at(k);
+                if i < 3 {
+                    row[3 * i + 3 + k] = at(k + 3);
+                }
+            }
+            row[12] = at(6);
+            row[13] = at(7);
+            for a in 0..size {
+                right[a] += row[a] * at(8);
+                for b in 0..size {
+                    whole[a][b] += row[a] * row[b];
+                }
+            }
+        }
+        for a in 0..size {
+            whole[a][a] += 0.1;
+        }
+        for (i, link) in arrow.links.iter_mut().enumerate() {
+            for a in 0..3 {
+                link.right[a] = right[3 * i + a];
+                for b in 0..3 {
+                    link.own[a][b] = whole[3 * i + a][3 * i + b];
+                    if i < 3 {
+                        link.next[a][b] = whole[3 * i + a][3 * i + 3 + b];
+                    }
+                }
+                for b in 0..2 {
+                    link.common[a][b] = whole[3 * i + a][12 + b];
+                }
+            }
+        }
+        for a in 0..2 {
+            arrow.right[a] = right[12 + a];
+            for b in 0..2 {
+                arrow.common[a][b] = whole[12 + a][12 + b];
+            }
+        }
+        (arrow, whole, right)
+    }
+
+    #[test]
+    fn the_solution_fulfils_the_equations() {
+        let (arrow, whole, right) = chain();
+        let (links, common) = arrow.factor().ok().unwrap().solution();
+        let x: Vec<f64> = links.iter().flatten().chain(&common).copied().collect();
+        for (row, right) in whole.iter().zip(right) {
+            let sum: f64 = row.iter().zip(&x).map(|(a, x)| a * x).sum();
+            assert!((sum - right).abs() < 1e-11, "{sum} {right}");
+        }
+    }
+
+    /// The matrix times the inverse's columns is the identity, seen in a column: the blocks that are known of a column of link 1 are
+    /// those of links 0, 1 and 2 and the common ones; the rest of the column, of link 3, follows from the rows of link 2.
+    #[test]
+    fn covariances_are_those_of_the_inverse() {
+        let (arrow, whole, _) = chain();
+        let (all, common) = arrow.factor().ok().unwrap().covariances();
+        // The whole inverse by elimination.
+        let size = whole.len();
+        let mut left = whole.clone();
+        let mut inverse: Vec<Vec<f64>> = (0..size)
+            .map(|i| (0..size).map(|j| f64::from(u8::from(i == j))).collect())
+            .collect();
+        for p in 0..size {
+            let pivot = left[p][p];
+            for j in 0..size {
+                left[p][j] /= pivot;
+                inverse[p][j] /= pivot;
+            }
+            for i in (0..size).filter(|&i| i != p) {
+                let factor = left[i][p];
+                for j in 0..size {
+                    left[i][j] -= factor * left[p][j];
+                    inverse[i][j] -= factor * inverse[p][j];
+                }
+            }
+        }
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-10, "{a} {b}");
+        for (i, link) in all.iter().enumerate() {
+            for a in 0..3 {
+                for b in 0..3 {
+                    near(link.own[a][b], inverse[3 * i + a][3 * i + b]);
+                    if i < 3 {
+                        near(link.next[a][b], inverse[3 * i + a][3 * i + 3 + b]);
+                    }
+                }
+                for b in 0..2 {
+                    near(link.common[a][b], inverse[3 * i + a][12 + b]);
+                }
+            }
+        }
+        for a in 0..2 {
+            for b in 0..2 {
+                near(common[a][b], inverse[12 + a][12 + b]);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_definite_is_told_with_its_link() {
+        let (mut arrow, ..) = chain();
+        arrow.links[2].own = zero();
+        assert_eq!(arrow.factor().err(), Some(2));
+    }
+}

@@ -1,0 +1,413 @@
+//! One track of the radar's own motion, a receiver's positions and an inertial solution.
+//!
+//! The radar knows how it moved from one pulse to the next to some micrometres, and nothing of where it is; errors of its increments add up. A receiver
+//! knows where it is, to decimetres. An inertial solution knows how it is turned and bridges seconds, and drifts. [`fuse`] finds the track of which
+//! all that was measured is most likely, over all of the time at once, so that what comes later corrects what was before (Chim 2018 asks for that in 7.6 and 8.2 and
+//! leaves it open): by nonlinear least squares over the states of all moments, whose normal equations are a chain and solved as one (`arrow`). That
+//! is a smoother of a fixed interval; unlike a filter run forwards and backwards it takes all headings, clocks and arms anew with each step, so that nothing
+//! is left of where they were first thought to be.
+//!
+//! **Frame.** Any Cartesian one whose z is up: local axes, or those of a scene. The heading is the angle from its x axis to the radar's x axis, against the clock seen from
+//! above. Times are the radar's; other clocks are ahead of it by numbers that are estimated.
+//!
+//! **Scale.** What drifts of MPGA is mostly the length of its x, along the array: angles of arrival carry it, and only the receive baseline and
+//! absolute ranges hold it. So increments are taken for too long by a share that changes slowly and is estimated; positions over tens of metres and the
+//! inertial velocity determine it, to parts in ten thousand, and the rest of an aperture's error is the increments' own noise.
+//!
+//! **What can be found.** Clocks only where velocity or heading change, else a lever arm along the way is the same; arms in the plane only where the
+//! body turns, their height never; squint where the body moves. What the data do not determine keeps what was assumed: [`Found::told`] says so.
+//!
+//! **Cost.** Measurements make moments, up to 2000 increments a second ride between them: 20 kB a moment, 400 bytes an increment, and about a
+//! second a minute of navigation at 20 moments a second.
+
+mod arrow;
+mod bundle;
+mod fill;
+mod guess;
+mod input;
+mod matrix;
+mod of_log;
+mod solve;
+mod terms;
+mod timeline;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use subaperture_model::monitor::Monitor;
+use subaperture_model::track::{Fix, turned};
+
+pub use input::{Assumed, Increment, Inertial, Inputs, Model, Position};
+pub use of_log::{Unstated, inertial, positions};
+
+use bundle::Bundle;
+use terms::{ARMS, CLOCKS, COMMON, OWN, Of, P, PSI, Problem, SQUINT, State, V};
+use timeline::Timeline;
+
+/// Clocks that turn out otherwise by more than this move the moments, seconds.
+const MOVED_S: f64 = 1e-3;
+/// How often.
+const MOST_MOVES: usize = 6;
+
+/// Why there is no track.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum FusionError {
+    /// A measurement cannot be computed with.
+    #[error("{what} {number}, at {time_s} s, has {fault}")]
+    Input {
+        /// Of which kind.
+        what: &'static str,
+        /// Which, from 1.
+        number: usize,
+        /// When.
+        time_s: f64,
+        /// What is wrong with it.
+        fault: &'static str,
+    },
+    /// An assumption cannot be made.
+    #[error(
+        "{name} is {value}: it has to be a finite number, and not negative where it is a spread"
+    )]
+    Model {
+        /// Which.
+        name: &'static str,
+        /// What it is.
+        value: f64,
+    },
+    /// Nothing says where the radar is.
+    #[error(
+        "no position, of a receiver or an inertial solution: increments alone do not tell where they begin"
+    )]
+    Nowhere,
+    /// The state does not follow.
+    #[error("what was measured does not determine the track{}", time_s.map(|t| format!(" at {t} s")).unwrap_or_default())]
+    Undetermined {
+        /// Where that showed.
+        time_s: Option<f64>,
+    },
+    /// The least squares did not come to an end.
+    #[error(
+        "the least squares were not settled after {steps} steps: measurements contradict each other"
+    )]
+    Unsettled {
+        /// How many.
+        steps: usize,
+    },
+    /// It was asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// What a part of the track rests on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Basis {
+    /// The radar's own increments.
+    Radar,
+    /// There were none, or they were not believed: bridged by the rest.
+    Bridged,
+}
+
+/// A moment of the track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// When, seconds of the radar's clock.
+    pub time_s: f64,
+    /// Where the radar is, metres.
+    pub position_m: DVec3,
+    /// How fast, metres a second.
+    pub velocity_m_s: DVec3,
+    /// Of its x axis, radians against the clock; goes on past half a turn.
+    pub heading_rad: f64,
+    /// How it is turned: x forward, y left, z up.
+    pub attitude: DQuat,
+    /// Of x, y, z and heading.
+    pub covariance: [[f64; 4]; 4],
+    /// What it rests on.
+    pub basis: Basis,
+}
+
+/// A number that was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// Most likely.
+    pub value: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+    /// What was assumed of that.
+    pub assumed_sigma: f64,
+}
+
+impl Found {
+    /// Whether the data told it at all: by a tenth better than it was known.
+    pub fn told(&self) -> bool {
+        self.sigma < 0.9 * self.assumed_sigma
+    }
+}
+
+/// A time of one kind of measurement that was left out for being far off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outlier {
+    /// Of what.
+    pub of: Measured,
+    /// Seconds of the radar's clock.
+    pub time_s: f64,
+    /// How much it counts, 0 to 1.
+    pub weight: f64,
+}
+
+/// What was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Measured {
+    /// Increments of the radar, those up to a tenth of a second together.
+    Increments,
+    /// A receiver's position.
+    Position,
+    /// A receiver's velocity.
+    Velocity,
+    /// An inertial position.
+    InertialPosition,
+    /// An inertial velocity.
+    InertialVelocity,
+    /// An inertial heading.
+    InertialHeading,
+}
+
+/// The track, and what else was found.
+pub struct Fused {
+    /// At every measurement and every edge of an increment, in the order of time.
+    pub samples: Vec<Sample>,
+    /// By how much the receiver's clock is ahead of the radar's, seconds.
+    pub receiver_clock_s: Found,
+    /// By how much the inertial solution's clock is ahead.
+    pub inertial_clock_s: Found,
+    /// From the inertial solution's x axis to the radar's, radians.
+    pub squint_rad: Found,
+    /// From the radar to the receiver's antenna, along the radar's axes, metres.
+    pub receiver_arm_m: [Found; 3],
+    /// From the radar to the place of the inertial solution.
+    pub inertial_arm_m: [Found; 3],
+    /// The share by which the radar's x is too long, at the middle of the time.
+    pub scale: Found,
+    /// Measurements that count by less than half.
+    pub outliers: Vec<Outlier>,
+    /// Squares of errors in standard deviations, as they count, and of how many numbers: about as many, where noise is what was stated.
+    pub chi_square: [f64; 2],
+    /// Steps of the least squares.
+    pub steps: usize,
+    solved: solve::Solved,
+    times_s: Vec<f64>,
+}
+
+/// Where, how fast and how turned at the moments of measurements.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plausible {
+    /// Seconds.
+    pub times_s: Vec<f64>,
+    /// Metres.
+    pub positions_m: Vec<DVec3>,
+    /// Metres a second.
+    pub velocities_m_s: Vec<DVec3>,
+    /// Radians.
+    pub headings_rad: Vec<f64>,
+}
+
+impl Fused {
+    /// A track as likely as what is known allows: the estimate, and an error of its covariance over all of the time at once, made of independent normal
+    /// numbers. What images of some of them have in common can be trusted.
+    pub fn plausible(&self, white: impl FnMut() -> f64) -> Plausible {
+        let (errors, _) = self.solved.factored.coloured(white);
+        let moments = self.solved.state.moments.iter().zip(&errors);
+        let all: Vec<[f64; OWN]> = moments
+            .map(|(x, error)| std::array::from_fn(|k| x[k] + error[k]))
+            .collect();
+        Plausible {
+            times_s: self.times_s.clone(),
+            positions_m: all.iter().map(|x| terms::vector(x, P)).collect(),
+            velocities_m_s: all.iter().map(|x| terms::vector(x, V)).collect(),
+            headings_rad: all.iter().map(|x| x[PSI]).collect(),
+        }
+    }
+
+    /// The track as fixes.
+    pub fn fixes(&self) -> Vec<Fix> {
+        let fix = |sample: &Sample| Fix {
+            time_s: sample.time_s,
+            position_m: sample.position_m,
+            attitude: Some(sample.attitude),
+        };
+        self.samples.iter().map(fix).collect()
+    }
+}
+
+/// The track of which all that was measured is most likely.
+///
+/// # Errors
+/// [`FusionError`].
+pub fn fuse(
+    inputs: &Inputs<'_>,
+    model: &Model,
+    monitor: &dyn Monitor,
+) -> Result<Fused, FusionError> {
+    inputs.check()?;
+    model.check()?;
+    let mut clocks_s = [model.receiver_clock_s.value, model.inertial_clock_s.value];
+    for turn in 0.. {
+        let problem = problem(*inputs, model, clocks_s);
+        let mut state = State {
+            moments: guess::guess(
+                inputs,
+                &problem.timeline,
+                &problem.bundles,
+                clocks_s,
+                model.squint_rad.value,
+            ),
+            common: [0.0; COMMON],
+        };
+        for (k, value, _) in terms::assumed(model) {
+            state.common[k] = value;
+        }
+        for (k, clock_s) in CLOCKS.into_iter().zip(clocks_s) {
+            state.common[k] = clock_s;
+        }
+        let done = turn as f64 / MOST_MOVES as f64;
+        let progress = |share: f64| monitor.progress((done + share / MOST_MOVES as f64).min(1.0));
+        let problem = Problem {
+            about: state.moments[0],
+            ..problem
+        };
+        let solved = solve::solve(&problem, state, monitor, progress)?;
+        let found = CLOCKS.map(|k| solved.state.common[k]);
+        let off = (found[0] - clocks_s[0])
+            .abs()
+            .max((found[1] - clocks_s[1]).abs());
+        if off > MOVED_S && turn < MOST_MOVES {
+            clocks_s = found;
+            continue;
+        }
+        monitor.progress(1.0);
+        return Ok(told(&problem, solved));
+    }
+    Err(FusionError::Nowhere)
+}
+
+/// Moments, and what is between them.
+fn problem<'a>(inputs: Inputs<'a>, model: &'a Model, clocks_s: [f64; 2]) -> Problem<'a> {
+    let timeline = Timeline::new(&inputs, clocks_s);
+    let bundle = |range: &Option<std::ops::Range<usize>>| {
+        range
+            .clone()
+            .map(|range| Bundle::of(&inputs.increments[range]))
+    };
+    let bundles: Vec<Option<Bundle>> = timeline.stretches.iter().map(bundle).collect();
+    let rate = |i: usize| {
+        let of = |i: usize| {
+            let dt = timeline.times_s[i + 1] - timeline.times_s[i];
+            Some(bundles.get(i)?.as_ref()?.moved[2] / dt)
+        };
+        let before = i.checked_sub(1).and_then(of);
+        let after = if i < bundles.len() { of(i) } else { None };
+        match (before, after) {
+            (Some(a), Some(b)) => (a + b) / 2.0,
+            (a, b) => a.or(b).unwrap_or(0.0),
+        }
+    };
+    let tilt = |&time_s: &f64| {
+        let all = inputs.inertial;
+        let time_s = time_s + clocks_s[1];
+        let after = all.partition_point(|one| one.time_s <= time_s);
+        let [roll, pitch] = match (after.checked_sub(1).map(|n| &all[n]), all.get(after)) {
+            (Some(a), Some(b)) => {
+                let u = (time_s - a.time_s) / (b.time_s - a.time_s);
+                [0, 1]
+                    .map(|k| a.roll_pitch_rad[k] + u * (b.roll_pitch_rad[k] - a.roll_pitch_rad[k]))
+            }
+            (Some(one), None) | (None, Some(one)) => one.roll_pitch_rad,
+            (None, None) => [0.0; 2],
+        };
+        let squint = DMat3::from_quat(turned(0.0, 0.0, model.squint_rad.value));
+        squint.transpose() * DMat3::from_quat(turned(roll, pitch, 0.0)) * squint
+    };
+    Problem {
+        inputs,
+        model,
+        rates: (0..timeline.times_s.len()).map(rate).collect(),
+        tilts: timeline.times_s.iter().map(tilt).collect(),
+        bundles,
+        timeline,
+        clocks_s,
+        about: [0.0; OWN],
+    }
+}
+
+/// What came out, in words and numbers.
+fn told(problem: &Problem<'_>, solved: solve::Solved) -> Fused {
+    let (known, common) = solved.factored.covariances();
+    let mut believed: Vec<bool> = problem.bundles.iter().map(Option::is_some).collect();
+    let mut outliers = Vec::new();
+    let times_s = &problem.timeline.times_s;
+    solve::weights(problem, &solved.state, &mut |of, weight| {
+        if weight >= 0.5 {
+            return;
+        }
+        let (measured, moment, late_s) = match of {
+            Of::Radar(i) => {
+                believed[i] = false;
+                (Measured::Increments, i, 0.0)
+            }
+            Of::Position(n) => {
+                let (moment, late_s) = problem.timeline.positions[n];
+                (Measured::Position, moment, late_s)
+            }
+            Of::Velocity(n) => {
+                let (moment, late_s) = problem.timeline.positions[n];
+                (Measured::Velocity, moment, late_s)
+            }
+            Of::Inertial(n, part) => {
+                let (moment, late_s) = problem.timeline.inertial[n];
+                let measured = match part {
+                    0 => Measured::InertialPosition,
+                    1 => Measured::InertialVelocity,
+                    _ => Measured::InertialHeading,
+                };
+                (measured, moment, late_s)
+            }
+            Of::Model => return,
+        };
+        outliers.push(Outlier {
+            of: measured,
+            time_s: times_s[moment] + late_s,
+            weight,
+        });
+    });
+    let assumed: Vec<(usize, f64)> = terms::assumed(problem.model)
+        .map(|(k, _, sigma)| (k, sigma))
+        .collect();
+    let found = |k: usize| Found {
+        value: solved.state.common[k],
+        sigma: common[k][k].sqrt(),
+        assumed_sigma: assumed
+            .iter()
+            .find(|one| one.0 == k)
+            .map_or(0.0, |one| one.1),
+    };
+    let arm = |which: usize| [0, 1, 2].map(|k| found(ARMS[which] + k));
+    let middle = solved.state.moments.len() / 2;
+    Fused {
+        samples: fill::fill(problem, &solved, &known, &believed),
+        receiver_clock_s: found(CLOCKS[0]),
+        inertial_clock_s: found(CLOCKS[1]),
+        squint_rad: found(SQUINT),
+        receiver_arm_m: arm(0),
+        inertial_arm_m: arm(1),
+        scale: Found {
+            value: solved.state.moments[middle][terms::S],
+            sigma: known[middle].own[terms::S][terms::S].sqrt(),
+            assumed_sigma: problem.model.scale,
+        },
+        outliers,
+        chi_square: [solved.sum, solved.numbers as f64],
+        steps: solved.steps,
+        times_s: times_s.clone(),
+        solved,
+    }
+}

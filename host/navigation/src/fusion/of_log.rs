@@ -1,0 +1,89 @@
+//! What a log says, as measurements to fuse.
+
+use glam::{DVec3, EulerRot};
+
+use subaperture_model::geometry::SceneFrame;
+
+use super::{Inertial, Position};
+use crate::{GpsTime, Kind, Log, Record};
+
+/// Standard deviations of what a log states without.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unstated {
+    /// Of places, metres.
+    pub place_m: f64,
+    /// Of velocities, metres a second.
+    pub velocity_m_s: f64,
+    /// Of headings, degrees.
+    pub heading_deg: f64,
+}
+
+impl Default for Unstated {
+    /// Of a receiver without corrections and a small inertial unit.
+    fn default() -> Self {
+        Self {
+            place_m: 1.5,
+            velocity_m_s: 0.1,
+            heading_deg: 0.5,
+        }
+    }
+}
+
+/// Standard deviations along a frame's axes of those along east, north and up; the whole of those that are not stated.
+fn along(record: &Record, frame: &SceneFrame, stated: Option<DVec3>, unstated: f64) -> DVec3 {
+    let Some((stated, turn)) = stated.zip(record.to_scene(frame)) else {
+        return DVec3::splat(unstated);
+    };
+    let [east, north, up] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| turn * axis);
+    let square = |axis: DVec3, sigma: f64| axis * axis * sigma * sigma;
+    let sum = square(east, stated.x) + square(north, stated.y) + square(up, stated.z);
+    // What is stated as 0 is not known to a tenth of a millimetre either.
+    DVec3::from(sum.to_array().map(|variance| variance.sqrt().max(1e-4)))
+}
+
+/// The places of a kind of records in a frame, times counted from `start`; with velocities, if wanted (NMEA has none upwards).
+pub fn positions(
+    log: &Log,
+    kind: Kind,
+    frame: &SceneFrame,
+    start: GpsTime,
+    unstated: &Unstated,
+) -> Vec<Position> {
+    let position = |record: &Record| {
+        Some(Position {
+            time_s: record.time.since(start),
+            position_m: record.place?.in_frame(frame)?,
+            sigma_m: along(record, frame, record.place_sigma_m, unstated.place_m),
+            velocity_m_s: None,
+        })
+    };
+    log.of(kind).filter_map(position).collect()
+}
+
+/// The places, velocities and attitudes of a kind of records in a frame, times counted from `start`.
+///
+/// Standard deviations are those from one record to the next, which no log states: `unstated` has them. (Those that logs state are of errors that drift.)
+pub fn inertial(
+    log: &Log,
+    kind: Kind,
+    frame: &SceneFrame,
+    start: GpsTime,
+    unstated: &Unstated,
+) -> Vec<Inertial> {
+    let moment = |record: &Record| {
+        let turn = record.to_scene(frame)?;
+        let attitude = record.attitude.map(|a| turn * a.to_east_north_up());
+        let angles = attitude.map(|attitude| attitude.to_euler(EulerRot::ZYX));
+        let spread = DVec3::splat;
+        Some(Inertial {
+            time_s: record.time.since(start),
+            position_m: Some([record.place?.in_frame(frame)?, spread(unstated.place_m)]),
+            velocity_m_s: record
+                .velocity_m_s
+                .map(|velocity| [turn * velocity, spread(unstated.velocity_m_s)]),
+            heading_rad: angles.map(|(yaw, ..)| [yaw, unstated.heading_deg.to_radians()]),
+            roll_pitch_rad: angles.map_or([0.0; 2], |(_, pitch, roll)| [roll, pitch]),
+        })
+    };
+    log.of(kind).filter_map(moment).collect()
+}

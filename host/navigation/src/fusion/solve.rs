@@ -1,0 +1,222 @@
+//! The least squares: Gauss and Newton's steps, with what is far off counting less.
+//!
+//! Terms of the radar, of positions and of the inertial solution are vectors of d numbers over their standard deviations; `a = sqrt(d) + 2` is passed by
+//! three in a thousand Gaussian ones. At first all count in full; then those beyond `a` by their length alone (Huber), which has one solution and
+//! brings outliers to light; at last those beyond `2 a` less and less and those beyond `4 a` not at all (Hampel), so that no outlier
+//! moves the result, however far it is off.
+
+use subaperture_model::monitor::Monitor;
+
+use super::FusionError;
+use super::arrow::{Arrow, Factored};
+use super::terms::{COMMON, OWN, Of, Problem, State};
+
+/// Steps at most, of each kind of weights.
+const MOST_STEPS: usize = 40;
+/// A step that promises less of the sum of squares is the last: it moves nothing by more than a hundredth of its standard deviation.
+const ENOUGH: f64 = 1e-4;
+
+/// How far off counts how much.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Count {
+    Full,
+    Huber,
+    Hampel,
+}
+
+/// The weight of a term of `count` numbers whose length is `off`, and what it adds to the sum.
+fn weight(how: Count, count: usize, off: f64) -> (f64, f64) {
+    let a = (count as f64).sqrt() + 2.0;
+    let (b, c) = (2.0 * a, 4.0 * a);
+    match how {
+        Count::Full => (1.0, off * off),
+        _ if off <= a => (1.0, off * off),
+        Count::Huber => (a / off, a * (2.0 * off - a)),
+        Count::Hampel if off <= b => (a / off, a * (2.0 * off - a)),
+        Count::Hampel => {
+            let most = a * (2.0 * b - a) + a * (c - b);
+            let left = (c - off).max(0.0);
+            (a * left / (c - b) / off, most - a * left * left / (c - b))
+        }
+    }
+}
+
+/// What the least squares came to.
+pub(super) struct Solved {
+    pub(super) state: State,
+    pub(super) factored: Factored<OWN, COMMON>,
+    /// The sum of squares of what was measured, each as it counts, and of how many numbers.
+    pub(super) sum: f64,
+    pub(super) numbers: usize,
+    pub(super) steps: usize,
+}
+
+/// The sum that is made least.
+fn sum(problem: &Problem<'_>, state: &State, how: Count) -> f64 {
+    let mut sum = 0.0;
+    problem.terms(state, &mut |of, _, rows| {
+        let square: f64 = rows.iter().map(|row| row.off * row.off).sum();
+        sum += match of {
+            Of::Model => square,
+            _ => weight(how, rows.len(), square.sqrt()).1,
+        };
+    });
+    sum
+}
+
+fn equations(problem: &Problem<'_>, state: &State, how: Count) -> Arrow<OWN, COMMON> {
+    let mut arrow = Arrow::new(state.moments.len());
+    problem.terms(state, &mut |of, i, rows| {
+        let square: f64 = rows.iter().map(|row| row.off * row.off).sum();
+        let share = match of {
+            Of::Model => 1.0,
+            _ => weight(how, rows.len(), square.sqrt()).0,
+        };
+        if share == 0.0 {
+            return;
+        }
+        for row in rows {
+            let filled = row
+                .slope
+                .iter()
+                .enumerate()
+                .filter(|(_, slope)| **slope != 0.0);
+            for (k, slope) in filled.clone() {
+                let weighted = share * slope;
+                let right = -weighted * row.off;
+                match k / OWN {
+                    0 => arrow.links[i].right[k] += right,
+                    1 => arrow.links[i + 1].right[k - OWN] += right,
+                    _ => arrow.right[k - 2 * OWN] += right,
+                }
+                for (l, other) in filled.clone() {
+                    let product = weighted * other;
+                    match (k / OWN, l / OWN) {
+                        (0, 0) => arrow.links[i].own[k][l] += product,
+                        (0, 1) => arrow.links[i].next[k][l - OWN] += product,
+                        (1, 1) => arrow.links[i + 1].own[k - OWN][l - OWN] += product,
+                        (0, 2) => arrow.links[i].common[k][l - 2 * OWN] += product,
+                        (1, 2) => arrow.links[i + 1].common[k - OWN][l - 2 * OWN] += product,
+                        (2, 2) => arrow.common[k - 2 * OWN][l - 2 * OWN] += product,
+                        _ => {}
+                    }
+                }
+            }
+        }
+    });
+    arrow
+}
+
+fn moved(state: &State, (moments, common): &(Vec<[f64; OWN]>, [f64; COMMON]), share: f64) -> State {
+    let along = |values: &[f64], steps: &[f64], to: &mut [f64]| {
+        for ((to, value), step) in to.iter_mut().zip(values).zip(steps) {
+            *to = value + share * step;
+        }
+    };
+    let mut next = state.clone();
+    for ((to, values), steps) in next.moments.iter_mut().zip(&state.moments).zip(moments) {
+        along(values, steps, to);
+    }
+    along(&state.common, common, &mut next.common);
+    next
+}
+
+/// Finds the state about which the sum is least.
+pub(super) fn solve(
+    problem: &Problem<'_>,
+    mut state: State,
+    monitor: &dyn Monitor,
+    mut progress: impl FnMut(f64),
+) -> Result<Solved, FusionError> {
+    let mut steps = 0;
+    let indefinite = |i: usize| FusionError::Undetermined {
+        time_s: problem.timeline.times_s.get(i).copied(),
+    };
+    let mut settled = false;
+    for (stage, how) in [Count::Full, Count::Huber, Count::Hampel]
+        .into_iter()
+        .enumerate()
+    {
+        let mut before = sum(problem, &state, how);
+        settled = false;
+        for step in 0..MOST_STEPS {
+            if monitor.cancelled() {
+                return Err(FusionError::Cancelled);
+            }
+            progress((stage as f64 + step as f64 / MOST_STEPS as f64) / 3.0);
+            let arrow = equations(problem, &state, how);
+            let rights: Vec<[f64; OWN]> = arrow.links.iter().map(|link| link.right).collect();
+            let right = arrow.right;
+            let solution = arrow.factor().map_err(indefinite)?.solution();
+            let own = rights.iter().zip(&solution.0);
+            let promised: f64 = own
+                .flat_map(|(a, b)| a.iter().zip(b))
+                .map(|(a, b)| a * b)
+                .sum::<f64>()
+                + right
+                    .iter()
+                    .zip(&solution.1)
+                    .map(|(a, b)| a * b)
+                    .sum::<f64>();
+            if !promised.is_finite() {
+                return Err(FusionError::Nowhere);
+            }
+            steps += 1;
+            let halves = (0..12).map(|n| 0.5f64.powi(n));
+            let found = halves.into_iter().find_map(|share| {
+                let next = moved(&state, &solution, share);
+                let after = sum(problem, &next, how);
+                // Roundings of a large sum are no ascent.
+                (after <= before + 1e-9 * before.abs()).then_some((next, after))
+            });
+            let Some((next, after)) = found else {
+                settled = promised < 100.0 * ENOUGH;
+                break;
+            };
+            state = next;
+            let gained = before - after;
+            before = after;
+            if promised < ENOUGH || (step > 3 && gained.abs() < ENOUGH / 10.0) {
+                settled = true;
+                break;
+            }
+            // Full weights are only to come near.
+            if how == Count::Full && step >= 5 {
+                break;
+            }
+        }
+    }
+    if !settled {
+        return Err(FusionError::Unsettled { steps });
+    }
+    let how = Count::Hampel;
+    let (mut sum, mut numbers) = (0.0, 0);
+    problem.terms(&state, &mut |of, _, rows| {
+        if of != Of::Model {
+            let square: f64 = rows.iter().map(|row| row.off * row.off).sum();
+            let share = weight(how, rows.len(), square.sqrt()).0;
+            sum += share * square;
+            numbers += rows.len();
+        }
+    });
+    let factored = equations(problem, &state, how)
+        .factor()
+        .map_err(indefinite)?;
+    Ok(Solved {
+        state,
+        factored,
+        sum,
+        numbers,
+        steps,
+    })
+}
+
+/// Terms of measurements and how much they count, 0 to 1.
+pub(super) fn weights(problem: &Problem<'_>, state: &State, take: &mut dyn FnMut(Of, f64)) {
+    problem.terms(state, &mut |of, _, rows| {
+        if of != Of::Model {
+            let square: f64 = rows.iter().map(|row| row.off * row.off).sum();
+            take(of, weight(Count::Hampel, rows.len(), square.sqrt()).0);
+        }
+    });
+}

@@ -1,0 +1,247 @@
+//! NovAtel's records of position and attitude, and of events.
+//!
+//! Fields and their order are those of the OEM7 Commands and Logs Reference Manual; as bytes, all are little-endian and side by side:
+//!
+//! | record | number | fields (d 8 bytes, f 4 bytes, u whole of 4 bytes, e enumeration of 4 bytes) | height above |
+//! |---|---|---|---|
+//! | `INSPVA`, `INSPVAS` | 507, 508 | u week, d seconds, d latitude, d longitude, d height, 3 d velocity (north, east, up), 3 d roll, pitch, azimuth, e status | the ellipsoid |
+//! | `INSPVAX` | 1465 | e status, e type, 3 d latitude, longitude, height, f undulation, 3 d velocity, 3 d roll, pitch, azimuth, 9 f their standard deviations | mean sea level |
+//! | `BESTPOS`, `MARKPOS` | 42, 181 | e status, e type, 3 d latitude, longitude, height, f undulation, e datum, 3 f standard deviations | mean sea level |
+//! | `MARKTIME` | 231 | u week, d seconds, d offset, d its standard deviation, d UTC less GPS time, e status of the clock | |
+//!
+//! What follows in a record is passed over. Heights are made ellipsoidal (mean sea level and undulation). `INSPVA` and `MARKTIME` state their own time,
+//! the others' is that of their header: of binary ones in whole milliseconds, which at 30 m/s is 3 cm. A record whose status is not one of a
+//! solution, or whose header says that the time is unknown, is counted.
+
+use glam::DVec3;
+
+use subaperture_model::geometry::Geodetic;
+
+use super::body::{Body, Bytes, Named, Text};
+use super::frame::Message;
+use crate::time::WEEK_S;
+use crate::{Attitude, GpsTime, Kind, Place, Record};
+
+/// States of an inertial solution in which position and attitude are good.
+const INERTIAL: [Named; 4] = [
+    (2, "INS_HIGH_VARIANCE"),
+    (3, "INS_SOLUTION_GOOD"),
+    (6, "INS_SOLUTION_FREE"),
+    (7, "INS_ALIGNMENT_COMPLETE"),
+];
+const COMPUTED: [Named; 1] = [(0, "SOL_COMPUTED")];
+const WGS84: [Named; 1] = [(61, "WGS84")];
+const CLOCK_VALID: [Named; 1] = [(0, "VALID")];
+
+/// Of a header: that its time is not known.
+const TIME_UNKNOWN: u8 = 20;
+
+/// What a message says.
+pub(super) enum Said {
+    /// When, where and how turned; UTC less GPS time, if it says.
+    Record(Record, Option<f64>),
+    /// It has no solution.
+    Unsolved,
+}
+
+/// Time in a header; none if it is not known.
+type Header = Option<GpsTime>;
+
+/// The kind that is meant by a name or number, and the name.
+fn known(message: &Message<'_>) -> Result<(Kind, &'static str), String> {
+    const KINDS: [(u16, &str, Kind); 8] = [
+        (507, "INSPVA", Kind::Inspva),
+        (508, "INSPVAS", Kind::Inspva),
+        (1465, "INSPVAX", Kind::Inspvax),
+        (42, "BESTPOS", Kind::Bestpos),
+        (181, "MARKPOS", Kind::Markpos),
+        (615, "MARK2POS", Kind::Markpos),
+        (231, "MARKTIME", Kind::Marktime),
+        (616, "MARK2TIME", Kind::Marktime),
+    ];
+    match *message {
+        Message::Text { text, .. } => {
+            let name = text.split([',', ';']).next().unwrap_or_default();
+            // The A of ASCII ends a name; a short header's record may have an S before.
+            let plain = name.strip_suffix('A').unwrap_or(name);
+            let same = |name: &str| plain == name || plain.strip_suffix('S') == Some(name);
+            let found = KINDS.iter().find(|(_, name, _)| same(name));
+            let found = found.map(|&(_, name, kind)| (kind, name));
+            found.ok_or_else(|| name.to_owned())
+        }
+        Message::Binary { header, .. } => {
+            let id = u16::from_le_bytes([header[4], header[5]]);
+            let found = KINDS.iter().find(|(number, ..)| *number == id);
+            let found = found.map(|&(_, name, kind)| (kind, name));
+            found.ok_or_else(|| format!("message {id}"))
+        }
+        Message::Nmea(_) => Err("NMEA".to_owned()),
+    }
+}
+
+/// Name of a message, and what it says: none of a kind that is not read, an error in words if a value cannot be.
+pub(super) fn parse(message: &Message<'_>, byte: u64) -> (String, Option<Result<Said, String>>) {
+    let (kind, name) = match known(message) {
+        Ok(known) => known,
+        Err(name) => return (name, None),
+    };
+    let said = match *message {
+        Message::Text { long, text } => text_header(long, text)
+            .and_then(|(header, body)| said(kind, byte, header, &mut Text(body.split(',')))),
+        Message::Binary { long, header, body } => binary_header(long, header)
+            .and_then(|header| said(kind, byte, header, &mut Bytes(body))),
+        Message::Nmea(_) => return (name.to_owned(), None),
+    };
+    let named = said.map_err(|what| format!("{name}: {what}"));
+    (name.to_owned(), Some(named))
+}
+
+fn text_header(long: bool, text: &str) -> Result<(Header, &str), String> {
+    let (header, body) = text.split_once(';').ok_or("no ; after its header")?;
+    let expected = if long { 10 } else { 3 };
+    let count = header.split(',').count();
+    if count != expected {
+        return Err(format!(
+            "{count} fields of its header; {expected} are expected"
+        ));
+    }
+    let mut fields = header.split(',');
+    let status = fields.nth(if long { 4 } else { 0 });
+    if status == Some("UNKNOWN") {
+        return Ok((None, body));
+    }
+    let time = time(&mut Text(fields)).map_err(|what| format!("its header: {what}"))?;
+    Ok((Some(time), body))
+}
+
+fn binary_header(long: bool, header: &[u8]) -> Result<Header, String> {
+    let at = if long { 14 } else { 6 };
+    let week = u16::from_le_bytes([header[at], header[at + 1]]);
+    let ms = [2, 3, 4, 5].map(|n| header[at + n]);
+    let seconds = f64::from(u32::from_le_bytes(ms)) / 1e3;
+    if long && header[13] == TIME_UNKNOWN {
+        return Ok(None);
+    }
+    Ok(Some(GpsTime {
+        week: week.into(),
+        seconds: within("seconds of its header", seconds, 0.0, WEEK_S)?,
+    }))
+}
+
+fn time(body: &mut impl Body) -> Result<GpsTime, String> {
+    Ok(GpsTime {
+        week: match body.whole("week")? {
+            week @ 0..=99_999 => week,
+            week => return Err(format!("week is {week}")),
+        },
+        seconds: within("seconds", body.double("seconds")?, 0.0, WEEK_S)?,
+    })
+}
+
+fn within(what: &str, value: f64, from: f64, to: f64) -> Result<f64, String> {
+    let sound = (from..=to).contains(&value).then_some(value);
+    sound.ok_or_else(|| format!("{what} is {value}; {from} to {to} can be"))
+}
+
+/// Latitude, longitude and height.
+fn place(body: &mut impl Body) -> Result<Geodetic, String> {
+    Ok(Geodetic {
+        latitude_deg: within("latitude", body.double("latitude")?, -90.0, 90.0)?,
+        longitude_deg: within("longitude", body.double("longitude")?, -180.0, 180.0)?,
+        height_m: within("height", body.double("height")?, -1e5, 1e8)?,
+    })
+}
+
+/// The same with a height above mean sea level, and the undulation.
+fn place_above_sea(body: &mut impl Body) -> Result<Place, String> {
+    let above_sea = place(body)?;
+    let undulation_m = within("undulation", body.single("undulation")?, -200.0, 200.0)?;
+    Ok(Place::Earth(Geodetic {
+        height_m: above_sea.height_m + undulation_m,
+        ..above_sea
+    }))
+}
+
+/// North, east and up, as east, north and up.
+fn velocity(body: &mut impl Body) -> Result<DVec3, String> {
+    let mut along = |what| within(what, body.double(what)?, -1e5, 1e5);
+    let (north, east) = (along("velocity north")?, along("velocity east")?);
+    Ok(DVec3::new(east, north, along("velocity up")?))
+}
+
+fn attitude(body: &mut impl Body) -> Result<Attitude, String> {
+    let mut angle = |what| within(what, body.double(what)?, -360.0, 360.0);
+    Ok(Attitude {
+        roll_deg: Some(angle("roll")?),
+        pitch_deg: Some(angle("pitch")?),
+        azimuth_deg: angle("azimuth")?,
+    })
+}
+
+/// Three standard deviations.
+fn sigmas(body: &mut impl Body, what: &str) -> Result<[f64; 3], String> {
+    let what = format!("standard deviation of {what}");
+    let mut next = || within(&what, body.single(&what)?, 0.0, 1e6);
+    Ok([next()?, next()?, next()?])
+}
+
+/// Latitude's, longitude's and height's, or north's, east's and up's, as east's, north's and up's.
+fn east_first([north, east, up]: [f64; 3]) -> DVec3 {
+    DVec3::new(east, north, up)
+}
+
+fn said(kind: Kind, byte: u64, header: Header, body: &mut impl Body) -> Result<Said, String> {
+    let Some(mut time) = header else {
+        return Ok(Said::Unsolved);
+    };
+    // What states its own time.
+    if let Kind::Inspva | Kind::Marktime = kind {
+        time = self::time(body)?;
+    }
+    let mut record = Record::at(byte, kind, time);
+    let mut utc_s = None;
+    match kind {
+        Kind::Marktime => {
+            for what in ["offset", "standard deviation of the offset"] {
+                body.double(what)?;
+            }
+            let what = "offset of UTC";
+            utc_s = Some(within(what, body.double(what)?, -1e3, 1e3)?);
+            if body.state("status", &CLOCK_VALID)?.is_none() {
+                return Ok(Said::Unsolved);
+            }
+        }
+        Kind::Inspva => {
+            record.place = Some(Place::Earth(place(body)?));
+            record.velocity_m_s = Some(velocity(body)?);
+            record.attitude = Some(attitude(body)?);
+            if body.state("status", &INERTIAL)?.is_none() {
+                return Ok(Said::Unsolved);
+            }
+        }
+        Kind::Inspvax => {
+            if body.state("status", &INERTIAL)?.is_none() {
+                return Ok(Said::Unsolved);
+            }
+            body.state("type", &[])?;
+            record.place = Some(place_above_sea(body)?);
+            record.velocity_m_s = Some(velocity(body)?);
+            record.attitude = Some(attitude(body)?);
+            record.place_sigma_m = Some(east_first(sigmas(body, "position")?));
+            record.velocity_sigma_m_s = Some(east_first(sigmas(body, "velocity")?));
+            record.attitude_sigma_deg = Some(sigmas(body, "attitude")?);
+        }
+        _ => {
+            if body.state("status", &COMPUTED)?.is_none() {
+                return Ok(Said::Unsolved);
+            }
+            body.state("type", &[])?;
+            record.place = Some(place_above_sea(body)?);
+            if body.state("datum", &WGS84)?.is_none() {
+                return Err("its datum is not WGS84".to_owned());
+            }
+            record.place_sigma_m = Some(east_first(sigmas(body, "position")?));
+        }
+    }
+    Ok(Said::Record(record, utc_s))
+}

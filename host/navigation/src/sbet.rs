@@ -1,0 +1,224 @@
+//! Applanix' smoothed best estimate of trajectory: a file of records of 17 numbers, and nothing else.
+//!
+//! | number | is | unit |
+//! |---|---|---|
+//! | 0 | time | seconds of the GPS week, which is not named; going on past its end |
+//! | 1, 2 | latitude, longitude | radians |
+//! | 3 | height above the ellipsoid | metres |
+//! | 4, 5, 6 | velocity along x and y of the wander frame, and up | metres a second |
+//! | 7, 8, 9 | roll (right side down), pitch (nose up), heading in the wander frame | radians |
+//! | 10 | wander angle | radians |
+//! | 11 to 13, 14 to 16 | acceleration and rates of the body | not read |
+//!
+//! all of 8 bytes, little-endian. The wander frame is north and east turned by the wander angle against the clock: true heading is heading less
+//! wander angle, and velocities turn alike. Whether the file was written so shows in its positions: [`crate::Log`] says when velocities do not fit
+//! them.
+//!
+//! There is no header and no checksum: a record counts if its numbers are finite and such as can be (and time goes on by less than
+//! [`LONGEST_STEP_S`]). After one that does not, the next two in a row that do, at any byte, are where the file goes on.
+
+use std::io::{self, BufRead};
+
+use glam::DVec3;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use subaperture_model::geometry::Geodetic;
+
+use crate::account::{Account, Clock, Fault, Wrong, count};
+use crate::{Attitude, GpsTime, Kind, Options, Place, Record};
+
+/// Bytes of a record.
+pub(crate) const RECORD: usize = 17 * 8;
+
+/// Seconds from one record to the next, at most.
+const LONGEST_STEP_S: f64 = 3600.0;
+
+/// Seconds between two records after something that is none.
+const CLOSE_S: f64 = 1.0;
+
+/// The numbers of a record that are read, if they can be.
+pub(crate) fn plausible(bytes: &[u8]) -> Option<[f64; 11]> {
+    let number = |n: usize| {
+        bytes
+            .get(8 * n..)?
+            .first_chunk()
+            .map(|&b| f64::from_le_bytes(b))
+    };
+    let mut numbers = [0.0; 17];
+    for (n, value) in numbers.iter_mut().enumerate() {
+        *value = number(n).filter(|value| value.is_finite())?;
+    }
+    let [
+        time,
+        latitude,
+        longitude,
+        height,
+        vx,
+        vy,
+        vz,
+        roll,
+        pitch,
+        heading,
+        wander,
+        ..,
+    ] = numbers;
+    let sound = (0.0..=1.3e6).contains(&time)
+        && latitude.abs() <= FRAC_PI_2
+        && longitude.abs() <= PI
+        && (-1e4..=1e6).contains(&height)
+        && [vx, vy, vz].iter().all(|v| v.abs() <= 1e4)
+        && roll.abs() <= PI
+        && pitch.abs() <= FRAC_PI_2 + 1e-9
+        && heading.abs() <= 2.0 * PI
+        && wander.abs() <= 2.0 * PI
+        // What is tiny and not 0 is another number's bytes.
+        && [time, latitude, longitude].iter().all(|v| *v == 0.0 || v.abs() > 1e-300);
+    sound.then_some([
+        time, latitude, longitude, height, vx, vy, vz, roll, pitch, heading, wander,
+    ])
+}
+
+/// Whether a file that begins so may be one: two records, soon after one another, or one that is all.
+pub(crate) fn begins(head: &[u8]) -> bool {
+    match (plausible(head), head.get(RECORD..)) {
+        (Some(_), Some([])) => true,
+        (Some(first), Some(rest)) => {
+            plausible(rest).is_some_and(|next| follows(first[0], next[0], LONGEST_STEP_S))
+        }
+        _ => false,
+    }
+}
+
+fn follows(before_s: f64, time_s: f64, longest_s: f64) -> bool {
+    time_s > before_s && time_s - before_s <= longest_s
+}
+
+/// Hands every record of a stream to `take`.
+pub(crate) fn each(
+    mut stream: impl BufRead,
+    options: &Options,
+    take: &mut dyn FnMut(Record),
+) -> io::Result<Account> {
+    let mut account = Account {
+        clock: match options.week {
+            Some(_) => Clock::Gps,
+            None => Clock::SecondsOfWeek,
+        },
+        ..Account::default()
+    };
+    let mut buffer = Vec::new();
+    let mut from = 0;
+    let mut last_s = None;
+    let mut lost = false;
+    loop {
+        if buffer.len() - from < 2 * RECORD {
+            buffer.drain(..from);
+            from = 0;
+            let some = stream.fill_buf()?;
+            let count = some.len().min(1 << 16);
+            buffer.extend_from_slice(&some[..count]);
+            stream.consume(count);
+            if count > 0 {
+                continue;
+            }
+        }
+        let rest = &buffer[from..];
+        if rest.len() < RECORD {
+            account.lost_bytes += rest.len() as u64;
+            if !rest.is_empty() && !lost {
+                let what = format!("the last {} of {RECORD} bytes of a record", rest.len());
+                account.fault(fault(account.bytes, Wrong::Cut, what));
+            }
+            account.bytes += rest.len() as u64;
+            return Ok(account);
+        }
+        let numbers = plausible(rest).filter(|numbers| match lost {
+            false => last_s.is_none_or(|last_s| follows(last_s, numbers[0], LONGEST_STEP_S)),
+            // Back in step: this one is followed by another, or the last.
+            true => match rest.get(RECORD..2 * RECORD) {
+                Some(next) => {
+                    plausible(next).is_some_and(|next| follows(numbers[0], next[0], CLOSE_S))
+                }
+                None => rest.len() == RECORD,
+            },
+        });
+        let Some(numbers) = numbers else {
+            if !lost {
+                let what = match plausible(rest) {
+                    Some(numbers) => {
+                        format!(
+                            "time is {} s after {} s",
+                            numbers[0],
+                            last_s.unwrap_or_default()
+                        )
+                    }
+                    None => "numbers that no record has".to_owned(),
+                };
+                account.fault(fault(account.bytes, Wrong::Value, what));
+            }
+            lost = true;
+            from += 1;
+            account.bytes += 1;
+            account.lost_bytes += 1;
+            continue;
+        };
+        lost = false;
+        last_s = Some(numbers[0]);
+        count(&mut account.read, Kind::Sbet.name());
+        take(record(account.bytes, &numbers, options.week.unwrap_or(0)));
+        from += RECORD;
+        account.bytes += RECORD as u64;
+    }
+}
+
+fn fault(byte: u64, wrong: Wrong, what: String) -> Fault {
+    Fault {
+        byte,
+        line: None,
+        wrong,
+        what,
+    }
+}
+
+fn record(byte: u64, numbers: &[f64; 11], week: u32) -> Record {
+    let &[
+        time,
+        latitude,
+        longitude,
+        height_m,
+        vx,
+        vy,
+        up,
+        roll,
+        pitch,
+        heading,
+        wander,
+    ] = numbers;
+    let (sin, cos) = libm::sincos(wander);
+    let seconds = match week {
+        0 => time,
+        _ => time.rem_euclid(crate::time::WEEK_S),
+    };
+    let weeks = ((time - seconds) / crate::time::WEEK_S).round() as u32;
+    Record {
+        place: Some(Place::Earth(Geodetic {
+            latitude_deg: latitude.to_degrees(),
+            longitude_deg: longitude.to_degrees(),
+            height_m,
+        })),
+        velocity_m_s: Some(DVec3::new(vy * cos - vx * sin, vx * cos + vy * sin, up)),
+        attitude: Some(Attitude {
+            roll_deg: Some(roll.to_degrees()),
+            pitch_deg: Some(pitch.to_degrees()),
+            azimuth_deg: (heading - wander).to_degrees().rem_euclid(360.0),
+        }),
+        ..Record::at(
+            byte,
+            Kind::Sbet,
+            GpsTime {
+                week: week.saturating_add(weeks),
+                seconds,
+            },
+        )
+    }
+}

@@ -1,0 +1,144 @@
+//! GPS time, and how it follows from dates of UTC.
+
+/// Seconds of a week and of a day.
+pub(crate) const WEEK_S: f64 = 604_800.0;
+pub(crate) const DAY_S: f64 = 86_400.0;
+
+/// The first day of GPS weeks, 6 January 1980, in days since 1 January 1970.
+const FIRST_DAY: i64 = 3657;
+
+/// Days (year, month, day) from which GPS time is ahead of UTC by one second more: the leap seconds since 1980. The
+/// last is of 2017; none was announced since.
+const LEAPS: [(i64, i64, i64); 18] = [
+    (1981, 7, 1),
+    (1982, 7, 1),
+    (1983, 7, 1),
+    (1985, 7, 1),
+    (1988, 1, 1),
+    (1990, 1, 1),
+    (1991, 1, 1),
+    (1992, 7, 1),
+    (1993, 7, 1),
+    (1994, 7, 1),
+    (1996, 1, 1),
+    (1997, 7, 1),
+    (1999, 1, 1),
+    (2006, 1, 1),
+    (2009, 1, 1),
+    (2012, 7, 1),
+    (2015, 7, 1),
+    (2017, 1, 1),
+];
+
+/// A moment of GPS time.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct GpsTime {
+    /// Weeks since 6 January 1980.
+    pub week: u32,
+    /// Seconds of the week, 0 to 604800. By a clock of the log's own ([`crate::Clock`]) any number.
+    pub seconds: f64,
+}
+
+impl GpsTime {
+    /// Seconds from `earlier` to this moment.
+    pub fn since(&self, earlier: GpsTime) -> f64 {
+        let weeks = f64::from(self.week) - f64::from(earlier.week);
+        weeks * WEEK_S + (self.seconds - earlier.seconds)
+    }
+
+    /// Of a day of UTC, seconds of that day, and the leap seconds by which GPS is ahead; none before 1980 or after some millions of
+    /// weeks.
+    pub(crate) fn of_utc(day: i64, seconds: f64, leap_s: i32) -> Option<Self> {
+        let days = day - FIRST_DAY;
+        let in_week = (days.rem_euclid(7) as f64) * DAY_S + seconds + f64::from(leap_s);
+        let more = (in_week / WEEK_S).floor();
+        let week = u32::try_from(days.div_euclid(7) + more as i64).ok()?;
+        Some(Self {
+            week,
+            seconds: in_week - more * WEEK_S,
+        })
+    }
+}
+
+impl std::fmt::Display for GpsTime {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.week {
+            0 => write!(f, "{:.3} s", self.seconds),
+            week => write!(f, "week {week}, {:.3} s", self.seconds),
+        }
+    }
+}
+
+/// Days since 1 January 1970 of a date of the Gregorian calendar; none where there is no such day.
+pub(crate) fn day_number(year: i64, month: i64, day: i64) -> Option<i64> {
+    let leap = (year % 4 == 0 && year % 100 != 0) || year % 400 == 0;
+    let longest = match month {
+        2 => 28 + i64::from(leap),
+        4 | 6 | 9 | 11 => 30,
+        1..=12 => 31,
+        _ => return None,
+    };
+    if !(1..=longest).contains(&day) {
+        return None;
+    }
+    // Years begin in March, so that a leap day is a year's last; 153 days are five months from March on.
+    let (y, m) = match month {
+        1 | 2 => (year - 1, month + 9),
+        _ => (year, month - 3),
+    };
+    let of_year = (153 * m + 2) / 5 + day - 1;
+    let leaps = y.div_euclid(4) - y.div_euclid(100) + y.div_euclid(400);
+    // 719468 days are from 1 March of the year 0 to 1 January 1970.
+    Some(y * 365 + leaps + of_year - 719_468)
+}
+
+/// By how many seconds GPS time is ahead of UTC on a day (days since 1 January 1970).
+pub(crate) fn leap_seconds(day: i64) -> i32 {
+    let since = LEAPS
+        .iter()
+        .filter(|&&(y, m, d)| day_number(y, m, d).is_some_and(|leap| day >= leap));
+    since.count() as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_gps_weeks() {
+        // 24 November 2014, 20:29:50 UTC, was week 1820, 160206 s, with 16 leap seconds: a receiver's own TIME record.
+        let day = day_number(2014, 11, 24).unwrap();
+        assert_eq!(leap_seconds(day), 16);
+        let seconds = 20.0 * 3600.0 + 29.0 * 60.0 + 50.0;
+        let time = GpsTime::of_utc(day, seconds, 16).unwrap();
+        assert_eq!((time.week, time.seconds), (1820, 160_206.0));
+        // The last second of a Saturday is in the next week with leap seconds.
+        let saturday = day_number(2014, 11, 29).unwrap();
+        let time = GpsTime::of_utc(saturday, 86_399.5, 16).unwrap();
+        assert_eq!((time.week, time.seconds), (1821, 15.5));
+        assert_eq!(GpsTime::of_utc(FIRST_DAY - 7, 0.0, 0), None);
+    }
+
+    #[test]
+    fn days_are_counted_and_leap_seconds_known() {
+        assert_eq!(day_number(1970, 1, 1), Some(0));
+        assert_eq!(day_number(1980, 1, 6), Some(FIRST_DAY));
+        assert_eq!(
+            day_number(2000, 3, 1).unwrap() - day_number(2000, 2, 28).unwrap(),
+            2
+        );
+        for wrong in [(2023, 2, 29), (2023, 13, 1), (2023, 4, 31), (2023, 1, 0)] {
+            assert_eq!(day_number(wrong.0, wrong.1, wrong.2), None);
+        }
+        let at = |y, m, d| leap_seconds(day_number(y, m, d).unwrap());
+        assert_eq!(at(1980, 1, 6), 0);
+        assert_eq!((at(2016, 12, 31), at(2017, 1, 1)), (17, 18));
+        assert_eq!((at(1999, 1, 1), at(2026, 1, 1)), (13, 18));
+    }
+
+    #[test]
+    fn differences_span_weeks() {
+        let at = |week, seconds| GpsTime { week, seconds };
+        assert_eq!(at(101, 1.0).since(at(100, 604_799.5)), 1.5);
+    }
+}
