@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use subaperture_xtask::cargo;
 
 /// Packages that somebody who forms images of arrays need not compile, and the features that bring each.
-const OPTIONAL: [(&str, &[&str]); 16] = [
+const OPTIONAL: [(&str, &[&str]); 17] = [
     ("roxmltree", &["cphd"]),
     ("flate2", &["gotcha", "npz", "plot", "simulate"]),
     ("zip", &["npz"]),
@@ -22,6 +22,10 @@ const OPTIONAL: [(&str, &[&str]); 16] = [
     ("subaperture-autofocus", &["autofocus"]),
     ("subaperture-motion", &["motion"]),
     ("subaperture-targets", &["motion"]),
+    (
+        "subaperture-navigation",
+        &["navigation", "recording", "simulate", "autofocus"],
+    ),
 ];
 
 /// What no library brings.
@@ -34,7 +38,7 @@ const NEVER: [&str; 5] = [
 ];
 
 /// Every feature that brings something of its own.
-const FEATURES: [&str; 11] = [
+const FEATURES: [&str; 12] = [
     "cphd",
     "gotcha",
     "npz",
@@ -45,6 +49,7 @@ const FEATURES: [&str; 11] = [
     "planner",
     "autofocus",
     "motion",
+    "navigation",
     "link",
 ];
 

@@ -12,7 +12,7 @@
 //! | `cphd` | CPHD 1.x, read and written: `cphd` | `roxmltree` |
 //! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha` | `flate2` |
 //! | `npz` | arrays in NumPy's archives ([`npy::Array::read`]) | `zip`, `flate2` |
-//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `recorded_track`, `motive`, `novatel`, `track_csv`, `found_track`, `track_axes`, `phase_csv` | `subaperture-describe`, `subaperture-receive` |
+//! | `recording` | raw recordings described in TOML, and tracks: `recording`, `recorded_track`, `motive`, `track_csv`, `found_track`, `track_axes`, `phase_csv` | `subaperture-describe`, `subaperture-navigation`, `subaperture-receive` |
 //!
 //! NumPy's `.npy` and images are always there. A file whose feature is off is known for what it is, and refused with the
 //! feature's name.
@@ -32,8 +32,6 @@ pub mod lock;
 mod matlab;
 #[cfg(feature = "recording")]
 pub mod motive;
-#[cfg(feature = "recording")]
-pub mod novatel;
 pub mod npy;
 pub mod open;
 pub mod ours;

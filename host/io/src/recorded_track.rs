@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::novatel::{self, Damage, Source};
 use crate::track_csv;
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::track::{Fix, SampledTrack, Trajectory};
+use subaperture_navigation::{Kind, Log, Options, Place};
 
 use subaperture_describe::error::Found;
 use subaperture_describe::values::Values;
@@ -32,18 +32,20 @@ pub fn build(
 
 /// The records of a NovAtel log, times from its first on.
 fn log(values: &Values, path: &Path, frame: Option<&SceneFrame>) -> Result<Vec<Fix>, String> {
-    let damage = match values.flag("skip_damaged") {
-        true => Damage::Skip,
-        false => Damage::Refuse,
+    let kind = match values.text("record") {
+        "inspvax" => Kind::Inspvax,
+        "inspva" => Kind::Inspva,
+        _ => Kind::Bestpos,
     };
-    let source = match values.text("record") {
-        "inspvax" => Source::Inspvax,
-        "inspva" => Source::Inspva,
-        _ => Source::Bestpos,
-    };
-    let log = novatel::read(path, damage).map_err(|error| error.to_string())?;
-    let of_kind = log.records.iter().find(|record| record.source == source);
-    let Some(first) = of_kind else {
+    let log = Log::read(path, &Options::default()).map_err(|error| error.to_string())?;
+    if let (Some(fault), false) = (log.account.faults.first(), values.flag("skip_damaged")) {
+        return Err(format!(
+            "{}, {fault}; read it with damaged lines skipped ('skip_damaged'), or transfer the log again",
+            path.display()
+        ));
+    }
+    let mut places = log.of(kind).filter_map(|record| Some((record.time, record.place?)));
+    let Some((start, Place::Earth(first))) = places.next() else {
         return Err(format!(
             "{}: no record of this kind with a solution among {}: choose another 'record'",
             path.display(),
@@ -52,7 +54,7 @@ fn log(values: &Values, path: &Path, frame: Option<&SceneFrame>) -> Result<Vec<F
     };
     let place = format!(
         "latitude = \"{:.5} deg\", longitude = \"{:.5} deg\" and height = \"{:.0} m\"",
-        first.place.latitude_deg, first.place.longitude_deg, first.place.height_m
+        first.latitude_deg, first.longitude_deg, first.height_m
     );
     let Some(frame) = frame else {
         return Err(format!(
@@ -61,7 +63,7 @@ fn log(values: &Values, path: &Path, frame: Option<&SceneFrame>) -> Result<Vec<F
             path.display()
         ));
     };
-    let fixes = log.fixes(source, frame, first.time);
+    let fixes = log.fixes(kind, frame, start);
     let fixes = fixes.map_err(|error| format!("{}: {error}", path.display()))?;
     match fixes
         .iter()

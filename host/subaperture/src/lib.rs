@@ -75,6 +75,7 @@
 //! | `planner` | what a radar will show, what that takes and costs | `planner` | |
 //! | `autofocus` | parameters, phases and tracks of recordings by the sharpness of their images | `autofocus` | |
 //! | `motion`, `targets` | a radar's own motion from the phases of its echoes, and the targets that they are of | `motion` | |
+//! | `navigation` | logs of navigation receivers; a radar's own motion fused with them | `navigation` | |
 //! | `onboard` | a processor on the platform: its plan, the serial link, its maps | `link` | `subaperture-core`, `serial2` |
 //!
 //! `default` is `cphd`, `gotcha`, `npz`, `recording`, `simulate`, `quality` and `plot`.
@@ -102,6 +103,8 @@ pub use subaperture_autofocus as autofocus;
 pub use subaperture_describe as describe;
 #[cfg(feature = "motion")]
 pub use subaperture_motion as motion;
+#[cfg(feature = "navigation")]
+pub use subaperture_navigation as navigation;
 #[cfg(feature = "link")]
 pub use subaperture_onboard as onboard;
 #[cfg(feature = "planner")]

@@ -45,7 +45,7 @@ const CORE: [(&str, &str); 8] = [
 /// which names all of them, never builds.
 const LIBRARY: [&str; 7] = [
     "",
-    "gotcha,npz,link,motion",
+    "gotcha,npz,link,motion,navigation",
     "simulate,plot,planner,motion",
     "cphd,autofocus,link",
     "cphd,gotcha,plot",

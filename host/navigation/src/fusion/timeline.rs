@@ -64,7 +64,7 @@ impl Timeline {
                 } else {
                     f64::INFINITY
                 };
-                if n == run.start || end_s - last_s > LONGEST_S {
+                if n == run.start || end_s - last_s > LONGEST_S * (1.0 + 1e-9) {
                     wanted.push((time_s, Some((number, n))));
                     last_s = time_s;
                 }

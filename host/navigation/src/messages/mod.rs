@@ -7,8 +7,6 @@ mod body;
 mod frame;
 mod nmea;
 mod novatel;
-#[cfg(test)]
-mod tests;
 
 use std::io::{self, BufRead};
 

@@ -1,0 +1,229 @@
+//! Logs with cut lines, wrong checksums and what belongs to nobody: what can be trusted is read, and the rest told.
+
+use std::path::Path;
+
+use subaperture_navigation::{Kind, Log, NavigationError, Options, Wrong};
+
+use crate::write::{ascii, binary, inspva, inspva_body, nmea, sbet};
+
+fn read(bytes: &[u8]) -> Log {
+    Log::read_from(bytes, Path::new("log"), &Options::default()).unwrap()
+}
+
+fn at(n: usize) -> (f64, f64) {
+    (502_061.0 + n as f64 * 0.05, 51.1 + n as f64 * 1e-7)
+}
+
+fn line(n: usize) -> String {
+    let (seconds, latitude) = at(n);
+    inspva(seconds, latitude)
+}
+
+fn seconds(log: &Log) -> Vec<f64> {
+    log.records
+        .iter()
+        .map(|record| record.time.seconds)
+        .collect()
+}
+
+/// A hundred lines, of which 10 to 19 are gone, 40 lost its end and its neighbour's is whole, 50 lost its end, 60 has a digit of another, and 70 to 72 are noise.
+#[test]
+fn a_log_with_cut_lines_and_wrong_crcs_says_what_is_lost() {
+    let mut text = Vec::new();
+    for n in 0..100 {
+        let whole = line(n);
+        match n {
+            10..=19 => {}
+            // No end of line either: the next begins in it.
+            40 => text.extend(whole[..60].bytes()),
+            50 => text.extend([&whole[..70], "\r\n"].concat().bytes()),
+            60 => text.extend(whole.replace("1081.0036", "1081.0037").bytes()),
+            70..=72 => text.extend((0..120u8).map(|k| k.wrapping_mul(151))),
+            _ => text.extend(whole.bytes()),
+        }
+    }
+    let log = read(&text);
+    let lost = |n: &usize| matches!(n, 10..=19 | 40 | 50 | 60 | 70..=72);
+    let kept: Vec<f64> = (0..100).filter(|n| !lost(n)).map(|n| at(n).0).collect();
+    let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-9;
+    assert_eq!(log.records.len(), kept.len(), "{}", log.account);
+    assert!(seconds(&log).iter().zip(&kept).all(near));
+    let account = &log.account;
+    assert_eq!(account.wrong[&Wrong::Cut], 2, "{account}");
+    assert_eq!(account.wrong[&Wrong::Checksum], 1, "{account}");
+    let told = account.to_string();
+    // Lines of the file: those of 0 to 9 and 20 to 39 are before 40, which is on the 31st.
+    assert!(told.contains("line 31: INSPVAA is cut short"), "{told}");
+    assert!(told.contains("line 40: INSPVAA is cut short"), "{told}");
+    assert!(
+        told.contains("line 50: INSPVAA is damaged: its CRC is"),
+        "{told}"
+    );
+    let [coverage] = &log.coverage()[..] else {
+        panic!("{:?}", log.coverage())
+    };
+    assert!((coverage.interval_s - 0.05).abs() < 1e-9);
+    let missing: Vec<u64> = coverage.gaps.iter().map(|gap| gap.missing).collect();
+    assert_eq!(missing, [10, 1, 1, 1, 3]);
+    assert!((coverage.gaps[0].from.seconds - at(9).0).abs() < 1e-9);
+    assert!((coverage.gaps[0].to.seconds - at(20).0).abs() < 1e-9);
+}
+
+#[test]
+fn binary_messages_are_found_again_after_damage() {
+    let message = |n: usize| {
+        let (seconds, latitude) = at(n);
+        binary(
+            507,
+            2209,
+            502_061_000,
+            &inspva_body(2209, seconds, latitude),
+        )
+    };
+    let mut bytes = Vec::new();
+    for n in 0..30 {
+        let whole = message(n);
+        match n {
+            // Cut within its body, within its header, a wrong bit, a wrong length.
+            5 => bytes.extend(&whole[..50]),
+            10 => bytes.extend(&whole[..9]),
+            15 => {
+                let at = bytes.len() + 60;
+                bytes.extend(&whole);
+                bytes[at] ^= 4;
+            }
+            20 => {
+                let at = bytes.len() + 9;
+                bytes.extend(&whole);
+                bytes[at] = 0xff;
+            }
+            25 => bytes.extend(line(n).bytes()),
+            _ => bytes.extend(&whole),
+        }
+    }
+    // The last is cut by the end of the file.
+    bytes.truncate(bytes.len() - 20);
+    let log = read(&bytes);
+    let kept: Vec<f64> = (0..29)
+        .filter(|n| ![5, 10, 15, 20].contains(n))
+        .map(|n| at(n).0)
+        .collect();
+    let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-9;
+    assert_eq!(log.records.len(), kept.len(), "{}", log.account);
+    assert!(seconds(&log).iter().zip(&kept).all(near));
+    assert_eq!(log.account.faulty(), 5, "{}", log.account);
+    assert!(log.account.lost_bytes > 0 && log.account.bytes == bytes.len() as u64);
+}
+
+/// Any bytes may stand between messages: all messages are read, whatever it is.
+#[test]
+fn what_stands_between_messages_costs_none() {
+    let junk: [&[u8]; 8] = [
+        b"<OK\r\n[COM1]",
+        b"#",
+        b"%%%###$$$",
+        &[0xAA, 0x44, 0x12],
+        &[0xAA, 0x44, 0x13, 0x05],
+        &[0xAA; 40],
+        b"$GPGGA,1234",
+        b"#INSPVAXA,",
+    ];
+    for junk in junk {
+        let mut bytes = Vec::new();
+        for n in 0..6 {
+            bytes.extend(junk);
+            match n % 2 {
+                0 => bytes.extend(line(n).bytes()),
+                _ => {
+                    let (seconds, latitude) = at(n);
+                    bytes.extend(binary(
+                        507,
+                        2209,
+                        1000,
+                        &inspva_body(2209, seconds, latitude),
+                    ));
+                }
+            }
+        }
+        let log = read(&bytes);
+        // What begins with AA 44 13 05 may be a message of 21 bytes until its CRC is looked at.
+        assert_eq!(log.records.len(), 6, "{junk:?}: {}", log.account);
+    }
+}
+
+#[test]
+fn sentences_with_wrong_checksums_and_times_that_go_back_are_left_out() {
+    let gga = |time: &str| {
+        nmea(&format!(
+            "GPGGA,{time},5109.0,N,11401.8,W,1,12,0.9,97.5,M,45.0,M,,"
+        ))
+    };
+    let damaged = gga("120002.00").replace("5109.0", "5108.0");
+    let cut = gga("120003.00")[..30].to_owned() + "\r\n";
+    let text = gga("120001.00")
+        + &damaged
+        + &cut
+        + &gga("120004.00")
+        + &gga("120003.50")
+        + &gga("120005.00");
+    let log = read(text.as_bytes());
+    assert_eq!(log.records.len(), 3, "{log:?}");
+    let wrong = &log.account.wrong;
+    assert_eq!(
+        (
+            wrong[&Wrong::Checksum],
+            wrong[&Wrong::Cut],
+            wrong[&Wrong::Disorder]
+        ),
+        (1, 1, 1)
+    );
+}
+
+#[test]
+fn a_trajectory_with_lost_bytes_goes_on_where_records_do() {
+    let record = |n: usize| {
+        let mut numbers = [0.25; 17];
+        numbers[0] = 1000.0 + n as f64 * 0.005;
+        sbet(&numbers)
+    };
+    let mut bytes: Vec<u8> = (0..50).flat_map(record).collect();
+    bytes.drain(20 * 136 + 5..20 * 136 + 60);
+    bytes.truncate(bytes.len() - 30);
+    let log = read(&bytes);
+    assert_eq!(log.records.len(), 48, "{}", log.account);
+    assert!(log.records.iter().all(|r| r.kind == Kind::Sbet));
+    assert_eq!(log.account.faulty(), 2, "{}", log.account);
+    let coverage = &log.coverage()[0];
+    assert_eq!(coverage.gaps.len(), 1);
+    assert_eq!(coverage.gaps[0].missing, 1);
+}
+
+#[test]
+fn rows_that_are_none_are_left_out() {
+    let text =
+        "time_s,x_m,y_m,z_m\n1,2,3,4\n2,2,3\n3,2,x,4\n4,2,inf,4\n3.5,1,1,1\n3.4,1,1,1\n5,2,3,4\n";
+    let log = read(text.as_bytes());
+    let times: Vec<f64> = seconds(&log);
+    assert_eq!(times, [1.0, 3.5, 5.0]);
+    let told = log.account.to_string();
+    assert!(
+        told.contains("line 3: 3 values") && told.contains("CSV at 3.400 s after 3.500 s"),
+        "{told}"
+    );
+}
+
+#[test]
+fn where_nothing_is_left_it_says_what_was_there() {
+    let empty = Log::read_from(&b""[..], Path::new("a.log"), &Options::default());
+    assert!(matches!(empty, Err(NavigationError::Nothing { .. })));
+    let text = ascii("#TIMEA,COM1,0,58.5,FINESTEERING,2209,502061.000,02000020,18bc,16809;VALID")
+        + &line(1)[..80];
+    let error =
+        Log::read_from(text.as_bytes(), Path::new("a.log"), &Options::default()).unwrap_err();
+    let told = error.to_string();
+    assert!(
+        told.contains("a.log: no record of NovAtel") && told.contains("1 TIMEA"),
+        "{told}"
+    );
+    assert!(told.contains("line 2: INSPVAA is cut short"), "{told}");
+}

@@ -1,0 +1,6 @@
+//! Readers on logs that are written here, sound and damaged; the fusion on tracks that are simulated here.
+
+mod damage;
+mod fusion;
+mod readers;
+mod write;
