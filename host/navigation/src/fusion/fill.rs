@@ -15,12 +15,9 @@ use glam::{DQuat, DVec3};
 
 use super::bundle::{Bundle, turn_of};
 use super::matrix::{Matrix, factor, inverse, less, plus, times, transposed};
-use super::solve::Solved;
+use super::solve::{Known, Solved};
 use super::terms::{OWN, P, PSI, Problem, S, V, vector, wrapped};
 use super::{Basis, Sample};
-
-/// Covariances of the state at a moment, with the next.
-type Known = super::arrow::Covariance<OWN, { super::terms::COMMON }>;
 
 /// Rows and columns of place and heading.
 const PLACE: [usize; 4] = [P, P + 1, P + 2, PSI];

@@ -22,6 +22,7 @@
 
 mod arrow;
 mod bundle;
+mod doubt;
 mod fill;
 mod guess;
 mod input;
@@ -158,7 +159,7 @@ pub struct Outlier {
 /// What was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Measured {
-    /// Increments of the radar, those up to a tenth of a second together.
+    /// Increments of the radar: one that is far off from its neighbours, or those up to a tenth of a second together.
     Increments,
     /// A receiver's position.
     Position,
@@ -190,7 +191,8 @@ pub struct Fused {
     pub scale: Found,
     /// Measurements that count by less than half.
     pub outliers: Vec<Outlier>,
-    /// Squares of errors in standard deviations, as they count, and of how many numbers: about as many, where noise is what was stated.
+    /// Squares of errors in standard deviations, as they count, and what they should be: as many as there are numbers, less what the state takes of them. Noise is as it was
+    /// stated if both are about the same.
     pub chi_square: [f64; 2],
     /// Steps of the least squares.
     pub steps: usize,
@@ -250,9 +252,10 @@ pub fn fuse(
 ) -> Result<Fused, FusionError> {
     inputs.check()?;
     model.check()?;
+    let doubted = doubt::doubted(inputs.increments, model);
     let mut clocks_s = [model.receiver_clock_s.value, model.inertial_clock_s.value];
     for turn in 0.. {
-        let problem = problem(*inputs, model, clocks_s);
+        let problem = problem(*inputs, model, &doubted, clocks_s);
         let mut state = State {
             moments: guess::guess(
                 inputs,
@@ -285,14 +288,19 @@ pub fn fuse(
             continue;
         }
         monitor.progress(1.0);
-        return Ok(told(&problem, solved));
+        return Ok(told(&problem, solved, &doubted));
     }
     Err(FusionError::Nowhere)
 }
 
 /// Moments, and what is between them.
-fn problem<'a>(inputs: Inputs<'a>, model: &'a Model, clocks_s: [f64; 2]) -> Problem<'a> {
-    let timeline = Timeline::new(&inputs, clocks_s);
+fn problem<'a>(
+    inputs: Inputs<'a>,
+    model: &'a Model,
+    doubted: &[usize],
+    clocks_s: [f64; 2],
+) -> Problem<'a> {
+    let timeline = Timeline::new(&inputs, doubted, clocks_s);
     let bundle = |range: &Option<std::ops::Range<usize>>| {
         range
             .clone()
@@ -340,45 +348,58 @@ fn problem<'a>(inputs: Inputs<'a>, model: &'a Model, clocks_s: [f64; 2]) -> Prob
 }
 
 /// What came out, in words and numbers.
-fn told(problem: &Problem<'_>, solved: solve::Solved) -> Fused {
-    let (known, common) = solved.factored.covariances();
+fn told(problem: &Problem<'_>, solved: solve::Solved, doubted: &[usize]) -> Fused {
+    let covariances = solved.factored.covariances();
     let mut believed: Vec<bool> = problem.bundles.iter().map(Option::is_some).collect();
-    let mut outliers = Vec::new();
+    let left_out = |&n: &usize| Outlier {
+        of: Measured::Increments,
+        time_s: problem.inputs.increments[n].from_s,
+        weight: 0.0,
+    };
+    let mut outliers: Vec<Outlier> = doubted.iter().map(left_out).collect();
+    let mut expected = 0.0;
     let times_s = &problem.timeline.times_s;
-    solve::weights(problem, &solved.state, &mut |of, weight| {
-        if weight >= 0.5 {
-            return;
-        }
-        let (measured, moment, late_s) = match of {
-            Of::Radar(i) => {
-                believed[i] = false;
-                (Measured::Increments, i, 0.0)
+    solve::weights(
+        problem,
+        &solved.state,
+        &covariances,
+        &mut |of, weight, left| {
+            expected += left;
+            if weight >= 0.5 {
+                return;
             }
-            Of::Position(n) => {
-                let (moment, late_s) = problem.timeline.positions[n];
-                (Measured::Position, moment, late_s)
-            }
-            Of::Velocity(n) => {
-                let (moment, late_s) = problem.timeline.positions[n];
-                (Measured::Velocity, moment, late_s)
-            }
-            Of::Inertial(n, part) => {
-                let (moment, late_s) = problem.timeline.inertial[n];
-                let measured = match part {
-                    0 => Measured::InertialPosition,
-                    1 => Measured::InertialVelocity,
-                    _ => Measured::InertialHeading,
-                };
-                (measured, moment, late_s)
-            }
-            Of::Model => return,
-        };
-        outliers.push(Outlier {
-            of: measured,
-            time_s: times_s[moment] + late_s,
-            weight,
-        });
-    });
+            let (measured, moment, late_s) = match of {
+                Of::Radar(i) => {
+                    believed[i] = false;
+                    (Measured::Increments, i, 0.0)
+                }
+                Of::Position(n) => {
+                    let (moment, late_s) = problem.timeline.positions[n];
+                    (Measured::Position, moment, late_s)
+                }
+                Of::Velocity(n) => {
+                    let (moment, late_s) = problem.timeline.positions[n];
+                    (Measured::Velocity, moment, late_s)
+                }
+                Of::Inertial(n, part) => {
+                    let (moment, late_s) = problem.timeline.inertial[n];
+                    let measured = match part {
+                        0 => Measured::InertialPosition,
+                        1 => Measured::InertialVelocity,
+                        _ => Measured::InertialHeading,
+                    };
+                    (measured, moment, late_s)
+                }
+                Of::Model => return,
+            };
+            outliers.push(Outlier {
+                of: measured,
+                time_s: times_s[moment] + late_s,
+                weight,
+            });
+        },
+    );
+    let (known, common) = covariances;
     let assumed: Vec<(usize, f64)> = terms::assumed(problem.model)
         .map(|(k, _, sigma)| (k, sigma))
         .collect();
@@ -405,7 +426,7 @@ fn told(problem: &Problem<'_>, solved: solve::Solved) -> Fused {
             assumed_sigma: problem.model.scale,
         },
         outliers,
-        chi_square: [solved.sum, solved.numbers as f64],
+        chi_square: [solved.sum, expected],
         steps: solved.steps,
         times_s: times_s.clone(),
         solved,

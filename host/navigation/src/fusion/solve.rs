@@ -8,8 +8,9 @@
 use subaperture_model::monitor::Monitor;
 
 use super::FusionError;
-use super::arrow::{Arrow, Factored};
-use super::terms::{COMMON, OWN, Of, Problem, State};
+use super::arrow::{Arrow, Covariance, Factored};
+use super::matrix::Matrix;
+use super::terms::{COMMON, OWN, Of, Problem, Row, State};
 
 /// Steps at most, of each kind of weights.
 const MOST_STEPS: usize = 40;
@@ -41,13 +42,15 @@ fn weight(how: Count, count: usize, off: f64) -> (f64, f64) {
     }
 }
 
+/// Covariances of a moment's state.
+pub(super) type Known = Covariance<OWN, COMMON>;
+
 /// What the least squares came to.
 pub(super) struct Solved {
     pub(super) state: State,
     pub(super) factored: Factored<OWN, COMMON>,
-    /// The sum of squares of what was measured, each as it counts, and of how many numbers.
+    /// The sum of squares of what was measured, each as it counts.
     pub(super) sum: f64,
-    pub(super) numbers: usize,
     pub(super) steps: usize,
 }
 
@@ -190,13 +193,12 @@ pub(super) fn solve(
         return Err(FusionError::Unsettled { steps });
     }
     let how = Count::Hampel;
-    let (mut sum, mut numbers) = (0.0, 0);
+    let mut sum = 0.0;
     problem.terms(&state, &mut |of, _, rows| {
         if of != Of::Model {
             let square: f64 = rows.iter().map(|row| row.off * row.off).sum();
             let share = weight(how, rows.len(), square.sqrt()).0;
             sum += share * square;
-            numbers += rows.len();
         }
     });
     let factored = equations(problem, &state, how)
@@ -206,17 +208,44 @@ pub(super) fn solve(
         state,
         factored,
         sum,
-        numbers,
         steps,
     })
 }
 
-/// Terms of measurements and how much they count, 0 to 1.
-pub(super) fn weights(problem: &Problem<'_>, state: &State, take: &mut dyn FnMut(Of, f64)) {
-    problem.terms(state, &mut |of, _, rows| {
-        if of != Of::Model {
-            let square: f64 = rows.iter().map(|row| row.off * row.off).sum();
-            take(of, weight(Count::Hampel, rows.len(), square.sqrt()).0);
+/// Terms of measurements: how much they count, 0 to 1, and the square that is expected of what they are off by, of as many numbers as they have less what the state
+/// takes of them.
+pub(super) fn weights(
+    problem: &Problem<'_>,
+    state: &State,
+    (known, common): &(Vec<Known>, Matrix<COMMON, COMMON>),
+    take: &mut dyn FnMut(Of, f64, f64),
+) {
+    problem.terms(state, &mut |of, i, rows| {
+        if of == Of::Model {
+            return;
         }
+        let square: f64 = rows.iter().map(|row| row.off * row.off).sum();
+        let share = weight(Count::Hampel, rows.len(), square.sqrt()).0;
+        let spread = |row: &Row| {
+            let covariance = |k: usize, l: usize| match (k / OWN, l / OWN) {
+                (0, 0) => known[i].own[k][l],
+                (0, 1) => known[i].next[k][l - OWN],
+                (1, 1) => known[i + 1].own[k - OWN][l - OWN],
+                (0, _) => known[i].common[k][l - 2 * OWN],
+                (1, _) => known[i + 1].common[k - OWN][l - 2 * OWN],
+                _ => common[k - 2 * OWN][l - 2 * OWN],
+            };
+            let filled: Vec<usize> = (0..row.slope.len())
+                .filter(|&k| row.slope[k] != 0.0)
+                .collect();
+            let pairs = filled
+                .iter()
+                .flat_map(|&k| filled.iter().map(move |&l| (k, l)));
+            let each =
+                pairs.map(|(k, l)| row.slope[k] * row.slope[l] * covariance(k.min(l), k.max(l)));
+            each.sum::<f64>()
+        };
+        let left: f64 = rows.iter().map(|row| 1.0 - share * spread(row)).sum();
+        take(of, share, share * left);
     });
 }

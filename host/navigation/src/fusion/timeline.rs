@@ -29,16 +29,20 @@ pub(super) struct Timeline {
     pub(super) inertial: Vec<(usize, f64)>,
 }
 
-/// Runs of increments without a gap.
-fn runs(inputs: &Inputs<'_>) -> Vec<Range<usize>> {
+/// Runs of increments without a gap or a doubted one.
+fn runs(inputs: &Inputs<'_>, doubted: &[usize]) -> Vec<Range<usize>> {
     let mut runs: Vec<Range<usize>> = Vec::new();
+    let mut doubted = doubted.iter().peekable();
     for (n, one) in inputs.increments.iter().enumerate() {
+        if doubted.next_if_eq(&&n).is_some() {
+            continue;
+        }
         let near = |last: &Range<usize>| {
             let before = &inputs.increments[last.end - 1];
             one.from_s - before.to_s <= 0.1 * (one.to_s - one.from_s)
         };
         match runs.last_mut() {
-            Some(last) if near(last) => last.end = n + 1,
+            Some(last) if last.end == n && near(last) => last.end = n + 1,
             _ => runs.push(n..n + 1),
         }
     }
@@ -46,10 +50,14 @@ fn runs(inputs: &Inputs<'_>) -> Vec<Range<usize>> {
 }
 
 impl Timeline {
-    /// Of clocks that are ahead of the radar's by `receiver_s` and `inertial_s`.
-    pub(super) fn new(inputs: &Inputs<'_>, [receiver_s, inertial_s]: [f64; 2]) -> Self {
+    /// Of clocks that are ahead of the radar's by `receiver_s` and `inertial_s`, without the increments that are `doubted`, whose numbers ascend.
+    pub(super) fn new(
+        inputs: &Inputs<'_>,
+        doubted: &[usize],
+        [receiver_s, inertial_s]: [f64; 2],
+    ) -> Self {
         let increments = inputs.increments;
-        let runs = runs(inputs);
+        let runs = runs(inputs, doubted);
         let edge_s = |(run, n): Edge| match n < runs[run].end {
             true => increments[n].from_s,
             false => increments[n - 1].to_s,
@@ -169,7 +177,7 @@ mod tests {
             positions: &[position(0.513), position(1.0), position(1.537)],
             inertial: &[inertial(0.5), inertial(1.036)],
         };
-        let timeline = Timeline::new(&inputs, [0.5, 0.0]);
+        let timeline = Timeline::new(&inputs, &[], [0.5, 0.0]);
         let expected = [0.0, 0.01, 0.04, 0.5, 1.0, 1.04, 1.1, 1.2, 1.25];
         let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-12;
         assert_eq!(timeline.times_s.len(), expected.len(), "{timeline:?}");
@@ -195,5 +203,9 @@ mod tests {
         assert!((timeline.positions[0].1 - 0.003).abs() < 1e-12);
         assert!((timeline.positions[2].1 + 0.003).abs() < 1e-12);
         assert!((timeline.inertial[1].1 + 0.004).abs() < 1e-12);
+        // Without the seventh from 1 s on a run ends, and one begins.
+        let parted = Timeline::new(&inputs, &[10], [0.5, 0.0]);
+        assert_eq!(parted.stretches[4..7], [Some(4..8), Some(8..10), None]);
+        assert_eq!(parted.stretches[7], Some(11..21));
     }
 }

@@ -186,8 +186,7 @@ impl<R: BufRead> Frames<R> {
             let rest = &self.buffer[self.from..];
             let found = match rest[0] {
                 0xAA => binary(rest),
-                b'#' | b'%' => novatel_line(rest),
-                _ => nmea_line(rest),
+                _ => line(rest),
             };
             let (at, start) = (self.at, self.from);
             let Some(what) = found.what else {
@@ -271,10 +270,10 @@ fn has_name(text: &[u8]) -> bool {
         && matches!(text.get(length), None | Some(b',' | b';'))
 }
 
-/// Hexadecimal digits after a `*`.
+/// So many hexadecimal digits, which are all that follows a `*`.
 fn checksum(text: &[u8], digits: usize) -> Option<u32> {
-    let text = text.get(..digits)?;
-    let hexadecimal = text.iter().all(u8::is_ascii_hexdigit);
+    let text = text.trim_ascii_end();
+    let hexadecimal = text.len() == digits && text.iter().all(u8::is_ascii_hexdigit);
     let text = std::str::from_utf8(text).ok()?;
     hexadecimal.then(|| u32::from_str_radix(text, 16).ok())?
 }
@@ -286,23 +285,43 @@ fn shown(line: &[u8]) -> String {
     String::from_utf8_lossy(short).into_owned()
 }
 
-fn novatel_line(rest: &[u8]) -> Found {
+/// Whether a message may begin at `n` of a line.
+fn begins(line: &[u8], n: usize) -> bool {
+    matches!(line[n], b'#' | b'%' | b'$' | b'!') && has_name(&line[n + 1..])
+}
+
+/// The message that begins with a line.
+fn line(rest: &[u8]) -> Found {
     let length = line_length(rest);
     let line = &rest[..length];
-    if !has_name(&line[1..]) {
+    if !begins(line, 0) {
         return nothing(1);
     }
-    let what = novatel_at(line, 0);
+    let what = message_at(line, 0);
     // Another may begin within a line that lost its end: it is met next.
-    let begins = |n: &usize| matches!(line[*n], b'#' | b'%') && has_name(&line[n + 1..]);
     let inner = match what {
-        What::Wrong(..) => (1..length.saturating_sub(1)).rev().find(begins),
+        What::Wrong(..) => (1..length).rev().find(|&n| begins(line, n)),
         _ => None,
     };
-    let whole = inner.filter(|&n| !matches!(novatel_at(line, n), What::Wrong(..)));
-    Found {
-        length: whole.unwrap_or(length),
-        what: Some(what),
+    match inner.filter(|&n| !matches!(message_at(line, n), What::Wrong(..))) {
+        Some(whole) => {
+            let what = format!(
+                "{} is cut short: another begins within it",
+                shown(&line[1..])
+            );
+            wrong(whole, Wrong::Cut, what)
+        }
+        None => Found {
+            length,
+            what: Some(what),
+        },
+    }
+}
+
+fn message_at(line: &[u8], n: usize) -> What {
+    match line[n] {
+        b'#' | b'%' => novatel_at(line, n),
+        _ => nmea_at(line, n),
     }
 }
 
@@ -327,40 +346,21 @@ fn novatel_at(line: &[u8], n: usize) -> What {
     }
 }
 
-fn nmea_line(rest: &[u8]) -> Found {
-    let length = line_length(rest);
-    let line = &rest[..length];
-    if !has_name(&line[1..]) {
-        return nothing(1);
-    }
-    // The last that begins in this line is the one whose checksum ends it.
-    let begins = |n: &usize| matches!(line[*n], b'$' | b'!') && has_name(&line[n + 1..]);
-    if let Some(inner) = (1..length.saturating_sub(1)).rev().find(begins) {
-        let what = format!(
-            "{} is cut short: another sentence begins within it",
-            shown(&line[1..])
-        );
-        return wrong(inner, Wrong::Cut, what);
-    }
-    let star = line.iter().rposition(|&b| b == b'*');
-    let given = star.and_then(|star| Some((star, checksum(&line[star + 1..], 2)?)));
+/// The sentence that begins at `n` of a line and ends with it.
+fn nmea_at(line: &[u8], n: usize) -> What {
+    let name = shown(&line[n + 1..]);
+    let star = line[n..].iter().rposition(|&b| b == b'*');
+    let given = star.and_then(|star| Some((n + star, checksum(&line[n + star + 1..], 2)?)));
     let Some((star, given)) = given else {
-        let what = format!(
-            "{} is cut short: it does not end in * and 2 hexadecimal digits",
-            shown(&line[1..])
-        );
-        return wrong(length, Wrong::Cut, what);
+        let what = format!("{name} is cut short: it does not end in * and 2 hexadecimal digits");
+        return What::Wrong(Wrong::Cut, what);
     };
-    let computed = line[1..star].iter().fold(0, |sum, byte| sum ^ byte);
+    let computed = line[n + 1..star].iter().fold(0, |sum, byte| sum ^ byte);
     if given != u32::from(computed) {
         let what = format!(
-            "{} is damaged: its checksum is {given:02X}, that of its text {computed:02X}",
-            shown(&line[1..])
+            "{name} is damaged: its checksum is {given:02X}, that of its text {computed:02X}"
         );
-        return wrong(length, Wrong::Checksum, what);
+        return What::Wrong(Wrong::Checksum, what);
     }
-    Found {
-        length,
-        what: Some(What::Nmea(1..star)),
-    }
+    What::Nmea(n + 1..star)
 }

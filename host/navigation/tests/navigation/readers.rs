@@ -394,7 +394,7 @@ fn values_are_read_in_the_units_of_their_header() {
 #[test]
 fn a_header_without_units_or_places_is_refused_with_what_it_lacks() {
     for (header, what) in [
-        ("time_s,x,y_m,z_m", "column 'x': '1 ' has no unit"),
+        ("time_s,x,y_m,z_m", "column 'x': '1' has no unit"),
         ("time_s,x_s,y_m,z_m", "is a time and a length is wanted"),
         ("time_s,x_m,y_m", "all of x, y and z"),
         ("time_s,roll_deg", "no place"),
