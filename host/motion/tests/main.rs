@@ -3,6 +3,7 @@
 mod diagnosis;
 mod increments;
 mod movers;
+mod nonsense;
 mod scene;
 mod squint;
 
