@@ -11,7 +11,7 @@
 //!   matrix is made. From all pairs of pulses, not from neighbours alone.
 //!
 //! With a total of `S = sum_i a_i / s_i` signal to noise a pulse the variance of a phase is no less than `1 / (2 S)` (Cramér and Rao).
-//! The eigenvector reaches it; [the test](self) holds it to that.
+//! The eigenvector reaches it within what 3200 phases tell (the test below).
 
 use std::fmt;
 use std::str::FromStr;

@@ -37,7 +37,7 @@
 //!
 //! # Phases and tracks
 //!
-//! What changes from pulse to pulse is no matter of a few parameters. [`sharpen`] finds it by a [`Method`] and images of any
+//! What changes from pulse to pulse is no matter of a few parameters. [`sharpen()`] finds it by a [`Method`] and images of any
 //! former, and never makes an image worse:
 //!
 //! | method | finds | for |

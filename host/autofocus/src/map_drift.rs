@@ -93,7 +93,7 @@ impl Method for MapDrift {
             .collect();
         let images = spans
             .iter()
-            .map(|span| image_of(look, span.clone()))
+            .map(|span| image_of(look, span.clone(), looks))
             .collect::<Result<Vec<_>, _>>()?;
         // Powers 2 to L of -1 to 1 over the aperture.
         let scale = 2.0 / turns as f64;
@@ -166,16 +166,18 @@ fn slopes(look: &Look, place_m: DVec3) -> Option<Slopes> {
     (rad_m.is_finite() && rad_m != 0.0).then_some(Slopes { across, rad_m })
 }
 
-/// The image of some turns, of the first channel.
-fn image_of(look: &Look, span: Range<usize>) -> Result<Image, FormError> {
+/// The image of some turns, of the first channel, one of so many looks.
+fn image_of(look: &Look, span: Range<usize>, looks: usize) -> Result<Image, FormError> {
     let subject = look.subject;
+    // The best image, that before, and the looks.
+    let held_bytes = (looks as u64 + 2) * 8 * subject.grid.num_pixels();
     let stretch = Stretch::new(look.history, span);
     let [fast, slow] = subject.windows;
     let task = Task {
         history: &stretch,
         grid: subject.grid,
         weights: &Weights::new(stretch.collection(), fast, slow),
-        memory_bytes: subject.memory_bytes,
+        memory_bytes: subject.memory_bytes.saturating_sub(held_bytes),
         monitor: &Quiet(subject.monitor),
         means: Default::default(),
     };

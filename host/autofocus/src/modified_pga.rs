@@ -26,8 +26,10 @@
 //! Displacements lie in the plane of the pixels. One across every line of sight shows in no phase: it is left at zero, within
 //! what noise says, by a prior of some wavelengths.
 //!
-//! Accuracy, measured (`tests/images/near.rs`): in C 6.6's geometry all reflectors come within a fraction of a dB of their
-//! peaks on the true track, where one phase for all leaves most of the blur.
+//! Accuracy, measured (`tests/images/near.rs`): in C 6.6's geometry, with a track that errs by 1.5 mm rms along each axis, every reflector
+//! comes within 0.05 dB of its peak on the true track, in one round; one phase for all leaves them 1 to 17 dB below. Displacements
+//! differ from the truth by what the phases' noise allows (Cramér and Rao), but for some smooth motions that hardly turn the phases of points at places that are
+//! found with them (`joint.rs`): images are sharp by them, surveys should not be made with them.
 
 use glam::DVec3;
 

@@ -19,8 +19,10 @@
 //!
 //! With a channel beside others each has histories of its own, and the phase of a turn is that of all channels.
 //!
-//! Cost a round: an image, and points times samples. Accuracy, measured (`tests/formers/autofocus`): white errors of 2 rad rms are taken away
-//! to within 0.1 dB of the peak.
+//! Cost a round: an image, and points times samples. Accuracy, measured (`tests/images`): white errors of 2 rad rms are taken away to
+//! within 0.02 dB of a point's peak on 40 simulated points; put into two degrees of the GOTCHA recording, its brightest reflector comes out
+//! 0.1 dB above that of the recording as it is, which has phase errors of its own. By the gradient it stays 1 dB below there: among many points of
+//! little signal each, steps from pulse to pulse add their errors up.
 
 use glam::DVec3;
 use rayon::prelude::*;

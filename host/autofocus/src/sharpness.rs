@@ -18,6 +18,9 @@
 //! angles between lines of sight; it is sought where those are wide enough ([`LEAST_ACROSS`]), and left alone elsewhere: far away nothing
 //! tells it, and it blurs nothing. Both lie in the plane of the pixels.
 //!
+//! Accuracy, measured (`tests/images/gotcha.rs`): a random walk of the track of 2 cm rms, 1.3 wavelengths, put into two degrees of the GOTCHA recording: its
+//! brightest reflector falls by 8 dB, and comes out 0.15 dB above that of the recording as it is. By minimum entropy it stays 0.4 dB below.
+//!
 //! Cost a step: twice the patches' values. Memory: 8 bytes a pixel of patches and pulse; fewer patches where that is
 //! more than half of what is left.
 

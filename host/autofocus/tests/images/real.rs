@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use subaperture_autofocus::{
-    MapDrift, Method, ModifiedPhaseGradient, PhaseGradient, Sharpness, Unknown,
+    MapDrift, Method, ModifiedPhaseGradient, PhaseGradient, Points, Sharpness, Unknown,
 };
 use subaperture_io::recording::{RecordingFile, examples};
 use subaperture_model::geometry::ImageGrid;
@@ -33,14 +33,21 @@ fn try_all(example: &str, folder: &Path, settings: &[(&str, &str)], grid: &str) 
         .history(u64::MAX)
         .unwrap();
     let grid: ImageGrid = grid.parse().unwrap();
+    let phases = Sharpness {
+        points: Points {
+            most: 8,
+            within_db: 25.0,
+        },
+        ..Sharpness::default()
+    };
     let track = Sharpness {
         unknown: Unknown::Track,
-        ..Sharpness::default()
+        ..phases
     };
     let methods: [&dyn Method; 5] = [
         &PhaseGradient::default(),
         &ModifiedPhaseGradient::default(),
-        &Sharpness::default(),
+        &phases,
         &track,
         &MapDrift::default(),
     ];

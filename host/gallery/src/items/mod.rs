@@ -1,6 +1,7 @@
 //! The items, a file a figure or group of figures that share their data.
 
 mod chim_ambiguity;
+mod chim_autofocus;
 mod chim_omega_k;
 mod chim_painting;
 mod chim_radar;
@@ -40,6 +41,7 @@ pub fn items() -> Vec<Item> {
         &chim_painting::ITEMS,
         &chim_resolution::ITEMS,
         &chim_stepped::ITEMS,
+        &chim_autofocus::ITEMS,
     ]
     .concat()
 }
