@@ -3,36 +3,53 @@
 use std::path::Path;
 
 use glam::DVec3;
-use subaperture::geometry::SceneFrame;
-use subaperture::io::novatel::{self, Damage, Source};
+use subaperture::geometry::{Geodetic, SceneFrame};
+use subaperture::navigation::{Kind, Log, Options, Place};
 use subaperture::track::{SampledTrack, Trajectory};
 
 /// 115 s of a walk with a ProPak6, 20 records a second.
-fn recording() -> Option<novatel::Log> {
+fn recording() -> Option<Log> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("../../shared/data/novatel/spandriver_propak6-ins-ppp.ascii.asc");
     if !path.exists() {
         println!("skipped: {} not found", path.display());
         return None;
     }
-    // Refuse: every CRC has to be right.
-    Some(novatel::read(&path, Damage::Refuse).unwrap())
+    let log = Log::read(&path, &Options::default()).unwrap();
+    // Every CRC is right.
+    assert_eq!((log.account.faulty(), log.account.lost_bytes), (0, 0));
+    Some(log)
+}
+
+fn earth(place: Option<Place>) -> Geodetic {
+    match place {
+        Some(Place::Earth(place)) => place,
+        other => panic!("{other:?}"),
+    }
 }
 
 #[test]
 fn every_line_of_the_recording_is_accounted_for() {
     let Some(log) = recording() else { return };
     // Counted in the file with grep: 7096 lines.
-    let of = |source| log.records.iter().filter(|r| r.source == source).count();
-    assert_eq!(of(Source::Inspvax), 2289);
-    assert_eq!(of(Source::Bestpos), 2288);
-    assert_eq!(log.skipped["CORRIMUDATAA"], 2289);
-    assert_eq!(log.skipped["INSCOVA"], 115);
-    assert_eq!(log.skipped["TIMEA"], 115);
-    assert_eq!((log.unsolved, log.damaged), (0, 0));
+    assert_eq!(log.of(Kind::Inspvax).count(), 2289);
+    assert_eq!(log.of(Kind::Bestpos).count(), 2288);
+    assert_eq!(log.account.others["CORRIMUDATAA"], 2289);
+    assert_eq!(log.account.others["INSCOVA"], 115);
+    assert_eq!(log.account.others["TIMEA"], 115);
+    assert!(log.account.unsolved.is_empty());
     let first = log.records[0];
     assert_eq!((first.time.week, first.time.seconds), (1820, 160_205.9));
-    assert!((first.place.height_m - (326.2121 - 36.5)).abs() < 1e-9);
+    assert!((earth(first.place).height_m - (326.2121 - 36.5)).abs() < 1e-9);
+    // In the file 0.0227 of latitude, 0.0219 of longitude.
+    assert_eq!(
+        first.place_sigma_m,
+        Some(DVec3::new(0.0219, 0.0227, 0.0377))
+    );
+    // Twenty a second without a gap.
+    for coverage in log.coverage() {
+        assert!((coverage.interval_s - 0.05).abs() < 1e-6 && coverage.gaps.is_empty());
+    }
     assert_eq!(first.attitude.unwrap().azimuth_deg, 94.203_550_384);
 }
 
@@ -40,7 +57,7 @@ fn every_line_of_the_recording_is_accounted_for() {
 fn the_track_agrees_with_recorded_velocities_and_the_other_positions() {
     let Some(log) = recording() else { return };
     let first = log.records[0];
-    let place = first.place;
+    let place = earth(first.place);
     let (sin_lon, cos_lon) = place.longitude_deg.to_radians().sin_cos();
     let (sin_lat, cos_lat) = place.latitude_deg.to_radians().sin_cos();
     let frame = SceneFrame::Earth {
@@ -48,18 +65,16 @@ fn the_track_agrees_with_recorded_velocities_and_the_other_positions() {
         x_axis_ecf: DVec3::new(-sin_lon, cos_lon, 0.0),
         y_axis_ecf: DVec3::new(-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat),
     };
-    let fixes = log.fixes(Source::Inspvax, &frame, first.time).unwrap();
+    let fixes = log.fixes(Kind::Inspvax, &frame, first.time).unwrap();
     let track = SampledTrack::new(&fixes).unwrap();
     assert!((fixes.last().unwrap().time_s - 114.4).abs() < 1e-9);
     let mut errors = Vec::new();
-    let inertial = log.records.iter().filter(|r| r.source == Source::Inspvax);
     let mut fastest: f64 = 0.0;
-    for record in inertial {
+    for record in log.of(Kind::Inspvax) {
         let t = record.time.since(first.time);
         let h = 1e-3;
         let velocity = (track.pose(t + h).position_m - track.pose(t - h).position_m) / (2.0 * h);
-        let [north, east, up] = record.velocity_m_s.unwrap();
-        let recorded = DVec3::new(east, north, up);
+        let recorded = record.velocity_m_s.unwrap();
         fastest = fastest.max(recorded.length());
         errors.push(velocity.distance(recorded));
     }
@@ -74,7 +89,7 @@ fn the_track_agrees_with_recorded_velocities_and_the_other_positions() {
     // sign, would give most of the walk's speed, 0.74 m/s RMS.
     assert!(fastest > 1.0 && median < 0.05, "{median} of {fastest}");
     // The best position is the antenna's, less than 1 m from the inertial unit.
-    let best = log.fixes(Source::Bestpos, &frame, first.time).unwrap();
+    let best = log.fixes(Kind::Bestpos, &frame, first.time).unwrap();
     let apart = best
         .iter()
         .map(|f| f.position_m.distance(track.pose(f.time_s).position_m));

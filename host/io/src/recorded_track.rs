@@ -44,7 +44,9 @@ fn log(values: &Values, path: &Path, frame: Option<&SceneFrame>) -> Result<Vec<F
             path.display()
         ));
     }
-    let mut places = log.of(kind).filter_map(|record| Some((record.time, record.place?)));
+    let mut places = log
+        .of(kind)
+        .filter_map(|record| Some((record.time, record.place?)));
     let Some((start, Place::Earth(first))) = places.next() else {
         return Err(format!(
             "{}: no record of this kind with a solution among {}: choose another 'record'",

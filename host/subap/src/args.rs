@@ -4,6 +4,7 @@ mod autofocus;
 mod focus;
 mod formers;
 mod look;
+mod navigation;
 mod plan;
 mod tiled;
 mod track;
@@ -24,6 +25,7 @@ use crate::log::Format;
 pub(crate) use autofocus::{Autofocus, Way};
 pub(crate) use focus::{Focus, Imaging, Velocity};
 pub(crate) use look::{Look, Picture};
+pub(crate) use navigation::Navigation;
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 use subaperture::units::Dimension;
 pub(crate) use tiled::{Part, Tiled};
@@ -129,6 +131,8 @@ pub(crate) enum Command {
     Track(Track),
     /// Find phases or a track by which an image is sharper
     Autofocus(Autofocus),
+    /// Say what a navigation log holds and what of it is lost, and write its track
+    Navigation(Navigation),
     /// Say how far apart two complex images are
     Compare(Compare),
     /// Measure an image: responses of points, level, contrast, differences from another

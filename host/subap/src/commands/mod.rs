@@ -9,6 +9,7 @@ mod focus;
 mod forming;
 mod info;
 mod link;
+mod navigation;
 mod picture;
 mod plan;
 mod quality;
@@ -43,6 +44,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Track(typed) => track::run(session, &typed),
         Command::Tune(typed) => tune::run(session, &typed),
         Command::Autofocus(typed) => autofocus::run(session, &typed),
+        Command::Navigation(typed) => navigation::run(session, &typed),
         Command::Picture(typed) => picture::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),
