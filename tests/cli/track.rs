@@ -79,7 +79,11 @@ fn a_track_is_written_and_images_are_focused_on_it() {
     assert_eq!(told["targets"].as_array().unwrap().len(), 4);
     let grid = "--grid x=-6:6:0.04,y=4:12:0.04 --channels all";
     run(at, &format!("focus walk.cphd {grid} --out recorded")).succeeded();
-    run(at, &format!("focus walk.cphd {grid} --track track.csv --out found")).succeeded();
+    run(
+        at,
+        &format!("focus walk.cphd {grid} --track track.csv --out found"),
+    )
+    .succeeded();
     let [recorded, found] = ["recorded", "found"].map(|image| peak_db(at, image));
     println!("recorded {recorded:.2} dB, found {found:.2} dB");
     // A unit scatterer reads 1 where the track is right.
@@ -98,12 +102,24 @@ fn what_tells_no_track_says_why_and_what_to_do() {
     let alone = run(at, "track walk.cphd --channels T1R1 -o track.csv").failed(1);
     assert!(alone.stderr.contains("two receivers"), "{}", alone.stderr);
     let nothing = run(at, "track walk.cphd -o track.csv --range 20m:30m").failed(1);
-    assert!(nothing.stderr.contains("nothing is seen"), "{}", nothing.stderr);
+    assert!(
+        nothing.stderr.contains("nothing is seen"),
+        "{}",
+        nothing.stderr
+    );
     assert!(nothing.stderr.contains("--range"), "{}", nothing.stderr);
     let one = run(at, "track walk.cphd -o track.csv --range 6.5m:7.6m").failed(1);
-    assert!(one.stderr.contains("at a time at the most"), "{}", one.stderr);
+    assert!(
+        one.stderr.contains("at a time at the most"),
+        "{}",
+        one.stderr
+    );
     assert!(!at.join("track.csv").exists());
-    fs::write(at.join("far.csv"), "time_s,x_m,y_m,z_m\n100,0,0,0\n200,1,0,0\n").unwrap();
+    fs::write(
+        at.join("far.csv"),
+        "time_s,x_m,y_m,z_m\n100,0,0,0\n200,1,0,0\n",
+    )
+    .unwrap();
     let far = run(at, "focus walk.cphd --track far.csv --out image").failed(1);
     assert!(far.stderr.contains("no pulse is within"), "{}", far.stderr);
 }

@@ -118,14 +118,21 @@ fn image(fixes: &[Fix], grid: &ImageGrid) -> Image {
     let arrangement = Arrangement::of(&channels).unwrap();
     let track = SampledTrack::new(fixes).unwrap();
     let span_s = (fixes[0].time_s, fixes[fixes.len() - 1].time_s);
-    let moved = channels.into_inner().into_iter().enumerate().map(|(c, (about, history))| {
-        let [t, r] = arrangement.of_channels[c];
-        let arms_m = [arrangement.transmitters_m[t], arrangement.receivers_m[r]];
-        let moved: Box<dyn PhaseHistory> =
-            Box::new(OnTrack::new(history, &track, arms_m, span_s).unwrap());
-        (about, moved)
-    });
-    let sum = Channels::new(moved.collect()).unwrap().coherent_sum().unwrap();
+    let moved = channels
+        .into_inner()
+        .into_iter()
+        .enumerate()
+        .map(|(c, (about, history))| {
+            let [t, r] = arrangement.of_channels[c];
+            let arms_m = [arrangement.transmitters_m[t], arrangement.receivers_m[r]];
+            let moved: Box<dyn PhaseHistory> =
+                Box::new(OnTrack::new(history, &track, arms_m, span_s).unwrap());
+            (about, moved)
+        });
+    let sum = Channels::new(moved.collect())
+        .unwrap()
+        .coherent_sum()
+        .unwrap();
     let task = Task {
         history: &sum,
         grid,
@@ -134,7 +141,10 @@ fn image(fixes: &[Fix], grid: &ImageGrid) -> Image {
         monitor: &Silent,
         means: Default::default(),
     };
-    Backprojection { error_db: -45.0 }.form(&task).unwrap().image
+    Backprojection { error_db: -45.0 }
+        .form(&task)
+        .unwrap()
+        .image
 }
 
 fn fixes(way: impl Fn(usize) -> (DVec2, f64), pulses: impl Iterator<Item = usize>) -> Vec<Fix> {
@@ -159,7 +169,10 @@ fn entropy(image: &Image) -> f64 {
 
 /// Of the brightest pixel, dB.
 fn peak_db(image: &Image) -> f64 {
-    let most = image.pixels.iter().fold(0.0, |most: f32, z| most.max(z.norm_sqr()));
+    let most = image
+        .pixels
+        .iter()
+        .fold(0.0, |most: f32, z| most.max(z.norm_sqr()));
     10.0 * f64::from(most).log10()
 }
 
@@ -168,7 +181,10 @@ fn peaks_db(fixes: &[Fix]) -> Vec<f64> {
     let each = REFLECTORS.iter().map(|([x, y], _)| {
         let grid = format!(
             "x={}:{}:0.02,y={}:{}:0.02,z=0",
-            x - 0.5, x + 0.5, y - 0.5, y + 0.5
+            x - 0.5,
+            x + 0.5,
+            y - 0.5,
+            y + 0.5
         );
         peak_db(&image(fixes, &grid.parse().unwrap()))
     });
@@ -201,12 +217,20 @@ fn an_image_on_the_track_found_is_as_sharp_as_on_the_true_one() {
         [&fixes_true, &fixes_found, &fixes_told].map(|fixes| entropy(&image(fixes, &grid)));
     println!("entropy on the true track {of_true:.4}, found {of_found:.4}, recorded {of_told:.4}");
     for (i, ([true_db, found_db], told_db)) in
-        (true_db.iter().zip(&found_db).map(|(a, b)| [*a, *b])).zip(&told_db).enumerate()
+        (true_db.iter().zip(&found_db).map(|(a, b)| [*a, *b]))
+            .zip(&told_db)
+            .enumerate()
     {
-        assert!((found_db - true_db).abs() < 0.5, "{i}: {found_db} {true_db}");
+        assert!(
+            (found_db - true_db).abs() < 0.5,
+            "{i}: {found_db} {true_db}"
+        );
         // Useless: half of the amplitude is nowhere near.
         assert!(*told_db < true_db - 6.0, "{i}: {told_db} {true_db}");
     }
-    assert!((of_found / of_true - 1.0).abs() < 0.01, "{of_found} {of_true}");
+    assert!(
+        (of_found / of_true - 1.0).abs() < 0.01,
+        "{of_found} {of_true}"
+    );
     assert!(of_told > 1.1 * of_true, "{of_told} {of_true}");
 }

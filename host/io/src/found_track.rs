@@ -64,15 +64,17 @@ pub fn write(path: &Path, fixes: &[FoundFix]) -> Result<(), WriteError> {
 /// The file's text.
 pub fn text(fixes: &[FoundFix]) -> String {
     let place = "time_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg";
-    let mut text = format!("# a track found of echoes, {TEXT_MARK}\n{place},{}\n", BESIDE.join(","));
+    let mut text = format!(
+        "# a track found of echoes, {TEXT_MARK}\n{place},{}\n",
+        BESIDE.join(",")
+    );
     for found in fixes {
         let fix = &found.fix;
-        let (yaw, pitch, roll) = fix
-            .attitude
-            .unwrap_or_default()
-            .to_euler(EulerRot::ZYX);
+        let (yaw, pitch, roll) = fix.attitude.unwrap_or_default().to_euler(EulerRot::ZYX);
         let c = &found.covariance;
-        let numbers = [c.x_axis.x, c.x_axis.y, c.y_axis.y, c.x_axis.z, c.y_axis.z, c.z_axis.z];
+        let numbers = [
+            c.x_axis.x, c.x_axis.y, c.y_axis.y, c.x_axis.z, c.y_axis.z, c.z_axis.z,
+        ];
         let at = fix.position_m.to_array().map(|x| format!("{x:.9}"));
         let turned = [roll, pitch, yaw].map(|rad| format!("{:.9}", rad.to_degrees()));
         let known = numbers.map(|x| format!("{x:.6e}"));
@@ -94,7 +96,7 @@ pub fn text(fixes: &[FoundFix]) -> String {
 mod tests {
     use super::*;
     use crate::track_csv;
-    use glam::{DVec3, DQuat};
+    use glam::{DQuat, DVec3};
     use subaperture_model::track::turned;
 
     #[test]

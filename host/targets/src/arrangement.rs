@@ -79,7 +79,12 @@ impl Arrangement {
         let (mut transmitters, mut receivers) = (Vec::new(), Vec::new());
         let of_channels: Vec<[usize; 2]> = antennas
             .iter()
-            .map(|[t, r]| [numbered(&mut transmitters, *t), numbered(&mut receivers, *r)])
+            .map(|[t, r]| {
+                [
+                    numbered(&mut transmitters, *t),
+                    numbered(&mut receivers, *r),
+                ]
+            })
             .collect();
         for (i, pair) in of_channels.iter().enumerate() {
             if let Some(j) = of_channels[..i].iter().position(|other| other == pair) {
@@ -158,12 +163,7 @@ fn numbered(all: &mut Vec<DVec3>, at_m: DVec3) -> usize {
 }
 
 /// From the body's axes to the scene's.
-fn attitude(
-    pulse: &Pulse,
-    origin_m: DVec3,
-    transmitters: &[DVec3],
-    receivers: &[DVec3],
-) -> DQuat {
+fn attitude(pulse: &Pulse, origin_m: DVec3, transmitters: &[DVec3], receivers: &[DVec3]) -> DQuat {
     let pairs = receivers
         .iter()
         .enumerate()
@@ -255,7 +255,10 @@ mod tests {
         assert_eq!(arrangement.order(), [0, 2, 3, 1]);
         let middle_m = 0.25 * (t[0] + t[1] + r[0] + r[1]);
         assert!(arrangement.origin_m.distance(middle_m) < 1e-9);
-        let (x, z) = (arrangement.attitude * DVec3::X, arrangement.attitude * DVec3::Z);
+        let (x, z) = (
+            arrangement.attitude * DVec3::X,
+            arrangement.attitude * DVec3::Z,
+        );
         assert!(z.distance(DVec3::Z) < 1e-12);
         assert!((x.dot(look) / 50.0).abs() < 0.3, "{x}");
         assert!((arrangement.attitude * DVec3::Y).x < -0.9);
@@ -275,6 +278,10 @@ mod tests {
         let twice = of(vec![channel("a", 0.0, 1.0), channel("b", 0.0, 1.0)]).unwrap_err();
         assert!(twice.to_string().contains("'a' and 'b'"), "{twice}");
         let apart = of(vec![channel("a", 0.0, 1.0), channel("b", 2.0, 3.0)]).unwrap_err();
-        assert!(apart.to_string().contains("make 4 channels, and there are 2"));
+        assert!(
+            apart
+                .to_string()
+                .contains("make 4 channels, and there are 2")
+        );
     }
 }

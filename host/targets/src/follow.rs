@@ -300,7 +300,11 @@ impl Follower {
         if own.near.is_empty() {
             own.differences_rad = differences_rad(&echo.phases_rad);
             let settled = own.confirmed && own.variance[2].sqrt() < 0.05 * own.rate_m.abs();
-            if settled && self.fastest.is_none_or(|(most, ..)| own.rate_m.abs() > most) {
+            if settled
+                && self
+                    .fastest
+                    .is_none_or(|(most, ..)| own.rate_m.abs() > most)
+            {
                 self.fastest = Some((own.rate_m.abs(), own.number, self.pulse));
             }
         }
@@ -330,9 +334,7 @@ impl Follower {
         });
         self.next += 1;
         let own = &self.all[self.all.len() - 1];
-        own.near
-            .is_empty()
-            .then(|| sighting(own.number, echo))
+        own.near.is_empty().then(|| sighting(own.number, echo))
     }
 
     fn confirm(&mut self) {

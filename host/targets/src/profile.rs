@@ -51,7 +51,9 @@ impl Profiler {
     ) -> Self {
         let length = fastest_length(band.count * STRIDE);
         let repeats_m = band.unambiguous_path_m();
-        let first_m = ranges_m.map_or(reference_path_m - 0.5 * repeats_m, |(near_m, _)| 2.0 * near_m);
+        let first_m = ranges_m.map_or(reference_path_m - 0.5 * repeats_m, |(near_m, _)| {
+            2.0 * near_m
+        });
         let mut profiler = Self {
             band,
             window,

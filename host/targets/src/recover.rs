@@ -145,7 +145,12 @@ pub fn recover(
         found,
     } = solved;
     let recorded: Vec<DVec3> = kept.iter().map(|&n| nominal_m[n]).collect();
-    let laid = Laid::new(&found, &recorded, &seen.arrangement, seen.array.wavelength_m);
+    let laid = Laid::new(
+        &found,
+        &recorded,
+        &seen.arrangement,
+        seen.array.wavelength_m,
+    );
     let targets: HashMap<usize, Target> = found.targets.iter().copied().collect();
     let moments = kept.iter().enumerate().map(|(i, &n)| Moment {
         pulse: n,
@@ -220,7 +225,10 @@ impl Solved {
         let poses = &self.found.poses;
         let next = self.kept.partition_point(|&n| n < pulse);
         let at = |i: usize| (self.kept[i], poses[i]);
-        match (next.checked_sub(1).map(at), (next < poses.len()).then(|| at(next))) {
+        match (
+            next.checked_sub(1).map(at),
+            (next < poses.len()).then(|| at(next)),
+        ) {
             (_, Some((n, pose))) if n == pulse => pose,
             (Some((before, a)), Some((after, b))) => {
                 let part = (pulse - before) as f64 / (after - before) as f64;
@@ -248,11 +256,14 @@ fn looked_again(seen: &Seen, solved: &Solved, follow: Follow) -> Vec<Vec<Sightin
             .map(|(_, target)| {
                 let lines = seen.array.lines(&pose, target);
                 let values: Vec<f64> = lines.iter().map(|line| line.value).collect();
-                let (range_m, phases_rad) = values.split_last().expect("a range follows the phases");
+                let (range_m, phases_rad) =
+                    values.split_last().expect("a range follows the phases");
                 (*range_m, differences_rad(phases_rad))
             })
             .collect();
-        let each = expected.iter().map(|(range_m, rad)| Some((*range_m, rad.as_slice())));
+        let each = expected
+            .iter()
+            .map(|(range_m, rad)| Some((*range_m, rad.as_slice())));
         let taken = associate(each, echoes, gate_m);
         let mut told = Vec::new();
         for (i, echo) in taken.into_iter().enumerate() {
@@ -312,7 +323,11 @@ fn solved_for(pulses: &[Vec<Sighting>]) -> Vec<Vec<Sighting>> {
     by_count.sort_by_key(|&(target, count)| (std::cmp::Reverse(count), target));
     by_count.truncate(MOST_SOLVED);
     by_count.retain(|(_, count)| *count >= LEAST_TOLD);
-    let is_solved = |sighting: &&Sighting| by_count.iter().any(|(target, _)| *target == sighting.target);
+    let is_solved = |sighting: &&Sighting| {
+        by_count
+            .iter()
+            .any(|(target, _)| *target == sighting.target)
+    };
     let each = pulses.iter();
     each.map(|all| all.iter().filter(is_solved).cloned().collect())
         .collect()
@@ -417,7 +432,12 @@ struct Laid {
 }
 
 impl Laid {
-    fn new(found: &Track, recorded_m: &[DVec3], arrangement: &Arrangement, wavelength_m: f64) -> Self {
+    fn new(
+        found: &Track,
+        recorded_m: &[DVec3],
+        arrangement: &Arrangement,
+        wavelength_m: f64,
+    ) -> Self {
         let body = arrangement.attitude;
         let in_plane = |at: &DVec3| (body.inverse() * (*at - arrangement.origin_m)).truncate();
         let wanted: Vec<DVec2> = recorded_m.iter().map(in_plane).collect();
@@ -473,7 +493,10 @@ impl Laid {
 
     fn covariance(&self, covariance: &DMat3) -> DMat3 {
         let (sin, cos) = libm::sincos(self.turn_rad + self.yaw_rad);
-        let turn = DMat3::from_mat2(DMat2::from_cols(DVec2::new(cos, sin), DVec2::new(-sin, cos)));
+        let turn = DMat3::from_mat2(DMat2::from_cols(
+            DVec2::new(cos, sin),
+            DVec2::new(-sin, cos),
+        ));
         turn * *covariance * turn.transpose()
     }
 }

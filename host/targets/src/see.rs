@@ -271,12 +271,7 @@ impl<'s> Looker<'s> {
         settings: &'s Settings,
         channels: usize,
     ) -> Result<Self, TargetsError> {
-        let detector = Detector::new(
-            settings.cfar,
-            channels,
-            profiler.stride(),
-            &profiler.window,
-        );
+        let detector = Detector::new(settings.cfar, channels, profiler.stride(), &profiler.window);
         Ok(Self {
             profiler,
             settings,
@@ -302,11 +297,7 @@ impl<'s> Looker<'s> {
     }
 
     /// Some pulses, to learn which channels work.
-    fn look(
-        &self,
-        channels: &Channels,
-        monitor: &dyn Monitor,
-    ) -> Result<Looked, TargetsError> {
+    fn look(&self, channels: &Channels, monitor: &dyn Monitor) -> Result<Looked, TargetsError> {
         let count = channels.num_pulses();
         let looked_at = count.min(LOOKED_AT);
         let mut looked = Looked {

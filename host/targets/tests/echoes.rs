@@ -88,10 +88,7 @@ fn standard_deviations_are_those_of_the_errors() {
             let squares: f64 = own.iter().map(|s| of(s).powi(2)).sum();
             (squares / own.len() as f64).sqrt()
         };
-        let (range_sigma, phase_sigma) = (
-            told(|s| s.range_sigma_m),
-            told(|s| s.phase_sigma_rad),
-        );
+        let (range_sigma, phase_sigma) = (told(|s| s.range_sigma_m), told(|s| s.phase_sigma_rad));
         // Of two channels, of K samples each: var(path) = s^2 / (2 a^2 sum kappa^2), sum kappa^2 = (2 pi step / c)^2 K (K^2 - 1) / 12.
         let k = 151f64;
         let kappa2 = (TAU * 4e6 / C_M_S).powi(2) * k * (k * k - 1.0) / 12.0;
@@ -101,9 +98,14 @@ fn standard_deviations_are_those_of_the_errors() {
         ];
         println!(
             "{window}, {snr_db} dB: range {:.3} mm, told {:.3}, bound {:.3}; phase {:.2} mrad, told {:.2}, bound {:.2}; off by {:.3} mm, {:.2} mrad",
-            1e3 * range[1], 1e3 * range_sigma, 1e3 * bounds[0],
-            1e3 * phase[1], 1e3 * phase_sigma, 1e3 * bounds[1],
-            1e3 * range[0], 1e3 * phase[0],
+            1e3 * range[1],
+            1e3 * range_sigma,
+            1e3 * bounds[0],
+            1e3 * phase[1],
+            1e3 * phase_sigma,
+            1e3 * bounds[1],
+            1e3 * range[0],
+            1e3 * phase[0],
         );
         for ([mean, rms], sigma, bound) in [
             (range, range_sigma, bounds[0]),
@@ -133,5 +135,8 @@ fn a_neighbour_bends_neither_range_nor_phase() {
     let [range, phase] = [ranges, phases].map(|errors| spread(errors.into_iter()));
     println!("{range:?} {phase:?}");
     // Of one alone it is 1.4 mm and 0.027 rad.
-    assert!(range[0].abs() < 1e-3 && phase[0].abs() < 0.01, "{range:?} {phase:?}");
+    assert!(
+        range[0].abs() < 1e-3 && phase[0].abs() < 0.01,
+        "{range:?} {phase:?}"
+    );
 }

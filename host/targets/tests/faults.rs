@@ -58,7 +58,10 @@ fn nothing_and_one_target_are_told() {
         matches!(one, TargetsError::TooFew { most: 1, ranges_m: (near, far), .. } if near > 7.0 && far < 9.5),
         "{one}"
     );
-    assert!(one.to_string().contains("its ranges can be trusted"), "{one}");
+    assert!(
+        one.to_string().contains("its ranges can be trusted"),
+        "{one}"
+    );
 }
 
 #[test]
@@ -68,7 +71,10 @@ fn dead_channels_are_left_out_while_an_array_is_left() {
     let mut apart = all.clone();
     apart[1].2.fill(Complex32::ZERO);
     let error = found(channels(apart)).unwrap_err().to_string();
-    assert!(error.contains("2 of 3 channels have echoes (dead: T1R2)"), "{error}");
+    assert!(
+        error.contains("2 of 3 channels have echoes (dead: T1R2)"),
+        "{error}"
+    );
     all[2].2.fill(Complex32::ZERO);
     let track = found(channels(all.clone())).unwrap();
     let is_dead = |fault: &&Fault| matches!(fault, Fault::Dead { channel, below_db: None } if channel == "T1R3");
@@ -79,7 +85,11 @@ fn dead_channels_are_left_out_while_an_array_is_left() {
     let mut noisy = recorded(&three(), &reflectors(), NOISE);
     noisy[2].2 = recorded(&three(), &[], NOISE).remove(2).2;
     let track = found(channels(noisy)).unwrap();
-    let dead = track.seen.faults.iter().find(|fault| matches!(fault, Fault::Dead { .. }));
+    let dead = track
+        .seen
+        .faults
+        .iter()
+        .find(|fault| matches!(fault, Fault::Dead { .. }));
     assert!(dead.unwrap().to_string().contains("T1R3"), "{dead:?}");
     let [place_m, _] = off(&track, &truth);
     println!("with the third receiver dead {:.1} mm", 1e3 * place_m);
@@ -87,14 +97,20 @@ fn dead_channels_are_left_out_while_an_array_is_left() {
 
     all[1].2.fill(Complex32::ZERO);
     let one = found(channels(all.clone())).unwrap_err().to_string();
-    assert!(one.contains("1 of 3 channels") && one.contains("T1R2, T1R3"), "{one}");
+    assert!(
+        one.contains("1 of 3 channels") && one.contains("T1R2, T1R3"),
+        "{one}"
+    );
     all[0].2.fill(Complex32::ZERO);
     let none = found(channels(all)).unwrap_err();
     assert!(matches!(none, TargetsError::AllDead), "{none}");
 }
 
 /// Samples as a converter has them that clips at this part of the largest, before the recording compensates.
-fn clipped((about, collection, mut samples): (Channel, Collection, Vec<Complex32>), part: f32) -> (Channel, Collection, Vec<Complex32>) {
+fn clipped(
+    (about, collection, mut samples): (Channel, Collection, Vec<Complex32>),
+    part: f32,
+) -> (Channel, Collection, Vec<Complex32>) {
     let width = collection.num_samples;
     let turn = |i: usize| {
         let pulse = &collection.pulses[i / width];
@@ -102,10 +118,18 @@ fn clipped((about, collection, mut samples): (Channel, Collection, Vec<Complex32
         Complex64::cis(TAU * turns.fract())
     };
     let wide = |z: &Complex32| Complex64::new(z.re.into(), z.im.into());
-    let raw: Vec<Complex64> = samples.iter().enumerate().map(|(i, z)| wide(z) * turn(i).conj()).collect();
-    let most = f64::from(part) * raw.iter().fold(0.0f64, |most, z| most.max(z.re.abs()).max(z.im.abs()));
+    let raw: Vec<Complex64> = samples
+        .iter()
+        .enumerate()
+        .map(|(i, z)| wide(z) * turn(i).conj())
+        .collect();
+    let most = f64::from(part)
+        * raw
+            .iter()
+            .fold(0.0f64, |most, z| most.max(z.re.abs()).max(z.im.abs()));
     for (i, sample) in samples.iter_mut().enumerate() {
-        let held = Complex64::new(raw[i].re.clamp(-most, most), raw[i].im.clamp(-most, most)) * turn(i);
+        let held =
+            Complex64::new(raw[i].re.clamp(-most, most), raw[i].im.clamp(-most, most)) * turn(i);
         *sample = Complex32::new(held.re as f32, held.im as f32);
     }
     (about, collection, samples)
@@ -115,11 +139,22 @@ fn clipped((about, collection, mut samples): (Channel, Collection, Vec<Complex32
 fn a_saturated_channel_is_told() {
     let mut all = recorded(&l_band(), &reflectors(), NOISE);
     let sound = found(channels(all.clone())).unwrap();
-    assert!(!sound.seen.faults.iter().any(|fault| matches!(fault, Fault::Saturated { .. })));
+    assert!(
+        !sound
+            .seen
+            .faults
+            .iter()
+            .any(|fault| matches!(fault, Fault::Saturated { .. }))
+    );
     let first = clipped(all.remove(0), 0.5);
     all.insert(0, first);
     let track = found(channels(all)).unwrap();
-    let told: Vec<&Fault> = track.seen.faults.iter().filter(|fault| matches!(fault, Fault::Saturated { .. })).collect();
+    let told: Vec<&Fault> = track
+        .seen
+        .faults
+        .iter()
+        .filter(|fault| matches!(fault, Fault::Saturated { .. }))
+        .collect();
     let [Fault::Saturated { channel, share }] = told[..] else {
         panic!("{:?}", track.seen.faults);
     };
@@ -158,7 +193,11 @@ fn pulses_that_are_no_numbers_are_left_out() {
     });
     let track = found(Channels::new(damaged.collect()).unwrap()).unwrap();
     let told = track.seen.faults.iter().find_map(|fault| match fault {
-        Fault::Unreadable { pulses, first, what } => Some((*pulses, *first, what.clone())),
+        Fault::Unreadable {
+            pulses,
+            first,
+            what,
+        } => Some((*pulses, *first, what.clone())),
         _ => None,
     });
     let (pulses, first, what) = told.unwrap();
@@ -177,14 +216,27 @@ fn swapped_receivers_are_told() {
     let other = all[1].2.clone();
     all[1].2 = std::mem::replace(&mut all[0].2, other);
     // What the samples are compensated to belongs to them.
-    let paths: Vec<Vec<f64>> = all.iter().map(|(_, collection, _)| collection.pulses.iter().map(|pulse| pulse.reference_path_m).collect()).collect();
+    let paths: Vec<Vec<f64>> = all
+        .iter()
+        .map(|(_, collection, _)| {
+            collection
+                .pulses
+                .iter()
+                .map(|pulse| pulse.reference_path_m)
+                .collect()
+        })
+        .collect();
     for (c, (_, collection, _)) in all.iter_mut().enumerate() {
         for (pulse, path_m) in collection.pulses.iter_mut().zip(&paths[1 - c]) {
             pulse.reference_path_m = *path_m;
         }
     }
     let track = found(channels(all)).unwrap();
-    assert!(track.seen.faults.contains(&Fault::Reversed), "{:?}", track.seen.faults);
+    assert!(
+        track.seen.faults.contains(&Fault::Reversed),
+        "{:?}",
+        track.seen.faults
+    );
 }
 
 #[test]
@@ -193,7 +245,9 @@ fn settings_and_recordings_that_cannot_be_are_refused() {
     let refused = |change: fn(&mut Settings)| {
         let mut settings = Settings::default();
         change(&mut settings);
-        recover(channels(all.clone()), &settings, &Silent).unwrap_err().to_string()
+        recover(channels(all.clone()), &settings, &Silent)
+            .unwrap_err()
+            .to_string()
     };
     assert!(refused(|s| s.ranges_m = Some((5.0, f64::NAN))).contains("ranges"));
     assert!(refused(|s| s.least_snr_db = f64::INFINITY).contains("SNR"));

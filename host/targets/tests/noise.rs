@@ -13,7 +13,8 @@ fn noise_power(window: &[f64], channels: usize, stride: usize, seed: u64) -> Vec
     let phasors: Vec<Complex64> = (0..length).map(turn).collect();
     let mut power = vec![0.0; length];
     for _ in 0..channels {
-        let mut sample = |w: &f64| Complex64::new(gaussian(&mut random), gaussian(&mut random)) * *w;
+        let mut sample =
+            |w: &f64| Complex64::new(gaussian(&mut random), gaussian(&mut random)) * *w;
         let samples: Vec<Complex64> = window.iter().map(&mut sample).collect();
         for (bin, power) in power.iter_mut().enumerate() {
             let each = (0..count).map(|k| samples[k] * phasors[k * bin % length]);
@@ -66,7 +67,9 @@ fn false_alarms_are_as_many_as_asked_for() {
     ] {
         let flat = ratio(level, channels, &flat, 200);
         let windowed = ratio(level, channels, &hamming, 200);
-        println!("{level:?}, {channels} channels: {flat:.3} of those asked for, under Hamming's window {windowed:.3}");
+        println!(
+            "{level:?}, {channels} channels: {flat:.3} of those asked for, under Hamming's window {windowed:.3}"
+        );
         assert!((flat - 1.0).abs() < 0.18, "{flat}");
         assert!((windowed - 1.0).abs() < 0.28, "{windowed}");
     }

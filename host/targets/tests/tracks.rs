@@ -63,9 +63,7 @@ pub fn off(found: &Recovered, truth: &[Truth]) -> [f64; 2] {
     let turn = DVec2::from_angle(cross.atan2(dot));
     let squares: f64 = pairs
         .iter()
-        .map(|(got, wanted)| {
-            (turn.rotate(*got - mean_got) + mean_wanted).distance_squared(*wanted)
-        })
+        .map(|(got, wanted)| (turn.rotate(*got - mean_got) + mean_wanted).distance_squared(*wanted))
         .sum();
     let headings: f64 = found
         .moments
@@ -95,7 +93,11 @@ fn an_irregular_walk_is_found_from_two_receivers() {
     let channels = recording.channels();
     let start = std::time::Instant::now();
     let found = recover(channels, &Settings::default(), &Silent).unwrap();
-    println!("found in {:?}, {} events", start.elapsed(), found.seen.events.len());
+    println!(
+        "found in {:?}, {} events",
+        start.elapsed(),
+        found.seen.events.len()
+    );
     for fault in &found.seen.faults {
         println!("{fault}");
     }
@@ -177,17 +179,30 @@ fn pauses_between_bursts_stand_out() {
     let steps = steps_m(&found);
     let (mut bursts, mut pauses) = (Vec::new(), Vec::new());
     for (n, step) in steps.iter().enumerate() {
-        if n % 10 == 9 { &mut pauses } else { &mut bursts }.push(step.x);
+        if n % 10 == 9 {
+            &mut pauses
+        } else {
+            &mut bursts
+        }
+        .push(step.x);
     }
     let ([burst, scatter], [pause, pause_scatter]) = (spread(&bursts), spread(&pauses));
     let across = spread(&steps.iter().map(|step| step.y).collect::<Vec<_>>());
     println!(
         "steps within bursts {:.4} mm, scattered by {:.4}; over pauses {:.4} mm, scattered by {:.4}; across {:.5} mm, {:.4}",
-        1e3 * burst, 1e3 * scatter, 1e3 * pause, 1e3 * pause_scatter, 1e3 * across[0], 1e3 * across[1]
+        1e3 * burst,
+        1e3 * scatter,
+        1e3 * pause,
+        1e3 * pause_scatter,
+        1e3 * across[0],
+        1e3 * across[1]
     );
     // A step's noise: phases of 26 mrad, under this window, are 16 um of path or 8 um of range; of eight phases of four targets, about 0.35 off the
     // direction across the array as a sine, along it 8 / (0.35 sqrt 8) um, twice in a step: 12 um.
-    assert!(scatter < 20e-6 && pause_scatter < 20e-6, "{scatter} {pause_scatter}");
+    assert!(
+        scatter < 20e-6 && pause_scatter < 20e-6,
+        "{scatter} {pause_scatter}"
+    );
     // Of 270 and of 29 steps, and one part in fifty of scale: angles of arrival of a track of a hand's breadth.
     assert!((burst / STEP_M - 1.0).abs() < 0.03, "{burst}");
     assert!((pause / (4.0 * STEP_M) - 1.0).abs() < 0.04, "{pause}");
@@ -215,13 +230,20 @@ fn the_ramp_of_a_motor_that_starts_stands_out() {
     let count = RAMP as f64;
     let mean = |of: fn(&(f64, f64)) -> f64| ramp.iter().map(of).sum::<f64>() / count;
     let (mean_n, mean_step) = (mean(|p| p.0), mean(|p| p.1));
-    let slope = ramp.iter().map(|(n, step)| (n - mean_n) * (step - mean_step)).sum::<f64>()
+    let slope = ramp
+        .iter()
+        .map(|(n, step)| (n - mean_n) * (step - mean_step))
+        .sum::<f64>()
         / ramp.iter().map(|(n, _)| (n - mean_n).powi(2)).sum::<f64>();
     let start = mean_step - slope * mean_n;
     let [full, scatter] = spread(&steps[RAMP..].iter().map(|step| step.x).collect::<Vec<_>>());
     println!(
         "slope {:.4} of {:.4} um a chirp squared, from {:.3} um on; then {:.3} um, scattered by {:.3}",
-        1e6 * slope, 1e6 * FULL_M / count, 1e6 * start, 1e6 * full, 1e6 * scatter
+        1e6 * slope,
+        1e6 * FULL_M / count,
+        1e6 * start,
+        1e6 * full,
+        1e6 * scatter
     );
     // 12 um a step, of 400 steps: a standard deviation of 12 sqrt(12 / 400^3) um, 2 % of the slope, and 3 % of scale.
     assert!((slope / (FULL_M / count) - 1.0).abs() < 0.08, "{slope}");

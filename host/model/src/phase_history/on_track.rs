@@ -38,7 +38,8 @@ impl<'a> OnTrack<'a> {
         let first = of.pulses.iter().position(|pulse| within(pulse.time_s));
         let last = of.pulses.iter().rposition(|pulse| within(pulse.time_s));
         let (Some(first), Some(last)) = (first, last) else {
-            let times = |of: &Collection| Some((of.pulses.first()?.time_s, of.pulses.last()?.time_s));
+            let times =
+                |of: &Collection| Some((of.pulses.first()?.time_s, of.pulses.last()?.time_s));
             let (from_s, to_s) = times(of).unwrap_or_default();
             return Err(ReadError::Mismatch(format!(
                 "{}: no pulse is within the track: pulses are from {from_s} s to {to_s} s, the track from {} s to {} s",
@@ -165,7 +166,9 @@ mod tests {
         moved.read(1..3, &mut got).unwrap();
         assert_eq!(got.map(|z| z.re), [4.0, 5.0, 6.0, 7.0]);
         assert_eq!(moved.at_hand(1..3).unwrap(), got);
-        let error = OnTrack::new(history(), &North, arms_m, (6.0, 9.0)).err().unwrap();
+        let error = OnTrack::new(history(), &North, arms_m, (6.0, 9.0))
+            .err()
+            .unwrap();
         assert!(error.to_string().contains("no pulse is within"), "{error}");
     }
 }

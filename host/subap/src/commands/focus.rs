@@ -8,16 +8,20 @@ mod on_track;
 mod record;
 pub(crate) mod tiled;
 
+use std::fs::File;
+use std::path::Path;
 use std::time::Instant;
 
+use anyhow::Context;
 use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
 use subaperture::focus::{FormError, Formed, ImageFormer, Means, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::WriteError;
+use subaperture::io::input::checksum;
 use subaperture::io::product::Product;
 use subaperture::io::product::record::Brightest;
-use subaperture::phase_history::PhaseHistory;
+use subaperture::phase_history::{InputFile, PhaseHistory};
 use subaperture::planner::forecast::cost;
 use subaperture::resolution::survey::Survey;
 
@@ -167,8 +171,9 @@ impl Job<'_> {
         interrupt::check()?;
         let checksums = session.progress("checksums");
         let mut inputs = self.history.inputs()?;
-        inputs.extend(on_track::input(typed)?);
-        inputs.extend(corrected::input(typed)?);
+        for path in [&typed.track, &typed.phase].into_iter().flatten() {
+            inputs.push(read_beside(path)?);
+        }
         checksums.finish();
         let told = about.check.as_ref().map(ToString::to_string);
         let record = record::Record::of(self, grid, about, &inputs)?;
@@ -229,6 +234,18 @@ fn form(
 }
 
 /// Warns of an image that is worse than asked, and may be.
+/// A file that is read beside the recordings, for the record.
+fn read_beside(path: &Path) -> anyhow::Result<InputFile> {
+    let named = || format!("cannot read {}", path.display());
+    let mut file = File::open(path).with_context(named)?;
+    let (bytes, crc32) = checksum(&mut file).with_context(named)?;
+    Ok(InputFile {
+        path: path.to_owned(),
+        bytes,
+        crc32,
+    })
+}
+
 fn tell_missed(predicted_db: f64, bound_db: Option<f64>) {
     messages::bound_missed(format!(
         "the predicted error is {predicted_db:.1} dB, above the {} dB asked",

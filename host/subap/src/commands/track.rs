@@ -94,12 +94,8 @@ fn fix(moment: &Moment) -> FoundFix {
 /// `error`, with what the command line can do about it.
 fn with_advice(error: TargetsError) -> anyhow::Error {
     let advice = match &error {
-        TargetsError::Nothing { .. } => {
-            "place reflectors, or look at other ranges with --range"
-        }
-        TargetsError::TooFew { .. } => {
-            "place a second reflector, or lower --least-snr"
-        }
+        TargetsError::Nothing { .. } => "place reflectors, or look at other ranges with --range",
+        TargetsError::TooFew { .. } => "place a second reflector, or lower --least-snr",
         TargetsError::Motion { .. } => {
             "leave out ranges of clutter with --range, or receivers with --channels"
         }
@@ -137,7 +133,11 @@ fn chart(name: &str, found: &Recovered, recorded_m: &[DVec3]) -> Chart {
     let length_m = found.length_m();
     // A twentieth of the track, by a power of ten.
     let larger = 10f64.powf((0.05 * length_m / spread_m).log10().floor());
-    let larger = if larger.is_finite() { larger.max(1.0) } else { 1.0 };
+    let larger = if larger.is_finite() {
+        larger.max(1.0)
+    } else {
+        1.0
+    };
     let mut ellipses = Vec::new();
     for moment in moments.iter().step_by(moments.len().div_ceil(ELLIPSES)) {
         let ring = moment.ellipse_m(larger);
@@ -166,7 +166,11 @@ fn chart(name: &str, found: &Recovered, recorded_m: &[DVec3]) -> Chart {
             ),
             curve(
                 "targets".to_owned(),
-                found.places.iter().map(|place| at(place.position_m)).collect(),
+                found
+                    .places
+                    .iter()
+                    .map(|place| at(place.position_m))
+                    .collect(),
                 Stroke::Dots,
             ),
             curve(format!("1 sigma x {larger:.0}"), ellipses, Stroke::Solid),
@@ -175,12 +179,7 @@ fn chart(name: &str, found: &Recovered, recorded_m: &[DVec3]) -> Chart {
     }
 }
 
-fn tell(
-    session: &Session,
-    typed: &Track,
-    picture: &Path,
-    found: &Recovered,
-) -> anyhow::Result<()> {
+fn tell(session: &Session, typed: &Track, picture: &Path, found: &Recovered) -> anyhow::Result<()> {
     let last = found.moments.last().context("a track has poses")?;
     let seen = &found.seen;
     let [sum, expected] = found.chi_square;

@@ -1,13 +1,11 @@
 //! `--track`: a recording as the radar made it on another track.
 
-use std::fs::File;
 use std::path::Path;
 
 use anyhow::Context;
-use subaperture::io::input::checksum;
 use subaperture::io::open::{Options, cphd_info, open_channels};
 use subaperture::io::track_csv;
-use subaperture::phase_history::{Channels, InputFile, Joined, OnTrack, PhaseHistory};
+use subaperture::phase_history::{Channels, Joined, OnTrack, PhaseHistory};
 use subaperture::targets::Arrangement;
 use subaperture::track::SampledTrack;
 
@@ -87,19 +85,4 @@ fn wanted(input: &Input, channels: &Channels) -> anyhow::Result<Vec<usize>> {
     };
     let each = named.iter().map(|name| Ok(channels.find(name)?));
     each.collect()
-}
-
-/// The file, for the record.
-pub(super) fn input(typed: &Focus) -> anyhow::Result<Option<InputFile>> {
-    let Some(path) = &typed.track else {
-        return Ok(None);
-    };
-    let named = || format!("cannot read {}", path.display());
-    let mut file = File::open(path).with_context(named)?;
-    let (bytes, crc32) = checksum(&mut file).with_context(named)?;
-    Ok(Some(InputFile {
-        path: path.clone(),
-        bytes,
-        crc32,
-    }))
 }
