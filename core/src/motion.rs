@@ -18,7 +18,7 @@
 //!
 //! **Input** a pulse's [`Echo`]es: what a target is called, its range, and a phase of each channel, transmitter by transmitter, receiver by receiver; phases fall by `k` a metre of path, whole turns say nothing.
 //! **Output** an [`Increment`]: along the array, ahead, and counterclockwise, in the array's frame at the former pulse. **Units** metres, radians. **Memory** [`Pairwise::BYTES`].
-//! **Cost** targets times channels squared, a square root each. **Accuracy** (`tests/stream/motion.rs`) the host's own increments to rounding; the same bits on every machine. **Errors** [`MotionError`].
+//! **Cost** targets times channels squared, a square root each. **Accuracy** (`tests/stream/motion.rs`) the host's own increments to rounding; the same bits on every machine (`selftest::MotionSelfTest`). **Errors** [`MotionError`].
 
 use core::f64::consts::{PI, TAU};
 use core::fmt;

@@ -16,7 +16,9 @@ use std::fmt::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use subaperture_core::selftest::{FixedStreamSelfTest, FloatStreamSelfTest, SelfTest};
+use subaperture_core::selftest::{
+    FixedStreamSelfTest, FloatStreamSelfTest, MotionSelfTest, SelfTest,
+};
 use subaperture_core::stream::{BlockFloat, MapSamples, PatchMap};
 use subaperture_tests::firmware::{self, Build, finish};
 use subaperture_xtask::target_installed;
@@ -156,6 +158,8 @@ fn aarch64_computes_the_same_bits() {
     let mut plan = Box::new(SelfTest::new());
     let plan = plan.run().unwrap();
     assert_eq!(lines[1], format!("checksum 0x{plan:08x}"));
+    let motion = MotionSelfTest::new().unwrap().run().unwrap();
+    assert_eq!(lines[3], format!("checksum 0x{motion:08x}"));
 }
 
 fn float() -> (String, String) {

@@ -1,6 +1,6 @@
 //! The core's self-test on a board, or on the host for comparison.
 //!
-//! Prints the memory of the buffers and one checksum, the same to the bit wherever it runs. On the emulated
+//! Prints the memory of the buffers and two checksums, of maps and of a radar's increments, the same to the bit wherever it runs. On the emulated
 //! board it exits the emulator with success, after any failure with an error;
 //! `tests/firmware/selftest.rs` runs it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -8,7 +8,7 @@
 #[cfg(target_os = "none")]
 mod target {
     use cortex_m_rt::entry;
-    use subaperture_core::selftest::SelfTest;
+    use subaperture_core::selftest::{MotionSelfTest, SelfTest};
     use subaperture_firmware::board::{self, log};
     use subaperture_firmware::place;
 
@@ -16,24 +16,35 @@ mod target {
 
     #[entry]
     fn main() -> ! {
-        let result = BUFFERS.take().run();
-        match result {
+        let maps = BUFFERS.take().run();
+        match maps {
             Ok(checksum) => {
                 log(format_args!("buffers {} bytes", SelfTest::BYTES));
                 log(format_args!("checksum 0x{checksum:08x}"));
             }
             Err(error) => log(format_args!("{error}")),
         }
-        board::end(result.is_ok())
+        let motion = MotionSelfTest::new().and_then(|mut test| test.run());
+        match motion {
+            Ok(checksum) => {
+                log(format_args!("motion {} bytes", MotionSelfTest::BYTES));
+                log(format_args!("checksum 0x{checksum:08x}"));
+            }
+            Err(error) => log(format_args!("{error}")),
+        }
+        board::end(maps.is_ok() && motion.is_ok())
     }
 }
 
 #[cfg(not(target_os = "none"))]
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    use subaperture_core::selftest::SelfTest;
+    use subaperture_core::selftest::{MotionSelfTest, SelfTest};
     let mut buffers = Box::new(SelfTest::new());
     let checksum = buffers.run()?;
     println!("buffers {} bytes", SelfTest::BYTES);
+    println!("checksum 0x{checksum:08x}");
+    let checksum = MotionSelfTest::new()?.run()?;
+    println!("motion {} bytes", MotionSelfTest::BYTES);
     println!("checksum 0x{checksum:08x}");
     Ok(())
 }
