@@ -68,7 +68,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 18] = [
+pub static TARGETS: [Target; 19] = [
     Target {
         name: "plan",
         read: plans::plan,
@@ -169,10 +169,18 @@ pub static TARGETS: [Target; 18] = [
     },
     Target {
         name: "novatel",
-        read: tracks::novatel,
+        read: tracks::log,
         seeds: tracks::novatel_seeds,
         repair: repair::novatel,
         words: tracks::NOVATEL_WORDS,
+        most_bytes: in_proportion,
+    },
+    Target {
+        name: "navigation",
+        read: tracks::log,
+        seeds: tracks::navigation_seeds,
+        repair: repair::novatel,
+        words: tracks::NAVIGATION_WORDS,
         most_bytes: in_proportion,
     },
     Target {

@@ -142,23 +142,50 @@ pub(super) fn maps(bytes: &mut [u8]) {
     }
 }
 
-/// CRCs of lines.
+/// CRCs of lines, checksums of sentences, and CRCs of binary messages that are whole by their length.
 pub(super) fn novatel(bytes: &mut Vec<u8>) {
     let mut out = Vec::new();
     for line in bytes.split_inclusive(|&byte| byte == b'\n') {
         let star = line.iter().rposition(|&byte| byte == b'*');
         match (line.first(), star) {
             (Some(b'#' | b'%'), Some(star)) => {
-                // From 0, without a complement at either end.
-                let mut hasher = crc32fast::Hasher::new_with_initial(!0);
-                hasher.update(&line[1..star]);
                 out.extend(&line[..star]);
-                out.extend(format!("*{:08x}\r\n", !hasher.finalize()).bytes());
+                out.extend(format!("*{:08x}\r\n", novatel_crc(&line[1..star])).bytes());
+            }
+            (Some(b'$'), Some(star)) => {
+                let sum = line[1..star].iter().fold(0, |sum, byte| sum ^ byte);
+                out.extend(&line[..star]);
+                out.extend(format!("*{sum:02X}\r\n").bytes());
             }
             _ => out.extend(line),
         }
     }
+    let mut at = 0;
+    while at + 10 < out.len() {
+        let length = match out[at..at + 10] {
+            [0xaa, 0x44, 0x12, header, _, _, _, _, a, b] => {
+                usize::from(header) + usize::from(u16::from_le_bytes([a, b]))
+            }
+            [0xaa, 0x44, 0x13, body, ..] => 12 + usize::from(body),
+            _ => {
+                at += 1;
+                continue;
+            }
+        };
+        if let Some(message) = out.get(at..at + length) {
+            let crc = novatel_crc(message).to_le_bytes();
+            put(&mut out, at + length, &crc);
+        }
+        at += length.max(1);
+    }
     *bytes = out;
+}
+
+/// From 0, without a complement at either end.
+fn novatel_crc(bytes: &[u8]) -> u32 {
+    let mut hasher = crc32fast::Hasher::new_with_initial(!0);
+    hasher.update(bytes);
+    !hasher.finalize()
 }
 
 /// Version, numbers and CRCs of frames, and their stuffing: what is changed is their messages.

@@ -1,12 +1,11 @@
-//! Tracks: NovAtel's logs, comma-separated values and Motive's takes.
+//! Tracks: logs of navigation, comma-separated values and Motive's takes.
 
 use std::path::Path;
 
 use glam::DVec3;
-use subaperture::geometry::SceneFrame;
-use subaperture::io::novatel::{self, Damage, Source};
 use subaperture::io::track_axes::TrackAxes;
 use subaperture::io::{motive, phase_csv, track_csv};
+use subaperture::navigation::{Kind, Log, Options, Place};
 use subaperture::track::{Fix, SampledTrack, Trajectory};
 
 pub(super) const NOVATEL_WORDS: &[&str] = &[
@@ -36,6 +35,27 @@ pub(super) const PHASE_WORDS: &[&str] = &[
     "1",
     "NaN",
     "1e12",
+];
+
+pub(super) const NAVIGATION_WORDS: &[&str] = &[
+    "$GPGGA,",
+    "$GPRMC,",
+    "$GNZDA,",
+    "$GPGST,",
+    "$GPVTG,",
+    "$GPHDT,",
+    "*",
+    ",",
+    "\r\n",
+    "time_s",
+    "latitude_deg",
+    "longitude_deg",
+    "height_m",
+    "velocity_x_m_s",
+    "heading [deg]",
+    "sigma_",
+    "235959.99",
+    "311216",
 ];
 
 pub(super) const CSV_WORDS: &[&str] = &[
@@ -128,12 +148,106 @@ pub(super) fn novatel_seeds() -> Vec<Vec<u8>> {
         bestpos(100.0) + &bestpos(101.0) + "#TIMEA,x;y*0\r\n",
         inspvax + "\r\n%SHORTA,1;2*0\r\n",
     ];
-    logs.map(|log| {
-        let mut bytes = log.into_bytes();
+    let binary = [
+        message(507, 0x12, &[(4, 2209), (8, 100), (8, 51), (8, -114)], 88),
+        message(
+            1465,
+            0x12,
+            &[(4, 3), (4, 56), (8, 43), (8, -80), (8, 326)],
+            126,
+        ),
+        message(
+            42,
+            0x12,
+            &[
+                (4, 0),
+                (4, 16),
+                (8, 43),
+                (8, -80),
+                (8, 326),
+                (4, 0),
+                (4, 61),
+            ],
+            72,
+        ),
+        message(
+            231,
+            0x12,
+            &[(4, 2209), (8, 100), (8, 0), (8, 0), (8, -18)],
+            40,
+        ),
+        message(508, 0x13, &[(4, 2209), (8, 101), (8, 51), (8, -114)], 88),
+    ];
+    let texts = logs.map(String::into_bytes).into_iter();
+    let all = texts.chain([binary.concat()]);
+    all.map(|mut bytes| {
         super::repair::novatel(&mut bytes);
         bytes
     })
-    .to_vec()
+    .collect()
+}
+
+/// A NovAtel binary message whose body begins with numbers of 4 (whole) or 8 bytes, its CRC left open.
+fn message(id: u16, sync: u8, numbers: &[(usize, i32)], length: usize) -> Vec<u8> {
+    let week_and_ms = [0xa1, 8, 0xa0, 0x86, 1, 0];
+    let id = id.to_le_bytes();
+    let mut bytes = match sync {
+        0x12 => vec![
+            0xaa,
+            0x44,
+            0x12,
+            28,
+            id[0],
+            id[1],
+            0,
+            0,
+            length as u8,
+            0,
+            0,
+            0,
+            0,
+            180,
+        ],
+        _ => vec![0xaa, 0x44, 0x13, length as u8, id[0], id[1]],
+    };
+    bytes.extend(week_and_ms);
+    let header = if sync == 0x12 { 28 } else { 12 };
+    bytes.resize(header, 0);
+    for &(size, number) in numbers {
+        match size {
+            4 => bytes.extend(number.to_le_bytes()),
+            _ => bytes.extend(f64::from(number).to_le_bytes()),
+        }
+    }
+    // What is left is 0, but for the status at the end of INSPVA.
+    bytes.resize(header + length - 4, 0);
+    bytes.extend(3u32.to_le_bytes());
+    bytes.extend([0; 4]);
+    bytes
+}
+
+pub(super) fn navigation_seeds() -> Vec<Vec<u8>> {
+    let sentences = "$GPGGA,235959.50,5109.0262,N,11401.8407,W,4,12,0.9,1097.5,M,-17.0,M,,*0\r\n\
+                     $GPRMC,235959.50,A,5109.0262,N,11401.8407,W,3.6,90.0,311216,,,A*0\r\n\
+                     $GPGST,235959.50,1.0,,,,0.25,0.5,0.75*0\r\n$GPHDT,95.5,T*0\r\n\
+                     $GPGGA,000000.50,5109.0362,N,11401.8407,W,4,12,0.9,1098.5,M,-17.0,M,,*0\r\n\
+                     $GPVTG,180.0,T,,M,7.2,N,13.3,K*0\r\n$GPZDA,000001.50,01,01,2017,,*0\r\n";
+    let trajectory = (0..4).flat_map(|n| {
+        let mut numbers = [0.25; 17];
+        numbers[0] = 1000.0 + f64::from(n) * 0.005;
+        numbers.into_iter().flat_map(f64::to_le_bytes)
+    });
+    let values = "# a flight\ntime [ms],latitude_deg,longitude_rad,height_km,heading_deg,pitch_deg,roll_deg,velocity_east_km_h,\
+                  velocity_north_m_s,velocity_up_m_s,sigma_x_cm,sigma_y_cm,sigma_z_cm\n\
+                  1500,45,0.1,0.12,90,10,20,36,0.5,0,10,20,30\n1600,45,0.1,0.12,,,,36,0.5,0,10,20,30\n";
+    let mut all = vec![
+        sentences.as_bytes().to_vec(),
+        trajectory.collect(),
+        values.as_bytes().to_vec(),
+        b"time_s,x_m,y_m,z_m,yaw_deg\n0,1,2,3,4\n1,2,3,4,5\n".to_vec(),
+    ];
+    super::repair::novatel(&mut all[0]);
+    all
 }
 
 pub(super) fn csv_seeds() -> Vec<Vec<u8>> {
@@ -166,38 +280,51 @@ fn follow(fixes: &[Fix]) -> String {
     "a track".to_owned()
 }
 
-pub(super) fn novatel(bytes: &[u8]) -> String {
-    let path = Path::new("input.asc");
-    let whole = novatel::read_from(bytes, path, Damage::Refuse);
-    let log = match (&whole, novatel::read_from(bytes, path, Damage::Skip)) {
-        (Ok(whole), Ok(skipped)) => {
-            assert_eq!(*whole, skipped, "nothing was damaged");
-            skipped
+/// A log of any format: what is read of it is sound, in order, and accounted for.
+pub(super) fn log(bytes: &[u8]) -> String {
+    let options = Options {
+        week: (super::choice(bytes, 2) == 0).then_some(2209),
+        ..Options::default()
+    };
+    let log = match Log::read_from(bytes, Path::new("input.log"), &options) {
+        Ok(log) => log,
+        Err(error) => {
+            return error
+                .to_string()
+                .lines()
+                .next()
+                .unwrap_or_default()
+                .to_owned();
         }
-        (Err(_), Ok(skipped)) => skipped,
-        (Ok(_), Err(error)) => panic!("read whole, but not with damage skipped: {error}"),
-        (Err(_), Err(error)) => return error.to_string(),
     };
+    let account = &log.account;
+    assert_eq!(account.bytes, bytes.len() as u64, "{account}");
+    assert!(account.lost_bytes <= account.bytes && account.faults.len() as u64 <= account.faulty());
     for record in &log.records {
-        let place = record.place;
-        assert!(place.latitude_deg.abs() <= 90.0 && place.longitude_deg.abs() <= 180.0);
-        assert!(place.to_ecf_m().is_finite());
+        if let Some(Place::Earth(place)) = record.place {
+            assert!(place.latitude_deg.abs() <= 90.0 && place.longitude_deg.abs() <= 180.0);
+            assert!(place.to_ecf_m().is_finite());
+        }
+        assert!(record.time.seconds.is_finite() && record.byte < account.bytes);
+        assert!(record.velocity_m_s.is_none_or(DVec3::is_finite));
+        let spreads = [record.place_sigma_m, record.velocity_sigma_m_s];
+        let sound = |v: DVec3| v.is_finite() && v.min_element() >= 0.0;
+        assert!(spreads.into_iter().flatten().all(sound));
     }
-    let mut outcome = format!("{} other kinds", log.skipped.len().min(4));
-    let Some(first) = log.records.first() else {
-        return outcome;
-    };
-    let frame = SceneFrame::Earth {
-        origin_ecf_m: first.place.to_ecf_m(),
-        x_axis_ecf: DVec3::Y,
-        y_axis_ecf: DVec3::Z,
-    };
-    for source in [Source::Inspva, Source::Inspvax, Source::Bestpos] {
-        outcome += &match log.fixes(source, &frame, first.time) {
+    let mut outcome = format!("{} other kinds", account.others.len().min(4));
+    for coverage in log.coverage() {
+        let times = || log.of(coverage.kind).map(|record| record.time);
+        assert!(times().zip(times().skip(1)).all(|(a, b)| b.since(a) > 0.0));
+        let Some(frame) = log.frame() else { continue };
+        outcome += coverage.kind.name();
+        outcome += &match log.fixes(coverage.kind, &frame, coverage.from) {
             Ok(fixes) => follow(&fixes),
             Err(error) => error.to_string(),
         };
     }
+    assert!(log.coverage().iter().map(|one| one.records).sum::<usize>() == log.records.len());
+    let kinds = Kind::ALL.map(|kind| log.of(kind).count());
+    assert_eq!(kinds.iter().sum::<usize>(), log.records.len());
     outcome
 }
 
