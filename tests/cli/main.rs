@@ -12,6 +12,7 @@ mod maps;
 mod means;
 mod memory;
 mod messages;
+mod navigation;
 mod output;
 mod overwrite;
 mod plan_radar;

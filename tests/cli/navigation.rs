@@ -1,0 +1,76 @@
+//! `subap navigation`: what a log holds, and a track that is read again.
+
+use std::fs;
+
+use subaperture_tests::subap::{listing, run};
+
+/// NovAtel's CRC-32: reflected 0xEDB88320 from 0, without a final complement.
+fn crc(text: &str) -> u32 {
+    text.bytes().fold(0, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(byte), |c, _| match c & 1 {
+            1 => (c >> 1) ^ 0xEDB8_8320,
+            _ => c >> 1,
+        })
+    })
+}
+
+/// A metre a second to the north, 20 records a second.
+fn line(n: u32) -> String {
+    let (seconds, latitude) = (1000.0 + f64::from(n) * 0.05, 51.1 + f64::from(n) * 4.493e-7);
+    let text = format!(
+        "INSPVAA,COM1,0,31.0,FINESTEERING,1820,{seconds:.3},00000000,54e2,12002;1820,{seconds:.3},{latitude:.9},-114.03,1063.0,\
+         1.0,0.0,0.0,0.1,0.2,0.0,INS_SOLUTION_GOOD"
+    );
+    format!("#{text}*{:08x}\r\n", crc(&text))
+}
+
+#[test]
+fn a_damaged_log_says_what_is_lost_and_leaves_a_track() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut log: Vec<String> = (0..200).map(line).collect();
+    log.drain(50..60);
+    log[20] = log[20].replace("1063.0", "1064.0");
+    log[30].truncate(70);
+    fs::write(at.join("drive.asc"), log.concat()).unwrap();
+    let ran = run(at, "navigation drive.asc -o track.csv");
+    let told = ran.succeeded();
+    assert!(told.contains("INSPVA    188 records over 9.950 s from week 1820, 1000.000 s, one in 0.0500 s"), "{told}");
+    assert!(told.contains("lost: 1 record from 0.950 s to 1.050 s after the first"), "{told}");
+    assert!(told.contains("lost: 10 records from 2.450 s to 3.000 s after the first"), "{told}");
+    assert!(told.contains("times are GPS"), "{told}");
+    assert!(ran.stderr.contains("2 messages are cut or damaged"), "{}", ran.stderr);
+    let files: Vec<String> = listing(at).keys().map(|path| path.display().to_string()).collect();
+    assert_eq!(files, ["drive.asc", "track.csv", "track.png"]);
+    // The track is one that a scenario takes, heading north: y, a metre a second.
+    let track = fs::read_to_string(at.join("track.csv")).unwrap();
+    let rows: Vec<&str> = track.lines().filter(|line| !line.starts_with('#')).collect();
+    assert_eq!(rows[0], "time_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg");
+    let last: Vec<f64> = rows[188].split(',').map(|cell| cell.parse().unwrap()).collect();
+    // 4.493e-7 degrees are 0.05 m to a part in a thousand.
+    assert!((last[2] - 9.95).abs() < 0.02 && last[1].abs() < 1e-3, "{last:?}");
+    assert!((last[6] - 90.0).abs() < 1e-6, "{last:?}");
+    // And one that is a log itself; written over without being asked, as it is our own.
+    assert!(run(at, "navigation track.csv").succeeded().contains("CSV       188 records"));
+    run(at, "navigation drive.asc -o track.csv -q").succeeded();
+    let json = run(at, "navigation drive.asc --json").succeeded().to_owned();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["schema"], "subaperture-navigation");
+    assert_eq!((&json["wrong"]["checksum"], &json["wrong"]["cut"]), (&1.into(), &1.into()));
+}
+
+#[test]
+fn what_is_no_log_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("noise.asc"), [0x5a; 4000]).unwrap();
+    fs::write(at.join("way.csv"), "time_s,x,y,z\n0,1,2,3\n").unwrap();
+    run(at, "navigation noise.asc -o track.csv").failed(1, &["noise.asc", "no record of NovAtel"]);
+    run(at, "navigation way.csv").failed(1, &["way.csv", "column 'x'", "has no unit"]);
+    run(at, "navigation none.asc").failed(1, &["cannot read none.asc"]);
+    fs::write(at.join("drive.asc"), line(0) + &line(1)).unwrap();
+    run(at, "navigation drive.asc -o t.csv --record nmea").failed(1, &["no such record"]);
+    run(at, "navigation drive.asc -o t.csv --origin 91,0,0").failed(1, &["--origin"]);
+    run(at, "navigation drive.asc --record inspva").failed(2, &["--out"]);
+    assert_eq!(listing(at).len(), 3);
+}
