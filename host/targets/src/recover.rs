@@ -119,7 +119,7 @@ impl Recovered {
     }
 }
 
-/// Finds the track of a recording's radar. `channels` is taken; a way to open it again is asked for nowhere.
+/// Finds the track of a recording's radar. The recording is read once, in blocks; memory grows with pulses and targets, not with samples.
 ///
 /// # Errors
 /// [`TargetsError`].

@@ -2,7 +2,7 @@
 
 use num_complex::{Complex32, Complex64};
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Channels, PhaseHistory, ReadError};
+use subaperture_model::phase_history::{Band, ChannelHistory, Channels, PhaseHistory, ReadError};
 use subaperture_motion::{Array, Sighting, Tracker};
 use subaperture_signal::window::Window;
 
@@ -138,8 +138,11 @@ pub enum TargetsError {
 
 /// Pulses that are looked at to learn which channels work.
 const LOOKED_AT: usize = 32;
-/// Echoes of a channel that are so far below those of the strongest are none: side lobes of its neighbours' cables.
+/// A channel so far below the strongest has no echoes but what leaks into it from others.
 const DEAD_DB: f64 = 40.0;
+/// SNR of half of the echoes below which a channel holds noise alone, if they are above the other in another channel.
+const SILENT: f64 = 4.0;
+const SEEN: f64 = 100.0;
 /// Samples at the largest value of a channel, as a fraction, from which on it is saturated: of a steady tone 0.2 % are within [`RAIL`] of it.
 const SATURATED: f64 = 0.01;
 const RAIL: f64 = 2e-6;
@@ -165,36 +168,27 @@ pub fn see(
     let everyone = Looker::new(&profiler, settings, channels.len())?;
     let looked = everyone.look(&channels, monitor)?;
     let mut faults = looked.saturated(&channels);
-    let (channels, dead) = looked.working(channels);
-    let names: Vec<String> = dead.iter().map(|(name, _)| name.clone()).collect();
-    if !names.is_empty() && channels.is_none_or_alone() {
-        return Err(match looked.most_power() > 0.0 {
-            true => TargetsError::Left {
-                left: channels.count(),
-                dead: names,
-            },
-            false => TargetsError::AllDead,
-        });
+    if looked.most_power() == 0.0 {
+        return Err(TargetsError::AllDead);
     }
-    let channels = channels.0.ok_or(TargetsError::AllDead)?;
+    let (alive, dead) = looked.parted(channels);
+    let left = (!dead.is_empty()).then(|| TargetsError::Left {
+        left: alive.len(),
+        dead: dead.iter().map(|(name, _)| name.clone()).collect(),
+    });
     faults.extend(
         dead.into_iter()
             .map(|(channel, below_db)| Fault::Dead { channel, below_db }),
     );
-    let without = !names.is_empty();
-    let left = TargetsError::Left {
-        left: channels.len(),
-        dead: names,
+    let channels = Channels::new(alive).map_err(ReadError::from)?;
+    let arrangement = Arrangement::of(&channels);
+    let middle_hz = profiler.middle_hz();
+    let is_array = |own: &Arrangement| Tracker::new(own.array(middle_hz), 2).is_ok();
+    let arrangement = match (arrangement, left) {
+        (Ok(own), Some(left)) if !is_array(&own) => return Err(left),
+        (Err(_), Some(left)) => return Err(left),
+        (arrangement, _) => arrangement?,
     };
-    let arrangement = match Arrangement::of(&channels) {
-        Ok(arrangement) => arrangement,
-        Err(_) if without => return Err(left),
-        Err(error) => return Err(error.into()),
-    };
-    let array = arrangement.array(profiler.middle_hz());
-    if without && Tracker::new(array, 2).is_err() {
-        return Err(left);
-    }
     let looker = Looker::new(&profiler, settings, channels.len())?;
     let mut seen = looker.follow(&channels, arrangement, monitor)?;
     faults.append(&mut seen.faults);
@@ -207,9 +201,7 @@ fn profiler(channels: &Channels, settings: &Settings) -> Result<Profiler, Target
     let band = first.band().ok_or(TargetsError::Band)?;
     let alike = |history: &dyn PhaseHistory| {
         history.collection().band().is_some_and(|other| {
-            let ends = |band: &subaperture_model::phase_history::Band| {
-                [band.start_hz, band.frequency_hz(band.count)]
-            };
+            let ends = |band: &Band| [band.start_hz, band.frequency_hz(band.count)];
             other.count == band.count
                 && ends(&other)
                     .iter()
@@ -241,19 +233,6 @@ fn profiler(channels: &Channels, settings: &Settings) -> Result<Profiler, Target
         first.pulses[0].reference_path_m,
         settings.ranges_m,
     ))
-}
-
-/// Channels that work, if any.
-struct Working<'a>(Option<Channels<'a>>);
-
-impl Working<'_> {
-    fn count(&self) -> usize {
-        self.0.as_ref().map_or(0, Channels::len)
-    }
-
-    fn is_none_or_alone(&self) -> bool {
-        self.count() < 2
-    }
 }
 
 /// Finds targets in pulses of so many channels.
@@ -321,7 +300,7 @@ impl<'s> Looker<'s> {
             let (found, _) = self.find(&echoes);
             for echo in &found {
                 for (health, snr) in looked.of.iter_mut().zip(&echo.snr) {
-                    health.levels.push(*snr);
+                    health.echoes.push(*snr);
                 }
             }
         }
@@ -468,10 +447,18 @@ struct Health {
     samples: usize,
     /// As recorded, and without compensation: the largest part so far, and how many are as large.
     rails: [(f64, usize); 2],
-    levels: Vec<f64>,
+    /// SNR of the echoes found.
+    echoes: Vec<f64>,
 }
 
 impl Health {
+    /// The median of its echoes'.
+    fn snr(&self) -> Option<f64> {
+        let mut all = self.echoes.clone();
+        all.sort_by(f64::total_cmp);
+        all.get(all.len() / 2).copied()
+    }
+
     fn take(&mut self, samples: &[Complex32]) {
         let each = |z: &Complex32| f64::from(z.norm_sqr());
         self.power += samples.iter().map(each).sum::<f64>();
@@ -527,38 +514,28 @@ impl Looked {
             .collect()
     }
 
-    /// The channels with echoes, and the names of the others with how far their power is below the most.
-    fn working<'a>(&self, channels: Channels<'a>) -> (Working<'a>, Vec<(String, Option<f64>)>) {
+    /// The channels with echoes; and the names of the others, with how far they are below the strongest if they hold anything.
+    fn parted<'a>(&self, channels: Channels<'a>) -> Parted<'a> {
         let most = self.most_power();
-        let level = |own: &Health| {
-            let mut levels = own.levels.clone();
-            levels.sort_by(f64::total_cmp);
-            levels.get(levels.len() / 2).copied()
-        };
-        let best = self.of.iter().filter_map(level).fold(0.0, f64::max);
-        let below_db = |own: &Health| {
-            let by_power = 10.0 * libm::log10(most / own.power);
-            // Noise alone, where others have echoes.
-            let by_echoes = level(own).map_or(0.0, |own| 10.0 * libm::log10(best / own));
-            let silent = level(own).is_some_and(|own| own < 4.0) && best > 100.0;
-            match silent {
-                true => by_echoes.max(by_power),
-                false => by_power,
-            }
-        };
-        let mut dead = Vec::new();
-        let mut left = Vec::new();
+        let best = self.of.iter().filter_map(Health::snr).fold(0.0, f64::max);
+        let (mut alive, mut dead) = (Vec::new(), Vec::new());
         for (own, (about, history)) in self.of.iter().zip(channels.into_inner()) {
-            let silent = level(own).is_some_and(|own| own < 4.0) && best > 100.0;
-            let below = below_db(own);
-            match own.power == 0.0 || silent || below > DEAD_DB {
-                true => dead.push((about.name, (own.power > 0.0).then_some(below))),
-                false => left.push((about, history)),
+            let by_power_db = 10.0 * libm::log10(most / own.power);
+            // Noise alone, where another has echoes.
+            let silent = own.snr().filter(|snr| *snr < SILENT && best > SEEN);
+            let by_echoes_db = silent.map(|snr| 10.0 * libm::log10(best / snr));
+            let below_db = by_echoes_db.unwrap_or(by_power_db);
+            match below_db > DEAD_DB || silent.is_some() {
+                true => dead.push((about.name, (own.power > 0.0).then_some(below_db))),
+                false => alive.push((about, history)),
             }
         }
-        (Working(Channels::new(left).ok()), dead)
+        (alive, dead)
     }
 }
+
+/// Channels with echoes, and names of those without.
+type Parted<'a> = (Vec<ChannelHistory<'a>>, Vec<(String, Option<f64>)>);
 
 /// Pulses that could not be read.
 #[derive(Default)]

@@ -11,7 +11,7 @@ use subaperture_model::phase_history::{
 };
 use subaperture_targets::{Fault, Recovered, Settings, TargetsError, recover};
 
-use crate::scene::{C_M_S, Radar, Recording, Reflector, Truth, channels, l_band};
+use crate::scene::{C_M_S, Radar, Recording, Reflector, channels, l_band};
 use crate::tracks::{off, reflectors, straight, walk};
 
 /// Of the walk's first metres.

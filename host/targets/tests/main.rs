@@ -2,6 +2,7 @@
 
 mod echoes;
 mod faults;
+mod images;
 mod noise;
 mod scene;
 mod tracks;

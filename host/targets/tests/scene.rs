@@ -11,36 +11,32 @@ use subaperture_model::phase_history::{
     Channel, Channels, Collection, InMemory, PhaseHistory, Pulse, Sweep,
 };
 
-pub const C_M_S: f64 = 299_792_458.0;
+pub(crate) const C_M_S: f64 = 299_792_458.0;
 
 /// Where a radar is in a plane, and how it is turned.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Truth {
-    pub at_m: DVec2,
-    pub heading_rad: f64,
+pub(crate) struct Truth {
+    pub(crate) at_m: DVec2,
+    pub(crate) heading_rad: f64,
 }
 
 #[derive(Clone)]
-pub struct Radar {
-    pub start_hz: f64,
-    pub step_hz: f64,
-    pub samples: usize,
-    pub transmitters_m: Vec<DVec2>,
-    pub receivers_m: Vec<DVec2>,
+pub(crate) struct Radar {
+    pub(crate) start_hz: f64,
+    pub(crate) step_hz: f64,
+    pub(crate) samples: usize,
+    pub(crate) transmitters_m: Vec<DVec2>,
+    pub(crate) receivers_m: Vec<DVec2>,
 }
 
 impl Radar {
-    pub fn middle_hz(&self) -> f64 {
+    pub(crate) fn middle_hz(&self) -> f64 {
         self.start_hz + 0.5 * (self.samples - 1) as f64 * self.step_hz
-    }
-
-    pub fn wavelength_m(&self) -> f64 {
-        C_M_S / self.middle_hz()
     }
 }
 
 /// 1.1 to 1.7 GHz in steps of 4 MHz, one transmitter, two receivers half a wavelength of 1.4 GHz apart.
-pub fn l_band() -> Radar {
+pub(crate) fn l_band() -> Radar {
     Radar {
         start_hz: 1.1e9,
         step_hz: 4e6,
@@ -51,7 +47,7 @@ pub fn l_band() -> Radar {
 }
 
 /// 77 to 78 GHz in 256 samples, one transmitter, two receivers half a wavelength apart (Chim 2018, 7.5).
-pub fn w_band() -> Radar {
+pub(crate) fn w_band() -> Radar {
     let step_hz = 1e9 / 256.0;
     let half_m = 0.5 * C_M_S / (77e9 + 127.5 * step_hz);
     Radar {
@@ -64,36 +60,36 @@ pub fn w_band() -> Radar {
 }
 
 #[derive(Clone, Copy)]
-pub struct Reflector {
-    pub at_m: DVec2,
-    pub amplitude: f64,
+pub(crate) struct Reflector {
+    pub(crate) at_m: DVec2,
+    pub(crate) amplitude: f64,
 }
 
-pub fn reflector(x: f64, y: f64, amplitude: f64) -> Reflector {
+pub(crate) fn reflector(x: f64, y: f64, amplitude: f64) -> Reflector {
     Reflector {
         at_m: DVec2::new(x, y),
         amplitude,
     }
 }
 
-pub fn random(seed: u64) -> ChaCha8Rng {
+pub(crate) fn random(seed: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(seed)
 }
 
-pub fn gaussian(random: &mut ChaCha8Rng) -> f64 {
+pub(crate) fn gaussian(random: &mut ChaCha8Rng) -> f64 {
     let mut uniform = || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
     let (a, b) = (1.0 - uniform(), uniform());
     (-2.0 * a.ln()).sqrt() * (TAU * b).cos()
 }
 
 /// What a radar records on a true way, told to be on another, of noise of this RMS a sample.
-pub struct Recording<'a> {
-    pub radar: &'a Radar,
-    pub truth: &'a [Truth],
-    pub told: &'a [Truth],
-    pub reflectors: &'a [Reflector],
-    pub noise: f64,
-    pub seed: u64,
+pub(crate) struct Recording<'a> {
+    pub(crate) radar: &'a Radar,
+    pub(crate) truth: &'a [Truth],
+    pub(crate) told: &'a [Truth],
+    pub(crate) reflectors: &'a [Reflector],
+    pub(crate) noise: f64,
+    pub(crate) seed: u64,
 }
 
 fn antenna(at: &Truth, arm_m: DVec2) -> DVec2 {
@@ -102,7 +98,7 @@ fn antenna(at: &Truth, arm_m: DVec2) -> DVec2 {
 
 impl Recording<'_> {
     /// Each channel's samples, pulse by pulse.
-    pub fn collections(&self) -> Vec<(Channel, Collection, Vec<Complex32>)> {
+    pub(crate) fn collections(&self) -> Vec<(Channel, Collection, Vec<Complex32>)> {
         let mut random = random(self.seed);
         let mut all = Vec::new();
         for (t, t_arm) in self.radar.transmitters_m.iter().enumerate() {
@@ -154,12 +150,12 @@ impl Recording<'_> {
         all
     }
 
-    pub fn channels(&self) -> Channels<'static> {
+    pub(crate) fn channels(&self) -> Channels<'static> {
         channels(self.collections())
     }
 }
 
-pub fn channels(all: Vec<(Channel, Collection, Vec<Complex32>)>) -> Channels<'static> {
+pub(crate) fn channels(all: Vec<(Channel, Collection, Vec<Complex32>)>) -> Channels<'static> {
     let boxed = all.into_iter().map(|(about, collection, samples)| {
         let history: Box<dyn PhaseHistory> = Box::new(InMemory::new(collection, samples).unwrap());
         (about, history)

@@ -9,7 +9,7 @@ use subaperture_targets::{Recovered, Settings, recover};
 use crate::scene::{Recording, Reflector, Truth, l_band, reflector, w_band};
 
 /// 20 m along x in steps of 2.5 cm, off it by decimetres, the heading wandering by 5 degrees.
-pub fn walk(count: usize) -> Vec<Truth> {
+pub(crate) fn walk(count: usize) -> Vec<Truth> {
     let at = |n: usize| {
         let u = n as f64 / 800.0;
         let sway = |cycles: f64, phase: f64| (TAU * cycles * u + phase).sin();
@@ -25,7 +25,7 @@ pub fn walk(count: usize) -> Vec<Truth> {
 }
 
 /// The straight way that the recording tells.
-pub fn straight(count: usize) -> Vec<Truth> {
+pub(crate) fn straight(count: usize) -> Vec<Truth> {
     let at = |n: usize| Truth {
         at_m: DVec2::new(20.0 * n as f64 / 800.0 - 10.0, 0.0),
         heading_rad: 0.0,
@@ -33,7 +33,7 @@ pub fn straight(count: usize) -> Vec<Truth> {
     (0..count).map(at).collect()
 }
 
-pub fn reflectors() -> [Reflector; 7] {
+pub(crate) fn reflectors() -> [Reflector; 7] {
     [
         reflector(-11.0, 8.0, 1.0),
         reflector(-6.5, 13.2, 1.3),
@@ -46,7 +46,7 @@ pub fn reflectors() -> [Reflector; 7] {
 }
 
 /// How far the poses are from the truth when laid upon it by turn and shift: RMS of place, metres, and of heading, radians.
-pub fn off(found: &Recovered, truth: &[Truth]) -> [f64; 2] {
+pub(crate) fn off(found: &Recovered, truth: &[Truth]) -> [f64; 2] {
     let pairs: Vec<(DVec2, DVec2)> = found
         .moments
         .iter()
