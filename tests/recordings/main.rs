@@ -4,6 +4,7 @@ mod aperture_order;
 mod channels;
 mod cphd;
 mod described;
+mod found_track;
 mod gotcha;
 mod hostile_files;
 mod novatel;

@@ -123,6 +123,9 @@ pub enum TargetsError {
         /// The names of those without.
         dead: Vec<String>,
     },
+    /// The antennas tell no motion.
+    #[error(transparent)]
+    Array(subaperture_motion::MotionError),
     /// No motion explains what is seen.
     #[error("pulse {pulse}: {source}")]
     Motion {
@@ -189,6 +192,7 @@ pub fn see(
         (Err(_), Some(left)) => return Err(left),
         (arrangement, _) => arrangement?,
     };
+    Tracker::new(arrangement.array(middle_hz), 2).map_err(TargetsError::Array)?;
     let looker = Looker::new(&profiler, settings, channels.len())?;
     let mut seen = looker.follow(&channels, arrangement, monitor)?;
     faults.append(&mut seen.faults);
