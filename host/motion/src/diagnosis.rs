@@ -277,18 +277,11 @@ impl Channels {
 /// Mean squared error in standard deviations of channels about one angle a target, of these receivers in this order, and how many there are beyond what is found.
 fn misfit(array: &Array, sightings: &[&Sighting], order: &[usize]) -> [f64; 2] {
     let receivers = array.receivers_m.len();
-    let used = Array {
-        receivers_m: array.receivers_m.clone(),
-        ..array.clone()
-    };
-    // Receiver i of the description has the phases that are told of receiver order[i].
-    let used = match order.len() == receivers {
-        true => used,
-        false => Array {
-            receivers_m: order.iter().map(|&r| array.receivers_m[r]).collect(),
-            ..used
-        },
-    };
+    let mut used = array.clone();
+    // In another order, receiver i of the description has the phases that are told of receiver order[i]; some of them are where they are.
+    if order.len() < receivers {
+        used.receivers_m = order.iter().map(|&r| array.receivers_m[r]).collect();
+    }
     if check::array(&used).is_err() {
         return [f64::INFINITY, 0.0];
     }

@@ -23,8 +23,8 @@
 //!
 //! **What is neglected.** That the directions have errors. Of `theta` with standard deviation `e` the normal matrix of the first
 //! least squares is too large by `e^2` a target, and `dx` too small by about `e^2 / (spread of the sines)^2`: the track is too short,
-//! the more the less sure its angles, and nothing averages that ([`crate::robust`] derives and removes it). At 30 dB, 77 GHz, two receivers half a wavelength apart,
-//! the mean over both pulses has `e^2 = 5e-5`, and a metre loses half a millimetre or more beside its random errors; at 15 dB it loses thirty times that.
+//! the more the less sure its angles, and nothing averages that ([`crate::robust`] derives and removes it). At 77 GHz, with two receivers half a wavelength apart, a metre in 1000 pulses loses
+//! 0.2 mm at 30 dB beside random errors of 0.6 mm, and 6 mm at 15 dB beside 3.5 mm (`tests/increments.rs`; C 7.5.1 has 2 mm).
 //!
 //! **Units** metres, radians. **Cost** pairs of channels times targets. **Errors** [`MotionError`].
 

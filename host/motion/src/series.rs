@@ -135,7 +135,7 @@ impl<'a> Series<'a> {
     }
 }
 
-/// Across a direction, to the left.
+/// The direction at an angle.
 pub(crate) fn unit(bearing_rad: f64) -> DVec2 {
     let (sin, cos) = libm::sincos(bearing_rad);
     DVec2::new(cos, sin)
