@@ -22,7 +22,8 @@
 //! **What does not belong** (a target that moves, two in one range bin, a phase that wrapped): `r^T V^-1 r` of a target beyond what one in ten thousand has
 //! counts less the farther it is off. `V` is the noise of two pulses and what `Q` makes of `f`. Those within count in full, so that the covariance is that of least squares. Where
 //! all together leave one beyond, the start is the motion that two targets tell with which most agree: steps from what all tell would end
-//! at the one whose direction no other has, be it right or wrong.
+//! at the one whose direction no other has, be it right or wrong. Two pulses tell what is off by several of their standard deviations, no less: at 15 dB a target that moves by 0.5 mm a pulse
+//! made a metre err by 19 mm in place of 3.6; [`crate::movers::sort`] tells of many pulses which to leave out.
 //!
 //! **Covariance** of an increment by itself. Errors of increments are not independent: noise of a pulse's phase is in two of them with opposite signs, and what `P` is off by
 //! in `memory` of them with the same sign. A sum's covariance is not the sum of theirs. Where targets are left out now and then, noise does not cancel as it does where
