@@ -6,7 +6,6 @@ mod backprojection;
 mod channels;
 mod costs;
 mod edges;
-mod found_track;
 mod frequency_domain;
 mod gotcha;
 mod live;

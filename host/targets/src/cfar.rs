@@ -14,7 +14,8 @@
 //!
 //! **Windows.** A window over frequency makes neighbouring cells alike. The sum of training cells then scatters as one of fewer,
 //! `N_eff = N^2 / sum_ij |rho_ij|^2`, with `rho` the noise's correlation, and is taken for a Gamma variable of that mean and scatter; ordered cells are taken as if they
-//! were independent. `tests/noise.rs` counts false alarms.
+//! were independent. False alarms counted in 51200 cells at 0.01 asked for (`tests/noise.rs`): 0.98 to 1.04 times as many without a window; under Hamming's 0.92 to 1.06
+//! times by averages, 1.25 to 1.27 times by order.
 //!
 //! At a profile's ends the cells that there are count, with the factor of their number. Cells that are no numbers are as if they were not there. Of
 //! equal neighbours the first is the peak.

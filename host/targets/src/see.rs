@@ -89,8 +89,7 @@ pub enum TargetsError {
     Samples(usize),
     /// There are no targets.
     #[error(
-        "nothing is seen in {pulses} pulses: the strongest of all range cells reaches {:.1} dB below the threshold of detection",
-        -most_db
+        "nothing is seen in {pulses} pulses that lasts: the strongest of all range cells is at {most_db:+.1} dB of the threshold of detection"
     )]
     Nothing {
         /// Pulses searched.
@@ -275,7 +274,16 @@ impl<'s> Looker<'s> {
         let strongest = power.iter().fold(0.0, |most: f64, p| most.max(*p));
         let mut search = self.detector.search(&power, self.lobe * strongest);
         search.peaks.truncate(self.settings.most_targets);
-        let found = echoes(self.profiler, &self.detector, samples, &search.peaks);
+        let mut found = echoes(self.profiler, &self.detector, samples, &search.peaks);
+        // What lies at an end may be the flank of a target beyond.
+        let cell_m = 0.5 * self.profiler.cell_m();
+        let mut peaks = search.peaks.iter();
+        found.retain(|echo| {
+            let at_m = peaks
+                .next()
+                .map(|peak| 0.5 * self.profiler.path_m(peak.bin));
+            at_m.is_some_and(|at_m| (echo.range_m - at_m).abs() < 0.5 * cell_m)
+        });
         (found, search)
     }
 
@@ -382,7 +390,7 @@ impl<'s> Looker<'s> {
         }
         pulses.extend(follower.finish());
         events.append(&mut follower.events());
-        if pulses.iter().all(Vec::is_empty) && lost.all == 0 {
+        if pulses.iter().all(Vec::is_empty) {
             return Err(TargetsError::Nothing {
                 pulses: num_pulses - unreadable.count,
                 most_db: 10.0 * libm::log10(most),

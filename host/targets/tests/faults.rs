@@ -91,7 +91,7 @@ fn dead_channels_are_left_out_while_an_array_is_left() {
         .iter()
         .find(|fault| matches!(fault, Fault::Dead { .. }));
     assert!(dead.unwrap().to_string().contains("T1R3"), "{dead:?}");
-    let [place_m, _] = off(&track, &truth);
+    let [place_m, _] = off(&track, &l_band(), &truth);
     println!("with the third receiver dead {:.1} mm", 1e3 * place_m);
     assert!(place_m < 0.01, "{place_m}");
 
@@ -206,7 +206,7 @@ fn pulses_that_are_no_numbers_are_left_out() {
     let have: Vec<usize> = track.moments.iter().map(|moment| moment.pulse).collect();
     let without: Vec<usize> = (0..PULSES).filter(|n| ![40, 41, 77].contains(n)).collect();
     assert_eq!(have, without);
-    let [place_m, _] = off(&track, &walk(PULSES));
+    let [place_m, _] = off(&track, &l_band(), &walk(PULSES));
     assert!(place_m < 0.01, "{place_m}");
 }
 
