@@ -35,28 +35,64 @@ fn a_damaged_log_says_what_is_lost_and_leaves_a_track() {
     fs::write(at.join("drive.asc"), log.concat()).unwrap();
     let ran = run(at, "navigation drive.asc -o track.csv");
     let told = ran.succeeded();
-    assert!(told.contains("INSPVA    188 records over 9.950 s from week 1820, 1000.000 s, one in 0.0500 s"), "{told}");
-    assert!(told.contains("lost: 1 record from 0.950 s to 1.050 s after the first"), "{told}");
-    assert!(told.contains("lost: 10 records from 2.450 s to 3.000 s after the first"), "{told}");
+    assert!(
+        told.contains(
+            "INSPVA    188 records over 9.950 s from week 1820, 1000.000 s, one in 0.0500 s"
+        ),
+        "{told}"
+    );
+    assert!(
+        told.contains("lost: 1 record from 0.950 s to 1.050 s after the first"),
+        "{told}"
+    );
+    assert!(
+        told.contains("lost: 10 records from 2.450 s to 3.000 s after the first"),
+        "{told}"
+    );
     assert!(told.contains("times are GPS"), "{told}");
-    assert!(ran.stderr.contains("2 messages are cut or damaged"), "{}", ran.stderr);
-    let files: Vec<String> = listing(at).keys().map(|path| path.display().to_string()).collect();
+    assert!(
+        ran.stderr.contains("2 messages are cut or damaged"),
+        "{}",
+        ran.stderr
+    );
+    let files: Vec<String> = listing(at)
+        .keys()
+        .map(|path| path.display().to_string())
+        .collect();
     assert_eq!(files, ["drive.asc", "track.csv", "track.png"]);
     // The track is one that a scenario takes, heading north: y, a metre a second.
     let track = fs::read_to_string(at.join("track.csv")).unwrap();
-    let rows: Vec<&str> = track.lines().filter(|line| !line.starts_with('#')).collect();
+    let rows: Vec<&str> = track
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .collect();
     assert_eq!(rows[0], "time_s,x_m,y_m,z_m,roll_deg,pitch_deg,yaw_deg");
-    let last: Vec<f64> = rows[188].split(',').map(|cell| cell.parse().unwrap()).collect();
+    let last: Vec<f64> = rows[188]
+        .split(',')
+        .map(|cell| cell.parse().unwrap())
+        .collect();
     // 4.493e-7 degrees are 0.05 m to a part in a thousand.
-    assert!((last[2] - 9.95).abs() < 0.02 && last[1].abs() < 1e-3, "{last:?}");
+    assert!(
+        (last[2] - 9.95).abs() < 0.02 && last[1].abs() < 1e-3,
+        "{last:?}"
+    );
     assert!((last[6] - 90.0).abs() < 1e-6, "{last:?}");
     // And one that is a log itself; written over without being asked, as it is our own.
-    assert!(run(at, "navigation track.csv").succeeded().contains("CSV       188 records"));
+    assert!(
+        run(at, "navigation track.csv")
+            .succeeded()
+            .contains("CSV       188 records")
+    );
     run(at, "navigation drive.asc -o track.csv -q").succeeded();
-    let json = run(at, "navigation drive.asc --json").succeeded().to_owned();
+    let json = run(at, "navigation drive.asc --json")
+        .succeeded()
+        .to_owned();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["schema"], "subaperture-navigation");
-    assert_eq!((&json["wrong"]["checksum"], &json["wrong"]["cut"]), (&1.into(), &1.into()));
+    assert_eq!(
+        (&json["wrong"]["checksum"], &json["wrong"]["cut"]),
+        (&1.into(), &1.into())
+    );
 }
 
 #[test]

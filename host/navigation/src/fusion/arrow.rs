@@ -208,8 +208,8 @@ mod tests {
                 }
             }
         }
-        for a in 0..size {
-            whole[a][a] += 0.1;
+        for (a, row) in whole.iter_mut().enumerate() {
+            row[a] += 0.1;
         }
         for (i, link) in arrow.links.iter_mut().enumerate() {
             for a in 0..3 {

@@ -108,8 +108,10 @@ fn headings(
             // After a while without one, the radar's own turns were the best there was; what it lacks is made up evenly.
             if !near {
                 let seconds = timeline.times_s[i] - timeline.times_s[last];
-                for j in last + 1..i {
-                    headings[j] += away * (timeline.times_s[j] - timeline.times_s[last]) / seconds;
+                let from_s = timeline.times_s[last];
+                let between = timeline.times_s[last + 1..i].iter();
+                for (heading, time_s) in headings[last + 1..i].iter_mut().zip(between) {
+                    *heading += away * (time_s - from_s) / seconds;
                 }
             }
             headings[i] += away;

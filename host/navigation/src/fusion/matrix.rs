@@ -28,15 +28,15 @@ pub(super) fn factor<const N: usize>(matrix: &Matrix<N, N>) -> Option<Matrix<N, 
 
 /// `L^-1 x`, in place.
 pub(super) fn forward<const N: usize, const K: usize>(lower: &Matrix<N, N>, x: &mut Matrix<N, K>) {
-    for i in 0..N {
+    for (i, factors) in lower.iter().enumerate() {
         let (done, rest) = x.split_at_mut(i);
-        for (factor, row) in lower[i].iter().zip(done.iter()) {
+        for (factor, row) in factors.iter().zip(done.iter()) {
             for (value, known) in rest[0].iter_mut().zip(row) {
                 *value -= factor * known;
             }
         }
         for value in &mut rest[0] {
-            *value /= lower[i][i];
+            *value /= factors[i];
         }
     }
 }

@@ -65,18 +65,13 @@ impl Timeline {
         let mut wanted: Vec<(f64, Option<Edge>)> = Vec::new();
         for (number, run) in runs.iter().enumerate() {
             let mut last_s = f64::NEG_INFINITY;
-            for n in run.start..=run.end {
-                let time_s = edge_s((number, n));
-                let end_s = if n < run.end {
-                    increments[n].to_s
-                } else {
-                    f64::INFINITY
-                };
-                if n == run.start || end_s - last_s > LONGEST_S * (1.0 + 1e-9) {
-                    wanted.push((time_s, Some((number, n))));
-                    last_s = time_s;
+            for (n, one) in (run.start..).zip(&increments[run.clone()]) {
+                if n == run.start || one.to_s - last_s > LONGEST_S * (1.0 + 1e-9) {
+                    wanted.push((one.from_s, Some((number, n))));
+                    last_s = one.from_s;
                 }
             }
+            wanted.push((edge_s((number, run.end)), Some((number, run.end))));
         }
         let snapped = |time_s: f64| {
             let after = runs.partition_point(|run| increments[run.start].from_s <= time_s);

@@ -14,7 +14,6 @@ use crate::account::{Account, Clock, Fault, Wrong, count};
 use crate::{Options, Record};
 use frame::{Frames, Message, Met};
 use nmea::Sentences;
-use novatel::Said;
 
 /// Hands every record of a stream to `take`.
 pub(crate) fn each(
@@ -45,9 +44,9 @@ pub(crate) fn each(
             }
             Met::Message(message) => match novatel::parse(&message, at.byte) {
                 (name, None) => count(&mut account.others, &name),
-                (name, Some(Ok(Said::Unsolved))) => count(&mut account.unsolved, &name),
+                (name, Some(Ok(None))) => count(&mut account.unsolved, &name),
                 (_, Some(Err(what))) => account.fault(fault(Wrong::Value, what)),
-                (name, Some(Ok(Said::Record(record, utc_s)))) => {
+                (name, Some(Ok(Some((record, utc_s))))) => {
                     count(&mut account.read, &name);
                     // UTC is behind, and less whole seconds but for nanoseconds.
                     let leap_s = utc_s.map(|utc_s| (-utc_s).round() as i32);

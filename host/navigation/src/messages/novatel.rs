@@ -36,13 +36,8 @@ const CLOCK_VALID: [Named; 1] = [(0, "VALID")];
 /// Of a header: that its time is not known.
 const TIME_UNKNOWN: u8 = 20;
 
-/// What a message says.
-pub(super) enum Said {
-    /// When, where and how turned; UTC less GPS time, if it says.
-    Record(Record, Option<f64>),
-    /// It has no solution.
-    Unsolved,
-}
+/// When, where and how turned, and UTC less GPS time if it says that; none without a solution.
+pub(super) type Said = Option<(Record, Option<f64>)>;
 
 /// Time in a header; none if it is not known.
 type Header = Option<GpsTime>;
@@ -192,7 +187,7 @@ fn east_first([north, east, up]: [f64; 3]) -> DVec3 {
 
 fn said(kind: Kind, byte: u64, header: Header, body: &mut impl Body) -> Result<Said, String> {
     let Some(mut time) = header else {
-        return Ok(Said::Unsolved);
+        return Ok(None);
     };
     // What states its own time.
     if let Kind::Inspva | Kind::Marktime = kind {
@@ -208,7 +203,7 @@ fn said(kind: Kind, byte: u64, header: Header, body: &mut impl Body) -> Result<S
             let what = "offset of UTC";
             utc_s = Some(within(what, body.double(what)?, -1e3, 1e3)?);
             if body.state("status", &CLOCK_VALID)?.is_none() {
-                return Ok(Said::Unsolved);
+                return Ok(None);
             }
         }
         Kind::Inspva => {
@@ -216,12 +211,12 @@ fn said(kind: Kind, byte: u64, header: Header, body: &mut impl Body) -> Result<S
             record.velocity_m_s = Some(velocity(body)?);
             record.attitude = Some(attitude(body)?);
             if body.state("status", &INERTIAL)?.is_none() {
-                return Ok(Said::Unsolved);
+                return Ok(None);
             }
         }
         Kind::Inspvax => {
             if body.state("status", &INERTIAL)?.is_none() {
-                return Ok(Said::Unsolved);
+                return Ok(None);
             }
             body.state("type", &[])?;
             record.place = Some(place_above_sea(body)?);
@@ -233,7 +228,7 @@ fn said(kind: Kind, byte: u64, header: Header, body: &mut impl Body) -> Result<S
         }
         _ => {
             if body.state("status", &COMPUTED)?.is_none() {
-                return Ok(Said::Unsolved);
+                return Ok(None);
             }
             body.state("type", &[])?;
             record.place = Some(place_above_sea(body)?);
@@ -243,5 +238,5 @@ fn said(kind: Kind, byte: u64, header: Header, body: &mut impl Body) -> Result<S
             record.place_sigma_m = Some(east_first(sigmas(body, "position")?));
         }
     }
-    Ok(Said::Record(record, utc_s))
+    Ok(Some((record, utc_s)))
 }
