@@ -9,7 +9,7 @@ use subaperture::phase_history::{Channels, Joined, OnTrack, PhaseHistory};
 use subaperture::targets::Arrangement;
 use subaperture::track::SampledTrack;
 
-use crate::args::{Focus, Input};
+use crate::args::Input;
 use crate::config::Session;
 use crate::messages;
 
