@@ -175,10 +175,8 @@ impl Change {
             .map(|look| look.arrival.bearing_sigma_rad)
             .sum::<f64>()
             / count;
-        let phase_sigma = first
-            .sighting
-            .phase_sigma_rad
-            .hypot(last.sighting.phase_sigma_rad);
+        let [a, b] = [first, last].map(|look| look.sighting.phase_sigma_rad);
+        let phase_sigma = libm::hypot(a, b);
         Self {
             name: series.name,
             u: unit(mean),
@@ -210,7 +208,7 @@ impl Change {
 
     fn sigmas(&self, motion: DVec3) -> [f64; 2] {
         let by_direction = self.u.perp().dot(motion.truncate()) * self.sigma[2];
-        [self.sigma[0].hypot(by_direction), self.sigma[1]]
+        [libm::hypot(self.sigma[0], by_direction), self.sigma[1]]
     }
 
     fn square(&self, motion: DVec3) -> f64 {

@@ -6,11 +6,9 @@ use std::f64::consts::{PI, TAU};
 use glam::{DMat3, DVec2};
 
 use crate::check::{self, MotionError};
+use crate::increment::WRAPPED;
 use crate::joint::{self, Estimate, Known, NoEstimate};
 use crate::model::{Array, Pose, Sighting, Target};
-
-/// A phase so far from where it was expected, in parts of half a turn, may be one that wrapped.
-const WRAPPED: f64 = 0.6;
 
 /// Follows a radar.
 pub struct Tracker {
