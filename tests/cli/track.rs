@@ -107,7 +107,7 @@ fn what_tells_no_track_says_why_and_what_to_do() {
     let track = |more: &str| run(at, &format!("track walk.cphd -o track.csv {more}"));
     track("--channels T1R1").failed(1, &["two receivers"]);
     track("--range 20m:30m").failed(1, &["nothing is seen", "--range"]);
-    track("--range 6.5m:7.6m").failed(1, &["at a time at the most", "its ranges can be trusted"]);
+    track("--range 10.5m:14m").failed(1, &["at a time at the most", "its ranges can be trusted"]);
     track("--range 7m").failed(2, &["ascending ranges"]);
     assert!(!at.join("track.csv").exists());
     fs::write(

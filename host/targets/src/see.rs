@@ -273,6 +273,10 @@ impl<'s> Looker<'s> {
             .unwrap_or_default();
         let strongest = power.iter().fold(0.0, |most: f64, p| most.max(*p));
         let mut search = self.detector.search(&power, self.lobe * strongest);
+        let most_m = self.profiler.most_path_m;
+        search
+            .peaks
+            .retain(|peak| self.profiler.path_m(peak.bin) <= most_m);
         search.peaks.truncate(self.settings.most_targets);
         let mut found = echoes(self.profiler, &self.detector, samples, &search.peaks);
         // What lies at an end may be the flank of a target beyond.
