@@ -150,6 +150,8 @@ const SATURATED: f64 = 0.01;
 const RAIL: f64 = 2e-6;
 /// A channel that loses more of the echoes that others have is told of.
 const WEAK: f64 = 0.1;
+/// Peaks of a pulse that are looked at beside as many as there may be targets.
+const BESIDE: usize = 16;
 /// Bytes of a block of pulses.
 const BLOCK_BYTES: usize = 4 << 20;
 
@@ -273,11 +275,8 @@ impl<'s> Looker<'s> {
             .unwrap_or_default();
         let strongest = power.iter().fold(0.0, |most: f64, p| most.max(*p));
         let mut search = self.detector.search(&power, self.lobe * strongest);
-        let most_m = self.profiler.most_path_m;
-        search
-            .peaks
-            .retain(|peak| self.profiler.path_m(peak.bin) <= most_m);
-        search.peaks.truncate(self.settings.most_targets);
+        // Those beyond the searched ranges are taken away with the others.
+        search.peaks.truncate(self.settings.most_targets + BESIDE);
         let mut found = echoes(self.profiler, &self.detector, samples, &search.peaks);
         // What lies at an end may be the flank of a target beyond.
         let cell_m = 0.5 * self.profiler.cell_m();
@@ -286,8 +285,10 @@ impl<'s> Looker<'s> {
             let at_m = peaks
                 .next()
                 .map(|peak| 0.5 * self.profiler.path_m(peak.bin));
-            at_m.is_some_and(|at_m| (echo.range_m - at_m).abs() < 0.5 * cell_m)
+            let is_own = at_m.is_some_and(|at_m| (echo.range_m - at_m).abs() < 0.5 * cell_m);
+            is_own && 2.0 * echo.range_m <= self.profiler.most_path_m
         });
+        found.truncate(self.settings.most_targets);
         (found, search)
     }
 
