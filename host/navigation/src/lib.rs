@@ -30,6 +30,7 @@ mod csv;
 pub mod fusion;
 mod log;
 mod messages;
+mod options;
 mod read;
 mod record;
 mod sbet;
@@ -37,6 +38,7 @@ mod time;
 
 pub use account::{Account, Clock, Fault, Wrong};
 pub use log::{Coverage, Gap, Log};
-pub use read::{Format, NavigationError, Options, each, each_from};
+pub use options::Options;
+pub use read::{Format, NavigationError, each, each_from};
 pub use record::{Attitude, Kind, Place, Record};
 pub use time::GpsTime;

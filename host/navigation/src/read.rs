@@ -6,21 +6,11 @@ use std::path::{Path, PathBuf};
 
 use crate::account::{Account, Fault, Wrong};
 use crate::csv::{self, Refused};
+use crate::options::Options;
 use crate::{GpsTime, Kind, Record, messages, sbet};
 
 /// Bytes by which a format is told.
 const HEAD: u64 = 8192;
-
-/// What a file does not say of itself.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Options {
-    /// The GPS week in which an SBET begins; else its times are seconds of an unknown one.
-    pub week: Option<u32>,
-    /// Year, month and day of UTC on which an NMEA log without dates begins.
-    pub date: Option<(i64, i64, i64)>,
-    /// Seconds by which GPS time is ahead of UTC, instead of those of the table.
-    pub leap_seconds: Option<i32>,
-}
 
 /// Formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
