@@ -15,7 +15,7 @@ use super::values::{output, vector};
 pub(crate) struct Navigation {
     /// Log: NovAtel ASCII or binary, NMEA 0183, SBET, or CSV with units in its header
     #[arg(value_name = "LOG", value_hint = ValueHint::FilePath)]
-    pub(crate) log: PathBuf,
+    pub(crate) file: PathBuf,
 
     /// Write the track as CSV, and its picture beside it as PNG
     #[arg(short, long, value_name = "TRACK.csv", value_hint = ValueHint::FilePath, value_parser = output())]

@@ -22,7 +22,7 @@ const MOST_GAPS: usize = 10;
 
 /// Reads a log, says what is in it, and writes its track if that is asked for.
 pub(crate) fn run(session: &Session, typed: &Navigation) -> anyhow::Result<()> {
-    let mut claims = session.claims(&typed.writing, &[&typed.log]);
+    let mut claims = session.claims(&typed.writing, &[&typed.file]);
     let picture = typed.out.as_ref().map(|out| out.with_extension("png"));
     if let (Some(out), Some(picture)) = (&typed.out, &picture) {
         claims.file(out, Written::Text)?;
@@ -33,14 +33,14 @@ pub(crate) fn run(session: &Session, typed: &Navigation) -> anyhow::Result<()> {
         week: typed.week,
         ..Options::default()
     };
-    let log = Log::read(&typed.log, &options)?;
+    let log = Log::read(&typed.file, &options)?;
     progress.finish();
     let coverage = log.coverage();
     let faulty = log.account.faulty();
     if faulty > 0 {
         messages::warning(format!(
             "{}: {faulty} messages are cut or damaged; what is left is sound (-v lists them)",
-            typed.log.display()
+            typed.file.display()
         ));
     }
     session.note(1, || log.account.to_string());
@@ -79,7 +79,7 @@ fn write(
         Some(record) => coverage.iter().find(|one| one.kind == record.kind()),
         None => coverage.iter().find(|one| one.with[0] > 0),
     };
-    let name = typed.log.display();
+    let name = typed.file.display();
     let Some(chosen) = chosen.filter(|one| one.with[0] > 0) else {
         bail!("{name}: no such record with a place");
     };
@@ -121,7 +121,7 @@ fn csv(typed: &Navigation, chosen: &Coverage, frame: &SceneFrame, fixes: &[Fix])
     let mut lines = vec![format!(
         "# {TEXT_MARK} navigation: {} of {}, from {}",
         chosen.kind.name(),
-        typed.log.display().to_string().replace(['\n', '\r'], " "),
+        typed.file.display().to_string().replace(['\n', '\r'], " "),
         chosen.from
     )];
     if let SceneFrame::Earth { origin_ecf_m, .. } = frame {
