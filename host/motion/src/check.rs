@@ -22,7 +22,7 @@ pub enum MotionError {
     Array(&'static str),
     /// Receivers are too far apart for angles to be told.
     #[error(
-        "the nearest receivers are {baseline_m} m apart: angles of arrival are told without doubt up to half a wavelength, {half_m} m"
+        "the nearest receivers are {baseline_m:.6} m apart: angles of arrival are told without doubt up to half a wavelength, {half_m:.6} m"
     )]
     Baseline {
         /// Between them.

@@ -107,7 +107,8 @@ fn room(context: &Context) -> Result<Finding, ItemError> {
         method: format!(
             "77 to 80 GHz, {PULSES} pulses, four unit scatterers of which the thesis names two, and no noise; the track errs by {:.1} mm \
              rms along the rail and a quarter of that across, in waves of a fifth of the aperture and longer. Both algorithms on the phase histories of the \
-             brightest points, {ROUNDS} rounds; entropy of {} x {} pixels.",
+             brightest points, {ROUNDS} rounds; entropy of {} x {} pixels. How far stock PGA gets depends on where the radar errs to: \
+             with as much across the rail as along it, it gains 5 to 11 dB of each peak.",
             1e3 * ERROR_M,
             grid.columns.count,
             grid.rows.count

@@ -41,7 +41,7 @@ fn along(record: &Record, frame: &SceneFrame, stated: Option<DVec3>, unstated: f
     DVec3::from(sum.to_array().map(|variance| variance.sqrt().max(1e-4)))
 }
 
-/// The places of a kind of records in a frame, times counted from `start`; with velocities, if wanted (NMEA has none upwards).
+/// The places of a kind of records in a frame, times counted from `start`; places alone, no velocities.
 pub fn positions(
     log: &Log,
     kind: Kind,

@@ -43,10 +43,12 @@ pub(crate) struct Focus {
     pub(crate) velocity: Option<DVec3>,
 
     /// The radar moved as this track says, in place of the recorded positions, as subap track writes it: places and attitudes of the
-    /// body whose origin is the middle of the antennas and whose x axis lies along the receivers
-    #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath,
+    /// body whose origin is the middle of the antennas and whose x axis lies along the receivers; or mpga, the track of the recording's
+    /// own echoes, with what subap track takes by default
+    #[arg(long, value_name = "CSV|mpga", value_hint = ValueHint::FilePath,
         conflicts_with_all = ["tiled", "plan", "tiles", "resume"])]
     pub(crate) track: Option<PathBuf>,
+
     /// Take these phase errors away first, a pulse each, as subap autofocus writes them
     #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath,
         conflicts_with_all = ["tiled", "plan", "tiles", "resume"])]

@@ -172,7 +172,9 @@ impl Job<'_> {
         let checksums = session.progress("checksums");
         let mut inputs = self.history.inputs()?;
         for path in [&typed.track, &typed.phase].into_iter().flatten() {
-            inputs.push(read_beside(path)?);
+            if path != Path::new(on_track::FOUND) {
+                inputs.push(read_beside(path)?);
+            }
         }
         checksums.finish();
         let told = about.check.as_ref().map(ToString::to_string);

@@ -10,6 +10,7 @@ use subaperture::io::atomic::write_atomically;
 use subaperture::io::found_track::{self, FoundFix};
 use subaperture::io::open::{Options, open_channels};
 use subaperture::io::ours::Kind;
+use subaperture::phase_history::Channels;
 use subaperture::plot::{Chart, Curve, Stroke, lines};
 use subaperture::targets::follow::Event;
 use subaperture::targets::{Moment, Recovered, Settings, TargetsError, recover};
@@ -55,18 +56,9 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
         ..defaults
     };
     settings.follow.bridge = typed.bridge;
-    let progress = session.progress("following targets");
-    let found = recover(channels, &settings, &progress).map_err(with_advice)?;
-    progress.finish();
-    for event in &found.seen.events {
-        session.note(1, || told(event));
-    }
-    for fault in &found.seen.faults {
-        messages::warning(fault.to_string());
-    }
-    interrupt::check()?;
+    let found = find(session, channels, &settings)?;
     let drawn = lines(&chart(&name, &found, &recorded_m))?;
-    let fixes: Vec<FoundFix> = found.moments.iter().map(fix).collect();
+    let fixes: Vec<FoundFix> = found.moments.iter().map(found_fix).collect();
     found_track::write(&typed.out, &fixes)?;
     write_atomically(&picture, drawn.len() as u64, |file| file.write_all(&drawn))?;
     tell(session, typed, &picture, &found)
@@ -77,13 +69,37 @@ fn beside(track: &Path) -> PathBuf {
     track.with_extension("png")
 }
 
-fn fix(moment: &Moment) -> FoundFix {
+/// Finds the track of a recording, and says what is wrong with it.
+pub(super) fn find(
+    session: &Session,
+    channels: Channels,
+    settings: &Settings,
+) -> anyhow::Result<Recovered> {
+    let progress = session.progress("following targets");
+    let found = recover(channels, settings, &progress).map_err(with_advice)?;
+    progress.finish();
+    for event in &found.seen.events {
+        session.note(1, || told(event));
+    }
+    for fault in &found.seen.faults {
+        messages::warning(fault.to_string());
+    }
+    interrupt::check()?;
+    Ok(found)
+}
+
+/// When and where the body was.
+pub(super) fn fix(moment: &Moment) -> Fix {
+    Fix {
+        time_s: moment.time_s,
+        position_m: moment.position_m,
+        attitude: Some(moment.attitude),
+    }
+}
+
+fn found_fix(moment: &Moment) -> FoundFix {
     FoundFix {
-        fix: Fix {
-            time_s: moment.time_s,
-            position_m: moment.position_m,
-            attitude: Some(moment.attitude),
-        },
+        fix: fix(moment),
         covariance: moment.covariance,
         residual: moment.residual,
         targets: moment.targets,

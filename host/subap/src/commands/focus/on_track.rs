@@ -1,4 +1,4 @@
-//! `--track`: a recording as the radar made it on another track.
+//! `--track`: a recording as the radar made it on another track, one of a file or one that is found of its own echoes.
 
 use std::path::Path;
 
@@ -6,17 +6,25 @@ use anyhow::Context;
 use subaperture::io::open::{Options, cphd_info, open_channels};
 use subaperture::io::track_csv;
 use subaperture::phase_history::{Channels, Joined, OnTrack, PhaseHistory};
-use subaperture::targets::Arrangement;
-use subaperture::track::SampledTrack;
+use subaperture::targets::{Arrangement, Settings};
+use subaperture::track::{Fix, SampledTrack};
 
 use crate::args::Input;
+use crate::commands::track;
 use crate::config::Session;
+use crate::failure::Usage;
 use crate::messages;
 
-/// Opens the recordings given, on the track in the file; several channels as their coherent sum.
+/// The word for the track that the echoes themselves tell.
+pub(super) const FOUND: &str = "mpga";
+
+/// Opens the recordings given, on the track in the file or that of their echoes; several channels as their coherent sum.
 pub(super) fn open(session: &Session, input: &Input, track: &Path) -> anyhow::Result<Joined> {
     let named = || format!("--track {}", track.display());
-    let mut fixes = track_csv::read(track).with_context(named)?;
+    let mut fixes = match track == Path::new(FOUND) {
+        true => found(session, input)?,
+        false => track_csv::read(track).with_context(named)?,
+    };
     let reading = session.progress("reading");
     let mut left = Options {
         channel: None,
@@ -68,6 +76,21 @@ pub(super) fn open(session: &Session, input: &Input, track: &Path) -> anyhow::Re
         }
         _ => Joined::alone(Box::new(moved.coherent_sum()?)),
     })
+}
+
+/// The track of a recording's own echoes.
+fn found(session: &Session, input: &Input) -> anyhow::Result<Vec<Fix>> {
+    let [path] = &input.paths[..] else {
+        return Err(Usage(format!("--track {FOUND} is of one recording")).into());
+    };
+    let options = Options {
+        channel: None,
+        memory_bytes: session.memory_bytes,
+        settings: &input.set,
+    };
+    let channels = open_channels::<&str>(path, None, &options)?;
+    let found = track::find(session, channels, &Settings::default())?;
+    Ok(found.moments.iter().map(track::fix).collect())
 }
 
 /// The channels whose image is asked for: of a CPHD its reference channel, of a description all, unless others are named.
