@@ -53,7 +53,8 @@ impl Colours {
         let part = position - below as f64;
         std::array::from_fn(|i| {
             let (a, b) = (f64::from(stops[below][i]), f64::from(stops[below + 1][i]));
-            (a + (b - a) * part).round() as u8
+            // To the nearest: a conversion cuts off.
+            (a + (b - a) * part + 0.5) as u8
         })
     }
 }
