@@ -279,7 +279,7 @@ fn report(
         let path = path.display();
         text::say(match correction_is_phase(typed, found) {
             true => format!("written to {path}: subap focus --phase {path} takes it"),
-            false => format!("written to {path}: a track"),
+            false => format!("written to {path}: subap focus --track {path} takes it"),
         })?;
     }
     Ok(())
