@@ -51,7 +51,8 @@ fn a_scan_across_the_plane_of_its_array_is_no_track() {
     for fault in &found.seen.faults {
         println!("{fault}");
     }
-    assert!(moved_m < 0.01, "{moved_m}");
+    // Of the 63 mm nothing: but some 18 phases are in doubt, and each may put the track off by half a wavelength, 1.9 mm.
+    assert!(moved_m < 18.0 * 0.0019, "{moved_m}");
     let is_misfit = |fault: &Fault| matches!(fault, Fault::Misfit { .. });
     assert!(found.seen.faults.iter().any(is_misfit));
 }
