@@ -50,7 +50,7 @@ const LIBRARY: [&str; 7] = [
     "cphd,autofocus,link",
     "cphd,gotcha,plot",
     "npz,quality,planner",
-    "simulate,autofocus",
+    "simulate,autofocus,navigation",
 ];
 
 /// What is not published.
