@@ -118,8 +118,6 @@ impl Canvas {
         let mut encoder = png::Encoder::new(&mut out, self.width as u32, self.height as u32);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
-        // Most of a picture is noise, of which more effort saves little.
-        encoder.set_compression(png::Compression::Fast);
         // By which a later run knows that it may replace the file.
         encoder.add_text_chunk("Software".to_owned(), PROGRAM.to_owned())?;
         let mut writer = encoder.write_header()?;
