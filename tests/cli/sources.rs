@@ -206,7 +206,7 @@ fn the_command_alone_names_options() {
 }
 
 /// From a recording to an image: what bears on its bits.
-const BEARING_ON_BITS: [&str; 9] = [
+const BEARING_ON_BITS: [&str; 10] = [
     "fft",
     "signal",
     "kernels",
@@ -215,6 +215,7 @@ const BEARING_ON_BITS: [&str; 9] = [
     "describe",
     "receive",
     "io",
+    "simulate",
     "focus",
 ];
 

@@ -1,5 +1,6 @@
 //! The simulator: its engines, the chain from echoes to recordings, receivers, random scenarios.
 
+mod bits;
 mod chain;
 mod engine;
 mod receiver;

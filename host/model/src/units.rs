@@ -367,7 +367,7 @@ fn to_si(number: f64, unit: &str, dimension: Dimension, text: &str) -> Result<f6
     };
     let value = match scale {
         Linear(factor) => number * factor,
-        Decibel(factor) => libm::pow(10.0, number / 10.0) * factor,
+        Decibel(factor) => power_of_db(number) * factor,
     };
     if value.is_finite() && value.abs() <= largest {
         Ok(value)
@@ -376,6 +376,11 @@ fn to_si(number: f64, unit: &str, dimension: Dimension, text: &str) -> Result<f6
             "'{text}' is beyond anything sensible: write {name} such as \"{example}\""
         ))
     }
+}
+
+/// The ratio of powers that `db` is.
+pub fn power_of_db(db: f64) -> f64 {
+    libm::pow(10.0, db / 10.0)
 }
 
 #[cfg(test)]

@@ -22,11 +22,12 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
+use crate::random::complex_normal;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::phase_history::{Collection, PhaseHistory, ReadError};
+use subaperture_model::units::power_of_db;
 use subaperture_signal::phase::{narrow, phasor};
 
 /// A point that scatters alike in all directions and frequencies.
@@ -97,11 +98,9 @@ impl Simulated {
             // One stream a pulse: independent of the order in which pulses are read.
             let mut random = ChaCha8Rng::seed_from_u64(noise.seed);
             random.set_stream(n as u64);
-            let sigma = (10f64.powf(noise.power_db / 10.0) / 2.0).sqrt();
+            let sigma = (power_of_db(noise.power_db) / 2.0).sqrt();
             for z in sum.iter_mut() {
-                let re: f64 = StandardNormal.sample(&mut random);
-                let im: f64 = StandardNormal.sample(&mut random);
-                *z += Complex64::new(re, im) * sigma;
+                *z += complex_normal(&mut random) * sigma;
             }
         }
         for (out, z) in row.iter_mut().zip(sum.iter()) {

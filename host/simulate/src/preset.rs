@@ -7,9 +7,9 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, Uniform};
 
 use super::{Noise, Scatterer, Simulated};
+use crate::random;
 use subaperture_model::geometry::{Extent, SceneFrame};
 use subaperture_model::phase_history::{Collection, Pulse, Sweep};
 
@@ -100,10 +100,10 @@ impl Preset {
         };
         let mut scatterers = vec![unit(DVec3::ZERO)];
         if self == Self::Table41 {
-            let mut random = ChaCha8Rng::seed_from_u64(41);
-            let side = Uniform::new(-40.0, 40.0).expect("an interval");
+            let mut stream = ChaCha8Rng::seed_from_u64(41);
+            let mut side_m = || 80.0 * random::unit(&mut stream) - 40.0;
             scatterers.extend((0..40).map(|_| {
-                let (x, y) = (side.sample(&mut random), side.sample(&mut random));
+                let (x, y) = (side_m(), side_m());
                 unit(DVec3::new(x, y, 0.0))
             }));
         }
@@ -144,12 +144,13 @@ struct Sway {
 
 impl Sway {
     fn new(variation: &Variation, num_pulses: usize) -> Self {
-        let mut random = ChaCha8Rng::seed_from_u64(variation.seed);
-        let circle = Uniform::new(0.0, TAU).expect("an interval");
+        let mut stream = ChaCha8Rng::seed_from_u64(variation.seed);
         Self {
             rms_m: variation.perturbation_m,
             num_pulses: num_pulses as f64,
-            phases: std::array::from_fn(|_| std::array::from_fn(|_| circle.sample(&mut random))),
+            phases: std::array::from_fn(|_| {
+                std::array::from_fn(|_| TAU * random::unit(&mut stream))
+            }),
         }
     }
 
@@ -160,7 +161,7 @@ impl Sway {
         let mut sum = DVec3::ZERO;
         for (phases, harmonic) in self.phases.iter().zip(1..) {
             let angle = turn * f64::from(harmonic);
-            sum += DVec3::from_array(phases.map(|phase| (angle + phase).sin()));
+            sum += DVec3::from_array(phases.map(|phase| libm::sin(angle + phase)));
         }
         sum * amplitude
     }

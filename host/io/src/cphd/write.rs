@@ -7,8 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use num_complex::Complex32;
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{Fft, Transforms};
 
 use super::conventions::{Domain, Sgn};
 use super::describe::{self, Entry};
@@ -287,7 +286,7 @@ fn write_signal(
     let at_once = (4 * CHUNK_BYTES / (8 * stored)).clamp(1, num_pulses);
     let mut samples = vec![Complex32::ZERO; at_once * width];
     let mut transform = (options.domain == Domain::Toa).then(|| {
-        let fft: Arc<dyn Fft<f64>> = fft::inverse(stored);
+        let fft: Arc<dyn Fft<f64>> = Transforms::Portable.inverse(stored);
         Transform::new(entry.prepared.bins, fft)
     });
     let mut arrivals = vec![Complex32::ZERO; if transform.is_some() { stored } else { 0 }];

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use num_complex::Complex64;
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{Fft, Transforms};
 
 use super::Experiment;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
@@ -56,7 +55,7 @@ impl Pulsed {
         }
         Ok(Some(Self {
             spectrum,
-            inverse: fft::inverse(num_samples),
+            inverse: Transforms::Portable.inverse(num_samples),
         }))
     }
 

@@ -23,8 +23,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use num_complex::Complex64;
-use subaperture_fft as fft;
-use subaperture_fft::Fft;
+use subaperture_fft::{Fft, Transforms};
 
 use super::chunk::{LANES, Values};
 use subaperture_signal::fast_length::fast_length;
@@ -59,7 +58,7 @@ impl Nufft {
     pub(super) fn new(samples: usize) -> Self {
         let length = fast_length(2 * samples.max(TAPS));
         let kernel = KaiserBessel::new(TAPS);
-        let inverse = fft::inverse(length);
+        let inverse = Transforms::Portable.inverse(length);
         let middle = (samples / 2) as i64;
         let shape = (0..samples as i64)
             .map(|k| {

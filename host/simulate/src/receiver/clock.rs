@@ -6,7 +6,8 @@
 //! frequency `f` the phase turns by `+2 pi f dt`, as if the echo came `dt` sooner. Carriers one after another
 //! do not mind it, and a sweep mixed with its own copy only turns as a whole.
 
-use super::stream::{Kind, normal, stream};
+use super::stream::{Kind, stream};
+use crate::random::normal;
 use subaperture_model::radar::Clock;
 
 /// Whether the numbers make sense.

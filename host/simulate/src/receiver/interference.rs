@@ -12,11 +12,12 @@
 //! All receivers hear it alike: the angle of arrival and the way to it are neglected.
 
 use num_complex::Complex64;
-use rand_distr::{Distribution, Uniform};
 
 use super::Moment;
-use super::stream::{Kind, complex_normal, stream};
+use super::stream::{Kind, stream};
+use crate::random::{complex_normal, unit};
 use subaperture_model::radar::{Interferer, Radar, Waveform};
+use subaperture_model::units::power_of_db;
 use subaperture_signal::phase::phasor;
 
 /// A foreign transmitter made ready.
@@ -30,7 +31,7 @@ pub(super) struct Interference {
 impl Interference {
     pub(super) fn new(interferer: &Interferer, radar: &Radar) -> Result<Self, String> {
         let i = interferer;
-        let amplitude = 10f64.powf(i.power_db / 20.0);
+        let amplitude = power_of_db(i.power_db / 2.0);
         let sound = i.frequency_hz.is_finite() && i.bandwidth_hz.is_finite();
         if !(sound
             && i.bandwidth_hz >= 0.0
@@ -57,9 +58,7 @@ impl Interference {
             ..
         } = self.interferer;
         let mut random = stream(seed, Kind::Interference, index, moment.pulse);
-        let unit = Uniform::new(0.0, 1.0).expect("an interval");
-        let draw: f64 = unit.sample(&mut random);
-        if draw >= duty {
+        if unit(&mut random) >= duty {
             return;
         }
         if bandwidth_hz == 0.0 {
@@ -71,8 +70,7 @@ impl Interference {
         let count = (2.0 * bandwidth_hz * length_s).ceil().clamp(16.0, 4096.0);
         let deviation = self.amplitude / (2.0 * count).sqrt();
         for tone in 0..count as usize {
-            let place: f64 = unit.sample(&mut random);
-            let part = (tone as f64 + place) / count - 0.5;
+            let part = (tone as f64 + unit(&mut random)) / count - 0.5;
             let amplitude = complex_normal(&mut random) * deviation;
             let tone_hz = frequency_hz + part * bandwidth_hz;
             self.add_tone(moment, tone_hz, amplitude, samples);

@@ -22,12 +22,13 @@
 //! Cost: 10 operations a sinusoid and sample. Accuracy: the test below, spectrum against `L`.
 
 use num_complex::Complex64;
-use rand_distr::{Distribution, Uniform};
 
 use super::Moment;
 use super::stream::{Kind, stream};
+use crate::random::unit;
 use subaperture_model::radar::{PhaseNoise, Waveform};
-use subaperture_signal::phase::phasor;
+use subaperture_model::units::power_of_db;
+use subaperture_signal::phase::{cis, phasor};
 
 /// Sinusoids an octave of offset.
 const PER_OCTAVE: f64 = 24.0;
@@ -59,20 +60,19 @@ impl Oscillator {
             ));
         }
         let (first_hz, last_hz) = (levels[0].0, levels[levels.len() - 1].0);
-        let octaves = (last_hz / first_hz).log2();
+        let octaves = libm::log2(last_hz / first_hz);
         let cells = (octaves * PER_OCTAVE).ceil() as usize;
-        let edge = |i: usize| first_hz * (octaves * i as f64 / cells as f64).exp2();
-        let unit = Uniform::new(0.0, 1.0).expect("an interval");
+        let edge = |i: usize| first_hz * libm::exp2(octaves * i as f64 / cells as f64);
         let mut random = stream(seed, Kind::PhaseNoise, 0, 0);
         let lines = (0..cells).map(|i| {
             let (low_hz, high_hz) = (edge(i), edge(i + 1));
-            let place: f64 = unit.sample(&mut random);
-            let offset_hz = low_hz * (high_hz / low_hz).powf(place);
-            let power = 10f64.powf(level_db(levels, (low_hz * high_hz).sqrt()) / 10.0);
+            let place = unit(&mut random);
+            let offset_hz = low_hz * libm::pow(high_hz / low_hz, place);
+            let power = power_of_db(level_db(levels, (low_hz * high_hz).sqrt()));
             Line {
                 offset_hz,
                 amplitude: 2.0 * (power * (high_hz - low_hz)).sqrt(),
-                turns: unit.sample(&mut random),
+                turns: unit(&mut random),
             }
         });
         Ok(Self {
@@ -101,7 +101,7 @@ impl Oscillator {
             }
         }
         for (z, phase) in samples.iter_mut().zip(phase_rad) {
-            *z *= Complex64::cis(phase);
+            *z *= cis(phase);
         }
     }
 }
@@ -111,7 +111,7 @@ fn level_db(levels: &[(f64, f64)], offset_hz: f64) -> f64 {
     let above = levels.partition_point(|&(f, _)| f < offset_hz);
     let above = above.clamp(1, levels.len() - 1);
     let ((f0, l0), (f1, l1)) = (levels[above - 1], levels[above]);
-    l0 + (l1 - l0) * (offset_hz / f0).ln() / (f1 / f0).ln()
+    l0 + (l1 - l0) * libm::log(offset_hz / f0) / libm::log(f1 / f0)
 }
 
 #[cfg(test)]

@@ -1,9 +1,7 @@
-//! Random numbers that depend on the seed, the kind of disturbance, the channel and the pulse only.
+//! Streams of random numbers that depend on the seed, the kind of disturbance, the channel and the pulse only.
 
-use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
 
 /// What the numbers are for. The values are part of what a seed means: they do not change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,15 +18,4 @@ pub(super) fn stream(seed: u64, kind: Kind, channel: usize, pulse: usize) -> Cha
     let (channel, pulse) = (channel as u64 & 0xffff, pulse as u64 & ((1 << 40) - 1));
     random.set_stream((kind as u64) << 56 | channel << 40 | pulse);
     random
-}
-
-/// A real Gaussian number of variance 1.
-pub(super) fn normal(random: &mut ChaCha8Rng) -> f64 {
-    StandardNormal.sample(random)
-}
-
-/// A complex Gaussian number, both parts of variance 1.
-pub(super) fn complex_normal(random: &mut ChaCha8Rng) -> Complex64 {
-    let re = normal(random);
-    Complex64::new(re, normal(random))
 }

@@ -17,9 +17,11 @@
 use num_complex::Complex64;
 
 use super::Moment;
-use super::stream::{Kind, complex_normal, stream};
+use super::stream::{Kind, stream};
+use crate::random::complex_normal;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::radar::{LinkBudget, Radar, ThermalNoise};
+use subaperture_model::units::power_of_db;
 
 /// Boltzmann's constant, joules a kelvin (exact by definition).
 const BOLTZMANN_J_K: f64 = 1.380_649e-23;
@@ -47,7 +49,7 @@ const STANDARD_K: f64 = 290.0;
 /// assert!((snr_db(&budget, 1.3e9, 100.0, 1e6) - 42.68).abs() < 0.02);
 /// ```
 pub fn snr_db(budget: &LinkBudget, centre_hz: f64, range_m: f64, bandwidth_hz: f64) -> f64 {
-    let db = |ratio: f64| 10.0 * ratio.log10();
+    let db = |ratio: f64| 10.0 * libm::log10(ratio);
     let wavelength_m = SPEED_OF_LIGHT_M_S / centre_hz;
     let received_db = db(budget.power_w)
         + budget.transmit_gain_dbi
@@ -56,7 +58,7 @@ pub fn snr_db(budget: &LinkBudget, centre_hz: f64, range_m: f64, bandwidth_hz: f
         - 3.0 * db(4.0 * std::f64::consts::PI)
         - 4.0 * db(range_m)
         - budget.losses_db;
-    let figure = 10f64.powf(budget.noise_figure_db / 10.0);
+    let figure = power_of_db(budget.noise_figure_db);
     let temperature_k = budget.temperature_k + (figure - 1.0) * STANDARD_K;
     received_db - db(BOLTZMANN_J_K * temperature_k * bandwidth_hz)
 }
@@ -71,7 +73,7 @@ pub(super) fn deviation(noise: &ThermalNoise, radar: &Radar, range_m: f64) -> Re
             -snr_db(budget, waveform.centre_hz(), range_m, bandwidth_hz)
         }
     };
-    let deviation = 10f64.powf(power_db / 20.0) * std::f64::consts::FRAC_1_SQRT_2;
+    let deviation = power_of_db(power_db / 2.0) * std::f64::consts::FRAC_1_SQRT_2;
     if deviation.is_finite() {
         Ok(deviation)
     } else {

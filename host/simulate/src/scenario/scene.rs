@@ -13,6 +13,7 @@ use crate::scene::{
 use subaperture_describe::{place, track};
 use subaperture_model::geometry::{Extent, SceneFrame};
 use subaperture_model::radar::{Radar, Reference};
+use subaperture_signal::phase::cis;
 
 use super::error::Found;
 use super::platform;
@@ -151,8 +152,5 @@ fn clutter(values: &Values) -> Result<Clutter, Found> {
 
 /// The square root of the cross section, with the phase of the reflection.
 fn amplitude(values: &Values) -> Complex64 {
-    Complex64::from_polar(
-        values.number("cross_section").sqrt(),
-        values.number("phase"),
-    )
+    cis(values.number("phase")) * values.number("cross_section").sqrt()
 }

@@ -13,16 +13,16 @@
 //! the directivity of edge and dihedral, the flat roof and reflections between buildings are neglected.
 //! Walls face outwards because the box itself hides those on the far side ([`super::shadow`]).
 
-use std::f64::consts::TAU;
-
 use glam::{DQuat, DVec3};
-use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
 
 use super::clutter::{MOST_POINTS, check_points};
 use super::{Block, SceneError};
 use crate::Scatterer;
+use crate::random::unit;
+use subaperture_model::units::power_of_db;
+use subaperture_signal::phase::phasor;
 
 /// Stream of random numbers.
 const BUILDING: u64 = u64::from_be_bytes(*b"building");
@@ -109,14 +109,12 @@ impl Building {
         let turn = DQuat::from_rotation_z(self.yaw_rad);
         let mut points = Vec::with_capacity(count as usize);
         let mut add = |place: DVec3, sigma_m2: f64| {
-            // 53 bits make a number from 0 to 1.
-            let turns = (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
             points.push(Scatterer {
                 position_m: self.centre_m + turn * place,
-                amplitude: Complex64::from_polar(sigma_m2.sqrt(), TAU * turns),
+                amplitude: phasor(unit(&mut random)) * sigma_m2.sqrt(),
             });
         };
-        let [wall, edge, foot] = levels.map(|db| 10f64.powf(db / 10.0));
+        let [wall, edge, foot] = levels.map(power_of_db);
         let half = self.size_m / 2.0;
         let step_up = self.size_m.z / up;
         // A wall by the middle of its foot and the way along it, half its length.

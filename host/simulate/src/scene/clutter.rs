@@ -15,15 +15,15 @@
 use std::f64::consts::TAU;
 
 use glam::DVec2;
-use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
+use rand_chacha::rand_core::SeedableRng;
 
 use super::SceneError;
 use crate::Scatterer;
+use crate::random::{complex_normal, unit};
 use subaperture_describe::error::ALLOW_MORE_MEMORY;
 use subaperture_model::geometry::Extent;
+use subaperture_model::units::power_of_db;
 
 /// Stream of random numbers.
 const CLUTTER: u64 = u64::from_be_bytes(*b"clutter\0");
@@ -143,16 +143,12 @@ impl Clutter {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(CLUTTER + u64::from(index));
         // Real and imaginary part have half the power each.
-        let scale = (10f64.powf(self.sigma0_db / 10.0) * area_m2 / count / 2.0).sqrt();
+        let scale = (power_of_db(self.sigma0_db) * area_m2 / count / 2.0).sqrt();
         let point = |_| {
-            // 53 bits make a number from 0 to 1.
-            let mut uniform = || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-            let place = self.area.point_m(uniform(), uniform());
-            let re: f64 = StandardNormal.sample(&mut random);
-            let im: f64 = StandardNormal.sample(&mut random);
+            let place = self.area.point_m(unit(&mut random), unit(&mut random));
             Scatterer {
                 position_m: place.extend(self.height_m),
-                amplitude: Complex64::new(re, im) * scale,
+                amplitude: complex_normal(&mut random) * scale,
             }
         };
         Ok((0..count as usize).map(point).collect())
@@ -162,6 +158,7 @@ impl Clutter {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
+    use num_complex::Complex64;
 
     use super::*;
 

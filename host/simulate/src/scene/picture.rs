@@ -26,13 +26,14 @@ use glam::DVec3;
 use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
 
 use super::SceneError;
 use super::clutter::{MOST_POINTS, check_points};
 use crate::Scatterer;
+use crate::random::complex_normal;
 use subaperture_io::npy;
 use subaperture_model::geometry::Extent;
+use subaperture_model::units::power_of_db;
 
 /// Stream of random numbers.
 const PICTURE: u64 = u64::from_be_bytes(*b"picture\0");
@@ -163,7 +164,7 @@ impl Picture {
         }
         check_points("a picture", across * along, most)?;
         let (dx, dy) = (width / across, depth / along);
-        let white_m2 = 10f64.powf(placement.white_sigma0_db / 10.0) * dx * dy;
+        let white_m2 = power_of_db(placement.white_sigma0_db) * dx * dy;
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(PICTURE + u64::from(index));
         let mut points = Vec::new();
@@ -179,9 +180,7 @@ impl Picture {
                     continue;
                 }
                 let amplitude = if placement.speckle {
-                    let re: f64 = StandardNormal.sample(&mut random);
-                    let im: f64 = StandardNormal.sample(&mut random);
-                    Complex64::new(re, im) * (sigma_m2 / 2.0).sqrt()
+                    complex_normal(&mut random) * (sigma_m2 / 2.0).sqrt()
                 } else {
                     Complex64::from(sigma_m2.sqrt())
                 };

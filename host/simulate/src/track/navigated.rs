@@ -19,9 +19,9 @@ use std::sync::Arc;
 use glam::DVec3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
 
 use super::{SmoothRandom, TrackError, turned};
+use crate::random::{complex_normal, normal};
 use subaperture_model::track::{Pose, Trajectory};
 
 /// Streams of random numbers.
@@ -129,8 +129,8 @@ impl Navigated {
         // The stream has 2^68 words: 2^62 fixes, those before time 0 at its end.
         let index = u128::from(number as i64 as u64 & (u64::MAX >> 2));
         random.set_word_pos(index * WORDS_A_FIX);
-        let mut normal = || StandardNormal.sample(&mut random);
-        DVec3::new(normal(), normal(), normal())
+        let across = complex_normal(&mut random);
+        DVec3::new(across.re, across.im, normal(&mut random))
     }
 }
 

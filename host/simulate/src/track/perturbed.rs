@@ -95,7 +95,7 @@ impl Trajectory for Perturbed {
                     phase_rad,
                 } => {
                     pose.position_m +=
-                        amplitude_m * (TAU * frequency_hz * time_s + phase_rad).sin();
+                        amplitude_m * libm::sin(TAU * frequency_hz * time_s + phase_rad);
                 }
                 Perturbation::Acceleration {
                     acceleration_m_s2,
@@ -109,7 +109,7 @@ impl Trajectory for Perturbed {
                     period_s,
                     phase_rad,
                 } => {
-                    let angles = amplitude_rad * (TAU * time_s / period_s + phase_rad).sin();
+                    let angles = amplitude_rad * libm::sin(TAU * time_s / period_s + phase_rad);
                     pose.attitude *= turned(angles.x, angles.y, angles.z);
                 }
             }

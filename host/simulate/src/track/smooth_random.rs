@@ -18,8 +18,9 @@ use std::f64::consts::{SQRT_2, TAU};
 
 use glam::DVec3;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
+use rand_chacha::rand_core::SeedableRng;
+
+use crate::random::{normal, unit};
 
 /// Sinusoids an axis.
 const HARMONICS: usize = 16;
@@ -39,10 +40,8 @@ impl SmoothRandom {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         random.set_stream(kind);
         let mut harmonic = || {
-            let frequency: f64 = StandardNormal.sample(&mut random);
-            // 53 bits make a number from 0 to 1.
-            let turn = (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
-            (frequency * SQRT_2 / correlation_s, turn * TAU)
+            let frequency = normal(&mut random);
+            (frequency * SQRT_2 / correlation_s, unit(&mut random) * TAU)
         };
         let harmonics = (0..HARMONICS)
             .map(|_| std::array::from_fn(|_| harmonic()))
@@ -55,7 +54,7 @@ impl SmoothRandom {
         let mut sum = [0.0; 3];
         for axes in &self.harmonics {
             for (sum, (frequency, phase)) in sum.iter_mut().zip(axes) {
-                *sum += (frequency * time_s + phase).cos();
+                *sum += libm::cos(frequency * time_s + phase);
             }
         }
         self.rms * DVec3::from_array(sum) * (2.0 / HARMONICS as f64).sqrt()
