@@ -1,6 +1,7 @@
 //! What is made of images: measures, comparisons, pictures, products; the library as its users have it.
 
 mod compare;
+mod decoded;
 mod examples;
 mod features;
 mod made;

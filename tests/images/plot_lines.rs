@@ -3,30 +3,9 @@
 use subaperture::geometry::Axis;
 use subaperture::plot::{Chart, Colours, Curve, Heat, Stroke, heat, lines};
 
-struct Picture {
-    width: usize,
-    rgb: Vec<u8>,
-}
+use super::decoded::Picture;
 
 impl Picture {
-    fn decode(bytes: &[u8]) -> Self {
-        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes))
-            .read_info()
-            .unwrap();
-        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
-        let info = reader.next_frame(&mut rgb).unwrap();
-        assert_eq!(info.color_type, png::ColorType::Rgb);
-        Self {
-            width: info.width as usize,
-            rgb,
-        }
-    }
-
-    fn at(&self, x: usize, y: usize) -> [u8; 3] {
-        let at = (y * self.width + x) * 3;
-        [self.rgb[at], self.rgb[at + 1], self.rgb[at + 2]]
-    }
-
     /// The plot's box within its frame: left, top, right, bottom, ends excluded. The frame's lines are the
     /// long runs of ink.
     fn plot(&self) -> [usize; 4] {

@@ -5,30 +5,9 @@ use subaperture::geometry::{Axis, ImageGrid};
 use subaperture::image::Image;
 use subaperture::plot::{Colours, Orientation, Panel, Scale, ShownAxis, panels, quicklook};
 
-struct Picture {
-    width: usize,
-    height: usize,
-    rgb: Vec<u8>,
-}
+use super::decoded::Picture;
 
 impl Picture {
-    fn decode(bytes: &[u8]) -> Self {
-        let mut reader = png::Decoder::new(std::io::Cursor::new(bytes))
-            .read_info()
-            .unwrap();
-        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
-        let info = reader.next_frame(&mut rgb).unwrap();
-        assert_eq!(info.color_type, png::ColorType::Rgb);
-        let (width, height) = (info.width as usize, info.height as usize);
-        assert_eq!(rgb.len(), width * height * 3);
-        Self { width, height, rgb }
-    }
-
-    fn at(&self, x: usize, y: usize) -> [u8; 3] {
-        let at = (y * self.width + x) * 3;
-        [self.rgb[at], self.rgb[at + 1], self.rgb[at + 2]]
-    }
-
     /// Smallest box (left, top, right, bottom; ends excluded) with every pixel in `within` of a colour.
     fn find(&self, within: [usize; 4], wanted: [u8; 3]) -> Option<[usize; 4]> {
         let mut found: Option<[usize; 4]> = None;
@@ -301,6 +280,7 @@ fn what_lies_above_the_scale_is_marked() {
         (
             picture.find(plot, AMBER).is_some(),
             picture.find(all, AMBER).map(|b| b[2] > plot[2]),
+            picture.grey,
         )
     };
     // 0 dB on a scale that ends at -10: the dot, and a cap on the bar to the right of the plot.
@@ -308,9 +288,9 @@ fn what_lies_above_the_scale_is_marked() {
         top_db: -10.0,
         span_db: 40.0,
     };
-    assert_eq!(cap(clipped), (true, Some(true)));
-    // Of itself a picture shows its peak, however far it stands out.
-    assert_eq!(cap(Scale::default()), (false, None));
+    assert_eq!(cap(clipped), (true, Some(true), false));
+    // Of itself a picture shows its peak, however far it stands out, and then has levels of grey alone.
+    assert_eq!(cap(Scale::default()), (false, None, true));
 }
 
 #[test]

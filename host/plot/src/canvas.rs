@@ -112,19 +112,30 @@ impl Canvas {
         });
     }
 
-    /// The page as a PNG file.
+    /// The page as a PNG file: in grey where it has no other colour, which takes a third of the time.
     pub(super) fn into_png(self) -> Result<Vec<u8>, PlotError> {
+        let (pixels, colours) = match grey(&self.pixels) {
+            Some(levels) => (levels, png::ColorType::Grayscale),
+            None => (self.pixels, png::ColorType::Rgb),
+        };
         let mut out = Vec::new();
         let mut encoder = png::Encoder::new(&mut out, self.width as u32, self.height as u32);
-        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_color(colours);
         encoder.set_depth(png::BitDepth::Eight);
         // By which a later run knows that it may replace the file.
         encoder.add_text_chunk("Software".to_owned(), PROGRAM.to_owned())?;
         let mut writer = encoder.write_header()?;
-        writer.write_image_data(&self.pixels)?;
+        writer.write_image_data(&pixels)?;
         writer.finish()?;
         Ok(out)
     }
+}
+
+/// A level for each pixel, if all are grey.
+fn grey(pixels: &[u8]) -> Option<Vec<u8>> {
+    let (colours, _) = pixels.as_chunks::<3>();
+    let level = |&[red, green, blue]: &[u8; 3]| (red == green && green == blue).then_some(red);
+    colours.iter().map(level).collect()
 }
 
 /// A font at a size.

@@ -235,7 +235,6 @@ fn form(
     Ok((formed, check))
 }
 
-/// Warns of an image that is worse than asked, and may be.
 /// A file that is read beside the recordings, for the record.
 fn read_beside(path: &Path) -> anyhow::Result<InputFile> {
     let named = || format!("cannot read {}", path.display());
@@ -248,6 +247,7 @@ fn read_beside(path: &Path) -> anyhow::Result<InputFile> {
     })
 }
 
+/// Warns of an image that is worse than asked, and may be.
 fn tell_missed(predicted_db: f64, bound_db: Option<f64>) {
     messages::bound_missed(format!(
         "the predicted error is {predicted_db:.1} dB, above the {} dB asked",
