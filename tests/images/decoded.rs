@@ -38,4 +38,36 @@ impl Picture {
         let at = (y * self.width + x) * 3;
         [self.rgb[at], self.rgb[at + 1], self.rgb[at + 2]]
     }
+
+    /// The plot's box: from the left frame line, a column of ink under the title, to its right one.
+    pub(super) fn plot(&self) -> [usize; 4] {
+        const INK: [u8; 3] = [25, 25, 25];
+        // The frame's top line is the first long run of ink; its ends are the corners.
+        let runs = |y: usize| {
+            let mut best = (0, 0);
+            let mut start = None;
+            for x in 0..=self.width {
+                let ink = x < self.width && self.at(x, y) == INK;
+                match (ink, start) {
+                    (true, None) => start = Some(x),
+                    (false, Some(s)) => {
+                        if x - s > best.1 - best.0 {
+                            best = (s, x);
+                        }
+                        start = None;
+                    }
+                    _ => {}
+                }
+            }
+            best
+        };
+        let lines: Vec<usize> = (0..self.height)
+            .filter(|&y| {
+                let (a, b) = runs(y);
+                b - a > 150
+            })
+            .collect();
+        let (left, right) = runs(lines[0]);
+        [left + 1, lines[0] + 1, right - 1, lines[1]]
+    }
 }

@@ -6,24 +6,6 @@ use subaperture::plot::{Chart, Colours, Curve, Heat, Stroke, heat, lines};
 use super::decoded::Picture;
 
 impl Picture {
-    /// The plot's box within its frame: left, top, right, bottom, ends excluded. The frame's lines are the
-    /// long runs of ink.
-    fn plot(&self) -> [usize; 4] {
-        const INK: [u8; 3] = [25, 25, 25];
-        let height = self.rgb.len() / 3 / self.width;
-        let run = |y: usize| {
-            let first = (0..self.width)
-                .find(|&x| (x..x + 150).all(|x| x < self.width && self.at(x, y) == INK))?;
-            let last = (first..self.width)
-                .take_while(|&x| self.at(x, y) == INK)
-                .last()?;
-            Some((first, last))
-        };
-        let found: Vec<_> = (0..height).filter_map(|y| Some((y, run(y)?))).collect();
-        let (top, (left, right)) = found[0];
-        [left + 1, top + 1, right, found[1].0]
-    }
-
     /// Rows of column `x` of the plot with a colour nearly this one.
     fn rows_of(&self, x: usize, [_, top, _, bottom]: [usize; 4], colour: [u8; 3]) -> Vec<usize> {
         let alike = |y: &usize| {
