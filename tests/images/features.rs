@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use subaperture_xtask::cargo;
 
 /// Packages that somebody who forms images of arrays need not compile, and the features that bring each.
-const OPTIONAL: [(&str, &[&str]); 17] = [
+const OPTIONAL: [(&str, &[&str]); 16] = [
     ("roxmltree", &["cphd"]),
     ("flate2", &["gotcha", "npz", "plot", "simulate"]),
     ("zip", &["npz"]),
@@ -14,7 +14,6 @@ const OPTIONAL: [(&str, &[&str]); 17] = [
     ("ab_glyph", &["plot"]),
     ("dejavu", &["plot"]),
     ("rand_chacha", &["simulate"]),
-    ("rand_distr", &["simulate"]),
     ("serial2", &["link"]),
     ("subaperture-core", &["link"]),
     ("subaperture-planner", &["planner"]),
