@@ -155,7 +155,11 @@ impl Mixed {
             Pass::Rate(rate_hz) => f64::from(away_hz.abs() < 0.5 * rate_hz),
             Pass::Dwell(dwell_s) => {
                 let half = std::f64::consts::PI * away_hz * dwell_s;
-                if half == 0.0 { 1.0 } else { libm::sin(half) / half }
+                if half == 0.0 {
+                    1.0
+                } else {
+                    libm::sin(half) / half
+                }
             }
         }
     }
