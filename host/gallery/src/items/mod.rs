@@ -1,10 +1,14 @@
 //! The items, a file a figure or group of figures that share their data.
 
 mod chim_ambiguity;
+mod chim_arrival;
 mod chim_autofocus;
+mod chim_increments;
+mod chim_mpga;
 mod chim_omega_k;
 mod chim_painting;
 mod chim_radar;
+mod chim_rail;
 mod chim_range_doppler;
 mod chim_residual_phase;
 mod chim_resolution;
@@ -42,6 +46,9 @@ pub fn items() -> Vec<Item> {
         &chim_resolution::ITEMS,
         &chim_stepped::ITEMS,
         &chim_autofocus::ITEMS,
+        &chim_arrival::ITEMS,
+        &chim_mpga::ITEMS,
+        &chim_increments::ITEMS,
     ]
     .concat()
 }

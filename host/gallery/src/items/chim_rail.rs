@@ -1,0 +1,138 @@
+//! The radar of Chim 2018, 7.5, on its rail: what it records, the targets that it sees, and its motion from pulse to pulse.
+
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+use num_complex::Complex32;
+
+use super::forming::{experiment, hold};
+use crate::{Context, ItemError};
+use subaperture_model::phase_history::{Channel, Channels, InMemory, PhaseHistory};
+use subaperture_model::track::{Pose, Profile, Trajectory};
+use subaperture_motion::{Heading, Increment, Pairwise};
+use subaperture_targets::{Recovered, Seen, Settings, recover};
+
+/// Where the reflectors are.
+pub(super) const REFLECTORS_M: [DVec3; 4] = [
+    DVec3::new(0.6, 3.0, 0.0),
+    DVec3::new(0.1, 4.0, 0.0),
+    DVec3::new(-0.9, 2.2, 0.0),
+    DVec3::new(1.6, 5.6, 0.0),
+];
+/// Of the array against the rail; nothing in the recording tells of it. The thesis has one and does not say how large.
+pub(super) const SQUINT_DEG: f64 = 0.5;
+/// Time from chirp to chirp.
+pub(super) const PRI_S: f64 = 1e-3;
+/// Where the wall is: what is seen beyond is masked.
+pub(super) const WALL_M: f64 = 6.0;
+const NEAREST_M: f64 = 1.0;
+
+/// A carriage that goes along the rail by pieces of constant acceleration (seconds, metres a second squared).
+pub(super) fn way(start_m_s: f64, pieces: &[(f64, f64)]) -> Result<Profile, ItemError> {
+    let pieces: Vec<(f64, DVec3)> = pieces
+        .iter()
+        .map(|&(s, m_s2)| (s, DVec3::X * m_s2))
+        .collect();
+    Profile::new(0.0, DVec3::ZERO, DVec3::X * start_m_s, &pieces)
+        .map_err(|error| ItemError::Measure(error.to_string()))
+}
+
+/// A carriage, and the body on it that is turned.
+#[derive(Debug)]
+struct Squinted(Profile);
+
+impl Trajectory for Squinted {
+    fn pose(&self, time_s: f64) -> Pose {
+        Pose {
+            attitude: DQuat::from_rotation_z(SQUINT_DEG.to_radians()),
+            ..self.0.pose(time_s)
+        }
+    }
+}
+
+/// A carriage, and the body on it as the recording has it.
+#[derive(Debug)]
+struct Straight(Profile);
+
+impl Trajectory for Straight {
+    fn pose(&self, time_s: f64) -> Pose {
+        Pose {
+            attitude: DQuat::IDENTITY,
+            ..self.0.pose(time_s)
+        }
+    }
+}
+
+/// What both receivers record of so many chirps, of which those are kept that `sends` says.
+pub(super) fn recorded(
+    context: &Context,
+    way: Profile,
+    chirps: usize,
+    sends: impl Fn(usize) -> bool,
+) -> Result<Vec<(Channel, InMemory)>, ItemError> {
+    let mut radar = experiment("rail", include_str!("scenes/rail.toml"))?;
+    radar.radar.num_pulses = chirps;
+    radar.radar.pri_s = PRI_S;
+    radar.track = Arc::new(Squinted(way.clone()));
+    radar.measured = Some(Arc::new(Straight(way)));
+    let record = |pair| {
+        let whole = hold(context, &radar.record(pair)?)?;
+        Ok((radar.about(pair), kept(&whole, &sends)?))
+    };
+    radar.pairs().into_iter().map(record).collect()
+}
+
+/// The pulses of a recording that `keeps` says.
+fn kept(whole: &InMemory, keeps: impl Fn(usize) -> bool) -> Result<InMemory, ItemError> {
+    let mut collection = whole.collection().clone();
+    let width = collection.num_samples;
+    let mut samples = vec![Complex32::ZERO; collection.pulses.len() * width];
+    whole.read(0..collection.pulses.len(), &mut samples)?;
+    let rows = samples.chunks_exact(width).enumerate();
+    let samples = rows
+        .filter(|(n, _)| keeps(*n))
+        .flat_map(|(_, row)| row.iter().copied())
+        .collect();
+    let pulses = collection.pulses.into_iter().enumerate();
+    collection.pulses = pulses
+        .filter(|(n, _)| keeps(*n))
+        .map(|(_, pulse)| pulse)
+        .collect();
+    Ok(InMemory::new(collection, samples)?)
+}
+
+/// The track by all pulses at once, and what was seen.
+pub(super) fn found(
+    context: &Context,
+    recorded: &[(Channel, InMemory)],
+) -> Result<Recovered, ItemError> {
+    let boxed = recorded.iter().map(|(about, history)| {
+        let history: Box<dyn PhaseHistory> = Box::new(history.clone());
+        (about.clone(), history)
+    });
+    let channels = Channels::new(boxed.collect()).map_err(|e| ItemError::Measure(e.to_string()))?;
+    let settings = Settings {
+        ranges_m: Some((NEAREST_M, WALL_M)),
+        ..Settings::default()
+    };
+    recover(channels, &settings, context.monitor).map_err(|e| ItemError::Measure(e.to_string()))
+}
+
+/// Motion from pulse to pulse by the thesis's two least squares, along the array's own axes.
+pub(super) fn increments(seen: &Seen) -> Result<Vec<Increment>, ItemError> {
+    let unsuited = |error: subaperture_motion::MotionError| ItemError::Measure(error.to_string());
+    let mut pairwise = Pairwise::new(seen.array.clone(), Heading::Found).map_err(unsuited)?;
+    let mut found = Vec::with_capacity(seen.pulses.len());
+    for pulse in &seen.pulses {
+        found.extend(pairwise.push(pulse).map_err(unsuited)?);
+    }
+    Ok(found.into_iter().map(|moved| moved.increment).collect())
+}
+
+/// Mean, and RMS about it.
+pub(super) fn spread(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
+    let count = values.clone().count() as f64;
+    let mean = values.clone().sum::<f64>() / count;
+    let square = values.map(|x| (x - mean).powi(2)).sum::<f64>() / count;
+    [mean, square.sqrt()]
+}
