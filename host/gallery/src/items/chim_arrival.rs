@@ -22,7 +22,7 @@ const BASELINE_M: f64 = 0.5 * WAVELENGTH_M;
 /// From the first receiver to the transmitter, along the array: B_T of the thesis.
 const TRANSMITTER_M: f64 = -0.02;
 /// Sines of the angles whose lines are drawn.
-const SINES: [f64; 7] = [-0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9];
+const SINES: [f64; 7] = [-0.95, -0.8, -0.35, 0.0, 0.35, 0.8, 0.95];
 /// Distances of the curves of errors, in baselines.
 const DISTANCES: [f64; 3] = [1.0, 2.0, 5.0];
 /// A target's distance where the transmitter is not where the receivers are.
@@ -249,8 +249,9 @@ fn hyperbola_picture() -> Result<Picture, ItemError> {
     const ACROSS: f64 = UP * 832.0 / 452.0 / 2.0;
     let gap = [(f64::NAN, f64::NAN)];
     let same_phase = |estimated: f64| {
-        // What is nearer than half a baseline lies between the receivers.
-        let at = (0..=120).map(move |i| 0.5 + 0.04 * f64::from(i));
+        // From between the receivers on.
+        let nearest = 0.5 * estimated.abs();
+        let at = (0..=120).map(move |i| nearest + 4.0 * (f64::from(i) / 120.0).powi(2));
         let at = at.map(move |r| place(1.0, true_angle_rad(r * BASELINE_M, estimated)) * r);
         at.map(|at| (at.x, at.y)).chain(gap)
     };
@@ -285,7 +286,7 @@ fn hyperbola_picture() -> Result<Picture, ItemError> {
     })?;
     Ok(Picture {
         name: "lines".to_owned(),
-        caption: "Lines of constant phase difference and of constant angle (Fig. 7.5), sines of 0, 0.3, 0.6 and 0.9".to_owned(),
+        caption: "Lines of constant phase difference and of constant angle (Fig. 7.5), sines of 0, 0.35, 0.8 and 0.95".to_owned(),
         png,
     })
 }
@@ -293,7 +294,10 @@ fn hyperbola_picture() -> Result<Picture, ItemError> {
 /// Fig. 7.6.
 fn error_picture() -> Result<Picture, ItemError> {
     let curve = |&baselines: &f64| Curve {
-        name: format!("{baselines:.0} baselines away"),
+        name: match baselines {
+            1.0 => "1 baseline away".to_owned(),
+            more => format!("{more:.0} baselines away"),
+        },
         points: angles_rad(90)
             .map(|angle| {
                 let error = error_rad(baselines * BASELINE_M, angle);

@@ -1,16 +1,19 @@
 //! Stock and modified phase gradient autofocus near the ground: Chim 2018, Figs 6.6 to 6.9.
 
+use std::sync::Mutex;
+
 use glam::DVec3;
 use num_complex::Complex64;
 
 use super::forming::{backprojection, form_weighted, grid_about, hold, side_by_side};
+use super::measure::peak_db;
 use crate::{Check, Context, Finding, Item, ItemError};
 use subaperture_autofocus::{
-    Corrected, Correction, Measure, Method, ModifiedPhaseGradient, PhaseGradient, SharpenError,
-    Sharpened, Stopping, Subject, sharpen,
+    Corrected, Correction, Look, Measure, Method, ModifiedPhaseGradient, PhaseGradient,
+    SharpenError, Sharpened, Stopping, Subject, sharpen,
 };
 use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
-use subaperture_model::image::power;
+use subaperture_model::image::Image;
 use subaperture_model::phase_history::{Collection, InMemory, PhaseHistory, Pulse, Sweep};
 use subaperture_quality::statistics::{Region, Statistics};
 use subaperture_signal::window::Window;
@@ -68,7 +71,12 @@ fn room(context: &Context) -> Result<Finding, ItemError> {
     };
     let perfect = image_of(0, &known, &grid)?;
     let stock = sharpened(context, &history, &grid, &PhaseGradient::default())?;
-    let modified = sharpened(context, &history, &grid, &ModifiedPhaseGradient::default())?;
+    let watched = Watched {
+        method: ModifiedPhaseGradient::default(),
+        context,
+        seen: Mutex::default(),
+    };
+    let modified = sharpened(context, &history, &grid, &watched)?;
     let [by_stock, by_modified] = [
         corrected(&history, &stock)?,
         corrected(&history, &modified)?,
@@ -76,12 +84,10 @@ fn room(context: &Context) -> Result<Finding, ItemError> {
     let recordings: [&dyn PhaseHistory; 4] = [&known, &history, &by_stock, &by_modified];
     let mut peaks_db = [[0.0; 4]; 4];
     for (i, peaks_db) in peaks_db.iter_mut().enumerate() {
-        for (j, (peak_db, place_m)) in peaks_db.iter_mut().zip(REFLECTORS_M).enumerate() {
+        for (j, (level_db, place_m)) in peaks_db.iter_mut().zip(REFLECTORS_M).enumerate() {
             let near = grid_about(place_m, 0.1, 0.1, 0.002);
             let image = image_of(4 + 4 * i + j, recordings[i], &near)?;
-            *peak_db = image
-                .peak()
-                .map_or(f64::NAN, |peak| 10.0 * power(peak.value).log10());
+            *level_db = peak_db(&image);
         }
     }
     // Of the image on the true track.
@@ -89,6 +95,22 @@ fn room(context: &Context) -> Result<Finding, ItemError> {
     let below = |peaks: [f64; 4]| [0, 1, 2, 3].map(|i| peaks[i] - best[i]);
     let gained = |peaks: [f64; 4]| [0, 1, 2, 3].map(|i| peaks[i] - before[i]);
     let told = |values: [f64; 4]| values.map(|v| format!("{v:.2}")).join(", ");
+    let seen = watched
+        .seen
+        .into_inner()
+        .unwrap_or_else(|held| held.into_inner());
+    let shown = near_first();
+    let rounds: Vec<(String, Image)> = seen
+        .into_iter()
+        .enumerate()
+        .map(|(round, image)| match round {
+            0 => ("as recorded".to_owned(), image),
+            1 => ("after 1 round".to_owned(), image),
+            more => (format!("after {more} rounds"), image),
+        })
+        .collect();
+    let of_rounds = rounds.iter().map(|(_, image)| peak_db(image) - best[0]);
+    let of_rounds: Vec<String> = of_rounds.map(|db| format!("{db:.2}")).collect();
     let perfect_entropy = Statistics::of(&perfect, &Region::whole(&perfect))
         .entropy
         .unwrap_or(f64::NAN);
@@ -107,7 +129,7 @@ fn room(context: &Context) -> Result<Finding, ItemError> {
         method: format!(
             "77 to 80 GHz, {PULSES} pulses, four unit scatterers of which the thesis names two, and no noise; the track errs by {:.1} mm \
              rms along the rail and a quarter of that across, in waves of a fifth of the aperture and longer. Both algorithms on the phase histories of the \
-             brightest points, {ROUNDS} rounds; entropy of {} x {} pixels. How far stock PGA gets depends on where the radar errs to: \
+             brightest points, {ROUNDS} rounds, after each of which the first reflector is looked at; entropy of {} x {} pixels. How far stock PGA gets depends on where the radar errs to: \
              with as much across the rail as along it, it gains 5 to 11 dB of each peak.",
             1e3 * ERROR_M,
             grid.columns.count,
@@ -143,6 +165,12 @@ fn room(context: &Context) -> Result<Finding, ItemError> {
                     && stock.after.entropy < stock.before.entropy,
             ),
             Check::claim(
+                "the peak at (0.6, 3) as recorded and after 1, 2 and 3 rounds, of that on the true track, dB",
+                "converging",
+                of_rounds.join(", "),
+                rounds.last().is_some_and(|(_, image)| peak_db(image) > best[0] - 0.5),
+            ),
+            Check::claim(
                 "entropy after three rounds of the modified PGA, above its last",
                 "converged at around iteration 3",
                 format!("{:.3}", third - modified.after.entropy),
@@ -150,7 +178,8 @@ fn room(context: &Context) -> Result<Finding, ItemError> {
             ),
         ],
         why: None,
-        pictures: vec![side_by_side(
+        pictures: vec![
+            side_by_side(
             "images",
             "on the track as recorded (Fig. 6.6), by stock PGA (6.7), by modified PGA (6.8), and on the true track",
             &[
@@ -159,8 +188,56 @@ fn room(context: &Context) -> Result<Finding, ItemError> {
                 ("modified PGA", &modified.image_after, &grid),
                 ("true track", &perfect, &grid),
             ],
-        )?],
+        )?,
+            side_by_side(
+                "rounds",
+                "modified PGA round by round about (0.6, 3) (Fig. 6.9)",
+                &rounds
+                    .iter()
+                    .map(|(title, image)| (title.as_str(), image, &shown))
+                    .collect::<Vec<_>>(),
+            )?,
+        ],
     })
+}
+
+/// Pixels about the reflector whose image Fig. 6.9 shows after every round.
+fn near_first() -> ImageGrid {
+    grid_about(REFLECTORS_M[0], 0.16, 0.1, 0.002)
+}
+
+/// A method whose rounds are looked at: the image about the first reflector, as the method finds it.
+struct Watched<'a> {
+    method: ModifiedPhaseGradient,
+    context: &'a Context<'a>,
+    seen: Mutex<Vec<Image>>,
+}
+
+impl Method for Watched<'_> {
+    fn name(&self) -> &'static str {
+        self.method.name()
+    }
+
+    fn first_rounds(&self, turns: usize) -> usize {
+        self.method.first_rounds(turns)
+    }
+
+    fn propose(&self, look: &Look) -> Result<Option<Correction>, SharpenError> {
+        let window = Window::default();
+        let (grid, former) = (near_first(), backprojection());
+        let image = form_weighted(
+            self.context,
+            [look.round, 20],
+            look.history,
+            &grid,
+            &former,
+            window,
+        )?;
+        if let Ok(mut seen) = self.seen.lock() {
+            seen.push(image);
+        }
+        self.method.propose(look)
+    }
 }
 
 /// How far the radar is from where it is recorded: five waves along each axis, alike in power.

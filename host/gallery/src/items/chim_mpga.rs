@@ -1,23 +1,18 @@
-//! The radar's track from its echoes, and images on it: Chim 2018, 7.4 and 7.5.1, Figs 7.7 to 7.11.
+//! The radar's track from its echoes, and images on it: Chim 2018, 7.4 and 7.5.1, Figs 7.8 to 7.11.
 
 use std::f64::consts::TAU;
 
-use glam::DVec2;
-use num_complex::{Complex32, Complex64};
+use glam::{DVec2, DVec3};
 
+use super::chim_mpga_pictures::{angles, errors, positions, traces};
 use super::chim_rail::{PRI_S, REFLECTORS_M, SQUINT_DEG, WALL_M, found, increments, recorded, way};
-use super::chim_strip::{Map, band, profiles};
 use super::forming::{backprojection, form_weighted, grid_about, side_by_side};
+use super::measure::peak_db;
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
-use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Axis, ImageGrid};
-use subaperture_model::image::power;
 use subaperture_model::phase_history::{InMemory, OnTrack, PhaseHistory};
 use subaperture_model::track::{Fix, SampledTrack};
-use subaperture_motion::chain;
 use subaperture_motion::squint::{Leg, Squint, squint, travelled};
-use subaperture_plot::{Chart, Curve, Stroke, lines};
-use subaperture_signal::phase::{narrow, widen};
 use subaperture_signal::window::Window;
 use subaperture_targets::Recovered;
 
@@ -31,98 +26,22 @@ pub(super) const ITEMS: [Item; 1] = [Item {
 
 const PULSES: usize = 1000;
 const SPEED_M_S: f64 = 1.0;
-/// Ranges of the profiles that are shown.
-const SHOWN_M: (f64, f64) = (0.5, 12.5);
-/// Pulses and range bins of a pixel of theirs.
-const BLOCK: usize = 2;
-const BINS: usize = 4;
+const REFLECTORS: usize = REFLECTORS_M.len();
 /// Images formed, for the bar.
-const IMAGES: usize = 2 + 3 * REFLECTORS_M.len();
+const IMAGES: usize = 2 + 3 * REFLECTORS;
+/// What is said of a squint needs a standard deviation; one leg's cancels.
+const LEG_SIGMA_M: f64 = 1e-3;
 
 fn track(context: &Context) -> Result<Finding, ItemError> {
     let recorded = recorded(context, way(SPEED_M_S, &[])?, PULSES, |_| true)?;
-    let found = found(context, &recorded)?;
-    let increments = increments(&found.seen)?;
-    if increments.len() + 1 != PULSES {
-        return Err(ItemError::Measure(format!(
-            "{} of {PULSES} pulses have a pose",
-            increments.len() + 1
-        )));
-    }
-    // Sums along the array's own axes, as the thesis draws and images; the heading, which noise adds up in too, bears on nothing then.
-    let mut at_m = DVec2::ZERO;
-    let rest = increments.iter().map(|&increment| {
-        at_m += travelled([increment]);
-        at_m
-    });
-    let places_m: Vec<DVec2> = std::iter::once(DVec2::ZERO).chain(rest).collect();
-    let turned = chain(increments.iter().copied())[PULSES - 1];
-    // How the array is turned against the rail is in no phase: that the rail is straight tells it.
-    let leg = Leg::along_axis(travelled(increments.iter().copied()), 1e-3);
-    let squint = squint(&[leg]).map_err(|error| ItemError::Measure(error.to_string()))?;
-
     let history = &recorded[0].1;
-    let on_pairs = on_track(history, &found, &laid_on_rail(&places_m, &squint, &found))?;
-    let together: Vec<Fix> = found
-        .moments
-        .iter()
-        .map(|moment| Fix {
-            time_s: moment.time_s,
-            position_m: moment.position_m,
-            attitude: Some(moment.attitude),
-        })
-        .collect();
-    let on_together = on_track(history, &found, &together)?;
-
-    let axis = |start, step, count| Axis { start, step, count };
-    let grid = ImageGrid::horizontal(axis(-1.2, 0.008, 388), axis(1.9, 0.04, 100), 0.0);
-    let image = |place: usize, history: &dyn PhaseHistory, grid: &ImageGrid| {
-        let window = Window::default();
-        form_weighted(
-            context,
-            [place, IMAGES],
-            history,
-            grid,
-            &backprojection(),
-            window,
-        )
-    };
-    let images = [image(0, history, &grid)?, image(1, &on_pairs, &grid)?];
-    let mut peaks_db = [[0.0; REFLECTORS_M.len()]; 3];
-    let histories: [&dyn PhaseHistory; 3] = [history, &on_pairs, &on_together];
-    for (i, history) in histories.into_iter().enumerate() {
-        for (j, place_m) in REFLECTORS_M.into_iter().enumerate() {
-            let near = grid_about(place_m, 0.1, 0.1, 0.002);
-            let peak = image(2 + REFLECTORS_M.len() * i + j, history, &near)?.peak();
-            peaks_db[i][j] = peak.map_or(f64::NAN, |peak| 10.0 * power(peak.value).log10());
-        }
-    }
-    let [reference_db, pairs_db, together_db] = peaks_db;
-    let below = |peaks: [f64; 4]| [0, 1, 2, 3].map(|i| peaks[i] - reference_db[i]);
-    let told = |values: [f64; 4]| values.map(|v| format!("{v:.2}")).join(", ");
-
-    // Along the array and where it looks, as in the thesis; the carriage went along x by as much as the first pulse and the n-th are apart.
-    let azimuth_off_m: Vec<f64> = places_m
-        .iter()
-        .enumerate()
-        .map(|(n, at_m)| at_m.x - travelled_m(n) * SQUINT_DEG.to_radians().cos())
-        .collect();
-    let end_m = azimuth_off_m[PULSES - 1];
-    let drift_m = places_m[PULSES - 1].y;
-    let together_off_m: Vec<f64> = together
-        .iter()
-        .enumerate()
-        .map(|(n, fix)| fix.position_m.x - together[0].position_m.x - travelled_m(n))
-        .collect();
-    let most = |all: &[f64]| all.iter().fold(0.0, |most: f64, m| most.max(m.abs()));
-    let [azimuth, range] = positions(&places_m)?;
-    let places_off_m = REFLECTORS_M.map(|at_m| {
-        let off = found
-            .places
-            .iter()
-            .map(|place| place.position_m.distance(at_m));
-        off.fold(f64::INFINITY, f64::min)
-    });
+    let tracks = Tracks::of(found(context, &recorded)?)?;
+    let sines = Sines::of(&tracks.found);
+    let (images, peaks) = images(context, history, &tracks)?;
+    let [azimuth, range] = positions(&tracks.by_pairs_m, &motor_m())?;
+    let mut checks = sines.checks();
+    checks.extend(tracks.checks());
+    checks.extend(peaks.checks());
     Ok(Finding {
         thesis: "Four corner reflectors in a room, a radar driven along 1 m by a stepper motor, two channels: four traces in the range \
                  profiles (Fig. 7.8), the track by MPGA beside the motor's (7.9), \"the maximum discrepancy at the end of the track is \
@@ -133,16 +52,182 @@ fn track(context: &Context) -> Result<Finding, ItemError> {
             "Made again by simulation, for the recording is not public: 77 to 80 GHz, receivers half a wavelength apart, the transmitter 2 cm \
              beside them, {PULSES} pulses, 1 mm from one to the next, 30 dB for a reflector, the array turned by {SQUINT_DEG} degrees against the rail, which the recording does not tell. \
              Four reflectors at 2 to 6 m, and each once more in the wall behind them, 14 dB down, beyond the {WALL_M} m that are \
-             looked at. Targets by CFAR, motion by the thesis's two least squares (C 7.3.4, with the directions of near targets as they are), summed up; \
-             beside it the estimate of all poses and places together. Images of one channel by backprojection."
+             looked at. The chain of Fig. 7.7: targets by CFAR, angles of arrival and phase differences, two least squares for azimuth, range and heading, \
+             summed up along the array's own axes; beside it the estimate of all poses and places together. Images of one channel by backprojection; the track \
+             by MPGA is turned by the squint that it tells."
         ),
-        checks: vec![
+        checks,
+        why: None,
+        pictures: vec![
+            traces(history)?,
+            sines.picture()?,
+            azimuth,
+            range,
+            errors(&tracks.azimuth_off_m(), &tracks.together_off_m())?,
+            images,
+        ],
+    })
+}
+
+/// How far the carriage went until each pulse.
+fn motor_m() -> Vec<f64> {
+    (0..PULSES).map(|n| SPEED_M_S * PRI_S * n as f64).collect()
+}
+
+fn most(all: impl IntoIterator<Item = f64>) -> f64 {
+    all.into_iter().fold(0.0, |most: f64, x| most.max(x.abs()))
+}
+
+/// What is found of the targets' angles of arrival.
+struct Sines {
+    /// Of each reflector: pulse, and sine of the angle from the array's normal, (7.18) and (7.13).
+    told: Vec<Vec<(usize, f64)>>,
+    /// Pulse by pulse.
+    truth: Vec<Vec<f64>>,
+    targets: usize,
+}
+
+impl Sines {
+    fn of(found: &Recovered) -> Self {
+        let array = &found.seen.array;
+        let baseline_m = array.receivers_m[0].distance(array.receivers_m[1]);
+        let middle_m = 0.5 * (array.receivers_m[0] + array.receivers_m[1]);
+        let body = DVec2::from_angle(SQUINT_DEG.to_radians());
+        let truth = REFLECTORS_M.map(|at_m| {
+            let sine = |gone_m: f64| {
+                let origin_m = found.seen.arrangement.origin_m + DVec3::X * gone_m;
+                let from = (at_m - origin_m).truncate() - body.rotate(middle_m);
+                from.normalize().dot(body)
+            };
+            motor_m().into_iter().map(sine).collect::<Vec<f64>>()
+        });
+        let gone_m = motor_m();
+        let mut told = vec![Vec::new(); REFLECTORS];
+        for (n, pulse) in found.seen.pulses.iter().enumerate() {
+            for sighting in pulse {
+                let turns = (sighting.phases_rad[1] - sighting.phases_rad[0]) / TAU;
+                let sine = (turns - turns.round()) * TAU / (array.rad_m() * baseline_m);
+                // Told apart by their ranges.
+                let off =
+                    |at_m: &DVec3| (at_m.distance(DVec3::X * gone_m[n]) - sighting.range_m).abs();
+                let nearest = (0..REFLECTORS)
+                    .min_by(|&a, &b| off(&REFLECTORS_M[a]).total_cmp(&off(&REFLECTORS_M[b])));
+                told[nearest.unwrap_or(0)].push((n, sine));
+            }
+        }
+        Self {
+            told,
+            truth: truth.to_vec(),
+            targets: found.places.len(),
+        }
+    }
+
+    fn checks(&self) -> Vec<Check> {
+        let each = self.told.iter().zip(&self.truth);
+        let off: Vec<f64> = each
+            .flat_map(|(told, truth)| told.iter().map(|&(n, sine)| sine - truth[n]))
+            .collect();
+        let rms = (off.iter().map(|x| x * x).sum::<f64>() / off.len() as f64).sqrt();
+        vec![
             Check::claim(
                 "targets followed within the mask",
                 "4 major traces",
-                format!("{}", found.places.len()),
-                found.places.len() == REFLECTORS_M.len(),
+                format!("{}", self.targets),
+                self.targets == REFLECTORS,
             ),
+            Check::claim(
+                "sines of their angles of arrival, a pulse's: rms error",
+                "not given",
+                format!("{rms:.4}"),
+                rms < 0.02,
+            ),
+        ]
+    }
+
+    fn picture(&self) -> Result<Picture, ItemError> {
+        let name = |at_m: DVec3| format!("reflector at ({}, {}) m", at_m.x, at_m.y);
+        angles(&REFLECTORS_M.map(name), &self.told, &self.truth)
+    }
+}
+
+/// The track by both ways.
+struct Tracks {
+    found: Recovered,
+    /// Along the array and where it looks: sums of what pairs of pulses tell, from the first pulse on. The heading is found too, and not followed.
+    by_pairs_m: Vec<DVec2>,
+    /// How the array is turned against the rail is in no phase: that the rail is straight tells it.
+    squint: Squint,
+}
+
+impl Tracks {
+    fn of(found: Recovered) -> Result<Self, ItemError> {
+        let increments = increments(&found.seen)?;
+        if increments.len() + 1 != PULSES || found.moments.len() != PULSES {
+            return Err(ItemError::Measure(format!(
+                "{} of {PULSES} pulses have a pose",
+                found.moments.len()
+            )));
+        }
+        let mut at_m = DVec2::ZERO;
+        let rest = increments.into_iter().map(|increment| {
+            at_m += travelled([increment]);
+            at_m
+        });
+        let by_pairs_m: Vec<DVec2> = std::iter::once(DVec2::ZERO).chain(rest).collect();
+        let leg = Leg::along_axis(by_pairs_m[PULSES - 1], LEG_SIGMA_M);
+        let squint = squint(&[leg]).map_err(|error| ItemError::Measure(error.to_string()))?;
+        Ok(Self {
+            found,
+            by_pairs_m,
+            squint,
+        })
+    }
+
+    /// That of pairs laid upon the rail, and that of all pulses together, which is.
+    fn fixes(&self) -> [Vec<Fix>; 2] {
+        let arrangement = &self.found.seen.arrangement;
+        let turn = DVec2::from_angle(self.squint.squint_rad);
+        let by_pairs = self.by_pairs_m.iter().zip(&self.found.seen.times_s);
+        let by_pairs = by_pairs.map(|(at_m, &time_s)| Fix {
+            time_s,
+            position_m: arrangement.origin_m + turn.rotate(*at_m).extend(0.0),
+            attitude: Some(arrangement.attitude),
+        });
+        let together = self.found.moments.iter().map(|moment| Fix {
+            time_s: moment.time_s,
+            position_m: moment.position_m,
+            attitude: Some(moment.attitude),
+        });
+        [by_pairs.collect(), together.collect()]
+    }
+
+    /// Of pairs of pulses, along the array's axis as in the thesis.
+    fn azimuth_off_m(&self) -> Vec<f64> {
+        let cosine = SQUINT_DEG.to_radians().cos();
+        let each = self.by_pairs_m.iter().zip(motor_m());
+        each.map(|(at_m, motor_m)| at_m.x - cosine * motor_m)
+            .collect()
+    }
+
+    /// Of all pulses together, along the rail.
+    fn together_off_m(&self) -> Vec<f64> {
+        let moments = &self.found.moments;
+        let each = moments.iter().zip(motor_m());
+        each.map(|(moment, motor_m)| moment.position_m.x - moments[0].position_m.x - motor_m)
+            .collect()
+    }
+
+    fn checks(&self) -> Vec<Check> {
+        let end_m = self.azimuth_off_m()[PULSES - 1];
+        let drift_m = self.by_pairs_m[PULSES - 1].y;
+        let squint_deg = self.squint.squint_rad.to_degrees();
+        let together_m = most(self.together_off_m());
+        let places = || self.found.places.iter();
+        let places_m = most(REFLECTORS_M.map(|at_m| {
+            let off = places().map(|place| place.position_m.distance(at_m));
+            off.fold(f64::INFINITY, f64::min)
+        }));
+        vec![
             Check::claim(
                 "azimuth at the end of the track, beyond the motor's",
                 "about 2 mm",
@@ -158,73 +243,23 @@ fn track(context: &Context) -> Result<Finding, ItemError> {
             Check::claim(
                 &format!("squint that this tells, where it is {SQUINT_DEG} degrees"),
                 "not given",
-                format!("{:.3} degrees", squint.squint_rad.to_degrees()),
-                (squint.squint_rad.to_degrees() - SQUINT_DEG).abs() < 0.1,
-            ),
-            Check::claim(
-                "heading found at the end, where it does not turn",
-                "not given",
-                format!("{:.2} degrees", turned.heading_rad.to_degrees()),
-                turned.heading_rad.abs() < 0.1,
-            ),
-            Check::claim(
-                "peaks on the track by MPGA, of those on the motor's, dB",
-                "slightly off the optimal",
-                told(below(pairs_db)),
-                below(pairs_db).iter().all(|&db| db.abs() < 3.0),
+                format!("{squint_deg:.3} degrees"),
+                (squint_deg - SQUINT_DEG).abs() < 0.1,
             ),
             Check::claim(
                 "largest error along the rail by all poses and places together",
                 "not done",
-                format!("{:.3} mm", 1e3 * most(&together_off_m)),
-                most(&together_off_m) < end_m.abs().max(1e-3),
-            ),
-            Check::claim(
-                "peaks on that track, of those on the motor's, dB",
-                "not done",
-                told(below(together_db)),
-                below(together_db).iter().all(|&db| db.abs() < 0.5),
+                format!("{:.3} mm", 1e3 * together_m),
+                together_m < end_m.abs(),
             ),
             Check::claim(
                 "places of the reflectors by that track, off at most",
                 "not done",
-                format!("{:.1} mm", 1e3 * most(&places_off_m)),
-                most(&places_off_m) < 0.02,
+                format!("{:.2} mm", 1e3 * places_m),
+                places_m < 5e-3,
             ),
-        ],
-        why: None,
-        pictures: vec![
-            traces(history)?,
-            azimuth,
-            range,
-            errors(&azimuth_off_m, &together_off_m)?,
-            side_by_side(
-                "images",
-                "on the motor's track (Fig. 7.10) and on that by MPGA (7.11)",
-                &[
-                    ("the motor's track", &images[0], &grid),
-                    ("the track by MPGA", &images[1], &grid),
-                ],
-            )?,
-        ],
-    })
-}
-
-/// How far the carriage went until pulse `n`.
-fn travelled_m(n: usize) -> f64 {
-    SPEED_M_S * PRI_S * n as f64
-}
-
-/// Places along the array's own axes, laid upon the rail.
-fn laid_on_rail(places_m: &[DVec2], squint: &Squint, found: &Recovered) -> Vec<Fix> {
-    let arrangement = &found.seen.arrangement;
-    let turn = DVec2::from_angle(squint.squint_rad);
-    let fix = |(at_m, &time_s): (&DVec2, &f64)| Fix {
-        time_s,
-        position_m: arrangement.origin_m + turn.rotate(*at_m).extend(0.0),
-        attitude: Some(arrangement.attitude),
-    };
-    places_m.iter().zip(&found.seen.times_s).map(fix).collect()
+        ]
+    }
 }
 
 /// The first channel's antennas on a track.
@@ -241,159 +276,76 @@ fn on_track(
         arrangement.receivers_m[receiver],
     ];
     let span_s = (fixes[0].time_s, fixes[fixes.len() - 1].time_s);
-    Ok(OnTrack::new(
-        Box::new(history.clone()),
-        &track,
-        arms_m,
-        span_s,
-    )?)
+    let history = Box::new(history.clone());
+    Ok(OnTrack::new(history, &track, arms_m, span_s)?)
 }
 
-/// Range profiles of the first channel, as Fig. 7.8: pulses across, range up.
-fn traces(history: &InMemory) -> Result<Picture, ItemError> {
-    let band = band(history)?;
-    let mut samples = vec![Complex32::ZERO; PULSES * band.count];
-    history.read(0..PULSES, &mut samples)?;
-    // Phases of whole paths, so that all pulses have one axis.
-    let pulses = &history.collection().pulses;
-    for (pulse, row) in pulses.iter().zip(samples.chunks_exact_mut(band.count)) {
-        for (k, z) in row.iter_mut().enumerate() {
-            let turns = band.frequency_hz(k) * (pulse.reference_path_m / SPEED_OF_LIGHT_M_S);
-            *z = narrow(widen(*z) * Complex64::cis(-TAU * turns.fract()));
+/// Levels of the reflectors on three tracks, dB: the motor's, that of pairs of pulses, that of all together.
+struct Peaks([[f64; REFLECTORS]; 3]);
+
+impl Peaks {
+    fn checks(&self) -> Vec<Check> {
+        let Self([motor, pairs, together]) = self;
+        let below = |peaks: &[f64; REFLECTORS]| -> Vec<f64> {
+            peaks
+                .iter()
+                .zip(motor)
+                .map(|(own, motor)| own - motor)
+                .collect()
+        };
+        let told = |all: &[f64]| -> String {
+            let all: Vec<String> = all.iter().map(|db| format!("{db:.2}")).collect();
+            all.join(", ")
+        };
+        let [pairs, together] = [below(pairs), below(together)];
+        vec![
+            Check::claim(
+                "peaks on the track by MPGA, of those on the motor's, dB",
+                "slightly off the optimal",
+                told(&pairs),
+                pairs.iter().all(|db| db.abs() < 3.0),
+            ),
+            Check::claim(
+                "peaks on that by all poses and places together, of those on the motor's, dB",
+                "not done",
+                told(&together),
+                together.iter().all(|db| db.abs() < 0.5),
+            ),
+        ]
+    }
+}
+
+/// Figs 7.10 and 7.11, and the reflectors' levels.
+fn images(
+    context: &Context,
+    history: &InMemory,
+    tracks: &Tracks,
+) -> Result<(Picture, Peaks), ItemError> {
+    let [by_pairs, together] = tracks.fixes();
+    let by_pairs = on_track(history, &tracks.found, &by_pairs)?;
+    let together = on_track(history, &tracks.found, &together)?;
+    let image = |place: usize, history: &dyn PhaseHistory, grid: &ImageGrid| {
+        let (former, window) = (backprojection(), Window::default());
+        form_weighted(context, [place, IMAGES], history, grid, &former, window)
+    };
+    let axis = |start, step, count| Axis { start, step, count };
+    let grid = ImageGrid::horizontal(axis(-1.2, 0.008, 388), axis(1.9, 0.04, 100), 0.0);
+    let [reference, computed] = [image(0, history, &grid)?, image(1, &by_pairs, &grid)?];
+    let mut peaks_db = [[0.0; REFLECTORS]; 3];
+    let histories: [&dyn PhaseHistory; 3] = [history, &by_pairs, &together];
+    for (i, history) in histories.into_iter().enumerate() {
+        for (j, place_m) in REFLECTORS_M.into_iter().enumerate() {
+            let near = grid_about(place_m, 0.1, 0.1, 0.002);
+            peaks_db[i][j] = peak_db(&image(2 + REFLECTORS * i + j, history, &near)?);
         }
     }
-    let (powers, ranges) = profiles(&samples, &band, Window::default(), 0.0, SHOWN_M);
-    // Means of some pulses and bins each, enough for a picture.
-    let rows = ranges.count / BINS;
-    let mean = |i: usize| {
-        let (row, column) = (i / (PULSES / BLOCK), i % (PULSES / BLOCK));
-        let cells = (0..BINS * BLOCK).map(|j| {
-            let (bin, pulse) = (row * BINS + j % BINS, column * BLOCK + j / BINS);
-            powers[pulse * ranges.count + bin]
-        });
-        cells.sum::<f32>() / (BINS * BLOCK) as f32
-    };
-    let by_range: Vec<f32> = (0..rows * (PULSES / BLOCK)).map(mean).collect();
-    let map = Map {
-        name: "profiles",
-        caption: "Range profiles of one channel (Fig. 7.8)",
-        labels: ["pulse", "range (m)"],
-        rows: Axis {
-            start: ranges.start + 0.5 * (BINS - 1) as f64 * ranges.step,
-            step: BINS as f64 * ranges.step,
-            count: rows,
-        },
-        columns: Axis {
-            start: 0.5 * (BLOCK - 1) as f64,
-            step: BLOCK as f64,
-            count: PULSES / BLOCK,
-        },
-    };
-    Ok(map.levels(&by_range)?)
-}
-
-fn curve(name: &str, points: impl Iterator<Item = (usize, f64)>, stroke: Stroke) -> Curve {
-    Curve {
-        name: name.to_owned(),
-        points: points.map(|(n, value)| (n as f64, value)).collect(),
-        stroke,
-    }
-}
-
-/// The track beside the motor's, as Fig. 7.9: azimuth and range along the array's own axes, against pulses.
-fn positions(places_m: &[DVec2]) -> Result<[Picture; 2], ItemError> {
-    let each = || places_m.iter().enumerate();
-    let picture = |name: &str, what: &str, unit: &str, curves: Vec<Curve>| {
-        let all = curves
-            .iter()
-            .flat_map(|curve| &curve.points)
-            .map(|point| point.1);
-        let png = lines(&Chart {
-            title: format!("{what} of the radar (Fig. 7.9)"),
-            across_label: "pulse".to_owned(),
-            up_label: format!("{} ({unit})", what.to_lowercase()),
-            up: Some(with_room(all)),
-            curves,
-            ..Chart::default()
-        })?;
-        Ok::<_, ItemError>(Picture {
-            name: name.to_owned(),
-            caption: format!("{what} of the radar by its motor and by MPGA"),
-            png,
-        })
-    };
-    Ok([
-        picture(
-            "azimuth",
-            "Azimuth",
-            "m",
-            vec![
-                curve(
-                    "by MPGA",
-                    each().map(|(n, at_m)| (n, at_m.x)),
-                    Stroke::Solid,
-                ),
-                curve(
-                    "by the motor",
-                    each().map(|(n, _)| (n, travelled_m(n))),
-                    Stroke::Dashed,
-                ),
-            ],
-        )?,
-        picture(
-            "range",
-            "Range",
-            "mm",
-            vec![
-                curve(
-                    "by MPGA",
-                    each().map(|(n, at_m)| (n, 1e3 * at_m.y)),
-                    Stroke::Solid,
-                ),
-                curve(
-                    "by the motor",
-                    each().map(|(n, _)| (n, 0.0)),
-                    Stroke::Dashed,
-                ),
-            ],
-        )?,
-    ])
-}
-
-/// From the least to the most, and room for the legend above.
-fn with_room(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
-    let low = values.clone().fold(f64::INFINITY, f64::min);
-    let high = values.fold(f64::NEG_INFINITY, f64::max);
-    (low - 0.05 * (high - low), high + 0.2 * (high - low))
-}
-
-/// What azimuths are off by.
-fn errors(pairs_m: &[f64], together_m: &[f64]) -> Result<Picture, ItemError> {
-    let of = |all: &[f64]| {
-        all.iter()
-            .map(|m| 1e3 * m)
-            .enumerate()
-            .collect::<Vec<_>>()
-            .into_iter()
-    };
-    let png = lines(&Chart {
-        title: "What azimuths are off by".to_owned(),
-        across_label: "pulse".to_owned(),
-        up_label: "error along the array (mm)".to_owned(),
-        curves: vec![
-            curve("MPGA from pulse to pulse", of(pairs_m), Stroke::Solid),
-            curve(
-                "all poses and places together",
-                of(together_m),
-                Stroke::Solid,
-            ),
+    let picture = side_by_side(
+        "images",
+        "on the motor's track (Fig. 7.10) and on that by MPGA (7.11)",
+        &[
+            ("the motor's track", &reference, &grid),
+            ("the track by MPGA", &computed, &grid),
         ],
-        up: Some(with_room(pairs_m.iter().chain(together_m).map(|m| 1e3 * m))),
-        ..Chart::default()
-    })?;
-    Ok(Picture {
-        name: "errors".to_owned(),
-        caption: "Errors in azimuth of both tracks".to_owned(),
-        png,
-    })
+    )?;
+    Ok((picture, Peaks(peaks_db)))
 }

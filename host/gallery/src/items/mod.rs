@@ -5,6 +5,7 @@ mod chim_arrival;
 mod chim_autofocus;
 mod chim_increments;
 mod chim_mpga;
+mod chim_mpga_pictures;
 mod chim_omega_k;
 mod chim_painting;
 mod chim_radar;

@@ -1,0 +1,208 @@
+//! The pictures of Chim 2018, Figs 7.8 and 7.9: range profiles, angles of arrival, and the track beside the motor's.
+
+use std::f64::consts::TAU;
+
+use glam::DVec2;
+use num_complex::{Complex32, Complex64};
+
+use super::chim_strip::{Map, band, profiles};
+use crate::{ItemError, Picture};
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::Axis;
+use subaperture_model::phase_history::{InMemory, PhaseHistory};
+use subaperture_plot::{Chart, Curve, Stroke, lines};
+use subaperture_signal::phase::{narrow, widen};
+use subaperture_signal::window::Window;
+
+/// Ranges of the profiles that are shown.
+const SHOWN_M: (f64, f64) = (0.5, 12.5);
+/// Pulses and range bins of a pixel of theirs.
+const BLOCK: usize = 2;
+const BINS: usize = 4;
+
+/// Range profiles of the first channel, as Fig. 7.8: pulses across, range up.
+pub(super) fn traces(history: &InMemory) -> Result<Picture, ItemError> {
+    let band = band(history)?;
+    let num_pulses = history.collection().pulses.len();
+    let mut samples = vec![Complex32::ZERO; num_pulses * band.count];
+    history.read(0..num_pulses, &mut samples)?;
+    // Phases of whole paths, so that all pulses have one axis.
+    let pulses = &history.collection().pulses;
+    for (pulse, row) in pulses.iter().zip(samples.chunks_exact_mut(band.count)) {
+        for (k, z) in row.iter_mut().enumerate() {
+            let turns = band.frequency_hz(k) * (pulse.reference_path_m / SPEED_OF_LIGHT_M_S);
+            *z = narrow(widen(*z) * Complex64::cis(-TAU * turns.fract()));
+        }
+    }
+    let (powers, ranges) = profiles(&samples, &band, Window::default(), 0.0, SHOWN_M);
+    // Means of some pulses and bins each, enough for a picture.
+    let rows = ranges.count / BINS;
+    let mean = |i: usize| {
+        let (row, column) = (i / (num_pulses / BLOCK), i % (num_pulses / BLOCK));
+        let cells = (0..BINS * BLOCK).map(|j| {
+            let (bin, pulse) = (row * BINS + j % BINS, column * BLOCK + j / BINS);
+            powers[pulse * ranges.count + bin]
+        });
+        cells.sum::<f32>() / (BINS * BLOCK) as f32
+    };
+    let by_range: Vec<f32> = (0..rows * (num_pulses / BLOCK)).map(mean).collect();
+    let map = Map {
+        name: "profiles",
+        caption: "Range profiles of one channel (Fig. 7.8)",
+        labels: ["pulse", "range (m)"],
+        rows: Axis {
+            start: ranges.start + 0.5 * (BINS - 1) as f64 * ranges.step,
+            step: BINS as f64 * ranges.step,
+            count: rows,
+        },
+        columns: Axis {
+            start: 0.5 * (BLOCK - 1) as f64,
+            step: BLOCK as f64,
+            count: num_pulses / BLOCK,
+        },
+    };
+    Ok(map.levels(&by_range)?)
+}
+
+fn curve(name: &str, points: impl Iterator<Item = (usize, f64)>, stroke: Stroke) -> Curve {
+    Curve {
+        name: name.to_owned(),
+        points: points.map(|(n, value)| (n as f64, value)).collect(),
+        stroke,
+    }
+}
+
+/// The track beside the motor's, as Fig. 7.9: azimuth and range along the array's own axes, against pulses.
+pub(super) fn positions(places_m: &[DVec2], motor_m: &[f64]) -> Result<[Picture; 2], ItemError> {
+    let each = || places_m.iter().enumerate();
+    let picture = |name: &str, what: &str, unit: &str, curves: Vec<Curve>| {
+        let all = curves
+            .iter()
+            .flat_map(|curve| &curve.points)
+            .map(|point| point.1);
+        let png = lines(&Chart {
+            title: format!("{what} of the radar (Fig. 7.9)"),
+            across_label: "pulse".to_owned(),
+            up_label: format!("{} ({unit})", what.to_lowercase()),
+            up: Some(with_room(all)),
+            curves,
+            ..Chart::default()
+        })?;
+        Ok::<_, ItemError>(Picture {
+            name: name.to_owned(),
+            caption: format!("{what} of the radar by its motor and by MPGA"),
+            png,
+        })
+    };
+    Ok([
+        picture(
+            "azimuth",
+            "Azimuth",
+            "m",
+            vec![
+                curve(
+                    "by MPGA",
+                    each().map(|(n, at_m)| (n, at_m.x)),
+                    Stroke::Solid,
+                ),
+                curve(
+                    "by the motor",
+                    motor_m.iter().copied().enumerate(),
+                    Stroke::Dashed,
+                ),
+            ],
+        )?,
+        picture(
+            "range",
+            "Range",
+            "mm",
+            vec![
+                curve(
+                    "by MPGA",
+                    each().map(|(n, at_m)| (n, 1e3 * at_m.y)),
+                    Stroke::Solid,
+                ),
+                curve(
+                    "by the motor",
+                    each().map(|(n, _)| (n, 0.0)),
+                    Stroke::Dashed,
+                ),
+            ],
+        )?,
+    ])
+}
+
+/// Angles of arrival against pulses, degrees: of each named target, told and true sines.
+pub(super) fn angles(
+    names: &[String],
+    told: &[Vec<(usize, f64)>],
+    truth: &[Vec<f64>],
+) -> Result<Picture, ItemError> {
+    /// Those of the room, and room for the legend.
+    const UP_DEG: (f64, f64) = (-50.0, 50.0);
+    let degrees = |sine: f64| sine.clamp(-1.0, 1.0).asin().to_degrees();
+    let each = names.iter().zip(told);
+    let mut curves: Vec<Curve> = each
+        .map(|(name, sines)| {
+            let points = sines.iter().map(|&(n, sine)| (n, degrees(sine)));
+            curve(name, points, Stroke::Solid)
+        })
+        .collect();
+    let truth = truth.iter().flat_map(|sines| {
+        let all = sines.iter().enumerate();
+        all.map(|(n, &sine)| (n, degrees(sine)))
+            .chain([(0, f64::NAN)])
+    });
+    curves.push(curve("true", truth, Stroke::Dashed));
+    let png = lines(&Chart {
+        title: "Angles of arrival of the reflectors".to_owned(),
+        across_label: "pulse".to_owned(),
+        up_label: "angle of arrival (deg)".to_owned(),
+        up: Some(UP_DEG),
+        curves,
+        ..Chart::default()
+    })?;
+    Ok(Picture {
+        name: "angles".to_owned(),
+        caption: "Angles of arrival of the four reflectors by the phase difference of both channels, pulse by pulse".to_owned(),
+        png,
+    })
+}
+
+/// From the least to the most, and room for the legend above.
+fn with_room(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
+    let low = values.clone().fold(f64::INFINITY, f64::min);
+    let high = values.fold(f64::NEG_INFINITY, f64::max);
+    (low - 0.05 * (high - low), high + 0.2 * (high - low))
+}
+
+/// What azimuths are off by.
+pub(super) fn errors(pairs_m: &[f64], together_m: &[f64]) -> Result<Picture, ItemError> {
+    let of = |all: &[f64]| {
+        all.iter()
+            .map(|m| 1e3 * m)
+            .enumerate()
+            .collect::<Vec<_>>()
+            .into_iter()
+    };
+    let png = lines(&Chart {
+        title: "What azimuths are off by".to_owned(),
+        across_label: "pulse".to_owned(),
+        up_label: "error along the array (mm)".to_owned(),
+        curves: vec![
+            curve("MPGA from pulse to pulse", of(pairs_m), Stroke::Solid),
+            curve(
+                "all poses and places together",
+                of(together_m),
+                Stroke::Solid,
+            ),
+        ],
+        up: Some(with_room(pairs_m.iter().chain(together_m).map(|m| 1e3 * m))),
+        ..Chart::default()
+    })?;
+    Ok(Picture {
+        name: "errors".to_owned(),
+        caption: "Errors in azimuth of both tracks".to_owned(),
+        png,
+    })
+}
