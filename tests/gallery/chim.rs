@@ -25,7 +25,6 @@ pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
         "c-3-4" => painting(),
         "c-4-5" => truck(),
         "c-5-13" => stepped(),
-        "c-6-6" => room(),
         _ => return None,
     })
 }
@@ -312,57 +311,6 @@ fn painting() -> Vec<Figure> {
             "{} dB",
             [at_most(ASKED_DB)],
             "the error asked for",
-        ),
-    ]
-}
-
-fn room() -> Vec<Figure> {
-    // 1.5 mm rms along the rail and 0.4 mm across turn phases by 2 k = 3200 rad/m times their projection on the line of sight, by 1.4 to 3 rad
-    // rms for reflectors 6 to 30 degrees off: what is coherent of a point falls by 3 dB and more.
-    let blurred = Within(-20.0, -3.0);
-    // 0.35 rad rms costs 0.5 dB.
-    let sharp = Within(-0.5, 0.3);
-    vec![
-        figure(
-            "the blurred image's peaks, of those on the true track, dB",
-            "blurred",
-            "{}, {}, {}, {}",
-            [blurred; 4],
-            "phases of 1.4 rad rms and more",
-        ),
-        figure(
-            "what stock PGA gains of them, dB",
-            "little, or even worse",
-            "{}, {}, {}, {}",
-            [Within(-20.0, 20.0); 4],
-            "one phase for all suits no more than one direction",
-        ),
-        figure(
-            "the modified PGA's peaks, of those on the true track, dB",
-            "sharpened",
-            "{}, {}, {}, {}",
-            [sharp; 4],
-            "a residual phase of a third of a radian",
-        ),
-        figure(
-            "entropy of the blurred image, by stock PGA, by the modified one, on the true track",
-            "the modified one's is the sharper",
-            "{}, {}, {}, {}",
-            // Of four points of a pixel to three by three pixels, ln 4 = 1.4 to ln 36 = 3.6, and their side lobes; of a flat image ln 38800 = 10.6.
-            [
-                Within(5.0, 9.0),
-                Within(4.0, 8.0),
-                Within(1.4, 4.5),
-                Within(1.4, 4.5),
-            ],
-            "four points, of one cell each where they are sharp",
-        ),
-        figure(
-            "entropy after three rounds of the modified PGA, above its last",
-            "converged at around iteration 3",
-            "{}",
-            [Within(0.0, 0.02)],
-            "the same image",
         ),
     ]
 }

@@ -12,14 +12,14 @@ pub(super) const ITEMS: [Item; 2] = [
         id: "c-7-12",
         source: "Chim 2018, Fig. 7.12",
         title: "The radar's motion from chirp to chirp, in bursts and over pauses",
-        work: 10.0,
+        work: 8.0,
         reproduce: bursts,
     },
     Item {
         id: "c-7-13",
         source: "Chim 2018, Fig. 7.13",
         title: "The radar's motion from chirp to chirp, as its motor starts",
-        work: 30.0,
+        work: 34.0,
         reproduce: ramp,
     },
 ];

@@ -1,0 +1,431 @@
+//! What the items of Chim 2018 on autofocus near by and on motion from echoes have to find: chapters 6 and 7.
+
+use std::f64::consts::{PI, TAU};
+
+use crate::figures::{About, Expected, Figure, Within, at_most, figure};
+use crate::sub_cpis::LIGHT_M_S;
+
+/// The table of an item.
+pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
+    Some(match id {
+        "c-6-6" => room(),
+        "c-7-5" => arrival(),
+        "c-7-8" => track(),
+        "c-7-12" => bursts(),
+        "c-7-13" => ramp(),
+        _ => return None,
+    })
+}
+
+fn room() -> Vec<Figure> {
+    // 1.5 mm rms along the rail and 0.4 mm across turn phases by 2 k = 3200 rad/m times their projection on the line of sight, by 1.4 to 3 rad
+    // rms for reflectors 6 to 30 degrees off: what is coherent of a point falls by 3 dB and more.
+    let blurred = Within(-20.0, -3.0);
+    // 0.35 rad rms costs 0.5 dB.
+    let sharp = Within(-0.5, 0.3);
+    vec![
+        figure(
+            "the blurred image's peaks, of those on the true track, dB",
+            "blurred",
+            "{}, {}, {}, {}",
+            [blurred; 4],
+            "phases of 1.4 rad rms and more",
+        ),
+        figure(
+            "what stock PGA gains of them, dB",
+            "little, or even worse",
+            "{}, {}, {}, {}",
+            [Within(-20.0, 20.0); 4],
+            "one phase for all suits no more than one direction",
+        ),
+        figure(
+            "the modified PGA's peaks, of those on the true track, dB",
+            "sharpened",
+            "{}, {}, {}, {}",
+            [sharp; 4],
+            "a residual phase of a third of a radian",
+        ),
+        figure(
+            "entropy of the blurred image, by stock PGA, by the modified one, on the true track",
+            "the modified one's is the sharper",
+            "{}, {}, {}, {}",
+            // Of four points of a pixel to three by three pixels, ln 4 = 1.4 to ln 36 = 3.6, and their side lobes; of a flat image ln 38800 = 10.6.
+            [
+                Within(5.0, 9.0),
+                Within(4.0, 8.0),
+                Within(1.4, 4.5),
+                Within(1.4, 4.5),
+            ],
+            "four points, of one cell each where they are sharp",
+        ),
+        figure(
+            "the peak at (0.6, 3) as recorded and after 1, 2 and 3 rounds, of that on the true track, dB",
+            "converging",
+            "{}, {}, {}, {}",
+            // In between as it may be, but not beyond the true track's.
+            [blurred, Within(-20.0, 0.3), Within(-20.0, 0.3), sharp],
+            "as the peaks above",
+        ),
+        figure(
+            "entropy after three rounds of the modified PGA, above its last",
+            "converged at around iteration 3",
+            "{}",
+            [Within(0.0, 0.02)],
+            "the same image",
+        ),
+    ]
+}
+
+/// The radar of 77 to 80 GHz, whose receivers are half a wavelength apart.
+const WAVELENGTH_M: f64 = LIGHT_M_S / 78.5e9;
+/// From the transmitter to the first receiver.
+const APART_M: f64 = 0.02;
+const REFLECTORS_M: [[f64; 2]; 4] = [[0.6, 3.0], [0.1, 4.0], [-0.9, 2.2], [1.6, 5.6]];
+const SQUINT_DEG: f64 = 0.5;
+
+/// What the angle of arrival by a phase difference is off by at the most, so many baselines away, radians: of plain distances.
+fn off_rad(baselines: f64) -> f64 {
+    let angles = (-90..=90).map(|degrees: i32| f64::from(degrees).to_radians());
+    let off = angles.map(|angle: f64| {
+        let (x, y) = (baselines * angle.sin(), baselines * angle.cos());
+        let apart = (x + 0.5).hypot(y) - (x - 0.5).hypot(y);
+        (apart.clamp(-1.0, 1.0).asin() - angle).abs()
+    });
+    off.fold(0.0, f64::max)
+}
+
+fn arrival() -> Vec<Figure> {
+    let share = APART_M / 2.0;
+    let wide = 60f64.to_radians();
+    vec![
+        figure(
+            "distance of lines of constant phase difference from hyperbolas, baselines",
+            "hyperbolas",
+            "{}",
+            // Phases are of a few radians, told to 1e-15 of them.
+            [at_most(1e-10)],
+            "distances from two points, of which a hyperbola has one difference",
+        ),
+        figure(
+            "largest error of the angle at 1, 2 and 5 baselines",
+            "not given",
+            "{}, {}, {} degrees",
+            [1.0, 2.0, 5.0].map(|baselines| About(off_rad(baselines).to_degrees(), 1e-6)),
+            "plain distances",
+        ),
+        figure(
+            "of a target at 2.4 m, by receivers half a wavelength apart",
+            "not given",
+            "{} rad",
+            // B^2 / (8 r^2) sin(theta) cos(theta), the most at 45 degrees; phases of a thousand radians a metre are told to 1e-12.
+            [About(
+                (0.5 * WAVELENGTH_M / 0.9f64.hypot(2.2)).powi(2) / 16.0,
+                1e-10,
+            )],
+            "the difference of two roots to the third order",
+        ),
+        figure(
+            "error of the factor of 2 dx, at most: as if all antennas were one",
+            "an error near by",
+            "{}",
+            // Of half the legs, B / R cos^2: B / 2R straight ahead, to the second order in B / R.
+            [About(share / 2.0, 1e-4)],
+            "the transmitter's own direction",
+        ),
+        figure(
+            "with B / Range taken off, (7.33)",
+            "reduced",
+            "{}",
+            [About(share - share / 2.0 * wide.cos().powi(2), 1e-4)],
+            "B / R less what there is",
+        ),
+        figure(
+            "by directions from the middle of both antennas",
+            "not done",
+            "{}",
+            // Half the second derivative of a sine along the array, 3 sin cos^2 / R^2, of which the most is 2 / sqrt 27, times (B / 2)^2.
+            [About(
+                1.5 * (share / 2.0).powi(2) * 2.0 / 27f64.sqrt(),
+                1e-6,
+            )],
+            "two directions about their middle",
+        ),
+        figure(
+            "error of a step of 1 mm by the two least squares here, without noise",
+            "not given",
+            "{} mm",
+            // Ranges start at the middle of the antennas, which is wrong by (B / 2)^2 / 2R, a hundred-thousandth of the range; so are directions, and the
+            // step; angles between reflectors make it three times worse.
+            [at_most(3.0 * 1e-5)],
+            "what the middle of the antennas leaves",
+        ),
+    ]
+}
+
+/// Standard deviation of a phase: 30 dB over all samples, of which Taylor's window of 50 dB loses 1.4 dB.
+fn phase_rad() -> f64 {
+    (0.5 / 10f64.powf(2.86)).sqrt()
+}
+
+/// Of the sine of an angle of arrival: of two receivers half a wavelength apart phases differ by pi times it.
+fn sine() -> f64 {
+    2f64.sqrt() * phase_rad() / PI
+}
+
+/// Inverse of the sum of `u u^T` over the directions of the reflectors, seen from a place on the rail: variances of azimuth and range of unit errors along `u`, and the
+/// covariance of both.
+fn dilution(rail_m: f64) -> [f64; 3] {
+    let [mut xx, mut yy, mut xy] = [0.0; 3];
+    for [x, y] in REFLECTORS_M {
+        let range_m = (x - rail_m).hypot(y);
+        let (s, c) = ((x - rail_m) / range_m, y / range_m);
+        xx += s * s;
+        yy += c * c;
+        xy += s * c;
+    }
+    let determinant = xx * yy - xy * xy;
+    [yy / determinant, xx / determinant, -xy / determinant]
+}
+
+/// Standard deviations of a step along azimuth and range: two phases of each of two channels, of paths that change by twice the step.
+fn step_sigma_m(rail_m: f64) -> [f64; 2] {
+    let path_m = phase_rad() * WAVELENGTH_M / TAU;
+    let [x, y, _] = dilution(rail_m);
+    // A difference of two pulses has twice the variance, a mean of two channels half of it.
+    [x, y].map(|variance| 0.5 * path_m * variance.sqrt())
+}
+
+/// By directions that err a metre of azimuth becomes longer by its mean, and scatters as told, along azimuth and range.
+fn by_directions_m(steps: usize) -> [(f64, f64); 2] {
+    // In the middle of the rail.
+    let [x, y, xy] = dilution(0.5);
+    let step_m = 1.0 / steps as f64;
+    // Directions are means of two pulses': of variance e^2 / 2, which each adds to the normal matrix along azimuth. Their errors are in two steps each, so that all
+    // add up as if every pulse's counted whole.
+    let added = 4.0 * 0.5 * sine().powi(2);
+    let all_m = step_m * sine() * (steps as f64).sqrt();
+    [
+        (-added * x, all_m * x.sqrt()),
+        (-added * xy, all_m * y.sqrt()),
+    ]
+}
+
+/// A value within three standard deviations, and what else it may be off by.
+fn within_three((mean, sigma): (f64, f64), scale: f64, more: f64) -> Expected {
+    About(scale * mean, scale * 3.0 * sigma + more)
+}
+
+fn track() -> Vec<Figure> {
+    let [azimuth, (bias_m, sigma_m)] = by_directions_m(1000);
+    let drift_m = -0.999 * SQUINT_DEG.to_radians().sin();
+    // What a track that walks at random is off by after a straight line is taken off, that moves the image alone: a fifteenth of its variance at the end. Of
+    // azimuth half counts for a reflector 30 degrees off. Three times as much, in path and phase.
+    let off_m = ((azimuth.1 * 0.5).powi(2) + sigma_m.powi(2)).sqrt() / 15f64.sqrt();
+    let phases = (3.0 * 2.0 * TAU / WAVELENGTH_M * off_m).powi(2);
+    let lost_db = 10.0 * phases / std::f64::consts::LN_10;
+    vec![
+        figure(
+            "targets followed within the mask",
+            "4 major traces",
+            "{}",
+            [About(4.0, 0.0)],
+            "the reflectors, each of them all the time",
+        ),
+        figure(
+            "sines of their angles of arrival, a pulse's: rms error",
+            "not given",
+            "{}",
+            // 4000 of them, and what a window loses to a tenth.
+            [About(sine(), 0.05 * sine())],
+            "noise of phases",
+        ),
+        figure(
+            "azimuth at the end of the track, beyond the motor's",
+            "about 2 mm",
+            "{} mm",
+            [within_three(azimuth, 1e3, 0.1)],
+            "directions that err, in the middle of the rail",
+        ),
+        figure(
+            "range at the end of the track",
+            "a significant discrepancy, by squint",
+            "{} mm",
+            [within_three((drift_m + bias_m, sigma_m), 1e3, 0.1)],
+            "a metre at half a degree, and directions that err",
+        ),
+        figure(
+            "squint that this tells, where it is 0.5 degrees",
+            "not given",
+            "{} degrees",
+            [About(
+                SQUINT_DEG,
+                (3.0 * sigma_m + bias_m.abs()).to_degrees(),
+            )],
+            "that of the range over a metre",
+        ),
+        figure(
+            "largest error along the rail by all poses and places together",
+            "not done",
+            "{} mm",
+            // Of a pose, 3.3 of the thousand's standard deviations; and three of the scale, which is known to 0.024 mm at 30 dB (host/motion, C 7.5).
+            [at_most(
+                1e3 * 3.3 * step_sigma_m(0.5)[0] / 2f64.sqrt() + 3.0 * 0.024,
+            )],
+            "noise of a pose, and the bound of the scale",
+        ),
+        figure(
+            "places of the reflectors by that track, off at most",
+            "not done",
+            "{} mm",
+            // No worse than a thousand pulses' angles at the farthest, three times.
+            [at_most(1e3 * 3.0 * sine() / 1000f64.sqrt() * 5.8)],
+            "angles of arrival",
+        ),
+        figure(
+            "peaks on the track by MPGA, of those on the motor's, dB",
+            "slightly off the optimal",
+            "{}, {}, {}, {}",
+            [Within(-lost_db, 0.1); 4],
+            "phases of a random walk",
+        ),
+        figure(
+            "peaks on that by all poses and places together, of those on the motor's, dB",
+            "not done",
+            "{}, {}, {}, {}",
+            // Phases of 0.05 rad.
+            [About(0.0, 0.05); 4],
+            "noise of a pose",
+        ),
+    ]
+}
+
+/// Steps of a tenth of a millimetre, in bursts of 10 chirps, 40 of them, and pauses of 3.
+fn bursts() -> Vec<Figure> {
+    let [azimuth_m, range_m] = step_sigma_m(0.02).map(|m| 1e3 * m);
+    let squint = SQUINT_DEG.to_radians();
+    // Noise of a pose is in two steps, with opposite signs, so that the mean of a burst's nine has two poses' only; and a hundredth for directions that err.
+    let burst_mm = 0.1 * squint.cos();
+    let within = About(burst_mm, 3.0 * azimuth_m / 9.0 / 40f64.sqrt() + 0.01 * 0.1);
+    let over = About(4.0 * burst_mm, 3.0 * azimuth_m / 39f64.sqrt() + 0.01 * 0.4);
+    // 360 steps within bursts and 39 over pauses.
+    let mean_mm = 0.1 * (360.0 + 4.0 * 39.0) / 399.0;
+    // Of 360 and of 39 a mean square is known to a twenty-seventh and a ninth, three times that are allowed; and a twentieth for what the window loses.
+    let scatter = |sigma: f64, share: f64| About(sigma, (0.05 + 3.0 * share) * sigma);
+    vec![
+        figure(
+            "change of azimuth within bursts: mean, and scatter of one",
+            "constant",
+            "{} mm, {} mm",
+            [within, scatter(azimuth_m, 1.0 / 27.0)],
+            "the motor, and noise of phases",
+        ),
+        figure(
+            "change of azimuth over pauses: mean, and scatter of one",
+            "longer",
+            "{} mm, {} mm",
+            [over, scatter(azimuth_m, 1.0 / 9.0)],
+            "three chirps left out, and noise of phases",
+        ),
+        figure(
+            "the second over the first, where a pause is of 3 chirps",
+            "4",
+            "{}",
+            [About(
+                4.0,
+                4.0 * (3.0 * azimuth_m / 39f64.sqrt() / 0.4 + 0.02),
+            )],
+            "four steps to one",
+        ),
+        figure(
+            "the shortest pause over the longest step of a burst",
+            "pauses stand out",
+            "{}",
+            // Four standard deviations for the one and for the other.
+            [Within(
+                (0.4 - 4.0 * azimuth_m) / (0.1 + 4.0 * azimuth_m),
+                4.0,
+            )],
+            "noise of phases",
+        ),
+        figure(
+            "change of range: mean, and scatter of one",
+            "not given",
+            "{} mm, {} mm",
+            [
+                // A hundredth of the step for directions that err, over 399 of them.
+                About(
+                    -mean_mm * squint.sin(),
+                    3.0 * (range_m / 399.0 + mean_mm * sine() / 399f64.sqrt()),
+                ),
+                scatter(range_m, 1.0 / 27.0),
+            ],
+            "the squint, and noise of phases",
+        ),
+        figure(
+            "change of azimuth within bursts, by all chirps together",
+            "not done",
+            "{} mm, {} mm",
+            [
+                About(0.1, 3.0 * azimuth_m / 9.0 / 40f64.sqrt() + 0.01 * 0.1),
+                // Places are known better than a pulse tells them, phases are as they are.
+                scatter(azimuth_m, 1.0 / 27.0),
+            ],
+            "the motor, and noise of phases",
+        ),
+    ]
+}
+
+/// 1500 chirps from rest to a tenth of a millimetre a chirp, and 500 more.
+fn ramp() -> Vec<Figure> {
+    // From 0 to 125 mm along the rail.
+    let [azimuth_m, _] = step_sigma_m(0.06);
+    // At the most as if errors of steps were independent; and a hundredth for directions that err.
+    let slope_m = azimuth_m * (12.0 / 1500f64.powi(3)).sqrt();
+    let (motor_m, cosine) = (1e-4 / 1500.0, SQUINT_DEG.to_radians().cos());
+    vec![
+        figure(
+            "the ramp's slope, where the motor's is 66.7 nm a chirp",
+            "measurable",
+            "{} nm a chirp",
+            [within_three((motor_m * cosine, slope_m), 1e9, 0.01 * 66.7)],
+            "a tenth of a millimetre in 1500 chirps",
+        ),
+        figure(
+            "the change of azimuth that it starts at",
+            "at rest",
+            "{} um",
+            [within_three(
+                (0.0, 2.0 * azimuth_m / 1500f64.sqrt()),
+                1e6,
+                0.0,
+            )],
+            "the end of a line",
+        ),
+        figure(
+            "the change of azimuth afterwards, where the motor's is 100 um",
+            "steady",
+            "{} um",
+            [within_three(
+                (1e-4 * cosine, azimuth_m / 500f64.sqrt()),
+                1e6,
+                1.0,
+            )],
+            "the motor",
+        ),
+        figure(
+            "scatter of one change of azimuth",
+            "not given",
+            "{} um",
+            // 2000 of them, and what the window loses to a tenth.
+            [About(1e6 * azimuth_m, 0.1 * 1e6 * azimuth_m)],
+            "noise of phases",
+        ),
+        figure(
+            "the ramp's slope by all chirps together",
+            "not done",
+            "{} nm a chirp",
+            [within_three((motor_m, slope_m), 1e9, 0.01 * 66.7)],
+            "a tenth of a millimetre in 1500 chirps",
+        ),
+    ]
+}
