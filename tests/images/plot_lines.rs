@@ -1,7 +1,7 @@
 //! Curves and maps, decoded again: lines run where the axes say, values have their colours.
 
 use subaperture::geometry::Axis;
-use subaperture::plot::{Chart, Colours, Curve, Heat, Stroke, heat, lines};
+use subaperture::plot::{Chart, Colours, Curve, Heat, Stroke, heat, lines, stacked};
 
 use super::decoded::Picture;
 
@@ -104,6 +104,94 @@ fn curves_are_clipped_and_gaps_are_left() {
         picture.rows_of(column(0.5), plot, [130, 130, 130]).len() > 100,
         "the mark"
     );
+}
+
+#[test]
+fn a_map_is_as_much_across_as_up() {
+    // A square of 2 by 2 beside one of 2 by 200: the sides of the first are as many pixels long.
+    let square = |height: f64| {
+        let corners = [
+            (3.0, 1.0),
+            (5.0, 1.0),
+            (5.0, 1.0 + height),
+            (3.0, 1.0 + height),
+        ];
+        Chart {
+            curves: vec![curve(corners.to_vec(), Stroke::Dots)],
+            proportional: true,
+            ..Chart::default()
+        }
+    };
+    for height in [2.0, 200.0, 0.02] {
+        let picture = Picture::decode(&lines(&square(height)).unwrap());
+        let plot @ [left, _, right, _] = picture.plot();
+        let lit: Vec<(usize, Vec<usize>)> = (left..right)
+            .map(|x| (x, picture.rows_of(x, plot, BLUE)))
+            .filter(|(_, rows)| !rows.is_empty())
+            .collect();
+        // Dots are 3 pixels in radius, and all within the box.
+        let across = (lit[lit.len() - 1].0 - lit[0].0) as f64 - 6.0;
+        let rows = || lit.iter().flat_map(|(_, rows)| rows.iter().copied());
+        let up = (rows().max().unwrap() - rows().min().unwrap()) as f64 - 6.0;
+        // The shorter side by the longer.
+        let [short, long] = if height > 2.0 {
+            [across, up]
+        } else {
+            [up, across]
+        };
+        let ratio = if height > 2.0 {
+            2.0 / height
+        } else {
+            height / 2.0
+        };
+        assert!(
+            (short - long * ratio).abs() <= 2.0,
+            "{height}: {across} {up}"
+        );
+        assert!(across.max(up) > 300.0, "{height}: {across} {up}");
+    }
+}
+
+#[test]
+fn charts_are_stacked_in_their_order() {
+    let level = |value: f64| Chart {
+        curves: vec![curve(vec![(0.0, value), (1.0, value)], Stroke::Solid)],
+        up: Some((0.0, 1.0)),
+        ..Chart::default()
+    };
+    let [upper, lower] = [0.2, 0.7].map(|value| Picture::decode(&lines(&level(value)).unwrap()));
+    let both = Picture::decode(&stacked(&[level(0.2), level(0.7)]).unwrap());
+    assert_eq!(both.width, upper.width);
+    assert!(both.rgb == [upper.rgb, lower.rgb].concat());
+    assert!(stacked(&[]).is_err());
+}
+
+#[test]
+fn a_legend_is_where_it_hides_least() {
+    // Points in all corners but one: three curves' names are there.
+    let corners = [(0.95, 0.95), (0.05, 0.95), (0.95, 0.05), (0.05, 0.05)];
+    for free in 0..4 {
+        let points = (0..4).filter(|&i| i != free).map(|i| corners[i]).collect();
+        let chart = Chart {
+            curves: vec![Curve {
+                name: "dots".to_owned(),
+                ..curve(points, Stroke::Dots)
+            }],
+            across: Some((0.0, 1.0)),
+            up: Some((0.0, 1.0)),
+            ..Chart::default()
+        };
+        let picture = Picture::decode(&lines(&chart).unwrap());
+        let plot @ [left, top, right, bottom] = picture.plot();
+        let (width, height) = ((right - left) as f64, (bottom - top) as f64);
+        for (x, y) in corners {
+            let column = left + (x * width) as usize;
+            let rows = picture.rows_of(column, plot, BLUE);
+            let at = bottom as f64 - y * height;
+            let near = rows.iter().any(|&row| (row as f64 - at).abs() < 3.0);
+            assert_eq!(near, (x, y) != corners[free], "{free}: {x} {y}");
+        }
+    }
 }
 
 #[test]

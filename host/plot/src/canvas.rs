@@ -112,6 +112,14 @@ impl Canvas {
         });
     }
 
+    /// This page, and another as wide below it.
+    pub(super) fn above(mut self, below: Self) -> Self {
+        debug_assert_eq!(self.width, below.width);
+        self.height += below.height;
+        self.pixels.extend(below.pixels);
+        self
+    }
+
     /// The page as a PNG file: in grey where it has no other colour, which takes a third of the time.
     pub(super) fn into_png(self) -> Result<Vec<u8>, PlotError> {
         let (pixels, colours) = match grey(&self.pixels) {

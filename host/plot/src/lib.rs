@@ -12,7 +12,7 @@
 //! but never dropped; small ones are enlarged without interpolation. Pixels that are NaN or infinite
 //! are red.
 //!
-//! [`heat`] shows any real values over any two axes on a linear scale, [`lines`] draws curves.
+//! [`heat`] shows any real values over any two axes on a linear scale, [`lines`] draws curves, [`stacked`] several charts of them.
 //!
 //! Text is set in DejaVu Sans, which the program carries: no font need be installed.
 #![forbid(unsafe_code)]
@@ -33,7 +33,7 @@ use subaperture_model::image::{Image, Parts, PartsError, power};
 
 pub use colours::Colours;
 pub use heat::{Heat, heat};
-pub use lines::{Chart, Curve, Stroke, lines};
+pub use lines::{Chart, Curve, Stroke, lines, stacked};
 pub use orientation::Orientation;
 pub use scale::Scale;
 

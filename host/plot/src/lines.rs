@@ -25,6 +25,8 @@ pub struct Chart {
     pub across: Option<(f64, f64)>,
     /// Lowest and highest value, as a floor in dB is; `None` for those of the curves and some air.
     pub up: Option<(f64, f64)>,
+    /// Whether both axes are lengths to be drawn alike, as on a map: one of the ranges is widened.
+    pub proportional: bool,
 }
 
 /// One curve.
@@ -85,6 +87,24 @@ const COLOURS: [Rgb; 7] = [
 /// # Errors
 /// [`PlotError`], if there is nothing finite to draw or a range is empty.
 pub fn lines(chart: &Chart) -> Result<Vec<u8>, PlotError> {
+    drawn(chart)?.into_png()
+}
+
+/// Several, one below another in one picture, as the bytes of a PNG file.
+///
+/// # Errors
+/// [`PlotError`], if there is no chart, or one that [`lines`] would not draw.
+pub fn stacked(charts: &[Chart]) -> Result<Vec<u8>, PlotError> {
+    let pages: Result<Vec<Canvas>, PlotError> = charts.iter().map(drawn).collect();
+    let page = pages?.into_iter().reduce(Canvas::above);
+    let page = page.ok_or_else(|| PlotError::Unsuited {
+        title: String::new(),
+        what: "there is no chart to draw".to_owned(),
+    })?;
+    page.into_png()
+}
+
+fn drawn(chart: &Chart) -> Result<Canvas, PlotError> {
     let unsuited = |what: &str| PlotError::Unsuited {
         title: chart.title.clone(),
         what: what.to_owned(),
@@ -94,9 +114,11 @@ pub fn lines(chart: &Chart) -> Result<Vec<u8>, PlotError> {
     if finite().next().is_none() {
         return Err(unsuited("there is no finite point to draw"));
     }
+    // On a map a place at an end is drawn whole.
+    let air = if chart.proportional { 0.05 } else { 0.0 };
     let across = chart
         .across
-        .unwrap_or_else(|| apart(range(finite().map(|p| p.0)), 0.0));
+        .unwrap_or_else(|| apart(range(finite().map(|p| p.0)), air));
     let up = chart
         .up
         .unwrap_or_else(|| apart(range(finite().map(|p| p.1)), 0.05));
@@ -104,7 +126,11 @@ pub fn lines(chart: &Chart) -> Result<Vec<u8>, PlotError> {
     if !(sound(across) && sound(up)) {
         return Err(unsuited("an axis needs a lowest and a higher value"));
     }
-    Page::new(chart, across, up).drawn(chart).into_png()
+    let page = match chart.proportional {
+        true => Page::proportional(chart, across, up),
+        false => Page::new(chart, across, up),
+    };
+    Ok(page.drawn(chart))
 }
 
 /// Smallest and largest.
@@ -123,6 +149,12 @@ fn apart((low, high): (f64, f64), air: f64) -> (f64, f64) {
             (low - half, high + half)
         }
     }
+}
+
+/// A range of this length about the middle of another.
+fn about((low, high): (f64, f64), length: f64) -> (f64, f64) {
+    let middle = low + 0.5 * (high - low);
+    (middle - 0.5 * length, middle + 0.5 * length)
 }
 
 /// The plot's box on the page, and what its edges stand for.
@@ -157,6 +189,17 @@ impl Page {
             up_ticks,
             font,
         }
+    }
+
+    /// A page of which a pixel is as much across as up.
+    fn proportional(chart: &Chart, across: (f64, f64), up: (f64, f64)) -> Self {
+        let first = Self::new(chart, across, up);
+        let of_up = (up.1 - up.0) / first.height as f64;
+        let pixel = of_up.max((across.1 - across.0) / first.width as f64);
+        // Labels of other ticks may leave another width.
+        let mut page = Self::new(chart, across, about(up, pixel * first.height as f64));
+        page.across = about(across, pixel * page.width as f64);
+        page
     }
 
     /// Pixels from the box's left edge, and down from its top.
@@ -235,7 +278,7 @@ impl Page {
         canvas.text_upwards(base, middle, &self.font, &chart.up_label);
     }
 
-    /// Names beside samples of their strokes, in the upper right corner.
+    /// Names beside samples of their strokes, in a corner.
     fn legend(&self, canvas: &mut Canvas, chart: &Chart) {
         const LINE: usize = 22;
         const SAMPLE: usize = 34;
@@ -257,22 +300,26 @@ impl Page {
             SAMPLE + widest.ceil() as usize + 26,
             named.len() * LINE + 10,
         );
-        // In that upper corner where it hides less.
-        let hidden = |x: usize| {
-            let (low, high) = ((x - self.left) as f64, (x - self.left + width) as f64);
+        // In the corner where it hides least, upper ones first.
+        let [left, top] = [self.left + 10, TOP + 10];
+        let [right, bottom] = [
+            (self.left + self.width).saturating_sub(width + 10),
+            (TOP + self.height).saturating_sub(height + 10),
+        ];
+        let corners = [(right, top), (left, top), (right, bottom), (left, bottom)];
+        let hidden = |&(x, y): &(usize, usize)| {
+            let [x, y] = [x - self.left, y - TOP].map(|from| from as f64);
+            let within = |(px, py): (f64, f64)| {
+                (x..x + width as f64).contains(&px) && (y..y + height as f64).contains(&py)
+            };
             let points = chart.curves.iter().flat_map(|curve| &curve.points);
-            points
-                .map(|&point| self.place(point))
-                .filter(|&(x, y)| low <= x && x <= high && y <= (height + 10) as f64)
-                .count()
+            let places = points.map(|&point| self.place(point));
+            places.filter(|&place| within(place)).count()
         };
-        let (left, right) = (self.left + 10, self.left + self.width - width - 10);
-        let x = if hidden(left) < hidden(right) {
-            left
-        } else {
-            right
-        };
-        let y = TOP + 10;
+        let (x, y) = corners
+            .into_iter()
+            .min_by_key(hidden)
+            .unwrap_or((right, top));
         canvas.fill(x, y, width, height, GRID);
         canvas.fill(x + 1, y + 1, width - 2, height - 2, [255; 3]);
         for (i, ((curve, colour), name)) in named.iter().zip(&names).enumerate() {

@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use super::chim_rail::{PRI_S, SQUINT_DEG, found, increments, recorded, spread, way};
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
-use subaperture_plot::{Chart, Curve, Stroke, lines};
+use subaperture_plot::{Chart, Curve, Stroke, stacked};
 use subaperture_targets::Recovered;
 
 pub(super) const ITEMS: [Item; 2] = [
@@ -60,51 +60,44 @@ impl Motion {
         }
     }
 
-    /// The thesis's two figures, beside how the carriage moved.
-    fn pictures(
-        &self,
-        title: &str,
-        shown: usize,
-        truth_m: &[f64],
-    ) -> Result<Vec<Picture>, ItemError> {
-        let squint = SQUINT_DEG.to_radians();
-        let draw = |name: &str, label: &str, of: fn(&DVec2) -> f64, share: f64| {
-            let points = |values: &mut dyn Iterator<Item = f64>| -> Vec<(f64, f64)> {
-                values
-                    .take(shown)
-                    .enumerate()
-                    .map(|(n, m)| (n as f64, 1e3 * m))
-                    .collect()
-            };
-            let curve = |name: &str, points, stroke| Curve {
-                name: name.to_owned(),
-                points,
-                stroke,
-            };
-            let (found, truth) = (
-                points(&mut self.by_pairs_m.iter().map(of)),
-                points(&mut truth_m.iter().map(|m| share * m)),
-            );
-            let png = lines(&Chart {
+    /// The thesis's figure, range over azimuth, beside how the carriage moved.
+    fn picture(&self, title: &str, shown: usize, truth_m: &[f64]) -> Result<Picture, ItemError> {
+        let chart = |title: &str, label: &str, of: fn(&DVec2) -> f64, share: f64| {
+            let found = self.by_pairs_m.iter().map(of).take(shown);
+            let truth = truth_m.iter().map(|m| share * m).take(shown);
+            Chart {
                 title: title.to_owned(),
                 across_label: "chirp".to_owned(),
-                up_label: format!("{label} (mm)"),
+                up_label: format!("change of {label} (mm)"),
                 curves: vec![
                     curve("computed", found, Stroke::Solid),
                     curve("the carriage", truth, Stroke::Dashed),
                 ],
                 ..Chart::default()
-            })?;
-            Ok::<_, ItemError>(Picture {
-                name: name.to_owned(),
-                caption: format!("The {label}, computed and as the carriage moved"),
-                png,
-            })
+            }
         };
-        Ok(vec![
-            draw("range", "change of range", |m| m.y, -squint.sin())?,
-            draw("azimuth", "change of azimuth", |m| m.x, squint.cos())?,
-        ])
+        let squint = SQUINT_DEG.to_radians();
+        let png = stacked(&[
+            chart(title, "range", |m| m.y, -squint.sin()),
+            chart("", "azimuth", |m| m.x, squint.cos()),
+        ])?;
+        Ok(Picture {
+            name: "motion".to_owned(),
+            caption: "Change of range (upper) and of azimuth (lower) from chirp to chirp, computed and as the carriage moved".to_owned(),
+            png,
+        })
+    }
+}
+
+/// Metres from chirp to chirp, in millimetres.
+fn curve(name: &str, values_m: impl Iterator<Item = f64>, stroke: Stroke) -> Curve {
+    Curve {
+        name: name.to_owned(),
+        points: values_m
+            .enumerate()
+            .map(|(n, m)| (n as f64, 1e3 * m))
+            .collect(),
+        stroke,
     }
 }
 
@@ -183,11 +176,11 @@ fn bursts(context: &Context) -> Result<Finding, ItemError> {
             ),
         ],
         why: None,
-        pictures: motion.pictures(
+        pictures: vec![motion.picture(
             &format!("Bursts of {BURST} chirps, pauses of {PAUSE}"),
             8 * BURST + BURST / 2,
             &truth_m,
-        )?,
+        )?],
     })
 }
 
@@ -250,7 +243,7 @@ fn ramp(context: &Context) -> Result<Finding, ItemError> {
             ),
         ],
         why: None,
-        pictures: motion.pictures("The motor starts", CHIRPS, &truth_m)?,
+        pictures: vec![motion.picture("The motor starts", CHIRPS, &truth_m)?],
     })
 }
 

@@ -38,7 +38,6 @@ fn track(context: &Context) -> Result<Finding, ItemError> {
     let tracks = Tracks::of(found(context, &recorded)?)?;
     let sines = Sines::of(&tracks.found);
     let (images, peaks) = images(context, history, &tracks)?;
-    let [azimuth, range] = positions(&tracks.by_pairs_m, &motor_m())?;
     let mut checks = sines.checks();
     checks.extend(tracks.checks());
     checks.extend(peaks.checks());
@@ -61,8 +60,7 @@ fn track(context: &Context) -> Result<Finding, ItemError> {
         pictures: vec![
             traces(history)?,
             sines.picture()?,
-            azimuth,
-            range,
+            positions(&tracks.by_pairs_m, &motor_m())?,
             errors(&tracks.azimuth_off_m(), &tracks.together_off_m())?,
             images,
         ],

@@ -10,7 +10,7 @@ use crate::{ItemError, Picture};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::Axis;
 use subaperture_model::phase_history::{InMemory, PhaseHistory};
-use subaperture_plot::{Chart, Curve, Stroke, lines};
+use subaperture_plot::{Chart, Curve, Stroke, lines, stacked};
 use subaperture_signal::phase::{narrow, widen};
 use subaperture_signal::window::Window;
 
@@ -73,63 +73,42 @@ fn curve(name: &str, points: impl Iterator<Item = (usize, f64)>, stroke: Stroke)
 }
 
 /// The track beside the motor's, as Fig. 7.9: azimuth and range along the array's own axes, against pulses.
-pub(super) fn positions(places_m: &[DVec2], motor_m: &[f64]) -> Result<[Picture; 2], ItemError> {
-    let each = || places_m.iter().enumerate();
-    let picture = |name: &str, what: &str, unit: &str, curves: Vec<Curve>| {
-        let all = curves
-            .iter()
-            .flat_map(|curve| &curve.points)
-            .map(|point| point.1);
-        let png = lines(&Chart {
-            title: format!("{what} of the radar (Fig. 7.9)"),
+pub(super) fn positions(places_m: &[DVec2], motor_m: &[f64]) -> Result<Picture, ItemError> {
+    let chart = |title: &str, label: &str, of: &dyn Fn(&DVec2) -> f64, motor: &[f64]| {
+        let found = places_m.iter().map(of).enumerate();
+        let curves = vec![
+            curve("by MPGA", found, Stroke::Solid),
+            curve(
+                "by the motor",
+                motor.iter().copied().enumerate(),
+                Stroke::Dashed,
+            ),
+        ];
+        let all = curves.iter().flat_map(|curve| &curve.points);
+        Chart {
+            title: title.to_owned(),
             across_label: "pulse".to_owned(),
-            up_label: format!("{} ({unit})", what.to_lowercase()),
-            up: Some(with_room(all)),
+            up_label: label.to_owned(),
+            up: Some(with_room(all.map(|point| point.1))),
             curves,
             ..Chart::default()
-        })?;
-        Ok::<_, ItemError>(Picture {
-            name: name.to_owned(),
-            caption: format!("{what} of the radar by its motor and by MPGA"),
-            png,
-        })
+        }
     };
-    Ok([
-        picture(
-            "azimuth",
-            "Azimuth",
-            "m",
-            vec![
-                curve(
-                    "by MPGA",
-                    each().map(|(n, at_m)| (n, at_m.x)),
-                    Stroke::Solid,
-                ),
-                curve(
-                    "by the motor",
-                    motor_m.iter().copied().enumerate(),
-                    Stroke::Dashed,
-                ),
-            ],
-        )?,
-        picture(
-            "range",
-            "Range",
-            "mm",
-            vec![
-                curve(
-                    "by MPGA",
-                    each().map(|(n, at_m)| (n, 1e3 * at_m.y)),
-                    Stroke::Solid,
-                ),
-                curve(
-                    "by the motor",
-                    each().map(|(n, _)| (n, 0.0)),
-                    Stroke::Dashed,
-                ),
-            ],
-        )?,
-    ])
+    let still = vec![0.0; motor_m.len()];
+    let png = stacked(&[
+        chart(
+            "The radar's track (Fig. 7.9)",
+            "azimuth (m)",
+            &|at_m| at_m.x,
+            motor_m,
+        ),
+        chart("", "range (mm)", &|at_m| 1e3 * at_m.y, &still),
+    ])?;
+    Ok(Picture {
+        name: "track".to_owned(),
+        caption: "Azimuth (upper) and range (lower) of the radar by its motor and by MPGA, along the array's own axes (Fig. 7.9)".to_owned(),
+        png,
+    })
 }
 
 /// Angles of arrival against pulses, degrees: of each named target, told and true sines.

@@ -19,13 +19,16 @@ use subaperture::io::ours::{Kind, TEXT_MARK};
 use subaperture::io::phase_csv;
 use subaperture::phase_history::{Collection, PhaseHistory};
 use subaperture::planner::forecast::{cost, forecast_of};
-use subaperture::plot::{self, Panel};
+use subaperture::plot::{self, Panel, Scale};
 
 use crate::ahead::Ahead;
 use crate::args::{Autofocus, Way};
 use crate::commands::forming::{self, Forming};
 use crate::config::{Session, command_line, record_of_run};
 use crate::{interrupt, text};
+
+/// Of the picture's levels.
+const SPAN_DB: f64 = 60.0;
 
 /// Sharpens, says what was gained, and writes what it was gained by.
 pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
@@ -72,9 +75,18 @@ pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
         put(path, file(history.collection(), &correction).as_bytes())?;
     }
     if let Some(path) = &typed.picture {
+        // One scale for both, from the brightest pixel of either.
+        let scale = Scale::Fixed {
+            top_db: found.before.peak_db.max(found.after.peak_db).ceil(),
+            span_db: SPAN_DB,
+        };
+        let panel = |image, title: String| Panel {
+            scale,
+            ..Panel::new(image, &grid, title)
+        };
         let panels = [
-            Panel::new(&found.image_before, &grid, "as recorded"),
-            Panel::new(&found.image_after, &grid, format!("by {}", name(typed))),
+            panel(&found.image_before, "as recorded".to_owned()),
+            panel(&found.image_after, format!("by {}", name(typed))),
         ];
         put(path, &plot::panels(&panels, 2)?)?;
     }

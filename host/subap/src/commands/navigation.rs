@@ -107,7 +107,8 @@ fn write(
     let fixes = fixes.with_context(|| name.to_string())?;
     let csv = csv(typed, chosen, &frame, &fixes);
     write_atomically(out, csv.len() as u64, |file| file.write_all(csv.as_bytes()))?;
-    let png = plot::lines(&chart(&name.to_string(), chosen, &fixes))?;
+    let file = typed.file.file_name().unwrap_or(typed.file.as_os_str());
+    let png = plot::lines(&chart(&file.to_string_lossy(), &frame, chosen, &fixes))?;
     write_atomically(picture, png.len() as u64, |file| file.write_all(&png))?;
     Ok(Track {
         out: out.display().to_string(),
@@ -155,7 +156,7 @@ fn csv(typed: &Navigation, chosen: &Coverage, frame: &SceneFrame, fixes: &[Fix])
 }
 
 /// The track from above, and where it has gaps.
-fn chart(name: &str, chosen: &Coverage, fixes: &[Fix]) -> Chart {
+fn chart(name: &str, frame: &SceneFrame, chosen: &Coverage, fixes: &[Fix]) -> Chart {
     let mut points: Vec<(f64, f64)> = Vec::with_capacity(fixes.len());
     let mut lost = Vec::new();
     let mut gaps = chosen.gaps.iter().peekable();
@@ -177,14 +178,28 @@ fn chart(name: &str, chosen: &Coverage, fixes: &[Fix]) -> Chart {
         points,
         stroke,
     };
+    let first = fixes
+        .first()
+        .map(|fix| (fix.position_m.x, fix.position_m.y));
+    let [across, up] = match frame {
+        SceneFrame::Earth { .. } => ["east", "north"],
+        _ => ["x", "y"],
+    };
+    let mut curves = vec![curve("track", points, Stroke::Solid)];
+    if !lost.is_empty() {
+        curves.push(curve("without records", lost, Stroke::Dashed));
+    }
+    curves.push(curve(
+        "first place",
+        first.into_iter().collect(),
+        Stroke::Dots,
+    ));
     Chart {
         title: format!("{name}: {}", chosen.kind.name()),
-        across_label: "x (m)".to_owned(),
-        up_label: "y (m)".to_owned(),
-        curves: vec![
-            curve("track", points, Stroke::Solid),
-            curve("without records", lost, Stroke::Dashed),
-        ],
+        across_label: format!("{across} (m)"),
+        up_label: format!("{up} (m)"),
+        curves,
+        proportional: true,
         ..Chart::default()
     }
 }

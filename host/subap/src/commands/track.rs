@@ -11,7 +11,7 @@ use subaperture::io::found_track::{self, FoundFix};
 use subaperture::io::open::{Options, open_channels};
 use subaperture::io::ours::Kind;
 use subaperture::phase_history::Channels;
-use subaperture::plot::{Chart, Curve, Stroke, lines};
+use subaperture::plot::{Chart, Curve, Stroke, stacked};
 use subaperture::targets::follow::Event;
 use subaperture::targets::{Moment, Recovered, Settings, TargetsError, recover};
 use subaperture::track::Fix;
@@ -57,7 +57,7 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
     };
     settings.follow.bridge = typed.bridge;
     let found = find(session, channels, &settings)?;
-    let drawn = lines(&chart(&name, &found, &recorded_m))?;
+    let drawn = stacked(&charts(&name, &found, &recorded_m))?;
     let fixes: Vec<FoundFix> = found.moments.iter().map(found_fix).collect();
     found_track::write(&typed.out, &fixes)?;
     write_atomically(&picture, drawn.len() as u64, |file| file.write_all(&drawn))?;
@@ -141,8 +141,8 @@ fn told(event: &Event) -> String {
     }
 }
 
-/// The track over the recorded one, targets, and error ellipses so much enlarged that they are seen.
-fn chart(name: &str, found: &Recovered, recorded_m: &[DVec3]) -> Chart {
+/// The track over the recorded one: a map with the targets, and larger with error ellipses that are enlarged so much that they are seen.
+fn charts(name: &str, found: &Recovered, recorded_m: &[DVec3]) -> [Chart; 2] {
     let at = |m: DVec3| (m.x, m.y);
     let moments = &found.moments;
     let spread_m = moments.iter().map(Moment::spread_m).fold(0.0, f64::max);
@@ -165,34 +165,35 @@ fn chart(name: &str, found: &Recovered, recorded_m: &[DVec3]) -> Chart {
         points,
         stroke,
     };
-    Chart {
-        title: format!("{name}: {} poses, {length_m:.3} m", moments.len()),
+    let found_m: Vec<(f64, f64)> = moments.iter().map(|moment| at(moment.position_m)).collect();
+    let recorded_m: Vec<(f64, f64)> = recorded_m.iter().copied().map(at).collect();
+    let places_m = found.places.iter().map(|place| at(place.position_m));
+    let tracks = || {
+        vec![
+            curve("track found".to_owned(), found_m.clone(), Stroke::Solid),
+            curve("recorded".to_owned(), recorded_m.clone(), Stroke::Dashed),
+        ]
+    };
+    let chart = |title: String, more: Curve| Chart {
+        title,
         across_label: "x (m)".to_owned(),
         up_label: "y (m)".to_owned(),
-        curves: vec![
-            curve(
-                "track found".to_owned(),
-                moments.iter().map(|moment| at(moment.position_m)).collect(),
-                Stroke::Solid,
-            ),
-            curve(
-                "recorded".to_owned(),
-                recorded_m.iter().copied().map(at).collect(),
-                Stroke::Dashed,
-            ),
-            curve(
-                "targets".to_owned(),
-                found
-                    .places
-                    .iter()
-                    .map(|place| at(place.position_m))
-                    .collect(),
-                Stroke::Dots,
-            ),
-            curve(format!("1 sigma x {larger:.0}"), ellipses, Stroke::Solid),
-        ],
+        curves: tracks().into_iter().chain([more]).collect(),
         ..Chart::default()
-    }
+    };
+    [
+        Chart {
+            proportional: true,
+            ..chart(
+                format!("{name}: {} poses, {length_m:.3} m", moments.len()),
+                curve("targets".to_owned(), places_m.collect(), Stroke::Dots),
+            )
+        },
+        chart(
+            "The track by itself".to_owned(),
+            curve(format!("1 sigma x {larger:.0}"), ellipses, Stroke::Solid),
+        ),
+    ]
 }
 
 fn tell(session: &Session, typed: &Track, picture: &Path, found: &Recovered) -> anyhow::Result<()> {
