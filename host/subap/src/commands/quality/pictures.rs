@@ -127,5 +127,6 @@ fn cut_chart(source: &Source, cut: &Cut, point: &Point, index: usize, place: &st
         marks: cut.nulls.map_or(vec![], |n| n.map(|v| v * factor).to_vec()),
         across: Some((cut.span[0] * factor, cut.span[1] * factor)),
         up: Some((FLOOR_DB, 3.0)),
+        ..Chart::default()
     }
 }
