@@ -38,6 +38,22 @@ pub enum MotionError {
         /// What is wrong.
         what: &'static str,
     },
+    /// There is not a known heading of each pulse.
+    #[error("{headings} known headings are given of {pulses} pulses, or one is no number")]
+    Headings {
+        /// Headings.
+        headings: usize,
+        /// Pulses.
+        pulses: usize,
+    },
+    /// Time does not go on.
+    #[error("a pulse at {time_s} s comes after one at {last_s} s")]
+    Time {
+        /// When it was.
+        time_s: f64,
+        /// When the one before was.
+        last_s: f64,
+    },
     /// The least squares.
     #[error(transparent)]
     NoEstimate(#[from] NoEstimate),

@@ -23,7 +23,7 @@
 //! | 4 | 30 | 0.020 | 8.4 | 9.0 | 0.99 | -0.04 |
 //! | 4 | 40 | 0.0063 | 8.6 | 8.9 | 0.98 | -0.04 |
 //!
-//! What is wrong with what is seen is told beforehand by [`diagnosis`]; which targets move, and how fast, by [`movers`]; how the array is mounted, where that can be told, by [`squint`].
+//! What is wrong with what is seen is told beforehand by [`diagnosis`]; which targets move, and how fast, by [`movers`], pulse by pulse by [`live`]; how the array is mounted, where that can be told, by [`squint`].
 //!
 //! **Frame.** A plane, whose origin is where the radar was first; it is turned such that the first target lies in the direction at which it
 //! was seen first, by a heading of 0. What lies out of the plane is taken for farther away.
@@ -37,17 +37,20 @@ mod dense;
 pub mod diagnosis;
 pub mod increment;
 pub mod joint;
+pub mod live;
 pub mod model;
 pub mod movers;
 pub mod pairwise;
 pub mod robust;
 mod series;
 pub mod squint;
+mod steps;
 pub mod tracker;
 
 pub use check::MotionError;
 pub use increment::{Heading, Increment, chain};
+pub use live::Live;
 pub use model::{Array, Pose, Sighting, Target};
 pub use pairwise::Pairwise;
 pub use robust::Robust;
-pub use tracker::{Step, Track, Tracker, track};
+pub use tracker::{Step, Track, Tracker, track, track_turned};

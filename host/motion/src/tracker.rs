@@ -6,11 +6,13 @@ use std::f64::consts::{PI, TAU};
 use glam::{DMat3, DVec2};
 
 use crate::check::{self, MotionError};
-use crate::increment::WRAPPED;
+use crate::increment::{Heading, Increment, WRAPPED};
 use crate::joint::{self, Estimate, Known, NoEstimate};
 use crate::model::{Array, Pose, Sighting, Target};
+use crate::steps::steps;
 
 /// Follows a radar.
+#[derive(Clone)]
 pub struct Tracker {
     array: Array,
     window: usize,
@@ -22,6 +24,8 @@ pub struct Tracker {
     known: Known,
     /// What each target is called.
     names: Vec<usize>,
+    /// The next heading, where it is known.
+    turned_rad: f64,
 }
 
 /// What a pulse told.
@@ -55,7 +59,24 @@ impl Tracker {
             first: 0,
             known: Known::default(),
             names: Vec::new(),
+            turned_rad: 0.0,
         })
+    }
+
+    /// The same of a radar whose headings are known: 0, or what [`Self::turn_to`] says. They need not be told by what is seen, which makes the rest surer; what they
+    /// are off is believed.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn held(array: Array, window: usize) -> Result<Self, MotionError> {
+        let mut tracker = Self::new(array, window)?;
+        tracker.estimate.heading = Heading::Held;
+        Ok(tracker)
+    }
+
+    /// The heading of pulses from the next one on, radians counterclockwise from the frame's x axis, where headings are known.
+    pub fn turn_to(&mut self, heading_rad: f64) {
+        self.turned_rad = heading_rad;
     }
 
     /// Where targets are: the number they are called by, and what is known of them.
@@ -72,6 +93,28 @@ impl Tracker {
     /// The last pulse as it is understood: targets by their place in [`Self::targets`], phases without wraps.
     pub fn last(&self) -> &[Sighting] {
         self.pulses.back().map_or(&[], Vec::as_slice)
+    }
+
+    /// Drops a target with all that it told of the others since the window began; what it told before that stays as part of what is known of them. Not
+    /// done, and `false`, if it is not known or if a pulse of the window would be left with less than two.
+    pub fn forget(&mut self, target: usize) -> bool {
+        let Some(index) = self.names.iter().position(|name| *name == target) else {
+            return false;
+        };
+        let without = |pulse: &Vec<Sighting>| pulse.iter().filter(|s| s.target != index).count();
+        if self.pulses.iter().any(|pulse| without(pulse) < 2) {
+            return false;
+        }
+        self.known.forget(index);
+        self.names.remove(index);
+        self.estimate.targets.remove(index);
+        for pulse in &mut self.pulses {
+            pulse.retain(|sighting| sighting.target != index);
+            for sighting in pulse {
+                sighting.target -= usize::from(sighting.target > index);
+            }
+        }
+        true
     }
 
     /// Takes the next pulse: what is seen in it, each target by a number of its own.
@@ -94,7 +137,7 @@ impl Tracker {
     }
 
     fn advance(&mut self, sightings: &[Sighting]) -> Result<Step, MotionError> {
-        let expected = match self.estimate.poses[..] {
+        let mut expected = match self.estimate.poses[..] {
             [] => Pose::default(),
             [only] => only,
             // It goes on as it went.
@@ -103,6 +146,10 @@ impl Tracker {
                 heading_rad: 2.0 * last.heading_rad - before.heading_rad,
             },
         };
+        let held = self.estimate.heading == Heading::Held;
+        if held {
+            expected.heading_rad = self.turned_rad;
+        }
         let mut doubtful = 0;
         let mut own = Vec::with_capacity(sightings.len());
         for sighting in sightings {
@@ -127,7 +174,7 @@ impl Tracker {
             0 => self.estimate.targets.len(),
             _ => 0,
         };
-        let found = 3 * pulses.len() + 3 * targets;
+        let found = (if held { 2 } else { 3 }) * pulses.len() + 3 * targets;
         Ok(Step {
             pose: self.estimate.poses[pulses.len() - 1],
             covariance: known_to.pose(pulses.len() - 1),
@@ -144,7 +191,7 @@ impl Tracker {
             &self.array,
             &self.pulses[0],
             self.first,
-            &self.estimate.poses[0],
+            (&self.estimate.poses[0], self.estimate.heading),
             targets,
         )?;
         self.pulses.pop_front();
@@ -220,6 +267,9 @@ pub struct Track {
     pub live: Vec<Pose>,
     /// Of x, y and heading of each.
     pub covariances: Vec<DMat3>,
+    /// From each pose to the next, in the axes of the former, with a covariance of x, y and turn by which they can be taken for independent of one
+    /// another: the whole of them is as uncertain as it is, parts of it more than they are.
+    pub steps: Vec<(Increment, DMat3)>,
     /// By the numbers they are called.
     pub targets: Vec<(usize, Target)>,
     /// The sum of squared errors in standard deviations, and how many numbers there are beyond those that are found.
@@ -239,10 +289,47 @@ pub fn track(
     pulses: &[Vec<Sighting>],
     window: usize,
 ) -> Result<Track, (usize, MotionError)> {
-    let mut tracker = Tracker::new(array.clone(), window).map_err(|error| (0, error))?;
-    let mut estimate = Estimate::default();
+    let tracker = Tracker::new(array.clone(), window).map_err(|error| (0, error))?;
+    whole(tracker, pulses, |_| 0.0)
+}
+
+/// The same of a radar whose headings are known: of each pulse one, radians counterclockwise from the frame's x axis; of a rail 0 all along.
+///
+/// # Errors
+/// As [`track`]; [`MotionError::Headings`].
+pub fn track_turned(
+    array: &Array,
+    pulses: &[Vec<Sighting>],
+    headings_rad: &[f64],
+    window: usize,
+) -> Result<Track, (usize, MotionError)> {
+    let known = headings_rad.iter().all(|heading| heading.is_finite());
+    if headings_rad.len() != pulses.len() || !known {
+        let error = MotionError::Headings {
+            headings: headings_rad.len(),
+            pulses: pulses.len(),
+        };
+        return Err((0, error));
+    }
+    let tracker = Tracker::held(array.clone(), window).map_err(|error| (0, error))?;
+    whole(tracker, pulses, |n| headings_rad[n])
+}
+
+/// All pulses by a tracker, then at once.
+fn whole(
+    mut tracker: Tracker,
+    pulses: &[Vec<Sighting>],
+    heading_rad: impl Fn(usize) -> f64,
+) -> Result<Track, (usize, MotionError)> {
+    let array = &tracker.array.clone();
+    let heading = tracker.estimate.heading;
+    let mut estimate = Estimate {
+        heading,
+        ..Estimate::default()
+    };
     let (mut understood, mut doubtful) = (Vec::new(), Vec::new());
     for (n, sightings) in pulses.iter().enumerate() {
+        tracker.turn_to(heading_rad(n));
         let step = tracker.push(sightings).map_err(|error| (n, error))?;
         estimate.poses.push(step.pose);
         understood.push(tracker.last().to_vec());
@@ -250,15 +337,17 @@ pub fn track(
     }
     estimate.targets = tracker.targets().map(|(_, target)| target).collect();
     let live = estimate.poses.clone();
-    let whole = |error: NoEstimate| (pulses.len(), error.into());
+    let at_last = |error: NoEstimate| (pulses.len(), error.into());
     let nothing = Known::default();
-    let solved = joint::solve(array, &understood, 0, &mut estimate, &nothing).map_err(whole)?;
+    let solved = joint::solve(array, &understood, 0, &mut estimate, &nothing).map_err(at_last)?;
     let covariances =
-        joint::covariances(array, &understood, 0, &estimate, &nothing).map_err(whole)?;
-    let found = 3 * (pulses.len().max(1) - 1) + 3 * estimate.targets.len();
+        joint::covariances(array, &understood, 0, &estimate, &nothing).map_err(at_last)?;
+    let of_pose = if heading == Heading::Held { 2 } else { 3 };
+    let found = of_pose * (pulses.len().max(1) - 1) + 3 * estimate.targets.len();
     let names = tracker.targets().map(|(name, _)| name);
     Ok(Track {
         targets: names.zip(estimate.targets.iter().copied()).collect(),
+        steps: steps(&estimate.poses, &covariances),
         poses: estimate.poses,
         live,
         covariances: covariances.poses().collect(),

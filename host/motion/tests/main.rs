@@ -1,7 +1,9 @@
 //! Tracks found from simulated phases, against the truth and against what can be known.
 
 mod diagnosis;
+mod held;
 mod increments;
+mod live;
 mod movers;
 mod nonsense;
 mod scene;
@@ -158,6 +160,7 @@ fn bound(array: &Array, poses: &[Pose], noise: &Noise) -> [f64; 2] {
     let truth = Estimate {
         poses: poses.to_vec(),
         targets: targets(array),
+        ..Estimate::default()
     };
     let pulses = without_noise(array, poses, noise);
     let all = covariances(array, &pulses, 0, &truth, &Known::default()).unwrap();
@@ -249,6 +252,7 @@ fn covariances_are_those_of_the_whole_system() {
     let truth = Estimate {
         poses: poses.clone(),
         targets: targets(&array),
+        ..Estimate::default()
     };
     // Errors beyond what counts as they are would count for less.
     let exact: Vec<Vec<Sighting>> = pulses

@@ -5,11 +5,11 @@ use super::*;
 use subaperture_motion::movers::{Doubt, NoScene, Scene, sort, track_among_movers};
 use subaperture_motion::{Heading, Robust, chain};
 
-const RATE_HZ: f64 = 1000.0;
+pub(super) const RATE_HZ: f64 = 1000.0;
 /// Pulses in which it is told who moves.
-const STRETCH: usize = 32;
+pub(super) const STRETCH: usize = 32;
 
-fn moving(at_m: [f64; 2], velocity_m_s: [f64; 2]) -> Reflector {
+pub(super) fn moving(at_m: [f64; 2], velocity_m_s: [f64; 2]) -> Reflector {
     Reflector {
         at_m,
         step_m: velocity_m_s.map(|v| v / RATE_HZ),
@@ -25,7 +25,7 @@ fn scene(array: &Array, pulses: &[Vec<Sighting>]) -> Scene {
     track_among_movers(array, pulses, &times_s(pulses.len()), STRETCH, WINDOW).unwrap()
 }
 
-fn flat(_: usize) -> f64 {
+pub(super) fn flat(_: usize) -> f64 {
     0.0
 }
 
@@ -88,7 +88,7 @@ fn with_and_without(
 }
 
 /// One of five moves at 0.5 m/s.
-const MOVER: ([f64; 2], [f64; 2]) = ([0.6, 4.1], [-0.3, -0.4]);
+pub(super) const MOVER: ([f64; 2], [f64; 2]) = ([0.6, 4.1], [-0.3, -0.4]);
 
 #[test]
 fn the_track_does_not_suffer_from_a_mover() {

@@ -8,7 +8,7 @@
 //!
 //! | format | what is read |
 //! |---|---|
-//! | NovAtel OEM7, ASCII or binary, long or short headers, CRC checked | `INSPVA(S)`, `INSPVAX`, `BESTPOS`, `MARKPOS`, `MARKTIME` |
+//! | NovAtel OEM7, ASCII or binary, long or short headers, CRC checked | `INSPVA(S)`, `INSPVAX`, `BESTPOS`, `BESTVEL`, `MARKPOS`, `MARKTIME` |
 //! | NMEA 0183, checksum checked | `GGA`, `RMC`, `ZDA`, `GST`, `VTG`, `HDT`, as one record a moment |
 //! | SBET | all records |
 //! | comma-separated values, units in their header | time, place, velocity, attitude, standard deviations |

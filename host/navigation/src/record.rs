@@ -16,6 +16,8 @@ pub enum Kind {
     Inspvax,
     /// NovAtel `BESTPOS`: best position of the receiver.
     Bestpos,
+    /// NovAtel `BESTVEL`: best velocity of the receiver, at the moment of which it is.
+    Bestvel,
     /// NovAtel `MARKPOS`: position at an event's mark.
     Markpos,
     /// NovAtel `MARKTIME`: time of an event's mark, and nothing else.
@@ -30,10 +32,11 @@ pub enum Kind {
 
 impl Kind {
     /// All there are.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Inspva,
         Self::Inspvax,
         Self::Bestpos,
+        Self::Bestvel,
         Self::Markpos,
         Self::Marktime,
         Self::Nmea,
@@ -47,6 +50,7 @@ impl Kind {
             Self::Inspva => "INSPVA",
             Self::Inspvax => "INSPVAX",
             Self::Bestpos => "BESTPOS",
+            Self::Bestvel => "BESTVEL",
             Self::Markpos => "MARKPOS",
             Self::Marktime => "MARKTIME",
             Self::Nmea => "NMEA",

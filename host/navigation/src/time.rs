@@ -46,6 +46,14 @@ impl GpsTime {
         weeks * WEEK_S + (self.seconds - earlier.seconds)
     }
 
+    /// Of nanoseconds since the beginning of 1970 by UTC, as recordings have them; none before 1980. A leap second is the first of the next day.
+    pub fn of_unix_ns(ns: i64) -> Option<Self> {
+        const DAY_NS: i64 = 86_400_000_000_000;
+        let day = ns.div_euclid(DAY_NS);
+        let seconds = ns.rem_euclid(DAY_NS) as f64 * 1e-9;
+        Self::of_utc(day, seconds, leap_seconds(day))
+    }
+
     /// Of a day of UTC, seconds of that day, and the leap seconds by which GPS is ahead; none before 1980 or after some millions of
     /// weeks.
     pub(crate) fn of_utc(day: i64, seconds: f64, leap_s: i32) -> Option<Self> {
@@ -117,6 +125,10 @@ mod tests {
         let time = GpsTime::of_utc(saturday, 86_399.5, 16).unwrap();
         assert_eq!((time.week, time.seconds), (1821, 15.5));
         assert_eq!(GpsTime::of_utc(FIRST_DAY - 7, 0.0, 0), None);
+        // That moment as a recording has it: 1416860990 s since 1970, and half a second.
+        let time = GpsTime::of_unix_ns(1_416_860_990_500_000_000).unwrap();
+        assert_eq!((time.week, time.seconds), (1820, 160_206.5));
+        assert_eq!(GpsTime::of_unix_ns(0), None);
     }
 
     #[test]

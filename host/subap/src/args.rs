@@ -3,6 +3,7 @@
 mod autofocus;
 mod focus;
 mod formers;
+mod logs;
 mod look;
 mod navigation;
 mod plan;
@@ -24,12 +25,13 @@ use crate::failure::Usage;
 use crate::log::Format;
 pub(crate) use autofocus::{Autofocus, Way};
 pub(crate) use focus::{Focus, Imaging, Velocity};
+pub(crate) use logs::Logs;
 pub(crate) use look::{Look, Picture};
 pub(crate) use navigation::Navigation;
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 use subaperture::units::Dimension;
 pub(crate) use tiled::{Part, Tiled};
-pub(crate) use track::Track;
+pub(crate) use track::{Track, TrackSource};
 pub(crate) use tune::{Recording, Tune, Vary};
 pub(crate) use values::{At, SeveralChannels, several_channels};
 use values::{

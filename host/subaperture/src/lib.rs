@@ -76,6 +76,7 @@
 //! | `autofocus` | parameters, phases and tracks of recordings by the sharpness of their images | `autofocus` | |
 //! | `motion`, `targets` | a radar's own motion from the phases of its echoes, and the targets that they are of | `motion` | |
 //! | `navigation` | logs of navigation receivers; a radar's own motion fused with them | `navigation` | |
+//! | `one_track` | one track of a recording's echoes and its navigation | `motion` and `navigation` | |
 //! | `onboard` | a processor on the platform: its plan, the serial link, its maps | `link` | `subaperture-core`, `serial2` |
 //!
 //! `default` is `cphd`, `gotcha`, `npz`, `recording`, `simulate`, `quality` and `plot`.
@@ -85,6 +86,8 @@
 
 mod focused;
 mod focusing;
+#[cfg(all(feature = "motion", feature = "navigation"))]
+pub mod one_track;
 pub mod prelude;
 mod reading;
 mod save;

@@ -13,7 +13,9 @@ use std::f64::consts::{PI, TAU};
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::Channels;
-use subaperture_motion::{Array, MotionError, Pose, Sighting, Target, Track, Tracker, track};
+use subaperture_motion::{
+    Array, Increment, MotionError, Pose, Sighting, Target, Track, Tracker, track,
+};
 
 use crate::arrangement::Arrangement;
 use crate::echo::Echo;
@@ -50,6 +52,8 @@ pub struct Moment {
     pub targets: usize,
     /// RMS of what ranges and phases are off, in standard deviations.
     pub residual: f64,
+    /// Where the recording has the middle of the antennas, metres in the scene frame.
+    pub recorded_m: DVec3,
 }
 
 impl Moment {
@@ -99,6 +103,9 @@ pub struct Place {
 pub struct Recovered {
     /// In the order of pulses; those that tell nothing have none.
     pub moments: Vec<Moment>,
+    /// From each moment to the next in the body's axes, with a covariance of x, y and turn by which they can be taken for independent
+    /// ([`Track::steps`]).
+    pub steps: Vec<(Increment, DMat3)>,
     /// Targets.
     pub places: Vec<Place>,
     /// What was seen.
@@ -160,6 +167,7 @@ pub fn recover(
         covariance: laid.covariance(&found.covariances[i]),
         targets: pulses[n].len(),
         residual: residual(&seen.array, &found.poses[i], &targets, &pulses[n]),
+        recorded_m: recorded[i],
     });
     let moments: Vec<Moment> = moments.collect();
     let count = |target: usize| {
@@ -176,6 +184,7 @@ pub fn recover(
         .extend(faults(&found, &kept, pulses.len(), laid.reversed));
     Ok(Recovered {
         moments,
+        steps: found.steps,
         places,
         seen,
         chi_square: found.chi_square,

@@ -2,7 +2,7 @@
 //!
 //! A phase that wrapped, or a target that was taken for another, moves the radar by a part of a wavelength within a pulse. Least squares over all would
 //! believe that, as an increment is stated to micrometres and all the rest to millimetres; the vehicle's inertia tells. An increment is doubted if its velocity or
-//! rate of turn is more than [`FAR`] standard deviations from the median of up to [`REACH`] on either side: those of its own noise, of theirs, and of what the
+//! rate of turn is more than [`Model::doubted`] standard deviations from the median of up to [`REACH`] on either side: those of its own noise, of theirs, and of what the
 //! [`Model`] has of accelerations within that time. It is left out, and the millisecond bridged, which costs micrometres.
 
 use super::{Increment, Model};
@@ -11,8 +11,6 @@ use super::{Increment, Model};
 const REACH: usize = 3;
 /// With fewer than this of neighbours nothing is doubted.
 const FEWEST: usize = 4;
-/// Standard deviations.
-const FAR: f64 = 8.0;
 
 /// Numbers of those that are doubted, ascending.
 pub(super) fn doubted(increments: &[Increment], model: &Model) -> Vec<usize> {
@@ -43,7 +41,7 @@ pub(super) fn doubted(increments: &[Increment], model: &Model) -> Vec<usize> {
             };
             let noise = one.covariance.col(k)[k] / (dt * dt);
             let variance = 2.0 * noise + wander * wander * (2 * REACH) as f64 * dt;
-            (own[k] - others[others.len() / 2]).abs() > FAR * variance.sqrt()
+            (own[k] - others[others.len() / 2]).abs() > model.doubted * variance.sqrt()
         })
     };
     (0..increments.len()).filter(|&n| far(n)).collect()

@@ -86,6 +86,8 @@ pub struct Model {
     pub inertial_velocity: [f64; 2],
     /// How its heading's error wanders, radians by the root of a second. What is constant is `squint`.
     pub inertial_heading: f64,
+    /// Increments that are off their neighbours by more standard deviations are left out.
+    pub doubted: f64,
     /// By which share the radar's x may be too long, standard deviation; 0 if it is right.
     pub scale: f64,
     /// Seconds after which that is another.
@@ -112,6 +114,7 @@ impl Default for Model {
             inertial_position: [10.0, 1e-3],
             inertial_velocity: [0.1, 1e-3],
             inertial_heading: 1e-4,
+            doubted: 8.0,
             scale: 0.005,
             scale_time_s: 30.0,
             receiver_clock_s: Assumed::default(),
@@ -129,10 +132,37 @@ impl Default for Model {
 /// Largest number that is sensible of anything: beyond, squares of what is assumed are none.
 const LARGEST: f64 = 1e9;
 
+fn sound(value: f64) -> bool {
+    value.abs() <= LARGEST
+}
+
+/// Refuses measurements of a kind, each with its time and whether all else of it can be computed with, that cannot be or that go back in time.
+fn in_order(what: &'static str, all: impl Iterator<Item = (f64, bool)>) -> Result<(), FusionError> {
+    let mut before_s = f64::NEG_INFINITY;
+    for (n, (time_s, whole)) in all.enumerate() {
+        let fault = match () {
+            () if !(whole && sound(time_s)) => {
+                "numbers that are not finite, or standard deviations that are not positive"
+            }
+            () if time_s <= before_s => "a time that is not after the one before",
+            () => {
+                before_s = time_s;
+                continue;
+            }
+        };
+        return Err(FusionError::Input {
+            what,
+            number: n + 1,
+            time_s,
+            fault,
+        });
+    }
+    Ok(())
+}
+
 impl Inputs<'_> {
     /// Refuses what cannot be computed with.
     pub(super) fn check(&self) -> Result<(), FusionError> {
-        let sound = |value: f64| value.abs() <= LARGEST;
         let vector = |v: DVec3| v.to_array().into_iter().all(sound);
         let spread = |v: DVec3| v.to_array().into_iter().all(|s| s > 0.0 && sound(s));
         let pair = |v: &Option<[DVec3; 2]>| v.is_none_or(|[v, s]| vector(v) && spread(s));
@@ -167,55 +197,20 @@ impl Inputs<'_> {
                 fault: what,
             });
         }
-        let ordered =
-            |before: Option<f64>, time_s: f64| before.is_none_or(|before| time_s > before);
-        let refuse = |what, n: usize, time_s, whole: bool, later: bool| {
-            let fault = match (whole, later) {
-                (false, _) => {
-                    "numbers that are not finite, or standard deviations that are not positive"
-                }
-                (_, false) => "a time that is not after the one before",
-                _ => return Ok(()),
-            };
-            Err(FusionError::Input {
-                what,
-                number: n + 1,
-                time_s,
-                fault,
-            })
+        let position = |one: &Position| {
+            let whole = vector(one.position_m) && spread(one.sigma_m) && pair(&one.velocity_m_s);
+            (one.time_s, whole)
         };
-        for (n, one) in self.positions.iter().enumerate() {
-            let whole = sound(one.time_s)
-                && vector(one.position_m)
-                && spread(one.sigma_m)
-                && pair(&one.velocity_m_s);
-            let before = n.checked_sub(1).map(|n| self.positions[n].time_s);
-            refuse(
-                "position",
-                n,
-                one.time_s,
-                whole,
-                ordered(before, one.time_s),
-            )?;
-        }
-        for (n, one) in self.inertial.iter().enumerate() {
-            let heading = one
-                .heading_rad
-                .is_none_or(|[h, s]| sound(h) && s > 0.0 && sound(s));
-            let whole = sound(one.time_s)
-                && pair(&one.position_m)
+        in_order("position", self.positions.iter().map(position))?;
+        let inertial = |one: &Inertial| {
+            let heading = one.heading_rad;
+            let whole = pair(&one.position_m)
                 && pair(&one.velocity_m_s)
-                && heading
+                && heading.is_none_or(|[h, s]| sound(h) && s > 0.0 && sound(s))
                 && one.roll_pitch_rad.into_iter().all(sound);
-            let before = n.checked_sub(1).map(|n| self.inertial[n].time_s);
-            refuse(
-                "inertial moment",
-                n,
-                one.time_s,
-                whole,
-                ordered(before, one.time_s),
-            )?;
-        }
+            (one.time_s, whole)
+        };
+        in_order("inertial moment", self.inertial.iter().map(inertial))?;
         let placed = self.inertial.iter().any(|one| one.position_m.is_some());
         match self.positions.is_empty() && !placed {
             true => Err(FusionError::Nowhere),
@@ -236,6 +231,7 @@ impl Model {
             ("inertial_velocity", self.inertial_velocity[0]),
             ("inertial_velocity", self.inertial_velocity[1]),
             ("inertial_heading", self.inertial_heading),
+            ("doubted", self.doubted),
             ("scale_time_s", self.scale_time_s),
         ];
         let wrong = |&(_, value): &(&str, f64)| !(value > 0.0 && value <= LARGEST);

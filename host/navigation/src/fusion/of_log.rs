@@ -41,7 +41,16 @@ fn along(record: &Record, frame: &SceneFrame, stated: Option<DVec3>, unstated: f
     DVec3::from(sum.to_array().map(|variance| variance.sqrt().max(1e-4)))
 }
 
-/// The places of a kind of records in a frame, times counted from `start`; places alone, no velocities.
+/// A receiver's velocity is given to a position that is nearer than this, seconds.
+const TOGETHER_S: f64 = 0.05;
+/// A vehicle changes its velocity by about so much between the two, metres a second squared.
+const CHANGES_M_S2: f64 = 1.0;
+/// Of a velocity upwards that is not measured, metres a second.
+const UNMEASURED_M_S: f64 = 1e3;
+
+/// The places of a kind of records in a frame, times counted from `start`, with their velocities: their own, or those of NovAtel's `BESTVEL` beside them.
+///
+/// Standard deviations are those stated, for what states none those of `unstated`; of NMEA's velocities, which have none upwards, that part counts next to nothing.
 pub fn positions(
     log: &Log,
     kind: Kind,
@@ -49,15 +58,50 @@ pub fn positions(
     start: GpsTime,
     unstated: &Unstated,
 ) -> Vec<Position> {
+    let beside: Vec<&Record> = match kind {
+        Kind::Bestpos => log.of(Kind::Bestvel).collect(),
+        _ => Vec::new(),
+    };
+    let mut velocities = beside.into_iter().peekable();
     let position = |record: &Record| {
+        let mut moving = *record;
+        let mut away_s: f64 = 0.0;
+        if record.velocity_m_s.is_none() {
+            // The nearest: both ascend.
+            let off = |one: &Record| one.time.since(record.time);
+            while velocities.next_if(|one| off(one) < -TOGETHER_S).is_some() {}
+            let mut nearest = velocities.peek().copied();
+            while let Some(one) = velocities.next_if(|one| off(one) <= 0.0) {
+                nearest = Some(one);
+            }
+            if let Some(one) = nearest.filter(|one| off(one).abs() <= TOGETHER_S) {
+                moving.velocity_m_s = one.velocity_m_s;
+                moving.velocity_sigma_m_s = one.velocity_sigma_m_s;
+                away_s = off(one);
+            }
+        }
         Some(Position {
             time_s: record.time.since(start),
             position_m: record.place?.in_frame(frame)?,
             sigma_m: along(record, frame, record.place_sigma_m, unstated.place_m),
-            velocity_m_s: None,
+            velocity_m_s: velocity(&moving, frame, unstated.velocity_m_s, away_s),
         })
     };
     log.of(kind).filter_map(position).collect()
+}
+
+/// A record's velocity along a frame's axes and its standard deviation, measured so many seconds away.
+fn velocity(record: &Record, frame: &SceneFrame, unstated: f64, away_s: f64) -> Option<[DVec3; 2]> {
+    let velocity = record.to_scene(frame)? * record.velocity_m_s?;
+    let mut stated = record.velocity_sigma_m_s;
+    if record.kind == Kind::Nmea {
+        let [level, _, _] = stated.unwrap_or(DVec3::splat(unstated)).to_array();
+        stated = Some(DVec3::new(level, level, UNMEASURED_M_S));
+    }
+    let sigma = along(record, frame, stated, unstated);
+    let changed = CHANGES_M_S2 * away_s;
+    let both = |sigma: f64| libm::hypot(sigma, changed);
+    Some([velocity, DVec3::from(sigma.to_array().map(both))])
 }
 
 /// The places, velocities and attitudes of a kind of records in a frame, times counted from `start`.

@@ -7,10 +7,12 @@
 //! | `INSPVA`, `INSPVAS` | 507, 508 | u week, d seconds, d latitude, d longitude, d height, 3 d velocity (north, east, up), 3 d roll, pitch, azimuth, e status | the ellipsoid |
 //! | `INSPVAX` | 1465 | e status, e type, 3 d latitude, longitude, height, f undulation, 3 d velocity, 3 d roll, pitch, azimuth, 9 f their standard deviations | mean sea level |
 //! | `BESTPOS`, `MARKPOS` | 42, 181 | e status, e type, 3 d latitude, longitude, height, f undulation, e datum, 3 f standard deviations | mean sea level |
+//! | `BESTVEL` | 99 | e status, e type, f latency, f age, d speed over ground, d direction over ground, d speed upwards | |
 //! | `MARKTIME` | 231 | u week, d seconds, d offset, d its standard deviation, d UTC less GPS time, e status of the clock | |
 //!
 //! What follows in a record is passed over. Heights are made ellipsoidal (mean sea level and undulation). `INSPVA` and `MARKTIME` state their own time,
-//! the others' is that of their header: of binary ones in whole milliseconds, which at 30 m/s is 3 cm. A record whose status is not one of a
+//! the others' is that of their header: of binary ones in whole milliseconds, which at 30 m/s is 3 cm. A velocity is of a moment
+//! earlier by its latency, which is taken off. A record whose status is not one of a
 //! solution, or whose header says that the time is unknown, is counted.
 
 use glam::DVec3;
@@ -44,11 +46,12 @@ type Header = Option<GpsTime>;
 
 /// The kind that is meant by a name or number, and the name.
 fn known(message: &Message<'_>) -> Result<(Kind, &'static str), String> {
-    const KINDS: [(u16, &str, Kind); 8] = [
+    const KINDS: [(u16, &str, Kind); 9] = [
         (507, "INSPVA", Kind::Inspva),
         (508, "INSPVAS", Kind::Inspva),
         (1465, "INSPVAX", Kind::Inspvax),
         (42, "BESTPOS", Kind::Bestpos),
+        (99, "BESTVEL", Kind::Bestvel),
         (181, "MARKPOS", Kind::Markpos),
         (615, "MARK2POS", Kind::Markpos),
         (231, "MARKTIME", Kind::Marktime),
@@ -164,6 +167,27 @@ fn velocity(body: &mut impl Body) -> Result<DVec3, String> {
     Ok(DVec3::new(east, north, along("velocity up")?))
 }
 
+/// Speed, direction clockwise from north, and speed upwards, as east, north and up.
+fn over_ground(body: &mut impl Body) -> Result<DVec3, String> {
+    let speed = within("speed", body.double("speed")?, 0.0, 1e5)?;
+    let direction = within("direction", body.double("direction")?, -360.0, 360.0)?;
+    let up = within("speed upwards", body.double("speed upwards")?, -1e5, 1e5)?;
+    let (sin, cos) = libm::sincos(direction.to_radians());
+    Ok(DVec3::new(speed * sin, speed * cos, up))
+}
+
+/// A time less some seconds; not before time began.
+fn earlier(time: GpsTime, by_s: f64) -> GpsTime {
+    let seconds = time.seconds - by_s;
+    match (seconds < 0.0, time.week.checked_sub(1)) {
+        (true, Some(week)) => GpsTime {
+            week,
+            seconds: seconds + WEEK_S,
+        },
+        _ => GpsTime { seconds, ..time },
+    }
+}
+
 fn attitude(body: &mut impl Body) -> Result<Attitude, String> {
     let mut angle = |what| within(what, body.double(what)?, -360.0, 360.0);
     Ok(Attitude {
@@ -205,6 +229,16 @@ fn said(kind: Kind, byte: u64, header: Header, body: &mut impl Body) -> Result<S
             if body.state("status", &CLOCK_VALID)?.is_none() {
                 return Ok(None);
             }
+        }
+        Kind::Bestvel => {
+            if body.state("status", &COMPUTED)?.is_none() {
+                return Ok(None);
+            }
+            body.state("type", &[])?;
+            let late_s = within("latency", body.single("latency")?, 0.0, 10.0)?;
+            body.single("age")?;
+            record.velocity_m_s = Some(over_ground(body)?);
+            record.time = earlier(record.time, late_s);
         }
         Kind::Inspva => {
             record.place = Some(Place::Earth(place(body)?));

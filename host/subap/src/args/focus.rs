@@ -10,6 +10,8 @@ use subaperture::signal::window::Window;
 use subaperture::units::Dimension;
 
 use super::formers::{self, FormerOptions};
+use super::logs::Logs;
+use super::track::{TrackSource, track_source};
 use super::values::{any, axis, error_bound, output, positive, scratch_size, vector};
 use super::{Input, Look, Rehearsal, Tiled, Writing};
 
@@ -44,10 +46,14 @@ pub(crate) struct Focus {
 
     /// The radar moved as this track says, in place of the recorded positions, as subap track writes it: places and attitudes of the
     /// body whose origin is the middle of the antennas and whose x axis lies along the receivers; or mpga, the track of the recording's
-    /// own echoes, with what subap track takes by default
-    #[arg(long, value_name = "CSV|mpga", value_hint = ValueHint::FilePath,
+    /// own echoes, with what subap track takes by default; or fused, that of the echoes and of navigation: the recording's own positions, or
+    /// the logs of --navigation
+    #[arg(long, value_name = "CSV|mpga|fused", value_hint = ValueHint::FilePath, value_parser = track_source(),
         conflicts_with_all = ["tiled", "plan", "tiles", "resume"])]
-    pub(crate) track: Option<PathBuf>,
+    pub(crate) track: Option<TrackSource>,
+
+    #[command(flatten)]
+    pub(crate) logs: Logs,
 
     /// Take these phase errors away first, a pulse each, as subap autofocus writes them
     #[arg(long, value_name = "CSV", value_hint = ValueHint::FilePath,

@@ -1,19 +1,23 @@
 //! `subap track`.
 
-use std::path::PathBuf;
+use std::fmt;
+use std::path::{Path, PathBuf};
 
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args as Group, ValueHint};
 use subaperture::signal::window::Window;
 
 use super::values::{any, output, positive, ranges, several_channels};
-use super::{SeveralChannels, Writing};
+use super::{Logs, SeveralChannels, Writing};
 use subaperture::units::Dimension;
 
 /// `subap track`.
 #[derive(Debug, Group)]
 #[command(after_help = "An image on the track that the radar itself found:\n  \
     subap track walk.cphd -o track.csv\n  \
-    subap focus walk.cphd --track track.csv --out image")]
+    subap focus walk.cphd --track track.csv --out image\n\n\
+    The same with what a receiver says of where it was:\n  \
+    subap track walk.cphd --navigation receiver.log -o track.csv")]
 pub(crate) struct Track {
     /// CPHD 1.x of several channels, or a description of a raw recording (.toml): two receivers at the least, half a
     /// wavelength apart or less
@@ -58,5 +62,49 @@ pub(crate) struct Track {
     pub(crate) window: Window,
 
     #[command(flatten)]
+    pub(crate) logs: Logs,
+
+    #[command(flatten)]
     pub(crate) writing: Writing,
+}
+
+/// Where the track of an image is taken from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum TrackSource {
+    /// The recording's own echoes.
+    Echoes,
+    /// These and navigation.
+    Fused,
+    /// A file.
+    File(PathBuf),
+}
+
+impl TrackSource {
+    /// The file, if it is one.
+    pub(crate) fn file(&self) -> Option<&Path> {
+        match self {
+            Self::File(path) => Some(path),
+            Self::Echoes | Self::Fused => None,
+        }
+    }
+}
+
+impl fmt::Display for TrackSource {
+    /// As it is typed.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Echoes => f.write_str("mpga"),
+            Self::Fused => f.write_str("fused"),
+            Self::File(path) => path.display().fmt(f),
+        }
+    }
+}
+
+/// A file of any name but these two (`./mpga` is a file).
+pub(super) fn track_source() -> impl TypedValueParser<Value = TrackSource> {
+    PathBufValueParser::new().map(|path| match path.to_str() {
+        Some("mpga") => TrackSource::Echoes,
+        Some("fused") => TrackSource::Fused,
+        _ => TrackSource::File(path),
+    })
 }

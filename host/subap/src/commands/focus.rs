@@ -9,7 +9,7 @@ mod record;
 pub(crate) mod tiled;
 
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::Context;
@@ -25,7 +25,7 @@ use subaperture::phase_history::{InputFile, PhaseHistory};
 use subaperture::planner::forecast::cost;
 use subaperture::resolution::survey::Survey;
 
-use crate::args::{Focus, Imaging};
+use crate::args::{Focus, Imaging, TrackSource};
 use crate::commands::forming::{self, Forming};
 use crate::config::Session;
 use crate::failure::Usage;
@@ -33,6 +33,9 @@ use crate::{advice, interrupt, messages, stages, text};
 
 /// Forms the image and writes its folder, complete or not at all.
 pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
+    if !typed.logs.navigation.is_empty() && typed.track != Some(TrackSource::Fused) {
+        return Err(Usage("--navigation is for --track fused".to_owned()).into());
+    }
     if let Some(path) = &typed.from_maps {
         return from_maps::run(session, typed, path);
     }
@@ -55,7 +58,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
 
     let recorded = match &typed.track {
         None => session.open(&typed.input)?,
-        Some(track) => on_track::open(session, &typed.input, track)?,
+        Some(track) => on_track::open(session, &typed.input, track, &typed.logs)?,
     };
     let corrected = corrected::corrected(typed, &recorded)?;
     let recorded: &dyn PhaseHistory = match &corrected {
@@ -171,10 +174,10 @@ impl Job<'_> {
         interrupt::check()?;
         let checksums = session.progress("checksums");
         let mut inputs = self.history.inputs()?;
-        for path in [&typed.track, &typed.phase].into_iter().flatten() {
-            if path != Path::new(on_track::FOUND) {
-                inputs.push(read_beside(path)?);
-            }
+        let track = typed.track.as_ref().and_then(TrackSource::file);
+        let logs = typed.logs.navigation.iter().map(PathBuf::as_path);
+        for path in track.into_iter().chain(typed.phase.as_deref()).chain(logs) {
+            inputs.push(read_beside(path)?);
         }
         checksums.finish();
         let told = about.check.as_ref().map(ToString::to_string);

@@ -10,6 +10,7 @@ mod forming;
 mod info;
 mod link;
 mod navigation;
+mod one_track;
 mod picture;
 mod plan;
 mod quality;

@@ -28,22 +28,12 @@ pub(crate) fn run(session: &Session, typed: &Navigation) -> anyhow::Result<()> {
         claims.file(out, Written::Text)?;
         claims.file(picture, Written::Picture)?;
     }
-    let progress = session.progress("reading");
     let options = Options {
         week: typed.week,
         ..Options::default()
     };
-    let log = Log::read(&typed.file, &options)?;
-    progress.finish();
+    let log = read(session, &typed.file, &options)?;
     let coverage = log.coverage();
-    let faulty = log.account.faulty();
-    if faulty > 0 {
-        messages::warning(format!(
-            "{}: {faulty} messages are cut or damaged; what is left is sound (-v lists them)",
-            typed.file.display()
-        ));
-    }
-    session.note(1, || log.account.to_string());
     let track = match (&typed.out, &picture) {
         (Some(out), Some(picture)) => Some(write(typed, &log, &coverage, out, picture)?),
         _ => None,
@@ -59,6 +49,22 @@ pub(crate) fn run(session: &Session, typed: &Navigation) -> anyhow::Result<()> {
         text::say(format!("{}: {} places", track.out, track.fixes))?;
     }
     Ok(())
+}
+
+/// Reads a log, and says what of it is lost.
+pub(super) fn read(session: &Session, path: &Path, options: &Options) -> anyhow::Result<Log> {
+    let progress = session.progress("reading");
+    let log = Log::read(path, options)?;
+    progress.finish();
+    let faulty = log.account.faulty();
+    if faulty > 0 {
+        messages::warning(format!(
+            "{}: {faulty} messages are cut or damaged; what is left is sound (-v lists them)",
+            path.display()
+        ));
+    }
+    session.note(1, || log.account.to_string());
+    Ok(log)
 }
 
 /// What was written.

@@ -10,12 +10,14 @@ use subaperture::io::atomic::write_atomically;
 use subaperture::io::found_track::{self, FoundFix};
 use subaperture::io::open::{Options, open_channels};
 use subaperture::io::ours::Kind;
+use subaperture::one_track::OneTrack;
 use subaperture::phase_history::Channels;
 use subaperture::plot::{Chart, Curve, Stroke, stacked};
 use subaperture::targets::follow::Event;
 use subaperture::targets::{Moment, Recovered, Settings, TargetsError, recover};
 use subaperture::track::Fix;
 
+use super::one_track::{self, Recorded};
 use crate::args::Track;
 use crate::config::Session;
 use crate::{interrupt, messages, text};
@@ -29,7 +31,11 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
         Some(path) => path.clone(),
         None => beside(&typed.out),
     };
-    let mut claims = session.claims(&typed.writing, &[&typed.input]);
+    let inputs: Vec<&PathBuf> = [&typed.input]
+        .into_iter()
+        .chain(&typed.logs.navigation)
+        .collect();
+    let mut claims = session.claims(&typed.writing, &inputs);
     claims.file(&typed.out, Kind::Text)?;
     claims.file(&picture, Kind::Picture)?;
     let options = Options {
@@ -56,12 +62,20 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
         ..defaults
     };
     settings.follow.bridge = typed.bridge;
-    let found = find(session, channels, &settings)?;
+    let recorded = Recorded::of(&channels)?;
+    let mut found = find(session, channels, &settings)?;
+    let both = match typed.logs.navigation.is_empty() {
+        true => None,
+        false => Some(one_track::of(session, &found, &recorded, &typed.logs)?),
+    };
+    if let Some(both) = &both {
+        both.lay(&mut found);
+    }
     let drawn = stacked(&charts(&name, &found, &recorded_m))?;
     let fixes: Vec<FoundFix> = found.moments.iter().map(found_fix).collect();
     found_track::write(&typed.out, &fixes)?;
     write_atomically(&picture, drawn.len() as u64, |file| file.write_all(&drawn))?;
-    tell(session, typed, &picture, &found)
+    tell(session, typed, &picture, &found, both.as_ref())
 }
 
 /// The picture's file beside the track's.
@@ -196,7 +210,13 @@ fn charts(name: &str, found: &Recovered, recorded_m: &[DVec3]) -> [Chart; 2] {
     ]
 }
 
-fn tell(session: &Session, typed: &Track, picture: &Path, found: &Recovered) -> anyhow::Result<()> {
+fn tell(
+    session: &Session,
+    typed: &Track,
+    picture: &Path,
+    found: &Recovered,
+    both: Option<&OneTrack>,
+) -> anyhow::Result<()> {
     let last = found.moments.last().context("a track has poses")?;
     let seen = &found.seen;
     let [sum, expected] = found.chi_square;
@@ -217,6 +237,7 @@ fn tell(session: &Session, typed: &Track, picture: &Path, found: &Recovered) -> 
                 "chi_square": sum,
                 "chi_square_expected": expected,
                 "settled": found.settled,
+                "one_track": both.map(one_track::record),
                 "targets": found.places.iter().map(|place| json!({
                     "target": place.target,
                     "pulses": place.pulses,
@@ -243,5 +264,8 @@ fn tell(session: &Session, typed: &Track, picture: &Path, found: &Recovered) -> 
         1e3 * sigma_m,
         (sum / expected.max(1.0)).sqrt()
     ))?;
+    for line in both.map(one_track::told).unwrap_or_default() {
+        text::say(line)?;
+    }
     Ok(())
 }

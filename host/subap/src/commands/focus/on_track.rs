@@ -1,7 +1,5 @@
 //! `--track`: a recording as the radar made it on another track, one of a file or one that is found of its own echoes.
 
-use std::path::Path;
-
 use anyhow::Context;
 use subaperture::io::open::{Options, cphd_info, open_channels};
 use subaperture::io::track_csv;
@@ -9,21 +7,23 @@ use subaperture::phase_history::{Channels, Joined, OnTrack, PhaseHistory};
 use subaperture::targets::{Arrangement, Settings};
 use subaperture::track::{Fix, SampledTrack};
 
-use crate::args::Input;
-use crate::commands::track;
+use crate::args::{Input, Logs, TrackSource};
+use crate::commands::{one_track, track};
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::messages;
+use crate::{messages, text};
 
-/// The word for the track that the echoes themselves tell.
-pub(super) const FOUND: &str = "mpga";
-
-/// Opens the recordings given, on the track in the file or that of their echoes; several channels as their coherent sum.
-pub(super) fn open(session: &Session, input: &Input, track: &Path) -> anyhow::Result<Joined> {
-    let named = || format!("--track {}", track.display());
-    let mut fixes = match track == Path::new(FOUND) {
-        true => found(session, input)?,
-        false => track_csv::read(track).with_context(named)?,
+/// Opens the recordings given, on the track in the file or one that is found of their echoes; several channels as their coherent sum.
+pub(super) fn open(
+    session: &Session,
+    input: &Input,
+    source: &TrackSource,
+    logs: &Logs,
+) -> anyhow::Result<Joined> {
+    let named = || format!("--track {source}");
+    let mut fixes = match source {
+        TrackSource::File(path) => track_csv::read(path).with_context(named)?,
+        TrackSource::Echoes | TrackSource::Fused => found(session, input, source, logs)?,
     };
     let reading = session.progress("reading");
     let mut left = Options {
@@ -78,10 +78,15 @@ pub(super) fn open(session: &Session, input: &Input, track: &Path) -> anyhow::Re
     })
 }
 
-/// The track of a recording's own echoes.
-fn found(session: &Session, input: &Input) -> anyhow::Result<Vec<Fix>> {
+/// The track of a recording's own echoes, or of them and of navigation.
+fn found(
+    session: &Session,
+    input: &Input,
+    source: &TrackSource,
+    logs: &Logs,
+) -> anyhow::Result<Vec<Fix>> {
     let [path] = &input.paths[..] else {
-        return Err(Usage(format!("--track {FOUND} is of one recording")).into());
+        return Err(Usage(format!("--track {source} is of one recording")).into());
     };
     let options = Options {
         channel: None,
@@ -89,8 +94,18 @@ fn found(session: &Session, input: &Input) -> anyhow::Result<Vec<Fix>> {
         settings: &input.set,
     };
     let channels = open_channels::<&str>(path, None, &options)?;
+    let recorded = one_track::Recorded::of(&channels)?;
     let found = track::find(session, channels, &Settings::default())?;
-    Ok(found.moments.iter().map(track::fix).collect())
+    if *source != TrackSource::Fused {
+        return Ok(found.moments.iter().map(track::fix).collect());
+    }
+    let both = one_track::of(session, &found, &recorded, logs)?;
+    if session.tells() {
+        for line in one_track::told(&both) {
+            text::say(line)?;
+        }
+    }
+    Ok(both.fixes(recorded.span_s))
 }
 
 /// The channels whose image is asked for: of a CPHD its reference channel, of a description all, unless others are named.

@@ -101,9 +101,21 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
         ("allow_error", json!(image.allow_error)),
         ("velocity_m_s", json!(typed.velocity.map(|v| v.to_array()))),
         ("track", {
-            let file = typed.track.as_ref();
-            json!(file.map(|path| path.to_string_lossy()))
+            let track = typed.track.as_ref();
+            json!(track.map(ToString::to_string))
         }),
+        ("navigation", {
+            let logs = typed.logs.navigation.iter();
+            json!(logs.map(|path| path.to_string_lossy()).collect::<Vec<_>>())
+        }),
+        ("navigation_start", {
+            let start = typed.logs.navigation_start;
+            json!(start.map(|start| start.to_string()))
+        }),
+        (
+            "lever_arm_m",
+            json!(typed.logs.lever_arm.map(|arm| arm.to_array())),
+        ),
         ("phase", {
             let file = typed.phase.as_ref();
             json!(file.map(|path| path.to_string_lossy()))

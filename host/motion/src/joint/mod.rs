@@ -11,14 +11,22 @@
 //!
 //! **What is held.** Nothing that is measured tells where the first pose lies, nor how everything together is turned about it. So the first
 //! pose's place is held, and the direction from it to the first target; the first heading is found as the others are. (With the first heading held instead,
-//! an error of its angles of arrival would turn the whole track, on an arc that straight steps cannot follow.)
+//! an error of its angles of arrival would turn the whole track, on an arc that straight steps cannot follow.) Where headings are known ([`Heading::Held`]) they
+//! are those of the frame, stay as the estimate has them, and nothing else is held but the first place: angles of arrival tell directions.
 //!
 //! Phases must be without wraps: [`crate::tracker`] takes care of that.
+
+mod covariances;
+mod known;
 
 use glam::{DMat3, DVec3};
 
 use crate::dense::Factor;
+use crate::increment::Heading;
 use crate::model::{Array, Line, Pose, Sighting, Target};
+
+pub use covariances::{Covariances, covariances};
+pub use known::Known;
 
 /// Standard deviations up to which errors are taken for Gaussian.
 pub const HUBER: f64 = 4.0;
@@ -41,15 +49,8 @@ pub struct Estimate {
     pub poses: Vec<Pose>,
     /// Of all that is seen, by number.
     pub targets: Vec<Target>,
-}
-
-/// What pulses that are left behind say of the targets.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Known {
-    /// Row by row, three numbers a target.
-    information: Vec<f64>,
-    /// It times the targets that these pulses like best.
-    vector: Vec<f64>,
+    /// Whether headings are found, or known and stay as the poses have them.
+    pub heading: Heading,
 }
 
 /// Why there is no estimate.
@@ -173,7 +174,7 @@ impl Normal {
         let size = 3 * estimate.targets.len();
         let mut normal = Self::empty(size, damping);
         normal.add_known(known, &estimate.targets);
-        if let Some(target) = estimate.targets.first() {
+        if let (Some(target), Heading::Found) = (estimate.targets.first(), estimate.heading) {
             // Across the direction in which it is seen from the first pose, which is the origin.
             let across = target.at_m.perp().normalize_or_zero().extend(0.0);
             add(
@@ -184,7 +185,8 @@ impl Normal {
             );
         }
         for (n, (sightings, pose)) in pulses.iter().zip(&estimate.poses).enumerate() {
-            normal.add_pulse(array, sightings, first + n, pose, &estimate.targets)?;
+            let own = (pose, estimate.heading);
+            normal.add_pulse(array, sightings, first + n, own, &estimate.targets)?;
         }
         Ok(normal)
     }
@@ -210,7 +212,7 @@ impl Normal {
         array: &Array,
         sightings: &[Sighting],
         number: usize,
-        pose: &Pose,
+        (pose, heading): (&Pose, Heading),
         targets: &[Target],
     ) -> Result<(), NoEstimate> {
         let size = self.right.len();
@@ -245,6 +247,11 @@ impl Normal {
         let mut enlarged = diagonal(own) * self.damping;
         if number == 0 {
             enlarged += DVec3::new(HELD, HELD, 0.0);
+        }
+        if heading == Heading::Held {
+            enlarged.z += HELD;
+            // Nothing pulls at what is known.
+            own_right.z = 0.0;
         }
         own += DMat3::from_diagonal(enlarged);
         // Symmetric, so that rows are columns.
@@ -297,7 +304,9 @@ impl Normal {
                 .map(|(target, both)| *both * DVec3::from_slice(&step[3 * target..3 * target + 3]));
             let moved = own.inverse * (own.right - follow.sum::<DVec3>());
             pose.at_m += moved.truncate();
-            pose.heading_rad += moved.z;
+            if at.heading == Heading::Found {
+                pose.heading_rad += moved.z;
+            }
         }
         match promised.is_finite() {
             true => Ok((next, promised)),
@@ -357,105 +366,4 @@ pub fn solve(
         sum: now.sum,
         settled,
     })
-}
-
-/// How well an estimate is known.
-pub struct Covariances {
-    pulses: Vec<Own>,
-    /// Targets by targets, row by row.
-    targets: Vec<f64>,
-    size: usize,
-}
-
-/// Covariances about an estimate from pulses of number `first` on: where that is the truth and errors are Gaussian, no unbiased estimator has
-/// smaller ones (Cramer and Rao).
-///
-/// # Errors
-/// [`NoEstimate`].
-pub fn covariances(
-    array: &Array,
-    pulses: &[Vec<Sighting>],
-    first: usize,
-    estimate: &Estimate,
-    known: &Known,
-) -> Result<Covariances, NoEstimate> {
-    let normal = Normal::new(array, pulses, first, estimate, known, 0.0)?;
-    let size = normal.right.len();
-    let factor = Factor::new(size, &normal.matrix).ok_or(NoEstimate::Targets)?;
-    Ok(Covariances {
-        pulses: normal.pulses,
-        targets: factor.inverse(),
-        size,
-    })
-}
-
-impl Covariances {
-    /// Of a pulse's pose: x, y and heading.
-    ///
-    /// # Panics
-    /// If there are not so many pulses.
-    pub fn pose(&self, pulse: usize) -> DMat3 {
-        let own = &self.pulses[pulse];
-        // How the pose follows the targets.
-        let follows = own
-            .with
-            .iter()
-            .map(|(target, both)| (*target, own.inverse * *both));
-        let follows: Vec<(usize, DMat3)> = follows.collect();
-        let mut covariance = own.inverse;
-        for (a, of_a) in &follows {
-            for (b, of_b) in &follows {
-                let both = block(&self.targets, self.size, [*a, *b]);
-                covariance += *of_a * both * of_b.transpose();
-            }
-        }
-        covariance
-    }
-
-    /// Of all poses.
-    pub fn poses(&self) -> impl Iterator<Item = DMat3> {
-        (0..self.pulses.len()).map(|pulse| self.pose(pulse))
-    }
-}
-
-impl Known {
-    /// Takes in a pulse that will not be looked at again.
-    ///
-    /// # Errors
-    /// [`NoEstimate::Pose`].
-    pub fn take(
-        &mut self,
-        array: &Array,
-        sightings: &[Sighting],
-        number: usize,
-        pose: &Pose,
-        targets: &[Target],
-    ) -> Result<(), NoEstimate> {
-        self.grow(targets.len());
-        let size = 3 * targets.len();
-        let mut own = Normal::empty(size, 0.0);
-        own.add_pulse(array, sightings, number, pose, targets)?;
-        let at: Vec<f64> = targets.iter().flat_map(values).collect();
-        for i in 0..size {
-            let row = &own.matrix[i * size..(i + 1) * size];
-            self.vector[i] += own.right[i] + row.iter().zip(&at).map(|(a, b)| a * b).sum::<f64>();
-        }
-        let both = self.information.iter_mut().zip(own.matrix);
-        both.for_each(|(to, value)| *to += value);
-        Ok(())
-    }
-
-    /// Makes room for so many targets.
-    fn grow(&mut self, targets: usize) {
-        let (before, after) = (self.vector.len(), 3 * targets);
-        if before == after {
-            return;
-        }
-        let mut information = vec![0.0; after * after];
-        for (i, row) in self.information.chunks_exact(before.max(1)).enumerate() {
-            information[i * after..i * after + before].copy_from_slice(row);
-        }
-        self.information = information;
-        self.vector.resize(after, 0.0);
-    }
 }

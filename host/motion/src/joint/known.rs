@@ -1,0 +1,85 @@
+//! What pulses say that are not looked at again.
+
+use glam::{DMat3, DVec3};
+
+use super::{DAMPING, NoEstimate, Normal, block, diagonal, values};
+use crate::dense::Factor;
+use crate::increment::Heading;
+use crate::model::{Array, Pose, Sighting, Target};
+
+/// What pulses that are left behind say of the targets.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Known {
+    /// Row by row, three numbers a target.
+    pub(super) information: Vec<f64>,
+    /// It times the targets that these pulses like best.
+    pub(super) vector: Vec<f64>,
+}
+
+impl Known {
+    /// Takes in a pulse that will not be looked at again, with its pose and whether that one's heading is known.
+    ///
+    /// # Errors
+    /// [`NoEstimate::Pose`].
+    pub fn take(
+        &mut self,
+        array: &Array,
+        sightings: &[Sighting],
+        number: usize,
+        pose: (&Pose, Heading),
+        targets: &[Target],
+    ) -> Result<(), NoEstimate> {
+        self.grow(targets.len());
+        let size = 3 * targets.len();
+        let mut own = Normal::empty(size, 0.0);
+        own.add_pulse(array, sightings, number, pose, targets)?;
+        let at: Vec<f64> = targets.iter().flat_map(values).collect();
+        for i in 0..size {
+            let row = &own.matrix[i * size..(i + 1) * size];
+            self.vector[i] += own.right[i] + row.iter().zip(&at).map(|(a, b)| a * b).sum::<f64>();
+        }
+        let both = self.information.iter_mut().zip(own.matrix);
+        both.for_each(|(to, value)| *to += value);
+        Ok(())
+    }
+
+    /// Takes a target out, by what the others are known by without it.
+    pub(crate) fn forget(&mut self, target: usize) {
+        let size = self.vector.len();
+        if 3 * target >= size {
+            return;
+        }
+        let own = block(&self.information, size, [target; 2]);
+        // A little is added, for pulses may tell of a target in one direction alone.
+        let own = own + DMat3::from_diagonal(diagonal(own) * DAMPING);
+        let rest: Vec<usize> = (0..size).filter(|i| i / 3 != target).collect();
+        let at = |i: usize, j: usize| self.information[i * size + j];
+        let with = |i: usize| DVec3::from_array([0, 1, 2].map(|k| at(i, 3 * target + k)));
+        // Without a factor there is nothing it told.
+        let inverse = Factor::new(3, &own.to_cols_array()).map_or(DMat3::ZERO, |factor| {
+            DMat3::from_cols_slice(&factor.inverse())
+        });
+        let liked = DVec3::from_slice(&self.vector[3 * target..3 * target + 3]);
+        let each = rest.iter();
+        let information = each.clone().flat_map(|&i| {
+            let through = inverse * with(i);
+            rest.iter().map(move |&j| at(i, j) - through.dot(with(j)))
+        });
+        let vector = each.map(|&i| self.vector[i] - (inverse * with(i)).dot(liked));
+        (self.information, self.vector) = (information.collect(), vector.collect());
+    }
+
+    /// Makes room for so many targets.
+    fn grow(&mut self, targets: usize) {
+        let (before, after) = (self.vector.len(), 3 * targets);
+        if before == after {
+            return;
+        }
+        let mut information = vec![0.0; after * after];
+        for (i, row) in self.information.chunks_exact(before.max(1)).enumerate() {
+            information[i * after..i * after + before].copy_from_slice(row);
+        }
+        self.information = information;
+        self.vector.resize(after, 0.0);
+    }
+}

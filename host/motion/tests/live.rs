@@ -1,0 +1,171 @@
+//! Targets that move, while a radar is followed at a kilohertz.
+
+use super::movers::{MOVER, RATE_HZ, STRETCH, flat, moving};
+use super::scene::{Reflector, seen, still};
+use super::*;
+use subaperture_motion::Live;
+use subaperture_motion::live::Look;
+
+/// A radar followed live, its poses as they were known in the end, and what was said of targets by which pulse.
+struct Followed {
+    live: Live,
+    poses: Vec<Pose>,
+    dropped: Vec<(usize, usize)>,
+}
+
+fn follow(array: &Array, pulses: &[Vec<Sighting>]) -> Followed {
+    let mut live = Live::new(array.clone(), WINDOW, STRETCH).unwrap();
+    let (mut poses, mut dropped) = (Vec::new(), Vec::new());
+    for (n, pulse) in pulses.iter().enumerate() {
+        let look: Look = live.push(n as f64 / RATE_HZ, pulse).unwrap();
+        poses.push(look.step.pose);
+        let first = poses.len() - look.again.len();
+        poses.splice(first.., look.again);
+        dropped.extend(look.dropped.into_iter().map(|target| (target, n)));
+    }
+    Followed {
+        live,
+        poses,
+        dropped,
+    }
+}
+
+/// By how much a velocity is off, over what it is; the frame is turned by what the first sight of the first target was off.
+fn off(followed: &Followed, truth: [f64; 2]) -> f64 {
+    let [(_, first), ..] = followed.live.tracker().targets().collect::<Vec<_>>()[..] else {
+        panic!("no target")
+    };
+    let turned = DVec2::from_array(PLACES_M[0]).angle_to(first.at_m);
+    let truth = DVec2::from_angle(turned).rotate(DVec2::from_array(truth));
+    let [mover] = &followed.live.movers()[..] else {
+        panic!("not one mover")
+    };
+    mover.velocity_m_s.distance(truth) / truth.length()
+}
+
+#[test]
+fn the_live_track_does_not_suffer_from_a_mover() {
+    const SEEDS: u64 = 6;
+    for (receivers, snr_db) in [(2, 30.0), (4, 20.0)] {
+        let (poses, array, noise) = (poses(1000), array(receivers), Noise::of_snr(snr_db));
+        let truth_m = poses[999].at_m.length();
+        let still = still(&PLACES_M);
+        let mut all = still.clone();
+        all.push(moving(MOVER.0, MOVER.1));
+        let (mut squares, mut worst) = ([0.0; 2], 0f64);
+        for seed in 0..SEEDS {
+            for (i, reflectors) in [&still, &all].into_iter().enumerate() {
+                let pulses = seen(&array, &poses, flat, reflectors, &noise, seed);
+                let followed = follow(&array, &pulses);
+                let expected = [(4, STRETCH - 1)];
+                assert_eq!(followed.dropped, expected[..i], "{seed}");
+                squares[i] += (followed.poses[999].at_m.length() - truth_m).powi(2);
+                if i == 1 {
+                    worst = worst.max(off(&followed, MOVER.1));
+                }
+            }
+        }
+        let rms_m = squares.map(|sum| (sum / SEEDS as f64).sqrt());
+        println!(
+            "{receivers} receivers, {snr_db} dB: {:.4} mm without, {:.4} mm with; velocity within {:.2} %",
+            1e3 * rms_m[0],
+            1e3 * rms_m[1],
+            1e2 * worst
+        );
+        assert!(rms_m[1] < 1.5 * rms_m[0], "{rms_m:?}");
+        assert!(worst < 0.05, "{worst}");
+    }
+}
+
+/// A target that appears in pulse 100 and moves is never used; one that stood and begins to move is dropped within two stretches.
+#[test]
+fn what_comes_or_begins_to_move_later_is_dropped_too() {
+    let (poses, array, noise) = (poses(1000)[..400].to_vec(), array(2), Noise::of_snr(30.0));
+    let mut all = still(&PLACES_M);
+    all.push(moving(MOVER.0, MOVER.1));
+    let pulses = seen(&array, &poses, flat, &all, &noise, 3);
+    let mut late = pulses.clone();
+    for pulse in &mut late[..100] {
+        pulse.truncate(4);
+    }
+    let followed = follow(&array, &late);
+    assert_eq!(followed.dropped, [(4, 5 * STRETCH - 1)]);
+    assert!(off(&followed, MOVER.1) < 0.05);
+    // As if it had not been there, to the bit.
+    let mut without = pulses.clone();
+    without.iter_mut().for_each(|pulse| pulse.truncate(4));
+    let alone = follow(&array, &without);
+    assert_eq!(followed.poses, alone.poses);
+    // Still up to pulse 150; the fifth of five.
+    let mut stood = all.clone();
+    stood[4] = Reflector {
+        step_m: [0.0; 2],
+        ..all[4]
+    };
+    let mut begins = seen(&array, &poses, flat, &stood, &noise, 3);
+    let place = |n: usize| [0, 1].map(|k| all[4].at_m[k] + all[4].step_m[k] * n as f64);
+    for (n, pulse) in begins.iter_mut().enumerate().skip(150) {
+        let here = Reflector {
+            at_m: place(n - 150),
+            ..stood[4]
+        };
+        let now = seen(
+            &array,
+            &poses[n..=n],
+            flat,
+            &[here],
+            &Noise {
+                phase_rad: 0.0,
+                range_m: 1e-9,
+            },
+            3,
+        );
+        let first = &mut pulse[4];
+        // Its phase goes on from where it stood: the same constant, the same noise's size, another draw.
+        let clean = seen(
+            &array,
+            &poses[n..=n],
+            flat,
+            &[stood[4]],
+            &Noise {
+                phase_rad: 0.0,
+                range_m: 1e-9,
+            },
+            3,
+        );
+        for (phase, (a, b)) in first
+            .phases_rad
+            .iter_mut()
+            .zip(now[0][0].phases_rad.iter().zip(&clean[0][0].phases_rad))
+        {
+            *phase += a - b;
+        }
+        first.range_m += now[0][0].range_m - clean[0][0].range_m;
+    }
+    let followed = follow(&array, &begins);
+    let [(4, pulse)] = followed.dropped[..] else {
+        panic!("{:?}", followed.dropped)
+    };
+    assert!((150..150 + 2 * STRETCH).contains(&pulse), "{pulse}");
+    // What it bent is what a stretch of it could: within a millimetre of the truth and of the track without it.
+    let off_m = followed.poses[399].at_m.distance(alone.poses[399].at_m);
+    println!(
+        "began to move, dropped in pulse {pulse}; {:.3} mm off the track without it",
+        1e3 * off_m
+    );
+    assert!(off_m < 1e-3, "{off_m}");
+}
+
+#[test]
+fn two_targets_leave_it_in_doubt_and_time_goes_on() {
+    let (poses, array, noise) = (poses(1000)[..40].to_vec(), array(2), Noise::of_snr(30.0));
+    let pulses = seen(&array, &poses, flat, &still(&PLACES_M[..2]), &noise, 1);
+    let mut live = Live::new(array.clone(), WINDOW, STRETCH).unwrap();
+    for (n, pulse) in pulses.iter().enumerate() {
+        let look = live.push(n as f64, pulse).unwrap();
+        assert_eq!(look.doubt.is_some(), n == STRETCH - 1, "{n}");
+    }
+    let refused = live.push(39.0, &pulses[0]).unwrap_err();
+    assert!(matches!(refused, MotionError::Time { .. }), "{refused}");
+    assert!(live.push(f64::NAN, &pulses[0]).is_err() && live.movers().is_empty());
+}
