@@ -19,7 +19,9 @@
 //!
 //! Not known from this: what all parts have in common, such as a wrong carrier or a bent rail.
 
-use super::{Axis, Scan, Trials, TuneError, Verdict};
+use subaperture_model::geometry::Axis;
+
+use crate::trials::{Scan, Trials, TuneError, Verdict};
 
 /// Student's 97.5 % points for 1, 2, ... degrees of freedom.
 const STUDENT: [f64; 15] = [

@@ -6,7 +6,8 @@ use glam::DVec3;
 
 use super::anchor::shift_m;
 use super::measure::{Sight, merit, merits};
-use super::{Axis, Order, Search, TuneError, Tuned, Verdict, expected, search, search_from};
+use crate::search::{Axis, Order, Search, Tuned, expected, search, search_from};
+use crate::trials::{TuneError, Verdict};
 use subaperture_focus::bp::Backprojection;
 use subaperture_focus::{FormError, ImageFormer, Task};
 use subaperture_io::recording::Take;

@@ -26,10 +26,10 @@ use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Image;
 use subaperture_model::phase_history::{PhaseHistory, Stretch, Weights};
 use subaperture_quality::registration::offset;
+use subaperture_signal::dense::solve;
 
 use super::centring::cross_range;
 use super::correction::Correction;
-use super::dense::solve;
 use super::echoes::{Echo, Points, brightest, gradients, wavenumber_rad_m};
 use super::measure::Quiet;
 use super::sharpen::{Look, Method, SharpenError};

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use num_complex::Complex32;
 
-use super::Views;
+use crate::trials::Views;
 use subaperture_focus::bp::Backprojection;
 use subaperture_focus::{FormError, ImageFormer, Remedy, Task};
 use subaperture_model::geometry::{Axis, ImageGrid};

@@ -33,7 +33,6 @@
 
 pub mod arrival;
 mod check;
-mod dense;
 pub mod diagnosis;
 pub mod increment;
 pub mod joint;
@@ -46,6 +45,9 @@ mod series;
 pub mod squint;
 mod steps;
 pub mod tracker;
+
+/// A pivot that is less of what stood there is none: of some hundred unknowns some hundred roundings are left.
+pub(crate) const LEAST_PIVOT: f64 = 1e-13;
 
 pub use check::MotionError;
 pub use increment::{Heading, Increment, chain};

@@ -35,10 +35,11 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
+use subaperture_signal::dense::Factor;
 
+use crate::LEAST_PIVOT;
 use crate::arrival;
 use crate::check::{self, MotionError};
-use crate::dense::Factor;
 use crate::increment::{Heading, Increment, WRAPPED};
 use crate::joint::NoEstimate;
 use crate::model::{Array, Sighting};
@@ -176,7 +177,7 @@ impl Pair {
             }
         }
         (0..size).for_each(|i| variance[i * size + i] += self.variance);
-        let factor = Factor::new(size, &variance)?;
+        let factor = Factor::new(size, &variance, LEAST_PIVOT)?;
         let weighed = |errors: &[f64]| {
             let mut errors = errors.to_vec();
             factor.solve(&mut errors);
@@ -349,7 +350,7 @@ impl Robust {
             matrix.z_axis.z += HELD;
         }
         // Symmetric, so that rows are columns.
-        let factor = Factor::new(3, &matrix.to_cols_array())?;
+        let factor = Factor::new(3, &matrix.to_cols_array(), LEAST_PIVOT)?;
         Some(DMat3::from_cols_slice(&factor.inverse()))
     }
 

@@ -9,8 +9,8 @@ use subaperture_model::phase_history::{Channels, OnTrack, PhaseHistory};
 use subaperture_model::track::{Fix, SampledTrack};
 use subaperture_targets::{Arrangement, Settings, recover};
 
-use crate::scene::{C_M_S, Recording, Truth, l_band};
-use crate::tracks::{reflectors, straight, walk};
+use crate::scene::{C_M_S, Truth, l_band};
+use crate::tracks::{reflectors, straight, walk, walked};
 
 /// Values of a range profile for each sample: read between two, they are off by less than -55 dB.
 const FINE: usize = 16;
@@ -138,17 +138,9 @@ fn judged(profiles: &Profiles) -> (Vec<f64>, f64) {
 
 #[test]
 fn an_image_on_the_track_found_is_as_sharp_as_on_the_true_one() {
-    let (truth, told) = (walk(801), straight(801));
-    let radar = l_band();
-    let recording = Recording {
-        radar: &radar,
-        truth: &truth,
-        told: &told,
-        reflectors: &reflectors(),
-        // 30 dB over all samples of a unit reflector.
-        noise: 151f64.sqrt() * 10f64.powf(-30.0 / 20.0),
-        seed: 1,
-    };
+    let (radar, truth) = (l_band(), walk(801));
+    let (told, all) = (straight(801), reflectors());
+    let recording = walked(&radar, [&truth, &told], &all);
     let recorded = recording.collections();
     let channels = || crate::scene::channels(recorded.clone());
     let found = recover(channels(), &Settings::default(), &Silent).unwrap();

@@ -45,6 +45,22 @@ pub(crate) fn reflectors() -> [Reflector; 7] {
     ]
 }
 
+/// What a radar records on a true way, told to be on another, 30 dB over all samples of a unit reflector.
+pub(crate) fn walked<'a>(
+    radar: &'a Radar,
+    [truth, told]: [&'a [Truth]; 2],
+    reflectors: &'a [Reflector],
+) -> Recording<'a> {
+    Recording {
+        radar,
+        truth,
+        told,
+        reflectors,
+        noise: (radar.samples as f64).sqrt() * 10f64.powf(-30.0 / 20.0),
+        seed: 1,
+    }
+}
+
 /// Where the middle of the antennas is.
 fn middle_m(radar: &Radar, truth: &Truth) -> DVec2 {
     let mean = |all: &[DVec2]| all.iter().sum::<DVec2>() / all.len() as f64;
@@ -91,17 +107,9 @@ pub(crate) fn off(found: &Recovered, radar: &Radar, truth: &[Truth]) -> [f64; 2]
 
 #[test]
 fn an_irregular_walk_is_found_from_two_receivers() {
-    let (truth, told) = (walk(801), straight(801));
-    let radar = l_band();
-    let recording = Recording {
-        radar: &radar,
-        truth: &truth,
-        told: &told,
-        reflectors: &reflectors(),
-        // 30 dB over all samples of a unit reflector.
-        noise: 151f64.sqrt() * 10f64.powf(-30.0 / 20.0),
-        seed: 1,
-    };
+    let (radar, truth) = (l_band(), walk(801));
+    let (told, all) = (straight(801), reflectors());
+    let recording = walked(&radar, [&truth, &told], &all);
     let channels = recording.channels();
     let found = recover(channels, &Settings::default(), &Silent).unwrap();
     for fault in &found.seen.faults {

@@ -1,9 +1,10 @@
 //! How well an estimate is known.
 
 use glam::DMat3;
+use subaperture_signal::dense::Factor;
 
 use super::{Estimate, Known, NoEstimate, Normal, Own, block};
-use crate::dense::Factor;
+use crate::LEAST_PIVOT;
 use crate::model::{Array, Sighting};
 
 /// How well an estimate is known.
@@ -28,7 +29,7 @@ pub fn covariances(
 ) -> Result<Covariances, NoEstimate> {
     let normal = Normal::new(array, pulses, first, estimate, known, 0.0)?;
     let size = normal.right.len();
-    let factor = Factor::new(size, &normal.matrix).ok_or(NoEstimate::Targets)?;
+    let factor = Factor::new(size, &normal.matrix, LEAST_PIVOT).ok_or(NoEstimate::Targets)?;
     Ok(Covariances {
         pulses: normal.pulses,
         targets: factor.inverse(),

@@ -1,9 +1,10 @@
 //! What pulses say that are not looked at again.
 
 use glam::{DMat3, DVec3};
+use subaperture_signal::dense::Factor;
 
 use super::{DAMPING, NoEstimate, Normal, block, diagonal, values};
-use crate::dense::Factor;
+use crate::LEAST_PIVOT;
 use crate::increment::Heading;
 use crate::model::{Array, Pose, Sighting, Target};
 
@@ -56,9 +57,10 @@ impl Known {
         let at = |i: usize, j: usize| self.information[i * size + j];
         let with = |i: usize| DVec3::from_array([0, 1, 2].map(|k| at(i, 3 * target + k)));
         // Without a factor there is nothing it told.
-        let inverse = Factor::new(3, &own.to_cols_array()).map_or(DMat3::ZERO, |factor| {
-            DMat3::from_cols_slice(&factor.inverse())
-        });
+        let inverse = Factor::new(3, &own.to_cols_array(), LEAST_PIVOT)
+            .map_or(DMat3::ZERO, |factor| {
+                DMat3::from_cols_slice(&factor.inverse())
+            });
         let liked = DVec3::from_slice(&self.vector[3 * target..3 * target + 3]);
         let each = rest.iter();
         let information = each.clone().flat_map(|&i| {

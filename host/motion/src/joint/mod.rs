@@ -20,8 +20,9 @@ mod covariances;
 mod known;
 
 use glam::{DMat3, DVec3};
+use subaperture_signal::dense::Factor;
 
-use crate::dense::Factor;
+use crate::LEAST_PIVOT;
 use crate::increment::Heading;
 use crate::model::{Array, Line, Pose, Sighting, Target};
 
@@ -255,7 +256,8 @@ impl Normal {
         }
         own += DMat3::from_diagonal(enlarged);
         // Symmetric, so that rows are columns.
-        let factor = Factor::new(3, &own.to_cols_array()).ok_or(NoEstimate::Pose(number))?;
+        let factor =
+            Factor::new(3, &own.to_cols_array(), LEAST_PIVOT).ok_or(NoEstimate::Pose(number))?;
         let inverse = DMat3::from_cols_slice(&factor.inverse());
         let pose_alone = inverse * own_right;
         for (target, both) in &with {
@@ -285,7 +287,8 @@ fn diagonal(matrix: DMat3) -> DVec3 {
 impl Normal {
     /// The estimate after a step from `at`, and how much of the sum of squares that promises to take.
     fn step(&self, at: &Estimate) -> Result<(Estimate, f64), NoEstimate> {
-        let factor = Factor::new(self.right.len(), &self.matrix).ok_or(NoEstimate::Targets)?;
+        let factor =
+            Factor::new(self.right.len(), &self.matrix, LEAST_PIVOT).ok_or(NoEstimate::Targets)?;
         let mut step = self.right.clone();
         factor.solve(&mut step);
         let mut promised: f64 = step.iter().zip(&self.right).map(|(a, b)| a * b).sum();

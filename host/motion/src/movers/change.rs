@@ -3,8 +3,9 @@
 use std::collections::BTreeSet;
 
 use glam::{DMat3, DVec2, DVec3};
+use subaperture_signal::dense::Factor;
 
-use crate::dense::Factor;
+use crate::LEAST_PIVOT;
 use crate::model::Array;
 use crate::series::{Series, line, unit};
 
@@ -95,7 +96,7 @@ pub(super) fn motion<'a>(some: impl Iterator<Item = &'a Change> + Clone) -> Opti
                 right += weighed * by;
             }
         }
-        let factor = Factor::new(3, &matrix.to_cols_array())?;
+        let factor = Factor::new(3, &matrix.to_cols_array(), LEAST_PIVOT)?;
         let mut solved = right.to_array();
         factor.solve(&mut solved);
         motion = DVec3::from_array(solved);

@@ -1,8 +1,9 @@
 //! How fast a target moves, the radar's track being known: a place and a velocity that does not change, by least squares of phases and ranges.
 
 use glam::{DMat2, DVec2};
+use subaperture_signal::dense::Factor;
 
-use crate::dense::Factor;
+use crate::LEAST_PIVOT;
 use crate::model::{Array, Pose};
 use crate::series::{Series, line, unit};
 
@@ -79,7 +80,7 @@ pub(crate) fn velocity(
             let error_m = look.sighting.range_m - 0.5 * mean_path_m;
             add(error_m, 0.5 * mean_slope, 0.0, look.sighting.range_sigma_m);
         }
-        let factor = Factor::new(UNKNOWNS, &matrix)?;
+        let factor = Factor::new(UNKNOWNS, &matrix, LEAST_PIVOT)?;
         let promised: f64 = {
             let mut step = right;
             factor.solve(&mut step);

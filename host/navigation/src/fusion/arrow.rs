@@ -18,7 +18,8 @@
 //! and `F_i = L_i^-T V_i`, so that its blocks are those of this linear model's covariances. (This is the fixed-interval smoother of Rauch, Tung
 //! and Striebel, in information form.)
 
-use super::matrix::{
+use super::LEAST_PIVOT;
+use subaperture_signal::dense::fixed::{
     Matrix, backward, factor, forward, inverse, less, plus, times, transposed, zero,
 };
 
@@ -82,7 +83,7 @@ impl<const N: usize, const G: usize> Arrow<N, G> {
         for i in 0..self.links.len() {
             let (done, rest) = self.links.split_at_mut(i + 1);
             let link = &mut done[i];
-            let lower = factor(&link.own).ok_or(i)?;
+            let lower = factor(&link.own, LEAST_PIVOT).ok_or(i)?;
             let mut right = column(&link.right);
             forward(&lower, &mut link.next);
             forward(&lower, &mut link.common);
@@ -101,7 +102,7 @@ impl<const N: usize, const G: usize> Arrow<N, G> {
             less(&mut left, &link.common, &right);
             self.right = values(&left);
         }
-        let lower = factor(&self.common).ok_or(self.links.len())?;
+        let lower = factor(&self.common, LEAST_PIVOT).ok_or(self.links.len())?;
         let mut right = column(&self.right);
         forward(&lower, &mut right);
         Ok(Factored {

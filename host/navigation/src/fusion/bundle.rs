@@ -11,7 +11,7 @@
 //! 1)`. From k to a later n the same column is `(-(y_n - y_k), x_n - x_k)`.
 
 use super::Increment;
-use super::matrix::{Matrix, plus, times, transposed, zero};
+use subaperture_signal::dense::fixed::{Matrix, plus, times, transposed, zero};
 
 /// Motion since the first increment.
 #[derive(Clone, Copy, Debug)]

@@ -13,11 +13,12 @@
 
 use glam::{DQuat, DVec3};
 
+use super::LEAST_PIVOT;
 use super::bundle::{Bundle, turn_of};
-use super::matrix::{Matrix, factor, inverse, less, plus, times, transposed};
 use super::solve::{Known, Solved};
 use super::terms::{OWN, P, PSI, Problem, S, V, vector, wrapped};
 use super::{Basis, Sample};
+use subaperture_signal::dense::fixed::{Matrix, factor, inverse, less, plus, times, transposed};
 
 /// Rows and columns of place and heading.
 const PLACE: [usize; 4] = [P, P + 1, P + 2, PSI];
@@ -81,7 +82,7 @@ impl Stretch<'_> {
         let increments = &self.problem.inputs.increments[range];
         let axes = self.problem.axes(self.i, x[PSI]);
         let made_up = whole.and_then(|whole| {
-            let inverse = inverse(&factor(&whole.covariance)?);
+            let inverse = inverse(&factor(&whole.covariance, LEAST_PIVOT)?);
             let off = self.problem.disagreement(self.i, whole, x, y);
             Some((whole, inverse, off.map(|value| [value])))
         });

@@ -2,7 +2,9 @@
 
 use glam::{DMat3, DVec3};
 
-use super::FusionError;
+use subaperture_signal::dense::fixed::factor;
+
+use super::{FusionError, LEAST_PIVOT};
 
 /// How the radar moved from one moment to another, by its own measurement.
 ///
@@ -185,7 +187,7 @@ impl Inputs<'_> {
                 () if n > 0 && one.from_s < self.increments[n - 1].to_s - 1e-9 => {
                     "a beginning before the end of the one before"
                 }
-                () if !even || super::matrix::factor(&matrix).is_none() => {
+                () if !even || factor(&matrix, LEAST_PIVOT).is_none() => {
                     "a covariance that is none: it has to be symmetric and positive definite"
                 }
                 () => continue,

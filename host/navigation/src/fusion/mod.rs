@@ -26,7 +26,6 @@ mod doubt;
 mod fill;
 mod guess;
 mod input;
-mod matrix;
 mod of_log;
 mod outcome;
 mod solve;
@@ -46,6 +45,8 @@ use bundle::Bundle;
 use terms::{ARMS, CLOCKS, COMMON, OWN, Of, P, PSI, Problem, SQUINT, State, V};
 use timeline::Timeline;
 
+/// A pivot that is less of what stood there is none: of a state's unknowns some 15 roundings are left.
+const LEAST_PIVOT: f64 = 1e-14;
 /// Clocks that turn out otherwise by more than this move the moments, seconds.
 const MOVED_S: f64 = 1e-3;
 /// How often.

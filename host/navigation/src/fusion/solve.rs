@@ -9,8 +9,8 @@ use subaperture_model::monitor::Monitor;
 
 use super::FusionError;
 use super::arrow::{Arrow, Covariance, Factored};
-use super::matrix::Matrix;
 use super::terms::{COMMON, OWN, Of, Problem, Row, State};
+use subaperture_signal::dense::fixed::Matrix;
 
 /// Steps at most, of each kind of weights.
 const MOST_STEPS: usize = 40;

@@ -28,10 +28,11 @@
 use glam::{DMat3, DVec3};
 use std::f64::consts::{PI, TAU};
 
+use super::LEAST_PIVOT;
 use super::bundle::Bundle;
-use super::matrix::{factor, forward};
 use super::timeline::Timeline;
 use super::{Inputs, Model};
+use subaperture_signal::dense::fixed::{factor, forward};
 
 /// Numbers of a moment's state, and common ones.
 pub(super) const OWN: usize = 15;
@@ -303,7 +304,7 @@ impl Problem<'_> {
     /// From a moment to the next by the radar.
     fn radar(&self, state: &State, i: usize, bundle: &Bundle, rows: &mut Rows<'_>) {
         let (x, y) = (&state.moments[i], &state.moments[i + 1]);
-        let Some(lower) = factor(&bundle.covariance) else {
+        let Some(lower) = factor(&bundle.covariance, LEAST_PIVOT) else {
             return;
         };
         let axes = self.axes(i, x[PSI]);
