@@ -114,7 +114,7 @@ pub(crate) struct Global {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Form an image of one or more recordings
-    Focus(Focus),
+    Focus(Box<Focus>),
     /// Show one place of recordings at many velocities
     Velocity(Velocity),
     /// Have a module compute the maps of recordings, and keep them in a file

@@ -119,8 +119,8 @@ mod tests {
         forward(&lower, &mut solved);
         backward(&lower, &mut solved);
         for i in 0..3 {
-            for j in 0..3 {
-                assert!((whole[i][j] - f64::from(u8::from(i == j))).abs() < 1e-12);
+            for (j, value) in whole[i].iter().enumerate() {
+                assert!((value - f64::from(u8::from(i == j))).abs() < 1e-12);
             }
             // A condition of some hundreds.
             assert!((solved[i][0] - x[i][0]).abs() < 1e-12);
