@@ -11,7 +11,8 @@ use subaperture_navigation::fusion::{Inputs, Unstated, fuse, positions};
 use subaperture_navigation::{GpsTime, Kind, Log, Options};
 
 use super::sensors::{noise, place, sensors, velocity};
-use crate::write::{ascii, nmea};
+use crate::write::Field::{D, F, U};
+use crate::write::{ascii, binary, body, nmea};
 
 const START: GpsTime = GpsTime {
     week: 2209,
@@ -71,6 +72,23 @@ fn velocities_beside_positions_are_theirs() {
     assert_eq!(log.of(Kind::Bestvel).count(), 3);
     let late = log.of(Kind::Bestvel).nth(2).unwrap();
     assert!((late.time.since(START) - 1.8).abs() < 1e-9);
+    // In binary: status, type, latency, age, speed, direction, upwards.
+    let bytes = body(&[
+        U(0),
+        U(8),
+        F(0.04),
+        F(0.0),
+        D(5.0),
+        D(30.0),
+        D(-0.25),
+        F(0.0),
+    ]);
+    assert_eq!(bytes.len(), 44);
+    let bytes = binary(99, 2209, 502_062_000, &bytes);
+    let told = Log::read_from(&bytes[..], Path::new("log"), &Options::default()).unwrap();
+    let second = log.of(Kind::Bestvel).nth(1).unwrap();
+    assert_eq!(told.records[0].velocity_m_s, second.velocity_m_s);
+    assert!(told.records[0].time.since(second.time).abs() < 1e-6);
     let found = positions(&log, Kind::Bestpos, &frame(), START, &Unstated::default());
     let velocities: Vec<Option<[DVec3; 2]>> = found.iter().map(|one| one.velocity_m_s).collect();
     let [Some([first, sigma]), Some([second, wider]), None, None] = velocities[..] else {
