@@ -54,9 +54,9 @@
 //! |---|---|---|---|
 //! | `stream` | [`stream`] in float32, [`cfar`], and [`accumulate`] for maps of patches | | `heapless`, for lists of detections |
 //! | `fixed` | 16-bit samples, and the stream in fixed point without floating-point arithmetic: `fixed_point` | `stream` | `fixed` |
-//! | `link` | [`link`], the wire format of a module; `serde` for what it sends | `fixed`: both forms of samples are sent | `cobs`, `crc`, `postcard`, `serde` |
+//! | `link` | [`link`], the wire format of a module; `serde` for what it sends | `fixed`: both forms of samples are sent; `motion`: increments too | `cobs`, `crc`, `postcard`, `serde` |
 //! | `selftest` | [`selftest`]: checksums that every machine must get; of the stream too if there is `link` | | |
-//! | `motion` | [`motion`]: a radar's motion from pulse to pulse, in float64 | | |
+//! | `motion` | [`motion`]: a radar's motion from pulse to pulse, of the samples of its channels | | |
 //! | `defmt` | log formatting of everything that is logged on a target | | `defmt` |
 //!
 //! The first five are on unless `default-features = false`: a program holds only what it calls, whatever

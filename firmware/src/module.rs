@@ -3,6 +3,7 @@
 use subaperture_core::Complex32;
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
+use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{PulseStores, SubCpiProcessor};
 #[cfg(not(feature = "fixed"))]
 use subaperture_core::{
@@ -20,7 +21,10 @@ use crate::place;
 use crate::products::{ChipKernel, ProductBuffers};
 #[cfg(feature = "fixed")]
 use crate::sizes::BLOCKS;
-use crate::sizes::{CHIP_PIXELS, DOPPLER_BINS, FREQUENCIES, PATCHES, PULSES, RANGE_BINS};
+use crate::sizes::{
+    CHANNELS, CHIP_PIXELS, DOPPLER_BINS, FREQUENCIES, ODOMETER_BINS, ODOMETER_FREQUENCIES, PATCHES,
+    PULSES, RANGE_BINS, TARGETS,
+};
 use crate::station::{LinkBuffers, Station};
 
 /// The arithmetic that this program is built for.
@@ -46,6 +50,8 @@ static RECEIVED: Placed<[u8; max_received_bytes(FREQUENCIES)]> =
 static FRAME: Placed<[u8; max_frame_bytes(FREQUENCIES)]> =
     Placed::new([0; max_frame_bytes(FREQUENCIES)]);
 static ROW: Placed<[u8; 8 * FREQUENCIES]> = Placed::new([0; 8 * FREQUENCIES]);
+static ODOMETER: Placed<Odometer<TARGETS, CHANNELS, ODOMETER_FREQUENCIES, ODOMETER_BINS>> =
+    Placed::new(Odometer::new());
 static CHIP: Placed<[Complex32; CHIP_PIXELS]> = Placed::new([Complex32::ZERO; CHIP_PIXELS]);
 static COLUMNS: Placed<[Column; FREQUENCIES]> = Placed::new([Column::EMPTY; FREQUENCIES]);
 
@@ -67,5 +73,6 @@ pub fn station(kernel: &ChipKernel) -> Option<Station<'_, Engine<'_>>> {
         columns: COLUMNS.try_take()?,
     };
     let version = concat!("subaperture ", env!("CARGO_PKG_VERSION"));
-    Some(Station::new(processor, buffers, products, version))
+    let station = Station::new(processor, buffers, products, version);
+    Some(station.with_odometer(ODOMETER.try_take()?))
 }

@@ -6,6 +6,9 @@
 //! | (neither) | 32 | 432 | 1024 | 45 | 16 | X-band spotlight, a 10 m patch at 0.25 m |
 //! | `size-large` | 62 | 512 | 2048 | 70 | 64 | all of an STM32H743 |
 //!
+//! An odometer, for increments instead of maps, has room for 4 targets, 2 channels of 64 frequencies and transforms of 256 points in `size-small`, 8, 4, 256 and 1024 otherwise: its memory is that
+//! next to the core, where `size-large` leaves no more.
+//!
 //! What `size-large` fills: two stores of 62 pulses of 512 samples of 8 bytes and 72 of geometry are
 //! 516 832 of the 524 288 bytes of AXI SRAM; 70 rows of 512 samples of 8 bytes are 286 720 of the
 //! 294 912 of SRAM1 to 3. (A run may use fewer of everything than there is room for.)
@@ -45,5 +48,21 @@ pub const DOPPLER_BINS: usize = SIZES[3];
 pub const PATCHES: usize = SIZES[4];
 /// Blocks of a fixed-point row, and one.
 pub const BLOCKS: usize = FREQUENCIES.div_ceil(BlockFloat::BLOCK) + 1;
+/// Most targets and candidates that an odometer follows.
+pub const TARGETS: usize = ODOMETER[0];
+/// Most channels of an odometer.
+pub const CHANNELS: usize = ODOMETER[1];
+/// Most frequencies of an odometer's pulse.
+pub const ODOMETER_FREQUENCIES: usize = ODOMETER[2];
+/// Longest range transform of an odometer.
+pub const ODOMETER_BINS: usize = ODOMETER[3];
+
+/// Targets, channels, frequencies, points of the range transform of an odometer.
+const ODOMETER: [usize; 4] = if cfg!(feature = "size-small") {
+    [4, 2, 64, 256]
+} else {
+    [8, 4, 256, 1024]
+};
+
 /// Most pixels of a chip.
 pub const CHIP_PIXELS: usize = 1024;

@@ -3,9 +3,10 @@
 use subaperture_core::Pulse;
 use subaperture_core::cfar::{Cfar, Reach};
 use subaperture_core::link::{
-    Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, LinkCounters, Refusal, Report,
-    State, Status,
+    Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, LinkCounters, Motion,
+    MotionConfiguration, Refusal, Report, State, Status,
 };
+use subaperture_core::motion;
 use subaperture_core::stream::{
     Capacity, MapHeader, Node, Patch, PulseCounters, Quantity, Setup, SetupError,
 };
@@ -13,6 +14,8 @@ use subaperture_core::stream::{
 fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
     let samples = [1i16, -2, 32767, -32768].map(i16::to_le_bytes).concat();
     let weights = [0.25f32, 0.5].map(f32::to_le_bytes).concat();
+    let places = [-0.02, 0.0, 0.0, 0.25, 0.5, -1.0].map(f64::to_le_bytes);
+    let places = places.concat();
     let commands = [
         Command::Hello,
         Command::Configure(Configuration {
@@ -66,6 +69,41 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
             },
             false_alarm_probability: 1.0e-6,
         }),
+        Command::Motion(MotionConfiguration {
+            id: 8,
+            setup: motion::Setup {
+                num_frequencies: 256,
+                range_length: 1024,
+                start_hz: 77e9,
+                step_hz: 3.906_25e6,
+                side_lobe_db: 50.0,
+                ranges_m: [1.0, 30.0],
+                guard: 3,
+                training: 12,
+                rank: 0.75,
+                false_alarm_probability: 1e-5,
+                least_snr_db: 10.0,
+                follow: motion::Follow {
+                    gate_cells: 0.5,
+                    acceleration_cells: 0.01,
+                    apart_cells: 1.5,
+                    seen: 5,
+                    within: 8,
+                    bridge: 300,
+                },
+            },
+        }),
+        Command::Antennas {
+            transmitters: 1,
+            places: &places,
+        },
+        Command::Channel {
+            pulse: 70_000,
+            channel: 3,
+            reference_path_m: 2.5,
+            encoding: Encoding::Sc16,
+            samples: &samples,
+        },
     ];
     let mut encoder = Encoder::new();
     let mut buffer = [0; 300];
@@ -184,6 +222,33 @@ fn golden_reports() -> Vec<(&'static str, Vec<u8>)> {
         Report::Log {
             text: "ready: 25 °C",
         },
+        Report::Increment {
+            pulse: 70_001,
+            since: 70_000,
+            targets: 4,
+            echoes: 300,
+            motion: Some(Motion {
+                moved_m: [0.000_976_562_5, -0.5],
+                turn_rad: 0.25,
+                residual_m: 0.125,
+                targets: 3,
+                doubtful: 1,
+            }),
+        },
+        Report::Increment {
+            pulse: 90,
+            since: 90,
+            targets: 0,
+            echoes: 2,
+            motion: None,
+        },
+        Report::Refused {
+            sequence: 17,
+            what: Refusal::Motion(motion::SetupError::Frequencies {
+                wanted: 300,
+                most: 256,
+            }),
+        },
     ];
     let mut encoder = Encoder::new();
     let mut buffer = [0; 300];
@@ -222,7 +287,7 @@ const GOLDEN_GRID: ChipGrid = ChipGrid {
 
 // Made from the tables at the head of `subaperture_core::link` by a program in another language, with
 // another library's CRC.
-const COMMAND_FRAMES: [&str; 11] = [
+const COMMAND_FRAMES: [&str; 14] = [
     // Hello
     "0201010101010506729e7a00",
     // Configure
@@ -248,8 +313,17 @@ const COMMAND_FRAMES: [&str; 11] = [
      010101010101010101010101010101010101010101010103d03f0101010101010108c80164f72d2c0900",
     // Detect
     "03010a0101130a020c01ac028dedb5a0f7c6b03e838e4ccf00",
+    // Motion
+    "03010b0101070b0880028008010106c28eed31420101010565cd4d410101010101034940010101010103f03f0101\
+     010101053e40030c01010101010be83ff168e388b5f8e43e010101010103244001010101010be03f7b14ae47e17a\
+     843f01010101010bf83f0508ac02fe193e1400",
+    // Antennas
+    "03010c01010c0c01307b14ae47e17a94bf01010101010101010101010101010101010101010103d03f0101010101\
+     03e03f010101010107f0bf1555814500",
+    // Channel
+    "03010d0101060df0a20403010101010106044001080105feffff7f068016b4c11b00",
 ];
-const REPORT_FRAMES: [&str; 11] = [
+const REPORT_FRAMES: [&str; 14] = [
     // Identity
     "0201010101011b010140800480047f100c6d6f64756c6520302e312e3087f123ca00",
     // Status
@@ -277,4 +351,11 @@ const REPORT_FRAMES: [&str; 11] = [
     "0301090101040911030a058827802068f6993b00",
     // Log
     "03010a0101140a0d72656164793a20323520c2b043a248977a00",
+    // Increment
+    "03010b01010c0bf1a204f0a20404ac0201010101010103503f010101010103e0bf010101010103d03f0101083e03\
+     01a7cb1e5300",
+    // Increment without a motion
+    "03010c0101040b5a5a0202054f24d73e00",
+    // Refused, of a motion's setup
+    "03010d01010409110b09ac028002cf69d82900",
 ];

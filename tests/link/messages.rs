@@ -4,14 +4,15 @@ use proptest::prelude::*;
 use subaperture_core::cfar::{Cfar, Detection, Reach};
 use subaperture_core::link::{
     Arithmetic, ChipGrid, Command, Configuration, DETECTION_BYTES, EncodeError, Encoder, Encoding,
-    LinkCounters, MAX_DETECTIONS, MAX_TEXT_BYTES, Message, Received, Receiver, Refusal, Report,
-    Row, State, Status, complex32s, detections, f32s, max_frame_bytes, max_received_bytes,
-    row_bytes, sc16s, write_block_row, write_complex32s, write_detections, write_f32s, write_sc16s,
+    LinkCounters, MAX_ANTENNAS, MAX_DETECTIONS, MAX_TEXT_BYTES, Message, Motion,
+    MotionConfiguration, Received, Receiver, Refusal, Report, Row, State, Status, complex32s,
+    detections, f32s, max_frame_bytes, max_received_bytes, row_bytes, sc16s, write_block_row,
+    write_complex32s, write_detections, write_f32s, write_sc16s,
 };
 use subaperture_core::stream::{
     BlockFloat, Capacity, MapHeader, Node, Patch, PulseCounters, Quantity, Setup, SetupError,
 };
-use subaperture_core::{Complex32, Pulse, Sc16};
+use subaperture_core::{Complex32, Pulse, Sc16, motion};
 
 /// What messages are made of.
 #[derive(Clone, Debug)]
@@ -73,6 +74,31 @@ impl Values {
         [Encoding::Complex32, Encoding::Sc16][usize::from(self.byte % 2)]
     }
 
+    fn motion_setup(&self) -> motion::Setup {
+        let [near, far, length] = self.place_m;
+        motion::Setup {
+            num_frequencies: self.short,
+            range_length: !self.short,
+            start_hz: self.real,
+            step_hz: length,
+            side_lobe_db: near,
+            ranges_m: [near, far],
+            guard: self.byte.into(),
+            training: self.short,
+            rank: far,
+            false_alarm_probability: length,
+            least_snr_db: self.real,
+            follow: motion::Follow {
+                gate_cells: far,
+                acceleration_cells: near,
+                apart_cells: self.real,
+                seen: self.byte.into(),
+                within: self.short,
+                bridge: !self.short,
+            },
+        }
+    }
+
     fn commands(&self) -> Vec<Command<'_>> {
         let (first, index, count) = (self.short, self.short, self.byte.into());
         vec![
@@ -128,6 +154,21 @@ impl Values {
                 },
                 false_alarm_probability: self.real,
             }),
+            Command::Motion(MotionConfiguration {
+                id: self.long,
+                setup: self.motion_setup(),
+            }),
+            Command::Antennas {
+                transmitters: self.short,
+                places: &self.bytes,
+            },
+            Command::Channel {
+                pulse: self.other,
+                channel: self.short,
+                reference_path_m: self.real,
+                encoding: self.encoding(),
+                samples: &self.bytes,
+            },
         ]
     }
 
@@ -161,7 +202,29 @@ impl Values {
             Refusal::Chip { wanted, most },
             Refusal::Detect,
             Refusal::Unsupported,
+            Refusal::Antennas,
         ];
+        let (few, many) = (self.short, self.byte.into());
+        all.extend(
+            [
+                motion::SetupError::Frequencies {
+                    wanted: few,
+                    most: many,
+                },
+                motion::SetupError::RangeLength {
+                    wanted: many,
+                    most: few,
+                },
+                motion::SetupError::Band,
+                motion::SetupError::Window,
+                motion::SetupError::Ranges,
+                motion::SetupError::Detection,
+                motion::SetupError::Follow,
+                motion::SetupError::Channels { most: few },
+                motion::SetupError::Array,
+            ]
+            .map(Refusal::Motion),
+        );
         all.extend(quantities.map(|what| Refusal::Setup(SetupError::Size { what, wanted, most })));
         all
     }
@@ -226,6 +289,20 @@ impl Values {
             },
             Report::Log { text: &self.text },
         ];
+        let motion = Motion {
+            moved_m: [self.real, self.place_m[1]],
+            turn_rad: self.place_m[0],
+            residual_m: self.single,
+            targets: self.short,
+            doubtful: self.byte.into(),
+        };
+        all.extend([None, Some(motion)].map(|motion| Report::Increment {
+            pulse: self.long,
+            since: self.other,
+            targets: self.byte.into(),
+            echoes: self.short,
+            motion,
+        }));
         let states = [
             State::Idle,
             State::Ready,

@@ -11,6 +11,7 @@ pub mod maps;
 pub mod matlab;
 pub mod module;
 pub mod module_report;
+pub mod odometer_scene;
 pub mod statistics;
 pub mod stream_scene;
 pub mod subap;

@@ -12,6 +12,7 @@ mod kernel;
 mod map;
 mod memory;
 mod motion;
+mod odometer;
 mod push;
 mod selftest;
 mod stages;

@@ -123,6 +123,27 @@ fn increments_are_those_of_the_host() {
     }
 }
 
+/// Room for more channels, and what is in it, changes nothing.
+#[test]
+fn channels_may_be_fewer_than_there_is_room_for() {
+    let mut exact = Pairwise::<5, CHANNELS>::new(&antennas()).unwrap();
+    let mut roomy = Pairwise::<7, 9>::new(&antennas()).unwrap();
+    let mut seed = 8;
+    for n in 0..20 {
+        let echoes = pulse(n, 0.05, &mut seed);
+        let wider: Vec<Echo<9>> = echoes
+            .iter()
+            .map(|echo| Echo {
+                target: echo.target,
+                range_m: echo.range_m,
+                phases_rad: std::array::from_fn(|c| *echo.phases_rad.get(c).unwrap_or(&f64::NAN)),
+                phase_sigma_rad: echo.phase_sigma_rad,
+            })
+            .collect();
+        assert_eq!(exact.push(&echoes), roomy.push(&wider), "{n}");
+    }
+}
+
 /// Without noise: to what ranges from the antennas' middle leave out, as on the host.
 #[test]
 fn increments_are_the_motion() {
@@ -157,7 +178,7 @@ fn increments_have_the_bits_of_every_machine() {
 fn what_tells_nothing_is_refused() {
     let new = |antennas: &Antennas<'_>| Pairwise::<2, CHANNELS>::new(antennas).map(|_| ());
     assert_eq!(new(&antennas()), Ok(()));
-    let receivers_m = &RECEIVERS_M[..2];
+    let receivers_m = &RECEIVERS_M[..1];
     assert_eq!(
         new(&Antennas {
             receivers_m,
@@ -165,6 +186,8 @@ fn what_tells_nothing_is_refused() {
         }),
         Err(MotionError::Channels)
     );
+    let smaller = Pairwise::<2, 5>::new(&antennas()).map(|_| ());
+    assert_eq!(smaller, Err(MotionError::Channels));
     for wavelength_m in [f64::NAN, -1.0, 0.0, 0.003] {
         assert_eq!(
             new(&Antennas {

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::Message;
 use crate::Pulse;
 use crate::cfar::Cfar;
+use crate::motion;
 use crate::stream::{Patch, Setup};
 
 /// What the host sends. Every command but [`Command::Pulse`] is answered, see [`crate::link`].
@@ -60,6 +61,30 @@ pub enum Command<'a> {
     Chip(ChipGrid),
     /// Option of a configuration: detections are sent after each map.
     Detect(Cfar),
+    /// Begins a configuration of another kind: increments instead of maps. What was configured before is forgotten.
+    Motion(MotionConfiguration),
+    /// The antennas of such a configuration, with which it is complete.
+    Antennas {
+        /// How many of the places are transmitters; the rest are receivers.
+        transmitters: u16,
+        /// Places in the array's frame, at most [`super::MAX_ANTENNAS`]: x along the array, y where it looks, as float64, little endian ([`super::places`]).
+        #[serde(serialize_with = "super::as_bytes")]
+        places: &'a [u8],
+    },
+    /// A pulse of such a run, as one channel sampled it.
+    Channel {
+        /// Number of the pulse.
+        pulse: u32,
+        /// Of the channel: transmitter by transmitter, receiver by receiver.
+        channel: u16,
+        /// Two-way path to which the samples' phase is compensated, metres; 0 if to none.
+        reference_path_m: f64,
+        /// How the samples are encoded: either way, whatever the module's arithmetic.
+        encoding: Encoding,
+        /// One sample a frequency.
+        #[serde(serialize_with = "super::as_bytes")]
+        samples: &'a [u8],
+    },
 }
 
 impl Message for Command<'_> {
@@ -76,6 +101,16 @@ pub struct Configuration {
     pub id: u32,
     /// The setup.
     pub setup: Setup,
+}
+
+/// Name and setup of a configuration that brings increments.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MotionConfiguration {
+    /// Number, the host's choice; [`super::Status::configuration`] repeats it.
+    pub id: u32,
+    /// The setup.
+    pub setup: motion::Setup,
 }
 
 /// How samples lie in a message.

@@ -16,7 +16,8 @@ use crc::{CRC_32_ISO_HDLC, Crc, Digest};
 use postcard::ser_flavors::Flavor;
 use serde::Serialize;
 
-/// Version of the wire format: first byte of every frame. Any change to a message is a new version.
+/// Version of the wire format: first byte of every frame. Any change to a message is a new version; a message or a refusal more, after the others, is none: who does not know it counts its frame as
+/// malformed.
 pub const PROTOCOL_VERSION: u8 = 1;
 
 /// Version and sequence number.

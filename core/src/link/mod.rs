@@ -51,6 +51,9 @@
 //! | 8 | `Abort` | |
 //! | 9 | `Chip` | grid |
 //! | 10 | `Detect` | cfar |
+//! | 11 | `Motion` | id `u32`, motion setup |
+//! | 12 | `Antennas` | transmitters `u16`, places `bytes` (16 each: x, y metres `f64`), transmitters first |
+//! | 13 | `Channel` | pulse `u32`, channel `u16`, reference path metres `f64`, encoding, samples `bytes` |
 //!
 //! ## Module to host: [`Report`]
 //!
@@ -67,6 +70,7 @@
 //! | 8 | `Detections` | map `u32`, sub-CPI `u32`, patch `u16`, first `u16`, total `u16`, list `bytes` (16 each: range bin, Doppler bin, power, noise `f32`) |
 //! | 9 | `Refused` | sequence `u32`, refusal |
 //! | 10 | `Log` | text `text` |
+//! | 11 | `Increment` | pulse `u32`, since `u32`, targets `u16`, echoes `u16`, motion, if any |
 //!
 //! ## Parts
 //!
@@ -77,6 +81,9 @@
 //! | pulse | number `u32`, time seconds `f64`, transmitter metres `[f64; 3]`, receiver metres `[f64; 3]`, reference path metres `f64`, weight `f32` |
 //! | encoding | 0 `Complex32` (8 bytes a sample: real, imaginary `f32`), 1 `Sc16` (4 bytes a sample: real, imaginary 16-bit two's complement, little endian, in units of `2^-15`) |
 //! | cfar | guard and training cells in range, guard and training cells in Doppler, `u16` each; probability of false alarm `f64` |
+//! | motion setup | frequencies `u16`, range length `u16`, start hertz `f64`, step hertz `f64`, side lobes dB `f64`, nearest and farthest range metres `[f64; 2]`, guard and training cells `u16` each, rank `f64`, probability of false alarm `f64`, least SNR dB `f64`, follow |
+//! | follow | gate, acceleration, distance apart in cells `f64` each, seen, within, bridge pulses `u16` each |
+//! | motion, if any | `u8` 0 for none; 1, along the array and ahead metres `[f64; 2]`, turn radians `f64`, residual metres `f32`, targets `u16`, doubtful `u16` |
 //! | grid | patch `u16`, origin, column step, row step metres `[f64; 3]` each, columns `u16`, rows `u16` |
 //! | arithmetic | 0 `Float`, 1 `Fixed` |
 //! | capacity | pulses, frequencies, range bins, Doppler bins, patches, `u16` each |
@@ -85,7 +92,8 @@
 //! | pulse counters | accepted, lost, repeated, refused, dropped, at limit, saturated, incomplete, `u32` each |
 //! | header | sub-CPI `u32`, patch index `u16`, pulses `u16`, patch, time of first and last pulse seconds `[f64; 2]`, weight sum `f32`, two nodes |
 //! | node | transmitter metres `[f64; 3]`, receiver metres `[f64; 3]` |
-//! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported` |
+//! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported`, 11 `Motion` motion error, 12 `Antennas` |
+//! | motion error | 0 `Frequencies` wanted `u16` most `u16`, 1 `RangeLength` wanted `u16` most `u16`, 2 `Band`, 3 `Window`, 4 `Ranges`, 5 `Detection`, 6 `Follow`, 7 `Channels` most `u16`, 8 `Array` |
 //! | setup error | 0 `Size` quantity, wanted `u32`, most `u32`; 1 `RangeLength` `u16`; 2 `DopplerLength` `u16`; 3 `Band`; 4 `NotFinite` |
 //! | quantity | 0 pulses, 1 frequencies, 2 weights, 3 range length, 4 range gate, 5 Doppler band, 6 map, 7 patches |
 //!
@@ -120,6 +128,9 @@
 //!   grows. The host sends only pulses of numbers below `accept_through`. Credit is
 //!   absolute: a lost `Status` is made good by the next, and a lost pulse gives no credit away. A host that
 //!   waits for credit asks with `Status`.
+//! - Increments: `Motion` and `Antennas` take the place of the configuration above, `Channel` that of `Pulse`, one for every channel of a pulse. The credit is a pulse: the next may be sent once the
+//!   increment of the one before has come. A host that does not get it asks with `Status`, and sends all channels of the pulse again: those that were lost complete it, and
+//!   of a pulse that is done the increment is sent again.
 //! - Maps are not sent again. One that does not come whole is lost, and the rest of the run is not
 //!   affected; the run's last `Status` says how many there were.
 //! - A host that drops a frame as [`Damage::Repeated`] greets the module: it began anew.
@@ -142,16 +153,17 @@ mod samples;
 pub use assembly::{
     AssembledChip, AssembledMap, ChipAssembly, Loss, LossCause, MapAssembly, TransferChecksum,
 };
-pub use command::{ChipGrid, Command, Configuration, Encoding};
+pub use command::{ChipGrid, Command, Configuration, Encoding, MotionConfiguration};
 pub use frame::{
     EncodeError, Encoder, MAX_MESSAGE_BYTES, Message, OVERHEAD_BYTES, PROTOCOL_VERSION,
     max_frame_bytes, max_received_bytes,
 };
 pub use receiver::{Damage, LinkCounters, Received, Receiver};
-pub use report::{Arithmetic, MAX_TEXT_BYTES, Refusal, Report, State, Status};
+pub use report::{Arithmetic, MAX_TEXT_BYTES, Motion, Refusal, Report, State, Status};
 pub use samples::{
-    DETECTION_BYTES, MAX_DETECTIONS, Row, complex32s, detections, f32s, row_bytes, sc16s,
-    write_block_row, write_complex32s, write_detections, write_f32s, write_map_row, write_sc16s,
+    DETECTION_BYTES, MAX_ANTENNAS, MAX_DETECTIONS, Row, complex32s, detections, f32s, places,
+    row_bytes, sc16s, write_block_row, write_complex32s, write_detections, write_f32s,
+    write_map_row, write_places, write_sc16s,
 };
 
 /// Serialises bytes as one run; serde would take a slice element by element, to the same bytes.

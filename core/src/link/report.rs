@@ -5,6 +5,7 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::{ChipGrid, Encoding, LinkCounters, Message};
+use crate::motion::{self, Step};
 use crate::stream::{Capacity, MapHeader, PulseCounters, SetupError};
 
 /// Most bytes of the text of [`Report::Log`] and of the version of [`Report::Identity`].
@@ -114,6 +115,54 @@ pub enum Report<'a> {
         /// At most [`MAX_TEXT_BYTES`].
         text: &'a str,
     },
+    /// What a pulse told of the radar's own motion ([`crate::motion::Step`]).
+    Increment {
+        /// Number of the pulse.
+        pulse: u32,
+        /// That of the pulse from which the motion is told; of a run's first its own.
+        since: u32,
+        /// Targets seen in this pulse.
+        targets: u16,
+        /// Echoes in this pulse, of targets or not.
+        echoes: u16,
+        /// The motion; none of the first pulse, and where too few targets were seen in both.
+        motion: Option<Motion>,
+    },
+}
+
+/// How the radar moved, in the array's frame at the former pulse.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Motion {
+    /// Along the array and ahead, metres.
+    pub moved_m: [f64; 2],
+    /// Counterclockwise, radians.
+    pub turn_rad: f64,
+    /// What the targets' paths differ by from it, metres RMS.
+    pub residual_m: f32,
+    /// Targets seen in both pulses.
+    pub targets: u16,
+    /// Phases that may have wrapped.
+    pub doubtful: u16,
+}
+
+impl From<&Step> for Report<'_> {
+    fn from(step: &Step) -> Self {
+        let most = usize::from(u16::MAX);
+        Self::Increment {
+            pulse: step.pulse,
+            since: step.since,
+            targets: step.targets,
+            echoes: step.echoes,
+            motion: step.moved.map(|moved| Motion {
+                moved_m: moved.increment.moved_m,
+                turn_rad: moved.increment.turn_rad,
+                residual_m: moved.residual_m as f32,
+                targets: moved.targets.min(most) as u16,
+                doubtful: moved.doubtful.min(most) as u16,
+            }),
+        }
+    }
 }
 
 impl Message for Report<'_> {
@@ -208,6 +257,10 @@ pub enum Refusal {
     Detect,
     /// The module was built without this.
     Unsupported,
+    /// The setup or the antennas of increments cannot be.
+    Motion(motion::SetupError),
+    /// More antennas than a message holds, no whole number of them, or fewer than are transmitters.
+    Antennas,
 }
 
 impl fmt::Display for Refusal {
@@ -244,6 +297,10 @@ impl fmt::Display for Refusal {
                 "detection needs training cells and a false alarm rate above 0 and below 1",
             ),
             Self::Unsupported => f.write_str("the module was built without this"),
+            Self::Motion(error) => write!(f, "increments cannot be had so: {error}"),
+            Self::Antennas => f.write_str(
+                "antennas are 3 to 11 places of 16 bytes each, transmitters first, and receivers among them",
+            ),
         }
     }
 }

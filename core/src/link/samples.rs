@@ -36,6 +36,30 @@ pub fn write_f32s<'b>(values: &[f32], buffer: &'b mut [u8]) -> Option<&'b [u8]> 
     write(values.iter().map(|value| value.to_le_bytes()), buffer)
 }
 
+/// Most antennas of a message.
+pub const MAX_ANTENNAS: usize = 11;
+
+/// Reads places in the plane, two float64 each.
+pub fn places(bytes: &[u8]) -> impl ExactSizeIterator<Item = [f64; 2]> + Clone + '_ {
+    bytes.as_chunks().0.iter().map(|place| {
+        let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = *place;
+        [
+            f64::from_le_bytes([a, b, c, d, e, f, g, h]),
+            f64::from_le_bytes([i, j, k, l, m, n, o, p]),
+        ]
+    })
+}
+
+/// Writes places in the plane, two float64 each.
+pub fn write_places<'b>(places: &[[f64; 2]], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
+    let places = places.iter().map(|[x, y]| {
+        let ([a, b, c, d, e, f, g, h], [i, j, k, l, m, n, o, p]) =
+            (x.to_le_bytes(), y.to_le_bytes());
+        [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p]
+    });
+    write(places, buffer)
+}
+
 /// Reads samples of [`Encoding::Complex32`].
 pub fn complex32s(bytes: &[u8]) -> impl ExactSizeIterator<Item = Complex32> + Clone + '_ {
     bytes.as_chunks().0.iter().map(|sample| {

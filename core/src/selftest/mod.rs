@@ -10,6 +10,7 @@
 //! | [`SelfTest`] | one sub-CPI through [`Plan`], by the sinc Keystone and by the exact one | both maps, pixels, power |
 //! | `FloatStreamSelfTest`, `FixedStreamSelfTest` (with the feature `link`) | two runs of the stream | maps with their headers, the frames of the link |
 //! | `MotionSelfTest` (with the feature `motion`) | pulses through `motion::Pairwise` | increments, in float64 |
+//! | `OdometerSelfTest` (with the feature `motion`) | samples through `motion::Odometer` | steps: increments, what they leave, counts |
 //!
 //! The expected numbers are held by `tests/stream/selftest.rs`; `tests/firmware/selftest.rs` and `tests/firmware/golden.rs`
 //! compare those of other machines.
@@ -18,6 +19,8 @@
 mod frames;
 #[cfg(feature = "motion")]
 mod motion;
+#[cfg(feature = "motion")]
+mod odometer;
 #[cfg(feature = "link")]
 mod scene;
 #[cfg(feature = "link")]
@@ -25,6 +28,8 @@ mod stream;
 
 #[cfg(feature = "motion")]
 pub use motion::{MOTION_PULSES, MotionSelfTest};
+#[cfg(feature = "motion")]
+pub use odometer::{ODOMETER_PULSES, OdometerSelfTest, OdometerSelfTestError};
 #[cfg(feature = "link")]
 pub use stream::{FixedStreamSelfTest, FloatStreamSelfTest, StreamSelfTestError};
 

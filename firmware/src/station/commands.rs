@@ -10,7 +10,10 @@ use crate::products::Products;
 
 impl<E: WireEngine> Module<'_, E> {
     pub(super) fn obey(&mut self, sequence: u32, command: &Command<'_>) {
-        let answered = !matches!(command, Command::Hello | Command::Pulse { .. });
+        let answered = !matches!(
+            command,
+            Command::Hello | Command::Pulse { .. } | Command::Channel { .. }
+        );
         let refusal = match *command {
             Command::Hello => {
                 self.due.identity = true;
@@ -31,7 +34,9 @@ impl<E: WireEngine> Module<'_, E> {
             } => self.push(&pulse, encoding, samples),
             Command::Stop => {
                 if self.state == State::Running {
-                    self.processor.finish();
+                    if !self.increments.are_wanted() {
+                        self.processor.finish();
+                    }
                     self.state = State::Finishing;
                 }
                 Ok(())
@@ -46,6 +51,18 @@ impl<E: WireEngine> Module<'_, E> {
                 self.add_product(|products| products.set_chip(&grid, columns))
             }
             Command::Detect(cfar) => self.add_product(|products| products.set_cfar(&cfar)),
+            Command::Motion(configuration) => self.configure_increments(&configuration),
+            Command::Antennas {
+                transmitters,
+                places,
+            } => self.set_antennas(transmitters, places),
+            Command::Channel {
+                pulse,
+                channel,
+                reference_path_m,
+                encoding,
+                samples,
+            } => self.push_channel((pulse, channel), reference_path_m, encoding, samples),
         };
         match refusal {
             Ok(()) => self.due.status |= answered,
@@ -53,7 +70,7 @@ impl<E: WireEngine> Module<'_, E> {
         }
     }
 
-    fn is_busy(&self) -> bool {
+    pub(super) fn is_busy(&self) -> bool {
         matches!(self.state, State::Running | State::Finishing)
     }
 
@@ -63,6 +80,7 @@ impl<E: WireEngine> Module<'_, E> {
         }
         let setup = &configuration.setup;
         self.processor.configure(setup).map_err(Refusal::Setup)?;
+        self.increments.forget();
         self.configuration = configuration.id;
         self.weights = 0;
         self.patches = 0;
@@ -72,11 +90,16 @@ impl<E: WireEngine> Module<'_, E> {
         Ok(())
     }
 
+    /// Whether the configuration is one of maps.
+    fn makes_maps(&self) -> bool {
+        self.processor.setup().is_some() && !self.increments.are_wanted()
+    }
+
     fn set_weights(&mut self, first: usize, weights: &[u8]) -> Result<(), Refusal> {
         if self.is_busy() {
             return Err(Refusal::Running);
         }
-        if self.processor.setup().is_none() {
+        if !self.makes_maps() {
             return Err(Refusal::NotConfigured);
         }
         // In order, so that all have come when the last has.
@@ -97,7 +120,7 @@ impl<E: WireEngine> Module<'_, E> {
         if self.is_busy() {
             return Err(Refusal::Running);
         }
-        if self.processor.setup().is_none() {
+        if !self.makes_maps() {
             return Err(Refusal::NotConfigured);
         }
         let have = self.processor.patches().len();
@@ -119,7 +142,7 @@ impl<E: WireEngine> Module<'_, E> {
     ) -> Result<(), Refusal> {
         match self.state {
             State::Running | State::Finishing => Err(Refusal::Running),
-            _ if self.processor.setup().is_none() => Err(Refusal::NotConfigured),
+            _ if !self.makes_maps() => Err(Refusal::NotConfigured),
             _ => add(&mut self.products),
         }
     }
@@ -146,6 +169,10 @@ impl<E: WireEngine> Module<'_, E> {
             State::Running | State::Finishing => return Err(Refusal::Running),
             State::Ready | State::Done => {}
         }
+        if self.increments.are_wanted() {
+            self.start_increments(run, first);
+            return Ok(());
+        }
         let patches = self.processor.patches().len();
         let chip = self.products.chip;
         if chip.is_some_and(|chip| usize::from(chip.grid.patch) >= patches) {
@@ -164,7 +191,9 @@ impl<E: WireEngine> Module<'_, E> {
     }
 
     fn abort(&mut self) {
-        if self.is_busy() {
+        if self.is_busy() && self.increments.are_wanted() {
+            self.abort_increments();
+        } else if self.is_busy() {
             self.processor.stop();
             self.transfer = Transfer::Nothing;
             self.state = State::Done;
@@ -181,6 +210,9 @@ impl<E: WireEngine> Module<'_, E> {
             // Late ones of a run that is over are no news.
             return Ok(());
         }
+        if self.increments.are_wanted() {
+            return self.refuse_pulses(Refusal::NotConfigured);
+        }
         let refusal = match E::push(&mut self.processor, pulse, encoding, samples) {
             None => Refusal::Encoding,
             Some(Err(PulseError::Length)) => {
@@ -194,7 +226,11 @@ impl<E: WireEngine> Module<'_, E> {
             // Counted by the processor.
             Some(_) => return Ok(()),
         };
-        // The host is told once, lest answers fill the line.
+        self.refuse_pulses(refusal)
+    }
+
+    /// The host is told once, lest answers fill the line.
+    pub(super) fn refuse_pulses(&mut self, refusal: Refusal) -> Result<(), Refusal> {
         match core::mem::replace(&mut self.pulse_refused, true) {
             true => Ok(()),
             false => Err(refusal),

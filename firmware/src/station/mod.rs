@@ -20,10 +20,14 @@
 //! |---|---|
 //! | this one | the station, its state, the order of work |
 //! | `commands` | what comes, and why it may be refused |
+//! | `increments` | runs that bring increments instead of maps |
 //! | `reports` | what goes out, a frame at a time |
 
 mod commands;
+mod increments;
 mod reports;
+
+use increments::Increments;
 
 use subaperture_core::link::{
     Command, Encoder, Received, Receiver, Refusal, State, TransferChecksum,
@@ -31,6 +35,7 @@ use subaperture_core::link::{
 use subaperture_core::stream::{Progress, SubCpiProcessor};
 
 use crate::engine::WireEngine;
+use crate::odometer::WireOdometer;
 use crate::products::{ProductBuffers, Products};
 
 /// Buffers of the link, lent to a station.
@@ -84,8 +89,17 @@ impl<'a, E: WireEngine> Station<'a, E> {
                 transfer: Transfer::Nothing,
                 chip_sent: false,
                 pulse_refused: false,
+                increments: Increments::default(),
+                first_pulse: 0,
             },
         }
+    }
+
+    /// Increments can be had too. Without an odometer they are refused as unsupported.
+    #[must_use]
+    pub fn with_odometer(mut self, odometer: &'a mut dyn WireOdometer) -> Self {
+        self.module.increments = Increments::of(odometer);
+        self
     }
 
     /// Takes bytes that came.
@@ -185,10 +199,16 @@ struct Module<'a, E: WireEngine> {
     chip_sent: bool,
     /// The host has been told that a pulse of the run is none.
     pulse_refused: bool,
+    increments: Increments<'a>,
+    /// Of a run of increments.
+    first_pulse: u32,
 }
 
 impl<E: WireEngine> Module<'_, E> {
     fn work(&mut self) -> bool {
+        if self.increments.are_wanted() {
+            return self.work_on_increments();
+        }
         match self.transfer {
             Transfer::Nothing => {}
             Transfer::Products => {

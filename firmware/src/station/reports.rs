@@ -28,7 +28,20 @@ impl<E: WireEngine> Module<'_, E> {
             self.pending = send(&mut self.encoder, self.frame, &report);
             return;
         }
-        let credit = self.processor.accept_through();
+        if let Some(step) = self.increments.take_due() {
+            // The host knows by it that the next pulse may come.
+            self.told_credit = self.increments.accept_through();
+            self.pending = send(&mut self.encoder, self.frame, &Report::from(&step));
+            return;
+        }
+        let increments = self.increments.are_wanted();
+        let (next_pulse, credit, pulses) = if increments {
+            let own = &self.increments;
+            (own.next_pulse(), own.accept_through(), own.counters())
+        } else {
+            let own = &self.processor;
+            (own.next_pulse(), own.accept_through(), own.counters())
+        };
         let more_credit = self.state == State::Running && credit != self.told_credit;
         if self.due.status || more_credit {
             self.due.status = false;
@@ -37,11 +50,11 @@ impl<E: WireEngine> Module<'_, E> {
                 state: self.state,
                 configuration: self.configuration,
                 run: self.run.unwrap_or(0),
-                next_pulse: self.processor.next_pulse(),
+                next_pulse,
                 accept_through: credit,
                 maps: self.maps,
                 link,
-                pulses: self.processor.counters(),
+                pulses,
             });
             self.pending = send(&mut self.encoder, self.frame, &report);
             return;

@@ -8,6 +8,7 @@ use subaperture_core::link::{
     Command, Configuration, Encoder, Encoding, MapAssembly, Receiver, Report, State, Status,
     max_frame_bytes, max_received_bytes, write_complex32s, write_f32s,
 };
+use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{FloatBuffers, FloatEngine};
 use subaperture_firmware::products::{ChipKernel, ProductBuffers};
 use subaperture_firmware::station::{LinkBuffers, Station};
@@ -33,6 +34,7 @@ pub(super) struct Bench {
     chip: Vec<Complex32>,
     columns: Vec<Column>,
     kernel: ChipKernel,
+    odometer: Box<Odometer<4, 2, 32, 64>>,
 }
 
 impl Bench {
@@ -45,6 +47,7 @@ impl Bench {
             chip: vec![Complex32::ZERO; 256],
             columns: vec![Column::EMPTY; ROW],
             kernel: ChipKernel::new(),
+            odometer: Box::default(),
         }
     }
 
@@ -59,7 +62,8 @@ impl Bench {
             kernel: &self.kernel,
             columns: &mut self.columns,
         };
-        Station::new(self.buffers.processor(), link, products, "module")
+        let station = Station::new(self.buffers.processor(), link, products, "module");
+        station.with_odometer(&mut *self.odometer)
     }
 
     /// What a module that just started says when it is told this.
@@ -94,7 +98,7 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     // Without what chips and detections add.
     let frames: Vec<&[u8]> = all.split_inclusive(|&byte| byte == 0).collect();
     let plain = [&frames[..5], &frames[7..]].concat().concat();
-    vec![all.clone(), plain, frames[..8].concat()]
+    vec![all.clone(), plain, frames[..8].concat(), wire::increments()]
 }
 
 /// What a host hears.
@@ -144,6 +148,7 @@ impl Ear {
                 Report::Detections { .. } => "detections",
                 Report::Refused { .. } => "refused",
                 Report::Log { .. } => "log",
+                Report::Increment { .. } => "increment",
             });
         }
         heard

@@ -3,9 +3,10 @@
 use subaperture_core::cfar::{Cfar, Reach};
 use subaperture_core::link::{
     ChipAssembly, ChipGrid, Command, Configuration, Damage, Encoder, Encoding, MapAssembly,
-    Receiver, Refusal, Report, State, Status, detections, max_frame_bytes, max_received_bytes,
-    write_complex32s, write_f32s,
+    MotionConfiguration, Receiver, Refusal, Report, State, Status, detections, max_frame_bytes,
+    max_received_bytes, write_complex32s, write_f32s, write_places,
 };
+use subaperture_core::{Complex32, motion};
 
 use crate::link_scene;
 
@@ -70,6 +71,72 @@ pub(super) fn commands() -> Vec<u8> {
     wire
 }
 
+/// Commands of a conversation about increments.
+pub(super) fn increments() -> Vec<u8> {
+    const FREQUENCIES: u16 = 32;
+    let mut encoder = Encoder::new();
+    let mut buffer = vec![0; max_frame_bytes(SAMPLES)];
+    let mut wire = Vec::new();
+    let mut say = |command: &Command<'_>| {
+        wire.extend(
+            encoder
+                .encode(command, &mut buffer)
+                .expect("a short command"),
+        );
+    };
+    say(&Command::Hello);
+    say(&Command::Motion(MotionConfiguration {
+        id: 6,
+        setup: motion::Setup {
+            num_frequencies: FREQUENCIES,
+            range_length: 64,
+            start_hz: 77e9,
+            step_hz: 31.25e6,
+            side_lobe_db: 45.0,
+            ranges_m: [0.5, 4.5],
+            guard: 1,
+            training: 4,
+            rank: 0.6,
+            false_alarm_probability: 0.01,
+            least_snr_db: 5.0,
+            follow: motion::Follow {
+                seen: 1,
+                within: 2,
+                ..motion::Follow::default()
+            },
+        },
+    }));
+    let antennas = [[-0.01, 0.0], [0.0, 0.0], [0.0019, 0.0]];
+    let mut bytes = [0; 8 * SAMPLES];
+    let places = write_places(&antennas, &mut bytes).expect("three places");
+    say(&Command::Antennas {
+        transmitters: 1,
+        places,
+    });
+    say(&Command::Start { run: 4, first: 0 });
+    for (pulse, channel) in (0..4).flat_map(|pulse| [(pulse, 0), (pulse, 1)]) {
+        // Two echoes that come nearer.
+        let sample = |k: u16| {
+            let turns = |path: f32| std::f32::consts::TAU * path * f32::from(k) / 32.0;
+            let near = Complex32::cis(-turns(8.0) + 0.3 * pulse as f32);
+            near + Complex32::cis(-turns(19.0) + 0.2 * f32::from(channel))
+        };
+        let samples: Vec<Complex32> = (0..FREQUENCIES).map(sample).collect();
+        let samples = write_complex32s(&samples, &mut bytes).expect("a short pulse");
+        say(&Command::Channel {
+            pulse,
+            channel,
+            reference_path_m: 1.5,
+            encoding: Encoding::Complex32,
+            samples,
+        });
+    }
+    for command in [Command::Status, Command::Stop] {
+        say(&command);
+    }
+    wire
+}
+
 /// What a module says to them.
 fn reports() -> Vec<u8> {
     super::station::Bench::new().hear(&commands())
@@ -106,7 +173,8 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
                 .expect("a short report"),
         );
     }
-    vec![commands(), reports(), rare]
+    let told = super::station::Bench::new().hear(&increments());
+    vec![commands(), reports(), rare, increments(), told]
 }
 
 /// What comes of one frame, in words that do not depend on how its bytes were split.

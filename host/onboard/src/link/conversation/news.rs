@@ -80,7 +80,7 @@ impl Conversation<'_> {
                 self.news.status = Some(status);
             }
             Report::Refused { sequence, what } => self.news.refusal = Some((sequence, what)),
-            Report::Log { .. } => {}
+            Report::Log { .. } | Report::Increment { .. } => {}
             _ => {
                 self.news.map = true;
                 self.intake.take(report, &mut self.ledger.counts)?;

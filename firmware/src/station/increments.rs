@@ -1,0 +1,231 @@
+//! Runs that bring increments instead of maps.
+
+use subaperture_core::link::{Encoding, MAX_ANTENNAS, MotionConfiguration, Refusal, State, places};
+use subaperture_core::motion::{Antennas, Progress, SampleError, Setup, Step};
+use subaperture_core::stream::PulseCounters;
+
+use super::{Module, Transfer};
+use crate::engine::WireEngine;
+use crate::odometer::WireOdometer;
+
+/// What such a run needs and has.
+#[derive(Default)]
+pub(super) struct Increments<'a> {
+    odometer: Option<&'a mut dyn WireOdometer>,
+    /// Of the configuration, if it is one of increments.
+    setup: Option<Setup>,
+    /// What the last pulse told, and whether that is to be sent.
+    last: Option<Step>,
+    due: bool,
+    counters: PulseCounters,
+}
+
+impl<'a> Increments<'a> {
+    /// With this odometer.
+    pub(super) fn of(odometer: &'a mut dyn WireOdometer) -> Self {
+        Self {
+            odometer: Some(odometer),
+            ..Self::default()
+        }
+    }
+
+    /// Whether the configuration is one of increments.
+    pub(super) fn are_wanted(&self) -> bool {
+        self.setup.is_some()
+    }
+
+    /// Maps are wanted instead.
+    pub(super) fn forget(&mut self) {
+        self.setup = None;
+        self.due = false;
+    }
+
+    /// Number of the pulse expected next.
+    pub(super) fn next_pulse(&self) -> u32 {
+        self.odometer
+            .as_ref()
+            .map_or(0, |odometer| odometer.pulse())
+    }
+
+    /// Pulses of numbers below this may be sent: one at a time.
+    pub(super) fn accept_through(&self) -> u32 {
+        self.next_pulse().saturating_add(1)
+    }
+
+    /// What became of the run's pulses.
+    pub(super) fn counters(&self) -> PulseCounters {
+        let incomplete = self.odometer.as_ref().map_or(0, |own| own.incomplete());
+        PulseCounters {
+            incomplete,
+            ..self.counters
+        }
+    }
+
+    /// What is to be sent, once.
+    pub(super) fn take_due(&mut self) -> Option<Step> {
+        let due = core::mem::take(&mut self.due);
+        self.last.filter(|_| due)
+    }
+
+    fn push(
+        &mut self,
+        (pulse, channel): (u32, u16),
+        reference_path_m: f64,
+        encoding: Encoding,
+        samples: &[u8],
+    ) {
+        let Some(odometer) = &mut self.odometer else {
+            return;
+        };
+        let counters = &mut self.counters;
+        let counter =
+            match odometer.push(pulse, channel.into(), reference_path_m, encoding, samples) {
+                Ok(()) => return,
+                Err(SampleError::Busy | SampleError::NotStarted) => &mut counters.dropped,
+                Err(SampleError::Repeated) => {
+                    // The host has not heard of it.
+                    self.due |= self.last.is_some_and(|last| last.pulse == pulse);
+                    &mut counters.repeated
+                }
+                Err(SampleError::Channel | SampleError::Length | SampleError::NotFinite) => {
+                    &mut counters.refused
+                }
+            };
+        *counter = counter.saturating_add(1);
+    }
+
+    /// Takes what a pulse told.
+    fn told(&mut self, step: Step, first: u32) {
+        let before = self.last.map_or(first, |last| last.pulse.saturating_add(1));
+        let lost = step.pulse.saturating_sub(before);
+        self.counters.accepted = self.counters.accepted.saturating_add(1);
+        self.counters.lost = self.counters.lost.saturating_add(lost);
+        self.last = Some(step);
+        self.due = true;
+    }
+}
+
+impl<E: WireEngine> Module<'_, E> {
+    pub(super) fn configure_increments(
+        &mut self,
+        configuration: &MotionConfiguration,
+    ) -> Result<(), Refusal> {
+        if self.is_busy() {
+            return Err(Refusal::Running);
+        }
+        if self.increments.odometer.is_none() {
+            return Err(Refusal::Unsupported);
+        }
+        self.increments.setup = Some(configuration.setup);
+        self.increments.last = None;
+        self.increments.due = false;
+        self.configuration = configuration.id;
+        self.transfer = Transfer::Nothing;
+        self.products.forget();
+        self.state = State::Idle;
+        Ok(())
+    }
+
+    pub(super) fn set_antennas(&mut self, transmitters: u16, bytes: &[u8]) -> Result<(), Refusal> {
+        if self.is_busy() {
+            return Err(Refusal::Running);
+        }
+        let (Some(setup), Some(odometer)) = (&self.increments.setup, &mut self.increments.odometer)
+        else {
+            return Err(Refusal::NotConfigured);
+        };
+        let mut room = [[0.0; 2]; MAX_ANTENNAS];
+        let all = places(bytes);
+        let count = all.len();
+        if !bytes.len().is_multiple_of(16) || count > MAX_ANTENNAS {
+            return Err(Refusal::Antennas);
+        }
+        for (place, own) in room.iter_mut().zip(all) {
+            *place = own;
+        }
+        let both = room
+            .get(..count)
+            .and_then(|all| all.split_at_checked(transmitters.into()));
+        let (transmitters_m, receivers_m) = both.ok_or(Refusal::Antennas)?;
+        let antennas = Antennas {
+            transmitters_m,
+            receivers_m,
+            // That of the band is taken.
+            wavelength_m: 0.0,
+        };
+        let configured = odometer.configure(setup, &antennas);
+        // What was complete before may be so no more.
+        self.state = State::Idle;
+        configured.map_err(Refusal::Motion)?;
+        self.state = State::Ready;
+        Ok(())
+    }
+
+    pub(super) fn start_increments(&mut self, run: u32, first: u32) {
+        if let Some(odometer) = &mut self.increments.odometer {
+            odometer.start(first);
+        }
+        self.increments.last = None;
+        self.increments.due = false;
+        self.increments.counters = PulseCounters::default();
+        self.first_pulse = first;
+        self.run = Some(run);
+        self.maps = 0;
+        self.transfer = Transfer::Nothing;
+        self.pulse_refused = false;
+        self.told_credit = self.increments.accept_through();
+        self.state = State::Running;
+    }
+
+    pub(super) fn push_channel(
+        &mut self,
+        place: (u32, u16),
+        reference_path_m: f64,
+        encoding: Encoding,
+        samples: &[u8],
+    ) -> Result<(), Refusal> {
+        if self.state != State::Running {
+            // Late ones of a run that is over are no news.
+            return Ok(());
+        }
+        if !self.increments.are_wanted() {
+            return self.refuse_pulses(Refusal::NotConfigured);
+        }
+        self.increments
+            .push(place, reference_path_m, encoding, samples);
+        Ok(())
+    }
+
+    /// A piece of work, unless an increment waits to be sent.
+    pub(super) fn work_on_increments(&mut self) -> bool {
+        if self.increments.due {
+            return false;
+        }
+        let Some(odometer) = &mut self.increments.odometer else {
+            return false;
+        };
+        match odometer.work() {
+            Progress::Busy => true,
+            Progress::Step(step) => {
+                self.increments.told(step, self.first_pulse);
+                true
+            }
+            Progress::Idle => {
+                if self.state == State::Finishing {
+                    odometer.stop();
+                    self.state = State::Done;
+                    self.due.status = true;
+                }
+                false
+            }
+        }
+    }
+
+    pub(super) fn abort_increments(&mut self) {
+        if let Some(odometer) = &mut self.increments.odometer {
+            odometer.stop();
+        }
+        self.increments.due = false;
+        self.state = State::Done;
+    }
+}

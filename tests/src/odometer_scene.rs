@@ -1,0 +1,169 @@
+//! A radar of several receivers that goes past reflectors in a plane: its samples by plain sums over scatterers in float64, and its true way.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex32;
+use subaperture_core::motion::{Antennas, Follow, Setup};
+
+const C_M_S: f64 = 299_792_458.0;
+
+/// Frequencies a pulse.
+pub const FREQUENCIES: usize = 64;
+/// Points of the range transform.
+pub const BINS: usize = 256;
+/// From 77 to 78 GHz.
+pub const START_HZ: f64 = 77e9;
+/// From sample to sample: ranges repeat after 9.6 m.
+pub const STEP_HZ: f64 = 1e9 / 64.0;
+
+/// Wavelength of the middle of the band, metres.
+pub fn wavelength_m() -> f64 {
+    C_M_S / (START_HZ + 0.5 * (FREQUENCIES - 1) as f64 * STEP_HZ)
+}
+
+/// What the odometer is told.
+pub fn setup() -> Setup {
+    Setup {
+        num_frequencies: FREQUENCIES as u16,
+        range_length: BINS as u16,
+        start_hz: START_HZ,
+        step_hz: STEP_HZ,
+        side_lobe_db: 50.0,
+        ranges_m: [1.0, 9.0],
+        guard: 3,
+        training: 12,
+        rank: 0.6,
+        false_alarm_probability: 1e-5,
+        least_snr_db: 10.0,
+        follow: Follow::default(),
+    }
+}
+
+/// Place, and angle counterclockwise.
+pub type Pose = ([f64; 2], f64);
+
+/// Antennas, reflectors and noise.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// In the array's frame, whose origin is the middle between the mean of the transmitters and that of the receivers.
+    pub transmitters_m: Vec<[f64; 2]>,
+    /// The same.
+    pub receivers_m: Vec<[f64; 2]>,
+    /// Places and amplitudes.
+    pub reflectors: Vec<([f64; 2], f64)>,
+    /// RMS of a sample's noise.
+    pub noise: f64,
+    /// Of the noise.
+    pub seed: u64,
+    /// To which path samples are compensated, metres.
+    pub reference_path_m: f64,
+}
+
+impl Scene {
+    /// A transmitter and so many receivers half a wavelength apart; four reflectors from 2.4 to 6.9 m, all told apart by range.
+    pub fn new(receivers: usize) -> Self {
+        let half_m = 0.5 * wavelength_m();
+        let middle = 0.5 * (receivers - 1) as f64;
+        let place = |i: usize| [0.01 + (i as f64 - middle) * half_m, 0.0];
+        Self {
+            transmitters_m: vec![[-0.01, 0.0]],
+            receivers_m: (0..receivers).map(place).collect(),
+            reflectors: vec![
+                ([-0.9, 2.25], 1.0),
+                ([0.6, 3.5], 1.2),
+                ([2.1, 4.7], 0.9),
+                ([-2.6, 6.4], 1.1),
+            ],
+            noise: 0.0,
+            seed: 1,
+            reference_path_m: 0.0,
+        }
+    }
+
+    /// With such noise that a reflector of amplitude 1 has this SNR in its range cell.
+    #[must_use]
+    pub fn with_snr_db(mut self, snr_db: f64, seed: u64) -> Self {
+        // Taylor's window of 50 dB takes 1.6 dB: of 64 samples 44 are left.
+        self.noise = (44.0 / 10f64.powf(0.1 * snr_db)).sqrt();
+        self.seed = seed;
+        self
+    }
+
+    /// Channels.
+    pub fn channels(&self) -> usize {
+        self.transmitters_m.len() * self.receivers_m.len()
+    }
+
+    /// For the core.
+    pub fn antennas(&self) -> Antennas<'_> {
+        Antennas {
+            transmitters_m: &self.transmitters_m,
+            receivers_m: &self.receivers_m,
+            wavelength_m: wavelength_m(),
+        }
+    }
+
+    /// Samples of a pulse, channel by channel.
+    pub fn pulse(&self, n: usize) -> Vec<Vec<Complex32>> {
+        let (at_m, heading_rad) = pose(n);
+        let (sin, cos) = heading_rad.sin_cos();
+        let leg_m = |place: &[f64; 2], [x, y]: &[f64; 2]| {
+            let antenna = [at_m[0] + cos * x - sin * y, at_m[1] + sin * x + cos * y];
+            (place[0] - antenna[0]).hypot(place[1] - antenna[1])
+        };
+        let mut random = Random(self.seed.wrapping_add((n as u64) << 20));
+        let mut all = Vec::new();
+        for transmitter in &self.transmitters_m {
+            for receiver in &self.receivers_m {
+                let sample = |k: usize| {
+                    let hz = START_HZ + k as f64 * STEP_HZ;
+                    let (mut re, mut im) = (0.0, 0.0);
+                    for (place, amplitude) in &self.reflectors {
+                        let path_m = leg_m(place, transmitter) + leg_m(place, receiver);
+                        let turns = hz * (path_m - self.reference_path_m) / C_M_S;
+                        let (s, c) = (TAU * turns.fract()).sin_cos();
+                        (re, im) = (re + amplitude * c, im - amplitude * s);
+                    }
+                    let part = self.noise * std::f64::consts::FRAC_1_SQRT_2;
+                    let [a, b] = random.gaussians();
+                    Complex32::new((re + part * a) as f32, (im + part * b) as f32)
+                };
+                all.push((0..FREQUENCIES).map(sample).collect());
+            }
+        }
+        all
+    }
+}
+
+/// Where the radar is at pulse `n`: 0.7 mm a pulse along x, and some of all else.
+pub fn pose(n: usize) -> Pose {
+    let u = n as f64 / 300.0;
+    let sway = |cycles: f64| (TAU * cycles * u).sin();
+    ([0.21 * u, 0.002 * sway(2.0)], 0.01 * sway(1.5))
+}
+
+/// From a pose to another: along the array and ahead in the former's frame, and the turn.
+pub fn between(from: Pose, to: Pose) -> ([f64; 2], f64) {
+    let (sin, cos) = from.1.sin_cos();
+    let [x, y] = [to.0[0] - from.0[0], to.0[1] - from.0[1]];
+    ([cos * x + sin * y, cos * y - sin * x], to.1 - from.1)
+}
+
+/// Numbers without a pattern that matters: SplitMix64.
+struct Random(u64);
+
+impl Random {
+    fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn gaussians(&mut self) -> [f64; 2] {
+        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
+        let (sin, cos) = (TAU * self.uniform()).sin_cos();
+        [radius * cos, radius * sin]
+    }
+}

@@ -1,0 +1,432 @@
+//! A module's own motion, of samples: against the true way, against the host's on the same recording, and to the bit.
+
+use glam::DVec2;
+use subaperture::glam::DVec3;
+use subaperture::motion::{self as host, Heading};
+use subaperture::phase_history::{
+    Channel, Channels, Collection, InMemory, PhaseHistory, Pulse, Sweep,
+};
+use subaperture::targets;
+use subaperture_core::Complex32;
+use subaperture_core::motion::{
+    Antennas, Odometer, Progress, SampleError, Setup, SetupError, Step,
+};
+use subaperture_core::selftest::OdometerSelfTest;
+use subaperture_tests::odometer_scene::{
+    BINS, FREQUENCIES, START_HZ, STEP_HZ, Scene, between, pose, setup, wavelength_m,
+};
+
+/// Changes only when the arithmetic changes: then look at why, and write the new one.
+const CHECKSUM: u32 = 0x1b04_56da;
+
+type Small = Odometer<8, 4, FREQUENCIES, BINS>;
+
+/// Works until there is nothing to do; the step that came of it.
+fn drain(odometer: &mut Small) -> Option<Step> {
+    let mut told = None;
+    // No more pieces than there can be.
+    for _ in 0..100 {
+        match odometer.work() {
+            Progress::Idle => return told,
+            Progress::Busy => {}
+            Progress::Step(step) => assert_eq!(told.replace(step), None),
+        }
+    }
+    panic!("the work does not end")
+}
+
+fn push(odometer: &mut Small, scene: &Scene, n: usize) -> Option<Step> {
+    for (c, samples) in scene.pulse(n).into_iter().enumerate() {
+        let samples = samples.into_iter();
+        odometer
+            .push(n as u32, c, scene.reference_path_m, samples)
+            .unwrap();
+    }
+    drain(odometer)
+}
+
+fn started(scene: &Scene) -> Box<Small> {
+    let mut odometer = Box::new(Small::new());
+    odometer.configure(&setup(), &scene.antennas()).unwrap();
+    assert_eq!(odometer.channels(), scene.channels());
+    assert!(odometer.start(0));
+    odometer
+}
+
+fn steps(scene: &Scene, pulses: usize) -> Vec<Step> {
+    let mut odometer = started(scene);
+    let each = (0..pulses).map(|n| push(&mut odometer, scene, n).expect("a step a pulse"));
+    each.collect()
+}
+
+/// The same recording as the host reads it.
+fn channels(scene: &Scene, pulses: usize) -> Channels<'static> {
+    let mut all: Vec<(Vec<Pulse>, Vec<Complex32>)> = vec![Default::default(); scene.channels()];
+    for n in 0..pulses {
+        let (at_m, heading_rad) = pose(n);
+        let turn = DVec2::from_angle(heading_rad);
+        let place = |arm_m: &[f64; 2]| {
+            let own = DVec2::from_array(at_m) + turn.rotate(DVec2::from_array(*arm_m));
+            own.extend(0.0)
+        };
+        let pairs = (scene.transmitters_m.iter())
+            .flat_map(|t| scene.receivers_m.iter().map(move |r| [place(t), place(r)]));
+        for (((pulses, samples), [t, r]), own) in all.iter_mut().zip(pairs).zip(scene.pulse(n)) {
+            pulses.push(Pulse {
+                time_s: n as f64 * 1e-3,
+                transmitter_m: t,
+                receiver_m: r,
+                reference_m: DVec3::new(0.0, 4.0, 0.0),
+                reference_path_m: scene.reference_path_m,
+                start_hz: START_HZ,
+                step_hz: STEP_HZ,
+                sweep: Sweep::AT_ONCE,
+            });
+            samples.extend(own);
+        }
+    }
+    let boxed = all.into_iter().enumerate().map(|(c, (pulses, samples))| {
+        let collection = Collection {
+            name: "plain sums".to_owned(),
+            num_samples: FREQUENCIES,
+            pulses,
+            frame: subaperture::geometry::SceneFrame::Local,
+            extent: None,
+            timed: true,
+        };
+        let history: Box<dyn PhaseHistory> = Box::new(InMemory::new(collection, samples).unwrap());
+        (Channel::new(format!("{c}")), history)
+    });
+    Channels::new(boxed.collect()).unwrap()
+}
+
+/// The host's increments, by the number of the later pulse: targets of the same settings, the same way of finding increments.
+fn on_host(scene: &Scene, pulses: usize) -> Vec<Option<host::pairwise::Moved>> {
+    let told = setup();
+    let settings = targets::Settings {
+        cfar: targets::cfar::Cfar {
+            guard: told.guard.into(),
+            training: told.training.into(),
+            level: targets::cfar::Level::Ordered(told.rank),
+            ..targets::cfar::Cfar::default()
+        },
+        ranges_m: Some((told.ranges_m[0], told.ranges_m[1])),
+        ..targets::Settings::default()
+    };
+    let silent = subaperture::monitor::Silent;
+    let seen = targets::see(channels(scene, pulses), &settings, &silent).unwrap();
+    let middle_m = seen.array.receivers_m[0].distance(DVec2::from_array(scene.receivers_m[0]));
+    assert!(middle_m < 1e-9, "the host's frame is the scene's");
+    let mut pairwise = host::Pairwise::new(seen.array.clone(), Heading::Found).unwrap();
+    let each = seen.pulses.iter();
+    each.map(|sightings| pairwise.push(sightings).unwrap_or(None))
+        .collect()
+}
+
+/// How far the steps' increments are from the way: RMS of place along and ahead, metres, and of turn. All from pulse `from` on.
+fn off(steps: &[Step], from: usize) -> [f64; 3] {
+    let mut sums = [0.0; 3];
+    let mut count = 0.0;
+    for step in &steps[from..] {
+        let moved = step.moved.expect("targets enough").increment;
+        let (true_m, true_rad) = between(pose(step.since as usize), pose(step.pulse as usize));
+        let off = [
+            moved.moved_m[0] - true_m[0],
+            moved.moved_m[1] - true_m[1],
+            moved.turn_rad - true_rad,
+        ];
+        sums.iter_mut().zip(off).for_each(|(sum, x)| *sum += x * x);
+        count += 1.0;
+    }
+    sums.map(|sum| (sum / count).sqrt())
+}
+
+/// Of two targets weights say nothing, so that both have to find the same: by samples in float32 and in float64, by two implementations that share no code.
+///
+/// Phases are sums of 64 float32 terms of up to 3 in 1, in which others are taken away: 1e-6 of the parts, 1e-5 rad at most. Of two targets whose sines are 0.54 apart that is
+/// `1e-5 wavelength / (4 pi) 2 / 0.54` = 1e-8 m; a turn is told by receivers half a wavelength apart: `1e-5 / pi`, times 4 for what is alike in both directions.
+#[test]
+fn increments_are_those_of_the_host() {
+    for snr_db in [25.0, 120.0] {
+        let mut scene = Scene::new(2).with_snr_db(snr_db, 3);
+        scene.reflectors.truncate(2);
+        scene.reference_path_m = 7.3;
+        let pulses = 60;
+        let own = steps(&scene, pulses);
+        let expected = on_host(&scene, pulses);
+        let mut compared = 0;
+        let mut most = [0.0f64; 2];
+        for (step, expected) in own.iter().zip(&expected) {
+            let (Some(moved), Some(expected)) = (step.moved, expected) else {
+                continue;
+            };
+            assert_eq!((moved.targets, expected.targets), (2, 2));
+            compared += 1;
+            let off_m =
+                DVec2::from_array(moved.increment.moved_m).distance(expected.increment.moved_m);
+            let off_rad = (moved.increment.turn_rad - expected.increment.turn_rad).abs();
+            most = [most[0].max(off_m), most[1].max(off_rad)];
+        }
+        println!("{snr_db} dB: {compared} of {pulses}, {most:?}");
+        // Five pulses make a target.
+        assert!(compared >= pulses - 6, "{compared}");
+        assert!(most[0] < 1e-8 && most[1] < 2e-5, "{most:?}");
+    }
+}
+
+/// Without noise what is left is the range from the middle of the antennas, `(antennas' distance)^2 / (2 range)` in 2.4 m: 4e-5 of 0.7 mm, three times that for directions; of a
+/// turn the same over the receivers' half wavelength. With noise of 30 dB a phase errs by 0.022 rad, a path between pulses by `0.022 wavelength / (2 pi)` in two channels, a step by half of that over
+/// the spread of the sines, 0.35: 2e-5 m. The host, which finds targets for itself and has float64, is no better.
+#[test]
+fn increments_are_the_motion() {
+    let clean = off(&steps(&Scene::new(2), 40), 6);
+    println!("{clean:?}");
+    assert!(
+        clean[0].hypot(clean[1]) < 8e-8 && clean[2] < 4e-5,
+        "{clean:?}"
+    );
+    for receivers in [2, 4] {
+        let scene = Scene::new(receivers).with_snr_db(30.0, 5);
+        let own = steps(&scene, 80);
+        let own_off = off(&own, 6);
+        let expected = on_host(&scene, 80);
+        let as_steps = own.iter().zip(&expected).map(|(step, expected)| Step {
+            moved: step
+                .moved
+                .zip(expected.as_ref())
+                .map(|(mut moved, expected)| {
+                    moved.increment.moved_m = expected.increment.moved_m.to_array();
+                    moved.increment.turn_rad = expected.increment.turn_rad;
+                    moved
+                }),
+            ..*step
+        });
+        let host_off = off(&as_steps.collect::<Vec<_>>(), 6);
+        println!("{receivers} receivers: {own_off:?}, on the host {host_off:?}");
+        assert!(own_off[0] < 2.5e-5 && own_off[1] < 2.5e-5, "{own_off:?}");
+        for (own, host) in own_off.iter().zip(host_off) {
+            assert!(*own < 1.1 * host, "{own_off:?} {host_off:?}");
+        }
+        assert!(
+            own[10..].iter().all(|step| step.targets == 4),
+            "all four are seen"
+        );
+    }
+}
+
+/// What a moving reflector leaves: a path that is not the radar's own.
+#[test]
+fn what_is_left_tells_of_a_target_that_moves() {
+    let mut odometer = started(&Scene::new(2));
+    let mut residuals_m = [0.0f64; 2];
+    for n in 0..60usize {
+        let mut scene = Scene::new(2).with_snr_db(40.0, 2);
+        let moving = n >= 40;
+        // From pulse 40 on 0.2 mm a pulse towards the radar.
+        scene.reflectors[1].0[1] -= 2e-4 * f64::from(n.saturating_sub(40) as u32);
+        let step = push(&mut odometer, &scene, n).unwrap();
+        if let (Some(moved), false) = (step.moved, n == 40) {
+            let most = &mut residuals_m[usize::from(moving)];
+            *most = match moving {
+                true => moved.residual_m,
+                false => most.max(moved.residual_m),
+            };
+        }
+    }
+    // A path that is 0.4 mm too short is shared out over four targets, of which two are fitted.
+    let [still, moving] = residuals_m;
+    assert!(still < 3e-5 && moving > 1e-4, "{residuals_m:?}");
+}
+
+#[test]
+fn lost_pulses_and_channels_are_bridged() {
+    let scene = Scene::new(2);
+    let mut odometer = started(&scene);
+    let mut told = Vec::new();
+    for n in 0..40 {
+        match n {
+            // Lost altogether.
+            20 => {}
+            // A channel is lost, and comes twice.
+            25 => {
+                let samples = &scene.pulse(n)[1];
+                let again = || samples.iter().copied();
+                assert_eq!(odometer.push(25, 1, 0.0, again()), Ok(()));
+                assert_eq!(
+                    odometer.push(25, 1, 0.0, again()),
+                    Err(SampleError::Repeated)
+                );
+                assert_eq!(
+                    odometer.push(24, 0, 0.0, again()),
+                    Err(SampleError::Repeated)
+                );
+                assert_eq!(drain(&mut odometer), None);
+            }
+            // No number.
+            30 => {
+                let mut samples = scene.pulse(n)[0].clone();
+                samples[3].im = f32::NAN;
+                let result = odometer.push(30, 0, 0.0, samples.into_iter());
+                assert_eq!(result, Err(SampleError::NotFinite));
+                assert_eq!(drain(&mut odometer), None);
+            }
+            _ => told.extend(push(&mut odometer, &scene, n)),
+        }
+    }
+    assert_eq!(told.len(), 37);
+    assert_eq!(odometer.incomplete(), 2);
+    for pair in told.windows(2) {
+        assert_eq!(pair[1].since, pair[0].pulse);
+    }
+    let clean = off(&told, 6);
+    // As without gaps, of steps up to twice as long.
+    assert!(clean[0].hypot(clean[1]) < 1.6e-7, "{clean:?}");
+}
+
+#[test]
+fn a_target_that_is_hidden_for_a_while_is_the_same_afterwards() {
+    let mut odometer = started(&Scene::new(2));
+    let mut seen = Vec::new();
+    for n in 0..50 {
+        let mut scene = Scene::new(2).with_snr_db(30.0, 6);
+        if (20..30).contains(&n) {
+            scene.reflectors.truncate(3);
+        }
+        let step = push(&mut odometer, &scene, n).unwrap();
+        seen.push((step.targets, step.moved.map(|moved| moved.targets)));
+    }
+    assert_eq!(seen[19], (4, Some(4)));
+    assert!(
+        seen[20..30].iter().all(|seen| *seen == (3, Some(3))),
+        "{seen:?}"
+    );
+    assert_eq!(
+        seen[30],
+        (4, Some(3)),
+        "seen at once, and compared from the next pulse on"
+    );
+    assert_eq!(seen[31], (4, Some(4)));
+}
+
+/// Peaks of noise, of which as many cells as asked for are above the threshold: of 53 cells a pulse within the ranges 21 in all. A peak between bins of a cell apart is one
+/// that these would not have seen, which at four bins a cell up to doubles them; Poisson's deviation is 5 to 7, and for ordered cells a quarter more are expected under a window.
+#[test]
+fn noise_alone_is_no_motion() {
+    let mut scene = Scene::new(2).with_snr_db(0.0, 11);
+    scene.reflectors.clear();
+    let mut odometer = Box::new(Small::new());
+    let pulses = 400;
+    for rank in [0.0, 0.6] {
+        let often = Setup {
+            false_alarm_probability: 1e-3,
+            least_snr_db: -100.0,
+            rank,
+            ..setup()
+        };
+        odometer.configure(&often, &scene.antennas()).unwrap();
+        odometer.start(0);
+        let mut echoes = 0;
+        for n in 0..pulses {
+            let step = push(&mut odometer, &scene, n).unwrap();
+            echoes += usize::from(step.echoes);
+            assert_eq!(step.moved, None);
+        }
+        println!("rank {rank}: {echoes} of {} cells", 53 * pulses);
+        assert!((8..80).contains(&echoes), "{echoes}");
+    }
+}
+
+#[test]
+fn settings_that_cannot_be_are_refused() {
+    let scene = Scene::new(2);
+    let with = |change: &dyn Fn(&mut Setup)| {
+        let mut own = setup();
+        change(&mut own);
+        Small::new().configure(&own, &scene.antennas())
+    };
+    assert_eq!(with(&|_| ()), Ok(()));
+    let frequencies = |wanted| Err(SetupError::Frequencies { wanted, most: 64 });
+    assert_eq!(with(&|own| own.num_frequencies = 65), frequencies(65));
+    assert_eq!(with(&|own| own.num_frequencies = 0), frequencies(0));
+    for wanted in [0, 64, 200, 512] {
+        let error = SetupError::RangeLength { wanted, most: 256 };
+        assert_eq!(with(&|own| own.range_length = wanted), Err(error));
+    }
+    assert_eq!(with(&|own| own.step_hz = 0.0), Err(SetupError::Band));
+    assert_eq!(with(&|own| own.start_hz = f64::NAN), Err(SetupError::Band));
+    assert_eq!(
+        with(&|own| own.side_lobe_db = 101.0),
+        Err(SetupError::Window)
+    );
+    for ranges_m in [[-1.0, 2.0], [3.0, 2.0], [0.0, 20.0], [1.0, f64::NAN]] {
+        assert_eq!(
+            with(&|own| own.ranges_m = ranges_m),
+            Err(SetupError::Ranges)
+        );
+    }
+    assert_eq!(with(&|own| own.training = 0), Err(SetupError::Detection));
+    assert_eq!(with(&|own| own.guard = 40), Err(SetupError::Detection));
+    assert_eq!(with(&|own| own.rank = 1.5), Err(SetupError::Detection));
+    let certain = |own: &mut Setup| own.false_alarm_probability = 1.0;
+    assert_eq!(with(&certain), Err(SetupError::Detection));
+    assert_eq!(with(&|own| own.follow.seen = 9), Err(SetupError::Follow));
+    assert_eq!(
+        with(&|own| own.follow.gate_cells = 0.0),
+        Err(SetupError::Follow)
+    );
+    let channels = Small::new().configure(&setup(), &Scene::new(5).antennas());
+    assert_eq!(channels, Err(SetupError::Channels { most: 4 }));
+    let apart = [[0.0, 0.0], [wavelength_m(), 0.0]];
+    let antennas = Antennas {
+        receivers_m: &apart,
+        ..scene.antennas()
+    };
+    assert_eq!(
+        Small::new().configure(&setup(), &antennas),
+        Err(SetupError::Array)
+    );
+    // What was configured stays.
+    let mut odometer = started(&scene);
+    assert!(odometer.configure(&setup(), &antennas).is_err());
+    assert_eq!(odometer.setup(), Some(&setup()));
+    assert!(push(&mut odometer, &scene, 0).is_some());
+    let nothing = std::iter::empty();
+    assert_eq!(
+        odometer.push(1, 7, 0.0, nothing.clone()),
+        Err(SampleError::Channel)
+    );
+    assert_eq!(
+        odometer.push(1, 0, 0.0, nothing.clone()),
+        Err(SampleError::Length)
+    );
+    odometer.stop();
+    assert_eq!(
+        odometer.push(1, 0, 0.0, nothing),
+        Err(SampleError::NotStarted)
+    );
+    assert_eq!(drain(&mut odometer), None);
+    assert!(!Small::new().start(0), "nothing is configured");
+}
+
+#[test]
+fn steps_have_the_bits_of_every_machine() {
+    let mut test = OdometerSelfTest::new();
+    let first = test.run().unwrap();
+    assert_eq!(test.run(), Ok(first), "buffers in use leave no trace");
+    assert_eq!(
+        first, CHECKSUM,
+        "0x{first:08x} is not the recorded 0x{CHECKSUM:08x}"
+    );
+}
+
+/// What the documentation states, and below half a kilobyte a target.
+#[test]
+fn memory_is_what_is_stated() {
+    const C: usize = 4;
+    const F: usize = 256;
+    const R: usize = 1024;
+    let stated = 8 * C * F + 4 * F + 12 * R;
+    let rest = Odometer::<8, C, F, R>::BYTES - stated;
+    println!("{stated} bytes and {rest}");
+    assert!(rest < 8 * 512, "{rest}");
+}
