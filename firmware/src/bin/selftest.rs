@@ -1,6 +1,6 @@
 //! The core's self-test on a board, or on the host for comparison.
 //!
-//! Prints the memory of the buffers and two checksums, of maps and of a radar's increments, the same to the bit wherever it runs. On the emulated
+//! Prints the memory of the buffers and three checksums, of maps, and of a radar's increments of echoes and of samples, the same to the bit wherever it runs. On the emulated
 //! board it exits the emulator with success, after any failure with an error;
 //! `tests/firmware/selftest.rs` runs it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -8,11 +8,12 @@
 #[cfg(target_os = "none")]
 mod target {
     use cortex_m_rt::entry;
-    use subaperture_core::selftest::{MotionSelfTest, SelfTest};
+    use subaperture_core::selftest::{MotionSelfTest, OdometerSelfTest, SelfTest};
     use subaperture_firmware::board::{self, log};
     use subaperture_firmware::place;
 
     place!(axi static BUFFERS: SelfTest = SelfTest::new());
+    place!(axi static ODOMETER: OdometerSelfTest = OdometerSelfTest::new());
 
     #[entry]
     fn main() -> ! {
@@ -32,19 +33,30 @@ mod target {
             }
             Err(error) => log(format_args!("{error}")),
         }
-        board::end(maps.is_ok() && motion.is_ok())
+        let odometer = ODOMETER.take().run();
+        match odometer {
+            Ok(checksum) => {
+                log(format_args!("odometer {} bytes", OdometerSelfTest::BYTES));
+                log(format_args!("checksum 0x{checksum:08x}"));
+            }
+            Err(error) => log(format_args!("{error}")),
+        }
+        board::end(maps.is_ok() && motion.is_ok() && odometer.is_ok())
     }
 }
 
 #[cfg(not(target_os = "none"))]
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    use subaperture_core::selftest::{MotionSelfTest, SelfTest};
+    use subaperture_core::selftest::{MotionSelfTest, OdometerSelfTest, SelfTest};
     let mut buffers = Box::new(SelfTest::new());
     let checksum = buffers.run()?;
     println!("buffers {} bytes", SelfTest::BYTES);
     println!("checksum 0x{checksum:08x}");
     let checksum = MotionSelfTest::new()?.run()?;
     println!("motion {} bytes", MotionSelfTest::BYTES);
+    println!("checksum 0x{checksum:08x}");
+    let checksum = OdometerSelfTest::new().run()?;
+    println!("odometer {} bytes", OdometerSelfTest::BYTES);
     println!("checksum 0x{checksum:08x}");
     Ok(())
 }

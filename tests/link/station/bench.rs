@@ -3,10 +3,11 @@
 use num_complex::Complex32;
 use subaperture_core::cfar::{Cfar, Column, Detection, Reach};
 use subaperture_core::link::{
-    ChipAssembly, ChipGrid, Command, Configuration, Encoder, Encoding, MapAssembly, Receiver,
-    Refusal, Report, State, Status, complex32s, detections, max_frame_bytes, max_received_bytes,
-    sc16s, write_complex32s, write_f32s, write_sc16s,
+    ChipAssembly, ChipGrid, Command, Configuration, Encoder, Encoding, MapAssembly, Motion,
+    Receiver, Refusal, Report, State, Status, complex32s, detections, max_frame_bytes,
+    max_received_bytes, sc16s, write_complex32s, write_f32s, write_sc16s,
 };
+use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{
     BlockFloat, FixedBuffers, FixedEngine, FloatBuffers, FloatEngine, MapHeader, MapSamples,
     PatchMap, SubCpiProcessor,
@@ -53,6 +54,12 @@ impl Came {
 /// A frame of detections: map, sub-CPI, patch, place of the first, number of all, those here.
 pub(crate) type Listed = (u32, u32, u16, u16, u16, Vec<Detection>);
 
+/// An increment that came: pulse, that before it, targets and echoes, the motion.
+pub(crate) type Told = (u32, u32, [u16; 2], Option<Motion>);
+
+/// The odometer of the modules here.
+pub(crate) type BenchOdometer = Odometer<8, 4, 64, 256>;
+
 /// A chip that came: grid, maps, sum of the weights, pixels.
 pub(crate) type Chip = (ChipGrid, u32, f32, Vec<Complex32>);
 
@@ -71,6 +78,7 @@ pub(crate) struct Bench<E: WireEngine + 'static> {
     pub(crate) maps: Vec<Came>,
     pub(crate) chips: Vec<Chip>,
     pub(crate) detections: Vec<Listed>,
+    pub(crate) increments: Vec<Told>,
 }
 
 pub(crate) fn float() -> Bench<FloatEngine<'static>> {
@@ -97,7 +105,8 @@ impl<E: WireEngine + 'static> Bench<E> {
             columns: vec![Column::EMPTY; frequencies].leak(),
         };
         Self {
-            station: Station::new(processor, link, products, "bench"),
+            station: Station::new(processor, link, products, "bench")
+                .with_odometer(Box::leak(Box::new(BenchOdometer::new()))),
             receiver: Receiver::new(vec![0; max_received_bytes(PIXELS)].leak()),
             map: MapAssembly::new(vec![0; 9 * F * ROWS].leak()),
             chip: ChipAssembly::new(vec![0; 8 * PIXELS].leak()),
@@ -109,6 +118,7 @@ impl<E: WireEngine + 'static> Bench<E> {
             maps: Vec::new(),
             chips: Vec::new(),
             detections: Vec::new(),
+            increments: Vec::new(),
         }
     }
 
@@ -180,6 +190,15 @@ impl<E: WireEngine + 'static> Bench<E> {
                     self.detections
                         .push((map, sub_cpi, patch, first, total, list));
                 }
+                Report::Increment {
+                    pulse,
+                    since,
+                    targets,
+                    echoes,
+                    motion,
+                } => self
+                    .increments
+                    .push((pulse, since, [targets, echoes], motion)),
                 _ => {}
             }
         }

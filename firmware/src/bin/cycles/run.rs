@@ -1,4 +1,4 @@
-//! A sub-CPI through the station, call by call.
+//! A sub-CPI through the station, call by call; then pulses for increments.
 //!
 //! Commands are encoded as the host does and received by the station; every call of it is timed. Two
 //! patches: one fills the map buffer, and a chip is made of it; the other, of one Doppler bin, has
@@ -56,13 +56,13 @@ static FRAME: Placed<[u8; max_frame_bytes(FREQUENCIES)]> =
 
 /// Costs of calls of one kind.
 #[derive(Default)]
-struct Cost {
-    sum: u64,
-    most: u64,
+pub(crate) struct Cost {
+    pub(crate) sum: u64,
+    pub(crate) most: u64,
 }
 
 impl Cost {
-    fn add(&mut self, count: u64) {
+    pub(crate) fn add(&mut self, count: u64) {
         self.sum += count;
         self.most = self.most.max(count);
     }
@@ -169,7 +169,6 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
     drain(&mut station);
     while station.work() {}
     let chip_bytes = drain(&mut station);
-    let stack_bytes = memory::stack_high_water_bytes();
     let nodes = meter
         .measure(board, || core::hint::black_box(nodes(pulses)))
         .0;
@@ -197,16 +196,18 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
     show("up_bytes", up_bytes as u64);
     show("down_bytes_a_map", full.bytes as u64);
     show("chip_bytes", chip_bytes as u64);
-    show("stack", stack_bytes as u64);
     board.log(format_args!(
         "configuration {NAME} {:?}",
         Engine::ARITHMETIC
     ));
+    crate::odometer::run(board, meter, &mut station, &mut encoder, (samples, frame))?;
+    let stack_bytes = memory::stack_high_water_bytes();
+    board.log(format_args!("stack {stack_bytes}"));
     (full.bytes > 0 && one.bytes > 0 && chip_bytes > 0).then_some(())
 }
 
 /// Takes everything that the station wants to send; how much it was.
-fn drain(station: &mut Station<'_, Engine<'_>>) -> usize {
+pub(crate) fn drain(station: &mut Station<'_, Engine<'_>>) -> usize {
     let mut bytes = 0;
     loop {
         let count = station.pending().len();

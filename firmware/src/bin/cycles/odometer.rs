@@ -1,0 +1,145 @@
+//! Pulses of the largest odometer through the station, call by call.
+//!
+//! One transmitter, as many receivers as there is room for, half a wavelength apart, four reflectors. Targets are confirmed in the second pulse; the last is measured, whose increment is of all four.
+
+use subaperture_core::link::{
+    Command, Encoder, Encoding, MotionConfiguration, State, write_complex32s, write_places,
+};
+use subaperture_core::motion::{Follow, Setup};
+use subaperture_core::{Complex32, Pulse, SPEED_OF_LIGHT_M_S, Turns};
+use subaperture_firmware::board::{Board, Current};
+use subaperture_firmware::meter::Meter;
+use subaperture_firmware::module::Engine;
+use subaperture_firmware::sizes::{CHANNELS, ODOMETER_BINS, ODOMETER_FREQUENCIES};
+use subaperture_firmware::station::Station;
+
+use crate::run::{Cost, drain};
+
+const STEP_HZ: f64 = 1e9 / ODOMETER_FREQUENCIES as f64;
+
+const SETUP: Setup = Setup {
+    num_frequencies: ODOMETER_FREQUENCIES as u16,
+    range_length: ODOMETER_BINS as u16,
+    start_hz: 77e9,
+    step_hz: STEP_HZ,
+    side_lobe_db: 50.0,
+    ranges_m: [1.0, 9.0],
+    guard: 3,
+    training: 12,
+    rank: 0.6,
+    false_alarm_probability: 1e-5,
+    least_snr_db: 10.0,
+    follow: Follow {
+        gate_cells: 0.5,
+        acceleration_cells: 0.01,
+        apart_cells: 1.5,
+        seen: 2,
+        within: 3,
+        bridge: 30,
+    },
+};
+
+const PULSES: u32 = 4;
+
+const PLACES_M: [[f64; 2]; 4] = [[-0.9, 2.25], [0.6, 3.5], [2.1, 4.7], [-2.6, 6.4]];
+
+/// Runs it and prints what it costs; nothing if something went wrong.
+#[inline(never)]
+pub(crate) fn run(
+    board: &mut Current,
+    meter: &Meter,
+    station: &mut Station<'_, Engine<'_>>,
+    encoder: &mut Encoder,
+    (samples, frame): (&mut [u8], &mut [u8]),
+) -> Option<()> {
+    let mut antennas = [[-0.01, 0.0]; CHANNELS + 1];
+    for (i, place) in antennas.iter_mut().skip(1).enumerate() {
+        *place = [0.0019 * i as f64, 0.0];
+    }
+    let configuration = Command::Motion(MotionConfiguration {
+        id: 2,
+        setup: SETUP,
+    });
+    station.receive(encoder.encode(&configuration, frame).ok()?);
+    drain(station);
+    let places = Command::Antennas {
+        transmitters: 1,
+        places: write_places(&antennas, samples)?,
+    };
+    let bytes = encoder.encode(&places, frame).ok()?;
+    let configure = meter.measure(board, || station.receive(bytes)).0;
+    drain(station);
+    let start = Command::Start { run: 2, first: 0 };
+    station.receive(encoder.encode(&start, frame).ok()?);
+    drain(station);
+    (station.state() == State::Running).then_some(())?;
+    let (mut receive, mut work) = (Cost::default(), Cost::default());
+    let (mut up_bytes, mut down_bytes) = (0, 0);
+    for pulse in 0..PULSES {
+        (receive, work) = (Cost::default(), Cost::default());
+        up_bytes = 0;
+        for (channel, receiver) in antennas.iter().skip(1).enumerate() {
+            let command = Command::Channel {
+                pulse,
+                channel: channel as u16,
+                reference_path_m: 5.0,
+                encoding: Encoding::Complex32,
+                samples: write_samples(pulse, receiver, samples)?,
+            };
+            let bytes = encoder.encode(&command, frame).ok()?;
+            up_bytes += bytes.len();
+            receive.add(meter.measure(board, || station.receive(bytes)).0);
+        }
+        loop {
+            let (count, more) = meter.measure(board, || station.work());
+            work.add(count);
+            if !more {
+                break;
+            }
+        }
+        down_bytes = drain(station);
+    }
+    station.receive(encoder.encode(&Command::Stop, frame).ok()?);
+    drain(station);
+    while station.work() {}
+    drain(station);
+    let mut show = |name: &str, value: u64| board.log(format_args!("{name} {value}"));
+    show("odometer_channels", CHANNELS as u64);
+    show("odometer_frequencies", ODOMETER_FREQUENCIES as u64);
+    show("odometer_bins", ODOMETER_BINS as u64);
+    show("odometer_configure", configure);
+    show("odometer_receive", receive.sum);
+    show("odometer_work", work.sum);
+    show("odometer_worst", work.most);
+    show("odometer_up_bytes", up_bytes as u64);
+    show("increment_bytes", down_bytes as u64);
+    // An increment with a motion has 40 bytes and more.
+    (station.state() == State::Done && down_bytes > 40).then_some(())
+}
+
+/// What a receiver samples of a pulse, half a millimetre farther along each time, compensated to 5 m.
+fn write_samples<'b>(pulse: u32, receiver: &[f64; 2], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
+    let x_m = f64::from(pulse) * 0.000_5;
+    let [x, y] = *receiver;
+    let geometry = Pulse {
+        transmitter_m: [x_m - 0.01, 0.0, 0.0],
+        receiver_m: [x_m + x, y, 0.0],
+        reference_path_m: 5.0,
+        ..Pulse::EMPTY
+    };
+    let phases = PLACES_M.map(|[x, y]| {
+        let path_m = geometry.relative_path_m([x, y, 0.0]);
+        [77e9, STEP_HZ].map(|hz| Turns::from_f64(-hz * (path_m / SPEED_OF_LIGHT_M_S)))
+    });
+    let places = buffer.chunks_exact_mut(8).take(ODOMETER_FREQUENCIES);
+    for (k, place) in places.enumerate() {
+        let each = phases.map(|[start, step]| start.plus(step.times(k as i64)).phasor());
+        let sum: Complex32 = each.iter().sum();
+        // Beneath, noise of a kind: what is left must not be nothing.
+        let noise = Turns(0x9e37_79b9_7f4a_7c15)
+            .times((k as i64 + 7919 * i64::from(pulse)) * (k as i64 + 3))
+            .phasor();
+        write_complex32s(&[sum + noise * 0.05], place)?;
+    }
+    buffer.get(..8 * ODOMETER_FREQUENCIES)
+}
