@@ -17,7 +17,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use subaperture_core::selftest::{
-    FixedStreamSelfTest, FloatStreamSelfTest, MotionSelfTest, SelfTest,
+    FixedStreamSelfTest, FloatStreamSelfTest, MotionSelfTest, OdometerSelfTest, SelfTest,
 };
 use subaperture_core::stream::{BlockFloat, MapSamples, PatchMap};
 use subaperture_tests::firmware::{self, Build, finish};
@@ -160,6 +160,8 @@ fn aarch64_computes_the_same_bits() {
     assert_eq!(lines[1], format!("checksum 0x{plan:08x}"));
     let motion = MotionSelfTest::new().unwrap().run().unwrap();
     assert_eq!(lines[3], format!("checksum 0x{motion:08x}"));
+    let odometer = OdometerSelfTest::new().run().unwrap();
+    assert_eq!(lines[5], format!("checksum 0x{odometer:08x}"));
 }
 
 fn float() -> (String, String) {

@@ -6,6 +6,7 @@ mod cli_link_image;
 mod emulated;
 mod golden;
 mod gotcha;
+mod increments;
 mod selftest;
 mod serial_line;
 mod sessions;

@@ -3,7 +3,7 @@
 
 use object::elf::{SHF_ALLOC, SHF_WRITE};
 use object::{Object, ObjectSection, SectionFlags};
-use subaperture_core::selftest::{MotionSelfTest, SelfTest};
+use subaperture_core::selftest::{MotionSelfTest, OdometerSelfTest, SelfTest};
 use subaperture_tests::firmware::{
     Build, INSTRUCTION_TIME, build, emulate, flash_bytes, module, sections, try_build,
 };
@@ -19,10 +19,13 @@ fn target_computes_the_hosts_bits_in_the_stated_memory() {
     let mut host = Box::new(SelfTest::new());
     let host = host.run().unwrap();
     let motion = MotionSelfTest::new().unwrap().run().unwrap();
+    let odometer = OdometerSelfTest::new().run().unwrap();
     let expected = format!(
-        "buffers {} bytes\nchecksum 0x{host:08x}\nmotion {} bytes\nchecksum 0x{motion:08x}\n",
+        "buffers {} bytes\nchecksum 0x{host:08x}\nmotion {} bytes\nchecksum 0x{motion:08x}\n\
+         odometer {} bytes\nchecksum 0x{odometer:08x}\n",
         size_on_target(),
-        motion_size_on_target()
+        motion_size_on_target(),
+        odometer_size_on_target()
     );
     assert_eq!(emulate(&elf, &[]), expected);
 
@@ -38,7 +41,7 @@ fn target_computes_the_hosts_bits_in_the_stated_memory() {
         .sum();
     let flash = flash_bytes(&elf);
     println!("RAM {ram} bytes, flash {flash} bytes");
-    let budget = size_on_target() + OTHER_RAM_BYTES;
+    let budget = size_on_target() + odometer_size_on_target() + OTHER_RAM_BYTES;
     assert!(ram >= size_on_target(), "the buffers are statics");
     assert!(ram <= budget, "RAM {ram} bytes, budget {budget}");
     assert!(flash > 0, "something is loaded");
@@ -54,7 +57,18 @@ fn motion_size_on_target() -> u64 {
     let target = 16 + 48 + 8 + 4 + 4;
     // Centre, nearest channels and what is between them, wavenumber; how many were seen; the last increment.
     let others = 16 + 8 + 16 + 8 + 8 + 24;
-    6 * 32 + 4 * target + others
+    // And how many channels there are, padded.
+    6 * 32 + 4 * target + others + 8
+}
+
+/// Samples, weights, a profile and its power of two channels of 32 frequencies in 128 bins; and what belongs to targets, channels and settings.
+fn odometer_size_on_target() -> u64 {
+    let stated = 8 * 2 * 32 + 4 * 32 + 12 * 128;
+    // Of four targets: where they are found, 16 and 8 a channel; whom they are followed as, 88.
+    let targets = 4 * (16 + 16 + 88);
+    // Two channels, the former pulse's targets, settings and what follows of them, and where it stands.
+    let rest = 552;
+    stated + targets + rest
 }
 
 /// The buffers by arithmetic; lengths (`usize`) and alignment differ from the host by a few words.

@@ -3,6 +3,7 @@
 mod assembly;
 mod frames;
 mod golden;
+mod increments;
 mod maps_file;
 mod maps_image;
 mod messages;

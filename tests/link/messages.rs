@@ -560,6 +560,21 @@ fn sizes_are_enough() {
     );
 
     let without = max_frame_bytes(0);
+    // The most antennas are a message without samples.
+    let places = [0xA5; 16 * MAX_ANTENNAS];
+    let antennas = Command::Antennas {
+        transmitters: short,
+        places: &places,
+    };
+    let motion = Command::Motion(MotionConfiguration {
+        id: long,
+        setup: full.motion_setup(),
+    });
+    for command in [antennas, motion] {
+        encoder
+            .encode(&command, &mut buffer[..without])
+            .expect("no samples");
+    }
     let has_samples = |report: &Report| {
         matches!(report, Report::MapRow { .. } | Report::ChipRow { .. })
             || matches!(report, Report::Detections { list, .. } if list.len() > 160)

@@ -11,6 +11,7 @@ use subaperture::onboard::link::Transport;
 use subaperture_core::Complex32;
 use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
+use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{FixedBuffers, FloatBuffers, SubCpiProcessor};
 use subaperture_firmware::engine::WireEngine;
 use subaperture_firmware::products::{ChipKernel, ProductBuffers};
@@ -172,7 +173,9 @@ fn serve<E: WireEngine>(
         kernel: &kernel,
         columns: &mut columns,
     };
-    let mut station = Station::new(processor, link, products, "station of the tests");
+    let mut odometer = Box::new(Odometer::<8, 4, 64, 256>::new());
+    let mut station = Station::new(processor, link, products, "station of the tests")
+        .with_odometer(&mut *odometer);
     let mut bytes = [0; 64];
     let mut idle = false;
     while !over() {

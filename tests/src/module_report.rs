@@ -231,6 +231,26 @@ pub fn render(all: &[Figures]) -> String {
         ],
     );
     table(
+        "Increments instead of maps: a pulse of four targets",
+        &[
+            ("channels", Count("odometer_channels")),
+            ("frequencies", Count("odometer_frequencies")),
+            ("range transform", Count("odometer_bins")),
+            (
+                "settings, thousands of instructions",
+                Kilo("odometer_configure"),
+            ),
+            (
+                "taking the channels' samples, thousands",
+                Kilo("odometer_receive"),
+            ),
+            ("finding the increment, thousands", Kilo("odometer_work")),
+            ("longest piece of work, thousands", Kilo("odometer_worst")),
+            ("the pulse, bytes", Bytes("odometer_up_bytes")),
+            ("its increment, bytes", Bytes("increment_bytes")),
+        ],
+    );
+    table(
         "Link, bytes",
         &[
             ("pulses of a sub-CPI", Bytes("up_bytes")),
@@ -286,7 +306,8 @@ Written by `cargo xtask module-report`, compared by `cargo xtask module-report -
 timed. One patch fills the map buffer; a second of one Doppler bin has columns that are compensation
 and one sum, so that Keystone is the difference. Cycles on a real STM32H743 were not measured. Memory: section sizes of the
 application linked for the STM32H743ZI. Stack: the painted part that `cycles` had overwritten after the
-run, with chip and detections. Link: bytes of the frames of that run.
+run, with chip, detections and increments. Link: bytes of the frames of that run. Increments: of the largest pulses that the odometer has room for, after
+two that confirm their targets; its buffers are in DTCM.
 ";
 
 const TAIL: &str = "
@@ -309,4 +330,7 @@ float64 a pulse, in software.
 
 *Not in pieces.* The search for detections is one piece of work, the longest there is; a row of a chip is
 one too. Columns, rows and frames are short.
+
+*An increment* is a transform of each channel; a search, and three rounds over the targets, each of which takes an echo away and adds it again, with
+three looks at its range in every channel: a product with a phasor and three sums a sample. Motion itself, in float64, is the least of it.
 ";

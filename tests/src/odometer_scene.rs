@@ -3,7 +3,14 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex32;
-use subaperture_core::motion::{Antennas, Follow, Setup};
+use subaperture::geometry::SceneFrame;
+use subaperture::glam::{DVec2, DVec3};
+use subaperture::onboard::link::Increment;
+use subaperture::phase_history::{
+    Channel, Channels, Collection, InMemory, PhaseHistory, Pulse, Sweep,
+};
+use subaperture_core::link::Motion;
+use subaperture_core::motion::{Antennas, Follow, Odometer, Progress, Setup};
 
 const C_M_S: f64 = 299_792_458.0;
 
@@ -132,6 +139,108 @@ impl Scene {
             }
         }
         all
+    }
+}
+
+/// As the library reads recordings.
+impl Scene {
+    /// Each channel's pulses, with the antennas' true places.
+    ///
+    /// # Panics
+    /// If there are no pulses.
+    pub fn recorded(&self, pulses: usize) -> Vec<InMemory> {
+        let mut all: Vec<(Vec<Pulse>, Vec<Complex32>)> = vec![Default::default(); self.channels()];
+        for n in 0..pulses {
+            let (at_m, heading_rad) = pose(n);
+            let turn = DVec2::from_angle(heading_rad);
+            let place = |arm_m: &[f64; 2]| {
+                let own = DVec2::from_array(at_m) + turn.rotate(DVec2::from_array(*arm_m));
+                own.extend(0.0)
+            };
+            let pairs = (self.transmitters_m.iter())
+                .flat_map(|t| self.receivers_m.iter().map(move |r| [place(t), place(r)]));
+            for (((pulses, samples), [t, r]), own) in all.iter_mut().zip(pairs).zip(self.pulse(n)) {
+                pulses.push(Pulse {
+                    time_s: n as f64 * 1e-3,
+                    transmitter_m: t,
+                    receiver_m: r,
+                    reference_m: DVec3::new(0.0, 4.0, 0.0),
+                    reference_path_m: self.reference_path_m,
+                    start_hz: START_HZ,
+                    step_hz: STEP_HZ,
+                    sweep: Sweep::AT_ONCE,
+                });
+                samples.extend(own);
+            }
+        }
+        let each = all.into_iter().map(|(pulses, samples)| {
+            let collection = Collection {
+                name: "plain sums".to_owned(),
+                num_samples: FREQUENCIES,
+                pulses,
+                frame: SceneFrame::Local,
+                extent: None,
+                timed: true,
+            };
+            InMemory::new(collection, samples).expect("pulses of finite samples")
+        });
+        each.collect()
+    }
+
+    /// What the core, run here, says of its pulses.
+    ///
+    /// # Panics
+    /// If it does not take them, or most bring no motion.
+    pub fn increments(&self, pulses: usize) -> Vec<Increment> {
+        let mut odometer = Box::new(Odometer::<8, 4, FREQUENCIES, BINS>::new());
+        odometer
+            .configure(&setup(), &self.antennas())
+            .expect("settings of this scene");
+        assert!(odometer.start(0), "it is configured");
+        let mut all = Vec::new();
+        for n in 0..pulses {
+            for (c, samples) in self.pulse(n).into_iter().enumerate() {
+                odometer
+                    .push(n as u32, c, self.reference_path_m, samples.into_iter())
+                    .expect("a channel of the pulse");
+            }
+            let step = loop {
+                match odometer.work() {
+                    Progress::Busy => {}
+                    Progress::Idle => panic!("pulse {n} brought nothing"),
+                    Progress::Step(step) => break step,
+                }
+            };
+            all.push(Increment {
+                pulse: step.pulse,
+                since: step.since,
+                targets: step.targets,
+                echoes: step.echoes,
+                motion: step.moved.map(|moved| Motion {
+                    moved_m: moved.increment.moved_m,
+                    turn_rad: moved.increment.turn_rad,
+                    residual_m: moved.residual_m as f32,
+                    targets: moved.targets as u16,
+                    doubtful: moved.doubtful as u16,
+                }),
+            });
+        }
+        let moved = all.iter().filter(|own| own.motion.is_some()).count();
+        assert!(2 * moved > pulses, "{moved} of {pulses}");
+        all
+    }
+
+    /// All channels of a recording.
+    ///
+    /// # Panics
+    /// As [`Scene::recorded`].
+    pub fn channels_of(&self, pulses: usize) -> Channels<'static> {
+        let boxed = self.recorded(pulses).into_iter().enumerate();
+        let boxed = boxed.map(|(c, history)| {
+            let history: Box<dyn PhaseHistory> = Box::new(history);
+            (Channel::new(format!("{c}")), history)
+        });
+        Channels::new(boxed.collect()).expect("channels of as many pulses")
     }
 }
 

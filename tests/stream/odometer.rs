@@ -1,19 +1,14 @@
 //! A module's own motion, of samples: against the true way, against the host's on the same recording, and to the bit.
 
 use glam::DVec2;
-use subaperture::glam::DVec3;
 use subaperture::motion::{self as host, Heading};
-use subaperture::phase_history::{
-    Channel, Channels, Collection, InMemory, PhaseHistory, Pulse, Sweep,
-};
 use subaperture::targets;
-use subaperture_core::Complex32;
 use subaperture_core::motion::{
     Antennas, Odometer, Progress, SampleError, Setup, SetupError, Step,
 };
 use subaperture_core::selftest::OdometerSelfTest;
 use subaperture_tests::odometer_scene::{
-    BINS, FREQUENCIES, START_HZ, STEP_HZ, Scene, between, pose, setup, wavelength_m,
+    BINS, FREQUENCIES, Scene, between, pose, setup, wavelength_m,
 };
 
 /// Changes only when the arithmetic changes: then look at why, and write the new one.
@@ -59,47 +54,6 @@ fn steps(scene: &Scene, pulses: usize) -> Vec<Step> {
     each.collect()
 }
 
-/// The same recording as the host reads it.
-fn channels(scene: &Scene, pulses: usize) -> Channels<'static> {
-    let mut all: Vec<(Vec<Pulse>, Vec<Complex32>)> = vec![Default::default(); scene.channels()];
-    for n in 0..pulses {
-        let (at_m, heading_rad) = pose(n);
-        let turn = DVec2::from_angle(heading_rad);
-        let place = |arm_m: &[f64; 2]| {
-            let own = DVec2::from_array(at_m) + turn.rotate(DVec2::from_array(*arm_m));
-            own.extend(0.0)
-        };
-        let pairs = (scene.transmitters_m.iter())
-            .flat_map(|t| scene.receivers_m.iter().map(move |r| [place(t), place(r)]));
-        for (((pulses, samples), [t, r]), own) in all.iter_mut().zip(pairs).zip(scene.pulse(n)) {
-            pulses.push(Pulse {
-                time_s: n as f64 * 1e-3,
-                transmitter_m: t,
-                receiver_m: r,
-                reference_m: DVec3::new(0.0, 4.0, 0.0),
-                reference_path_m: scene.reference_path_m,
-                start_hz: START_HZ,
-                step_hz: STEP_HZ,
-                sweep: Sweep::AT_ONCE,
-            });
-            samples.extend(own);
-        }
-    }
-    let boxed = all.into_iter().enumerate().map(|(c, (pulses, samples))| {
-        let collection = Collection {
-            name: "plain sums".to_owned(),
-            num_samples: FREQUENCIES,
-            pulses,
-            frame: subaperture::geometry::SceneFrame::Local,
-            extent: None,
-            timed: true,
-        };
-        let history: Box<dyn PhaseHistory> = Box::new(InMemory::new(collection, samples).unwrap());
-        (Channel::new(format!("{c}")), history)
-    });
-    Channels::new(boxed.collect()).unwrap()
-}
-
 /// The host's increments, by the number of the later pulse: targets of the same settings, the same way of finding increments.
 fn on_host(scene: &Scene, pulses: usize) -> Vec<Option<host::pairwise::Moved>> {
     let told = setup();
@@ -114,7 +68,7 @@ fn on_host(scene: &Scene, pulses: usize) -> Vec<Option<host::pairwise::Moved>> {
         ..targets::Settings::default()
     };
     let silent = subaperture::monitor::Silent;
-    let seen = targets::see(channels(scene, pulses), &settings, &silent).unwrap();
+    let seen = targets::see(scene.channels_of(pulses), &settings, &silent).unwrap();
     let middle_m = seen.array.receivers_m[0].distance(DVec2::from_array(scene.receivers_m[0]));
     assert!(middle_m < 1e-9, "the host's frame is the scene's");
     let mut pairwise = host::Pairwise::new(seen.array.clone(), Heading::Found).unwrap();

@@ -68,6 +68,11 @@ pub enum LinkError {
     /// It began anew.
     #[error("the module began anew again and again, without a map in between")]
     Restarted,
+    /// It began anew in the middle of a run whose state it alone had.
+    #[error(
+        "the module began anew at pulse {0}: increments up to there are good; begin again from there"
+    )]
+    BeganAnew(u32),
     /// Samples cannot be read.
     #[error(transparent)]
     Recording(#[from] ReadError),

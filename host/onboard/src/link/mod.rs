@@ -10,6 +10,8 @@
 //!                          └-> MapSink (a file of maps; Verified compares with the core run here)
 //! ```
 //!
+//! A module that finds the radar's own motion is sent an [`Odometry`] instead, by [`Session::increments`].
+//!
 //! **Neglected**: nothing. Frames that the line damages are lost and counted ([`Counts`]); the maps that
 //! they cost are fetched by further runs. What is taken has passed the checksums of its frames and of
 //! the whole map, and is of the sub-CPI, patch, times and number of pulses that were asked for.
@@ -25,6 +27,7 @@ mod counts;
 mod emulator;
 mod ending;
 mod identity;
+mod increments;
 mod intake;
 mod job;
 mod keep;
@@ -45,6 +48,7 @@ pub use counts::Counts;
 pub use emulator::Emulator;
 pub use ending::{Ending, LinkError, Outcome, SinkError, UnnamedFirmware};
 pub use identity::Identity;
+pub use increments::{Increment, Odometer, Odometry};
 pub use intake::MapSink;
 pub use job::{Job, PulseSource};
 pub use open::open;

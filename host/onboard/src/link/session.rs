@@ -64,16 +64,16 @@ impl Default for Buffers {
 }
 
 /// The way to a module, and the time since it was opened.
-struct Way<'b> {
-    line: Line<'b>,
-    receiver: Receiver<'b>,
+pub(super) struct Way<'b> {
+    pub(super) line: Line<'b>,
+    pub(super) receiver: Receiver<'b>,
     opened: Instant,
 }
 
 /// A conversation with a module.
 pub struct Session<'b> {
-    way: Way<'b>,
-    ledger: Ledger,
+    pub(super) way: Way<'b>,
+    pub(super) ledger: Ledger,
     identity: Identity,
 }
 
@@ -251,7 +251,7 @@ impl Way<'_> {
     }
 
     /// Tells the module to end its run. It may well not hear it; then the next session does the same.
-    fn abort(&mut self, patience: Duration) {
+    pub(super) fn abort(&mut self, patience: Duration) {
         self.line.outbox.send(&Command::Abort);
         let started = Instant::now();
         while self.line.outbox.backlog() > 0 && started.elapsed() < patience {

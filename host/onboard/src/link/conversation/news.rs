@@ -36,8 +36,8 @@ pub(in crate::link) struct Ledger {
     /// The module's counters by its last status.
     module_link: Option<LinkCounters>,
     /// Numbers of the configuration and the run that are in force.
-    pub(super) configuration: u32,
-    pub(super) run: u32,
+    pub(in crate::link) configuration: u32,
+    pub(in crate::link) run: u32,
 }
 
 impl Ledger {

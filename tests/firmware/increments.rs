@@ -1,0 +1,47 @@
+//! Increments from the emulated module: the bits of the core run here, and so the radar's way.
+
+use std::time::Duration;
+
+use subaperture::monitor::Silent;
+use subaperture::onboard::link::{Buffers, Odometry, Session, Settings};
+use subaperture::phase_history::PhaseHistory;
+use subaperture_tests::odometer_scene::{Scene, between, pose, setup};
+
+use crate::emulated::{Begin, Emulated, Wire, application};
+
+/// The serial line carries some ten thousand bytes a second, a pulse is a thousand.
+const PULSES: usize = 16;
+
+#[test]
+fn increments_of_the_module_are_the_cores() {
+    let scene = Scene::new(2).with_snr_db(40.0, 7);
+    let recorded = scene.recorded(PULSES);
+    let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
+    let mut module = Emulated::connected(&application()[0], Wire::Tcp, Begin::Reset);
+    let mut buffers = Buffers::new();
+    let settings = Settings {
+        answer: Duration::from_millis(500),
+        ..Settings::default()
+    };
+    let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
+    let task = Odometry {
+        setup: setup(),
+        transmitters_m: &scene.transmitters_m,
+        receivers_m: &scene.receivers_m,
+        channels: &channels,
+    };
+    let told = session.increments(&task, &mut Silent);
+    println!("{}", session.counts());
+    told.ending.unwrap();
+    assert_eq!(told.increments, scene.increments(PULSES));
+    for own in told.increments.iter().skip(6) {
+        let motion = own.motion.expect("four targets");
+        let (moved_m, turn_rad) = between(pose(own.since as usize), pose(own.pulse as usize));
+        let off_m = (motion.moved_m[0] - moved_m[0]).hypot(motion.moved_m[1] - moved_m[1]);
+        // Four deviations of what 40 dB leave a step, 6e-6 m (`tests/stream/odometer.rs`); of a turn a thousandth of it in metres, over a receivers' distance of 2 mm.
+        assert!(
+            off_m < 3e-5 && (motion.turn_rad - turn_rad).abs() < 0.02,
+            "{own:?}"
+        );
+    }
+}

@@ -1,0 +1,137 @@
+//! Increments from a module over lines with faults: every one is the core's own to the bit, and none is missing unless that is said.
+//!
+//! The module is the firmware's own station in a thread of this process; the core run here on the same samples is compared with.
+
+use std::time::Duration;
+
+use subaperture::monitor::Silent;
+use subaperture::onboard::link::{
+    Buffers, Increment, LinkError, Odometer, Odometry, Session, Settings,
+};
+use subaperture::phase_history::PhaseHistory;
+use subaperture_core::link::Refusal;
+use subaperture_core::motion;
+use subaperture_tests::faults::{Faults, FaultyLine};
+use subaperture_tests::module::{Manner, Module};
+use subaperture_tests::odometer_scene::{Scene, setup};
+
+const PULSES: usize = 30;
+
+fn settings() -> Settings {
+    Settings {
+        answer: Duration::from_millis(30),
+        idle: Duration::from_secs(5),
+        first_number: 40,
+        ..Settings::default()
+    }
+}
+
+/// What a module behind such a line brings of a scene, asked for with these settings.
+fn over(faults: Faults, scene: &Scene, setup: motion::Setup, settings: Settings) -> Odometer {
+    let recorded = scene.recorded(PULSES);
+    let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
+    let mut line: FaultyLine<Module> = Module::behind(faults, Manner::default());
+    let mut buffers = Buffers::new();
+    let mut session = Session::open(&mut line, &mut buffers, settings, &mut Silent).unwrap();
+    let task = Odometry {
+        setup,
+        transmitters_m: &scene.transmitters_m,
+        receivers_m: &scene.receivers_m,
+        channels: &channels,
+    };
+    session.increments(&task, &mut Silent)
+}
+
+fn expected(scene: &Scene) -> Vec<Increment> {
+    scene.increments(PULSES)
+}
+
+fn scene() -> Scene {
+    let mut scene = Scene::new(2).with_snr_db(30.0, 9);
+    scene.reference_path_m = 6.2;
+    scene
+}
+
+#[test]
+fn a_clean_line_brings_every_increment() {
+    let told = over(Faults::default(), &scene(), setup(), settings());
+    told.ending.unwrap();
+    assert_eq!(told.increments, expected(&scene()));
+    assert_eq!((told.unreadable, told.again), (0, 0));
+}
+
+/// Some of what goes either way is lost, and sent again until it comes.
+#[test]
+fn a_bad_line_brings_the_same() {
+    let expected = expected(&scene());
+    let faults = Faults {
+        seed: 2,
+        bit_errors: 2e-5,
+        dropped_pulses: 0.05,
+        ..Faults::default()
+    };
+    let told = over(faults, &scene(), setup(), settings());
+    told.ending.unwrap();
+    assert_eq!(told.increments, expected);
+    println!("{} pulses sent again", told.again);
+    assert!(told.again > 0);
+}
+
+/// A module that begins anew has lost its targets: that is told, and what came before is good.
+#[test]
+fn a_module_that_begins_anew_is_told_of() {
+    let faults = Faults {
+        // In the middle of the pulses, of 1100 bytes each.
+        restarts_at: vec![12_000],
+        ..Faults::default()
+    };
+    let told = over(faults, &scene(), setup(), settings());
+    let at = told.increments.len();
+    assert!(
+        matches!(told.ending, Err(LinkError::BeganAnew(pulse)) if pulse as usize == at),
+        "{:?}",
+        told.ending
+    );
+    assert!((5..20).contains(&at), "{at}");
+    assert_eq!(told.increments, expected(&scene())[..at]);
+}
+
+#[test]
+fn what_cannot_be_is_refused() {
+    let refused = |scene: &Scene, setup: motion::Setup| {
+        let told = over(Faults::default(), scene, setup, settings());
+        assert_eq!(told.increments, []);
+        match told.ending {
+            Err(LinkError::Refused(refusal)) => refusal,
+            other => panic!("{other:?}"),
+        }
+    };
+    // By the module,
+    let ranges_m = [5.0, 2.0];
+    let wrong = motion::Setup {
+        ranges_m,
+        ..setup()
+    };
+    let error = motion::SetupError::Ranges;
+    assert_eq!(refused(&scene(), wrong), Refusal::Motion(error));
+    let error = motion::SetupError::Channels { most: 4 };
+    assert_eq!(refused(&Scene::new(5), setup()), Refusal::Motion(error));
+    // and before it is asked.
+    let num_frequencies = 32;
+    let short = motion::Setup {
+        num_frequencies,
+        ..setup()
+    };
+    let length = Refusal::PulseLength {
+        expected: 256,
+        got: 512,
+    };
+    assert_eq!(refused(&scene(), short), length);
+    let start_hz = 76e9;
+    let other = motion::Setup {
+        start_hz,
+        ..setup()
+    };
+    let error = motion::SetupError::Band;
+    assert_eq!(refused(&scene(), other), Refusal::Motion(error));
+}
