@@ -10,9 +10,14 @@ const SIDE: usize = 9;
 /// Pixels spread over the grid, its corners and the middles of its edges among them: [`SIDE`] by [`SIDE`], fewer where
 /// there are fewer.
 pub(super) fn probes(grid: &ImageGrid) -> Vec<DVec3> {
+    spread(grid, SIDE)
+}
+
+/// The same, `side` by `side`.
+pub(super) fn spread(grid: &ImageGrid, side: usize) -> Vec<DVec3> {
     let places = |count: usize| {
         let last = count.saturating_sub(1);
-        let mut all: Vec<usize> = (0..SIDE).map(|i| i * last / (SIDE - 1)).collect();
+        let mut all: Vec<usize> = (0..side).map(|i| i * last / (side - 1)).collect();
         all.dedup();
         all
     };

@@ -4,12 +4,10 @@ use std::f64::consts::{PI, TAU};
 
 use super::RangeMethod;
 use super::bounds::Bounds;
+use super::motion::{Compensation, Motion, uneven};
 use super::taper::{BETA, Taper};
 use crate::straight_track::StraightTrack;
 use crate::{FormError, Reason, Remedy};
-use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::geometry::ImageGrid;
-use subaperture_model::phase_history::Band;
 
 /// Taps of every kernel: -107 dB in one dimension ([`subaperture_signal::kaiser_bessel`]).
 pub(crate) const TAPS: usize = 6;
@@ -52,8 +50,12 @@ pub(crate) struct Axes {
     pub(super) reach_m: [f64; 2],
     /// Directions covered.
     pub(super) taper: Taper,
-    /// Length of the slow-time transform, pulses.
+    /// Pulses of the line after which slow time repeats.
     pub(super) period: usize,
+    /// The same along the track, metres.
+    pub(super) period_m: f64,
+    /// Length of the slow-time transform: those pulses, or the cells that uneven ones are spread over.
+    pub(super) slow_length: usize,
     /// Step of the wavenumber along the track, rad/m.
     pub(super) along_wavenumber_step: f64,
     /// Index of the first wavenumber along the track that is kept; the spectrum repeats every `period`.
@@ -71,26 +73,21 @@ pub(crate) struct Axes {
 }
 
 impl Axes {
-    /// Axes for the pixels of `grid`.
+    /// Axes for pixels within `bounds` and samples of these wavenumbers.
     ///
     /// # Errors
     /// [`FormError::Unsuited`] if pixels lie too close to the track, or too far ahead or behind.
     pub(super) fn new(
-        track: &StraightTrack,
-        band: &Band,
-        grid: &ImageGrid,
+        motion: &Motion,
+        wavenumbers: Vec<f64>,
+        bounds: &Bounds,
         method: &dyn RangeMethod,
     ) -> Result<Self, FormError> {
-        let wavenumber = |f_hz: f64| 4.0 * PI * f_hz / SPEED_OF_LIGHT_M_S;
-        let wavenumbers: Vec<f64> = (0..band.count)
-            .map(|k| wavenumber(band.frequency_hz(k)))
-            .collect();
-        let (least, most) = (wavenumbers[0], wavenumbers[band.count - 1]);
-        let Bounds { along_m, range_m } = Bounds::of(track, grid);
-        let reach_m = [
-            along_m[0] - track.along_m(track.num_pulses - 1),
-            along_m[1] - track.along_m(0),
-        ];
+        let track = &motion.track;
+        let (least, most) = (wavenumbers[0], wavenumbers[wavenumbers.len() - 1]);
+        let Bounds { along_m, range_m } = *bounds;
+        let [first_m, last_m] = motion.span_m();
+        let reach_m = [along_m[0] - last_m, along_m[1] - first_m];
         let taper = directions(reach_m, range_m, least)?;
         let ends = taper.ends;
         let along_low = (least * ends[0]).min(most * ends[0]);
@@ -111,6 +108,10 @@ impl Axes {
         let first_bin = (along_low / along_wavenumber_step).floor() as i64;
         let last_bin = (along_high / along_wavenumber_step).ceil() as i64;
         let num_bins = (last_bin - first_bin + 1) as usize;
+        let slow_length = match motion.compensation {
+            Compensation::Point => period,
+            Compensation::Places | Compensation::Ranges => uneven::length(num_bins),
+        };
         let along_length = super::fast_length((2 * num_bins).max(2 * TAPS));
         let carrier = (first_bin + num_bins as i64 / 2) as f64 * along_wavenumber_step;
         let (first_along, along) = along_axis(along_m, period_m / along_length as f64, carrier);
@@ -121,6 +122,8 @@ impl Axes {
             reach_m,
             taper,
             period,
+            period_m,
+            slow_length,
             along_wavenumber_step,
             first_bin,
             num_bins,

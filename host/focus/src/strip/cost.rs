@@ -1,13 +1,19 @@
 //! What a frequency-domain former takes, with arrays as [`Sizes`] has them: `K` transforms over slow time, one back to the track
 //! for each range bin, 40 operations a pixel, and what its method takes beside ([`RangeMethod::operations`]). All but the pixels is
 //! done for any tile, and kept for all. A quarter more or less: filters and weights are left out.
+//!
+//! Pulses at uneven places are spread, 4 operations a tap, before a shorter transform. A profile that is moved by range takes transforms of
+//! twice its `K` samples and of the `M` wavenumbers that then stand for them, and of each of those a polynomial, taps and a phasor.
 
+use super::motion::Motion;
+use super::motion::warp::profile_length;
 use super::{Fitted, RangeMethod, Sizes, TAPS};
 use crate::TimeModel;
 use crate::cost::{Cost, Each, StageCost, transform};
 use subaperture_model::geometry::ImageGrid;
 
 /// The stages.
+pub(super) const COMPENSATION: &str = "motion compensation";
 pub(super) const SPECTRUM: &str = "spectrum along the track";
 pub(super) const RANGES: &str = "frequency to range";
 pub(super) const COMPRESSION: &str = "compression along the track";
@@ -15,6 +21,12 @@ pub(super) const PIXELS: &str = "pixels";
 
 /// Operations of reading a pixel.
 const PIXEL: f64 = 40.0;
+/// Operations of a tap that a sample is spread over or read with.
+const TAP: f64 = 4.0;
+/// Operations of a phasor.
+const PHASOR: f64 = 20.0;
+/// Operations of a polynomial of range.
+const POLYNOMIAL: f64 = 25.0;
 
 /// Of all of `grid` by `method`.
 pub(super) fn cost(
@@ -25,7 +37,7 @@ pub(super) fn cost(
 ) -> Cost {
     let sizes = Sizes::of(&fitted.axes);
     let samples = fitted.axes.wavenumbers.len();
-    let (k, n) = (samples as f64, fitted.track.num_pulses as f64);
+    let (k, n) = (samples as f64, fitted.motion.track.num_pulses as f64);
     let (q, r) = (sizes.along_wavenumbers as f64, sizes.ranges as f64);
     let (padded, along) = (sizes.padded_pulses as f64, sizes.along_length as f64);
     // Two arrays at a time, one made from the other.
@@ -36,8 +48,19 @@ pub(super) fn cost(
     let [filtered, sample] = [q * k, n * k].map(|count| model.phasor_ns * count);
     let [padded_ns, along_ns] = [padded, along].map(|length| model.transform(length));
     let pixel_ns = 2.0 * model.phasor_ns + model.raster_tap_ns * (TAPS * TAPS) as f64;
-    Cost::of([
-        StageCost::shared(SPECTRUM, k * transform(padded), k * padded_ns + sample),
+    let compensation = compensation(model, fitted);
+    let moved_ns = if compensation.is_some() { 0.0 } else { sample };
+    let (spread, spread_ns) = match fitted.motion.is_uneven() {
+        true => (TAP * TAPS as f64, model.raster_tap_ns * TAPS as f64),
+        false => (0.0, 0.0),
+    };
+    let along_track = StageCost::shared(
+        SPECTRUM,
+        k * (transform(padded) + n * spread),
+        k * (padded_ns + n * spread_ns) + moved_ns,
+    );
+    let after = [
+        along_track,
         StageCost::shared(
             RANGES,
             method.operations(samples, &sizes),
@@ -45,7 +68,38 @@ pub(super) fn cost(
         ),
         StageCost::shared(COMPRESSION, r * transform(along), r * along_ns),
         StageCost::new(PIXELS, PIXEL * pixels, pixel_ns * pixels),
-    ])
-    .holding("two-dimensional spectrum", Each::Image, 8.0 * most)
-    .holding("transforms", Each::Thread, 8.0 * 3.0 * padded.max(along))
+    ];
+    let cost = Cost::of(compensation.into_iter().chain(after))
+        .holding("two-dimensional spectrum", Each::Image, 8.0 * most)
+        .holding("transforms", Each::Thread, 8.0 * 3.0 * padded.max(along));
+    match fitted.motion.bytes() {
+        0 => cost,
+        bytes => cost.holding(COMPENSATION, Each::Image, bytes as f64),
+    }
+}
+
+/// Of moving profiles by range, where that is done.
+fn compensation(model: &TimeModel, fitted: &Fitted) -> Option<StageCost> {
+    let Fitted {
+        motion,
+        wavenumbers,
+        axes,
+    } = fitted;
+    motion.profiles()?;
+    let Motion { track, .. } = motion;
+    let pulses = track.num_pulses as f64;
+    let (samples, kept) = (wavenumbers.len() as f64, axes.wavenumbers.len() as f64);
+    let length = profile_length(wavenumbers.len()) as f64;
+    let place = TAP * TAPS as f64 + POLYNOMIAL + 2.0 * PHASOR;
+    let operations = transform(length) + transform(kept) + PHASOR * samples + place * kept;
+    let place_ns = model.raster_tap_ns * TAPS as f64 + 2.0 * model.phasor_ns;
+    let ns = model.transform(length)
+        + model.transform(kept)
+        + model.phasor_ns * samples
+        + place_ns * kept;
+    Some(StageCost::shared(
+        COMPENSATION,
+        pulses * operations,
+        pulses * ns,
+    ))
 }

@@ -1,7 +1,7 @@
 //! What the frequency-domain formers share: from pulses on a straight track to the two-dimensional
 //! spectrum, and from an image over place along the track and closest range to pixels.
 //!
-//! For a straight track ([`StraightTrack`]) the sum that every former computes ([`super`]) is, for each
+//! For a straight track ([`crate::straight_track`]) the sum that every former computes ([`super`]) is, for each
 //! frequency, a correlation over slow time, `u = x - s_n`:
 //!
 //! ```text
@@ -23,6 +23,8 @@
 //! 1 m and 1 GHz, -89 dB at 1 km and 1 GHz. Its first three terms are used, at the middle of the swath
 //! for each `(kappa, kx)` and for the range of the pixel with the carrier's `kr`.
 //!
+//! A track that strays from the line is compensated to it before (`motion`).
+//!
 //! `kx` runs over all directions in which a pixel is seen from a pulse, with smooth ends outside of them
 //! (`taper`), and pulses are padded with zeros until no repetition of the reference reaches a pixel: the
 //! sum over slow time is not circular, and ends of the aperture are where they are. Where the directions
@@ -40,11 +42,15 @@
 //!
 //! Cost, with `N` pulses, `K` frequencies, `L` padded pulses, `Q` wavenumbers `kx`, `R` ranges: `K`
 //! transforms of `L`, `R` of `2 Q`, about 40 operations a pixel, and the method's (`cost`). Memory: `8 K (N + Q)`,
-//! then `8 Q (K + R)` bytes, then `8 R (Q + X)` with `X` columns, whichever is the most, and the image.
+//! then `8 Q (K + R)` bytes, then `8 R (Q + X)` with `X` columns, whichever is the most, and the image. Where profiles are
+//! compensated by range their wavenumbers stand for `K`; where pulses have their own places `L` is `2 Q`.
 
 mod axes;
 mod bounds;
+mod choice;
 mod cost;
+mod fall;
+mod motion;
 mod prediction;
 mod read_out;
 mod spectrum;
@@ -53,35 +59,28 @@ mod taper;
 
 use std::sync::{Arc, Mutex};
 
-use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use serde_json::json;
 use subaperture_fft::Transforms;
 
 use super::budget::Budget;
-use super::patch::PatchSize;
-use super::probes::probes;
-use super::straight_track::StraightTrack;
-use super::sub_cpi::shared_band;
-use super::{
-    Aim, Asked, Decision, FormError, Forming, Reason, Remedy, Tile, TimeModel, Work, rounding,
-};
-use subaperture_model::geometry::ImageGrid;
+use super::read_ahead::BLOCKS_HELD;
+use super::{Aim, FormError, Forming, Remedy, Tile, TimeModel, Work};
 use subaperture_model::monitor::during;
-use subaperture_model::phase_history::Collection;
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{cis, narrow};
 
 pub(super) use axes::{Axes, ImageAxis, TAPS};
-pub(super) use prediction::Prediction;
+use choice::Fitted;
+pub(super) use choice::{decide, sizes};
+use spectrum::BLOCK_PULSES;
 pub use stage::{Stage, StageKind};
 
 /// How large the arrays of a frequency-domain former are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
-    /// Length of the transform over slow time, pulses.
+    /// Length of the transform over slow time: pulses with padding, or the cells that uneven ones are spread over.
     pub padded_pulses: usize,
     /// Wavenumbers along the track that are kept.
     pub along_wavenumbers: usize,
@@ -96,33 +95,13 @@ pub struct Sizes {
 impl Sizes {
     fn of(axes: &Axes) -> Self {
         Self {
-            padded_pulses: axes.period,
+            padded_pulses: axes.slow_length,
             along_wavenumbers: axes.num_bins,
             ranges: axes.range.count,
             along_length: axes.along_length,
             columns: axes.along.count,
         }
     }
-}
-
-/// What `method` works with for the pixels of `grid`.
-///
-/// # Errors
-/// [`FormError::Unsuited`] as the formers.
-pub(super) fn sizes(
-    collection: &Collection,
-    grid: &ImageGrid,
-    method: &dyn RangeMethod,
-    error_db: f64,
-) -> Result<Sizes, FormError> {
-    let Fitted {
-        track,
-        reference,
-        axes,
-    } = Fitted::new(collection, grid, method)?;
-    let centre_hz = shared_band(collection)?.centre_hz();
-    track.check(collection, &probes(grid), reference, centre_hz, error_db)?;
-    Ok(Sizes::of(&axes))
 }
 
 /// The way from frequency to closest range, for one wavenumber along the track at a time.
@@ -167,123 +146,31 @@ pub(super) trait RangeStage: Sync {
     );
 }
 
-/// A collection and a grid fitted to a straight track.
-struct Fitted {
-    track: StraightTrack,
-    /// The point for which motion compensation is exact.
-    reference: DVec3,
-    axes: Axes,
-}
-
-impl Fitted {
-    fn new(
-        collection: &Collection,
-        grid: &ImageGrid,
-        method: &dyn RangeMethod,
-    ) -> Result<Self, FormError> {
-        let band = shared_band(collection)?;
-        let track = StraightTrack::fit(collection)?;
-        let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
-        let reference = grid.position_m(rows / 2, columns / 2);
-        let axes = Axes::new(&track, &band, grid, method)?;
-        Ok(Self {
-            track,
-            reference,
-            axes,
-        })
-    }
-}
-
-/// Decides how the image of `aim` is formed with `method`: everything follows from the aim, so that nothing is chosen, but
-/// what it errs by. `limit` is what limits it where the line does; `settings` are the method's own, a JSON object.
-///
-/// # Errors
-/// [`FormError::Unsuited`] if the pulses stand still, the band changes, or pixels lie too near; [`FormError::BoundMissed`]
-/// if the track alone misses what is `asked`: the line is looked at only then, for that may take long.
-pub(super) fn decide(
-    aim: &Aim,
-    method: &dyn RangeMethod,
-    asked: &Asked,
-    limit: &Reason,
-    settings: serde_json::Value,
-) -> Result<Decision, FormError> {
-    let fitted = Fitted::new(aim.collection, aim.grid, method)?;
-    let Fitted {
-        track,
-        reference,
-        axes,
-    } = &fitted;
-    let mut prediction = Prediction {
-        track: prediction::of_track(
-            aim.collection,
-            aim.weights,
-            aim.grid,
-            track,
-            *reference,
-            &axes.wavenumbers,
-        ),
-        line: 0.0,
-    };
-    asked.check(20.0 * libm::log10(prediction.track), || {
-        prediction.limit(limit)
-    })?;
-    prediction.line = prediction::of_line(aim.weights, aim.grid, track, axes, method);
-    let planned_db = prediction.total_db(&[rounding::path_phase_rad(aim)]);
-    asked.check(planned_db, || prediction.limit(limit))?;
-    let steepest = axes
-        .needed_sines()
-        .map(|s| libm::asin(s.abs()).to_degrees())
-        .into_iter()
-        .fold(0.0, f64::max);
-    let mut all = json!({
-        "track_error_db": 20.0 * libm::log10(prediction.track.max(1e-15)),
-        "line_error_db": 20.0 * libm::log10(prediction.line.max(1e-15)),
-        "padded_pulses": axes.period,
-        "along_track_wavenumbers": axes.num_bins,
-        "range_bins": axes.range.count,
-        "steepest_angle_deg": steepest,
-    });
-    if let (Some(all), serde_json::Value::Object(own)) = (all.as_object_mut(), settings) {
-        all.extend(own);
-    }
-    Ok(Decision {
-        choices: json!({}),
-        settings: all,
-        planned_db,
-        grain: PatchSize::PIXEL,
-        cost: cost::cost(aim.means.model, aim.grid, &fitted, method),
-    })
-}
-
 /// Ready to form by a method. What tiles share, the image over range and place along the track, is made with the first
 /// and kept.
 pub(super) struct Strip<'a, M> {
     aim: Aim<'a>,
     method: M,
-    track: StraightTrack,
-    /// The point for which motion compensation is exact.
-    reference: DVec3,
-    axes: Axes,
+    fitted: Fitted,
     image: Mutex<Option<Arc<Vec<Complex32>>>>,
 }
 
 impl<'a, M: RangeMethod> Strip<'a, M> {
-    /// Lays out axes for `method`.
+    /// Lays out axes for `method`, as was decided.
     ///
     /// # Errors
-    /// [`FormError::Unsuited`] as [`decide`].
-    pub(super) fn new(aim: Aim<'a>, method: M) -> Result<Self, FormError> {
-        let Fitted {
-            track,
-            reference,
-            axes,
-        } = Fitted::new(aim.collection, aim.grid, &method)?;
+    /// [`FormError::Unsuited`] as [`decide`]; [`FormError::Choices`] of `choices` that are none of a strip's.
+    pub(super) fn new(
+        former: &'static str,
+        aim: Aim<'a>,
+        method: M,
+        choices: &serde_json::Value,
+    ) -> Result<Self, FormError> {
+        let fitted = choice::chosen(former, &aim, &method, choices)?;
         Ok(Self {
             aim,
             method,
-            track,
-            reference,
-            axes,
+            fitted,
             image: Mutex::new(None),
         })
     }
@@ -313,13 +200,14 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         work: &Work,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Vec<Complex32>, FormError> {
-        let axes = &self.axes;
+        let Fitted { axes, motion, .. } = &self.fitted;
         let bytes = |rows: usize, columns: usize| 8 * rows as u128 * columns as u128;
         let (samples, ranges) = (axes.wavenumbers.len(), axes.range.count);
         let spectrum_bytes = bytes(samples, axes.num_bins);
         let range_bytes = bytes(axes.num_bins, ranges);
+        let num_pulses = motion.track.num_pulses;
         let steps = [
-            bytes(samples, self.track.num_pulses) + spectrum_bytes,
+            bytes(samples, num_pulses) + spectrum_bytes,
             spectrum_bytes + range_bytes,
             range_bytes + bytes(ranges, axes.along.count),
         ];
@@ -331,10 +219,13 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         let most = steps.into_iter().max().unwrap_or(0);
         let mut budget = Budget::new(work.memory_bytes);
         budget.take("the two-dimensional spectrum", most, remedies)?;
+        let aside = motion.bytes() + self.reading_bytes();
+        budget.take("motion compensation", aside, remedies)?;
         let stage = self.method.stage(axes, self.aim.means.transforms);
         let lengths = [
-            3 * axes.period,
+            3 * axes.slow_length,
             3 * axes.along_length,
+            motion.scratch_length(self.fitted.wavenumbers.len()),
             samples + stage.scratch_length(),
         ];
         let longest = lengths.into_iter().max().unwrap_or(0);
@@ -351,6 +242,17 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         Ok(image)
     }
 
+    /// Bytes of blocks of pulses, where they are not read to where their samples stay.
+    fn reading_bytes(&self) -> u128 {
+        match self.fitted.motion.profiles() {
+            Some(_) => {
+                let pulses = BLOCKS_HELD * BLOCK_PULSES.min(self.fitted.motion.track.num_pulses);
+                8 * (pulses * self.aim.collection.num_samples) as u128
+            }
+            None => 0,
+        }
+    }
+
     /// The spectrum `[K][Q]` weighted, and taken from frequency to range: `[Q][R]`.
     fn ranges(
         &self,
@@ -358,7 +260,7 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         stage: &dyn RangeStage,
         spectrum: &[Complex32],
     ) -> Result<Vec<Complex32>, FormError> {
-        let axes = &self.axes;
+        let axes = &self.fitted.axes;
         let mut ranges = vec![Complex32::ZERO; axes.num_bins * axes.range.count];
         let kernel = KaiserBessel::new(TAPS);
         let num_samples = axes.wavenumbers.len();
@@ -394,7 +296,7 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
         kappa: f64,
         kx: f64,
     ) -> Complex64 {
-        let axes = &self.axes;
+        let axes = &self.fitted.axes;
         let taper = axes.taper.at(kx / kappa);
         if taper == 0.0 {
             return Complex64::ZERO;
@@ -406,8 +308,8 @@ impl<'a, M: RangeMethod> Strip<'a, M> {
             kernel.spectrum((wavenumber - axis.carrier) * axis.step_m / std::f64::consts::TAU)
         };
         let roll_off = roll_off(&axes.along, kx) * roll_off(&axes.range, given);
-        // Slow time is transformed from pulse 0 on, which lies before the aperture's centre.
-        let start_m = self.track.along_m(0);
+        // Slow time is transformed from its first place on, which lies before the aperture's centre.
+        let [start_m, _] = self.fitted.motion.span_m();
         let phase_rad = stage.phase_rad(kappa, kx) - kx * start_m;
         cis(phase_rad)
             * stationary_phase_error(axes.reference_range_m() * kr)

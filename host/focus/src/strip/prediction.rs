@@ -5,9 +5,8 @@
 //! `h~ / h - 1`, and its relative RMS over pulses and frequencies, weighted as samples are, is the relative RMS error of
 //! the image (by Parseval, if the image covers what scatters). It has two parts.
 //!
-//! **Track.** `h~` knows the pulse on the line, moved there by the difference of paths to one point. What is left,
-//! `exp(j kappa (excess_n(p) - excess_n(q)) / 2)`, is evaluated for all pulses at points all over the
-//! grid, corners and edges among them ([`probes`]).
+//! **Track.** `h~` knows the pulse on the line, where motion compensation has brought it ([`Motion`]). What that leaves of its path,
+//! `exp(j kappa left_n(p) / 2)`, is evaluated for all pulses at points all over the grid, corners and edges among them ([`probes`]).
 //!
 //! **Line.** On the line `h~` is a sum over the wavenumbers along the track that the former keeps,
 //!
@@ -20,7 +19,8 @@
 //! [`FREQUENCIES`] frequencies, [`RANGES`] ranges and [`OFFSETS`] places along the track from the first to the last
 //! at which a pulse sees a pixel, so that ends, repetitions over slow time and neglected terms are all in it.
 //!
-//! Beside them stand the kernels, -107 dB in each of three axes, and float32: [`FLOOR`].
+//! Beside them stand the kernels, -107 dB in each of three axes, and float32: [`FLOOR`]; and what compensation adds to those
+//! ([`Motion::floors`]).
 
 use std::f64::consts::{FRAC_PI_4, PI, TAU};
 
@@ -29,9 +29,9 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use subaperture_signal::phase::cis;
 
+use super::motion::Motion;
 use super::{Axes, RangeMethod, stationary_phase_error};
 use crate::probes::{Shares, probes, turned};
-use crate::straight_track::StraightTrack;
 use crate::{Reason, Remedy, rounding};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Collection, Weights};
@@ -68,53 +68,52 @@ impl Prediction {
             return line.clone();
         }
         let why = format!(
-            "the track is not straight and even, and moving each pulse to a line for the middle of the grid leaves an \
-             error of {:.0} dB at its worst corner",
+            "the track is not straight and even, and motion compensation to a line leaves an error of {:.0} dB at \
+             the grid's worst corner, from where deviations look different",
             20.0 * libm::log10(self.track)
         );
-        Reason::new(why).helped_by(&[Remedy::OtherFormer(&["rdbp", "bp"]), Remedy::SmallerGrid])
+        Reason::new(why).helped_by(&[
+            Remedy::OtherFormer(&["rdbp", "ffbp", "bp"]),
+            Remedy::SmallerGrid,
+        ])
     }
 }
 
-/// What the track's deviations leave over `grid`, with motion compensated to `reference`.
+/// What the track's deviations leave over `grid`, compensated as `motion` has it, of samples of these wavenumbers.
 pub(super) fn of_track(
     collection: &Collection,
     weights: &Weights,
     grid: &ImageGrid,
-    track: &StraightTrack,
-    reference: DVec3,
+    motion: &Motion,
     wavenumbers: &[f64],
 ) -> f64 {
     let slow = Shares::new(&weights.slow);
     let fast = Shares::new(&weights.fast);
     let squares = wavenumbers.iter().map(|kappa| kappa * kappa);
     let rms_wavenumber = fast.worst(squares).sqrt();
-    let excess_m: Vec<f64> = (collection.pulses.iter().enumerate())
-        .map(|(n, pulse)| track.excess_path_m(n, pulse, reference))
-        .collect();
     let points = probes(grid);
     let errors = points.par_iter().map(|&point| {
-        let left = collection.pulses.iter().zip(&excess_m).enumerate();
-        slow.worst(left.map(|(n, (pulse, excess_m))| {
-            let left_m = track.excess_path_m(n, pulse, point) - excess_m;
+        let pulses = collection.pulses.iter().enumerate();
+        slow.worst(pulses.map(|(n, pulse)| {
+            let left_m = motion.left_m(n, pulse, point);
             turned(rms_wavenumber * left_m / 2.0)
         }))
     });
     errors.reduce(|| 0.0, f64::max).sqrt()
 }
 
-/// What `method` leaves on a straight track over `grid`.
+/// What `method` leaves on a straight track over `grid`, of samples of these wavenumbers.
 pub(super) fn of_line(
     weights: &Weights,
     grid: &ImageGrid,
-    track: &StraightTrack,
-    axes: &Axes,
+    motion: &Motion,
+    (axes, wavenumbers): (&Axes, &[f64]),
     method: &dyn RangeMethod,
 ) -> f64 {
     let slow = Shares::new(&weights.slow);
-    let line = Line::new(axes, weights, track, method);
+    let line = Line::new(axes, wavenumbers, weights, method);
     let points = probes(grid);
-    let errors = points.iter().map(|&point| line.at(point, track, &slow));
+    let errors = points.iter().map(|&point| line.at(point, motion, &slow));
     errors.fold(0.0, f64::max).sqrt()
 }
 
@@ -146,12 +145,7 @@ struct Line {
 }
 
 impl Line {
-    fn new(
-        axes: &Axes,
-        weights: &Weights,
-        track: &StraightTrack,
-        method: &dyn RangeMethod,
-    ) -> Self {
+    fn new(axes: &Axes, wavenumbers: &[f64], weights: &Weights, method: &dyn RangeMethod) -> Self {
         let [first_m, last_m] = axes.reach_m;
         let offsets = Offsets {
             middle_m: (first_m + last_m) / 2.0,
@@ -163,7 +157,7 @@ impl Line {
             .collect();
         ranges_m.dedup();
         // Bands of frequencies, each one's weight on its middle.
-        let count = axes.wavenumbers.len();
+        let count = wavenumbers.len();
         let mut chosen: Vec<usize> = (0..FREQUENCIES)
             .map(|i| i * (count - 1) / (FREQUENCIES - 1))
             .collect();
@@ -181,13 +175,13 @@ impl Line {
             .iter()
             .flat_map(|&range_m| {
                 let each = chosen.iter().zip(&shares);
-                each.map(move |(&k, &share)| (range_m, axes.wavenumbers[k], share))
+                each.map(move |(&k, &share)| (range_m, wavenumbers[k], share))
             })
             .collect();
         let all: Vec<Vec<f64>> = jobs
             .par_iter()
             .map(|&(range_m, kappa, share)| {
-                let of_one = along(axes, track, method, range_m, kappa, offsets);
+                let of_one = along(axes, method, range_m, kappa, offsets);
                 of_one.into_iter().map(|error| error * share).collect()
             })
             .collect();
@@ -203,7 +197,8 @@ impl Line {
     }
 
     /// Of a pixel: the mean over pulses, at the worse of the ranges about its own.
-    fn at(&self, point: DVec3, track: &StraightTrack, slow: &Shares) -> f64 {
+    fn at(&self, point: DVec3, motion: &Motion, slow: &Shares) -> f64 {
+        let track = &motion.track;
         let (along_m, range_m) = track.along_and_range_m(point);
         let after = self.ranges_m.partition_point(|&r| r < range_m);
         let about = after.saturating_sub(1)..=after.min(self.ranges_m.len() - 1);
@@ -216,7 +211,7 @@ impl Line {
             })
             .collect();
         for n in (0..track.num_pulses).step_by(every) {
-            let index = self.offsets.index(along_m - track.along_m(n));
+            let index = self.offsets.index(along_m - motion.along_m(n));
             let i = (index as usize).min(OFFSETS - 2);
             let t = index - i as f64;
             let error = worst[i] * (1.0 - t) + worst[i + 1] * t;
@@ -232,7 +227,6 @@ impl Line {
 /// `|h~ / h - 1|^2` at one range and frequency, over places along the track.
 fn along(
     axes: &Axes,
-    track: &StraightTrack,
     method: &dyn RangeMethod,
     range_m: f64,
     kappa: f64,
@@ -262,8 +256,7 @@ fn along(
             *turn *= step;
         }
     }
-    let constant =
-        cis(FRAC_PI_4) * TAU.sqrt() * range_m.sqrt() / (axes.period as f64 * track.spacing_m);
+    let constant = cis(FRAC_PI_4) * TAU.sqrt() * range_m.sqrt() / axes.period_m;
     let carrier = axes.range.carrier;
     let bracket =
         stationary_phase_error(range_m * carrier) / stationary_phase_error(reference_m * carrier);

@@ -21,7 +21,7 @@ pub(super) fn compress<M: RangeMethod>(
     work: &Work,
     ranges: &[Complex32],
 ) -> Result<Vec<Complex32>, FormError> {
-    let axes = &strip.axes;
+    let axes = &strip.fitted.axes;
     let (num_bins, num_ranges) = (axes.num_bins, axes.range.count);
     let length = axes.along_length;
     let fft = strip.aim.means.transforms.inverse(length);
@@ -60,11 +60,11 @@ pub(super) fn pixels<M: RangeMethod>(
     image: &[Complex32],
     tiles: &mut [Tile],
 ) -> Result<(), FormError> {
-    let axes = &strip.axes;
+    let axes = &strip.fitted.axes;
     let kernel = KaiserBessel::new(TAPS);
     let columns = axes.along.count;
     // What of the reference does not depend on range: sqrt(2 pi j), and 1 / period for the sum over kx.
-    let constant = cis(FRAC_PI_4) * TAU.sqrt() / (axes.period as f64 * strip.track.spacing_m);
+    let constant = cis(FRAC_PI_4) * TAU.sqrt() / axes.period_m;
     let carrier = axes.range.carrier;
     let at_reference = stationary_phase_error(axes.reference_range_m() * carrier);
     for_each(
@@ -73,7 +73,7 @@ pub(super) fn pixels<M: RangeMethod>(
         work.monitor,
         PIXELS,
         |point, pixel| {
-            let (along_m, range_m) = strip.track.along_and_range_m(point);
+            let (along_m, range_m) = strip.fitted.motion.track.along_and_range_m(point);
             let (row, row_weights) = taps(&kernel, &axes.range, range_m);
             let (column, column_weights) = taps(&kernel, &axes.along, along_m);
             let sum = weighted(

@@ -3,30 +3,41 @@
 use num_complex::Complex32;
 use rayon::prelude::*;
 
-use super::cost::SPECTRUM;
+use super::cost::{COMPENSATION, SPECTRUM};
+use super::motion::uneven::Uneven;
+use super::motion::warp::Warp;
 use super::{RangeMethod, Strip, step_done};
-use crate::read_ahead::read_ahead_into;
+use crate::read_ahead::{blocks_of, read_ahead, read_ahead_into};
 use crate::{FormError, Work};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::during;
 use subaperture_signal::phase::{narrow, phasor};
 
 /// Pulses read at once.
-const BLOCK_PULSES: usize = 64;
+pub(super) const BLOCK_PULSES: usize = 64;
 
 /// Weighted samples, moved to the line and referred to path zero, transformed over slow time:
-/// `[K][Q]`, `sum_n exp(-j kx_q n d) w_k v_n z[n][k] exp(-j 2 pi f_k (reference_path_n - excess_n) / c)`.
+/// `[K][Q]`, `sum_n exp(-j kx_q (s_n - s_0)) w_k v_n z[n][k] exp(-j 2 pi f_k (reference_path_n - excess_n) / c)`.
 pub(super) fn along_track<M: RangeMethod>(
     strip: &Strip<M>,
     work: &Work,
 ) -> Result<Vec<Complex32>, FormError> {
-    let samples = on_the_line(strip, work)?;
-    let axes = &strip.axes;
-    let num_pulses = strip.track.num_pulses;
-    let fft = strip.aim.means.transforms.forward(axes.period);
+    let (motion, axes) = (&strip.fitted.motion, &strip.fitted.axes);
+    let transforms = strip.aim.means.transforms;
+    let uneven = motion.is_uneven().then(|| {
+        let from_first_m = |n| motion.along_m(n) - motion.span_m()[0];
+        let places_m = (0..motion.track.num_pulses).map(from_first_m);
+        Uneven::new(places_m, axes.period_m, axes.num_bins)
+    });
+    let samples = match motion.profiles() {
+        Some(_) => warped(strip, work)?,
+        None => moved(strip, work)?,
+    };
+    let num_pulses = motion.track.num_pulses;
+    let fft = transforms.forward(axes.slow_length);
     let mut spectrum = vec![Complex32::ZERO; axes.wavenumbers.len() * axes.num_bins];
     let scratch = || {
-        let line = vec![Complex32::ZERO; axes.period];
+        let line = vec![Complex32::ZERO; axes.slow_length];
         let scratch = vec![Complex32::ZERO; fft.get_inplace_scratch_len()];
         (line, scratch, during(work.monitor, SPECTRUM))
     };
@@ -37,8 +48,15 @@ pub(super) fn along_track<M: RangeMethod>(
             if work.monitor.cancelled() {
                 return;
             }
-            for (n, value) in line[..num_pulses].iter_mut().enumerate() {
-                *value = samples[n * axes.wavenumbers.len() + k];
+            let of_pulses = (0..num_pulses).map(|n| samples[n * axes.wavenumbers.len() + k]);
+            if let Some(uneven) = &uneven {
+                uneven.spread(of_pulses, line);
+                fft.process_with_scratch(line, scratch);
+                uneven.kept(line, bins);
+                return;
+            }
+            for (value, sample) in line.iter_mut().zip(of_pulses) {
+                *value = sample;
             }
             line[num_pulses..].fill(Complex32::ZERO);
             fft.process_with_scratch(line, scratch);
@@ -50,9 +68,9 @@ pub(super) fn along_track<M: RangeMethod>(
     Ok(spectrum)
 }
 
-/// All samples `[N][K]`, weighted, on the line, referred to path zero.
-fn on_the_line<M: RangeMethod>(strip: &Strip<M>, work: &Work) -> Result<Vec<Complex32>, FormError> {
-    let Strip { aim, track, .. } = strip;
+/// All samples `[N][K]`, weighted, on the line, referred to path zero: moved for one point.
+fn moved<M: RangeMethod>(strip: &Strip<M>, work: &Work) -> Result<Vec<Complex32>, FormError> {
+    let (aim, motion) = (&strip.aim, &strip.fitted.motion);
     let collection = aim.collection;
     let num_samples = collection.num_samples;
     let num_pulses = collection.pulses.len();
@@ -66,11 +84,42 @@ fn on_the_line<M: RangeMethod>(strip: &Strip<M>, work: &Work) -> Result<Vec<Comp
                 let _moving = during(work.monitor, SPECTRUM);
                 let pulse = &collection.pulses[n];
                 let weight = aim.weights.slow[n] * norm;
-                let excess_m = track.excess_path_m(n, pulse, strip.reference);
-                let delay_s = (pulse.reference_path_m - excess_m) / SPEED_OF_LIGHT_M_S;
+                let delay_s = (pulse.reference_path_m - motion.excess_m(n)) / SPEED_OF_LIGHT_M_S;
+                let turns = strip.fitted.turns(n);
                 for (k, (z, w)) in row.iter_mut().zip(&aim.weights.fast).enumerate() {
-                    *z *= narrow(phasor(-pulse.frequency_hz(k) * delay_s) * (w * weight));
+                    let turn = phasor(turns - pulse.frequency_hz(k) * delay_s);
+                    *z *= narrow(turn * (w * weight));
                 }
+            });
+        step_done(work, 0.3 * pulses.end as f64 / num_pulses as f64)
+    })?;
+    Ok(samples)
+}
+
+/// The same `[N][K']` of a radar on the line, moved by as much as each range asks for.
+fn warped<M: RangeMethod>(strip: &Strip<M>, work: &Work) -> Result<Vec<Complex32>, FormError> {
+    let (aim, fitted) = (&strip.aim, &strip.fitted);
+    let collection = aim.collection;
+    let num_samples = collection.num_samples;
+    let num_pulses = collection.pulses.len();
+    let norm = aim.weights.normalisation();
+    let size = fitted.axes.wavenumbers.len();
+    let mut samples = vec![Complex32::ZERO; num_pulses * size];
+    let Some(profiles) = fitted.motion.profiles() else {
+        return Ok(samples);
+    };
+    let warp = Warp::new(profiles, &fitted.wavenumbers, aim.means.transforms);
+    let blocks = blocks_of(num_pulses, BLOCK_PULSES);
+    read_ahead(work.history, blocks, |pulses, read| {
+        let room = || (warp.room(), during(work.monitor, COMPENSATION));
+        samples[pulses.start * size..pulses.end * size]
+            .par_chunks_exact_mut(size)
+            .zip(read.par_chunks_exact(num_samples))
+            .zip(pulses.clone())
+            .for_each_init(room, |(room, _), ((out, row), n)| {
+                let pulse = &collection.pulses[n];
+                let weights = (&aim.weights.fast[..], aim.weights.slow[n] * norm);
+                warp.pulse((n, pulse), row, weights, fitted.turns(n), room, out);
             });
         step_done(work, 0.3 * pulses.end as f64 / num_pulses as f64)
     })?;

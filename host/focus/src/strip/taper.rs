@@ -18,7 +18,7 @@
 //!
 //! (`|integral of (T - 1) exp(j k^2 / 2)| / sqrt(2 pi)` over that end, by quadrature.)
 
-use subaperture_signal::window::bessel_i0;
+use super::fall::Fall;
 
 /// Shape of the Kaiser window.
 pub(super) const BETA: f64 = 10.0;
@@ -26,9 +26,6 @@ pub(super) const BETA: f64 = 10.0;
 const GAP: f64 = 4.0;
 /// Half of the fall, in the same.
 const HALF_FALL: f64 = 2.25;
-
-/// Values of the step that are kept.
-const STEPS: usize = 2048;
 
 /// 1 over a band of directions, falling to 0 outside of it.
 #[derive(Clone, Debug)]
@@ -39,8 +36,8 @@ pub(super) struct Taper {
     pub(super) ends: [f64; 2],
     /// Widths of the falls at either end.
     pub(super) fall: [f64; 2],
-    /// The rise from 0 to 1 in even steps.
-    step: Vec<f64>,
+    /// The shape of both falls.
+    shape: Fall,
 }
 
 impl Taper {
@@ -50,41 +47,21 @@ impl Taper {
             let cosine = (1.0 - sine * sine).max(0.0).sqrt();
             (cosine.powi(3) / range_waves).sqrt()
         });
-        let mut sum = 0.0;
-        let mut step = vec![0.0];
-        for i in 0..STEPS {
-            let u = (2.0 * (i as f64 + 0.5) / STEPS as f64) - 1.0;
-            sum += bessel_i0(BETA * (1.0 - u * u).sqrt());
-            step.push(sum);
-        }
-        step.iter_mut().for_each(|value| *value /= sum);
         let fall = unit.map(|unit| 2.0 * HALF_FALL * unit);
         let beyond = |i: usize| GAP * unit[i] + fall[i];
         Self {
             needed,
             ends: [needed[0] - beyond(0), needed[1] + beyond(1)],
             fall,
-            step,
+            shape: Fall::new(BETA),
         }
     }
 
     /// The weight of the direction `sine`.
     pub(super) fn at(&self, sine: f64) -> f64 {
         let [first, last] = self.ends;
-        self.rise((sine - first) / self.fall[0]) * self.rise((last - sine) / self.fall[1])
-    }
-
-    fn rise(&self, t: f64) -> f64 {
-        if t <= 0.0 {
-            return 0.0;
-        }
-        if t >= 1.0 {
-            return 1.0;
-        }
-        let place = t * STEPS as f64;
-        let whole = (place as usize).min(STEPS - 1);
-        let (a, b) = (self.step[whole], self.step[whole + 1]);
-        a + (b - a) * (place - whole as f64)
+        let rise = |from: f64, width: f64| self.shape.at(from / width);
+        rise(sine - first, self.fall[0]) * rise(last - sine, self.fall[1])
     }
 }
 

@@ -120,9 +120,9 @@ impl ImageFormer for OmegaK {
     fn open<'a>(
         &self,
         aim: Aim<'a>,
-        _: &serde_json::Value,
+        choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
-        Ok(Box::new(Strip::new(aim, Stolt)?))
+        Ok(Box::new(Strip::new(ENTRY.name, aim, Stolt, choices)?))
     }
 }
 
@@ -144,9 +144,10 @@ impl OmegaK {
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        accuracy::keep(self, task, Misses::Allowed, |_, work, tiles| {
+        accuracy::keep(self, task, Misses::Allowed, |decision, work, tiles| {
             let aim = task.aim();
-            Strip::new(aim, Stolt)?.form_observed(work, tiles, observe)
+            Strip::new(ENTRY.name, aim, Stolt, &decision.choices)?
+                .form_observed(work, tiles, observe)
         })
     }
 }

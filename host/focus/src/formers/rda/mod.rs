@@ -149,10 +149,10 @@ impl ImageFormer for RangeDopplerAlgorithm {
     fn open<'a>(
         &self,
         aim: Aim<'a>,
-        _: &serde_json::Value,
+        choices: &serde_json::Value,
     ) -> Result<Box<dyn Forming + 'a>, FormError> {
         let method = self.expansion(aim.collection)?;
-        Ok(Box::new(Strip::new(aim, method)?))
+        Ok(Box::new(Strip::new(ENTRY.name, aim, method, choices)?))
     }
 }
 
@@ -182,10 +182,11 @@ impl RangeDopplerAlgorithm {
         task: &Task,
         observe: &mut dyn FnMut(&Stage),
     ) -> Result<Formed, FormError> {
-        accuracy::keep(self, task, Misses::Allowed, |_, work, tiles| {
+        accuracy::keep(self, task, Misses::Allowed, |decision, work, tiles| {
             let aim = task.aim();
             let method = self.expansion(aim.collection)?;
-            Strip::new(aim, method)?.form_observed(work, tiles, observe)
+            Strip::new(ENTRY.name, aim, method, &decision.choices)?
+                .form_observed(work, tiles, observe)
         })
     }
 }

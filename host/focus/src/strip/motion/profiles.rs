@@ -1,0 +1,169 @@
+//! Which ranges of a pulse are read, and how finely they have to be sampled.
+//!
+//! From pulse `n` pixels lie between the ranges `low_n` and `high_n`. There a profile is kept as it is; over a length `F` on
+//! either side it falls to zero, and then it repeats: with
+//!
+//! ```text
+//! period = max_n (high_n - low_n) + 2 F,   kappa'_m = kappa_c + (m - M / 2) 2 pi / period
+//! ```
+//!
+//! `M` even wavenumbers stand for it. What a tone `exp(j kappa (rho + d(rho)))` under that window takes of the spectrum is
+//! `kappa (1 + d'(rho))`, and on both sides what the falls take, `2 beta / F` ([`super::super::fall`]); so the wavenumbers reach beyond the
+//! recorded band by
+//!
+//! ```text
+//! guard = kappa_max max |d'| + 2 beta / F
+//! ```
+//!
+//! at either end. Without the guard the ends of the band are cut where the profile is stretched. `F = sqrt(2 beta length / band)` makes the
+//! number of wavenumbers, `period (band + 2 guard) / 2 pi`, the least; it is often less than that recorded, for ranges that no pixel lies at are
+//! left out.
+
+use std::f64::consts::TAU;
+
+use rayon::prelude::*;
+
+use super::deviations::{Deviation, Interval, fitted};
+use super::warp::BETA;
+use super::{Bounds, Motion};
+use crate::strip::fall::Fall;
+use crate::{FormError, Reason, Remedy};
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::phase_history::Collection;
+use subaperture_signal::fast_length::fast_length;
+
+/// A fall as a part of the nearest range: what goes as `1 / rho` stays smooth.
+const LONGEST_FALL: f64 = 0.4;
+/// Places at which a deviation's slope is looked at.
+const SLOPES: usize = 64;
+/// What a slope between them may be more.
+const SLOPE_MARGIN: f64 = 1.2;
+/// More wavenumbers than any memory holds for many pulses.
+const MOST: f64 = 1e7;
+
+/// Bytes kept of a pulse.
+pub(super) const PULSE_BYTES: usize = size_of::<Deviation>();
+
+/// How the profiles of all pulses are read and kept.
+pub(in crate::strip) struct Profiles {
+    deviations: Vec<Deviation>,
+    /// 1 where pixels are, falling to 0 at both ends: for each of the `M` places read.
+    pub(super) window: Vec<f32>,
+    /// Between places, metres.
+    pub(super) step_m: f64,
+    /// Wavenumber `M / 2`, rad/m.
+    pub(super) centre: f64,
+    /// Between wavenumbers, rad/m.
+    pub(super) wavenumber_step: f64,
+}
+
+impl Profiles {
+    /// As [`Motion::new`].
+    pub(super) fn new(
+        collection: &Collection,
+        grid: &ImageGrid,
+        motion: &Motion,
+        bounds: &Bounds,
+        wavenumbers: &[f64],
+    ) -> Result<Self, FormError> {
+        let ranges: Vec<[f64; 2]> = (0..collection.pulses.len())
+            .map(|n| ranges_m(bounds, motion.along_m(n)))
+            .collect();
+        let length_m = ranges
+            .iter()
+            .map(|[low, high]| high - low)
+            .fold(0.0, f64::max);
+        let middle_m = |[low, high]: &[f64; 2]| (low + high) / 2.0;
+        let nearest_m = ranges.iter().map(middle_m).fold(f64::INFINITY, f64::min) - length_m / 2.0;
+        let count = wavenumbers.len();
+        let (first, last) = (wavenumbers[0], wavenumbers[count - 1]);
+        let band = last - first;
+        let fall_m = (2.0 * BETA * length_m / band)
+            .sqrt()
+            .max(2.0 * BETA / band)
+            .min(LONGEST_FALL * nearest_m);
+        let half_m = length_m / 2.0 + fall_m;
+        if !(fall_m > 0.0 && half_m.is_finite()) {
+            return Err(unsuited("an antenna passes too near the pixels"));
+        }
+        let intervals: Vec<Interval> = ranges
+            .iter()
+            .map(|range| Interval {
+                middle_m: middle_m(range),
+                half_m,
+            })
+            .collect();
+        let deviations = fitted(collection, grid, motion, &intervals);
+        let steepest = deviations.par_iter().map(steepest).reduce(|| 0.0, f64::max);
+        let guard = SLOPE_MARGIN * last * steepest + 2.0 * BETA / fall_m;
+        let wavenumber_step = TAU / (2.0 * half_m);
+        let centre = wavenumbers[count / 2];
+        let reach = (centre - first).max(last - centre) + guard;
+        let each_side = (reach / wavenumber_step).ceil() + 1.0;
+        if each_side.is_nan() || each_side > MOST {
+            return Err(unsuited("the track strays from its line by too much"));
+        }
+        let size = fast_length(2 * each_side as usize);
+        if centre - (size / 2) as f64 * wavenumber_step <= 0.0 {
+            return Err(unsuited(
+                "its deviation from a line changes with range as fast as the phase itself",
+            ));
+        }
+        let step_m = 2.0 * half_m / size as f64;
+        let fall = Fall::new(BETA);
+        let window = |i: usize| {
+            let from_middle_m = (i as f64 - (size / 2) as f64).abs() * step_m;
+            fall.at((half_m - from_middle_m) / fall_m) as f32
+        };
+        Ok(Self {
+            deviations,
+            window: (0..size).map(window).collect(),
+            step_m,
+            centre,
+            wavenumber_step,
+        })
+    }
+
+    /// Two-way wavenumbers of the profiles, rad/m.
+    pub(in crate::strip) fn wavenumbers(&self) -> Vec<f64> {
+        let half = self.window.len() / 2;
+        let at = |m: usize| self.centre + (m as f64 - half as f64) * self.wavenumber_step;
+        (0..self.window.len()).map(at).collect()
+    }
+
+    /// `d_n` at a range from the line, metres.
+    pub(super) fn deviation_m(&self, n: usize, range_m: f64) -> f64 {
+        self.deviations[n].at(range_m)
+    }
+
+    /// The range in the middle of what is read of pulse `n`, metres.
+    pub(super) fn middle_m(&self, n: usize) -> f64 {
+        self.deviations[n].interval.middle_m
+    }
+}
+
+/// The nearest and the farthest range from a place along the line to pixels within bounds, metres.
+fn ranges_m(bounds: &Bounds, along_m: f64) -> [f64; 2] {
+    let [before_m, behind_m] = bounds.along_m.map(|x| x - along_m);
+    let nearest_m = 0f64.clamp(before_m, behind_m);
+    let farthest_m = before_m.abs().max(behind_m.abs());
+    let [near_m, far_m] = bounds.range_m;
+    [
+        libm::hypot(near_m, nearest_m),
+        libm::hypot(far_m, farthest_m),
+    ]
+}
+
+/// The largest slope of a deviation on its interval, metres a metre.
+fn steepest(deviation: &Deviation) -> f64 {
+    let Interval { middle_m, half_m } = deviation.interval;
+    let step_m = 2.0 * half_m / SLOPES as f64;
+    let at = |i: usize| deviation.at(middle_m - half_m + i as f64 * step_m);
+    let slopes = (0..SLOPES).map(|i| (at(i + 1) - at(i)).abs() / step_m);
+    slopes.fold(0.0, f64::max)
+}
+
+fn unsuited(why: &str) -> FormError {
+    let why = Reason::new(format!("profiles cannot be read as from a line: {why}"));
+    FormError::Unsuited(why.helped_by(&[Remedy::OtherFormer(&["bp", "ffbp"])]))
+}

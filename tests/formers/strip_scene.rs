@@ -1,0 +1,183 @@
+//! Radars on tracks and scenes for the formers that work along a line, and their errors.
+
+use glam::DVec3;
+use num_complex::Complex64;
+use subaperture::focus::exact::Exact;
+use subaperture::focus::omega_k::OmegaK;
+use subaperture::focus::rda::RangeDopplerAlgorithm;
+use subaperture::focus::{FormError, Formed, ImageFormer, Remedy, Task};
+use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::monitor::{Monitor, Silent};
+use subaperture::phase_history::{Collection, PhaseHistory, Pulse, Sweep, Weights};
+use subaperture::signal::window::Window;
+use subaperture::simulate::{Scatterer, Simulated};
+use subaperture_tests::error_db;
+
+pub const OMEGA_K: OmegaK = OmegaK { error_db: -60.0 };
+pub const RDA: RangeDopplerAlgorithm = RangeDopplerAlgorithm {
+    error_db: -60.0,
+    secondary_compression: true,
+};
+pub const RDA_WITHOUT_SRC: RangeDopplerAlgorithm = RangeDopplerAlgorithm {
+    error_db: -60.0,
+    secondary_compression: false,
+};
+
+/// A radar on a track.
+pub struct Radar {
+    /// Frequency of sample 0, step, number.
+    pub band: (f64, f64, usize),
+    pub num_pulses: usize,
+    /// Transmitter and receiver of pulse `n`, from the aperture's middle.
+    pub antennas: fn(f64) -> (DVec3, DVec3),
+    /// Path that all samples are referred to, or to the scene's origin if `None`.
+    pub reference_path_m: Option<f64>,
+}
+
+impl Radar {
+    pub fn collection(&self) -> Collection {
+        self.collection_on(self.antennas)
+    }
+
+    /// The same band on another track: transmitter and receiver of pulse `n`, from the aperture's middle.
+    pub fn collection_on(&self, antennas: impl Fn(f64) -> (DVec3, DVec3)) -> Collection {
+        let (start_hz, step_hz, num_samples) = self.band;
+        let pulses = (0..self.num_pulses)
+            .map(|n| {
+                let index = n as f64 - (self.num_pulses as f64 - 1.0) / 2.0;
+                let (transmitter_m, receiver_m) = antennas(index);
+                let to_origin_m = transmitter_m.length() + receiver_m.length();
+                Pulse {
+                    time_s: n as f64,
+                    transmitter_m,
+                    receiver_m,
+                    reference_m: DVec3::ZERO,
+                    reference_path_m: self.reference_path_m.unwrap_or(to_origin_m),
+                    start_hz,
+                    step_hz,
+                    sweep: Sweep::AT_ONCE,
+                }
+            })
+            .collect();
+        Collection {
+            name: "strip".to_owned(),
+            num_samples,
+            pulses,
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        }
+    }
+
+    /// Twelve scatterers within `half_m` of the origin.
+    pub fn over_many(&self, half_m: [f64; 2]) -> Simulated {
+        Simulated::new(self.collection(), twelve(half_m), None)
+    }
+}
+
+/// Twelve scatterers within `half_m` of the origin.
+pub fn twelve(half_m: [f64; 2]) -> Vec<Scatterer> {
+    (0..12)
+        .map(|i| {
+            // The plastic number's powers: spread evenly without a lattice.
+            let place = |a: f64| 2.0 * (a * f64::from(i) + 0.5).fract() - 1.0;
+            let (x, y) = (place(0.754_877_666), place(0.569_840_291));
+            Scatterer {
+                position_m: DVec3::new(half_m[0] * x, half_m[1] * y, 0.0),
+                amplitude: Complex64::cis(f64::from(i)),
+            }
+        })
+        .collect()
+}
+
+/// A stripmap of 5 GHz and 100 MHz at 3 km, from 1 km above the ground, broadside.
+pub const STRIPMAP: Radar = Radar {
+    band: (4.95e9, 0.8e6, 125),
+    num_pulses: 600,
+    antennas: |n| {
+        let at = DVec3::new(0.4 * n, -(8f64.sqrt()) * 1000.0, 1000.0);
+        (at, at)
+    },
+    reference_path_m: Some(6000.0),
+};
+
+/// A rail of 1.6 m at 1.1 to 1.3 GHz, its scene from 6 m on.
+pub const RAIL: Radar = Radar {
+    band: (1.1e9, 4e6, 51),
+    num_pulses: 81,
+    antennas: |n| {
+        let at = DVec3::new(0.02 * n, -9.0, 0.0);
+        (at, at)
+    },
+    reference_path_m: Some(0.0),
+};
+
+/// X band, 200 MHz, looking 40 degrees ahead.
+pub const SQUINT: Radar = Radar {
+    band: (9.4e9, 1e6, 200),
+    num_pulses: 300,
+    antennas: |n| {
+        let ahead_m = 2000.0 * 40f64.to_radians().tan();
+        let at = DVec3::new(0.3 * n - ahead_m, -2000.0, 0.0);
+        (at, at)
+    },
+    reference_path_m: None,
+};
+
+pub fn try_form(
+    history: &dyn PhaseHistory,
+    grid: &ImageGrid,
+    window: Window,
+    former: &dyn ImageFormer,
+    memory_bytes: u64,
+    monitor: &dyn Monitor,
+) -> Result<Formed, FormError> {
+    let weights = Weights::new(history.collection(), window, window);
+    former.form_best(&Task {
+        history,
+        grid,
+        weights: &weights,
+        memory_bytes,
+        monitor,
+        means: Default::default(),
+    })
+}
+
+/// Errors of the formers on a grid, dB against the exact sum.
+pub fn errors_db<const N: usize>(
+    what: &str,
+    history: &Simulated,
+    grid: &str,
+    window: Window,
+    formers: [&dyn ImageFormer; N],
+) -> [f64; N] {
+    let grid: ImageGrid = grid.parse().unwrap();
+    let form = |former| try_form(history, &grid, window, former, 1 << 30, &Silent).unwrap();
+    let exact = form(&Exact).image;
+    formers.map(|former| {
+        let started = std::time::Instant::now();
+        let formed = form(former);
+        let taken = started.elapsed();
+        let db = error_db(&formed.image, &exact);
+        let predicted_db = formed.predicted_error_db;
+        println!(
+            "{what}: {} {db:.1} dB in {taken:.2?}, predicted {predicted_db:.1}, track {}, line {}",
+            former.name(),
+            formed.settings["track_error_db"],
+            formed.settings["line_error_db"],
+        );
+        assert!(db <= predicted_db + 3.0, "{db} {predicted_db}");
+        assert!(formed.bound_missed || db <= -40.0, "{db}");
+        db
+    })
+}
+
+/// The formers that would do instead.
+pub fn others(error: &FormError) -> Vec<&'static str> {
+    let remedies = error.remedies().iter();
+    let named = remedies.filter_map(|remedy| match remedy {
+        Remedy::OtherFormer(names) => Some(*names),
+        _ => None,
+    });
+    named.flatten().copied().collect()
+}
