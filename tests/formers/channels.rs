@@ -121,12 +121,24 @@ fn formers_keep_their_bound_on_the_sum_of_channels() {
         .unwrap();
         let interleaved = in_turn(&channels);
         let sum = channels.coherent_sum().unwrap();
-        let formers: [&dyn ImageFormer; 4] = [
-            &Exact,
-            &Backprojection::default(),
+        let omega_k = OmegaK::default();
+        let [bp, rdbp] = [
+            &Backprojection::default() as &dyn ImageFormer,
             &RangeDoppler::default(),
-            &FastFactorised::default(),
         ];
+        let ffbp = FastFactorised::default();
+        let mut formers: Vec<&dyn ImageFormer> = vec![&Exact, bp, rdbp, &ffbp];
+        if transmitters == 1 {
+            // Two receivers beside each other pass the same places one after another, which omega-k takes as they are.
+            formers.push(&omega_k);
+        } else {
+            // A second transmitter elsewhere is on no line with the first.
+            let refused = form(&omega_k, &sum, &grid, Window::None).unwrap_err();
+            assert!(
+                matches!(refused, FormError::BoundMissed { .. }),
+                "{refused}"
+            );
+        }
         for former in formers {
             let formed = form(former, &sum, &grid, Window::None).unwrap();
             let measured_db = error_db(&formed.image.pixels, &expected);
@@ -160,15 +172,6 @@ fn formers_keep_their_bound_on_the_sum_of_channels() {
             mixed.as_ref().map(pulses).map_err(ToString::to_string)
         );
         assert_eq!(pulses(&together), pulses(&one));
-        // A straight, even track it is not.
-        let straight = form(&OmegaK::default(), &sum, &grid, Window::None).unwrap_err();
-        assert!(
-            matches!(
-                straight,
-                FormError::BoundMissed { .. } | FormError::Unsuited(_)
-            ),
-            "{straight}"
-        );
     }
 }
 

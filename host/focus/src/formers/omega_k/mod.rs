@@ -16,7 +16,7 @@
 //! range. That is the sum itself to -107 dB: samples count as they do in `exact`, range side lobes and
 //! the periods of a sampled band included.
 //!
-//! **Assumes** a straight, even track ([`crate::straight_track`]) and one band for all pulses; what deviations leave is
+//! **Assumes** a track near a straight line ([`crate::straight_track`]; [`crate::strip`] says what is compensated) and one band for all pulses; what deviations leave is
 //! in the prediction ([`crate::strip`]). Squint and aperture are not limited but by 80 degrees off broadside, less where the
 //! nearest range is few wavelengths: the ends of the band of directions take `8.5 / sqrt(kappa r)` in sine.
 //! The swath is not limited; memory and padding grow with the farthest range times the tangent of the
@@ -90,7 +90,7 @@ impl OmegaK {
 /// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "omega-k",
-    summary: "omega-k: straight, even tracks",
+    summary: "omega-k: nearly straight tracks",
     options: &[ERROR_DB],
     of: of::<OmegaK>,
 };

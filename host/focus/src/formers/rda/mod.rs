@@ -27,7 +27,7 @@
 //! the swath's ends and between. All else is common with [`crate::omega_k`], and as exact: amplitudes, the
 //! aperture's ends, interpolation (-107 dB).
 //!
-//! **Assumes** a straight, even track ([`crate::straight_track`]), one band for all pulses, and a band so narrow that
+//! **Assumes** a track near a straight line ([`crate::straight_track`]; [`crate::strip`] says what is compensated), one band for all pulses, and a band so narrow that
 //! all directions propagate at `kappa_c`.
 //!
 //! Cost beyond what is shared: `Q` transforms of `2 K`, 6 multiply-adds and a phasor for each of `Q R`
@@ -117,7 +117,7 @@ const NO_SRC: Opt = Opt {
 /// In the list of formers.
 pub(super) const ENTRY: Entry = Entry {
     name: "rda",
-    summary: "range-Doppler algorithm: straight, even tracks, little migration",
+    summary: "range-Doppler algorithm: nearly straight tracks, little migration",
     options: &[ERROR_DB, NO_SRC],
     of: of::<RangeDopplerAlgorithm>,
 };

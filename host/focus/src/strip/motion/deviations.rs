@@ -3,7 +3,7 @@
 //! `d_n(rho)` is the polynomial in `1 / rho` that is nearest, in the sense of least squares, to half of the excess path at [`SIDE`] by
 //! [`SIDE`] pixels of the grid. In `1 / rho`, for so the deviation is nearly one: with the grid's plane `h` off the line the components of
 //! the direction across the track are `h / rho` and `sqrt(1 - (h / rho)^2)`, and the terms that are left of a polynomial of degree `p`
-//! fall as `eta^(p + 1)`, with `eta` half the interval of `1 / rho` over its middle: [`degree`].
+//! fall as `eta^(p + 1)` or faster, with `eta` half the interval of `1 / rho` over its middle ([`Interval::degree`]).
 
 use super::Motion;
 use crate::probes::spread;
@@ -16,10 +16,10 @@ use rayon::prelude::*;
 const SIDE: usize = 12;
 
 /// Coefficients of the highest degree.
-pub(super) const COEFFICIENTS: usize = 7;
+pub(super) const COEFFICIENTS: usize = 5;
 
 /// What the terms left out may be, relative to the deviation.
-const LEFT_OUT: f64 = 1e-6;
+const LEFT_OUT: f64 = 1e-5;
 
 /// Of the diagonal, so that where all pixels are at one range there is a solution, too: the flattest.
 const RIDGE: f64 = 1e-13;
@@ -47,8 +47,8 @@ impl Interval {
         (1.0 / range_m - middle) / half
     }
 
-    /// The degree whose neglected terms are small.
-    fn degree(&self) -> usize {
+    /// The degree whose neglected terms are small, 1 or more.
+    pub(super) fn degree(&self) -> usize {
         let [middle, half] = self.inverse();
         let terms = libm::log(LEFT_OUT) / libm::log(half / middle);
         (terms.ceil().max(2.0) as usize).min(COEFFICIENTS) - 1
@@ -75,17 +75,18 @@ impl Deviation {
     }
 }
 
-/// Of all pulses, each on its interval.
+/// Of all pulses, each on its interval, of one degree.
 pub(super) fn fitted(
     collection: &Collection,
     grid: &ImageGrid,
     motion: &Motion,
     intervals: &[Interval],
+    degree: usize,
 ) -> Vec<Deviation> {
     let points = spread(grid, SIDE);
     let pulses = collection.pulses.par_iter().zip(intervals).enumerate();
     let each = pulses.map(|(n, (pulse, &interval))| {
-        let count = interval.degree() + 1;
+        let count = degree + 1;
         let mut normal = [[0.0; COEFFICIENTS]; COEFFICIENTS];
         let mut right = [0.0; COEFFICIENTS];
         for &point in &points {

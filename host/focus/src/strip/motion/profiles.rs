@@ -16,8 +16,11 @@
 //! ```
 //!
 //! at either end. Without the guard the ends of the band are cut where the profile is stretched. `F = sqrt(2 beta length / band)` makes the
-//! number of wavenumbers, `period (band + 2 guard) / 2 pi`, the least; it is often less than that recorded, for ranges that no pixel lies at are
-//! left out.
+//! number of wavenumbers, `period (band + 2 guard) / 2 pi`, the least, but no longer than half of what is kept, or some wavelengths: there the
+//! polynomials are not held by pixels. The number is often less than that recorded, for ranges that no pixel lies at are left out.
+//!
+//! Where directions differ much a polynomial of a high degree may be steep beyond the pixels, and the guard wide; then one of a
+//! lower degree is taken.
 
 use std::f64::consts::TAU;
 
@@ -33,7 +36,11 @@ use subaperture_model::phase_history::Collection;
 use subaperture_signal::fast_length::fast_length;
 
 /// A fall as a part of the nearest range: what goes as `1 / rho` stays smooth.
-const LONGEST_FALL: f64 = 0.4;
+const LONGEST_FALL: f64 = 0.25;
+/// The shortest fall takes this part of the wavenumber on either side.
+const WIDEST_GUARD: f64 = 0.2;
+/// Part of the band and of what the falls take that a deviation may take, if a lower degree takes less.
+const STEEP: f64 = 0.5;
 /// Places at which a deviation's slope is looked at.
 const SLOPES: usize = 64;
 /// What a slope between them may be more.
@@ -78,9 +85,11 @@ impl Profiles {
         let count = wavenumbers.len();
         let (first, last) = (wavenumbers[0], wavenumbers[count - 1]);
         let band = last - first;
+        let centre = wavenumbers[count / 2];
         let fall_m = (2.0 * BETA * length_m / band)
             .sqrt()
-            .max(2.0 * BETA / band)
+            .min(length_m / 2.0)
+            .max(2.0 * BETA / (WIDEST_GUARD * centre))
             .min(LONGEST_FALL * nearest_m);
         let half_m = length_m / 2.0 + fall_m;
         if !(fall_m > 0.0 && half_m.is_finite()) {
@@ -93,11 +102,20 @@ impl Profiles {
                 half_m,
             })
             .collect();
-        let deviations = fitted(collection, grid, motion, &intervals);
-        let steepest = deviations.par_iter().map(steepest).reduce(|| 0.0, f64::max);
-        let guard = SLOPE_MARGIN * last * steepest + 2.0 * BETA / fall_m;
+        let of_falls = 2.0 * BETA / fall_m;
+        let of_degree = |degree| {
+            let deviations = fitted(collection, grid, motion, &intervals, degree);
+            let steepest = deviations.par_iter().map(steepest).reduce(|| 0.0, f64::max);
+            (deviations, SLOPE_MARGIN * last * steepest)
+        };
+        let mut degree = intervals.iter().map(Interval::degree).max().unwrap_or(1);
+        let (mut deviations, mut of_deviations) = of_degree(degree);
+        while degree > 1 && of_deviations > STEEP * (band + 2.0 * of_falls) {
+            degree -= 1;
+            (deviations, of_deviations) = of_degree(degree);
+        }
+        let guard = of_deviations + of_falls;
         let wavenumber_step = TAU / (2.0 * half_m);
-        let centre = wavenumbers[count / 2];
         let reach = (centre - first).max(last - centre) + guard;
         let each_side = (reach / wavenumber_step).ceil() + 1.0;
         if each_side.is_nan() || each_side > MOST {

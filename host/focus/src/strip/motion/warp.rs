@@ -24,10 +24,10 @@ use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{narrow, phasor, phasor32};
 
 /// Shape of the falls at a profile's ends.
-pub(super) const BETA: f64 = 12.0;
+pub(super) const BETA: f64 = 14.0;
 
 /// Relative RMS error: the kernel (-107 dB), its table (-114 dB) and what the guard cuts.
-pub(super) const ERROR: f64 = 1e-5;
+pub(super) const ERROR: f64 = 3e-5;
 
 /// Length of the transform of `samples` to a profile.
 pub(in crate::strip) fn profile_length(samples: usize) -> usize {
@@ -157,7 +157,8 @@ mod tests {
 
     #[test]
     fn what_it_gives_is_the_profile_at_moved_ranges() {
-        // 2 m of sway at 60 to 100 m: deviations change by 1 % of the range, and profiles are stretched by as much.
+        // 2 m of sway at 60 to 120 m: profiles are stretched by up to 1 %, of bands from nothing to a third of the carrier.
+        let mut errors = Vec::new();
         for samples in [1, 2, 65, 200] {
             let collection = swaying(2.0, samples);
             let grid = grid("x=-12:12:1,y=-20:20:1");
@@ -220,7 +221,8 @@ mod tests {
             }
             let relative = (error / power).sqrt();
             println!("{samples}: {relative:e} with {} wavenumbers", out.len());
-            assert!(relative < ERROR, "{samples}: {relative:e}");
+            errors.push(relative);
         }
+        assert!(errors.iter().all(|&error| error < ERROR), "{errors:?}");
     }
 }
