@@ -13,34 +13,34 @@ use subaperture::signal::window::Window;
 use subaperture::simulate::{Scatterer, Simulated};
 use subaperture_tests::error_db;
 
-pub const OMEGA_K: OmegaK = OmegaK { error_db: -60.0 };
-pub const RDA: RangeDopplerAlgorithm = RangeDopplerAlgorithm {
+pub(crate) const OMEGA_K: OmegaK = OmegaK { error_db: -60.0 };
+pub(crate) const RDA: RangeDopplerAlgorithm = RangeDopplerAlgorithm {
     error_db: -60.0,
     secondary_compression: true,
 };
-pub const RDA_WITHOUT_SRC: RangeDopplerAlgorithm = RangeDopplerAlgorithm {
+pub(crate) const RDA_WITHOUT_SRC: RangeDopplerAlgorithm = RangeDopplerAlgorithm {
     error_db: -60.0,
     secondary_compression: false,
 };
 
 /// A radar on a track.
-pub struct Radar {
+pub(crate) struct Radar {
     /// Frequency of sample 0, step, number.
-    pub band: (f64, f64, usize),
-    pub num_pulses: usize,
+    pub(crate) band: (f64, f64, usize),
+    pub(crate) num_pulses: usize,
     /// Transmitter and receiver of pulse `n`, from the aperture's middle.
-    pub antennas: fn(f64) -> (DVec3, DVec3),
+    pub(crate) antennas: fn(f64) -> (DVec3, DVec3),
     /// Path that all samples are referred to, or to the scene's origin if `None`.
-    pub reference_path_m: Option<f64>,
+    pub(crate) reference_path_m: Option<f64>,
 }
 
 impl Radar {
-    pub fn collection(&self) -> Collection {
+    pub(crate) fn collection(&self) -> Collection {
         self.collection_on(self.antennas)
     }
 
     /// The same band on another track: transmitter and receiver of pulse `n`, from the aperture's middle.
-    pub fn collection_on(&self, antennas: impl Fn(f64) -> (DVec3, DVec3)) -> Collection {
+    pub(crate) fn collection_on(&self, antennas: impl Fn(f64) -> (DVec3, DVec3)) -> Collection {
         let (start_hz, step_hz, num_samples) = self.band;
         let pulses = (0..self.num_pulses)
             .map(|n| {
@@ -70,13 +70,13 @@ impl Radar {
     }
 
     /// Twelve scatterers within `half_m` of the origin.
-    pub fn over_many(&self, half_m: [f64; 2]) -> Simulated {
+    pub(crate) fn over_many(&self, half_m: [f64; 2]) -> Simulated {
         Simulated::new(self.collection(), twelve(half_m), None)
     }
 }
 
 /// Twelve scatterers within `half_m` of the origin.
-pub fn twelve(half_m: [f64; 2]) -> Vec<Scatterer> {
+pub(crate) fn twelve(half_m: [f64; 2]) -> Vec<Scatterer> {
     (0..12)
         .map(|i| {
             // The plastic number's powers: spread evenly without a lattice.
@@ -91,7 +91,7 @@ pub fn twelve(half_m: [f64; 2]) -> Vec<Scatterer> {
 }
 
 /// A stripmap of 5 GHz and 100 MHz at 3 km, from 1 km above the ground, broadside.
-pub const STRIPMAP: Radar = Radar {
+pub(crate) const STRIPMAP: Radar = Radar {
     band: (4.95e9, 0.8e6, 125),
     num_pulses: 600,
     antennas: |n| {
@@ -102,7 +102,7 @@ pub const STRIPMAP: Radar = Radar {
 };
 
 /// A rail of 1.6 m at 1.1 to 1.3 GHz, its scene from 6 m on.
-pub const RAIL: Radar = Radar {
+pub(crate) const RAIL: Radar = Radar {
     band: (1.1e9, 4e6, 51),
     num_pulses: 81,
     antennas: |n| {
@@ -113,7 +113,7 @@ pub const RAIL: Radar = Radar {
 };
 
 /// X band, 200 MHz, looking 40 degrees ahead.
-pub const SQUINT: Radar = Radar {
+pub(crate) const SQUINT: Radar = Radar {
     band: (9.4e9, 1e6, 200),
     num_pulses: 300,
     antennas: |n| {
@@ -124,7 +124,7 @@ pub const SQUINT: Radar = Radar {
     reference_path_m: None,
 };
 
-pub fn try_form(
+pub(crate) fn try_form(
     history: &dyn PhaseHistory,
     grid: &ImageGrid,
     window: Window,
@@ -144,7 +144,7 @@ pub fn try_form(
 }
 
 /// Errors of the formers on a grid, dB against the exact sum.
-pub fn errors_db<const N: usize>(
+pub(crate) fn errors_db<const N: usize>(
     what: &str,
     history: &Simulated,
     grid: &str,
@@ -173,7 +173,7 @@ pub fn errors_db<const N: usize>(
 }
 
 /// The formers that would do instead.
-pub fn others(error: &FormError) -> Vec<&'static str> {
+pub(crate) fn others(error: &FormError) -> Vec<&'static str> {
     let remedies = error.remedies().iter();
     let named = remedies.filter_map(|remedy| match remedy {
         Remedy::OtherFormer(names) => Some(*names),
