@@ -27,7 +27,6 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use super::deviations::{Deviation, Interval, fitted};
-use super::warp::BETA;
 use super::{Bounds, Motion};
 use crate::strip::fall::Fall;
 use crate::{FormError, Reason, Remedy};
@@ -35,6 +34,8 @@ use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::fast_length::fast_length;
 
+/// Shape of the falls at a profile's ends.
+const BETA: f64 = 14.0;
 /// A fall as a part of the nearest range: what goes as `1 / rho` stays smooth.
 const LONGEST_FALL: f64 = 0.25;
 /// The shortest fall takes this part of the wavenumber on either side.

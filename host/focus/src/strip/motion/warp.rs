@@ -23,9 +23,6 @@ use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::phase::{narrow, phasor, phasor32};
 
-/// Shape of the falls at a profile's ends.
-pub(super) const BETA: f64 = 14.0;
-
 /// Relative RMS error: the kernel (-107 dB), its table (-114 dB) and what the guard cuts.
 pub(super) const ERROR: f64 = 3e-5;
 
