@@ -5,10 +5,13 @@
 //! ```
 //!
 //! The phase is a [`Ramp`]: a complex number in float64 that is multiplied on from sample to sample, or from some to the next, good to `K`
-//! roundings of 2.5e-16. It is rounded to float32 where it meets a sample: 3e-7 of a sample in all.
+//! roundings of 2.5e-16. It is rounded to float32 where it meets a sample: 3e-7 of a sample in all. By groups ([`GroupRamp`]) it is the product of two
+//! numbers so rounded, the phase of the group's first sample and that from it to each other: 5e-7.
 
 use num_complex::{Complex32, Complex64};
 use subaperture_signal::phase::{narrow, phasor};
+
+use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 
 /// `exp(j 2 pi (a + b k))`, times a factor, for `k` = 0, 1, ...
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,6 +83,117 @@ pub fn refer_to_column(
     }
 }
 
+/// A ramp that goes on by groups of samples.
+#[derive(Clone, Copy, Debug)]
+pub struct GroupRamp {
+    turn: Complex64,
+    /// From group to group.
+    step: Complex64,
+    /// From the first sample of a group to each: cosines and sines.
+    within: [[f32; GROUP]; 2],
+}
+
+impl GroupRamp {
+    /// The same ramp.
+    #[inline]
+    pub fn new(Ramp { turn, step }: Ramp) -> Self {
+        let mut within = [[0.0; GROUP]; 2];
+        let mut from_first = Complex64::ONE;
+        for i in 0..GROUP {
+            (within[0][i], within[1][i]) = (from_first.re as f32, from_first.im as f32);
+            from_first *= step;
+        }
+        Self {
+            turn,
+            step: from_first,
+            within,
+        }
+    }
+}
+
+/// Pulses' samples, turned and weighted, into planes: `planes` are `[pulse][real, imaginary][stride]`, as many pulses as there are `ramps`, whose
+/// samples of `rows`, `row_length` from pulse to pulse, are those from its beginning on, as many as there are weights. The ramps go on, whole groups of samples
+/// at a time. What is beyond the samples, up to a whole group, becomes 0.
+///
+/// # Panics
+/// If they do not fit each other, or a row of planes is no whole number of groups.
+pub fn refer_to_planes(
+    instructions: Instructions,
+    rows: &[Complex32],
+    row_length: usize,
+    weights: &[f32],
+    ramps: &mut [GroupRamp],
+    planes: &mut [f32],
+    stride: usize,
+) {
+    assert!(stride.is_multiple_of(GROUP) && weights.len() <= stride);
+    assert!(ramps.is_empty() || rows.len() >= (ramps.len() - 1) * row_length + weights.len());
+    assert!(planes.len() >= 2 * stride * ramps.len());
+    instructions.run(ToPlanes {
+        rows,
+        row_length,
+        weights,
+        ramps,
+        planes,
+        stride,
+    });
+}
+
+struct ToPlanes<'a> {
+    rows: &'a [Complex32],
+    row_length: usize,
+    weights: &'a [f32],
+    ramps: &'a mut [GroupRamp],
+    planes: &'a mut [f32],
+    stride: usize,
+}
+
+impl Kernel for ToPlanes<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let count = self.weights.len();
+        let pulses = self.planes.chunks_exact_mut(2 * self.stride);
+        for (pulse, (ramp, planes)) in self.ramps.iter_mut().zip(pulses).enumerate() {
+            let row = &self.rows[pulse * self.row_length..][..count];
+            let (real, imaginary) = planes.split_at_mut(self.stride);
+            for first in (0..count).step_by(GROUP) {
+                let (mut parts, mut weights) = ([[0.0f32; GROUP]; 2], [0.0f32; GROUP]);
+                let width = GROUP.min(count - first);
+                if width == GROUP {
+                    let own: &[Complex32] = &row[first..first + GROUP];
+                    for i in 0..GROUP {
+                        (parts[0][i], parts[1][i]) = (own[i].re, own[i].im);
+                    }
+                    weights.copy_from_slice(&self.weights[first..first + GROUP]);
+                } else {
+                    for i in 0..width {
+                        (parts[0][i], parts[1][i]) = (row[first + i].re, row[first + i].im);
+                        weights[i] = self.weights[first + i];
+                    }
+                }
+                let re = lanes.splat(ramp.turn.re as f32);
+                let im = lanes.splat(ramp.turn.im as f32);
+                for i in (0..GROUP).step_by(L::COUNT) {
+                    let [cos, sin] = [&ramp.within[0][i..], &ramp.within[1][i..]];
+                    let [cos, sin] = [lanes.load(cos), lanes.load(sin)];
+                    let turn_re = lanes.neg_mul_add(im, sin, lanes.mul(re, cos));
+                    let turn_im = lanes.mul_add(im, cos, lanes.mul(re, sin));
+                    let weight = lanes.load(&weights[i..]);
+                    let (a, b) = (lanes.load(&parts[0][i..]), lanes.load(&parts[1][i..]));
+                    let (a, b) = (lanes.mul(a, weight), lanes.mul(b, weight));
+                    let out_re = lanes.neg_mul_add(b, turn_im, lanes.mul(a, turn_re));
+                    let out_im = lanes.mul_add(b, turn_re, lanes.mul(a, turn_im));
+                    lanes.store(out_re, &mut real[first + i..]);
+                    lanes.store(out_im, &mut imaginary[first + i..]);
+                }
+                ramp.turn *= ramp.step;
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,6 +232,61 @@ mod tests {
             }
             let others = [matrix[4 * k], matrix[4 * k + 1], matrix[4 * k + 3]];
             assert_eq!(others, [Complex32::ZERO; 3]);
+        }
+    }
+
+    /// As above, with another rounding of a phasor (8e-8) and its product (1.3e-7).
+    #[test]
+    fn samples_of_some_pulses_go_into_planes() {
+        let (count, row_length, stride) = (77, 90, 96);
+        let mut numbers = Numbers::new(2);
+        let rows = numbers.samples(3 * row_length);
+        let weights: Vec<f32> = (0..count).map(|_| numbers.unit() as f32).collect();
+        let pulses = [(831.25, -0.377, 0.75), (0.1, 0.013, 1.0), (-5.5, 0.0, 0.5)];
+        let all = |instructions| {
+            let ramp = |&(start, step, factor)| GroupRamp::new(Ramp::new(start, step, factor));
+            let mut ramps: Vec<GroupRamp> = pulses.iter().map(ramp).collect();
+            let mut planes = vec![7.0f32; 3 * 2 * stride];
+            // In two parts, the first of whole groups.
+            let cut = 48;
+            for part in [0..cut, cut..count] {
+                let (from, to) = (&rows[part.start..], &mut planes[part.start..]);
+                let own = &weights[part.clone()];
+                let mut moved = vec![7.0f32; 3 * 2 * stride];
+                refer_to_planes(
+                    instructions,
+                    from,
+                    row_length,
+                    own,
+                    &mut ramps,
+                    &mut moved,
+                    stride,
+                );
+                for (to, from) in to.chunks_mut(stride).zip(moved.chunks(stride)) {
+                    let whole = part.len().next_multiple_of(GROUP);
+                    to[..whole].copy_from_slice(&from[..whole]);
+                }
+            }
+            planes
+        };
+        let planes = all(Instructions::Portable);
+        for (n, (start, step, factor)) in pulses.into_iter().enumerate() {
+            let [re, im] = [0, 1].map(|part| &planes[(2 * n + part) * stride..][..stride]);
+            for k in 0..stride {
+                let got = Complex64::new(re[k].into(), im[k].into());
+                if k >= count {
+                    // Up to a whole group 0, untouched from there.
+                    let left = if k < 80 { 0.0 } else { 7.0 };
+                    assert_eq!(got, Complex64::new(left, left));
+                    continue;
+                }
+                let turn = turned(start + step * k as f64) * factor * f64::from(weights[k]);
+                let error = (got - wide(rows[n * row_length + k]) * turn).norm();
+                assert!(error < 5e-7, "{n} {k}: {error}");
+            }
+        }
+        for instructions in Instructions::available() {
+            assert!(all(instructions) == planes, "{}", instructions.name());
         }
     }
 }

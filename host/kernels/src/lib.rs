@@ -10,6 +10,7 @@
 //! - [`horner`]: the samples of a pulse summed at many delays.
 //! - [`power`]: their squares summed.
 //! - [`compensation`]: the samples of a pulse referred to another path.
+//! - [`doppler`]: slow time to Doppler where the axis scales with frequency.
 //! - [`halving`]: half as many pulses, half as many samples.
 //! - [`spreading`]: samples from anywhere put onto a raster.
 //! - [`reading`]: rasters and range-Doppler maps read between their elements.
@@ -28,6 +29,7 @@
 pub mod blurred;
 pub mod ceiling;
 pub mod compensation;
+pub mod doppler;
 pub mod halving;
 pub mod horner;
 #[allow(unsafe_code)]
