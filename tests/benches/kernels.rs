@@ -10,9 +10,11 @@ use divan::Bencher;
 use divan::counter::ItemsCount;
 use subaperture::num_complex::{Complex32, Complex64};
 use subaperture::signal::kaiser_bessel::KaiserBessel;
+use subaperture::signal::scaled_dft::Shape;
 use subaperture_kernels::blurred::{self, Blurred, Scale};
 use subaperture_kernels::ceiling;
-use subaperture_kernels::compensation::{self, Ramp};
+use subaperture_kernels::compensation::{self, GroupRamp, Ramp};
+use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MapRows};
 use subaperture_kernels::halving::{Halving, HalvingScratch, Layout, Rows, Turning, halved};
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::Instructions;
@@ -377,19 +379,65 @@ fn blurred_points(bencher: Bencher) {
         .bench_local(|| blurred::add(&profiles, BINS, &scale, &points, &mut sums));
 }
 
-#[divan::bench(args = ["refer", "refer_to_column"], max_time = LONGEST_S)]
-fn compensation(bencher: Bencher, way: &str) {
-    const STRIDE: usize = 64;
-    let samples = vec![Complex32::ONE; SAMPLES];
-    let mut out = samples.clone();
-    let mut column = vec![Complex32::ZERO; SAMPLES * STRIDE];
-    let (weights, narrow) = (vec![1.0; SAMPLES], vec![1.0; SAMPLES]);
+#[divan::bench(max_time = LONGEST_S)]
+fn compensation_of_a_pulse(bencher: Bencher) {
+    let mut samples = vec![Complex32::ONE; SAMPLES];
+    let weights = vec![1.0; SAMPLES];
     let ramp = Ramp::new(0.3, 0.01, 1.0);
     bencher
         .counter(ItemsCount::new(SAMPLES))
-        .bench_local(|| match way {
-            "refer" => compensation::refer(&mut out, &weights, ramp),
-            _ => compensation::refer_to_column(&samples, &narrow, ramp, &mut column, STRIDE),
+        .bench_local(|| compensation::refer(&mut samples, &weights, ramp));
+}
+
+/// A block of some pulses' samples, into planes.
+#[divan::bench(args = each(&[""]), max_time = LONGEST_S)]
+fn compensation_of_a_block(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
+    let samples = vec![Complex32::ONE; PULSES * BLOCK];
+    let weights = vec![1.0; BLOCK];
+    let mut ramps = vec![GroupRamp::new(Ramp::new(0.3, 0.01, 1.0)); PULSES];
+    let mut planes = vec![0.0; 2 * BLOCK * PULSES];
+    bencher
+        .counter(ItemsCount::new(samples.len()))
+        .bench_local(|| {
+            let out = &mut planes;
+            compensation::refer_to_planes(
+                instructions,
+                &samples,
+                BLOCK,
+                &weights,
+                &mut ramps,
+                out,
+                BLOCK,
+            );
+        });
+}
+
+/// A block's slow time to so many Doppler bins; items are pulses times bins.
+#[divan::bench(args = each(&[17, 33, 65]), max_time = LONGEST_S)]
+fn doppler_product(bencher: Bencher, of: &In<usize>) {
+    let outputs = of.with;
+    let shape = Shape {
+        inputs: PULSES,
+        input_centre: (PULSES as f64 - 1.0) / 2.0,
+        input_drift: 0.0,
+        outputs,
+        output_centre: (outputs / 2) as f64,
+        spacing: 0.5 / PULSES as f64,
+    };
+    let product = DopplerProduct::new(&[1.0; BLOCK], &shape, |_, _| 1.0);
+    let planes = vec![0.5; 2 * BLOCK * PULSES];
+    let mut scratch = vec![0.0; product.scratch_length()];
+    let mut values = vec![Complex32::ZERO; outputs * BLOCK];
+    bencher
+        .counter(ItemsCount::new(BLOCK * PULSES * outputs))
+        .bench_local(|| {
+            let mut map = MapRows {
+                values: &mut values,
+                row_length: BLOCK,
+                length: BLOCK,
+                first: 0,
+            };
+            product.transform(of.instructions, 0, &planes, &mut scratch, &mut map);
         });
 }
 

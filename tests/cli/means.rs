@@ -21,7 +21,7 @@ fn means_are_in_plans_and_records() {
     let told = ran("plan calibrate -o here.json --name bench");
     assert!(told.succeeded().contains("--model here.json"), "{told:?}");
     let model = record(&at("here.json"));
-    assert_eq!(model["schema"], "subaperture-time-model-1");
+    assert_eq!(model["schema"], "subaperture-time-model-2");
     assert_eq!(model["name"], "bench");
     // It is ours, and may be measured again.
     ran("plan calibrate -o here.json --name bench").succeeded();
@@ -91,7 +91,7 @@ fn models_that_are_none_are_refused() {
         &["point_ns of the time model 'measured' is no time"],
     );
     refused("here", &["wrong.json", "no time model"]);
-    refused(&text.replace("model-1", "model-2"), &["measure it again"]);
+    refused(&text.replace("model-2", "model-1"), &["measure it again"]);
     ran("focus t.cphd --model nowhere.json -o x").failed(1, &["nowhere.json"]);
     // What is not ours is not replaced.
     fs::write(folder.path().join("mine.json"), "{}").unwrap();

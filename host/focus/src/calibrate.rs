@@ -11,7 +11,8 @@ use num_complex::{Complex32, Complex64};
 use subaperture_fft::Transforms;
 
 use crate::time_model::{TIMES_NS, TimeModel};
-use subaperture_kernels::compensation::{Ramp, refer_to_column};
+use subaperture_kernels::compensation::{GroupRamp, Ramp, refer_to_planes};
+use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MapRows};
 use subaperture_kernels::halving::{Halving, HalvingScratch, Layout, Rows, Turning, halved};
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::{GROUP, Instructions};
@@ -68,6 +69,7 @@ impl TimeModel {
             history_pulse_ns: slower * known.history_pulse_ns,
             patch_ns: slower * known.patch_ns,
             compensation_ns: compensation_ns(),
+            doppler_tap_ns: doppler_tap_ns(),
             map_pixel_ns: reading * known.map_pixel_ns,
             map_tap_ns: reading * known.map_tap_ns,
             sum_ns,
@@ -249,16 +251,51 @@ fn halving() -> [f64; 3] {
 }
 
 fn compensation_ns() -> f64 {
-    let (num_samples, stride) = (512, 64);
-    let samples = noise(num_samples);
+    let (num_samples, num_pulses) = (BLOCK, 64);
+    let samples = noise(num_samples * num_pulses);
     let weights = vec![0.9f32; num_samples];
-    let mut matrix = vec![Complex32::ZERO; num_samples * stride];
-    shortest_ns(num_samples * stride, || {
-        for column in 0..stride {
-            let ramp = Ramp::new(0.1 * column as f64, 0.013, 1.0);
-            refer_to_column(&samples, &weights, ramp, &mut matrix[column..], stride);
-        }
-        black_box(&matrix);
+    let ramp = |n: usize| GroupRamp::new(Ramp::new(0.1 * n as f64, 0.013, 1.0));
+    let mut ramps: Vec<GroupRamp> = (0..num_pulses).map(ramp).collect();
+    let mut planes = vec![0.0; 2 * BLOCK * num_pulses];
+    let instructions = Instructions::best();
+    shortest_ns(samples.len(), || {
+        refer_to_planes(
+            instructions,
+            &samples,
+            num_samples,
+            &weights,
+            &mut ramps,
+            &mut planes,
+            BLOCK,
+        );
+        black_box(&planes);
+    })
+}
+
+/// By a patch's slow time, a block of frequencies at once.
+fn doppler_tap_ns() -> f64 {
+    let (inputs, reach) = (64, 12);
+    let shape = Shape {
+        inputs,
+        input_centre: 31.5,
+        input_drift: 0.0,
+        outputs: 2 * reach + 1,
+        output_centre: reach as f64,
+        spacing: 1.0 / 128.0,
+    };
+    let product = DopplerProduct::new(&[1.0; BLOCK], &shape, |_, _| 1.0);
+    let planes = vec![0.5; 2 * BLOCK * inputs];
+    let mut scratch = vec![0.0; product.scratch_length()];
+    let mut values = vec![Complex32::ZERO; shape.outputs * BLOCK];
+    shortest_ns(BLOCK * inputs * shape.outputs, || {
+        let mut map = MapRows {
+            values: &mut values,
+            row_length: BLOCK,
+            length: BLOCK,
+            first: 0,
+        };
+        product.transform(Instructions::best(), 0, &planes, &mut scratch, &mut map);
+        black_box(&values);
     })
 }
 

@@ -17,7 +17,7 @@ pub struct TimeModel {
     pub name: Cow<'static, str>,
     /// Transforms: of a bin, for each doubling of the length.
     pub transform_ns: f64,
-    /// The same in a patch's range-Doppler map, with the copies beside it.
+    /// The same in slow time by chirp-z, with the copies beside it.
     pub map_transform_ns: f64,
     /// A piece of a range profile, for each of its spline's coefficients.
     pub piece_ns: f64,
@@ -55,6 +55,8 @@ pub struct TimeModel {
     pub leaf_piece_ns: f64,
     /// Range-Doppler maps: compensating a sample,
     pub compensation_ns: f64,
+    /// of a pulse and Doppler bin of a frequency, as a product of matrices,
+    pub doppler_tap_ns: f64,
     /// of a pixel,
     pub map_pixel_ns: f64,
     /// and of each tap that it is read with.
@@ -73,7 +75,7 @@ pub struct TimeModel {
 pub const TIMES_NS: RangeInclusive<f64> = 1e-6..=1e12;
 
 /// What the text of a model says of itself.
-pub const SCHEMA: &str = "subaperture-time-model-1";
+pub const SCHEMA: &str = "subaperture-time-model-2";
 
 /// Why there is no model.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -123,9 +125,10 @@ impl TimeModel {
         leaf_pulse_ns: 150.0,
         leaf_group_ns: 9.6,
         leaf_piece_ns: 1.5,
-        compensation_ns: 4.0,
-        map_pixel_ns: 40.0,
-        map_tap_ns: 0.7,
+        compensation_ns: 0.7,
+        doppler_tap_ns: 0.045,
+        map_pixel_ns: 18.0,
+        map_tap_ns: 0.5,
         sum_ns: 0.15,
         swept_sum_ns: 30.0,
         raster_tap_ns: 1.0,
@@ -221,7 +224,7 @@ mod tests {
         let text = model.to_text();
         assert_eq!(TimeModel::from_text(&text), Ok(model));
         for (from, to, told) in [
-            ("model-1", "model-7", "model-7"),
+            ("model-2", "model-7", "model-7"),
             ("point_ns", "pint_ns", "pint_ns"),
             ("0.30000000000000004", "-1.0", "point_ns"),
             ("0.30000000000000004", "null", "null"),

@@ -4,7 +4,7 @@
 //! out[k] = w[k] z[k] exp(+j 2 pi (a + b k)) s,    k = 0 .. K-1
 //! ```
 //!
-//! The phase is a [`Ramp`]: a complex number in float64 that is multiplied on from sample to sample, or from some to the next, good to `K`
+//! The phase is a [`Ramp`]: a complex number in float64 that is multiplied on from sample to sample, good to `K`
 //! roundings of 2.5e-16. It is rounded to float32 where it meets a sample: 3e-7 of a sample in all. By groups ([`GroupRamp`]) it is the product of two
 //! numbers so rounded, the phase of the group's first sample and that from it to each other: 5e-7.
 
@@ -51,35 +51,6 @@ pub fn refer(samples: &mut [Complex32], weights: &[f64], ramp: Ramp) {
     assert_eq!(samples.len(), weights.len());
     for ((z, w), turn) in samples.iter_mut().zip(weights).zip(ramp) {
         *z *= narrow(turn * w);
-    }
-}
-
-/// The samples, turned and weighted, into every `stride`-th element of `column`: a column of a matrix that is
-/// stored frequency by frequency.
-///
-/// # Panics
-/// If there are not as many weights as samples, or not as many elements.
-#[inline]
-pub fn refer_to_column(
-    samples: &[Complex32],
-    weights: &[f32],
-    ramp: Ramp,
-    column: &mut [Complex32],
-    stride: usize,
-) {
-    assert_eq!(samples.len(), weights.len());
-    assert!(samples.len() <= column.len().div_ceil(stride));
-    // Some at a time, so that a phase need not wait for the one before.
-    let Ramp { mut turn, step } = ramp;
-    let [two, three] = [step * step, step * step * step];
-    let steps = [Complex64::ONE, step, two, three];
-    let rows = samples.chunks(steps.len()).zip(weights.chunks(steps.len()));
-    for ((samples, weights), column) in rows.zip(column.chunks_mut(stride * steps.len())) {
-        let column = column.iter_mut().step_by(stride);
-        for (((out, z), w), step) in column.zip(samples).zip(weights).zip(steps) {
-            *out = z * narrow(turn * step) * w;
-        }
-        turn *= two * two;
     }
 }
 
@@ -215,23 +186,16 @@ mod tests {
         let mut numbers = Numbers::new(1);
         let samples = numbers.samples(301);
         let weights: Vec<f64> = (0..301).map(|_| numbers.unit()).collect();
-        let narrow_weights: Vec<f32> = weights.iter().map(|&w| w as f32).collect();
         let (start, step, factor) = (831.25, -0.377, 0.75);
         let ramp = Ramp::new(start, step, factor);
         let plain = |k: usize| wide(samples[k]) * turned(start + step * k as f64) * factor;
 
         let mut in_place = samples.clone();
         refer(&mut in_place, &weights, ramp);
-        let mut matrix = vec![Complex32::ZERO; 301 * 4];
-        refer_to_column(&samples, &narrow_weights, ramp, &mut matrix[2..], 4);
         for k in 0..301 {
             let weighted = plain(k) * weights[k];
-            for got in [in_place[k], matrix[4 * k + 2]] {
-                let error = (wide(got) - weighted).norm();
-                assert!(error < 3e-7, "{k}: {error}");
-            }
-            let others = [matrix[4 * k], matrix[4 * k + 1], matrix[4 * k + 3]];
-            assert_eq!(others, [Complex32::ZERO; 3]);
+            let error = (wide(in_place[k]) - weighted).norm();
+            assert!(error < 3e-7, "{k}: {error}");
         }
     }
 

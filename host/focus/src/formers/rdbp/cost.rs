@@ -4,7 +4,7 @@
 //! thesis   a pixel and sub-CPI: path and rate 34, place 5, bilinear 18, phasor 23, sum 8              88
 //!          a sub-CPI: Keystone 4 K M^2, K transforms over Doppler, one over range for each of its bins
 //! precise  a pixel and sub-CPI: two paths 22, place 5, kernel 8 W + 4 W^2, phasor 21, sum 8           56 + 8 W + 4 W^2
-//!          a patch and sub-CPI: compensation 8 M K, 2 K transforms of M + D, D transforms of 2 K
+//!          a patch and sub-CPI: compensation 8 M K, Doppler 4 M D K or 2 K transforms of M + D, D transforms of 2 K
 //! ```
 //!
 //! with `D` Doppler bins and kernels of `W` taps. Where samples of a pulse are taken in motion each has a path and a phasor of
@@ -16,7 +16,8 @@ use super::mapper::{MAPS, PIXELS, Shapes};
 use crate::cost::{Cost, Each, StageCost, transform};
 use crate::patch::Patches;
 use crate::{Aim, TimeModel};
-use subaperture_signal::scaled_dft::ScaledDft;
+use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MOST_REACH};
+use subaperture_signal::scaled_dft::{ScaledDft, Shape};
 
 /// Pixels by pulses' operations of the thesis's mode.
 const THESIS_PIXEL: f64 = 88.0;
@@ -25,10 +26,35 @@ const PRECISE_PIXEL: f64 = 56.0;
 /// Compensating a sample to a patch's centre, taken with its pulse's others or at its own place.
 const COMPENSATION: [f64; 2] = [8.0, 60.0];
 
+/// Nanoseconds of a frequency's Doppler transform of `bins` from `m` pulses, as a product of matrices and by chirp-z.
+fn doppler_ns(model: &TimeModel, m: f64, bins: f64) -> [f64; 2] {
+    let length = m + bins;
+    let transform = model.map_transform_ns * length * libm::log2(length.max(2.0));
+    [model.doppler_tap_ns * m * bins, 2.0 * transform]
+}
+
+/// Whether the product is the faster.
+pub(super) fn by_product(model: &TimeModel, shape: &Shape) -> bool {
+    let [product, chirp] = doppler_ns(model, shape.inputs as f64, shape.outputs as f64);
+    DopplerProduct::suits(shape) && product <= chirp
+}
+
+/// Bytes of a transform's table.
+pub(super) fn table_bytes(model: &TimeModel, frequencies: usize, shape: &Shape) -> u64 {
+    match by_product(model, shape) {
+        true => DopplerProduct::table_bytes(frequencies, shape.inputs),
+        false => ScaledDft::table_bytes(frequencies, shape.inputs, shape.outputs),
+    }
+}
+
 /// Nanoseconds of a patch's map of `bins` from `m` pulses of `k` samples: compensation, Doppler, range.
 pub(super) fn map_ns(model: &TimeModel, m: f64, k: f64, bins: f64) -> f64 {
-    let transform = |n: f64| model.map_transform_ns * n * libm::log2(n.max(2.0));
-    model.compensation_ns * m * k + k * 2.0 * transform(m + bins) + bins * transform(2.0 * k)
+    let [product, chirp] = doppler_ns(model, m, bins);
+    let doppler = match bins <= (2 * MOST_REACH + 1) as f64 {
+        true => product.min(chirp),
+        false => chirp,
+    };
+    model.compensation_ns * m * k + k * doppler + bins * model.transform(2.0 * k)
 }
 
 /// Nanoseconds of a pixel read with a kernel of so many taps.
@@ -82,19 +108,22 @@ pub(super) fn precise(
     let count = patches.count() as f64;
     let (mut maps, mut maps_ns) = (0.0, 0.0);
     for length in sub_cpis {
-        let (m, bins) = (*length as f64, shapes[length].0.outputs as f64);
-        let map = compensation * m * k + 2.0 * k * transform(m + bins) + bins * transform(2.0 * k);
+        let shape = &shapes[length].0;
+        let (m, bins) = (*length as f64, shape.outputs as f64);
+        let doppler = match by_product(model, shape) {
+            true => 4.0 * m * bins,
+            false => 2.0 * transform(m + bins),
+        };
+        let map = compensation * m * k + k * doppler + bins * transform(2.0 * k);
         maps += count * map;
         maps_ns += count * map_ns(model, m, k, bins);
     }
     let read = sub_cpi_count * num_pixels;
     let shapes = || shapes.values().map(|(shape, _)| shape);
-    let tables = shapes().map(|shape| {
-        ScaledDft::table_bytes(aim.collection.num_samples, shape.inputs, shape.outputs)
-    });
+    let tables = shapes().map(|shape| table_bytes(model, aim.collection.num_samples, shape));
     let map = shapes().map(|shape| {
         let (m, bins) = (shape.inputs as f64, shape.outputs as f64);
-        8.0 * (bins * (2.0 * k + taps) + m * k)
+        8.0 * (bins * (2.0 * k + taps) + m * BLOCK as f64)
     });
     Cost::of([
         StageCost::new(MAPS, maps, maps_ns),

@@ -7,11 +7,12 @@ use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use subaperture_fft::Fft;
 
+use super::doppler::{Compensation, Doppler, DopplerScratch};
 use crate::Aim;
 use crate::exact::add_pulse;
 use crate::patch::{Rectangle, Segment};
 use crate::sub_cpi::SubCpi;
-use subaperture_kernels::compensation::{self, Ramp};
+use subaperture_kernels::doppler::MapRows;
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::{Line, Points};
 use subaperture_kernels::reading::Map;
@@ -20,8 +21,8 @@ use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::Band;
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
-use subaperture_signal::phase::{narrow, phasor};
-use subaperture_signal::scaled_dft::{ScaledDft, Shape};
+use subaperture_signal::phase::narrow;
+use subaperture_signal::scaled_dft::Shape;
 
 /// The stages.
 pub(super) const MAPS: &str = "maps";
@@ -35,7 +36,7 @@ pub(super) type Shapes = BTreeMap<usize, (Shape, f64)>;
 
 /// Doppler processing for sub-CPIs of one length.
 struct DopplerStage {
-    dft: ScaledDft,
+    doppler: Doppler,
     /// Bin of zero Doppler, and bins per cycle a pulse.
     centre: f64,
     bins_per_cycle: f64,
@@ -57,8 +58,7 @@ pub(super) struct Mapper<'a, const W: usize> {
 
 /// One thread's buffers.
 pub(super) struct Scratch {
-    /// Compensated samples, frequency by frequency, `M` each.
-    slow: Vec<Complex32>,
+    doppler: DopplerScratch,
     /// The map, Doppler bin by Doppler bin, `L + W - 1` range values each, the first repeated.
     map: Vec<Complex32>,
     fft: Vec<Complex32>,
@@ -83,7 +83,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
                 1.0 / kernel.spectrum(u / bins_per_cycle)
             };
             let stage = DopplerStage {
-                dft: ScaledDft::new(transforms, &scales, shape, weight),
+                doppler: Doppler::new(aim.means.model, transforms, &scales, shape, weight),
                 centre: shape.output_centre,
                 bins_per_cycle,
             };
@@ -107,36 +107,28 @@ impl<'a, const W: usize> Mapper<'a, W> {
         self.range_fft.len() + W - 1
     }
 
-    fn scratch_lengths(&self, sub_cpi_length: usize) -> [usize; 3] {
-        let bins = self
-            .stages
-            .values()
-            .map(|s| s.dft.shape().outputs)
-            .max()
-            .unwrap_or(0);
-        let dft = self
-            .stages
-            .values()
-            .map(|s| s.dft.scratch_length())
-            .max()
-            .unwrap_or(0);
+    fn dopplers(&self) -> impl Iterator<Item = &Doppler> {
+        self.stages.values().map(|stage| &stage.doppler)
+    }
+
+    /// Values of the largest map, and of what range transforms need.
+    fn scratch_lengths(&self) -> [usize; 2] {
+        let bins = self.dopplers().map(Doppler::outputs).max().unwrap_or(0);
         [
-            sub_cpi_length * self.range_weights.len(),
             bins * self.row_length(),
-            dft.max(self.range_fft.get_inplace_scratch_len()),
+            self.range_fft.get_inplace_scratch_len(),
         ]
     }
 
     pub(super) fn scratch_bytes(&self, sub_cpi_length: usize) -> u64 {
-        8 * self.scratch_lengths(sub_cpi_length).iter().sum::<usize>() as u64
+        let doppler = DopplerScratch::bytes(self.dopplers(), sub_cpi_length);
+        doppler + 8 * self.scratch_lengths().iter().sum::<usize>() as u64
     }
 
     pub(super) fn scratch(&self, sub_cpi_length: usize) -> Scratch {
-        let [slow, map, fft] = self
-            .scratch_lengths(sub_cpi_length)
-            .map(|n| vec![Complex32::ZERO; n]);
+        let [map, fft] = self.scratch_lengths().map(|n| vec![Complex32::ZERO; n]);
         Scratch {
-            slow,
+            doppler: DopplerScratch::new(self.dopplers(), sub_cpi_length),
             map,
             fft,
             points: Points::default(),
@@ -156,65 +148,44 @@ impl<'a, const W: usize> Mapper<'a, W> {
     ) {
         let stage = &self.stages[&sub_cpi.num_pulses()];
         let mapping = during(monitor, MAPS);
-        self.compensate(sub_cpi, samples, rectangle, &mut scratch.slow);
-        self.map(stage, sub_cpi.num_pulses(), scratch);
+        self.map(stage, sub_cpi, samples, rectangle, scratch);
         drop(mapping);
         let _reading = during(monitor, PIXELS);
         self.read(stage, sub_cpi, samples, rectangle, scratch, segments);
     }
 
-    /// Phase of every sample referred to the patch's centre; windows applied; transposed to
-    /// frequency-major.
-    fn compensate(
+    /// Compensation, Keystone and Doppler, then range.
+    fn map(
         &self,
+        stage: &DopplerStage,
         sub_cpi: &SubCpi,
         samples: &[Complex32],
         rectangle: &Rectangle,
-        slow: &mut [Complex32],
+        scratch: &mut Scratch,
     ) {
-        let num_samples = self.range_weights.len();
-        let num_pulses = sub_cpi.num_pulses();
-        let centre = rectangle.centre_m(self.aim.grid);
-        for (m, (n, row)) in sub_cpi
-            .pulses
-            .clone()
-            .zip(samples.chunks_exact(num_samples))
-            .enumerate()
-        {
-            let pulse = &self.aim.collection.pulses[n];
-            if !pulse.sweep.is_at_once() {
-                let slow_weight = self.aim.weights.slow[n] * self.norm;
-                let column = slow[m..].iter_mut().step_by(num_pulses);
-                for (k, ((out, z), w)) in column.zip(row).zip(&self.range_weights).enumerate() {
-                    let after = k as f64 - (num_samples / 2) as f64;
-                    let path_m = pulse.relative_path_after_m(centre, after);
-                    let turns = pulse.frequency_hz(k) * (path_m / SPEED_OF_LIGHT_M_S);
-                    *out = z * narrow(phasor(turns) * slow_weight) * w;
-                }
-                continue;
-            }
-            let delay_s = pulse.relative_path_m(centre) / SPEED_OF_LIGHT_M_S;
-            let weight = self.aim.weights.slow[n] * self.norm;
-            let ramp = Ramp::new(pulse.start_hz * delay_s, pulse.step_hz * delay_s, weight);
-            let column = &mut slow[m..];
-            compensation::refer_to_column(row, &self.range_weights, ramp, column, num_pulses);
-        }
-    }
-
-    /// Keystone and Doppler, then range.
-    fn map(&self, stage: &DopplerStage, num_pulses: usize, scratch: &mut Scratch) {
         let (num_samples, length) = (self.range_weights.len(), self.range_fft.len());
         let row_length = self.row_length();
-        let Scratch { slow, map, fft, .. } = scratch;
-        let map = &mut map[..stage.dft.shape().outputs * row_length];
+        let Scratch {
+            doppler, map, fft, ..
+        } = scratch;
+        let map = &mut map[..stage.doppler.outputs() * row_length];
         map.fill(Complex32::ZERO);
-        for k in 0..num_samples {
-            let place = (k + length - num_samples / 2) % length;
-            let row = &slow[k * num_pulses..(k + 1) * num_pulses];
-            stage
-                .dft
-                .transform(k, row, fft, |d, value| map[d * row_length + place] = value);
-        }
+        let compensation = Compensation {
+            collection: self.aim.collection,
+            fast: &self.range_weights,
+            slow: &self.aim.weights.slow,
+            norm: self.norm,
+            instructions: self.instructions,
+        };
+        let mut rows = MapRows {
+            values: map,
+            row_length,
+            length,
+            first: length - num_samples / 2,
+        };
+        let centre = rectangle.centre_m(self.aim.grid);
+        let of = &stage.doppler;
+        of.map(&compensation, sub_cpi, centre, samples, doppler, &mut rows);
         for row in map.chunks_exact_mut(row_length) {
             self.range_fft.process_with_scratch(&mut row[..length], fft);
             // Range repeats; value by value, for a row may be shorter than the kernel.
@@ -240,7 +211,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         let grid = self.aim.grid;
         let datum = sub_cpi.datum(rectangle.centre_m(grid));
         let map = Map::<W> {
-            values: &map[..stage.dft.shape().outputs * self.row_length()],
+            values: &map[..stage.doppler.outputs() * self.row_length()],
             length: self.range_fft.len(),
             kernel: &self.kernel,
             cycles_m: self.centre_cycles_m,

@@ -13,6 +13,7 @@
 //!   the compensation; what varies across the patch sets how long a sub-CPI may be ([`Plan`]).
 
 mod cost;
+mod doppler;
 mod layout;
 mod mapper;
 mod options;

@@ -17,11 +17,12 @@ use crate::path_model::{Measure, Probe, lengths, patch_sizes};
 use crate::read_ahead::BLOCKS_HELD;
 use crate::sub_cpi::{self, SubCpi, bins_per_cycle, shared_band};
 use crate::{FormError, MARGIN_DB, TimeModel, rounding};
+use subaperture_kernels::doppler::BLOCK;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Band, Collection};
 use subaperture_signal::fast_length::fast_length;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
-use subaperture_signal::scaled_dft::ScaledDft;
+use subaperture_signal::scaled_dft::Shape;
 
 /// What is wanted of a plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -248,7 +249,7 @@ impl Choice {
                         kernel_error,
                         error,
                         cost: time_ns(probe, model, length, patch, taps, span),
-                        fits: bytes(probe, length, taps, span) <= memory_bytes,
+                        fits: bytes(probe, model, length, taps, span) <= memory_bytes,
                         meets: error <= target,
                     };
                     if best.is_none_or(|b| choice.better_than(&b)) {
@@ -286,15 +287,24 @@ fn doppler_bins(probe: &Probe, length: usize, taps: usize, doppler_span: f64) ->
 }
 
 /// Bytes of the tables, one thread's buffers and the pulses of the sub-CPIs that are read for them, about.
-fn bytes(probe: &Probe, length: usize, taps: usize, doppler_span: f64) -> u64 {
+fn bytes(probe: &Probe, model: &TimeModel, length: usize, taps: usize, doppler_span: f64) -> u64 {
     let bins = doppler_bins(probe, length, taps, doppler_span);
     if bins > 1e12 {
         return u64::MAX;
     }
     let (bins, count) = (bins as usize, probe.band.count);
     let map = bins as u64 * (fast_length(2 * count) + taps) as u64;
-    ScaledDft::table_bytes(count, length, bins)
-        + 8 * (map + ((1 + BLOCKS_HELD) * length * count) as u64)
+    // The bins about zero that there will be, a few more or less.
+    let shape = Shape {
+        inputs: length,
+        input_centre: (length as f64 - 1.0) / 2.0,
+        input_drift: 0.0,
+        outputs: bins | 1,
+        output_centre: (bins / 2) as f64,
+        spacing: 1.0,
+    };
+    let samples = length * (BLOCKS_HELD * count + 2 * BLOCK);
+    cost::table_bytes(model, count, &shape) + 8 * (map + samples as u64)
 }
 
 /// Rough time of the image in nanoseconds of one core.

@@ -25,9 +25,9 @@
 //!
 //! Neglected: the path's curvature across the patch (planned, [`super::plan`]) and the kernel's images.
 //!
-//! Cost for each patch and sub-CPI: `M K` complex multiplies to compensate, `2 K` transforms of
-//! `M + D`, `D` transforms of `2 K`, and `W^2 + 40` operations or so a pixel. Memory: tables of
-//! `K (2 M + 2 D)`, a map of `D * 2 K` complex float32 a thread, a block of pulses, the image.
+//! Cost for each patch and sub-CPI: `M K` complex multiplies to compensate, `M D K / 2` products with sums and as
+//! many for their sines ([`super::doppler`]), `D` transforms of `2 K`, and `W^2 + 40` operations or so a pixel. Memory: tables of
+//! `2 M K`, a map of `D * 2 K` complex float32 a thread, a block of pulses, the image.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -49,7 +49,7 @@ use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Band, Collection};
-use subaperture_signal::scaled_dft::{ScaledDft, Shape};
+use subaperture_signal::scaled_dft::Shape;
 
 /// Pulses held at once, at most: enough for threads to have work between reads.
 const BLOCK_PULSES: usize = 4096;
@@ -264,7 +264,7 @@ impl<const W: usize> Forming for Opened<'_, W> {
         let tables = self
             .shapes
             .values()
-            .map(|(shape, _)| ScaledDft::table_bytes(num_samples, shape.inputs, shape.outputs));
+            .map(|(shape, _)| cost::table_bytes(self.aim.means.model, num_samples, shape));
         budget.take("Doppler tables", tables.map(u128::from).sum(), SMALLER)?;
         let mapper = self
             .mapper
