@@ -18,9 +18,9 @@ use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MapRows};
 use subaperture_kernels::halving::{Halving, HalvingScratch, Layout, Rows, Turning, halved};
 use subaperture_kernels::horner;
 use subaperture_kernels::lanes::Instructions;
+use subaperture_kernels::map::{Map, row_length};
 use subaperture_kernels::paths::{self, Antennas, Points};
 use subaperture_kernels::power;
-use subaperture_kernels::reading::Map;
 use subaperture_kernels::spreading::{Band, Line};
 use subaperture_kernels::tile::{Carrier, Pieces, Raster, TilePulse, TileScratch, add_points};
 
@@ -427,7 +427,7 @@ fn doppler_product(bencher: Bencher, of: &In<usize>) {
     let product = DopplerProduct::new(&[1.0; BLOCK], &shape, |_, _| 1.0);
     let planes = vec![0.5; 2 * BLOCK * PULSES];
     let mut scratch = vec![0.0; product.scratch_length()];
-    let mut values = vec![Complex32::ZERO; outputs * BLOCK];
+    let mut values = vec![0.0; 2 * outputs * BLOCK];
     bencher
         .counter(ItemsCount::new(BLOCK * PULSES * outputs))
         .bench_local(|| {
@@ -471,7 +471,7 @@ fn map_reading<const W: usize>(bencher: Bencher, &In { instructions, .. }: &In<&
     const DOPPLER: usize = 128;
     const LENGTH: usize = 512;
     let kernel = KaiserBessel::new(W);
-    let values = vec![Complex32::ONE; DOPPLER * (LENGTH + W - 1)];
+    let values = vec![1.0; 2 * DOPPLER * row_length(LENGTH)];
     let map = Map::<W> {
         values: &values,
         length: LENGTH,

@@ -286,7 +286,7 @@ fn doppler_tap_ns() -> f64 {
     let product = DopplerProduct::new(&[1.0; BLOCK], &shape, |_, _| 1.0);
     let planes = vec![0.5; 2 * BLOCK * inputs];
     let mut scratch = vec![0.0; product.scratch_length()];
-    let mut values = vec![Complex32::ZERO; shape.outputs * BLOCK];
+    let mut values = vec![0.0; 2 * shape.outputs * BLOCK];
     shortest_ns(BLOCK * inputs * shape.outputs, || {
         let mut map = MapRows {
             values: &mut values,

@@ -22,7 +22,7 @@
 //! steps are rounded to 2.5e-8 RMS and that grows with the bin, 1e-6 at [`MOST_REACH`]; sums of `M` terms 6e-8 times some roots.
 //! Cost: `M D K / 2` products with sums, and as many to turn sines.
 
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex64;
 use subaperture_signal::phase::phasor;
 use subaperture_signal::scaled_dft::Shape;
 
@@ -131,7 +131,7 @@ impl DopplerProduct {
     }
 
     /// Transforms block `block` of frequencies, from number `BLOCK block` on: `samples` are `[pulse][real, imaginary][BLOCK]`, of which
-    /// those beyond the band are numbers but otherwise unread. Frequency `k` of bin `d` becomes `map[d][(first + k) % length]`, rows of `map` being `row_length` long.
+    /// those beyond the band are numbers but otherwise unread. Frequency `k` of bin `d` becomes `(first + k) % length` of its row of `map`.
     ///
     /// # Panics
     /// If a length is wrong.
@@ -145,7 +145,7 @@ impl DopplerProduct {
     ) {
         assert_eq!(samples.len(), self.inputs * 2 * BLOCK);
         assert!(scratch.len() >= self.scratch_length());
-        assert!(map.values.len() >= self.outputs() * map.row_length);
+        assert!(map.values.len() >= 2 * self.outputs() * map.row_length);
         assert!(map.length <= map.row_length && self.frequencies <= map.length);
         instructions.run(Block {
             product: self,
@@ -159,11 +159,11 @@ impl DopplerProduct {
 
 /// Rows of a range-Doppler map before their range transform.
 pub struct MapRows<'a> {
-    /// Doppler bin by Doppler bin.
-    pub values: &'a mut [Complex32],
-    /// From row to row.
+    /// `[Doppler bin][real, imaginary][row_length]`.
+    pub values: &'a mut [f32],
+    /// Numbers of a row in either plane.
     pub row_length: usize,
-    /// Of a range transform.
+    /// Of a range transform, at most as many.
     pub length: usize,
     /// Where in it frequency 0 lies.
     pub first: usize,
@@ -323,22 +323,24 @@ impl Kernel for Block<'_, '_> {
 #[inline(always)]
 fn put<L: Lanes>(
     lanes: L,
-    [re, im]: [L::Numbers; 2],
+    parts: [L::Numbers; 2],
     map: &mut MapRows,
     row: usize,
     first: usize,
     width: usize,
 ) {
-    let mut parts = [[0.0f32; GROUP]; 2];
-    lanes.store(re, &mut parts[0]);
-    lanes.store(im, &mut parts[1]);
-    let row = &mut map.values[row * map.row_length..][..map.length];
-    let before_end = width.min(map.length - first);
-    for (i, value) in row[first..first + before_end].iter_mut().enumerate() {
-        *value = Complex32::new(parts[0][i], parts[1][i]);
-    }
-    for (i, value) in (before_end..width).zip(row) {
-        *value = Complex32::new(parts[0][i], parts[1][i]);
+    let rows = &mut map.values[2 * row * map.row_length..][..2 * map.row_length];
+    for (numbers, row) in parts.into_iter().zip(rows.chunks_exact_mut(map.row_length)) {
+        let row = &mut row[..map.length];
+        if width == L::COUNT && first + L::COUNT <= map.length {
+            lanes.store(numbers, &mut row[first..]);
+            continue;
+        }
+        let mut values = [0.0f32; GROUP];
+        lanes.store(numbers, &mut values);
+        for (i, &value) in values[..width].iter().enumerate() {
+            row[(first + i) % map.length] = value;
+        }
     }
 }
 
@@ -346,6 +348,7 @@ fn put<L: Lanes>(
 mod tests {
     use super::*;
     use crate::trial::{Numbers, turned, wide};
+    use num_complex::Complex32;
 
     /// Shapes of either parity, of one pulse and of one bin, with and without drift, of bands that fill no block.
     const SHAPES: [(usize, usize, usize, f64, f64); 6] = [
@@ -394,7 +397,7 @@ mod tests {
             } = self;
             let product = DopplerProduct::new(scales, shape, weight);
             let row_length = length + 3;
-            let mut values = vec![Complex32::ZERO; shape.outputs * row_length];
+            let mut values = vec![0.0; 2 * shape.outputs * row_length];
             let mut scratch = vec![f32::NAN; product.scratch_length()];
             for block in 0..scales.len().div_ceil(BLOCK) {
                 let mut planes = vec![0.0; shape.inputs * 2 * BLOCK];
@@ -412,7 +415,9 @@ mod tests {
                 };
                 product.transform(instructions, block, &planes, &mut scratch, &mut map);
             }
-            values
+            let rows = values.chunks_exact(2 * row_length);
+            let both = rows.flat_map(|row| row[..row_length].iter().zip(&row[row_length..]));
+            both.map(|(&re, &im)| Complex32::new(re, im)).collect()
         }
     }
 

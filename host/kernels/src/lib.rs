@@ -13,7 +13,8 @@
 //! - [`doppler`]: slow time to Doppler where the axis scales with frequency.
 //! - [`halving`]: half as many pulses, half as many samples.
 //! - [`spreading`]: samples from anywhere put onto a raster.
-//! - [`reading`]: rasters and range-Doppler maps read between their elements.
+//! - [`reading`]: rasters read between their elements.
+//! - [`map`]: range-Doppler maps read where points have their paths and rates.
 //! - [`ceiling`]: products and sums alone, by which the others are measured.
 //!
 //! A kernel knows no grid, no recording and no former, holds nothing from call to call and runs on the caller's thread. Its
@@ -34,6 +35,7 @@ pub mod halving;
 pub mod horner;
 #[allow(unsafe_code)]
 pub mod lanes;
+pub mod map;
 pub mod paths;
 mod phasor;
 pub mod power;

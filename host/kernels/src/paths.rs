@@ -31,6 +31,21 @@ impl Points {
         }
     }
 
+    /// Some on a line instead of those that there are, `first_m + i step_m`.
+    #[inline]
+    pub fn set_line(&mut self, first_m: [f64; 3], step_m: [f64; 3], count: usize) {
+        for (all, (first_m, step_m)) in self
+            .coordinates_m
+            .iter_mut()
+            .zip(first_m.into_iter().zip(step_m))
+        {
+            all.resize(count, 0.0);
+            for (i, one) in all.iter_mut().enumerate() {
+                *one = first_m + i as f64 * step_m;
+            }
+        }
+    }
+
     /// How many there are.
     #[inline]
     pub fn len(&self) -> usize {

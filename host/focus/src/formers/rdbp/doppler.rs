@@ -98,7 +98,8 @@ impl Doppler {
                         }
                         let place = (map.first + k) % map.length;
                         dft.transform(k, row, &mut scratch.chirp, |d, value| {
-                            map.values[d * map.row_length + place] = value;
+                            let row = &mut map.values[2 * d * map.row_length..];
+                            (row[place], row[map.row_length + place]) = (value.re, value.im);
                         });
                     }
                 }

@@ -14,8 +14,8 @@ use crate::patch::{Rectangle, Segment};
 use crate::sub_cpi::SubCpi;
 use subaperture_kernels::doppler::MapRows;
 use subaperture_kernels::lanes::Instructions;
+use subaperture_kernels::map::{Map, row_length};
 use subaperture_kernels::paths::{Line, Points};
-use subaperture_kernels::reading::Map;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::Band;
@@ -59,8 +59,9 @@ pub(super) struct Mapper<'a, const W: usize> {
 /// One thread's buffers.
 pub(super) struct Scratch {
     doppler: DopplerScratch,
-    /// The map, Doppler bin by Doppler bin, `L + W - 1` range values each, the first repeated.
-    map: Vec<Complex32>,
+    /// The map as it is read ([`Map`]).
+    map: Vec<f32>,
+    /// A row of it, and what its transform needs.
     fft: Vec<Complex32>,
     /// Places of a run of pixels, and the lines of their paths.
     points: Points,
@@ -104,7 +105,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
     }
 
     fn row_length(&self) -> usize {
-        self.range_fft.len() + W - 1
+        row_length(self.range_fft.len())
     }
 
     fn dopplers(&self) -> impl Iterator<Item = &Doppler> {
@@ -114,9 +115,10 @@ impl<'a, const W: usize> Mapper<'a, W> {
     /// Values of the largest map, and of what range transforms need.
     fn scratch_lengths(&self) -> [usize; 2] {
         let bins = self.dopplers().map(Doppler::outputs).max().unwrap_or(0);
+        let fft = &self.range_fft;
         [
             bins * self.row_length(),
-            self.range_fft.get_inplace_scratch_len(),
+            fft.len() + fft.get_inplace_scratch_len(),
         ]
     }
 
@@ -126,11 +128,11 @@ impl<'a, const W: usize> Mapper<'a, W> {
     }
 
     pub(super) fn scratch(&self, sub_cpi_length: usize) -> Scratch {
-        let [map, fft] = self.scratch_lengths().map(|n| vec![Complex32::ZERO; n]);
+        let [map, fft] = self.scratch_lengths();
         Scratch {
             doppler: DopplerScratch::new(self.dopplers(), sub_cpi_length),
-            map,
-            fft,
+            map: vec![0.0; 2 * map],
+            fft: vec![Complex32::ZERO; fft],
             points: Points::default(),
             lines: Vec::new(),
         }
@@ -168,8 +170,8 @@ impl<'a, const W: usize> Mapper<'a, W> {
         let Scratch {
             doppler, map, fft, ..
         } = scratch;
-        let map = &mut map[..stage.doppler.outputs() * row_length];
-        map.fill(Complex32::ZERO);
+        let map = &mut map[..2 * stage.doppler.outputs() * row_length];
+        map.fill(0.0);
         let compensation = Compensation {
             collection: self.aim.collection,
             fast: &self.range_weights,
@@ -186,11 +188,19 @@ impl<'a, const W: usize> Mapper<'a, W> {
         let centre = rectangle.centre_m(self.aim.grid);
         let of = &stage.doppler;
         of.map(&compensation, sub_cpi, centre, samples, doppler, &mut rows);
-        for row in map.chunks_exact_mut(row_length) {
-            self.range_fft.process_with_scratch(&mut row[..length], fft);
-            // Range repeats; value by value, for a row may be shorter than the kernel.
-            for i in 0..W - 1 {
-                row[length + i] = row[i];
+        let (row, fft) = fft.split_at_mut(length);
+        for planes in map.chunks_exact_mut(2 * row_length) {
+            let (real, imaginary) = planes.split_at_mut(row_length);
+            for (z, (re, im)) in row.iter_mut().zip(real.iter().zip(&*imaginary)) {
+                *z = Complex32::new(*re, *im);
+            }
+            self.range_fft.process_with_scratch(row, fft);
+            for (z, (re, im)) in row.iter().zip(real.iter_mut().zip(&mut *imaginary)) {
+                (*re, *im) = (z.re, z.im);
+            }
+            // Range repeats; value by value, for a row may be shorter than what is repeated.
+            for i in length..row_length {
+                (real[i], imaginary[i]) = (real[i - length], imaginary[i - length]);
             }
         }
     }
@@ -211,7 +221,7 @@ impl<'a, const W: usize> Mapper<'a, W> {
         let grid = self.aim.grid;
         let datum = sub_cpi.datum(rectangle.centre_m(grid));
         let map = Map::<W> {
-            values: &map[..stage.doppler.outputs() * self.row_length()],
+            values: &map[..2 * stage.doppler.outputs() * self.row_length()],
             length: self.range_fft.len(),
             kernel: &self.kernel,
             cycles_m: self.centre_cycles_m,
@@ -223,8 +233,13 @@ impl<'a, const W: usize> Mapper<'a, W> {
             for (run, pixels) in segment.pixels.chunks_mut(RUN).enumerate() {
                 let first = segment.column + run * RUN;
                 let point = |i: usize| grid.position_m(segment.row, first + i);
-                points.clear();
-                (0..pixels.len()).for_each(|i| points.push(point(i).to_array()));
+                if grid.polar {
+                    points.clear();
+                    (0..pixels.len()).for_each(|i| points.push(point(i).to_array()));
+                } else {
+                    let step_m = (grid.x_axis * grid.columns.step).to_array();
+                    points.set_line(point(0).to_array(), step_m, pixels.len());
+                }
                 lines.resize(pixels.len(), Line::default());
                 sub_cpi.lines(self.instructions, &datum, points, lines);
                 map.add(self.instructions, lines, pixels, |i| {

@@ -1,0 +1,441 @@
+//! Range-Doppler maps read where many points have their paths and rates: the second half of a type-2 non-uniform transform, with the phase of the
+//! carrier put back.
+//!
+//! ```text
+//! pixel += exp(+j 2 pi cycles_m path) sum_i a_i sum_j b_j map[bin + i][range + j]
+//! ```
+//!
+//! by a Kaiser-Bessel kernel of `W` taps either way ([`subaperture_signal::kaiser_bessel`]), whose weights are polynomials here, good to 1e-6.
+//! Lines go by groups of 16, mostly neighbours on the ground: where their ranges lie within 32 bins, a row's values are looked up in registers, for each Doppler
+//! bin that some of them begin at; others are fetched one by one, with the same bits. Places are float64, sums float32: 6e-8 for each of `2 W` additions
+//! of the larger values. Cost: `W^2` complex multiply-adds a line.
+
+use num_complex::Complex32;
+use subaperture_signal::kaiser_bessel::KaiserBessel;
+
+use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
+use crate::paths::Line;
+use crate::phasor::{Polynomials, ROUND, ROUND_F64};
+
+/// Lines read at a time: other instructions cannot be entered for a few at no cost.
+const RUN: usize = 4 * GROUP;
+
+/// Values of a row that are looked up.
+const WINDOW: usize = 32;
+
+/// Doppler bins that a group's lines begin at, at most, for rows to be looked up for each.
+const MOST_BINS: i32 = 3;
+
+/// A range-Doppler map, to be read with a kernel of `W` taps whose roll-off is divided out of it.
+pub struct Map<'a, const W: usize> {
+    /// `[Doppler bin][real, imaginary][row_length]`: a period of ranges, and its beginning again.
+    pub values: &'a [f32],
+    /// Range bins of a period.
+    pub length: usize,
+    /// Of `W` taps.
+    pub kernel: &'a KaiserBessel,
+    /// Cycles of the carrier a metre.
+    pub cycles_m: f64,
+    /// Doppler bins for a cycle a pulse.
+    pub bins_per_cycle: f64,
+    /// Doppler bin of a point at rest.
+    pub zero_bin: f64,
+    /// Range bins a metre.
+    pub range_bins_m: f64,
+}
+
+/// Numbers of a row of a map of so many range bins, in either plane: what is beyond a period are its values again, from the first on.
+#[inline]
+pub fn row_length(length: usize) -> usize {
+    length + WINDOW
+}
+
+impl<const W: usize> Map<'_, W> {
+    /// Adds to each pixel what its line reads, `map(rate, path) exp(+j 2 pi cycles_m path)`; to one whose Doppler is beyond the map what
+    /// `beyond` says of its index. Ranges repeat.
+    ///
+    /// # Panics
+    /// If there are not as many pixels as lines, or the kernel has not `W` taps.
+    pub fn add(
+        &self,
+        instructions: Instructions,
+        lines: &[Line],
+        pixels: &mut [Complex32],
+        mut beyond: impl FnMut(usize) -> Complex32,
+    ) {
+        assert_eq!(lines.len(), pixels.len());
+        assert!(self.kernel.taps() == W && W < WINDOW);
+        let bins = self.bins();
+        let mut read = Read {
+            values: [[0.0; RUN]; 2],
+            missed: [true; RUN],
+        };
+        for (run, (lines, pixels)) in lines.chunks(RUN).zip(pixels.chunks_mut(RUN)).enumerate() {
+            if bins >= W {
+                read = instructions.run(At { map: self, lines });
+            }
+            for (i, pixel) in pixels.iter_mut().enumerate() {
+                *pixel += match read.missed[i] {
+                    false => Complex32::new(read.values[0][i], read.values[1][i]),
+                    true => beyond(run * RUN + i),
+                };
+            }
+        }
+    }
+
+    /// Doppler bins.
+    #[inline(always)]
+    fn bins(&self) -> usize {
+        self.values.len() / (2 * row_length(self.length))
+    }
+
+    /// Both planes of a row.
+    #[inline(always)]
+    fn row(&self, bin: usize) -> [&[f32]; 2] {
+        let length = row_length(self.length);
+        let row = &self.values[2 * bin * length..2 * (bin + 1) * length];
+        [&row[..length], &row[length..]]
+    }
+
+    /// A range bin within the period.
+    #[inline(always)]
+    fn wrapped(&self, bin: f64) -> usize {
+        (bin as i64).rem_euclid(self.length as i64) as usize
+    }
+}
+
+/// The nearest whole number, of those below 2^51.
+#[inline(always)]
+fn nearest(x: f64) -> f64 {
+    (x + ROUND_F64) - ROUND_F64
+}
+
+/// The largest whole number that is not larger.
+#[inline(always)]
+fn below(x: f64) -> f64 {
+    let near = nearest(x);
+    if near > x { near - 1.0 } else { near }
+}
+
+/// What some lines read, real and imaginary parts, and which of them lie beyond the map.
+struct Read {
+    values: [[f32; RUN]; 2],
+    missed: [bool; RUN],
+}
+
+/// Up to [`RUN`] lines, to be read from a map of `W` Doppler bins or more.
+struct At<'a, const W: usize> {
+    map: &'a Map<'a, W>,
+    lines: &'a [Line],
+}
+
+/// Where lines lie on the map, those that are none as the first.
+struct Places {
+    /// Cycles of the carrier from a whole number.
+    turns: [f32; RUN],
+    /// From the bins before, less a half.
+    across: [f32; RUN],
+    along: [f32; RUN],
+    /// The first bins that are read.
+    bins: [i32; RUN],
+    ranges: [f64; RUN],
+}
+
+impl Places {
+    #[inline(always)]
+    fn new<const W: usize>(map: &Map<W>, lines: &[Line], missed: &mut [bool; RUN]) -> Self {
+        let last_bin = (map.bins() - W) as f64;
+        let before = (W / 2 - 1) as f64;
+        let doppler_bins = map.cycles_m * map.bins_per_cycle;
+        let mut places = Self {
+            turns: [0.0; RUN],
+            across: [0.0; RUN],
+            along: [0.0; RUN],
+            bins: [0; RUN],
+            ranges: [0.0; RUN],
+        };
+        for (i, line) in lines.iter().enumerate() {
+            let cycles = line.path_m * map.cycles_m;
+            places.turns[i] = (cycles - nearest(cycles)) as f32;
+            let doppler = line.rate_m * doppler_bins + map.zero_bin;
+            let range = line.path_m * map.range_bins_m;
+            let [bin, whole] = [doppler, range].map(below);
+            places.across[i] = (doppler - bin - 0.5) as f32;
+            places.along[i] = (range - whole - 0.5) as f32;
+            // Not a number is beyond it, too.
+            missed[i] = !(bin - before >= 0.0 && bin - before <= last_bin);
+            // As a whole number those beyond are 0 or the last.
+            places.bins[i] = (bin - before).clamp(0.0, last_bin) as i32;
+            places.ranges[i] = whole - before;
+        }
+        places
+    }
+}
+
+/// The weights of a kernel's taps at some places.
+#[inline(always)]
+fn weights<L: Lanes, const W: usize>(
+    lanes: L,
+    kernel: &KaiserBessel,
+    u: L::Numbers,
+) -> [L::Numbers; W] {
+    let mut weights = [lanes.splat(0.0); W];
+    let square = lanes.mul(u, u);
+    for (tap, [even, odd]) in kernel.polynomials()[..W / 2].iter().enumerate() {
+        let mut sums = [lanes.splat(0.0); 2];
+        for (sum, terms) in sums.iter_mut().zip([even, odd]) {
+            let [a, b, c, d] = *terms;
+            *sum = lanes.mul_add(square, lanes.splat(d), lanes.splat(c));
+            *sum = lanes.mul_add(square, *sum, lanes.splat(b));
+            *sum = lanes.mul_add(square, *sum, lanes.splat(a));
+        }
+        weights[tap] = lanes.mul_add(u, sums[1], sums[0]);
+        weights[W - 1 - tap] = lanes.neg_mul_add(u, sums[1], sums[0]);
+    }
+    weights
+}
+
+impl<const W: usize> Kernel for At<'_, W> {
+    type Output = Read;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> Read {
+        let Self { map, lines } = self;
+        let mut read = Read {
+            values: [[0.0; RUN]; 2],
+            missed: [false; RUN],
+        };
+        let places = Places::new(map, lines, &mut read.missed);
+        let phasor = Polynomials::new(lanes);
+        for first in (0..lines.len()).step_by(GROUP) {
+            // Of fewer the first stands for those that are not there: bins and ranges are 0 there, which may be far away.
+            let count = GROUP.min(lines.len() - first);
+            let (mut offsets, mut least, mut most) = ([0.0f32; GROUP], 0, 0);
+            let (mut lowest, mut highest) = (places.bins[first], places.bins[first]);
+            for i in 0..count {
+                let offset = (places.ranges[first + i] - places.ranges[first]) as i32;
+                offsets[i] = offset as f32;
+                (least, most) = (offset.min(least), offset.max(most));
+                let bin = places.bins[first + i];
+                (lowest, highest) = (bin.min(lowest), bin.max(highest));
+            }
+            let near = i64::from(most) - i64::from(least) <= (WINDOW - W) as i64;
+            let looked_up = near && highest - lowest < MOST_BINS;
+            let base = map.wrapped(places.ranges[first] + f64::from(least));
+            let mut fetched = [[[[0.0f32; GROUP]; W]; W]; 2];
+            if !looked_up {
+                for i in 0..count {
+                    let start = map.wrapped(places.ranges[first + i]);
+                    for a in 0..W {
+                        let row = map.row(places.bins[first + i] as usize + a);
+                        for b in 0..W {
+                            fetched[0][a][b][i] = row[0][start + b];
+                            fetched[1][a][b][i] = row[1][start + b];
+                        }
+                    }
+                }
+            }
+            for part in (0..GROUP).step_by(L::COUNT) {
+                let at = first + part;
+                let across: [_; W] = weights(lanes, map.kernel, lanes.load(&places.across[at..]));
+                let along: [_; W] = weights(lanes, map.kernel, lanes.load(&places.along[at..]));
+                let mut sums = [lanes.splat(0.0); 2];
+                if looked_up {
+                    let least = lanes.splat(least as f32);
+                    let from_base = lanes.sub(lanes.load(&offsets[part..]), least);
+                    let from_base = lanes.add(from_base, lanes.splat(ROUND));
+                    for bin in lowest..=highest {
+                        let mut own = [0.0f32; GROUP];
+                        for i in 0..L::COUNT {
+                            own[i] = if places.bins[at + i] == bin { 1.0 } else { 0.0 };
+                        }
+                        let own = lanes.load(&own);
+                        for (a, &across) in across.iter().enumerate() {
+                            let weight = lanes.mul(across, own);
+                            let planes = map.row(bin as usize + a);
+                            for plane in 0..2 {
+                                let values = &planes[plane][base..base + WINDOW];
+                                let values =
+                                    lanes.wide(values.first_chunk().unwrap_or(&[0.0; WINDOW]));
+                                let mut sum = lanes.splat(0.0);
+                                for (b, &along) in along.iter().enumerate() {
+                                    let place = lanes.add(from_base, lanes.splat(b as f32));
+                                    let value = lanes.of_wide(values, place);
+                                    sum = lanes.mul_add(value, along, sum);
+                                }
+                                sums[plane] = lanes.mul_add(weight, sum, sums[plane]);
+                            }
+                        }
+                    }
+                } else {
+                    for (a, &across) in across.iter().enumerate() {
+                        for plane in 0..2 {
+                            let mut sum = lanes.splat(0.0);
+                            for (b, &along) in along.iter().enumerate() {
+                                let value = lanes.load(&fetched[plane][a][b][part..]);
+                                sum = lanes.mul_add(value, along, sum);
+                            }
+                            sums[plane] = lanes.mul_add(across, sum, sums[plane]);
+                        }
+                    }
+                }
+                let [cos, sin] = phasor.at(lanes, lanes.load(&places.turns[at..]));
+                let [re, im] = sums;
+                let real = lanes.neg_mul_add(im, sin, lanes.mul(re, cos));
+                let imaginary = lanes.mul_add(im, cos, lanes.mul(re, sin));
+                lanes.store(real, &mut read.values[0][at..]);
+                lanes.store(imaginary, &mut read.values[1][at..]);
+            }
+        }
+        read
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trial::{Numbers, kaiser_bessel, turned, wide};
+    use num_complex::Complex64;
+
+    fn check<const W: usize>() {
+        let mut numbers = Numbers::new(W as u64);
+        let kernel = KaiserBessel::new(W);
+        // A period may be shorter than the kernel.
+        for (length, bins) in [(48, 20), (3, 12)] {
+            let rows: Vec<Vec<Complex32>> = (0..bins).map(|_| numbers.samples(length)).collect();
+            let plane = |row: &[Complex32], of: fn(&Complex32) -> f32| -> Vec<f32> {
+                row.iter()
+                    .cycle()
+                    .take(row_length(length))
+                    .map(of)
+                    .collect()
+            };
+            let values: Vec<f32> = rows
+                .iter()
+                .flat_map(|row| [plane(row, |z| z.re), plane(row, |z| z.im)])
+                .flatten()
+                .collect();
+            let map = Map::<W> {
+                values: &values,
+                length,
+                kernel: &kernel,
+                cycles_m: 31.7,
+                bins_per_cycle: 3.9,
+                zero_bin: (bins / 2) as f64,
+                range_bins_m: 0.83,
+            };
+            // Anywhere; and side by side, so that most groups are looked up, some across a period's end.
+            let mut lines: Vec<Line> = (0..400)
+                .map(|_| Line {
+                    path_m: 300.0 * numbers.signed(),
+                    rate_m: bins as f64 / 2.0 / 3.9 / 31.7 * 1.1 * numbers.signed(),
+                })
+                .collect();
+            lines.extend((0..400).map(|i| Line {
+                path_m: 0.7 * f64::from(i) + 0.3 * numbers.unit(),
+                rate_m: bins as f64 / 2.0 / 3.9 / 31.7 * (0.004 * f64::from(i) - 0.787),
+            }));
+            let mut pixels = vec![Complex32::ONE; lines.len()];
+            let mut missed = Vec::new();
+            map.add(Instructions::Portable, &lines, &mut pixels, |i| {
+                missed.push(i);
+                Complex32::ONE
+            });
+            for instructions in Instructions::available() {
+                let mut other = vec![Complex32::ONE; lines.len()];
+                map.add(instructions, &lines, &mut other, |_| Complex32::ONE);
+                assert!(other == pixels, "{}", instructions.name());
+            }
+            let mut read = 0;
+            for (i, (line, got)) in lines.iter().zip(&pixels).enumerate() {
+                let doppler = line.rate_m * 31.7 * 3.9 + (bins / 2) as f64;
+                let range = line.path_m * 0.83;
+                // The bins that a kernel of W taps needs: W/2 to either side.
+                let needed = [
+                    doppler.floor() - W as f64 / 2.0 + 1.0,
+                    doppler.floor() + W as f64 / 2.0,
+                ];
+                if needed[0] < 0.0 || needed[1] > (bins - 1) as f64 {
+                    assert!(
+                        missed.contains(&i) && *got == Complex32::new(2.0, 0.0),
+                        "{i}"
+                    );
+                    continue;
+                }
+                read += 1;
+                let (mut sum, mut reach, mut magnitude) = (Complex64::ZERO, 0.0, 0.0);
+                for (d, row) in rows.iter().enumerate() {
+                    let a = kaiser_bessel(W, doppler - d as f64);
+                    let middle = range.floor() as i64;
+                    for l in middle - W as i64..=middle + W as i64 {
+                        let b = kaiser_bessel(W, range - l as f64);
+                        sum += wide(row[l.rem_euclid(length as i64) as usize]) * (a * b);
+                        magnitude += a * b;
+                        if a * b > 0.0 {
+                            reach += a + b;
+                        }
+                    }
+                }
+                let expected = sum * turned(line.path_m * 31.7) + 1.0;
+                // Weights are off by 5e-7 in either direction by their polynomials, and as much by roundings. Roundings: fractions, products, 2 W sums
+                // and the phasor (3e-7).
+                let allowed =
+                    1e-6 * reach + magnitude * (8.5e-8 * (2 * W + 4) as f64 + 3e-7) + 2e-7;
+                let error = (wide(*got) - expected).norm();
+                assert!(error < allowed, "{W} {i}: {error} {allowed}");
+            }
+            assert_eq!(read + missed.len(), lines.len());
+            assert!(read > 150 && missed.len() > 20, "{read} {}", missed.len());
+        }
+    }
+
+    /// A line is read alike whatever lines are beside it.
+    #[test]
+    fn groups_do_not_matter() {
+        const W: usize = 4;
+        let kernel = KaiserBessel::new(W);
+        let (length, bins) = (100, 20);
+        let mut numbers = Numbers::new(9);
+        let samples = numbers.samples(bins * length);
+        let values: Vec<f32> = samples
+            .chunks_exact(length / 2)
+            .flat_map(|plane| {
+                let numbers: Vec<f32> = plane.iter().flat_map(|z| [z.re, z.im]).collect();
+                numbers.into_iter().cycle().take(row_length(length))
+            })
+            .collect();
+        let map = Map::<W> {
+            values: &values,
+            length,
+            kernel: &kernel,
+            cycles_m: 1.0,
+            bins_per_cycle: 1.0,
+            zero_bin: 10.0,
+            range_bins_m: 1.0,
+        };
+        let lines: Vec<Line> = (0..90)
+            .map(|i| Line {
+                path_m: 0.9 * f64::from(i) + numbers.unit(),
+                rate_m: 0.1 * f64::from(i) - 4.0,
+            })
+            .collect();
+        let read = |lines: &[Line]| {
+            let mut pixels = vec![Complex32::ZERO; lines.len()];
+            map.add(Instructions::best(), lines, &mut pixels, |_| unreachable!());
+            pixels
+        };
+        let together = read(&lines);
+        let order = |i: usize| i * 37 % lines.len();
+        let scattered: Vec<Line> = (0..lines.len()).map(|i| lines[order(i)]).collect();
+        for (i, pixel) in read(&scattered).into_iter().enumerate() {
+            assert_eq!(pixel, together[order(i)]);
+            assert_eq!(read(&scattered[i..=i]), [pixel]);
+        }
+    }
+
+    #[test]
+    fn maps_are_read_as_the_sum_says() {
+        check::<4>();
+        check::<6>();
+    }
+}
