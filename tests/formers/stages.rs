@@ -126,7 +126,8 @@ fn an_absurd_model_makes_another_plan_that_keeps_its_bound() {
             leaf_piece_ns: 1e-6,
             transform_ns: 1e-6,
             tile_pulse_ns: 1e12,
-            map_transform_ns: 1e-6,
+            compensation_ns: 1e-6,
+            doppler_tap_ns: 1e-6,
             ..TimeModel::DEFAULT
         },
         TimeModel {

@@ -222,17 +222,10 @@ impl<const W: usize> Kernel for At<'_, W> {
             let near = i64::from(most) - i64::from(least) <= (WINDOW - W) as i64;
             let looked_up = near && highest - lowest < MOST_BINS;
             let base = map.wrapped(places.ranges[first] + f64::from(least));
-            let mut fetched = [[[[0.0f32; GROUP]; W]; W]; 2];
+            let mut starts = [0; GROUP];
             if !looked_up {
                 for i in 0..count {
-                    let start = map.wrapped(places.ranges[first + i]);
-                    for a in 0..W {
-                        let row = map.row(places.bins[first + i] as usize + a);
-                        for b in 0..W {
-                            fetched[0][a][b][i] = row[0][start + b];
-                            fetched[1][a][b][i] = row[1][start + b];
-                        }
-                    }
+                    starts[i] = map.wrapped(places.ranges[first + i]);
                 }
             }
             for part in (0..GROUP).step_by(L::COUNT) {
@@ -272,8 +265,12 @@ impl<const W: usize> Kernel for At<'_, W> {
                         for plane in 0..2 {
                             let mut sum = lanes.splat(0.0);
                             for (b, &along) in along.iter().enumerate() {
-                                let value = lanes.load(&fetched[plane][a][b][part..]);
-                                sum = lanes.mul_add(value, along, sum);
+                                let mut value = [0.0f32; GROUP];
+                                for i in 0..L::COUNT {
+                                    let row = map.row(places.bins[at + i] as usize + a);
+                                    value[i] = row[plane][starts[part + i] + b];
+                                }
+                                sum = lanes.mul_add(lanes.load(&value), along, sum);
                             }
                             sums[plane] = lanes.mul_add(across, sum, sums[plane]);
                         }

@@ -32,17 +32,20 @@ impl Points {
     }
 
     /// Some on a line instead of those that there are, `first_m + i step_m`.
-    #[inline]
-    pub fn set_line(&mut self, first_m: [f64; 3], step_m: [f64; 3], count: usize) {
-        for (all, (first_m, step_m)) in self
-            .coordinates_m
-            .iter_mut()
-            .zip(first_m.into_iter().zip(step_m))
-        {
+    pub fn set_line(
+        &mut self,
+        instructions: Instructions,
+        first_m: [f64; 3],
+        step_m: [f64; 3],
+        count: usize,
+    ) {
+        for (axis, all) in self.coordinates_m.iter_mut().enumerate() {
             all.resize(count, 0.0);
-            for (i, one) in all.iter_mut().enumerate() {
-                *one = first_m + i as f64 * step_m;
-            }
+            instructions.run(Along {
+                first_m: first_m[axis],
+                step_m: step_m[axis],
+                all,
+            });
         }
     }
 
@@ -73,6 +76,25 @@ impl Points {
     pub fn part(&self, range: Range<usize>) -> [&[f64]; 3] {
         let [x, y, z] = &self.coordinates_m;
         [&x[range.clone()], &y[range.clone()], &z[range]]
+    }
+}
+
+/// A coordinate of points on a line.
+struct Along<'a> {
+    first_m: f64,
+    step_m: f64,
+    all: &'a mut [f64],
+}
+
+impl Kernel for Along<'_> {
+    type Output = ();
+
+    /// A plain loop: what the lanes' instructions make of it.
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L) {
+        for (i, one) in self.all.iter_mut().enumerate() {
+            *one = self.first_m + i as f64 * self.step_m;
+        }
     }
 }
 

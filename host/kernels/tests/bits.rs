@@ -3,10 +3,16 @@
 //! seen in the tests' messages.
 
 use num_complex::{Complex32, Complex64};
+use subaperture_kernels::compensation::{GroupRamp, Ramp, refer_to_planes};
+use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MapRows};
 use subaperture_kernels::horner::{NARROW_TOGETHER, TOGETHER, narrow_sums, sums};
 use subaperture_kernels::lanes::Instructions;
+use subaperture_kernels::map::{Map, row_length};
+use subaperture_kernels::paths::Line;
 use subaperture_kernels::power::power;
 use subaperture_kernels::tile::DEGREES;
+use subaperture_signal::kaiser_bessel::KaiserBessel;
+use subaperture_signal::scaled_dft::Shape;
 
 use crate::halving::{Case, WAYS};
 use crate::tile::{Trial, points};
@@ -102,5 +108,79 @@ fn of_sums() {
             sum.wide(&narrow_sums(instructions, &samples, &narrow, &steps));
             sum.add(power(instructions, &samples, &narrow).to_bits());
         }
+    });
+}
+
+/// Samples of some pulses compensated, their Doppler bins summed, and lines read from those.
+#[test]
+fn of_maps() {
+    const W: usize = 4;
+    let (pulses, reach, count) = (21, 6, 90);
+    let shape = Shape {
+        inputs: pulses,
+        input_centre: (pulses as f64 - 1.0) / 2.0,
+        input_drift: 1e-3,
+        outputs: 2 * reach + 1,
+        output_centre: reach as f64,
+        spacing: 1.0 / 42.0,
+    };
+    let scales: Vec<f64> = (0..count).map(|k| 0.97 + 7e-4 * k as f64).collect();
+    let product = DopplerProduct::new(&scales, &shape, |k, m| 1.0 - 1e-3 * (k + m) as f64);
+    let kernel = KaiserBessel::new(W);
+    let row = row_length(count);
+    held("maps", 0xBAFB_FB56_D55B_08F4, |instructions, sum| {
+        let mut numbers = Numbers::new(14);
+        let samples = numbers.samples(pulses * count);
+        let weights: Vec<f32> = (0..count).map(|_| numbers.unit() as f32).collect();
+        let mut ramps: Vec<GroupRamp> = (0..pulses)
+            .map(|_| GroupRamp::new(Ramp::new(9.0 * numbers.signed(), numbers.signed(), 0.7)))
+            .collect();
+        let mut planes = vec![0.0; 2 * BLOCK * pulses];
+        let mut scratch = vec![0.0; product.scratch_length()];
+        let mut values = vec![0.0; 2 * shape.outputs * row];
+        for block in 0..2 {
+            let from = block * BLOCK;
+            let own = &weights[from..count.min(from + BLOCK)];
+            let rest = &samples[from..];
+            refer_to_planes(
+                instructions,
+                rest,
+                count,
+                own,
+                &mut ramps,
+                &mut planes,
+                BLOCK,
+            );
+            let mut map = MapRows {
+                values: &mut values,
+                row_length: row,
+                length: count,
+                first: 50,
+            };
+            product.transform(instructions, block, &planes, &mut scratch, &mut map);
+        }
+        values.iter().for_each(|x| sum.add(x.to_bits().into()));
+        let map = Map::<W> {
+            values: &values,
+            length: count,
+            kernel: &kernel,
+            cycles_m: 31.7,
+            bins_per_cycle: 3.9,
+            zero_bin: reach as f64,
+            range_bins_m: 0.83,
+        };
+        let lines: Vec<Line> = (0..200)
+            .map(|i| Line {
+                path_m: if i < 100 {
+                    0.6 * f64::from(i)
+                } else {
+                    300.0 * numbers.signed()
+                },
+                rate_m: 0.03 * numbers.signed(),
+            })
+            .collect();
+        let mut pixels = vec![Complex32::ZERO; lines.len()];
+        map.add(instructions, &lines, &mut pixels, |_| Complex32::ONE);
+        sum.narrow(&pixels);
     });
 }

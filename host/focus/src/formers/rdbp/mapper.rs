@@ -29,7 +29,7 @@ pub(super) const MAPS: &str = "maps";
 pub(super) const PIXELS: &str = "pixels";
 
 /// Pixels whose paths are held at a time.
-const RUN: usize = 64;
+const RUN: usize = 256;
 
 /// What is asked of the Doppler transform of each length of sub-CPIs, and bins for each cycle a pulse.
 pub(super) type Shapes = BTreeMap<usize, (Shape, f64)>;
@@ -238,7 +238,8 @@ impl<'a, const W: usize> Mapper<'a, W> {
                     (0..pixels.len()).for_each(|i| points.push(point(i).to_array()));
                 } else {
                     let step_m = (grid.x_axis * grid.columns.step).to_array();
-                    points.set_line(point(0).to_array(), step_m, pixels.len());
+                    let first_m = point(0).to_array();
+                    points.set_line(self.instructions, first_m, step_m, pixels.len());
                 }
                 lines.resize(pixels.len(), Line::default());
                 sub_cpi.lines(self.instructions, &datum, points, lines);
