@@ -138,8 +138,9 @@ fn sub_cpis_take_maps_and_their_reading() {
     let map = |pulses: f64| {
         let reach = (1.1 * doppler * 2.0 * pulses * 1.01).ceil() + 1.0 + taps / 2.0;
         let bins = 2.0 * reach + 1.0;
+        // Of two pulses as far from the middle and two bins as far from zero: 4 products with sums, and as many to turn sine and cosine.
         8.0 * pulses * SAMPLES
-            + 2.0 * SAMPLES * transform(pulses + bins)
+            + SAMPLES * pulses / 2.0 * bins / 2.0 * (8.0 + 8.0)
             + bins * transform(2.0 * SAMPLES)
     };
     let last = PULSES - (count - 1) as f64 * longest as f64;

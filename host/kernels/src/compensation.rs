@@ -68,16 +68,16 @@ impl GroupRamp {
     /// The same ramp.
     #[inline]
     pub fn new(Ramp { turn, step }: Ramp) -> Self {
-        let mut within = [[0.0; GROUP]; 2];
+        let [mut cos, mut sin] = [[0.0; GROUP]; 2];
         let mut from_first = Complex64::ONE;
-        for i in 0..GROUP {
-            (within[0][i], within[1][i]) = (from_first.re as f32, from_first.im as f32);
+        for (cos, sin) in cos.iter_mut().zip(&mut sin) {
+            (*cos, *sin) = (from_first.re as f32, from_first.im as f32);
             from_first *= step;
         }
         Self {
             turn,
             step: from_first,
-            within,
+            within: [cos, sin],
         }
     }
 }
@@ -133,16 +133,16 @@ impl Kernel for ToPlanes<'_> {
                 let (mut parts, mut weights) = ([[0.0f32; GROUP]; 2], [0.0f32; GROUP]);
                 let width = GROUP.min(count - first);
                 if width == GROUP {
-                    let own: &[Complex32] = &row[first..first + GROUP];
-                    for i in 0..GROUP {
-                        (parts[0][i], parts[1][i]) = (own[i].re, own[i].im);
+                    // Of a length that is known.
+                    for (i, z) in row[first..first + GROUP].iter().enumerate() {
+                        (parts[0][i], parts[1][i]) = (z.re, z.im);
                     }
                     weights.copy_from_slice(&self.weights[first..first + GROUP]);
                 } else {
-                    for i in 0..width {
-                        (parts[0][i], parts[1][i]) = (row[first + i].re, row[first + i].im);
-                        weights[i] = self.weights[first + i];
+                    for (i, z) in row[first..].iter().enumerate() {
+                        (parts[0][i], parts[1][i]) = (z.re, z.im);
                     }
+                    weights[..width].copy_from_slice(&self.weights[first..]);
                 }
                 let re = lanes.splat(ramp.turn.re as f32);
                 let im = lanes.splat(ramp.turn.im as f32);
@@ -236,8 +236,8 @@ mod tests {
         let planes = all(Instructions::Portable);
         for (n, (start, step, factor)) in pulses.into_iter().enumerate() {
             let [re, im] = [0, 1].map(|part| &planes[(2 * n + part) * stride..][..stride]);
-            for k in 0..stride {
-                let got = Complex64::new(re[k].into(), im[k].into());
+            for (k, (&re, &im)) in re.iter().zip(im).enumerate() {
+                let got = Complex64::new(re.into(), im.into());
                 if k >= count {
                     // Up to a whole group 0, untouched from there.
                     let left = if k < 80 { 0.0 } else { 7.0 };

@@ -205,11 +205,11 @@ impl<L: Lanes> Pair<L> {
         let [before, after] = pulses(inputs, pair).unwrap_or([0, 0]);
         let (a, b) = (lanes.load(row), lanes.load(&row[BLOCK..]));
         let [mut even, mut odd] = [[lanes.splat(0.0); 2]; 2];
-        for part in 0..2 {
+        for (part, (even, odd)) in even.iter_mut().zip(&mut odd).enumerate() {
             let early = lanes.mul(a, lanes.load(&samples[(2 * before + part) * BLOCK..]));
             let late = lanes.load(&samples[(2 * after + part) * BLOCK..]);
-            even[part] = lanes.mul_add(b, late, early);
-            odd[part] = lanes.sub(lanes.mul(b, late), early);
+            *even = lanes.mul_add(b, late, early);
+            *odd = lanes.sub(lanes.mul(b, late), early);
         }
         Self {
             even,
@@ -271,8 +271,8 @@ impl Kernel for Block<'_, '_> {
                 let mut one = Pair::new(lanes, own, inputs, first, &row[lane..]);
                 let mut other = Pair::new(lanes, own, inputs, first + 1, &next[lane..]);
                 let (zero, others) = sums.split_at_mut(4 * L::COUNT);
-                for i in 0..2 {
-                    let sum = &mut zero[i * L::COUNT..(i + 1) * L::COUNT];
+                let cosines = zero[..2 * L::COUNT].chunks_exact_mut(L::COUNT);
+                for (i, sum) in cosines.enumerate() {
                     let both = lanes.add(one.even[i], other.even[i]);
                     lanes.store(lanes.add(lanes.load(sum), both), sum);
                 }
@@ -435,11 +435,11 @@ mod tests {
             let map = trial.map(Instructions::Portable, length, first);
             let (mut error, mut power) = (0.0, 0.0);
             for (d, row) in map.chunks_exact(length + 3).enumerate() {
-                for place in 0..length + 3 {
+                for (place, &got) in row.iter().enumerate() {
                     let k = (place + length - first) % length;
                     if place >= length || k >= count {
                         // What is no frequency's is left alone.
-                        assert_eq!(row[place], Complex32::ZERO);
+                        assert_eq!(got, Complex32::ZERO);
                         continue;
                     }
                     let later = shape.input_drift * (k as f64 - (count / 2) as f64);
@@ -450,7 +450,7 @@ mod tests {
                         let turn = turned(scales[k] * shape.spacing * u * off);
                         expected += wide(samples[m * count + k]) * weight(k, m) * turn;
                     }
-                    error += (wide(row[place]) - expected).norm_sqr();
+                    error += (wide(got) - expected).norm_sqr();
                     power += expected.norm_sqr();
                 }
             }

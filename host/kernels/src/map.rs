@@ -129,7 +129,7 @@ struct At<'a, const W: usize> {
     lines: &'a [Line],
 }
 
-/// Where lines lie on the map, those that are none as the first.
+/// Where lines lie on the map.
 struct Places {
     /// Cycles of the carrier from a whole number.
     turns: [f32; RUN],
@@ -208,13 +208,13 @@ impl<const W: usize> Kernel for At<'_, W> {
         let places = Places::new(map, lines, &mut read.missed);
         let phasor = Polynomials::new(lanes);
         for first in (0..lines.len()).step_by(GROUP) {
-            // Of fewer the first stands for those that are not there: bins and ranges are 0 there, which may be far away.
+            // Lines that are not there are no reason to fetch others one by one.
             let count = GROUP.min(lines.len() - first);
             let (mut offsets, mut least, mut most) = ([0.0f32; GROUP], 0, 0);
             let (mut lowest, mut highest) = (places.bins[first], places.bins[first]);
-            for i in 0..count {
+            for (i, of) in offsets[..count].iter_mut().enumerate() {
                 let offset = (places.ranges[first + i] - places.ranges[first]) as i32;
-                offsets[i] = offset as f32;
+                *of = offset as f32;
                 (least, most) = (offset.min(least), offset.max(most));
                 let bin = places.bins[first + i];
                 (lowest, highest) = (bin.min(lowest), bin.max(highest));
@@ -224,8 +224,8 @@ impl<const W: usize> Kernel for At<'_, W> {
             let base = map.wrapped(places.ranges[first] + f64::from(least));
             let mut starts = [0; GROUP];
             if !looked_up {
-                for i in 0..count {
-                    starts[i] = map.wrapped(places.ranges[first + i]);
+                for (start, &range) in starts.iter_mut().zip(&places.ranges[first..first + count]) {
+                    *start = map.wrapped(range);
                 }
             }
             for part in (0..GROUP).step_by(L::COUNT) {
@@ -239,15 +239,15 @@ impl<const W: usize> Kernel for At<'_, W> {
                     let from_base = lanes.add(from_base, lanes.splat(ROUND));
                     for bin in lowest..=highest {
                         let mut own = [0.0f32; GROUP];
-                        for i in 0..L::COUNT {
-                            own[i] = if places.bins[at + i] == bin { 1.0 } else { 0.0 };
+                        for (own, &at) in own.iter_mut().zip(&places.bins[at..at + L::COUNT]) {
+                            *own = if at == bin { 1.0 } else { 0.0 };
                         }
                         let own = lanes.load(&own);
                         for (a, &across) in across.iter().enumerate() {
                             let weight = lanes.mul(across, own);
                             let planes = map.row(bin as usize + a);
-                            for plane in 0..2 {
-                                let values = &planes[plane][base..base + WINDOW];
+                            for (plane, total) in planes.into_iter().zip(&mut sums) {
+                                let values = &plane[base..base + WINDOW];
                                 let values =
                                     lanes.wide(values.first_chunk().unwrap_or(&[0.0; WINDOW]));
                                 let mut sum = lanes.splat(0.0);
@@ -256,23 +256,23 @@ impl<const W: usize> Kernel for At<'_, W> {
                                     let value = lanes.of_wide(values, place);
                                     sum = lanes.mul_add(value, along, sum);
                                 }
-                                sums[plane] = lanes.mul_add(weight, sum, sums[plane]);
+                                *total = lanes.mul_add(weight, sum, *total);
                             }
                         }
                     }
                 } else {
                     for (a, &across) in across.iter().enumerate() {
-                        for plane in 0..2 {
+                        for (plane, total) in sums.iter_mut().enumerate() {
                             let mut sum = lanes.splat(0.0);
                             for (b, &along) in along.iter().enumerate() {
                                 let mut value = [0.0f32; GROUP];
-                                for i in 0..L::COUNT {
+                                for (i, value) in value[..L::COUNT].iter_mut().enumerate() {
                                     let row = map.row(places.bins[at + i] as usize + a);
-                                    value[i] = row[plane][starts[part + i] + b];
+                                    *value = row[plane][starts[part + i] + b];
                                 }
                                 sum = lanes.mul_add(lanes.load(&value), along, sum);
                             }
-                            sums[plane] = lanes.mul_add(across, sum, sums[plane]);
+                            *total = lanes.mul_add(across, sum, *total);
                         }
                     }
                 }

@@ -114,10 +114,10 @@ impl KaiserBessel {
 fn parts(of: impl Fn(f64) -> f64) -> [[f32; TERMS]; 2] {
     let mut squares = [0.0; TERMS];
     let mut values = [[0.0; TERMS]; 2];
-    for k in 0..TERMS {
+    for (k, square) in squares.iter_mut().enumerate() {
         let u = 0.5 * libm::cos(PI * (k as f64 + 0.5) / (2 * TERMS) as f64);
         let (after, before) = (of(u), of(-u));
-        squares[k] = u * u;
+        *square = u * u;
         values[0][k] = (after + before) / 2.0;
         values[1][k] = (after - before) / (2.0 * u);
     }

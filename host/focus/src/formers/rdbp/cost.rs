@@ -17,6 +17,7 @@ use crate::cost::{Cost, Each, StageCost, transform};
 use crate::patch::Patches;
 use crate::{Aim, TimeModel};
 use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MOST_REACH};
+use subaperture_kernels::map::row_length;
 use subaperture_signal::scaled_dft::{ScaledDft, Shape};
 
 /// Pixels by pulses' operations of the thesis's mode.
@@ -123,7 +124,8 @@ pub(super) fn precise(
     let tables = shapes().map(|shape| table_bytes(model, aim.collection.num_samples, shape));
     let map = shapes().map(|shape| {
         let (m, bins) = (shape.inputs as f64, shape.outputs as f64);
-        8.0 * (bins * (2.0 * k + taps) + m * BLOCK as f64)
+        // A row more is in transform.
+        8.0 * ((bins + 1.0) * row_length((2.0 * k) as usize) as f64 + m * BLOCK as f64)
     });
     Cost::of([
         StageCost::new(MAPS, maps, maps_ns),

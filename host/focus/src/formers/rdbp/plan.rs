@@ -18,6 +18,7 @@ use crate::read_ahead::BLOCKS_HELD;
 use crate::sub_cpi::{self, SubCpi, bins_per_cycle, shared_band};
 use crate::{FormError, MARGIN_DB, TimeModel, rounding};
 use subaperture_kernels::doppler::BLOCK;
+use subaperture_kernels::map::row_length;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Band, Collection};
 use subaperture_signal::fast_length::fast_length;
@@ -56,7 +57,7 @@ pub struct Plan {
     pub predicted_db: f64,
 }
 
-/// Relative RMS error of the transforms and phases in float32, and of the kernels' weights, read from tables.
+/// Relative RMS error of the transforms and phases in float32, and of the kernels' weights by polynomials: 1e-6 each, or less.
 const ARITHMETIC: f64 = 3e-6;
 
 /// Samples or pulses fewer than these may all lie where the kernel is worst.
@@ -293,7 +294,8 @@ fn bytes(probe: &Probe, model: &TimeModel, length: usize, taps: usize, doppler_s
         return u64::MAX;
     }
     let (bins, count) = (bins as usize, probe.band.count);
-    let map = bins as u64 * (fast_length(2 * count) + taps) as u64;
+    // A row more is in transform.
+    let map = (bins as u64 + 1) * row_length(fast_length(2 * count)) as u64;
     // The bins about zero that there will be, a few more or less.
     let shape = Shape {
         inputs: length,
