@@ -1,0 +1,171 @@
+//! A recording in place of a radio: what was received is received again.
+//!
+//! A retune of the receivers goes on to the next step of that carrier; bursts then give its samples, steps of the same carrier that
+//! follow at once one after another (a recording of every burst), the last of them again and again. What is asked beyond a step's
+//! length is lost, and told so. Times are the recording's: bursts come at once, at any time asked for.
+
+use crate::error::RadioError;
+use crate::sigmf::{Flag, Recording};
+use crate::transceiver::{
+    About, Burst, Configuration, Event, Range, Ranges, Received, Sample, Sensors, Side,
+    Transceiver, check_burst,
+};
+
+/// A recording in place of a radio.
+#[derive(Debug)]
+pub struct Replay {
+    recording: Recording,
+    about: About,
+    /// The first step that no retune has come to yet.
+    next: usize,
+    /// The step that a burst gives, after a retune.
+    current: Option<usize>,
+    /// Whether it has been given.
+    given: bool,
+    now_s: f64,
+    channels: [Vec<Sample>; 2],
+}
+
+impl Replay {
+    /// Of a recording.
+    pub fn new(recording: Recording) -> Self {
+        let setup = recording.setup();
+        let one = |value| Range {
+            from: value,
+            to: value,
+        };
+        let last_hz = setup.start_hz + setup.step_hz * setup.steps as f64;
+        let about = About {
+            product: "replay".to_owned(),
+            serial: setup.hardware.clone(),
+            ranges: Ranges {
+                carrier_hz: Range {
+                    from: setup.start_hz,
+                    to: last_hz,
+                },
+                sample_rate_hz: one(setup.sample_rate_hz),
+                transmit_gain_db: one(setup.transmit_gain_db),
+                receive_antennas: setup.receive_antennas.to_vec(),
+                retune_s: 0.0,
+                ..Ranges::b210()
+            },
+        };
+        let now_s = recording.steps().first().map_or(0.0, |step| step.time_s);
+        Self {
+            recording,
+            about,
+            next: 0,
+            current: None,
+            given: false,
+            now_s,
+            channels: [Vec::new(), Vec::new()],
+        }
+    }
+
+    fn is_of(&self, index: usize, carrier_hz: f64) -> bool {
+        let half_hz = 0.5 * self.recording.setup().step_hz;
+        let step = self.recording.steps().get(index);
+        step.is_some_and(|step| (step.carrier_hz - carrier_hz).abs() < half_hz)
+    }
+}
+
+impl Transceiver for Replay {
+    fn about(&self) -> &About {
+        &self.about
+    }
+
+    fn configure(&mut self, asked: &Configuration) -> Result<Configuration, RadioError> {
+        asked.check(&self.about.ranges)?;
+        let mut set = asked.clone();
+        set.receive_gain_db = self.recording.setup().receive_gain_db;
+        Ok(set)
+    }
+
+    fn now_s(&mut self) -> Result<f64, RadioError> {
+        Ok(self.now_s)
+    }
+
+    fn tune(&mut self, side: Side, carrier_hz: f64, at_s: Option<f64>) -> Result<f64, RadioError> {
+        self.about
+            .ranges
+            .carrier_hz
+            .check("a carrier", carrier_hz, "Hz")?;
+        if at_s.is_some() {
+            return Err(RadioError::Unsupported(
+                "retune at a time: a recording knows its own".to_owned(),
+            ));
+        }
+        if side == Side::Transmit {
+            return Ok(carrier_hz);
+        }
+        let found =
+            (self.next..self.recording.steps().len()).find(|&index| self.is_of(index, carrier_hz));
+        let Some(index) = found else {
+            return Err(RadioError::Ended(format!(
+                "no further step of a carrier of {carrier_hz} Hz"
+            )));
+        };
+        self.current = Some(index);
+        self.next = index + 1;
+        self.given = false;
+        Ok(self.recording.steps()[index].carrier_hz)
+    }
+
+    fn burst(
+        &mut self,
+        burst: &Burst,
+        mut receive: [&mut [Sample]; 2],
+    ) -> Result<Received, RadioError> {
+        check_burst(burst, &receive)?;
+        let Some(mut index) = self.current else {
+            return Err(RadioError::NotReady("tune the receivers first"));
+        };
+        if self.given && self.is_of(index + 1, self.recording.steps()[index].carrier_hz) {
+            index += 1;
+            self.current = Some(index);
+            self.next = index + 1;
+        }
+        self.given = true;
+        let read = self.recording.read(index, &mut self.channels);
+        read.map_err(|error| RadioError::File(error.to_string()))?;
+        let step = &self.recording.steps()[index];
+        let asked = receive[0].len();
+        let there = asked.min(step.samples);
+        for (out, channel) in receive.iter_mut().zip(&self.channels) {
+            out[..there].copy_from_slice(&channel[..there]);
+            out[there..].fill(Sample::ZERO);
+        }
+        let gaps = step
+            .lost
+            .iter()
+            .map(|&(from, to)| from.min(there)..to.min(there));
+        let mut lost: Vec<_> = gaps.filter(|gap| !gap.is_empty()).collect();
+        if there < asked {
+            lost.push(there..asked);
+        }
+        self.now_s = step.time_s + step.samples as f64 / self.recording.setup().sample_rate_hz;
+        // Of how many samples were clipped the recording says only whether any was.
+        let clipped = u32::from(step.flags.contains(&Flag::Clipped));
+        Ok(Received {
+            first_s: step.time_s,
+            late: step.flags.contains(&Flag::Late),
+            lost,
+            clipped: [clipped; 2],
+        })
+    }
+
+    fn sensors(&mut self) -> Result<Sensors, RadioError> {
+        let flags = self
+            .current
+            .map(|index| &self.recording.steps()[index].flags);
+        let locked = flags.is_none_or(|flags| !flags.contains(&Flag::Unlocked));
+        Ok(Sensors {
+            transmit_locked: locked,
+            receive_locked: locked,
+            reference_locked: None,
+            temperature_c: None,
+        })
+    }
+
+    fn events(&mut self, _events: &mut Vec<Event>) {}
+}

@@ -1,0 +1,163 @@
+//! The metadata: what holds for all of a recording, and for a step.
+
+use serde::de::IgnoredAny;
+use serde::{Deserialize, Serialize};
+
+/// What the name of the steps' keys begins with.
+pub(super) const SPACE: &str = "subaperture";
+/// Version of SigMF that is written.
+pub(super) const VERSION: &str = "1.2.0";
+/// Two channels of 16-bit I and Q side by side.
+pub(super) const DATATYPE: &str = "ci16_le";
+
+/// What holds for all steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Setup {
+    /// A name.
+    pub name: String,
+    /// The device: kind and serial number.
+    pub hardware: String,
+    /// Complex samples a second.
+    pub sample_rate_hz: f64,
+    /// Samples a period of the tone.
+    pub period: usize,
+    /// Samples a step.
+    pub samples: usize,
+    /// First carrier, hertz.
+    pub start_hz: f64,
+    /// From carrier to carrier, hertz.
+    pub step_hz: f64,
+    /// Carriers a sweep.
+    pub steps: usize,
+    /// Gain of the transmitter, dB.
+    pub transmit_gain_db: f64,
+    /// Gains of the receivers, dB.
+    pub receive_gain_db: [f64; 2],
+    /// Ports of the receivers.
+    pub receive_antennas: [String; 2],
+}
+
+/// Why a step is not as good as others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Flag {
+    /// The burst came too late and was not sent: no sample of it is one.
+    Late,
+    /// Samples were lost.
+    Lost,
+    /// The reference was not steady.
+    Unsteady,
+    /// Samples at full scale.
+    Clipped,
+    /// A synthesiser said that it was not locked.
+    Unlocked,
+}
+
+/// A step: a burst at a carrier.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Step {
+    /// Its first sample in the recording.
+    #[serde(rename = "core:sample_start")]
+    pub start: u64,
+    /// Samples of each channel.
+    #[serde(rename = "core:sample_count")]
+    pub samples: usize,
+    /// Lower edge of the band that it stands for, hertz.
+    #[serde(rename = "core:freq_lower_edge")]
+    pub lower_hz: f64,
+    /// Upper edge, hertz.
+    #[serde(rename = "core:freq_upper_edge")]
+    pub upper_hz: f64,
+    /// Its carrier, hertz.
+    #[serde(rename = "subaperture:carrier_hz")]
+    pub carrier_hz: f64,
+    /// Index of the sweep.
+    #[serde(rename = "subaperture:sweep")]
+    pub sweep: u64,
+    /// Index of the carrier.
+    #[serde(rename = "subaperture:step")]
+    pub step: usize,
+    /// Device time of its first sample, seconds.
+    #[serde(rename = "subaperture:time_s")]
+    pub time_s: f64,
+    /// Gains of both receivers, dB.
+    #[serde(rename = "subaperture:gain_db")]
+    pub gain_db: [f64; 2],
+    /// Bursts until it was taken.
+    #[serde(rename = "subaperture:bursts")]
+    pub bursts: u32,
+    /// What is wrong with it.
+    #[serde(rename = "subaperture:flags")]
+    pub flags: Vec<Flag>,
+    /// Samples that are none, from and to, counted from its first.
+    #[serde(rename = "subaperture:lost")]
+    pub lost: Vec<(usize, usize)>,
+}
+
+/// `.sigmf-meta` as it is read.
+#[derive(Deserialize)]
+pub(super) struct Meta {
+    pub(super) global: Global,
+    #[serde(default)]
+    pub(super) annotations: Vec<Annotation>,
+}
+
+/// Its global part.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Global {
+    #[serde(rename = "core:datatype")]
+    pub(super) datatype: String,
+    #[serde(rename = "core:sample_rate")]
+    pub(super) sample_rate_hz: f64,
+    #[serde(rename = "core:num_channels", default = "one")]
+    pub(super) num_channels: u32,
+    #[serde(rename = "core:version")]
+    pub(super) version: String,
+    #[serde(rename = "core:recorder", default)]
+    pub(super) recorder: String,
+    #[serde(rename = "core:hw", default)]
+    pub(super) hardware: String,
+    #[serde(rename = "core:extensions", default)]
+    pub(super) extensions: Vec<Extension>,
+    #[serde(rename = "subaperture:setup")]
+    pub(super) setup: Option<Setup>,
+}
+
+fn one() -> u32 {
+    1
+}
+
+/// An extension's namespace.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Extension {
+    pub(super) name: String,
+    pub(super) version: String,
+    pub(super) optional: bool,
+}
+
+/// A step, or what others have annotated.
+#[derive(Deserialize)]
+#[serde(untagged)]
+pub(super) enum Annotation {
+    Step(Box<Step>),
+    Other(IgnoredAny),
+}
+
+impl Global {
+    pub(super) fn of(setup: &Setup) -> Self {
+        Self {
+            datatype: DATATYPE.to_owned(),
+            sample_rate_hz: setup.sample_rate_hz,
+            num_channels: 2,
+            version: VERSION.to_owned(),
+            recorder: "subaperture-radio".to_owned(),
+            hardware: setup.hardware.clone(),
+            extensions: vec![Extension {
+                name: SPACE.to_owned(),
+                version: "1.0.0".to_owned(),
+                optional: true,
+            }],
+            setup: Some(setup.clone()),
+        }
+    }
+}

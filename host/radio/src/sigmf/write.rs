@@ -1,0 +1,157 @@
+//! A recording, written step by step.
+
+use std::fs::{self, File};
+use std::io::{self, BufRead, BufReader, BufWriter, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use subaperture_io::atomic::write_atomically;
+
+use super::metadata::{Global, Setup, Step};
+use super::{DATA, JOURNAL, META, SigmfError, beside};
+use crate::transceiver::Sample;
+
+/// A recording that grows.
+#[derive(Debug)]
+pub struct Writer {
+    setup: Setup,
+    data: File,
+    journal: File,
+    paths: [PathBuf; 3],
+    /// Samples of each channel written.
+    written: u64,
+    bytes: Vec<u8>,
+}
+
+impl Writer {
+    /// Begins the recording `path` (a name; endings are added).
+    ///
+    /// # Errors
+    /// If one of its files is there, or cannot be made.
+    pub fn create(path: &Path, setup: Setup) -> Result<Self, SigmfError> {
+        let paths = [DATA, META, JOURNAL].map(|ending| beside(path, ending));
+        if let Some(there) = paths.iter().find(|path| path.symlink_metadata().is_ok()) {
+            return Err(SigmfError::Exists(there.clone()));
+        }
+        // The metadata first: it makes missing folders, and is valid by itself.
+        write_meta(&paths[1], &setup, None)?;
+        let new = |path: &Path| {
+            File::create_new(path).map_err(|source| match source.kind() {
+                ErrorKind::AlreadyExists => SigmfError::Exists(path.to_owned()),
+                _ => SigmfError::io(path)(source),
+            })
+        };
+        Ok(Self {
+            data: new(&paths[0])?,
+            journal: new(&paths[2])?,
+            setup,
+            paths,
+            written: 0,
+            bytes: Vec::new(),
+        })
+    }
+
+    /// Samples of each channel written so far.
+    pub fn written(&self) -> u64 {
+        self.written
+    }
+
+    /// Appends a step of two channels of `step.samples`; its place in the recording is set here.
+    ///
+    /// # Errors
+    /// If the disk is full, for example: what was written before stays whole, and so does the recording if nothing more is appended.
+    ///
+    /// # Panics
+    /// If the channels are not as long as the step says.
+    pub fn append(&mut self, mut step: Step, channels: [&[Sample]; 2]) -> Result<(), SigmfError> {
+        assert!(
+            channels.iter().all(|channel| channel.len() == step.samples),
+            "a step's channels are as long as it says"
+        );
+        step.start = self.written;
+        self.bytes.clear();
+        for (reference, echo) in channels[0].iter().zip(channels[1]) {
+            for part in [reference.re, reference.im, echo.re, echo.im] {
+                self.bytes.extend_from_slice(&part.to_le_bytes());
+            }
+        }
+        self.data
+            .write_all(&self.bytes)
+            .map_err(SigmfError::io(&self.paths[0]))?;
+        self.written += step.samples as u64;
+        let mut line =
+            serde_json::to_vec(&step).map_err(|e| SigmfError::io(&self.paths[2])(e.into()))?;
+        line.push(b'\n');
+        self.journal
+            .write_all(&line)
+            .map_err(SigmfError::io(&self.paths[2]))
+    }
+
+    /// Forces all to disk and writes the metadata of all steps.
+    ///
+    /// # Errors
+    /// Then the journal stays, and the recording opens by it.
+    pub fn finish(self) -> Result<(), SigmfError> {
+        self.data
+            .sync_all()
+            .map_err(SigmfError::io(&self.paths[0]))?;
+        self.journal
+            .sync_all()
+            .map_err(SigmfError::io(&self.paths[2]))?;
+        write_meta(&self.paths[1], &self.setup, Some(&self.paths[2]))?;
+        fs::remove_file(&self.paths[2]).map_err(SigmfError::io(&self.paths[2]))
+    }
+}
+
+/// Writes the metadata; steps are copied line by line from the journal, so that memory does not grow with them.
+fn write_meta(path: &Path, setup: &Setup, journal: Option<&Path>) -> Result<(), SigmfError> {
+    write_atomically(path, 0, |file| {
+        let mut out = BufWriter::new(file);
+        out.write_all(b"{\n\"global\": ")?;
+        serde_json::to_writer_pretty(&mut out, &Global::of(setup))?;
+        out.write_all(b",\n\"captures\": [\n")?;
+        let mut first = true;
+        each_line(journal, |line| {
+            let step: Step = serde_json::from_slice(line)?;
+            let segment = serde_json::json!({ "core:sample_start": step.start, "core:frequency": step.carrier_hz });
+            separate(&mut out, &mut first)?;
+            Ok(serde_json::to_writer(&mut out, &segment)?)
+        })?;
+        if journal.is_none() {
+            let segment = serde_json::json!({ "core:sample_start": 0 });
+            serde_json::to_writer(&mut out, &segment)?;
+        }
+        out.write_all(b"\n],\n\"annotations\": [\n")?;
+        first = true;
+        each_line(journal, |line| {
+            separate(&mut out, &mut first)?;
+            out.write_all(line)
+        })?;
+        out.write_all(b"\n]\n}\n")?;
+        out.flush()
+    })?;
+    Ok(())
+}
+
+fn separate(out: &mut impl Write, first: &mut bool) -> io::Result<()> {
+    if !std::mem::take(first) {
+        out.write_all(b",\n")?;
+    }
+    Ok(())
+}
+
+/// Every whole line of the journal, without its end.
+fn each_line(
+    journal: Option<&Path>,
+    mut take: impl FnMut(&[u8]) -> io::Result<()>,
+) -> io::Result<()> {
+    let Some(path) = journal else { return Ok(()) };
+    let mut lines = BufReader::new(File::open(path)?);
+    let mut line = Vec::new();
+    loop {
+        line.clear();
+        if lines.read_until(b'\n', &mut line)? == 0 || line.pop() != Some(b'\n') {
+            return Ok(());
+        }
+        take(&line)?;
+    }
+}

@@ -1,0 +1,339 @@
+//! A radio that is none: a scene, a track and a receiver of the simulator behind an AD9361's faults.
+//!
+//! The experiment's first transmitter and its receivers are the antennas, its scene what they see, its track where they are at
+//! the moment of a burst (the radar stands still while a burst lasts), and its receiver's clock, noise, phase noise, interference and
+//! converter are those of the radio. A burst's waveform is a period repeated, so what comes back is one too: its spectrum times
+//! the scene's response at each of its frequencies `f`, which is [`subaperture_simulate::engine`]'s sum. Of a spectral line `f_b`
+//! at carrier `f_c`, sample `t` of channel `c` is
+//!
+//! ```text
+//! A_tx (G_c(f_c + f_b) + L_c exp(-j 2 pi (f_c + f_b) d_c)) exp(j 2 pi (f_b + df) t + j (phi_tx - phi_rx))
+//! ```
+//!
+//! with `L_c`, `d_c` a coupler's or the leakage between antennas. Then, in this order, each by its own switch:
+//! settling of the synthesisers, the receiver's noises ([`Chain::receive`]), its gain, offsets of DC, unequal I and Q, and the converter,
+//! 12 bits where the experiment names none.
+//!
+//! Neglected: the first delay of a burst, in which the echo has not come yet; the filter's edge at half the sampling rate; the
+//! transmitter's own DC and image. The synthesisers' noises are independent: one process of the simulator, read 1000 s apart.
+//!
+//! Faults of the way to the host (overflow, lost packets, unplugging) are [`crate::fault::Faulty`] around it; late commands are
+//! its own. Time: a retune takes 2 ms, a burst as long as it lasts, nothing else takes any; as fast as it can, or held back to
+//! true time ([`SimulatedRadio::in_real_time`]). Cost of a burst: the engine's sum at the waveform's frequencies, and some 30
+//! operations a sample without noise. Memory: the scene's, and four bursts of 16 bytes a sample.
+
+mod analogue;
+mod echo;
+mod wiring;
+
+use std::time::{Duration, Instant};
+
+use num_complex::Complex64;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use subaperture_model::radar::{Converter, PulseShape, Radar, Waveform};
+use subaperture_model::units::power_of_db;
+use subaperture_signal::phase::phasor;
+use subaperture_simulate::Experiment;
+use subaperture_simulate::receiver::{Chain, Moment};
+
+use crate::error::RadioError;
+use crate::transceiver::{
+    About, Burst, Configuration, Event, EventKind, Ranges, Received, Sample, Sensors, Side,
+    Transceiver, check_burst,
+};
+
+pub use analogue::{Analogue, Imbalance, Settling};
+pub use wiring::{Coupled, Path, Wiring};
+
+use echo::Echo;
+
+/// Between the moments at which the two synthesisers read one process, seconds: long against all its periods.
+const APART_S: f64 = 1000.0;
+
+/// A synthesiser as it was tuned.
+#[derive(Clone, Copy, Debug)]
+struct Synthesiser {
+    carrier_hz: f64,
+    turns: f64,
+    /// Off its carrier, beside the clock's error.
+    offset_hz: f64,
+    /// Device time at which it was told.
+    at_s: f64,
+}
+
+/// A radio that is simulated.
+pub struct SimulatedRadio<'a> {
+    about: About,
+    experiment: &'a Experiment,
+    echo: Echo<'a>,
+    wiring: Wiring,
+    analogue: Analogue,
+    radar: Radar,
+    chain: Chain,
+    full_scale: f64,
+    configuration: Option<Configuration>,
+    tuned: [Option<Synthesiser>; 2],
+    tunes: u64,
+    bursts: usize,
+    now_s: f64,
+    real_time: Option<Instant>,
+    events: Vec<Event>,
+    work: Vec<Complex64>,
+}
+
+impl<'a> SimulatedRadio<'a> {
+    /// The radio of an experiment, wired so, with these faults. 1 in the experiment's units is the converter's input at
+    /// the gains that the wiring names.
+    ///
+    /// # Errors
+    /// [`RadioError::Unsupported`] if the experiment has no antenna that the wiring names, or its receiver makes no sense.
+    pub fn new(
+        experiment: &'a Experiment,
+        wiring: Wiring,
+        analogue: Analogue,
+    ) -> Result<Self, RadioError> {
+        let echo = Echo::new(experiment, &wiring).map_err(RadioError::Unsupported)?;
+        let mut radar = experiment.radar.clone();
+        // An AD9361 has 12 bits; its full scale is that of the wiring where the experiment says nothing.
+        let converter = radar.receiver.converter.get_or_insert(Converter {
+            bits: 12,
+            full_scale_db: wiring.full_scale_db,
+        });
+        let full_scale = power_of_db(converter.full_scale_db / 2.0);
+        let chain = Chain::new(&radar, experiment.seed, echo.reference_range_m())
+            .map_err(RadioError::Unsupported)?;
+        Ok(Self {
+            about: About {
+                product: "simulated B210".to_owned(),
+                serial: format!("SIM{:05}", experiment.seed % 100_000),
+                ranges: Ranges::b210(),
+            },
+            experiment,
+            echo,
+            wiring,
+            analogue,
+            radar,
+            chain,
+            full_scale,
+            configuration: None,
+            tuned: [None; 2],
+            tunes: 0,
+            bursts: 0,
+            now_s: 0.0,
+            real_time: None,
+            events: Vec::new(),
+            work: Vec::new(),
+        })
+    }
+
+    /// Holds everything back to true time.
+    #[must_use]
+    pub fn in_real_time(mut self) -> Self {
+        self.real_time = Some(Instant::now());
+        self
+    }
+
+    /// The device's clock, fast by the experiment's part.
+    fn clock_offset(&self) -> f64 {
+        self.radar.receiver.clock.map_or(0.0, |clock| clock.offset)
+    }
+
+    /// Lets the device's clock reach a time.
+    fn wait_until(&mut self, time_s: f64) {
+        self.now_s = self.now_s.max(time_s);
+        if let Some(began) = self.real_time {
+            let due = began + Duration::try_from_secs_f64(self.now_s).unwrap_or_default();
+            std::thread::sleep(due.saturating_duration_since(Instant::now()));
+        }
+    }
+
+    /// What gains do to a signal: relative to those at which 1 is 1.
+    fn gain(&self, configuration: &Configuration, channel: usize) -> [f64; 2] {
+        let amplitude = |db: f64| power_of_db(db / 2.0);
+        [
+            amplitude(configuration.transmit_gain_db - self.wiring.transmit_gain_db),
+            amplitude(configuration.receive_gain_db[channel] - self.wiring.receive_gain_db),
+        ]
+    }
+
+    /// What the receiver's chain takes the burst for.
+    fn waveform(&self, carrier_hz: f64, rate_hz: f64, num_samples: usize) -> Waveform {
+        Waveform::Pulsed {
+            centre_hz: carrier_hz,
+            sample_rate_hz: rate_hz,
+            num_samples,
+            window_start_s: 0.0,
+            shape: PulseShape::PhaseCode {
+                phases_rad: vec![0.0],
+                chip_s: 1.0 / rate_hz,
+            },
+        }
+    }
+}
+
+impl Transceiver for SimulatedRadio<'_> {
+    fn about(&self) -> &About {
+        &self.about
+    }
+
+    fn configure(&mut self, asked: &Configuration) -> Result<Configuration, RadioError> {
+        asked.check(&self.about.ranges)?;
+        let mut set = asked.clone();
+        if self.analogue.gain_steps {
+            set.transmit_gain_db = (4.0 * set.transmit_gain_db).round() / 4.0;
+            set.receive_gain_db = set.receive_gain_db.map(f64::round);
+        }
+        // The chain's link budget knows the bandwidth of what is sampled.
+        self.radar.waveform = self.waveform(
+            self.experiment.radar.waveform.centre_hz(),
+            set.sample_rate_hz,
+            1,
+        );
+        let range_m = self.echo.reference_range_m();
+        self.chain = Chain::new(&self.radar, self.experiment.seed, range_m)
+            .map_err(RadioError::Unsupported)?;
+        self.configuration = Some(set.clone());
+        self.tuned = [None; 2];
+        Ok(set)
+    }
+
+    fn now_s(&mut self) -> Result<f64, RadioError> {
+        if let Some(began) = self.real_time {
+            self.now_s = self.now_s.max(began.elapsed().as_secs_f64());
+        }
+        Ok(self.now_s)
+    }
+
+    fn tune(&mut self, side: Side, carrier_hz: f64, at_s: Option<f64>) -> Result<f64, RadioError> {
+        self.about
+            .ranges
+            .carrier_hz
+            .check("a carrier", carrier_hz, "Hz")?;
+        if at_s.is_some() {
+            let what = "retune at a time; its synthesisers are written over a bus of their own. Tune, then burst at a time";
+            return Err(RadioError::Unsupported(what.to_owned()));
+        }
+        self.now_s()?;
+        let at_s = self.now_s;
+        let mut random = ChaCha8Rng::seed_from_u64(self.experiment.seed ^ 0x5379_6e74);
+        random.set_stream(self.tunes);
+        let mut unit = || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        let turns = if self.analogue.random_phase {
+            unit()
+        } else {
+            0.0
+        };
+        let offset_hz = (2.0 * unit() - 1.0) * self.analogue.frequency_offset_hz;
+        self.tunes += 1;
+        self.tuned[usize::from(side == Side::Receive)] = Some(Synthesiser {
+            carrier_hz,
+            turns,
+            offset_hz,
+            at_s,
+        });
+        self.wait_until(at_s + self.about.ranges.retune_s);
+        Ok(carrier_hz)
+    }
+
+    fn burst(
+        &mut self,
+        burst: &Burst,
+        mut receive: [&mut [Sample]; 2],
+    ) -> Result<Received, RadioError> {
+        check_burst(burst, &receive)?;
+        let Some(configuration) = self.configuration.clone() else {
+            return Err(RadioError::NotReady("configure it first"));
+        };
+        let [Some(transmit), Some(tuned)] = self.tuned else {
+            return Err(RadioError::NotReady("tune both sides first"));
+        };
+        let now_s = self.now_s()?;
+        let count = receive[0].len();
+        if burst.at_s < now_s {
+            receive
+                .iter_mut()
+                .for_each(|channel| channel.fill(Sample::ZERO));
+            self.events.push(Event {
+                kind: EventKind::LateCommand,
+                time_s: Some(burst.at_s),
+                count: 1,
+            });
+            return Ok(Received {
+                first_s: burst.at_s,
+                late: true,
+                lost: std::iter::once(0..count).collect(),
+                clipped: [0; 2],
+            });
+        }
+        let rate_hz = configuration.sample_rate_hz;
+        self.wait_until(burst.at_s + count as f64 / rate_hz);
+        let fast = 1.0 + self.clock_offset();
+        let true_s = burst.at_s / fast;
+        // The transmitter's synthesiser against the receivers'.
+        let carrier_hz = (transmit.carrier_hz + transmit.offset_hz) * fast;
+        let apart_hz = carrier_hz - (tuned.carrier_hz + tuned.offset_hz) * fast;
+        let since_s = [transmit.at_s, tuned.at_s].map(|at_s| burst.at_s - at_s);
+        let waveform = self.waveform(carrier_hz, rate_hz, count);
+        let mut samples = std::mem::take(&mut self.work);
+        let mut clipped = [0; 2];
+        for (channel, out) in receive.iter_mut().enumerate() {
+            let [sent, received] = self.gain(&configuration, channel);
+            let period =
+                self.echo
+                    .period(channel, burst.waveform, carrier_hz, rate_hz * fast, true_s);
+            samples.clear();
+            let mut turning = phasor(transmit.turns - tuned.turns + apart_hz * true_s) * sent;
+            let step = phasor(apart_hz / (rate_hz * fast));
+            for (_, z) in (0..count).zip(period.iter().cycle()) {
+                samples.push(z * turning);
+                turning *= step;
+            }
+            self.analogue.settle(since_s, rate_hz, &mut samples);
+            let moment = Moment {
+                waveform: &waveform,
+                pulse: self.bursts,
+                receiver: channel,
+                time_s: true_s,
+                delay_s: APART_S,
+            };
+            self.chain.receive(&moment, &mut samples);
+            samples.iter_mut().for_each(|z| *z *= received);
+            self.analogue
+                .demodulate(channel, self.full_scale, &mut samples);
+            clipped[channel] = self.chain.convert(&mut samples);
+            let scale = 32768.0 / self.full_scale;
+            // `as` saturates.
+            let counts = |x: f64| (x * scale).round() as i16;
+            for (s, z) in out.iter_mut().zip(&samples) {
+                *s = Sample::new(counts(z.re), counts(z.im));
+            }
+        }
+        self.work = samples;
+        self.bursts += 1;
+        Ok(Received {
+            first_s: burst.at_s,
+            late: false,
+            lost: Vec::new(),
+            clipped,
+        })
+    }
+
+    fn sensors(&mut self) -> Result<Sensors, RadioError> {
+        let locked = |tuned: Option<Synthesiser>| {
+            tuned.is_some_and(|synthesiser| {
+                self.now_s - synthesiser.at_s >= self.about.ranges.retune_s
+            })
+        };
+        Ok(Sensors {
+            transmit_locked: locked(self.tuned[0]),
+            receive_locked: locked(self.tuned[1]),
+            reference_locked: None,
+            temperature_c: None,
+        })
+    }
+
+    fn events(&mut self, events: &mut Vec<Event>) {
+        events.append(&mut self.events);
+    }
+}

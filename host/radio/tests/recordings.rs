@@ -1,0 +1,218 @@
+//! Recordings: what standard readers find in them, what is left of a killed one, and replaying them.
+
+use std::fs::{self, OpenOptions};
+use std::io::Write;
+use std::path::Path;
+
+use subaperture_radio::record::Recorder;
+use subaperture_radio::replay::Replay;
+use subaperture_radio::sigmf::{Recording, Setup, Step, Writer};
+use subaperture_radio::{RadioError, Sample, Side, Transceiver};
+use tempfile::TempDir;
+
+use crate::scene::{THESIS, captured, experiment, plan, radio};
+
+fn setup() -> Setup {
+    let plan = plan("");
+    Setup {
+        name: "test".to_owned(),
+        hardware: "none".to_owned(),
+        sample_rate_hz: 1e6,
+        period: 8,
+        samples: 16,
+        start_hz: 1.1e9,
+        step_hz: 4e6,
+        steps: 50,
+        transmit_gain_db: 60.0,
+        receive_gain_db: [40.0; 2],
+        receive_antennas: plan.radio.receive_antennas,
+    }
+}
+
+fn step(index: usize) -> Step {
+    Step {
+        start: 0,
+        samples: 16,
+        lower_hz: 1.098e9 + 4e6 * index as f64,
+        upper_hz: 1.102e9 + 4e6 * index as f64,
+        carrier_hz: 1.1e9 + 4e6 * index as f64,
+        sweep: 0,
+        step: index,
+        time_s: 0.005 * index as f64,
+        gain_db: [40.0; 2],
+        bursts: 1,
+        flags: vec![],
+        lost: vec![(3, 5)],
+    }
+}
+
+fn channels(index: usize) -> [Vec<Sample>; 2] {
+    [0, 1].map(|c| {
+        (0..16)
+            .map(|i| Sample::new(100 * index as i16 + i, -i - 50 * c))
+            .collect()
+    })
+}
+
+fn write(path: &Path, steps: usize) -> Writer {
+    let mut writer = Writer::create(path, setup()).unwrap();
+    for index in 0..steps {
+        let [a, b] = channels(index);
+        writer.append(step(index), [&a, &b]).unwrap();
+    }
+    writer
+}
+
+/// Keys, types and the order of numbers are SigMF's, read here as JSON and bytes.
+#[test]
+fn a_finished_recording_is_sigmf() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("new/folder/name");
+    write(&path, 3).finish().unwrap();
+    let text = fs::read(path.with_extension("sigmf-meta")).unwrap();
+    let meta: serde_json::Value = serde_json::from_slice(&text).unwrap();
+    let global = &meta["global"];
+    assert_eq!(global["core:datatype"], "ci16_le");
+    assert_eq!(global["core:num_channels"], 2);
+    assert_eq!(global["core:sample_rate"], 1e6);
+    assert!(global["core:version"].is_string());
+    assert_eq!(meta["captures"].as_array().unwrap().len(), 3);
+    assert_eq!(meta["captures"][2]["core:sample_start"], 32);
+    assert_eq!(meta["captures"][2]["core:frequency"], 1.108e9);
+    assert_eq!(meta["annotations"][1]["core:sample_start"], 16);
+    assert_eq!(meta["annotations"][1]["subaperture:carrier_hz"], 1.104e9);
+    let data = fs::read(path.with_extension("sigmf-data")).unwrap();
+    assert_eq!(data.len(), 3 * 16 * 8);
+    // Step 2, sample 1: I and Q of the reference, then of the echo.
+    let parts: Vec<i16> = data[33 * 8..34 * 8]
+        .chunks(2)
+        .map(|b| i16::from_le_bytes([b[0], b[1]]))
+        .collect();
+    assert_eq!(parts, [201, -1, 201, -51]);
+    assert!(!path.with_extension("sigmf-journal").exists());
+    let mut recording = Recording::open(&path.with_extension("sigmf-data")).unwrap();
+    let mut read = [vec![], vec![]];
+    recording.read(2, &mut read).unwrap();
+    assert_eq!(read, channels(2));
+    assert_eq!(
+        recording.steps()[2],
+        Step {
+            start: 32,
+            ..step(2)
+        }
+    );
+}
+
+/// A writer that is dropped is what a killed one leaves. A torn line, and data that did not reach the disk, take the last step with them.
+#[test]
+fn what_a_killed_writer_leaves_opens() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("killed");
+    drop(write(&path, 5));
+    let steps = |path: &Path| {
+        Recording::open(path).map(|recording| (recording.steps().len(), recording.interrupted()))
+    };
+    assert_eq!(steps(&path).unwrap(), (5, true));
+    let append = |bytes: &[u8]| {
+        let journal = path.with_extension("sigmf-journal");
+        OpenOptions::new()
+            .append(true)
+            .open(journal)
+            .unwrap()
+            .write_all(bytes)
+            .unwrap();
+    };
+    append(b"{\"core:sample_start\": 80, \"core:sam");
+    assert_eq!(steps(&path).unwrap(), (5, true));
+    let data = OpenOptions::new()
+        .write(true)
+        .open(path.with_extension("sigmf-data"))
+        .unwrap();
+    data.set_len(4 * 16 * 8 + 3).unwrap();
+    assert_eq!(steps(&path).unwrap(), (4, true));
+}
+
+#[test]
+fn what_is_no_recording_is_refused_with_the_reason() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("bad");
+    write(&path, 3).finish().unwrap();
+    let (meta, data) = (
+        path.with_extension("sigmf-meta"),
+        path.with_extension("sigmf-data"),
+    );
+    let good = fs::read_to_string(&meta).unwrap();
+    let refused = |text: &str, words: &str| {
+        fs::write(&meta, text).unwrap();
+        let error = Recording::open(&path).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    };
+    refused("", "no SigMF metadata");
+    refused(&good.replace("ci16_le", "cf32_le"), "2 channels of cf32_le");
+    refused(
+        &good.replace("subaperture:setup", "other:setup"),
+        "no capture of stepped carriers",
+    );
+    refused(
+        &good.replace("\"period\": 8", "\"period\": 0"),
+        "makes no sense",
+    );
+    refused(
+        &good.replace(
+            "\"core:sample_start\":32",
+            "\"core:sample_start\":18446744073709551615",
+        ),
+        "cut off",
+    );
+    refused(&good.replace("[[3,5]]", "[[3,99]]"), "cut off");
+    // Others' annotations are skipped.
+    fs::write(
+        &meta,
+        good.replace(
+            "\"annotations\": [",
+            "\"annotations\": [{\"core:label\": \"bird\"},",
+        ),
+    )
+    .unwrap();
+    assert_eq!(Recording::open(&path).unwrap().steps().len(), 3);
+    fs::remove_file(data).unwrap();
+    assert!(
+        Recording::open(&path)
+            .unwrap_err()
+            .to_string()
+            .contains("bad.sigmf-data")
+    );
+}
+
+/// A capture replayed is the capture, to the bit; so is one from the recording of every burst, whose unsteady bursts are thrown away again.
+#[test]
+fn a_replayed_capture_is_the_capture() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let experiment = experiment(THESIS, 21);
+    let plan = plan("order = \"up-down\"\nsweeps = 2\n");
+    let first = captured(&mut radio(&experiment), &plan, &at("first"));
+    let all = Setup {
+        samples: plan.samples(),
+        ..setup()
+    };
+    let writer = Writer::create(&at("all"), all.clone()).unwrap();
+    let mut recorder = Recorder::new(radio(&experiment), writer, all);
+    captured(&mut recorder, &plan, &at("recorded"));
+    recorder.finish().unwrap();
+    let bursts = Recording::open(&at("all")).unwrap();
+    assert_eq!(bursts.steps().len() as u64, first.bursts);
+    assert!(first.bursts > first.steps);
+    let data = |name: &str| fs::read(at(name).with_extension("sigmf-data")).unwrap();
+    assert!(
+        data("recorded") == data("first"),
+        "a wrapper changes what it wraps"
+    );
+    for (from, to) in [("first", "again"), ("all", "from all")] {
+        let mut replay = Replay::new(Recording::open(&at(from)).unwrap());
+        captured(&mut replay, &plan, &at(to));
+        assert!(data(to) == data("first"), "{from}");
+        let ended = replay.tune(Side::Receive, 1.1e9, None);
+        assert!(matches!(ended, Err(RadioError::Ended(_))), "{ended:?}");
+    }
+}

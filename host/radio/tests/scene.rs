@@ -1,0 +1,92 @@
+//! The scene, the radio and the plan that the tests share.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use subaperture_describe::Description;
+use subaperture_radio::Transceiver;
+use subaperture_radio::capture::{Queues, Summary, capture};
+use subaperture_radio::plan::Plan;
+use subaperture_radio::simulated::{Analogue, Coupled, SimulatedRadio, Wiring};
+use subaperture_simulate::Experiment;
+use subaperture_simulate::scenario::Scenario;
+
+/// A B210's faults that are the receiver's; amplitudes are those at 6.3 m.
+const RADAR: &str = r#"
+    [radar]
+    kind = "ideal"
+    pulses = 1
+    pri = "1 s"
+    centre = "1.2 GHz"
+    bandwidth = "200 MHz"
+    samples = 50
+    spreading = true
+    [[radar.receiver]]
+    offset = "0, 0.1, 0 m"
+    [radar.noise]
+    power = "-20 dB"
+    [radar.phase_noise]
+    levels = ["100 Hz, -75 dBc/Hz", "10 kHz, -85 dBc/Hz", "1 MHz, -110 dBc/Hz"]
+    [radar.clock]
+    offset = "2 ppm"
+    [radar.converter]
+    bits = 12
+    full_scale = "26 dB"
+    [platform]
+    kind = "fixed"
+    position = "0, 0, 0 m"
+    [scene]
+    reference = "6.3, 0, 0 m"
+"#;
+
+/// C 5.6: a small part of a wall at 1 m, a corner reflector at 6.3 m, a wall at 16 m: amplitudes 0.79, 1 and 0.78 at the antenna.
+pub(crate) const THESIS: &[(f64, f64)] = &[(1.0, 0.0004), (6.3, 1.0), (16.0, 25.0)];
+
+/// What is at these ranges along x, with these cross sections, m².
+pub(crate) fn experiment(points: &[(f64, f64)], seed: u64) -> Experiment {
+    let mut text = format!("seed = {seed}\n{RADAR}");
+    for (range_m, square_m) in points {
+        text += &format!(
+            "[[scene.point]]\nposition = \"{range_m}, 0, 0 m\"\ncross_section = \"{square_m} m^2\"\n"
+        );
+    }
+    Scenario::new("scene.toml", text, ".").experiment().unwrap()
+}
+
+/// Half the way from the transmitter to a range along x and to the receiver, 0.1 m beside it.
+pub(crate) fn half_path_m(range_m: f64) -> f64 {
+    0.5 * (range_m + (range_m * range_m + 0.01).sqrt())
+}
+
+/// The loop of C Fig. 5.4 by 3 m of cable, antennas at 2 m of it, the transmitting antenna heard at three times a corner.
+pub(crate) fn wiring() -> Wiring {
+    let leakage = Coupled {
+        delay_s: 0.5e-9,
+        amplitude: 3.0,
+    };
+    Wiring::loopback(15e-9, 20e-9, Some(leakage))
+}
+
+/// A radio with all its faults.
+pub(crate) fn radio(experiment: &Experiment) -> SimulatedRadio<'_> {
+    SimulatedRadio::new(experiment, wiring(), Analogue::b210()).unwrap()
+}
+
+/// 1.1 to 1.3 GHz in 50 steps, and more lines of the plan.
+pub(crate) fn plan(more: &str) -> Plan {
+    let text = format!("[plan]\nstart = \"1.1 GHz\"\nstop = \"1.3 GHz\"\nsteps = 50\n{more}");
+    Plan::describe(&Description::new("plan.toml", text, ".")).unwrap()
+}
+
+/// A capture that nobody stops.
+pub(crate) fn captured(radio: &mut dyn Transceiver, plan: &Plan, path: &Path) -> Summary {
+    capture(
+        radio,
+        plan,
+        path,
+        Queues::default(),
+        None,
+        &AtomicBool::new(false),
+    )
+    .unwrap()
+}
