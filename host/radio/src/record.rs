@@ -1,6 +1,6 @@
 //! A radio whose every burst is recorded, around any radio: also those that a capture throws away while it settles.
 //!
-//! Steps of the recording are bursts; carriers are those that the receivers were tuned to. The recording is closed by
+//! Steps of the recording are bursts, sweeps as many retunes as there are carriers; carriers are those that the receivers were tuned to. The recording is closed by
 //! [`Recorder::finish`]; of one that is dropped, its journal tells the steps ([`crate::sigmf`]). All bursts have as many samples.
 
 use crate::error::RadioError;
@@ -17,7 +17,8 @@ pub struct Recorder<T> {
     setup: Setup,
     gain_db: [f64; 2],
     carrier_hz: f64,
-    bursts: u64,
+    /// Retunes of the receivers.
+    tunes: u64,
 }
 
 impl<T: Transceiver> Recorder<T> {
@@ -29,7 +30,7 @@ impl<T: Transceiver> Recorder<T> {
             radio,
             writer,
             setup,
-            bursts: 0,
+            tunes: 0,
         }
     }
 
@@ -62,6 +63,7 @@ impl<T: Transceiver> Transceiver for Recorder<T> {
         let tuned_hz = self.radio.tune(side, carrier_hz, at_s)?;
         if side == Side::Receive {
             self.carrier_hz = tuned_hz;
+            self.tunes += 1;
         }
         Ok(tuned_hz)
     }
@@ -86,7 +88,7 @@ impl<T: Transceiver> Transceiver for Recorder<T> {
             lower_hz: self.carrier_hz - half_hz,
             upper_hz: self.carrier_hz + half_hz,
             carrier_hz: self.carrier_hz,
-            sweep: self.bursts / self.setup.steps as u64,
+            sweep: self.tunes.saturating_sub(1) / self.setup.steps as u64,
             step: (place.max(0.0) as usize).min(self.setup.steps - 1),
             time_s: received.first_s,
             gain_db: self.gain_db,
@@ -102,7 +104,6 @@ impl<T: Transceiver> Transceiver for Recorder<T> {
                 .map(|gap| (gap.start, gap.end))
                 .collect(),
         };
-        self.bursts += 1;
         let written = self.writer.append(step, [reference, echo]);
         written.map_err(|error| RadioError::File(error.to_string()))?;
         Ok(received)

@@ -1,7 +1,7 @@
 //! A recording in place of a radio: what was received is received again.
 //!
 //! A retune of the receivers goes on to the next step of that carrier; bursts then give its samples, steps of the same carrier that
-//! follow at once one after another (a recording of every burst), the last of them again and again. What is asked beyond a step's
+//! follow at once in the same sweep (a recording of every burst), the last of them again and again. What is asked beyond a step's
 //! length is lost, and told so. Times are the recording's: bursts come at once, at any time asked for.
 
 use crate::error::RadioError;
@@ -120,7 +120,12 @@ impl Transceiver for Replay {
         let Some(mut index) = self.current else {
             return Err(RadioError::NotReady("tune the receivers first"));
         };
-        if self.given && self.is_of(index + 1, self.recording.steps()[index].carrier_hz) {
+        let steps = self.recording.steps();
+        let same_sweep = steps
+            .get(index + 1)
+            .is_some_and(|next| next.sweep == steps[index].sweep);
+        // A sweep that turns begins with the carrier that the last one ended with.
+        if self.given && same_sweep && self.is_of(index + 1, steps[index].carrier_hz) {
             index += 1;
             self.current = Some(index);
             self.next = index + 1;

@@ -26,7 +26,7 @@ const RADAR: &str = r#"
     [radar.noise]
     power = "-20 dB"
     [radar.phase_noise]
-    levels = ["100 Hz, -75 dBc/Hz", "10 kHz, -85 dBc/Hz", "1 MHz, -110 dBc/Hz"]
+    levels = ["1 kHz, -90 dBc/Hz", "100 kHz, -95 dBc/Hz", "500 kHz, -110 dBc/Hz"]
     [radar.clock]
     offset = "2 ppm"
     [radar.converter]

@@ -41,15 +41,15 @@ pub struct Imbalance {
 }
 
 impl Analogue {
-    /// All of it, as bad as an AD9361 that has not been calibrated for this carrier: 200 Hz a side, a transient of 0.3 ms that a retune's
-    /// 2 ms do not hide wholly, DC at -40 dB, images at -35 dB.
+    /// All of it, as bad as an AD9361 that has not been calibrated for this carrier: 200 Hz a side, a transient of 1.5 ms that a retune's
+    /// 2 ms do not hide, DC at -40 dB, images at -35 dB.
     pub fn b210() -> Self {
         Self {
             random_phase: true,
             frequency_offset_hz: 200.0,
             settling: Some(Settling {
-                time_constant_s: 0.6e-3,
-                phase_rad: 2.0,
+                time_constant_s: 1.5e-3,
+                phase_rad: 6.0,
                 amplitude: 0.3,
             }),
             dc_offset: [Complex64::new(0.01, -0.004), Complex64::new(-0.006, 0.008)],

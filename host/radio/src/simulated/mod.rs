@@ -106,7 +106,7 @@ impl<'a> SimulatedRadio<'a> {
         Ok(Self {
             about: About {
                 product: "simulated B210".to_owned(),
-                serial: format!("SIM{:05}", experiment.seed % 100_000),
+                serial: "SIM00001".to_owned(),
                 ranges: Ranges::b210(),
             },
             experiment,
@@ -320,11 +320,10 @@ impl Transceiver for SimulatedRadio<'_> {
     }
 
     fn sensors(&mut self) -> Result<Sensors, RadioError> {
-        let locked = |tuned: Option<Synthesiser>| {
-            tuned.is_some_and(|synthesiser| {
-                self.now_s - synthesiser.at_s >= self.about.ranges.retune_s
-            })
-        };
+        // A thousandth less, for times are rounded.
+        let least_s = 0.999 * self.about.ranges.retune_s;
+        let locked =
+            |tuned: Option<Synthesiser>| tuned.is_some_and(|it| self.now_s - it.at_s >= least_s);
         Ok(Sensors {
             transmit_locked: locked(self.tuned[0]),
             receive_locked: locked(self.tuned[1]),
