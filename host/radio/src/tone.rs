@@ -45,7 +45,7 @@ pub struct Mixed {
     pub reference: f64,
     /// Part of the blocks that came whole.
     pub whole: f64,
-    /// How unsteady the reference is: [`Tone::unsteadiness`].
+    /// How far the reference's blocks are from a tone: the larger of a part of its amplitude and radians of its phase.
     pub unsteady: f64,
 }
 
