@@ -28,6 +28,8 @@
 //!   ends nothing but what it must.
 //! - Memory: buffers of the queues, each of one step; nothing grows with a capture's length.
 //!
+//! Not there yet: two receiving antennas with the leakage between antennas as the reference, and phase history of captures.
+//!
 //! Backends are an implementation of [`Transceiver`] each. There is no binding to a driver here yet: [`simulated`] and [`replay`] are what
 //! there is.
 #![forbid(unsafe_code)]

@@ -107,10 +107,8 @@ impl Plan {
     /// Samples of a burst, whole periods of the tone.
     pub fn samples(&self) -> usize {
         let period = self.period();
-        (self.dwell_s * self.radio.sample_rate_hz / period as f64)
-            .round()
-            .max(1.0) as usize
-            * period
+        let periods = (self.dwell_s * self.radio.sample_rate_hz / period as f64).round();
+        (periods.max(1.0) as usize).saturating_mul(period)
     }
 
     /// Samples a period of the tone.
@@ -127,7 +125,7 @@ impl Plan {
 
     /// Bytes a second on disk, at the most.
     pub fn bytes_a_second(&self, ranges: &Ranges) -> f64 {
-        (self.steps * self.samples() * 8) as f64 / self.sweep_s(ranges).max(self.pri_s)
+        8.0 * self.steps as f64 * self.samples() as f64 / self.sweep_s(ranges).max(self.pri_s)
     }
 
     /// The carriers of a sweep in their order.
@@ -253,6 +251,7 @@ mod tests {
             assert!(error.contains(words), "{more}: {error}");
         };
         refused("tone = \"130 kHz\"\n", "whole number");
+        refused("dwell = \"100000000000 s\"\n", "the most");
         refused("pri = \"0.1 s\"\n", "a sweep every 0.1 s");
         refused(
             "[radio]\nsample_rate = \"61.44 MHz\"\n",
