@@ -251,7 +251,11 @@ mod tests {
             assert!(error.contains(words), "{more}: {error}");
         };
         refused("tone = \"130 kHz\"\n", "whole number");
-        refused("dwell = \"100000000000 s\"\n", "the most");
+        // No text says so, but a program can.
+        let mut endless = of(CHIM).unwrap();
+        endless.dwell_s = 1e300;
+        let error = endless.check(&Ranges::b210()).unwrap_err().to_string();
+        assert!(error.contains("shorten the dwell"), "{error}");
         refused("pri = \"0.1 s\"\n", "a sweep every 0.1 s");
         refused(
             "[radio]\nsample_rate = \"61.44 MHz\"\n",
