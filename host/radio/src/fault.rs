@@ -1,4 +1,5 @@
-//! Faults of the way between a radio and its host, around any radio: each by its own chance a burst and one seed, or at bursts named.
+//! Faults of the way between a radio and its host, around any radio: each by its own chance a burst and one seed; unplugging at a burst
+//! named.
 //!
 //! What is lost becomes zeros and is told, as a radio does that knows its samples' times. The same seed gives the same faults.
 
