@@ -18,7 +18,7 @@ use subaperture_tests::digest;
 const IMAGES: [(&str, &str, u64); 8] = [
     ("exact", "{}", 0x6a3d_7ee8_4020_87ef),
     ("bp", "{}", 0xf3de_3c5a_b839_cae5),
-    ("rdbp", "{}", 0x1a4e_9997_12f2_74e3),
+    ("rdbp", "{}", 0xb572_2557_d097_54a9),
     (
         "rdbp",
         r#"{ "mode": { "thesis": {} } }"#,
