@@ -113,12 +113,6 @@ impl DopplerProduct {
         row * pairs(inputs) as u64 + row
     }
 
-    /// Pulses in.
-    #[inline]
-    pub fn inputs(&self) -> usize {
-        self.inputs
-    }
-
     /// Doppler bins out.
     #[inline]
     pub fn outputs(&self) -> usize {
@@ -490,10 +484,6 @@ mod tests {
             },
             Shape {
                 outputs: shape.outputs + 1,
-                ..shape
-            },
-            Shape {
-                output_centre: 0.5,
                 ..shape
             },
             Shape {
