@@ -34,6 +34,9 @@ pub enum RadioError {
     /// A replayed recording has no more.
     #[error("the recording ends here: {0}")]
     Ended(String),
+    /// What a device's driver says, and what helps.
+    #[error("{0}")]
+    Driver(String),
     /// What a backend reads from, or a wrapper writes to, failed.
     #[error("{0}")]
     File(String),

@@ -30,9 +30,10 @@
 //!
 //! Not there yet: two receiving antennas with the leakage between antennas as the reference, and phase history of captures.
 //!
-//! Backends are an implementation of [`Transceiver`] each. There is no binding to a driver here yet: [`simulated`] and [`replay`] are what
-//! there is.
-#![forbid(unsafe_code)]
+//! Backends are an implementation of [`Transceiver`] each: [`simulated`], [`replay`], and, with the feature `uhd`, a USRP by Ettus Research's
+//! driver UHD. That is under GPL-3.0-or-later or a commercial licence: a program linked with it is passed on under these
+//! terms; without the feature nothing of it is needed.
+#![deny(unsafe_code)]
 
 pub mod capture;
 mod error;
@@ -45,6 +46,8 @@ pub mod sigmf;
 pub mod simulated;
 pub mod tone;
 mod transceiver;
+#[cfg(feature = "uhd")]
+pub mod uhd;
 
 pub use error::RadioError;
 pub use transceiver::{

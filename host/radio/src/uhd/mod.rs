@@ -1,0 +1,364 @@
+//! A USRP by UHD, Ettus Research's driver: a B210, or what has two receivers and a transmitter as one has.
+//!
+//! Needs the feature `uhd`, and UHD from 4.3 on to link with (Debian: `libuhd-dev`). **Licence:** this crate is under MIT or Apache-2.0,
+//! UHD under GPL-3.0-or-later, or under a commercial licence that Ettus Research sells. A program linked with UHD that is passed on is passed on under
+//! the GPL as a whole, unless that licence was bought. Without the feature nothing of UHD is needed or contained.
+//!
+//! # What is done by which call
+//! - Search by serial number (`uhd_usrp_find`); UHD loads firmware and FPGA image as it makes the device, and errors say what to do where
+//!   images or rights are missing.
+//! - A burst: receivers are asked for its samples at its time (`issue_stream_cmd`; two channels start together at a time only), packets are sent as
+//!   long as there is room, one is received, and so on, in one thread. Samples go where their packets' times say; where none went is lost. At the end
+//!   the transmitter's acknowledgement is waited for, so that a retune does not cut what is sent.
+//! - Waveforms are float32 until UHD rounds them to the wire's bits; samples come as 16 bits, or as the upper 12 of them
+//!   ([`Options::wire`]).
+//! - A B210's synthesisers know no time: retunes at a time are refused but for devices of the X300 series, where UHD's command time is
+//!   used.
+//! - Loss of the device is [`RadioError::Gone`], from every call on.
+//!
+//! Not measured: any of this on a real device; tests run it against a library with UHD's interface that answers from the
+//! simulated radio.
+
+mod burst;
+#[allow(unsafe_code)]
+mod calls;
+mod errors;
+#[allow(unsafe_code)]
+mod ffi;
+#[allow(unsafe_code)]
+mod streams;
+
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use crate::error::RadioError;
+use crate::transceiver::{
+    About, Burst, Configuration, Event, EventKind, Ranges, Received, Sample, Sensors, Side, Source,
+    Transceiver, check_burst,
+};
+
+use burst::Streams;
+use calls::{Port, Usrp};
+
+/// How long an external reference may take until the device has locked to it.
+const LOCK: Duration = Duration::from_secs(2);
+
+/// Samples over the wire.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wire {
+    /// 16 bits.
+    #[default]
+    Sc16,
+    /// 12 bits, all that an AD9361 has: three quarters of the bytes.
+    Sc12,
+}
+
+/// Which device, and how it is connected.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Its serial number; none where there is but one.
+    pub serial: Option<String>,
+    /// Subdevice of the transmitter, as UHD writes it.
+    pub transmit_subdevice: String,
+    /// Subdevices of the two receivers.
+    pub receive_subdevices: String,
+    /// Samples over the wire.
+    pub wire: Wire,
+}
+
+impl Default for Options {
+    /// The only B210: transmitter A, receivers A and B, 16 bits.
+    fn default() -> Self {
+        Self {
+            serial: None,
+            transmit_subdevice: "A:A".to_owned(),
+            receive_subdevices: "A:A A:B".to_owned(),
+            wire: Wire::default(),
+        }
+    }
+}
+
+/// A device that was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// What it is, as `B210`.
+    pub product: String,
+    /// Its serial number.
+    pub serial: String,
+    /// All that UHD says, as `type=b200,name=,serial=...`.
+    pub address: String,
+}
+
+/// Devices that UHD finds, with this serial number where one is given. Takes about a second; asks the network too.
+///
+/// # Errors
+/// What UHD says.
+pub fn list(serial: Option<&str>) -> Result<Vec<Found>, RadioError> {
+    let args = serial.map_or(String::new(), |serial| format!("serial={serial}"));
+    let found = calls::find(&args)?;
+    let of = |address: &str, key: &str| {
+        let mut pairs = address.split(',').filter_map(|pair| pair.split_once('='));
+        let value = pairs.find(|(name, _)| name.trim() == key);
+        value.map_or(String::new(), |(_, value)| value.trim().to_owned())
+    };
+    Ok(found
+        .into_iter()
+        .map(|address| Found {
+            product: of(&address, "product"),
+            serial: of(&address, "serial"),
+            address,
+        })
+        .collect())
+}
+
+/// A radio by UHD.
+#[derive(Debug)]
+pub struct UhdRadio {
+    // Freed before the device.
+    streams: Option<Streams>,
+    usrp: Usrp,
+    about: About,
+    wire: Wire,
+    has_temperature: bool,
+    configuration: Option<Configuration>,
+    tuned: [bool; 2],
+    gone: Option<String>,
+    events: Vec<Event>,
+}
+
+impl UhdRadio {
+    /// Opens a device. Takes seconds where its image has to be loaded.
+    ///
+    /// # Errors
+    /// [`RadioError::Driver`] if there is none, if there are several and no serial number is given, or what UHD says, with what helps.
+    pub fn open(options: &Options) -> Result<Self, RadioError> {
+        let found = list(options.serial.as_deref())?;
+        let found = match &found[..] {
+            [one] => one,
+            [] => {
+                let which = options
+                    .serial
+                    .as_ref()
+                    .map_or(String::new(), |serial| format!(" of serial number {serial}"));
+                return Err(RadioError::Driver(format!(
+                    "UHD finds no radio{which}; {}",
+                    errors::NO_DEVICE
+                )));
+            }
+            several => {
+                let serials: Vec<&str> = several.iter().map(|one| one.serial.as_str()).collect();
+                return Err(RadioError::Driver(format!(
+                    "UHD finds {} radios; say which by its serial number: {}",
+                    several.len(),
+                    serials.join(", ")
+                )));
+            }
+        };
+        let usrp = Usrp::make(&found.address)?;
+        usrp.set_subdevices(&options.transmit_subdevice, &options.receive_subdevices)?;
+        let product = usrp.board_name()?;
+        let ranges = Ranges {
+            carrier_hz: usrp.carriers_hz()?,
+            bandwidth_hz: usrp.bandwidths_hz()?,
+            transmit_gain_db: usrp.transmit_gains_db()?,
+            receive_gain_db: usrp.receive_gains_db()?,
+            transmit_antennas: usrp.antennas(Port::Tx)?,
+            receive_antennas: usrp.antennas(Port::Rx(0))?,
+            timed_tune: product.starts_with("X3"),
+            // UHD's C interface does not tell the others.
+            ..Ranges::b210()
+        };
+        let sensors = usrp.receive_sensors()?;
+        Ok(Self {
+            streams: None,
+            about: About {
+                product,
+                serial: found.serial.clone(),
+                ranges,
+            },
+            usrp,
+            wire: options.wire,
+            has_temperature: sensors.iter().any(|name| name == "temp"),
+            configuration: None,
+            tuned: [false; 2],
+            gone: None,
+            events: Vec::new(),
+        })
+    }
+
+    /// Does something with the device, if it is not gone, and notes if it is after that.
+    fn here<T>(
+        &mut self,
+        act: impl FnOnce(&mut Self) -> Result<T, RadioError>,
+    ) -> Result<T, RadioError> {
+        if let Some(said) = &self.gone {
+            return Err(RadioError::Gone(said.clone()));
+        }
+        let done = act(self);
+        if let Err(RadioError::Gone(said)) = &done {
+            self.gone = Some(said.clone());
+            self.events.push(Event {
+                kind: EventKind::Gone,
+                time_s: None,
+                count: 1,
+            });
+        }
+        done
+    }
+
+    fn set(&mut self, asked: &Configuration) -> Result<Configuration, RadioError> {
+        // Streamers do not outlive a change of the master clock.
+        (self.streams, self.configuration, self.tuned) = (None, None, [false; 2]);
+        let usrp = &self.usrp;
+        usrp.set_sources(source(asked.clock), source(asked.pps))?;
+        let master_clock_hz = usrp.set_master_clock_hz(asked.master_clock_hz)?;
+        let rates_hz = [Port::Rx(0), Port::Rx(1), Port::Tx]
+            .map(|port| usrp.set_rate_hz(port, asked.sample_rate_hz));
+        let [rate_hz, second_hz, transmit_hz] = rates_hz;
+        let sample_rate_hz = rate_hz?;
+        if second_hz? != sample_rate_hz || transmit_hz? != sample_rate_hz {
+            return Err(RadioError::Unsupported(format!(
+                "{} samples a second both ways; it sends and receives at rates that differ. Choose the master clock or a part of it",
+                asked.sample_rate_hz
+            )));
+        }
+        let bandwidth_hz = usrp.set_bandwidth_hz(asked.bandwidth_hz)?;
+        let transmit_gain_db = usrp.set_gain_db(Port::Tx, asked.transmit_gain_db)?;
+        let [first_db, second_db] = asked.receive_gain_db;
+        let receive_gain_db = [
+            usrp.set_gain_db(Port::Rx(0), first_db)?,
+            usrp.set_gain_db(Port::Rx(1), second_db)?,
+        ];
+        usrp.set_antenna(Port::Tx, &asked.transmit_antenna)?;
+        for (channel, antenna) in asked.receive_antennas.iter().enumerate() {
+            usrp.set_antenna(Port::Rx(channel), antenna)?;
+        }
+        if asked.clock != Source::Internal {
+            let began = Instant::now();
+            while !usrp.reference_locked()? {
+                if began.elapsed() > LOCK {
+                    return Err(RadioError::Driver(
+                        "the reference clock is not there: connect 10 MHz, or take the device's own clock".to_owned(),
+                    ));
+                }
+                sleep(Duration::from_millis(20));
+            }
+        }
+        // Its own pulse tells nothing that its time has not.
+        if asked.pps != Source::Internal {
+            usrp.zero_time_at_pps()?;
+        }
+        let wire = match self.wire {
+            Wire::Sc16 => "sc16",
+            Wire::Sc12 => "sc12",
+        };
+        self.streams = Some(Streams::new(usrp, wire)?);
+        Ok(Configuration {
+            master_clock_hz,
+            sample_rate_hz,
+            bandwidth_hz,
+            transmit_gain_db,
+            receive_gain_db,
+            ..asked.clone()
+        })
+    }
+}
+
+/// UHD's word.
+fn source(source: Source) -> &'static str {
+    match source {
+        Source::Internal => "internal",
+        Source::External => "external",
+        Source::Gpsdo => "gpsdo",
+    }
+}
+
+impl Transceiver for UhdRadio {
+    fn about(&self) -> &About {
+        &self.about
+    }
+
+    fn configure(&mut self, asked: &Configuration) -> Result<Configuration, RadioError> {
+        asked.check(&self.about.ranges)?;
+        let set = self.here(|radio| radio.set(asked))?;
+        self.configuration = Some(set.clone());
+        Ok(set)
+    }
+
+    fn now_s(&mut self) -> Result<f64, RadioError> {
+        self.here(|radio| radio.usrp.now_s())
+    }
+
+    fn tune(&mut self, side: Side, carrier_hz: f64, at_s: Option<f64>) -> Result<f64, RadioError> {
+        let ranges = &self.about.ranges;
+        ranges.carrier_hz.check("a carrier", carrier_hz, "Hz")?;
+        if at_s.is_some() && !ranges.timed_tune {
+            let what = "retune at a time; its synthesisers are written over a bus of their own. Tune, then burst at a time";
+            return Err(RadioError::Unsupported(what.to_owned()));
+        }
+        self.here(|radio| {
+            let usrp = &radio.usrp;
+            if at_s.is_some() {
+                usrp.command_time(at_s)?;
+            }
+            let set = match side {
+                Side::Transmit => usrp.tune_hz(Port::Tx, carrier_hz),
+                // One synthesiser, and mixing by numbers in each channel.
+                Side::Receive => usrp
+                    .tune_hz(Port::Rx(0), carrier_hz)
+                    .and_then(|set| usrp.tune_hz(Port::Rx(1), carrier_hz).map(|_| set)),
+            };
+            if at_s.is_some() {
+                usrp.command_time(None)?;
+            }
+            let set = set?;
+            radio.tuned[usize::from(side == Side::Receive)] = true;
+            Ok(set)
+        })
+    }
+
+    fn burst(
+        &mut self,
+        burst: &Burst,
+        receive: [&mut [Sample]; 2],
+    ) -> Result<Received, RadioError> {
+        check_burst(burst, &receive)?;
+        self.here(|radio| {
+            let (Some(streams), Some(set)) = (&mut radio.streams, &radio.configuration) else {
+                return Err(RadioError::NotReady("configure it first"));
+            };
+            if radio.tuned != [true; 2] {
+                return Err(RadioError::NotReady("tune both sides first"));
+            }
+            streams.burst(
+                &radio.usrp,
+                burst,
+                set.sample_rate_hz,
+                receive,
+                &mut radio.events,
+            )
+        })
+    }
+
+    fn sensors(&mut self) -> Result<Sensors, RadioError> {
+        self.here(|radio| {
+            let usrp = &radio.usrp;
+            let has_reference = matches!(&radio.configuration, Some(set) if set.clock != Source::Internal);
+            Ok(Sensors {
+                transmit_locked: usrp.locked(Port::Tx)?,
+                receive_locked: usrp.locked(Port::Rx(0))?,
+                reference_locked: has_reference
+                    .then(|| usrp.reference_locked())
+                    .transpose()?,
+                temperature_c: radio
+                    .has_temperature
+                    .then(|| usrp.temperature_c())
+                    .transpose()?,
+            })
+        })
+    }
+
+    fn events(&mut self, events: &mut Vec<Event>) {
+        events.append(&mut self.events);
+    }
+}
