@@ -53,14 +53,19 @@ const LIBRARY: [&str; 7] = [
     "simulate,autofocus,navigation",
 ];
 
+/// What needs UHD.
+pub(crate) const UHD: &str = "subaperture-uhd-stand-in/uhd";
+
 /// What is not published.
-const OURS_ALONE: [&str; 8] = [
+const OURS_ALONE: [&str; 10] = [
     "--exclude",
     "subaperture-firmware",
     "--exclude",
     "subaperture-tests",
     "--exclude",
     "subaperture-fuzz",
+    "--exclude",
+    "subaperture-uhd-stand-in",
     "--exclude",
     "subaperture-xtask",
 ];
@@ -94,6 +99,20 @@ pub(crate) fn clippy_host(runner: &mut Runner) {
             "-D",
             "warnings",
         ]),
+    );
+}
+
+/// The radio's binding to UHD, and what stands in for UHD in its tests.
+pub(crate) fn clippy_uhd(runner: &mut Runner) {
+    let mut command = cargo(&["clippy", "--package", "subaperture-radio", "--locked"]);
+    command.args(["--package", "subaperture-uhd-stand-in", "--all-targets"]);
+    command.args(["--features", UHD, "--", "-D", "warnings"]);
+    runner.check("clippy, radio by UHD", &mut command);
+    let mut command = cargo(&["doc", "--package", "subaperture-radio", "--no-deps"]);
+    command.args(["--features", "uhd", "--locked"]);
+    runner.check(
+        "documentation, radio by UHD",
+        command.env("RUSTDOCFLAGS", "-D warnings"),
     );
 }
 

@@ -30,6 +30,7 @@ Usage: cargo xtask COMMAND
   oldest     all that is published, compiled by the oldest Rust that it says it needs
   package    whether all that is published can be packed for crates.io
   unit       the tests of core, host and tests, doc tests included
+  uhd        the radio's binding to UHD, against a library that stands in for it; needs libuhd-dev
   long       the tests that take minutes each, which 'test' leaves out
   firmware   the firmware under QEMU against the host, and the bits of core and kernels on other machines
   miri       what is unsafe in the kernels under Miri, in AVX2 and NEON; needs a nightly Rust with it
@@ -103,6 +104,11 @@ fn main() -> ExitCode {
             unit(&mut runner, python);
             Ok(())
         }
+        ["uhd"] => {
+            ensure_if_possible(&[Need::Uhd], Talk::Shown);
+            suite::uhd(&mut runner);
+            Ok(())
+        }
         ["long"] => {
             suite::long(&mut runner);
             Ok(())
@@ -137,7 +143,7 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     ensure_if_possible(&[Need::OldestRust], Talk::Shown);
     let installation = thread::spawn(|| {
         // Debian's packages at once: each call of its tools takes as long as most packages.
-        let debian = [Need::Qemu, Need::Chromium];
+        let debian = [Need::Qemu, Need::Chromium, Need::Uhd];
         let debian = [&debian, prerequisites::OTHER_EMULATORS.as_slice()].concat();
         ensure_if_possible(&debian, Talk::OfFailure);
         ensure(&[Need::Qemu, Need::CargoDeny], Talk::OfFailure).map(|()| python(Talk::OfFailure))
@@ -161,6 +167,7 @@ fn test(runner: &mut Runner) -> Result<(), String> {
     let python = installation.join().expect("installing does not panic")?;
     checks::deny(runner);
     suite::kernels_elsewhere(runner);
+    suite::uhd(runner);
     // The firmware's test is one of these.
     unit(runner, python);
     Ok(())

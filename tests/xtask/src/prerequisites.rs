@@ -1,6 +1,6 @@
 //! Finds out what this machine lacks, and installs it or says how.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Once;
 
@@ -20,6 +20,8 @@ pub(crate) enum Need {
     QemuRiscv,
     Python,
     Chromium,
+    /// The driver of USRPs, to be linked with: without it the radio's binding to it is not checked.
+    Uhd,
     CargoDeny,
     /// The compiler and library of [`OLDEST_RUST`].
     OldestRust,
@@ -67,6 +69,7 @@ impl Need {
             Self::QemuRiscv => works("qemu-system-riscv32", &["--version"]),
             Self::Python => python::interpreter().is_some(),
             Self::Chromium => works("chromium", &["--version"]),
+            Self::Uhd => Path::new("/usr/include/uhd.h").exists(),
             Self::CargoDeny => cargo_deny().is_some(),
             Self::OldestRust => toolchain_installed(OLDEST_RUST),
         }
@@ -79,6 +82,7 @@ impl Need {
             Self::QemuRiscv => Source::Debian(&["qemu-system-misc"]),
             Self::Python => Source::Debian(&["python3", "python3-venv"]),
             Self::Chromium => Source::Debian(&["chromium"]),
+            Self::Uhd => Source::Debian(&["libuhd-dev"]),
             Self::Rustfmt => Source::Rustup(vec!["component", "add", "rustfmt"]),
             Self::Clippy => Source::Rustup(vec!["component", "add", "clippy"]),
             Self::Target(target) => Source::Rustup(vec!["target", "add", target]),

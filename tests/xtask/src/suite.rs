@@ -4,7 +4,7 @@ use std::path::Path;
 
 use subaperture_xtask::{link_alone, target_installed};
 
-use crate::checks::cargo;
+use crate::checks::{UHD, cargo, clippy_uhd};
 use crate::prerequisites::Need;
 use crate::runner::Runner;
 
@@ -33,6 +33,19 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
         "documentation's examples, the Keystone alone",
         &mut keystone,
     );
+}
+
+/// The radio's binding to UHD, linked with UHD as it is installed.
+pub(crate) fn uhd(runner: &mut Runner) {
+    const NAME: &str = "radio by UHD";
+    if !Need::Uhd.is_met() {
+        return runner.skip(NAME, "libuhd-dev is not installed");
+    }
+    clippy_uhd(runner);
+    let mut command = cargo(&["test", "--package", "subaperture-radio"]);
+    command.args(["--package", "subaperture-uhd-stand-in", "--features", UHD]);
+    command.args(["--lib", "--test", "uhd", "--no-fail-fast", "--locked"]);
+    runner.tests(NAME, command.args(["--", SHOW_OUTPUT]));
 }
 
 /// What is marked as ignored: each takes minutes.

@@ -211,7 +211,10 @@ mod tests {
         let whole: Vec<i16> = (1..=10).collect();
         assert_eq!(filled(&[(0, 4), (4, 4), (8, 4)]), (whole.clone(), vec![]));
         // From before the burst, twice, after it.
-        assert_eq!(filled(&[(-7, 4), (-2, 6), (1, 3), (4, 6), (40, 3)]), (whole, vec![]));
+        assert_eq!(
+            filled(&[(-7, 4), (-2, 6), (1, 3), (4, 6), (40, 3)]),
+            (whole, vec![])
+        );
         let gaps = filled(&[(1, 3), (6, 2)]);
         assert_eq!(gaps.0, [0, 2, 3, 4, 0, 0, 7, 8, 0, 0]);
         assert_eq!(gaps.1, [0..1, 4..6, 8..10]);

@@ -109,7 +109,12 @@ impl Strings {
         (0..count)
             .map(|index| {
                 let mut text = [0u8; TEXT];
-                call!(uhd_string_vector_at(self.0, index, text.as_mut_ptr().cast(), text.len()))?;
+                call!(uhd_string_vector_at(
+                    self.0,
+                    index,
+                    text.as_mut_ptr().cast(),
+                    text.len()
+                ))?;
                 Ok(until_zero(&text))
             })
             .collect()
@@ -139,7 +144,12 @@ impl Usrp {
 
     pub(super) fn board_name(&self) -> Result<String, RadioError> {
         let mut text = [0u8; TEXT];
-        call!(uhd_usrp_get_mboard_name(self.0, BOARD, text.as_mut_ptr().cast(), text.len()))?;
+        call!(uhd_usrp_get_mboard_name(
+            self.0,
+            BOARD,
+            text.as_mut_ptr().cast(),
+            text.len()
+        ))?;
         Ok(until_zero(&text))
     }
 
@@ -253,7 +263,12 @@ impl Usrp {
                 call!(uhd_usrp_get_tx_freq(self.0, 0, &mut set))?;
             }
             Port::Rx(channel) => {
-                call!(uhd_usrp_set_rx_freq(self.0, &mut request, channel, &mut result))?;
+                call!(uhd_usrp_set_rx_freq(
+                    self.0,
+                    &mut request,
+                    channel,
+                    &mut result
+                ))?;
                 call!(uhd_usrp_get_rx_freq(self.0, channel, &mut set))?;
             }
         }
@@ -297,7 +312,9 @@ impl Usrp {
         let (name, mut value) = (c"lo_locked".as_ptr(), Sensor::new()?);
         match port {
             Port::Tx => call!(uhd_usrp_get_tx_sensor(self.0, name, 0, &mut value.0))?,
-            Port::Rx(channel) => call!(uhd_usrp_get_rx_sensor(self.0, name, channel, &mut value.0))?,
+            Port::Rx(channel) => {
+                call!(uhd_usrp_get_rx_sensor(self.0, name, channel, &mut value.0))?
+            }
         }
         value.is_true()
     }
@@ -305,13 +322,23 @@ impl Usrp {
     pub(super) fn reference_locked(&self) -> Result<bool, RadioError> {
         let mut value = Sensor::new()?;
         let name = c"ref_locked".as_ptr();
-        call!(uhd_usrp_get_mboard_sensor(self.0, name, BOARD, &mut value.0))?;
+        call!(uhd_usrp_get_mboard_sensor(
+            self.0,
+            name,
+            BOARD,
+            &mut value.0
+        ))?;
         value.is_true()
     }
 
     pub(super) fn temperature_c(&self) -> Result<f64, RadioError> {
         let (mut value, mut celsius) = (Sensor::new()?, 0.0);
-        call!(uhd_usrp_get_rx_sensor(self.0, c"temp".as_ptr(), 0, &mut value.0))?;
+        call!(uhd_usrp_get_rx_sensor(
+            self.0,
+            c"temp".as_ptr(),
+            0,
+            &mut value.0
+        ))?;
         call!(uhd_sensor_value_to_realnum(value.0, &mut celsius))?;
         Ok(celsius)
     }

@@ -37,8 +37,7 @@ pub(super) fn driver_error(call: &str, code: ffi::Error, text: &str) -> RadioErr
 }
 
 /// What to do where no device is found.
-pub(super) const NO_DEVICE: &str =
-    "check its USB 3 cable and its power; 'lsusb' shows a B210 as 2500:0020; users need UHD's udev rules (uhd-usrp.rules) to see it";
+pub(super) const NO_DEVICE: &str = "check its USB 3 cable and its power; 'lsusb' shows a B210 as 2500:0020; users need UHD's udev rules (uhd-usrp.rules) to see it";
 
 #[cfg(test)]
 mod tests {
@@ -50,11 +49,20 @@ mod tests {
         let images = "RuntimeError: Could not find path for image: usrp_b200_fw.hex\n\nUsing images directory: <no images directory located>";
         assert!(text(ffi::ERROR_IO, images).contains("uhd_images_downloader"));
         assert!(text(ffi::ERROR_IO, images).contains("UHD_IMAGES_DIR"));
-        assert!(text(ffi::ERROR_USB, "USB open failed: insufficient permissions.").contains("udev"));
+        assert!(
+            text(ffi::ERROR_USB, "USB open failed: insufficient permissions.").contains("udev")
+        );
         assert!(text(41, "LookupError: KeyError: No devices found for ----->").contains("cable"));
-        let gone = driver_error("uhd_rx_streamer_recv", ffi::ERROR_IO, "LIBUSB_TRANSFER_NO_DEVICE");
+        let gone = driver_error(
+            "uhd_rx_streamer_recv",
+            ffi::ERROR_IO,
+            "LIBUSB_TRANSFER_NO_DEVICE",
+        );
         assert!(matches!(gone, RadioError::Gone(_)));
-        assert!(matches!(driver_error("x", 43, "ValueError"), RadioError::Driver(_)));
+        assert!(matches!(
+            driver_error("x", 43, "ValueError"),
+            RadioError::Driver(_)
+        ));
         assert!(matches!(name("a\0b"), Err(RadioError::Driver(_))));
     }
 }

@@ -89,6 +89,7 @@ pub(super) const TX_SEQUENCE_IN_BURST: c_uint = 32;
 macro_rules! declare {
     ($(fn $name:ident($($argument:ident: $type:ty),* $(,)?);)*) => {
         #[link(name = "uhd")]
+        // SAFETY: as the installed header has them, which the test of this module sees to.
         unsafe extern "C" {
             $(pub(super) fn $name($($argument: $type),*) -> Error;)*
         }

@@ -136,10 +136,9 @@ impl UhdRadio {
         let found = match &found[..] {
             [one] => one,
             [] => {
-                let which = options
-                    .serial
-                    .as_ref()
-                    .map_or(String::new(), |serial| format!(" of serial number {serial}"));
+                let which = options.serial.as_ref().map_or(String::new(), |serial| {
+                    format!(" of serial number {serial}")
+                });
                 return Err(RadioError::Driver(format!(
                     "UHD finds no radio{which}; {}",
                     errors::NO_DEVICE
@@ -343,13 +342,12 @@ impl Transceiver for UhdRadio {
     fn sensors(&mut self) -> Result<Sensors, RadioError> {
         self.here(|radio| {
             let usrp = &radio.usrp;
-            let has_reference = matches!(&radio.configuration, Some(set) if set.clock != Source::Internal);
+            let has_reference =
+                matches!(&radio.configuration, Some(set) if set.clock != Source::Internal);
             Ok(Sensors {
                 transmit_locked: usrp.locked(Port::Tx)?,
                 receive_locked: usrp.locked(Port::Rx(0))?,
-                reference_locked: has_reference
-                    .then(|| usrp.reference_locked())
-                    .transpose()?,
+                reference_locked: has_reference.then(|| usrp.reference_locked()).transpose()?,
                 temperature_c: radio
                     .has_temperature
                     .then(|| usrp.temperature_c())

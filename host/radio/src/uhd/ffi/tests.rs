@@ -156,7 +156,9 @@ fn complaints(text: &str) -> String {
 
 #[test]
 fn declarations_are_those_of_the_installed_header() {
-    if !Path::new("/usr/include/uhd.h").exists() || Command::new("cc").arg("--version").output().is_err() {
+    if !Path::new("/usr/include/uhd.h").exists()
+        || Command::new("cc").arg("--version").output().is_err()
+    {
         println!("skipped: needs a C compiler and uhd.h of libuhd-dev");
         return;
     }
