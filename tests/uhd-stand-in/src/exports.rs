@@ -189,8 +189,12 @@ export! {
         let args = text(args)?;
         let list = at(*at(found)?)?;
         list.clear();
-        if args.is_empty() || args == "serial=SIM00001" {
-            list.push("type=b200,name=,serial=SIM00001,product=B210".to_owned());
+        let faults = std::env::var(scene::FAULTS).unwrap_or_default();
+        let serials = if faults == "two" { &["SIM00001", "SIM00002"][..] } else { &["SIM00001"] };
+        for serial in serials {
+            if args.is_empty() || args == format!("serial={serial}") {
+                list.push(format!("type=b200,name=,serial={serial},product=B210"));
+            }
         }
     }
     fn uhd_usrp_make(h: *mut *mut Shared, args: *const c_char) {

@@ -2,8 +2,8 @@
 //! all calls of the binding without a device. What UHD refuses it refuses too, where the binding could get it wrong: a second
 //! channel without its subdevice, two channels at once without a time, a burst that begins twice.
 //!
-//! The scene is fixed (`scene.rs`). The variable `SUBAPERTURE_STAND_IN_FAULTS` names what goes wrong: `faults`, `unplug`, or `images`
-//! for a computer without UHD's images.
+//! The scene is fixed (`scene.rs`). The variable `SUBAPERTURE_STAND_IN_FAULTS` names what goes wrong: `faults`, `unplug`, `two`
+//! for two radios, or `images` for a computer without UHD's images.
 
 mod device;
 mod exports;

@@ -16,8 +16,8 @@ use subaperture_describe::Description;
 use subaperture_radio::capture::{Ended, Queues, Summary, capture};
 use subaperture_radio::plan::Plan;
 use subaperture_radio::sigmf::{Flag, Recording, Step};
-use subaperture_radio::uhd::{Options, UhdRadio, list};
-use subaperture_radio::{Source, Transceiver};
+use subaperture_radio::uhd::{Options, UhdRadio, Wire, list};
+use subaperture_radio::{RadioError, Side, Source, Transceiver};
 use tempfile::TempDir;
 
 /// Where the process records to.
@@ -78,15 +78,30 @@ fn within_a_process_of_its_own() {
         return;
     };
     let folder = PathBuf::from(folder);
-    if std::env::var(scene::FAULTS).unwrap() == "images" {
+    let faults = std::env::var(scene::FAULTS).unwrap();
+    if faults == "images" || faults == "two" {
         let refused = UhdRadio::open(&Options::default()).unwrap_err();
         fs::write(folder.join("refused"), refused.to_string()).unwrap();
         return;
     }
     assert_eq!(list(None).unwrap()[0].serial, "SIM00001");
     assert!(list(Some("other")).unwrap().is_empty());
-    let mut radio = UhdRadio::open(&Options::default()).unwrap();
+    // Its 12 bits are all that a converter has.
+    let wire = if faults == "faults" {
+        Wire::Sc12
+    } else {
+        Wire::Sc16
+    };
+    let options = Options {
+        serial: Some("SIM00001".to_owned()),
+        wire,
+        ..Options::default()
+    };
+    let mut radio = UhdRadio::open(&options).unwrap();
     assert_eq!(radio.about().product, "B210");
+    // Its synthesisers know no time.
+    let refused = radio.tune(Side::Receive, 1.2e9, Some(1.0)).unwrap_err();
+    assert!(matches!(refused, RadioError::Unsupported(_)));
     // Its time does not come from where nothing is connected.
     let mut wrong = plan().radio;
     wrong.pps = Source::External;
@@ -186,12 +201,23 @@ fn a_device_unplugged_ends_the_capture_and_leaves_what_came() {
     assert!(summary.starts_with("radio ("), "{summary}");
 }
 
+/// Why no radio is opened.
+fn refused(faults: &str) -> String {
+    let folder = TempDir::new().unwrap();
+    let output = with_stand_in("within_a_process_of_its_own", folder.path(), faults);
+    assert!(output.status.success(), "{output:?}");
+    fs::read_to_string(folder.path().join("refused")).unwrap()
+}
+
+#[test]
+fn of_two_radios_none_is_taken_unasked() {
+    let refused = refused("two");
+    assert!(refused.contains("SIM00001, SIM00002"), "{refused}");
+}
+
 #[test]
 fn missing_images_are_told_with_what_to_do() {
-    let folder = TempDir::new().unwrap();
-    let output = with_stand_in("within_a_process_of_its_own", folder.path(), "images");
-    assert!(output.status.success(), "{output:?}");
-    let refused = fs::read_to_string(folder.path().join("refused")).unwrap();
+    let refused = refused("images");
     assert!(
         refused.contains("usrp_b200_fw.hex") && refused.contains("uhd_images_downloader"),
         "{refused}"

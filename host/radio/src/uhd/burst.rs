@@ -11,6 +11,8 @@ use crate::transceiver::{Burst, Event, EventKind, Received, Sample};
 
 /// How much later than a burst's end its last packet may come, and then its acknowledgement.
 const SLACK: Duration = Duration::from_millis(100);
+/// Messages of a transmitter that UHD keeps, and more.
+const WAITING: usize = 1 << 12;
 /// How long one call waits for a packet: short against what a device has to send.
 const PACKET_S: f64 = 1e-3;
 /// Largest part of 16 bits that 12 bits have: the least that is full scale.
@@ -112,6 +114,15 @@ impl Streams {
         let wait = Duration::try_from_secs_f64(ahead_s)
             .map_err(|_| RadioError::Burst(format!("it would end in {ahead_s} s")))?
             .saturating_add(SLACK);
+        // What was said of earlier bursts after their time; no more than can be waiting.
+        for _ in 0..WAITING {
+            match self.tx.said(0.0)? {
+                Some(Said::Underflow) => tell(EventKind::Underflow),
+                Some(Said::Lost) => tell(EventKind::LostPacket),
+                Some(_) => {}
+                None => break,
+            }
+        }
         let began = Instant::now();
         self.rx.ask(all, burst.at_s)?;
         let (mut sent, mut late) = (0, false);
@@ -121,7 +132,7 @@ impl Streams {
                 let first = (sent == 0).then_some(burst.at_s);
                 let last = sent + count == all;
                 let samples = &self.sent[offset..offset + count];
-                match self.tx.send(samples, first, last)? {
+                match self.tx.send(samples, first, last, 0.0)? {
                     // No room until some of it is sent.
                     0 => break,
                     count => sent += count,
@@ -144,7 +155,7 @@ impl Streams {
         }
         if (1..all).contains(&sent) {
             // Nothing more comes; a burst that does not end is one that the next is a part of.
-            self.tx.send(&[], None, true)?;
+            self.tx.send(&[], None, true, SLACK.as_secs_f64())?;
         }
         let nothing = filled.next == 0 && !late;
         let began = Instant::now();

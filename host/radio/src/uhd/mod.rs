@@ -14,6 +14,7 @@
 //!   ([`Options::wire`]).
 //! - A B210's synthesisers know no time: retunes at a time are refused but for devices of the X300 series, where UHD's command time is
 //!   used.
+//! - UHD writes what it does to standard error; `UHD_LOG_CONSOLE_LEVEL=off` and `UHD_LOG_FASTPATH_DISABLE=1` in the environment silence it.
 //! - Loss of the device is [`RadioError::Gone`], from every call on.
 //!
 //! Not measured: any of this on a real device; tests run it against a library with UHD's interface that answers from the

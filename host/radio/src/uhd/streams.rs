@@ -182,12 +182,13 @@ impl Tx {
         self.most
     }
 
-    /// Sends what there is room for now, of a packet at most: how much that was. `at_s` is the time of a burst's first.
+    /// Sends what there is room for within the time, of a packet at most: how much that was. `at_s` is the time of a burst's first.
     pub(super) fn send(
         &self,
         samples: &[Complex32],
         at_s: Option<f64>,
         last: bool,
+        timeout_s: f64,
     ) -> Result<usize, RadioError> {
         let (full, frac) = at_s.map_or((0, 0.0), split);
         let (mut made, mut sent) = (null_mut(), 0);
@@ -207,7 +208,7 @@ impl Tx {
             buffers.as_mut_ptr(),
             samples.len(),
             &mut metadata.0,
-            0.0,
+            timeout_s,
             &mut sent,
         ))?;
         Ok(sent.min(samples.len()))
