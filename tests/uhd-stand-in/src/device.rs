@@ -47,6 +47,8 @@ pub(crate) struct Device {
     asked: Configuration,
     set: Option<Configuration>,
     pub(crate) subdevices: bool,
+    /// How often the reference clock was looked at.
+    pub(crate) reference: u32,
     /// Of the transmitter and both receivers.
     pub(crate) tuned_hz: [f64; 3],
     /// Samples asked for, and from when.
@@ -78,6 +80,7 @@ impl Device {
             },
             set: None,
             subdevices: false,
+            reference: 0,
             tuned_hz: [0.0; 3],
             command: None,
             sending: Vec::new(),

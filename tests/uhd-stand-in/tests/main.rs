@@ -102,6 +102,14 @@ fn within_a_process_of_its_own() {
     // Its synthesisers know no time.
     let refused = radio.tune(Side::Receive, 1.2e9, Some(1.0)).unwrap_err();
     assert!(matches!(refused, RadioError::Unsupported(_)));
+    // Its reference clock locks after a while.
+    let mut external = plan().radio;
+    external.clock = Source::External;
+    radio.configure(&external).unwrap();
+    let sensors = radio.sensors().unwrap();
+    assert_eq!(sensors.reference_locked, Some(true));
+    assert_eq!(sensors.temperature_c, Some(31.5));
+    assert!(!sensors.transmit_locked && !sensors.receive_locked);
     // Its time does not come from where nothing is connected.
     let mut wrong = plan().radio;
     wrong.pps = Source::External;
