@@ -13,12 +13,12 @@
 
 use super::layout::Layout;
 use super::mapper::{MAPS, PIXELS, Shapes};
+use super::times::{by_product, map_ns, pixel_ns, table_bytes};
+use crate::Aim;
 use crate::cost::{Cost, Each, StageCost, transform};
 use crate::patch::Patches;
-use crate::{Aim, TimeModel};
-use subaperture_kernels::doppler::{BLOCK, DopplerProduct, MOST_REACH};
+use subaperture_kernels::doppler::BLOCK;
 use subaperture_kernels::map::row_length;
-use subaperture_signal::scaled_dft::{ScaledDft, Shape};
 
 /// Pixels by pulses' operations of the thesis's mode.
 const THESIS_PIXEL: f64 = 88.0;
@@ -26,42 +26,6 @@ const THESIS_PIXEL: f64 = 88.0;
 const PRECISE_PIXEL: f64 = 56.0;
 /// Compensating a sample to a patch's centre, taken with its pulse's others or at its own place.
 const COMPENSATION: [f64; 2] = [8.0, 60.0];
-
-/// Nanoseconds of a frequency's Doppler transform of `bins` from `m` pulses, as a product of matrices and by chirp-z.
-fn doppler_ns(model: &TimeModel, m: f64, bins: f64) -> [f64; 2] {
-    let length = m + bins;
-    let transform = model.map_transform_ns * length * libm::log2(length.max(2.0));
-    [model.doppler_tap_ns * m * bins, 2.0 * transform]
-}
-
-/// Whether the product is the faster.
-pub(super) fn by_product(model: &TimeModel, shape: &Shape) -> bool {
-    let [product, chirp] = doppler_ns(model, shape.inputs as f64, shape.outputs as f64);
-    DopplerProduct::suits(shape) && product <= chirp
-}
-
-/// Bytes of a transform's table.
-pub(super) fn table_bytes(model: &TimeModel, frequencies: usize, shape: &Shape) -> u64 {
-    match by_product(model, shape) {
-        true => DopplerProduct::table_bytes(frequencies, shape.inputs),
-        false => ScaledDft::table_bytes(frequencies, shape.inputs, shape.outputs),
-    }
-}
-
-/// Nanoseconds of a patch's map of `bins` from `m` pulses of `k` samples: compensation, Doppler, range.
-pub(super) fn map_ns(model: &TimeModel, m: f64, k: f64, bins: f64) -> f64 {
-    let [product, chirp] = doppler_ns(model, m, bins);
-    let doppler = match bins <= (2 * MOST_REACH + 1) as f64 {
-        true => product.min(chirp),
-        false => chirp,
-    };
-    model.compensation_ns * m * k + k * doppler + bins * model.transform(2.0 * k)
-}
-
-/// Nanoseconds of a pixel read with a kernel of so many taps.
-pub(super) fn pixel_ns(model: &TimeModel, taps: f64) -> f64 {
-    model.map_pixel_ns + model.map_tap_ns * taps * taps
-}
 
 /// Of the thesis's mode laid out as `layout`.
 pub(super) fn thesis(aim: &Aim, layout: &Layout, keystone: bool) -> Cost {

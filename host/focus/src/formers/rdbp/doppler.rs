@@ -1,13 +1,13 @@
 //! A patch's samples from slow time to Doppler: compensated to its centre, Keystone and Doppler in one.
 //!
-//! Two ways to the same transform, whichever takes less time by the model ([`super::cost`]): the sum itself as a product of matrices
+//! Two ways to the same transform, whichever takes less time by the model ([`super::times`]): the sum itself as a product of matrices
 //! ([`subaperture_kernels::doppler`]) where bins are few, as they mostly are, chirp-z ([`subaperture_signal::scaled_dft`]) where pulses and bins are many.
 //! Either goes by blocks of frequencies, whose samples of all pulses stay in cache.
 
 use glam::DVec3;
 use num_complex::Complex32;
 
-use super::cost;
+use super::times;
 use crate::TimeModel;
 use crate::sub_cpi::SubCpi;
 use subaperture_fft::Transforms;
@@ -56,7 +56,7 @@ impl Doppler {
         shape: Shape,
         weight: impl Fn(usize, usize) -> f64,
     ) -> Self {
-        match cost::by_product(model, &shape) {
+        match times::by_product(model, &shape) {
             true => Self::Product(DopplerProduct::new(scales, &shape, weight)),
             false => Self::Chirp(ScaledDft::new(transforms, scales, shape, weight)),
         }

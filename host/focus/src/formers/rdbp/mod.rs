@@ -20,6 +20,7 @@ mod options;
 pub mod plan;
 pub mod precise;
 pub mod thesis;
+mod times;
 
 use serde_json::json;
 

@@ -11,7 +11,7 @@
 //! corners; then every sub-CPI is measured on every patch, and one that errs by more is halved until it does not. The worst pixel,
 //! patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
 
-use super::cost;
+use super::times;
 use crate::patch::{self, PatchSize};
 use crate::path_model::{Measure, Probe, lengths, patch_sizes};
 use crate::read_ahead::BLOCKS_HELD;
@@ -306,7 +306,7 @@ fn bytes(probe: &Probe, model: &TimeModel, length: usize, taps: usize, doppler_s
         spacing: 1.0,
     };
     let samples = length * (BLOCKS_HELD * count + 2 * BLOCK);
-    cost::table_bytes(model, count, &shape) + 8 * (map + samples as u64)
+    times::table_bytes(model, count, &shape) + 8 * (map + samples as u64)
 }
 
 /// Rough time of the image in nanoseconds of one core.
@@ -319,8 +319,8 @@ fn time_ns(
     doppler_span: f64,
 ) -> f64 {
     let bins = doppler_bins(probe, length, taps, doppler_span);
-    let map = cost::map_ns(model, length as f64, probe.band.count as f64, bins);
-    let pixels = (patch.rows * patch.columns) as f64 * cost::pixel_ns(model, taps as f64);
+    let map = times::map_ns(model, length as f64, probe.band.count as f64, bins);
+    let pixels = (patch.rows * patch.columns) as f64 * times::pixel_ns(model, taps as f64);
     let patches = probe.grid.rows.count.div_ceil(patch.rows)
         * probe.grid.columns.count.div_ceil(patch.columns);
     let sub_cpis = probe.collection.pulses.len().div_ceil(length);

@@ -37,7 +37,7 @@ use rayon::prelude::*;
 
 use super::mapper::{Mapper, Shapes};
 use super::plan::Plan;
-use super::{ENTRY, cost};
+use super::{ENTRY, cost, times};
 use crate::budget::{Budget, on_threads};
 use crate::cost::Cost;
 use crate::former::misfit;
@@ -264,7 +264,7 @@ impl<const W: usize> Forming for Opened<'_, W> {
         let tables = self
             .shapes
             .values()
-            .map(|(shape, _)| cost::table_bytes(self.aim.means.model, num_samples, shape));
+            .map(|(shape, _)| times::table_bytes(self.aim.means.model, num_samples, shape));
         budget.take("Doppler tables", tables.map(u128::from).sum(), SMALLER)?;
         let mapper = self
             .mapper
