@@ -151,7 +151,7 @@ fn a_former_knows_no_other() {
 }
 
 /// Where the library has words like options, and what they are.
-const LIKE_OPTIONS: [(&str, &str); 3] = [
+const LIKE_OPTIONS: [(&str, &str); 5] = [
     ("host/gallery/src/page.rs", "a style sheet's variables"),
     (
         "host/io/src/recording/mod.rs",
@@ -160,6 +160,14 @@ const LIKE_OPTIONS: [(&str, &str); 3] = [
     (
         "host/simulate/src/scenario/mod.rs",
         "where a setting comes from, as its faults name it",
+    ),
+    (
+        "host/radio/src/uhd/errors.rs",
+        "what the system is told of a new device",
+    ),
+    (
+        "host/radio/src/uhd/ffi/tests.rs",
+        "whether there is a compiler",
     ),
 ];
 
