@@ -17,7 +17,8 @@
 //!   comparison of the two forms, and for checking another implementation against this one.
 //!
 //! Maps of either way are read into pixels or summed as power by [`accumulate`]; those of the stream are
-//! also searched for targets by [`cfar`] and sent over a serial line by [`link`].
+//! also searched for targets by [`cfar`] and sent over a serial line by [`link`]. A radar that steps its carrier
+//! has range profiles of [`sweep`] instead.
 //!
 //! # A plan's map
 //! `M` pulses of `F` frequencies, `f[k] = start_hz + k step_hz`, reference frequency
@@ -54,12 +55,13 @@
 //! |---|---|---|---|
 //! | `stream` | [`stream`] in float32, [`cfar`], and [`accumulate`] for maps of patches | | `heapless`, for lists of detections |
 //! | `fixed` | 16-bit samples, and the stream in fixed point without floating-point arithmetic: `fixed_point` | `stream` | `fixed` |
-//! | `link` | [`link`], the wire format of a module; `serde` for what it sends | `fixed`: both forms of samples are sent; `motion`: increments too | `cobs`, `crc`, `postcard`, `serde` |
+//! | `link` | [`link`], the wire format of a module; `serde` for what it sends | `fixed`: both forms of samples are sent; `motion`: increments too; `sweep`: profiles too | `cobs`, `crc`, `postcard`, `serde` |
 //! | `selftest` | [`selftest`]: checksums that every machine must get; of the stream too if there is `link` | | |
 //! | `motion` | [`motion`]: a radar's motion from pulse to pulse, of the samples of its channels | | |
+//! | `sweep` | [`sweep`]: range profiles of a stepped-carrier radar, of the counts of its two receivers | | |
 //! | `defmt` | log formatting of everything that is logged on a target | | `defmt` |
 //!
-//! The first five are on unless `default-features = false`: a program holds only what it calls, whatever
+//! The first six are on unless `default-features = false`: a program holds only what it calls, whatever
 //! the features, so that leaving one out saves compiling and dependencies, and makes no program smaller.
 //!
 // Names of what is not there lead to the table above.
@@ -77,6 +79,7 @@
     doc = "[`selftest::SelfTest`]: crate#features"
 )]
 #![cfg_attr(not(feature = "motion"), doc = "[`motion`]: crate#features")]
+#![cfg_attr(not(feature = "sweep"), doc = "[`sweep`]: crate#features")]
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -101,6 +104,8 @@ mod sample;
 pub mod selftest;
 #[cfg(feature = "stream")]
 pub mod stream;
+#[cfg(feature = "sweep")]
+pub mod sweep;
 mod turns;
 pub mod window;
 

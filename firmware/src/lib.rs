@@ -5,6 +5,7 @@
 //! | [`station`] | the module's end of the link, without input or output |
 //! | [`engine`] | the arithmetics as the link sees them |
 //! | [`odometer`] | an odometer as the link sees it |
+//! | [`profiler`] | a profiler as the link sees it |
 //! | [`products`] | detections and chips |
 //! | [`sizes`] | what the application is built for |
 //! | `serve` | the application's loop |
@@ -21,6 +22,7 @@
 pub mod engine;
 pub mod odometer;
 pub mod products;
+pub mod profiler;
 pub mod sizes;
 pub mod station;
 

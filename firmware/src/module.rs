@@ -5,6 +5,7 @@ use subaperture_core::cfar::Column;
 use subaperture_core::link::{max_frame_bytes, max_received_bytes};
 use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{PulseStores, SubCpiProcessor};
+use subaperture_core::sweep::Profiler;
 #[cfg(not(feature = "fixed"))]
 use subaperture_core::{
     Complex32 as Sample,
@@ -22,8 +23,8 @@ use crate::products::{ChipKernel, ProductBuffers};
 #[cfg(feature = "fixed")]
 use crate::sizes::BLOCKS;
 use crate::sizes::{
-    CHANNELS, CHIP_PIXELS, DOPPLER_BINS, FREQUENCIES, ODOMETER_BINS, ODOMETER_FREQUENCIES, PATCHES,
-    PULSES, RANGE_BINS, TARGETS,
+    CARRIERS, CHANNELS, CHIP_PIXELS, DOPPLER_BINS, FREQUENCIES, ODOMETER_BINS,
+    ODOMETER_FREQUENCIES, PATCHES, PROFILER_BINS, PROFILER_PERIOD, PULSES, RANGE_BINS, TARGETS,
 };
 use crate::station::{LinkBuffers, Station};
 
@@ -52,6 +53,8 @@ static FRAME: Placed<[u8; max_frame_bytes(FREQUENCIES)]> =
 static ROW: Placed<[u8; 8 * FREQUENCIES]> = Placed::new([0; 8 * FREQUENCIES]);
 static ODOMETER: Placed<Odometer<TARGETS, CHANNELS, ODOMETER_FREQUENCIES, ODOMETER_BINS>> =
     Placed::new(Odometer::new());
+static PROFILER: Placed<Profiler<PROFILER_PERIOD, CARRIERS, PROFILER_BINS>> =
+    Placed::new(Profiler::new());
 static CHIP: Placed<[Complex32; CHIP_PIXELS]> = Placed::new([Complex32::ZERO; CHIP_PIXELS]);
 static COLUMNS: Placed<[Column; FREQUENCIES]> = Placed::new([Column::EMPTY; FREQUENCIES]);
 
@@ -74,5 +77,6 @@ pub fn station(kernel: &ChipKernel) -> Option<Station<'_, Engine<'_>>> {
     };
     let version = concat!("subaperture ", env!("CARGO_PKG_VERSION"));
     let station = Station::new(processor, buffers, products, version);
-    Some(station.with_odometer(ODOMETER.try_take()?))
+    let station = station.with_odometer(ODOMETER.try_take()?);
+    Some(station.with_profiler(PROFILER.try_take()?))
 }

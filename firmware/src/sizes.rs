@@ -7,7 +7,7 @@
 //! | `size-large` | 62 | 512 | 2048 | 70 | 64 | all of an STM32H743 |
 //!
 //! An odometer, for increments instead of maps, has room for 4 targets, 2 channels of 64 frequencies and transforms of 256 points in `size-small`, 8, 4, 256 and 1024 otherwise: its memory is that
-//! next to the core, where `size-large` leaves no more.
+//! next to the core, where `size-large` leaves no more. Nor does it to a profiler, for range profiles of a stepped-carrier radar: tones of 16 samples a period, 64 carriers and 128 bins in `size-small`, 32, 256 and 512 otherwise.
 //!
 //! What `size-large` fills: two stores of 62 pulses of 512 samples of 8 bytes and 72 of geometry are
 //! 516 832 of the 524 288 bytes of AXI SRAM; 70 rows of 512 samples of 8 bytes are 286 720 of the
@@ -62,6 +62,20 @@ const ODOMETER: [usize; 4] = if cfg!(feature = "size-small") {
     [4, 2, 64, 256]
 } else {
     [8, 4, 256, 1024]
+};
+
+/// Most samples a period of a stepped-carrier radar's tone.
+pub const PROFILER_PERIOD: usize = PROFILER[0];
+/// Most carriers a sweep.
+pub const CARRIERS: usize = PROFILER[1];
+/// Most bins of a range profile.
+pub const PROFILER_BINS: usize = PROFILER[2];
+
+/// Samples a period, carriers, bins of a profiler.
+const PROFILER: [usize; 3] = if cfg!(feature = "size-small") {
+    [16, 64, 128]
+} else {
+    [32, 256, 512]
 };
 
 /// Most pixels of a chip.

@@ -18,6 +18,7 @@ use std::process::{Command, Stdio};
 
 use subaperture_core::selftest::{
     FixedStreamSelfTest, FloatStreamSelfTest, MotionSelfTest, OdometerSelfTest, SelfTest,
+    SweepSelfTest,
 };
 use subaperture_core::stream::{BlockFloat, MapSamples, PatchMap};
 use subaperture_tests::firmware::{self, Build, finish};
@@ -162,6 +163,8 @@ fn aarch64_computes_the_same_bits() {
     assert_eq!(lines[3], format!("checksum 0x{motion:08x}"));
     let odometer = OdometerSelfTest::new().run().unwrap();
     assert_eq!(lines[5], format!("checksum 0x{odometer:08x}"));
+    let sweep = SweepSelfTest::new().run().unwrap();
+    assert_eq!(lines[7], format!("checksum 0x{sweep:08x}"));
 }
 
 fn float() -> (String, String) {

@@ -7,6 +7,7 @@ mod emulated;
 mod golden;
 mod gotcha;
 mod increments;
+mod profiles;
 mod selftest;
 mod serial_line;
 mod sessions;

@@ -3,13 +3,13 @@
 use subaperture_core::Pulse;
 use subaperture_core::cfar::{Cfar, Reach};
 use subaperture_core::link::{
-    Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, LinkCounters, Motion,
-    MotionConfiguration, Refusal, Report, State, Status,
+    Arithmetic, ChipGrid, Command, Configuration, Encoder, Encoding, Increment, LinkCounters,
+    Motion, MotionConfiguration, ProfileHeader, Refusal, Report, State, Status, SweepConfiguration,
 };
-use subaperture_core::motion;
 use subaperture_core::stream::{
     Capacity, MapHeader, Node, Patch, PulseCounters, Quantity, Setup, SetupError,
 };
+use subaperture_core::{motion, sweep};
 
 fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
     let samples = [1i16, -2, 32767, -32768].map(i16::to_le_bytes).concat();
@@ -104,6 +104,24 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
             encoding: Encoding::Sc16,
             samples: &samples,
         },
+        Command::Profiles(SweepConfiguration {
+            id: 9,
+            setup: sweep::Setup {
+                carriers: 50,
+                period: 8,
+                samples: 1000,
+                bins: 128,
+                start_hz: 1.100_125e9,
+                step_hz: 4e6,
+            },
+        }),
+        Command::Burst {
+            sweep: 70_000,
+            carrier: 49,
+            first: 936,
+            samples: &samples,
+        },
+        Command::Sweep { sweep: 70_000 },
     ];
     let mut encoder = Encoder::new();
     let mut buffer = [0; 300];
@@ -118,6 +136,7 @@ fn golden_commands() -> Vec<(&'static str, Vec<u8>)> {
 
 fn golden_reports() -> Vec<(&'static str, Vec<u8>)> {
     let row = [1.0f32, -1.0].map(f32::to_le_bytes).concat();
+    let bins = [1.0f32, -2.0].map(f32::to_le_bytes).concat();
     let pixels = [0.0f32, 2.0].map(f32::to_le_bytes).concat();
     let list = [10.5f32, 7.25, 100.0, 2.0].map(f32::to_le_bytes).concat();
     let node = |y| Node {
@@ -222,7 +241,7 @@ fn golden_reports() -> Vec<(&'static str, Vec<u8>)> {
         Report::Log {
             text: "ready: 25 °C",
         },
-        Report::Increment {
+        Report::Increment(Increment {
             pulse: 70_001,
             since: 70_000,
             targets: 4,
@@ -234,19 +253,48 @@ fn golden_reports() -> Vec<(&'static str, Vec<u8>)> {
                 targets: 3,
                 doubtful: 1,
             }),
-        },
-        Report::Increment {
+        }),
+        Report::Increment(Increment {
             pulse: 90,
             since: 90,
             targets: 0,
             echoes: 2,
             motion: None,
-        },
+        }),
         Report::Refused {
             sequence: 17,
             what: Refusal::Motion(motion::SetupError::Frequencies {
                 wanted: 300,
                 most: 256,
+            }),
+        },
+        Report::ProfileStart {
+            profile: 6,
+            header: ProfileHeader {
+                sweep: 70_000,
+                usable: 49,
+                taken: 49_936,
+                bins: 128,
+                row_bins: 64,
+            },
+        },
+        Report::ProfileRow {
+            profile: 6,
+            row: 1,
+            samples: &bins,
+        },
+        Report::ProfileEnd {
+            profile: 6,
+            rows: 2,
+            crc: 0xDEAD_BEEF,
+        },
+        Report::Refused {
+            sequence: 17,
+            what: Refusal::Sweep(sweep::SetupError::Size {
+                what: sweep::Quantity::Bins,
+                wanted: 4096,
+                least: 50,
+                most: 512,
             }),
         },
     ];
@@ -287,7 +335,7 @@ const GOLDEN_GRID: ChipGrid = ChipGrid {
 
 // Made from the tables at the head of `subaperture_core::link` by a program in another language, with
 // another library's CRC.
-const COMMAND_FRAMES: [&str; 14] = [
+const COMMAND_FRAMES: [&str; 17] = [
     // Hello
     "0201010101010506729e7a00",
     // Configure
@@ -322,8 +370,14 @@ const COMMAND_FRAMES: [&str; 14] = [
      03e03f010101010107f0bf1555814500",
     // Channel
     "03010d0101060df0a20403010101010106044001080105feffff7f068016b4c11b00",
+    // Profiles
+    "03010e0101090e093208e8078001010106d2a464d0410101010980844e41d1a650a900",
+    // Burst
+    "03010f01010a0ff0a20431a807080105feffff7f0680d8cfc0d300",
+    // Sweep
+    "03011001010910f0a204fb0f48f300",
 ];
-const REPORT_FRAMES: [&str; 14] = [
+const REPORT_FRAMES: [&str; 18] = [
     // Identity
     "0201010101011b010140800480047f100c6d6f64756c6520302e312e3087f123ca00",
     // Status
@@ -358,4 +412,12 @@ const REPORT_FRAMES: [&str; 14] = [
     "03010c0101040b5a5a0202054f24d73e00",
     // Refused, of a motion's setup
     "03010d01010409110b09ac028002cf69d82900",
+    // ProfileStart
+    "03010e0101110c06f0a20431908603800140b65ab36c00",
+    // ProfileRow
+    "03010f0101050d0601080103803f010106c070a6064400",
+    // ProfileEnd
+    "03011001010d0e0602effdb6f50d6b8149ed00",
+    // Refused, of profiles' setup
+    "03011101010409110d0b038020328004926d7fc500",
 ];

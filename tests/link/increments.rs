@@ -2,11 +2,12 @@
 //!
 //! The module is the firmware's own station in a thread of this process; the core run here on the same samples is compared with.
 
+use std::io;
 use std::time::Duration;
 
 use subaperture::monitor::Silent;
 use subaperture::onboard::link::{
-    Buffers, Increment, LinkError, Odometer, Odometry, Session, Settings,
+    Buffers, Increment, LinkError, Mismatch, Odometer, Odometry, Session, Settings, Transport,
 };
 use subaperture::phase_history::PhaseHistory;
 use subaperture_core::link::Refusal;
@@ -116,22 +117,117 @@ fn what_cannot_be_is_refused() {
     assert_eq!(refused(&scene(), wrong), Refusal::Motion(error));
     let error = motion::SetupError::Channels { most: 4 };
     assert_eq!(refused(&Scene::new(5), setup()), Refusal::Motion(error));
-    // and before it is asked.
+    // And before it is asked, in words of the host's own.
+    let mismatch = |scene: &Scene, setup: motion::Setup, receivers_m: &[[f64; 2]]| {
+        let recorded = scene.recorded(3);
+        let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
+        let task = Odometry {
+            setup,
+            transmitters_m: &scene.transmitters_m,
+            receivers_m,
+            channels: &channels,
+        };
+        match task.check() {
+            Err(LinkError::Mismatch(mismatch)) => mismatch,
+            other => panic!("{other:?}"),
+        }
+    };
+    let receivers_m = scene().receivers_m;
     let num_frequencies = 32;
     let short = motion::Setup {
         num_frequencies,
         ..setup()
     };
-    let length = Refusal::PulseLength {
-        expected: 256,
-        got: 512,
+    let length = Mismatch::Samples {
+        channel: 0,
+        samples: 64,
+        frequencies: 32,
     };
-    assert_eq!(refused(&scene(), short), length);
+    assert_eq!(mismatch(&scene(), short, &receivers_m), length);
     let start_hz = 76e9;
     let other = motion::Setup {
         start_hz,
         ..setup()
     };
-    let error = motion::SetupError::Band;
-    assert_eq!(refused(&scene(), other), Refusal::Motion(error));
+    let band = Mismatch::Band {
+        channel: 0,
+        pulse: 0,
+    };
+    assert_eq!(mismatch(&scene(), other, &receivers_m), band);
+    let channels = Mismatch::Channels {
+        transmitters: 1,
+        receivers: 1,
+        channels: 2,
+    };
+    assert_eq!(mismatch(&scene(), setup(), &receivers_m[..1]), channels);
+    let many = mismatch(&scene(), setup(), &[[0.0; 2]; 11]);
+    assert_eq!(many, Mismatch::Antennas(12));
+    let text = LinkError::from(many).to_string();
+    assert_eq!(text, "12 antennas; a message holds 11: leave some out");
+}
+
+/// A module that answers until pulses come, and from then on in another version of the protocol.
+struct Updated {
+    module: Module,
+    written: usize,
+}
+
+impl Transport for Updated {
+    fn read(&mut self, buffer: &mut [u8], wait: Duration) -> io::Result<usize> {
+        let count = self.module.read(buffer, wait)?;
+        if self.written < 3000 {
+            return Ok(count);
+        }
+        // Version 2, number 300, no message: its bytes and their checksum, of which none is zero but those that are stuffed here.
+        let body = [2, 44, 1, 1, 1];
+        let crc = crc32fast::hash(&body).to_le_bytes();
+        assert!(!crc.contains(&0));
+        let frame = [&[0, 10], &body[..], &crc, &[0]].concat();
+        buffer[..frame.len()].copy_from_slice(&frame);
+        Ok(frame.len())
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = self.module.write(bytes)?;
+        self.written += count;
+        Ok(count)
+    }
+
+    fn reconnect(&mut self) -> io::Result<()> {
+        self.module.reconnect()
+    }
+}
+
+#[test]
+fn a_module_of_another_version_is_named_and_what_was_done_is_counted() {
+    let scene = scene();
+    let recorded = scene.recorded(PULSES);
+    let channels: Vec<&dyn PhaseHistory> = recorded.iter().map(|own| own as _).collect();
+    let task = Odometry {
+        setup: setup(),
+        transmitters_m: &scene.transmitters_m,
+        receivers_m: &scene.receivers_m,
+        channels: &channels,
+    };
+    let mut updated = Updated {
+        module: Module::start(Manner::default()),
+        written: 0,
+    };
+    let mut buffers = Buffers::new();
+    let mut session = Session::open(&mut updated, &mut buffers, settings(), &mut Silent).unwrap();
+    let told = session.increments(&task, &mut Silent);
+    assert!(
+        matches!(told.ending, Err(LinkError::Version(2))),
+        "{:?}",
+        told.ending
+    );
+    let mut module = Module::start(Manner::default());
+    let mut session = Session::open(&mut module, &mut buffers, settings(), &mut Silent).unwrap();
+    session.increments(&task, &mut Silent).ending.unwrap();
+    let counts = session.counts();
+    let pulses = PULSES as u64;
+    assert_eq!((counts.pulses, counts.pulses_sent), (pulses, pulses));
+    assert_eq!((counts.runs, counts.module_pulses.accepted), (1, pulses));
+    // The channels of all pulses, and a few questions.
+    assert!(counts.frames_to_module.taken >= 2 * pulses, "{counts:?}");
 }

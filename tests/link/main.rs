@@ -7,5 +7,6 @@ mod increments;
 mod maps_file;
 mod maps_image;
 mod messages;
+mod profiles;
 mod session;
 mod station;

@@ -5,12 +5,13 @@ use std::f64::consts::TAU;
 use num_complex::Complex32;
 use subaperture::geometry::SceneFrame;
 use subaperture::glam::{DVec2, DVec3};
-use subaperture::onboard::link::Increment;
 use subaperture::phase_history::{
     Channel, Channels, Collection, InMemory, PhaseHistory, Pulse, Sweep,
 };
-use subaperture_core::link::Motion;
-use subaperture_core::motion::{Antennas, Follow, Odometer, Progress, Setup};
+use subaperture_core::link::{Increment, Motion};
+use subaperture_core::motion::{Antennas, Follow, Odometer, Progress, Setup, Step};
+
+use crate::random::Random;
 
 const C_M_S: f64 = 299_792_458.0;
 
@@ -211,19 +212,7 @@ impl Scene {
                     Progress::Step(step) => break step,
                 }
             };
-            all.push(Increment {
-                pulse: step.pulse,
-                since: step.since,
-                targets: step.targets,
-                echoes: step.echoes,
-                motion: step.moved.map(|moved| Motion {
-                    moved_m: moved.increment.moved_m,
-                    turn_rad: moved.increment.turn_rad,
-                    residual_m: moved.residual_m as f32,
-                    targets: moved.targets as u16,
-                    doubtful: moved.doubtful as u16,
-                }),
-            });
+            all.push(as_sent(&step));
         }
         let moved = all.iter().filter(|own| own.motion.is_some()).count();
         assert!(2 * moved > pulses, "{moved} of {pulses}");
@@ -244,6 +233,23 @@ impl Scene {
     }
 }
 
+/// What the link makes of a step.
+pub fn as_sent(step: &Step) -> Increment {
+    Increment {
+        pulse: step.pulse,
+        since: step.since,
+        targets: step.targets,
+        echoes: step.echoes,
+        motion: step.moved.map(|moved| Motion {
+            moved_m: moved.increment.moved_m,
+            turn_rad: moved.increment.turn_rad,
+            residual_m: moved.residual_m as f32,
+            targets: moved.targets as u16,
+            doubtful: moved.doubtful as u16,
+        }),
+    }
+}
+
 /// Where the radar is at pulse `n`: 0.7 mm a pulse along x, and some of all else.
 pub fn pose(n: usize) -> Pose {
     let u = n as f64 / 300.0;
@@ -256,23 +262,4 @@ pub fn between(from: Pose, to: Pose) -> ([f64; 2], f64) {
     let (sin, cos) = from.1.sin_cos();
     let [x, y] = [to.0[0] - from.0[0], to.0[1] - from.0[1]];
     ([cos * x + sin * y, cos * y - sin * x], to.1 - from.1)
-}
-
-/// Numbers without a pattern that matters: SplitMix64.
-struct Random(u64);
-
-impl Random {
-    fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    fn gaussians(&mut self) -> [f64; 2] {
-        let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
-        let (sin, cos) = (TAU * self.uniform()).sin_cos();
-        [radius * cos, radius * sin]
-    }
 }

@@ -105,12 +105,12 @@ pub enum LossCause {
 
 /// The one transfer under way, and how many came whole.
 #[derive(Debug)]
-struct Transfer<'b, T> {
+pub(super) struct Transfer<'b, T> {
     buffer: &'b mut [u8],
     open: Option<Open<T>>,
     /// Lowest number that has not been decided.
     next: u32,
-    complete: u32,
+    pub(super) complete: u32,
 }
 
 /// A transfer whose start has come.
@@ -125,7 +125,7 @@ struct Open<T> {
 }
 
 impl<'b, T: Copy> Transfer<'b, T> {
-    const fn new(buffer: &'b mut [u8]) -> Self {
+    pub(super) const fn new(buffer: &'b mut [u8]) -> Self {
         Self {
             buffer,
             open: None,
@@ -158,7 +158,7 @@ impl<'b, T: Copy> Transfer<'b, T> {
         Err(Loss { number, cause })
     }
 
-    fn start(
+    pub(super) fn start(
         &mut self,
         number: u32,
         subject: T,
@@ -190,7 +190,7 @@ impl<'b, T: Copy> Transfer<'b, T> {
         Ok(())
     }
 
-    fn row(&mut self, number: u32, row: u16, samples: &[u8]) -> Result<(), Loss> {
+    pub(super) fn row(&mut self, number: u32, row: u16, samples: &[u8]) -> Result<(), Loss> {
         if !self.turn_to(number) {
             return Ok(());
         }
@@ -218,7 +218,12 @@ impl<'b, T: Copy> Transfer<'b, T> {
     }
 
     /// What the transfer was of, and its bytes.
-    fn end(&mut self, number: u32, rows: u16, crc: u32) -> Result<Option<(T, &[u8])>, Loss> {
+    pub(super) fn end(
+        &mut self,
+        number: u32,
+        rows: u16,
+        crc: u32,
+    ) -> Result<Option<(T, &[u8])>, Loss> {
         if !self.turn_to(number) {
             return Ok(None);
         }
@@ -237,11 +242,11 @@ impl<'b, T: Copy> Transfer<'b, T> {
         Ok(self.buffer.get(..len).map(|bytes| (subject, bytes)))
     }
 
-    fn lost(&self) -> u32 {
+    pub(super) fn lost(&self) -> u32 {
         self.next.saturating_sub(self.complete)
     }
 
-    fn restart(&mut self) {
+    pub(super) fn restart(&mut self) {
         self.open = None;
         self.next = 0;
         self.complete = 0;

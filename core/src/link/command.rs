@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 use super::Message;
 use crate::Pulse;
 use crate::cfar::Cfar;
-use crate::motion;
 use crate::stream::{Patch, Setup};
+use crate::{motion, sweep};
 
-/// What the host sends. Every command but [`Command::Pulse`] is answered, see [`crate::link`].
+/// What the host sends. Every command but those that carry samples is answered, see [`crate::link`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Command<'a> {
@@ -85,6 +85,25 @@ pub enum Command<'a> {
         #[serde(serialize_with = "super::as_bytes")]
         samples: &'a [u8],
     },
+    /// Begins a configuration of a third kind: range profiles of a stepped-carrier radar. What was configured before is forgotten; [`Command::Weights`], one a carrier, make it complete.
+    Profiles(SweepConfiguration),
+    /// A part of a burst of such a run. What lies between the parts that come is missing.
+    Burst {
+        /// Number of the sweep.
+        sweep: u32,
+        /// Index of the carrier.
+        carrier: u16,
+        /// Number of the first sample in the burst.
+        first: u32,
+        /// Counts of reference and echo ([`super::pairs`]).
+        #[serde(serialize_with = "super::as_bytes")]
+        samples: &'a [u8],
+    },
+    /// All bursts of a sweep have been sent: answered by its profile, as often as it is asked.
+    Sweep {
+        /// Number of the sweep.
+        sweep: u32,
+    },
 }
 
 impl Message for Command<'_> {
@@ -111,6 +130,16 @@ pub struct MotionConfiguration {
     pub id: u32,
     /// The setup.
     pub setup: motion::Setup,
+}
+
+/// Name and setup of a configuration that brings range profiles.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SweepConfiguration {
+    /// Number, the host's choice; [`super::Status::configuration`] repeats it.
+    pub id: u32,
+    /// The setup.
+    pub setup: sweep::Setup,
 }
 
 /// How samples lie in a message.

@@ -54,6 +54,9 @@
 //! | 11 | `Motion` | id `u32`, motion setup |
 //! | 12 | `Antennas` | transmitters `u16`, places `bytes` (16 each: x, y metres `f64`), transmitters first |
 //! | 13 | `Channel` | pulse `u32`, channel `u16`, reference path metres `f64`, encoding, samples `bytes` |
+//! | 14 | `Profiles` | id `u32`, sweep setup |
+//! | 15 | `Burst` | sweep `u32`, carrier `u16`, first sample `u32`, samples `bytes` (8 each: real and imaginary counts of the reference, then of the echo, 16-bit two's complement, little endian) |
+//! | 16 | `Sweep` | sweep `u32` |
 //!
 //! ## Module to host: [`Report`]
 //!
@@ -71,6 +74,9 @@
 //! | 9 | `Refused` | sequence `u32`, refusal |
 //! | 10 | `Log` | text `text` |
 //! | 11 | `Increment` | pulse `u32`, since `u32`, targets `u16`, echoes `u16`, motion, if any |
+//! | 12 | `ProfileStart` | profile `u32`, profile header |
+//! | 13 | `ProfileRow` | profile `u32`, row `u16`, samples `bytes` (8 each) |
+//! | 14 | `ProfileEnd` | profile `u32`, rows `u16`, crc `u32` |
 //!
 //! ## Parts
 //!
@@ -84,6 +90,8 @@
 //! | motion setup | frequencies `u16`, range length `u16`, start hertz `f64`, step hertz `f64`, side lobes dB `f64`, nearest and farthest range metres `[f64; 2]`, guard and training cells `u16` each, rank `f64`, probability of false alarm `f64`, least SNR dB `f64`, follow |
 //! | follow | gate, acceleration, distance apart in cells `f64` each, seen, within, bridge pulses `u16` each |
 //! | motion, if any | `u8` 0 for none; 1, along the array and ahead metres `[f64; 2]`, turn radians `f64`, residual metres `f32`, targets `u16`, doubtful `u16` |
+//! | sweep setup | carriers `u16`, samples a period `u16`, samples a burst `u32`, bins `u16`, start hertz `f64`, step hertz `f64` |
+//! | profile header | sweep `u32`, usable carriers `u16`, samples taken `u32`, bins `u16`, bins of a row `u16` |
 //! | grid | patch `u16`, origin, column step, row step metres `[f64; 3]` each, columns `u16`, rows `u16` |
 //! | arithmetic | 0 `Float`, 1 `Fixed` |
 //! | capacity | pulses, frequencies, range bins, Doppler bins, patches, `u16` each |
@@ -92,8 +100,10 @@
 //! | pulse counters | accepted, lost, repeated, refused, dropped, at limit, saturated, incomplete, `u32` each |
 //! | header | sub-CPI `u32`, patch index `u16`, pulses `u16`, patch, time of first and last pulse seconds `[f64; 2]`, weight sum `f32`, two nodes |
 //! | node | transmitter metres `[f64; 3]`, receiver metres `[f64; 3]` |
-//! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported`, 11 `Motion` motion error, 12 `Antennas` |
+//! | refusal | 0 `NotConfigured`, 1 `Running`, 2 `NotRunning`, 3 `Setup` setup error, 4 `Weights`, 5 `PatchIndex`, 6 `Encoding`, 7 `PulseLength` expected `u32` got `u32`, 8 `Chip` wanted `u32` most `u32`, 9 `Detect`, 10 `Unsupported`, 11 `Motion` motion error, 12 `Antennas`, 13 `Sweep` sweep error |
 //! | motion error | 0 `Frequencies` wanted `u16` most `u16`, 1 `RangeLength` wanted `u16` most `u16`, 2 `Band`, 3 `Window`, 4 `Ranges`, 5 `Detection`, 6 `Follow`, 7 `Channels` most `u16`, 8 `Array` |
+//! | sweep error | 0 `Size` sweep quantity, wanted `u32`, least `u32`, most `u32`; 1 `NoPowerOfTwo` `u16`; 2 `Band`; 3 `NotFinite` |
+//! | sweep quantity | 0 carriers, 1 samples a period, 2 samples a burst, 3 bins, 4 weights |
 //! | setup error | 0 `Size` quantity, wanted `u32`, most `u32`; 1 `RangeLength` `u16`; 2 `DopplerLength` `u16`; 3 `Band`; 4 `NotFinite` |
 //! | quantity | 0 pulses, 1 frequencies, 2 weights, 3 range length, 4 range gate, 5 Doppler band, 6 map, 7 patches |
 //!
@@ -131,6 +141,9 @@
 //! - Increments: `Motion` and `Antennas` take the place of the configuration above, `Channel` that of `Pulse`, one for every channel of a pulse. The credit is a pulse: the next may be sent once the
 //!   increment of the one before has come. A host that does not get it asks with `Status`, and sends all channels of the pulse again: those that were lost complete it, and
 //!   of a pulse that is done the increment is sent again.
+//! - Profiles: `Profiles` and `Weights`, one a carrier, take the place of the configuration above, `Burst` that of `Pulse`: a burst goes in as many parts as it takes, of several sizes if need be, and what was lost on the way or never sampled
+//!   is missing from it. `Sweep` is answered by `ProfileStart`, `ProfileRow` and `ProfileEnd`, and asked again by a host that does not get all of them. The header tells how many samples came: a host that sent more may send the
+//!   sweep again, from its first burst on. There is no credit: samples are taken as they come.
 //! - Maps are not sent again. One that does not come whole is lost, and the rest of the run is not
 //!   affected; the run's last `Status` says how many there were.
 //! - A host that drops a frame as [`Damage::Repeated`] greets the module: it began anew.
@@ -146,6 +159,7 @@
 mod assembly;
 mod command;
 mod frame;
+mod profiles;
 mod receiver;
 mod report;
 mod samples;
@@ -153,17 +167,22 @@ mod samples;
 pub use assembly::{
     AssembledChip, AssembledMap, ChipAssembly, Loss, LossCause, MapAssembly, TransferChecksum,
 };
-pub use command::{ChipGrid, Command, Configuration, Encoding, MotionConfiguration};
+pub use command::{
+    ChipGrid, Command, Configuration, Encoding, MotionConfiguration, SweepConfiguration,
+};
 pub use frame::{
     EncodeError, Encoder, MAX_MESSAGE_BYTES, Message, OVERHEAD_BYTES, PROTOCOL_VERSION,
     max_frame_bytes, max_received_bytes,
 };
+pub use profiles::{AssembledProfile, ProfileAssembly};
 pub use receiver::{Damage, LinkCounters, Received, Receiver};
-pub use report::{Arithmetic, MAX_TEXT_BYTES, Motion, Refusal, Report, State, Status};
+pub use report::{
+    Arithmetic, Increment, MAX_TEXT_BYTES, Motion, ProfileHeader, Refusal, Report, State, Status,
+};
 pub use samples::{
-    DETECTION_BYTES, MAX_ANTENNAS, MAX_DETECTIONS, Row, complex32s, detections, f32s, places,
-    row_bytes, sc16s, write_block_row, write_complex32s, write_detections, write_f32s,
-    write_map_row, write_places, write_sc16s,
+    DETECTION_BYTES, MAX_ANTENNAS, MAX_DETECTIONS, Row, complex32s, detections, f32s, pairs,
+    places, row_bytes, sc16s, write_block_row, write_complex32s, write_detections, write_f32s,
+    write_map_row, write_pairs, write_places, write_sc16s,
 };
 
 /// Serialises bytes as one run; serde would take a slice element by element, to the same bytes.

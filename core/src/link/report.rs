@@ -4,9 +4,10 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::{ChipGrid, Encoding, LinkCounters, Message};
+use super::{ChipGrid, Encoding, LinkCounters, MAX_ANTENNAS, Message};
 use crate::motion::{self, Step};
 use crate::stream::{Capacity, MapHeader, PulseCounters, SetupError};
+use crate::sweep;
 
 /// Most bytes of the text of [`Report::Log`] and of the version of [`Report::Identity`].
 pub const MAX_TEXT_BYTES: usize = 160;
@@ -115,19 +116,73 @@ pub enum Report<'a> {
         /// At most [`MAX_TEXT_BYTES`].
         text: &'a str,
     },
-    /// What a pulse told of the radar's own motion ([`crate::motion::Step`]).
-    Increment {
-        /// Number of the pulse.
-        pulse: u32,
-        /// That of the pulse from which the motion is told; of a run's first its own.
-        since: u32,
-        /// Targets seen in this pulse.
-        targets: u16,
-        /// Echoes in this pulse, of targets or not.
-        echoes: u16,
-        /// The motion; none of the first pulse, and where too few targets were seen in both.
-        motion: Option<Motion>,
+    /// What a pulse told of the radar's own motion.
+    Increment(Increment),
+    /// A range profile begins.
+    ProfileStart {
+        /// Number of the profile in the run, from 0.
+        profile: u32,
+        /// What it is of.
+        header: ProfileHeader,
     },
+    /// Bins of the profile that began last, in order.
+    ProfileRow {
+        /// Number of the profile.
+        profile: u32,
+        /// Number of the row, from 0.
+        row: u16,
+        /// [`ProfileHeader::row_bins`] values of 8 bytes ([`super::complex32s`]).
+        #[serde(serialize_with = "super::as_bytes")]
+        samples: &'a [u8],
+    },
+    /// The profile is complete.
+    ProfileEnd {
+        /// Number of the profile.
+        profile: u32,
+        /// Rows sent.
+        rows: u16,
+        /// [`super::TransferChecksum`] of the header and the rows.
+        crc: u32,
+    },
+}
+
+/// What a range profile is of: a [`sweep::SweepProfile`] without its values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ProfileHeader {
+    /// Number of the sweep.
+    pub sweep: u32,
+    /// Carriers that it is made of.
+    pub usable: u16,
+    /// Samples of each channel that came.
+    pub taken: u32,
+    /// Bins; none where too few carriers are usable.
+    pub bins: u16,
+    /// Bins of a row, of which all rows have as many.
+    pub row_bins: u16,
+}
+
+impl ProfileHeader {
+    /// Rows.
+    pub fn num_rows(&self) -> u16 {
+        self.bins.checked_div(self.row_bins).unwrap_or(0)
+    }
+}
+
+/// What a pulse told of the radar's own motion: a [`Step`] as it is sent.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Increment {
+    /// Number of the pulse.
+    pub pulse: u32,
+    /// That of the pulse from which the motion is told; of a run's first its own.
+    pub since: u32,
+    /// Targets seen in this pulse.
+    pub targets: u16,
+    /// Echoes in this pulse, of targets or not.
+    pub echoes: u16,
+    /// The motion; none of the first pulse, and where too few targets were seen in both.
+    pub motion: Option<Motion>,
 }
 
 /// How the radar moved, in the array's frame at the former pulse.
@@ -146,10 +201,10 @@ pub struct Motion {
     pub doubtful: u16,
 }
 
-impl From<&Step> for Report<'_> {
+impl From<&Step> for Increment {
     fn from(step: &Step) -> Self {
         let most = usize::from(u16::MAX);
-        Self::Increment {
+        Self {
             pulse: step.pulse,
             since: step.since,
             targets: step.targets,
@@ -261,6 +316,8 @@ pub enum Refusal {
     Motion(motion::SetupError),
     /// More antennas than a message holds, no whole number of them, or fewer than are transmitters.
     Antennas,
+    /// The setup or the weights of range profiles cannot be.
+    Sweep(sweep::SetupError),
 }
 
 impl fmt::Display for Refusal {
@@ -297,9 +354,11 @@ impl fmt::Display for Refusal {
                 "detection needs training cells and a false alarm rate above 0 and below 1",
             ),
             Self::Unsupported => f.write_str("the module was built without this"),
+            Self::Sweep(error) => write!(f, "range profiles cannot be had so: {error}"),
             Self::Motion(error) => write!(f, "increments cannot be had so: {error}"),
-            Self::Antennas => f.write_str(
-                "antennas are 3 to 11 places of 16 bytes each, transmitters first, and receivers among them",
+            Self::Antennas => write!(
+                f,
+                "antennas are 3 to {MAX_ANTENNAS} places of 16 bytes each, transmitters first, and receivers among them"
             ),
         }
     }

@@ -15,7 +15,7 @@
 //! assert!(complex32s(bytes).eq(samples));
 //! ```
 
-use num_complex::Complex32;
+use num_complex::{Complex, Complex32};
 
 use super::Encoding;
 use crate::Sc16;
@@ -86,6 +86,25 @@ pub fn sc16s(bytes: &[u8]) -> impl ExactSizeIterator<Item = Sc16> + Clone + '_ {
         let [a, b, c, d] = *sample;
         Sc16::from_bits(i16::from_le_bytes([a, b]), i16::from_le_bytes([c, d]))
     })
+}
+
+/// Reads counts of two channels side by side, reference and echo: 8 bytes a pair.
+pub fn pairs(bytes: &[u8]) -> impl ExactSizeIterator<Item = [Complex<i16>; 2]> + Clone + '_ {
+    bytes.as_chunks().0.iter().map(|pair| {
+        let [a, b, c, d, e, f, g, h] = *pair;
+        let counts = |re, im| Complex::new(i16::from_le_bytes(re), i16::from_le_bytes(im));
+        [counts([a, b], [c, d]), counts([e, f], [g, h])]
+    })
+}
+
+/// Writes counts of two channels side by side, reference and echo: 8 bytes a pair.
+pub fn write_pairs<'b>(pairs: &[[Complex<i16>; 2]], buffer: &'b mut [u8]) -> Option<&'b [u8]> {
+    let pairs = pairs.iter().map(|[reference, echo]| {
+        let ([a, b], [c, d]) = (reference.re.to_le_bytes(), reference.im.to_le_bytes());
+        let ([e, f], [g, h]) = (echo.re.to_le_bytes(), echo.im.to_le_bytes());
+        [a, b, c, d, e, f, g, h]
+    });
+    write(pairs, buffer)
 }
 
 /// Writes samples of [`Encoding::Sc16`].

@@ -12,6 +12,8 @@
 //!
 //! Clutter that is no point, and targets for which there was no room, count as noise of all ranges.
 
+use core::f64::consts::PI;
+
 use num_complex::Complex32;
 
 use super::setup::Axis;
@@ -82,6 +84,15 @@ impl<const CHANNELS: usize> Seen<CHANNELS> {
         phase_sigma_rad: 0.0,
         least_snr: 0.0,
     };
+
+    /// As seen a whole profile nearer or farther: of an even number of frequencies, whose middle is between two, the phase there is another by half a turn.
+    pub(super) fn turn_round(&mut self, frequencies: usize) {
+        if frequencies.is_multiple_of(2) {
+            for phase in &mut self.phases_rad {
+                *phase -= libm::copysign(PI, *phase);
+            }
+        }
+    }
 }
 
 impl Moments {

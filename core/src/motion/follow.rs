@@ -62,8 +62,12 @@ impl<const TARGETS: usize, const CHANNELS: usize> Follower<TARGETS, CHANNELS> {
         (pulses, channels): (u32, usize),
         told: &mut [Echo<CHANNELS>],
     ) -> usize {
-        // All are forgotten after a longer gap.
-        for _ in 0..pulses.min(u32::from(follow.bridge) + 2) {
+        self.forget(follow, pulses);
+        // As many as a target can be unseen, or a candidate be young: nothing is left after more.
+        for _ in 0..pulses {
+            if !self.all.iter().any(|own| own.is_there) {
+                break;
+            }
             self.predict(follow);
         }
         self.find_crossings(follow);
@@ -94,13 +98,19 @@ impl<const TARGETS: usize, const CHANNELS: usize> Follower<TARGETS, CHANNELS> {
                 self.bear(follow, echo);
             }
         }
+        self.forget(follow, 1);
+        count
+    }
+
+    /// Forgets what is too old once `pulses` more have gone by, before an echo that happens to lie there is taken for it: targets unseen for longer than is bridged, candidates that cannot be
+    /// confirmed any more.
+    fn forget(&mut self, follow: &Follow, pulses: u32) {
         for own in &mut self.all {
             own.is_there &= match own.confirmed {
-                true => own.unseen <= u32::from(follow.bridge),
-                false => own.age.saturating_add(1) < u32::from(follow.within),
+                true => own.unseen.saturating_add(pulses) <= u32::from(follow.bridge) + 1,
+                false => own.age.saturating_add(pulses) < u32::from(follow.within),
             };
         }
-        count
     }
 
     fn predict(&mut self, follow: &Follow) {
@@ -176,6 +186,16 @@ impl<const TARGETS: usize, const CHANNELS: usize> Follower<TARGETS, CHANNELS> {
         }
     }
 
+    /// The next name that nothing which is followed has.
+    fn name(&self) -> u16 {
+        let is_taken = |name| self.all.iter().any(|own| own.is_there && own.name == name);
+        // Of so many in a row one is free, for there are no more that are followed.
+        (0..=TARGETS)
+            .map(|step| self.next.wrapping_add(step as u16))
+            .find(|name| !is_taken(*name))
+            .unwrap_or(self.next)
+    }
+
     fn bear(&mut self, follow: &Follow, echo: &Seen<CHANNELS>) {
         let near = self.is_near(follow, echo.cells, None);
         let mut place = self.all.iter().position(|own| !own.is_there);
@@ -185,11 +205,11 @@ impl<const TARGETS: usize, const CHANNELS: usize> Follower<TARGETS, CHANNELS> {
             });
             place = candidates.max().map(|(_, i)| i);
         }
+        let name = self.name();
         let Some(place) = place.and_then(|i| self.all.get_mut(i)) else {
             return;
         };
-        let name = self.next;
-        self.next = self.next.wrapping_add(1);
+        self.next = name.wrapping_add(1);
         *place = Followed {
             is_there: true,
             name,
@@ -267,4 +287,72 @@ impl<const CHANNELS: usize> Followed<CHANNELS> {
 fn differences_rad<const CHANNELS: usize>(phases_rad: &[f64; CHANNELS]) -> [f64; CHANNELS] {
     let first = phases_rad.first().copied().unwrap_or(0.0);
     phases_rad.map(|phase| phase - first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FOLLOW: Follow = Follow {
+        gate_cells: 0.5,
+        acceleration_cells: 0.01,
+        apart_cells: 1.5,
+        seen: 2,
+        within: 3,
+        bridge: 4,
+    };
+
+    fn echo(cells: f64) -> Seen<2> {
+        Seen {
+            cells,
+            sigma_cells: 0.01,
+            phase_sigma_rad: 0.01,
+            ..Seen::EMPTY
+        }
+    }
+
+    /// The first targets told after `pulses` more, of echoes at two ranges, or one.
+    fn told(follower: &mut Follower<3, 2>, pulses: u32, cells: &[f64]) -> [Option<u16>; 2] {
+        let seen = [cells[0], cells[cells.len() - 1]].map(echo);
+        let mut told = [Echo {
+            target: 0,
+            range_m: 0.0,
+            phases_rad: [0.0; 2],
+            phase_sigma_rad: 0.0,
+        }; 3];
+        let count = follower.push(&FOLLOW, &seen[..cells.len()], (pulses, 2), &mut told);
+        core::array::from_fn(|i| told[..count].get(i).map(|echo| echo.target))
+    }
+
+    /// A target is bridged over four pulses and not over five, a candidate counts for three: whether pulses come without it or do not come at all.
+    #[test]
+    fn what_is_too_old_is_forgotten_before_echoes_are_taken_for_it() {
+        let known = |is_known: bool| [is_known.then_some(0), None];
+        for (lost, is_known) in [(4, true), (5, false), (1000, false), (u32::MAX - 1, false)] {
+            let mut follower = Follower::new();
+            assert_eq!(told(&mut follower, 0, &[7.0]), known(false));
+            assert_eq!(told(&mut follower, 1, &[7.0]), known(true));
+            let later = told(&mut follower, lost + 1, &[7.0]);
+            assert_eq!(later, known(is_known), "{lost}");
+        }
+        for (lost, is_known) in [(1, true), (2, false)] {
+            let mut follower = Follower::new();
+            assert_eq!(told(&mut follower, 0, &[7.0]), known(false));
+            let later = told(&mut follower, lost + 1, &[7.0]);
+            assert_eq!(later, known(is_known), "{lost}");
+        }
+    }
+
+    /// The name that comes next is that of a target which has lived through all others.
+    #[test]
+    fn a_name_is_not_given_while_something_has_it() {
+        let mut follower = Follower::new();
+        follower.next = u16::MAX;
+        told(&mut follower, 0, &[7.0]);
+        assert_eq!(told(&mut follower, 1, &[7.0]), [Some(u16::MAX), None]);
+        follower.next = u16::MAX;
+        told(&mut follower, 1, &[7.0, 20.0]);
+        let both = told(&mut follower, 1, &[7.0, 20.0]);
+        assert_eq!(both, [Some(u16::MAX), Some(0)]);
+    }
 }

@@ -31,4 +31,4 @@ mod threshold;
 
 pub use odometer::{Odometer, Progress, SampleError, Step};
 pub use pairwise::{Antennas, Echo, Increment, MotionError, Moved, Pairwise};
-pub use setup::{Follow, MOST_TRAINING, Setup, SetupError};
+pub use setup::{Follow, MOST_BRIDGED, MOST_TRAINING, Setup, SetupError};

@@ -8,7 +8,7 @@ use super::echo::{Found, Look, Moments, ROUNDS, Seen};
 use super::follow::Follower;
 use super::profile::{Detector, Peak, compress};
 use super::setup::Axis;
-use super::{Antennas, Echo, Moved, Pairwise, Setup, SetupError};
+use super::{Antennas, Echo, MotionError, Moved, Pairwise, Setup, SetupError};
 use crate::{SPEED_OF_LIGHT_M_S, Turns, Window};
 
 /// What a pulse told.
@@ -16,9 +16,10 @@ use crate::{SPEED_OF_LIGHT_M_S, Turns, Window};
 pub struct Step {
     /// Its number.
     pub pulse: u32,
-    /// That of the pulse from which the motion is told; of a run's first its own.
+    /// That of the pulse from which the motion is told, or would be; of a run's first its own.
     pub since: u32,
-    /// The motion. None of the first pulse, and where two targets in different directions were not seen in both; the next is told from this pulse on all the same.
+    /// The motion. None of the first pulse, and where two targets in different directions were not seen in both; the next is told from this pulse on all the same. None too where an echo's numbers
+    /// are none; the next is then told from where this would have been.
     pub moved: Option<Moved>,
     /// Targets seen in this pulse, near ones left out.
     pub targets: u16,
@@ -118,7 +119,8 @@ pub struct Odometer<
     /// The pulse in hand, which of its channels came, and whether it is the first.
     pulse: u32,
     came: [bool; CHANNELS],
-    /// The pulse before.
+    /// The pulse before, and that from which the next motion is told.
+    before: Option<u32>,
     since: Option<u32>,
     /// Pulses that did not come whole.
     incomplete: u32,
@@ -145,6 +147,7 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
             stage: Stage::Stopped,
             pulse: 0,
             came: [false; CHANNELS],
+            before: None,
             since: None,
             incomplete: 0,
         }
@@ -210,6 +213,7 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
         self.stage = Stage::Collect;
         self.pulse = first;
         self.came = [false; CHANNELS];
+        self.before = None;
         self.since = None;
         self.incomplete = 0;
         true
@@ -366,9 +370,9 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
     /// What the pulse's targets say.
     fn tell(&mut self) -> Step {
         let (pulse, since) = (self.pulse, self.since.unwrap_or(self.pulse));
+        let before = self.before.unwrap_or(pulse);
         let (seen, echoes) = self.seen();
         let seen = seen.get(..echoes).unwrap_or(&[]);
-        let apart = pulse.wrapping_sub(since);
         let mut told = [Echo {
             target: 0,
             range_m: 0.0,
@@ -376,15 +380,20 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
             phase_sigma_rad: 0.0,
         }; TARGETS];
         let ready = &mut self.ready;
-        let all = (apart, ready.channels);
+        let all = (pulse.wrapping_sub(before), ready.channels);
         let targets = (self.follower).push(&ready.setup.follow, seen, all, &mut told);
         let told = told.get_mut(..targets).unwrap_or(&mut []);
         for echo in told.iter_mut() {
             echo.range_m *= ready.axis.cell_m;
         }
-        // Too little is no motion; nothing else can be wrong with what was followed.
-        let moved = ready.pairwise.push_after(told, apart).unwrap_or(None);
-        self.since = Some(pulse);
+        let told = ready.pairwise.push_after(told, pulse.wrapping_sub(since));
+        // Too little is no motion from here to the next pulse; whatever else is wrong, the pulse is as if it had not been.
+        let (moved, from) = match told {
+            Ok(moved) => (moved, Some(pulse)),
+            Err(MotionError::TooLittle) => (None, Some(pulse)),
+            Err(_) => (None, self.since),
+        };
+        (self.before, self.since) = (Some(pulse), from);
         self.pulse = pulse.saturating_add(1);
         self.came = [false; CHANNELS];
         self.stage = Stage::Collect;
@@ -423,8 +432,15 @@ impl<const TARGETS: usize, const CHANNELS: usize, const FREQUENCIES: usize, cons
             let mut own = look.measured(found, &noise, &ready.moments);
             // What lies at an end may be the flank of a target beyond.
             let is_own = libm::fabs(own.cells - found.peak_cells) < 0.5;
-            if own.cells < near {
-                own.cells += cells;
+            // A peak is counted on from the nearest bin told: an echo that lies between that and the nearest range is found a whole profile beyond, and one a little before it at the near end.
+            let turned = match own.cells {
+                u if u < near => cells,
+                u if u >= near + cells => -cells,
+                _ => 0.0,
+            };
+            if turned != 0.0 {
+                own.cells += turned;
+                own.turn_round(axis.frequencies);
             }
             if is_own
                 && own.cells <= far

@@ -50,9 +50,9 @@ pub struct Follow {
     pub apart_cells: f64,
     /// In so many of its first pulses a candidate has to be seen,
     pub seen: u16,
-    /// which are so many.
+    /// which are so many, at most [`MOST_BRIDGED`].
     pub within: u16,
-    /// Pulses in a row in which a target may be unseen.
+    /// Pulses in a row in which a target may be unseen, at most [`MOST_BRIDGED`].
     pub bridge: u16,
 }
 
@@ -98,7 +98,7 @@ pub enum SetupError {
     /// Training cells are none, more than 64 or, with the guard cells, more than half of the profile; or the rank is not 0 to 1, the probability not above 0 and below 1, or the least SNR no
     /// number.
     Detection,
-    /// A length is not above 0, or a candidate is not to be seen in 1 to all of its first pulses.
+    /// A length is not above 0, a candidate is not to be seen in 1 to all of its first pulses, or these or the pulses that are bridged are more than [`MOST_BRIDGED`].
     Follow,
     /// Transmitters times receivers are none or more than there is room for, or receivers less than two.
     Channels {
@@ -111,6 +111,9 @@ pub enum SetupError {
 
 /// Most training cells on a side: beyond, a profile's noise is hardly even.
 pub const MOST_TRAINING: u16 = 64;
+
+/// Most pulses that a target is followed through unseen: each is a step of every prediction, in one piece of work.
+pub const MOST_BRIDGED: u16 = 255;
 
 /// What follows of a setup for the axis of range.
 #[derive(Clone, Copy, Debug)]
@@ -214,10 +217,11 @@ impl Setup {
             apart_cells,
             seen,
             within,
-            ..
+            bridge,
         } = self.follow;
         let lengths = [gate_cells, acceleration_cells, apart_cells];
-        if !lengths.into_iter().all(positive) || seen == 0 || seen > within {
+        let counted = (1..=within).contains(&seen) && within.max(bridge) <= MOST_BRIDGED;
+        if !(lengths.into_iter().all(positive) && counted) {
             return Err(SetupError::Follow);
         }
         Ok(Axis {
@@ -266,8 +270,9 @@ impl fmt::Display for SetupError {
                 "detection needs 1 to 64 training cells on a side, with the guard cells less than half of the profile, a rank of 0 to 1, a false alarm rate above 0 \
                  and below 1, and a least SNR",
             ),
-            Self::Follow => f.write_str(
-                "gate, acceleration and distance of targets must be above 0, and a candidate be seen in 1 to all of its first pulses",
+            Self::Follow => write!(
+                f,
+                "gate, acceleration and distance of targets must be above 0, a candidate be seen in 1 to all of its first pulses, and these and the pulses that are bridged be {MOST_BRIDGED} at most"
             ),
             Self::Channels { most } => write!(
                 f,

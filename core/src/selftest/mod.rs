@@ -10,6 +10,7 @@
 //! | [`SelfTest`] | one sub-CPI through [`Plan`], by the sinc Keystone and by the exact one | both maps, pixels, power |
 //! | `FloatStreamSelfTest`, `FixedStreamSelfTest` (with the feature `link`) | two runs of the stream | maps with their headers, the frames of the link |
 //! | `MotionSelfTest` (with the feature `motion`) | pulses through `motion::Pairwise` | increments, in float64 |
+//! | `SweepSelfTest` (with the feature `sweep`) | counts through `sweep::Profiler` | profiles |
 //! | `OdometerSelfTest` (with the feature `motion`) | samples through `motion::Odometer` | steps: increments, what they leave, counts |
 //!
 //! The expected numbers are held by `tests/stream/selftest.rs`; `tests/firmware/selftest.rs` and `tests/firmware/golden.rs`
@@ -25,6 +26,8 @@ mod odometer;
 mod scene;
 #[cfg(feature = "link")]
 mod stream;
+#[cfg(feature = "sweep")]
+mod sweep;
 
 #[cfg(feature = "motion")]
 pub use motion::{MOTION_PULSES, MotionSelfTest};
@@ -32,6 +35,8 @@ pub use motion::{MOTION_PULSES, MotionSelfTest};
 pub use odometer::{ODOMETER_PULSES, OdometerSelfTest, OdometerSelfTestError};
 #[cfg(feature = "link")]
 pub use stream::{FixedStreamSelfTest, FloatStreamSelfTest, StreamSelfTestError};
+#[cfg(feature = "sweep")]
+pub use sweep::{SWEEPS, SweepSelfTest, SweepSelfTestError};
 
 use num_complex::Complex32;
 

@@ -1,6 +1,6 @@
 //! The core's self-test on a board, or on the host for comparison.
 //!
-//! Prints the memory of the buffers and three checksums, of maps, and of a radar's increments of echoes and of samples, the same to the bit wherever it runs. On the emulated
+//! Prints the memory of the buffers and four checksums, of maps, of a radar's increments of echoes and of samples, and of range profiles, the same to the bit wherever it runs. On the emulated
 //! board it exits the emulator with success, after any failure with an error;
 //! `tests/firmware/selftest.rs` runs it.
 #![cfg_attr(target_os = "none", no_std, no_main)]
@@ -8,12 +8,13 @@
 #[cfg(target_os = "none")]
 mod target {
     use cortex_m_rt::entry;
-    use subaperture_core::selftest::{MotionSelfTest, OdometerSelfTest, SelfTest};
+    use subaperture_core::selftest::{MotionSelfTest, OdometerSelfTest, SelfTest, SweepSelfTest};
     use subaperture_firmware::board::{self, log};
     use subaperture_firmware::place;
 
     place!(axi static BUFFERS: SelfTest = SelfTest::new());
     place!(axi static ODOMETER: OdometerSelfTest = OdometerSelfTest::new());
+    place!(axi static SWEEP: SweepSelfTest = SweepSelfTest::new());
 
     #[entry]
     fn main() -> ! {
@@ -41,13 +42,21 @@ mod target {
             }
             Err(error) => log(format_args!("{error}")),
         }
-        board::end(maps.is_ok() && motion.is_ok() && odometer.is_ok())
+        let sweep = SWEEP.take().run();
+        match sweep {
+            Ok(checksum) => {
+                log(format_args!("sweep {} bytes", SweepSelfTest::BYTES));
+                log(format_args!("checksum 0x{checksum:08x}"));
+            }
+            Err(error) => log(format_args!("{error}")),
+        }
+        board::end(maps.is_ok() && motion.is_ok() && odometer.is_ok() && sweep.is_ok())
     }
 }
 
 #[cfg(not(target_os = "none"))]
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    use subaperture_core::selftest::{MotionSelfTest, OdometerSelfTest, SelfTest};
+    use subaperture_core::selftest::{MotionSelfTest, OdometerSelfTest, SelfTest, SweepSelfTest};
     let mut buffers = Box::new(SelfTest::new());
     let checksum = buffers.run()?;
     println!("buffers {} bytes", SelfTest::BYTES);
@@ -57,6 +66,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("checksum 0x{checksum:08x}");
     let checksum = OdometerSelfTest::new().run()?;
     println!("odometer {} bytes", OdometerSelfTest::BYTES);
+    println!("checksum 0x{checksum:08x}");
+    let checksum = SweepSelfTest::new().run()?;
+    println!("sweep {} bytes", SweepSelfTest::BYTES);
     println!("checksum 0x{checksum:08x}");
     Ok(())
 }

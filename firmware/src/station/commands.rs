@@ -12,7 +12,11 @@ impl<E: WireEngine> Module<'_, E> {
     pub(super) fn obey(&mut self, sequence: u32, command: &Command<'_>) {
         let answered = !matches!(
             command,
-            Command::Hello | Command::Pulse { .. } | Command::Channel { .. }
+            Command::Hello
+                | Command::Pulse { .. }
+                | Command::Channel { .. }
+                | Command::Burst { .. }
+                | Command::Sweep { .. }
         );
         let refusal = match *command {
             Command::Hello => {
@@ -34,7 +38,7 @@ impl<E: WireEngine> Module<'_, E> {
             } => self.push(&pulse, encoding, samples),
             Command::Stop => {
                 if self.state == State::Running {
-                    if !self.increments.are_wanted() {
+                    if self.makes_maps() {
                         self.processor.finish();
                     }
                     self.state = State::Finishing;
@@ -63,6 +67,14 @@ impl<E: WireEngine> Module<'_, E> {
                 encoding,
                 samples,
             } => self.push_channel((pulse, channel), reference_path_m, encoding, samples),
+            Command::Profiles(configuration) => self.configure_profiles(&configuration),
+            Command::Burst {
+                sweep,
+                carrier,
+                first,
+                samples,
+            } => self.push_burst((sweep, carrier, first), samples),
+            Command::Sweep { sweep } => self.ask_for_profile(sweep),
         };
         match refusal {
             Ok(()) => self.due.status |= answered,
@@ -81,6 +93,7 @@ impl<E: WireEngine> Module<'_, E> {
         let setup = &configuration.setup;
         self.processor.configure(setup).map_err(Refusal::Setup)?;
         self.increments.forget();
+        self.profiles.forget();
         self.configuration = configuration.id;
         self.weights = 0;
         self.patches = 0;
@@ -92,12 +105,17 @@ impl<E: WireEngine> Module<'_, E> {
 
     /// Whether the configuration is one of maps.
     fn makes_maps(&self) -> bool {
-        self.processor.setup().is_some() && !self.increments.are_wanted()
+        self.processor.setup().is_some()
+            && !self.increments.are_wanted()
+            && !self.profiles.are_wanted()
     }
 
     fn set_weights(&mut self, first: usize, weights: &[u8]) -> Result<(), Refusal> {
         if self.is_busy() {
             return Err(Refusal::Running);
+        }
+        if self.profiles.are_wanted() {
+            return self.set_profile_weights(first, weights);
         }
         if !self.makes_maps() {
             return Err(Refusal::NotConfigured);
@@ -173,6 +191,10 @@ impl<E: WireEngine> Module<'_, E> {
             self.start_increments(run, first);
             return Ok(());
         }
+        if self.profiles.are_wanted() {
+            self.start_profiles(run, first);
+            return Ok(());
+        }
         let patches = self.processor.patches().len();
         let chip = self.products.chip;
         if chip.is_some_and(|chip| usize::from(chip.grid.patch) >= patches) {
@@ -193,6 +215,8 @@ impl<E: WireEngine> Module<'_, E> {
     fn abort(&mut self) {
         if self.is_busy() && self.increments.are_wanted() {
             self.abort_increments();
+        } else if self.is_busy() && self.profiles.are_wanted() {
+            self.stop_profiles();
         } else if self.is_busy() {
             self.processor.stop();
             self.transfer = Transfer::Nothing;
@@ -210,7 +234,7 @@ impl<E: WireEngine> Module<'_, E> {
             // Late ones of a run that is over are no news.
             return Ok(());
         }
-        if self.increments.are_wanted() {
+        if !self.makes_maps() {
             return self.refuse_pulses(Refusal::NotConfigured);
         }
         let refusal = match E::push(&mut self.processor, pulse, encoding, samples) {

@@ -14,7 +14,15 @@ pub(super) struct Increments<'a> {
     odometer: Option<&'a mut dyn WireOdometer>,
     /// Of the configuration, if it is one of increments.
     setup: Option<Setup>,
-    /// What the last pulse told, and whether that is to be sent.
+    run: Run,
+}
+
+/// What a run has brought so far.
+#[derive(Default)]
+struct Run {
+    /// Number of the pulse after the last that told something.
+    next: u32,
+    /// What that told, and whether it is to be sent.
     last: Option<Step>,
     due: bool,
     counters: PulseCounters,
@@ -37,7 +45,7 @@ impl<'a> Increments<'a> {
     /// Maps are wanted instead.
     pub(super) fn forget(&mut self) {
         self.setup = None;
-        self.due = false;
+        self.run.due = false;
     }
 
     /// Number of the pulse expected next.
@@ -57,14 +65,14 @@ impl<'a> Increments<'a> {
         let incomplete = self.odometer.as_ref().map_or(0, |own| own.incomplete());
         PulseCounters {
             incomplete,
-            ..self.counters
+            ..self.run.counters
         }
     }
 
     /// What is to be sent, once.
     pub(super) fn take_due(&mut self) -> Option<Step> {
-        let due = core::mem::take(&mut self.due);
-        self.last.filter(|_| due)
+        let due = core::mem::take(&mut self.run.due);
+        self.run.last.filter(|_| due)
     }
 
     fn push(
@@ -77,14 +85,19 @@ impl<'a> Increments<'a> {
         let Some(odometer) = &mut self.odometer else {
             return;
         };
-        let counters = &mut self.counters;
+        let Run {
+            last,
+            due,
+            counters,
+            ..
+        } = &mut self.run;
         let counter =
             match odometer.push(pulse, channel.into(), reference_path_m, encoding, samples) {
                 Ok(()) => return,
                 Err(SampleError::Busy | SampleError::NotStarted) => &mut counters.dropped,
                 Err(SampleError::Repeated) => {
                     // The host has not heard of it.
-                    self.due |= self.last.is_some_and(|last| last.pulse == pulse);
+                    *due |= last.is_some_and(|last| last.pulse == pulse);
                     &mut counters.repeated
                 }
                 Err(SampleError::Channel | SampleError::Length | SampleError::NotFinite) => {
@@ -95,13 +108,14 @@ impl<'a> Increments<'a> {
     }
 
     /// Takes what a pulse told.
-    fn told(&mut self, step: Step, first: u32) {
-        let before = self.last.map_or(first, |last| last.pulse.saturating_add(1));
-        let lost = step.pulse.saturating_sub(before);
-        self.counters.accepted = self.counters.accepted.saturating_add(1);
-        self.counters.lost = self.counters.lost.saturating_add(lost);
-        self.last = Some(step);
-        self.due = true;
+    fn told(&mut self, step: Step) {
+        let run = &mut self.run;
+        let lost = step.pulse.saturating_sub(run.next);
+        run.counters.accepted = run.counters.accepted.saturating_add(1);
+        run.counters.lost = run.counters.lost.saturating_add(lost);
+        run.next = step.pulse.saturating_add(1);
+        run.last = Some(step);
+        run.due = true;
     }
 }
 
@@ -117,8 +131,8 @@ impl<E: WireEngine> Module<'_, E> {
             return Err(Refusal::Unsupported);
         }
         self.increments.setup = Some(configuration.setup);
-        self.increments.last = None;
-        self.increments.due = false;
+        self.increments.run = Run::default();
+        self.profiles.forget();
         self.configuration = configuration.id;
         self.transfer = Transfer::Nothing;
         self.products.forget();
@@ -165,10 +179,10 @@ impl<E: WireEngine> Module<'_, E> {
         if let Some(odometer) = &mut self.increments.odometer {
             odometer.start(first);
         }
-        self.increments.last = None;
-        self.increments.due = false;
-        self.increments.counters = PulseCounters::default();
-        self.first_pulse = first;
+        self.increments.run = Run {
+            next: first,
+            ..Run::default()
+        };
         self.run = Some(run);
         self.maps = 0;
         self.transfer = Transfer::Nothing;
@@ -198,7 +212,7 @@ impl<E: WireEngine> Module<'_, E> {
 
     /// A piece of work, unless an increment waits to be sent.
     pub(super) fn work_on_increments(&mut self) -> bool {
-        if self.increments.due {
+        if self.increments.run.due {
             return false;
         }
         let Some(odometer) = &mut self.increments.odometer else {
@@ -207,7 +221,7 @@ impl<E: WireEngine> Module<'_, E> {
         match odometer.work() {
             Progress::Busy => true,
             Progress::Step(step) => {
-                self.increments.told(step, self.first_pulse);
+                self.increments.told(step);
                 true
             }
             Progress::Idle => {
@@ -225,7 +239,7 @@ impl<E: WireEngine> Module<'_, E> {
         if let Some(odometer) = &mut self.increments.odometer {
             odometer.stop();
         }
-        self.increments.due = false;
+        self.increments.run.due = false;
         self.state = State::Done;
     }
 }

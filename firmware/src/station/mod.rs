@@ -21,13 +21,16 @@
 //! | this one | the station, its state, the order of work |
 //! | `commands` | what comes, and why it may be refused |
 //! | `increments` | runs that bring increments instead of maps |
+//! | `profiles` | runs that bring range profiles |
 //! | `reports` | what goes out, a frame at a time |
 
 mod commands;
 mod increments;
+mod profiles;
 mod reports;
 
 use increments::Increments;
+use profiles::Profiles;
 
 use subaperture_core::link::{
     Command, Encoder, Received, Receiver, Refusal, State, TransferChecksum,
@@ -37,6 +40,7 @@ use subaperture_core::stream::{Progress, SubCpiProcessor};
 use crate::engine::WireEngine;
 use crate::odometer::WireOdometer;
 use crate::products::{ProductBuffers, Products};
+use crate::profiler::WireProfiler;
 
 /// Buffers of the link, lent to a station.
 #[derive(Debug)]
@@ -90,7 +94,7 @@ impl<'a, E: WireEngine> Station<'a, E> {
                 chip_sent: false,
                 pulse_refused: false,
                 increments: Increments::default(),
-                first_pulse: 0,
+                profiles: Profiles::default(),
             },
         }
     }
@@ -99,6 +103,13 @@ impl<'a, E: WireEngine> Station<'a, E> {
     #[must_use]
     pub fn with_odometer(mut self, odometer: &'a mut dyn WireOdometer) -> Self {
         self.module.increments = Increments::of(odometer);
+        self
+    }
+
+    /// Range profiles can be had too. Without a profiler they are refused as unsupported.
+    #[must_use]
+    pub fn with_profiler(mut self, profiler: &'a mut dyn WireProfiler) -> Self {
+        self.module.profiles = Profiles::of(profiler);
         self
     }
 
@@ -174,6 +185,14 @@ enum Transfer {
     ChipEnd {
         checksum: TransferChecksum,
     },
+    ProfileStart,
+    ProfileRow {
+        row: u16,
+        checksum: TransferChecksum,
+    },
+    ProfileEnd {
+        checksum: TransferChecksum,
+    },
 }
 
 /// Everything but the receiver, from whose buffer commands borrow.
@@ -200,14 +219,16 @@ struct Module<'a, E: WireEngine> {
     /// The host has been told that a pulse of the run is none.
     pulse_refused: bool,
     increments: Increments<'a>,
-    /// Of a run of increments.
-    first_pulse: u32,
+    profiles: Profiles<'a>,
 }
 
 impl<E: WireEngine> Module<'_, E> {
     fn work(&mut self) -> bool {
         if self.increments.are_wanted() {
             return self.work_on_increments();
+        }
+        if self.profiles.are_wanted() {
+            return self.work_on_profiles();
         }
         match self.transfer {
             Transfer::Nothing => {}

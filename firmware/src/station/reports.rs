@@ -31,13 +31,21 @@ impl<E: WireEngine> Module<'_, E> {
         if let Some(step) = self.increments.take_due() {
             // The host knows by it that the next pulse may come.
             self.told_credit = self.increments.accept_through();
-            self.pending = send(&mut self.encoder, self.frame, &Report::from(&step));
+            self.pending = send(
+                &mut self.encoder,
+                self.frame,
+                &Report::Increment((&step).into()),
+            );
             return;
         }
         let increments = self.increments.are_wanted();
         let (next_pulse, credit, pulses) = if increments {
             let own = &self.increments;
             (own.next_pulse(), own.accept_through(), own.counters())
+        } else if self.profiles.are_wanted() {
+            // Samples are taken as they come.
+            let own = &self.profiles;
+            (own.next_sweep(), u32::MAX, own.counters())
         } else {
             let own = &self.processor;
             (own.next_pulse(), own.accept_through(), own.counters())
@@ -74,6 +82,9 @@ impl<E: WireEngine> Module<'_, E> {
             Transfer::Detections(first) => self.next_detections(first),
             Transfer::ChipStart | Transfer::ChipRow { .. } | Transfer::ChipEnd { .. } => {
                 self.next_of_chip(transfer)
+            }
+            Transfer::ProfileStart | Transfer::ProfileRow { .. } | Transfer::ProfileEnd { .. } => {
+                self.next_of_profile(transfer)
             }
         };
     }
@@ -200,7 +211,11 @@ impl<E: WireEngine> Module<'_, E> {
 }
 
 /// Writes a frame into the buffer; the place of its bytes.
-fn send(encoder: &mut Encoder, buffer: &mut [u8], report: &Report<'_>) -> (usize, usize) {
+pub(super) fn send(
+    encoder: &mut Encoder,
+    buffer: &mut [u8],
+    report: &Report<'_>,
+) -> (usize, usize) {
     // A buffer that is too small leaves the report unsent: the host asks again, or counts a map lost.
     (0, encoder.encode(report, buffer).map_or(0, <[u8]>::len))
 }

@@ -3,9 +3,9 @@
 use num_complex::Complex32;
 use subaperture_core::cfar::{Cfar, Column, Detection, Reach};
 use subaperture_core::link::{
-    ChipAssembly, ChipGrid, Command, Configuration, Encoder, Encoding, MapAssembly, Motion,
-    Receiver, Refusal, Report, State, Status, complex32s, detections, max_frame_bytes,
-    max_received_bytes, sc16s, write_complex32s, write_f32s, write_sc16s,
+    ChipAssembly, ChipGrid, Command, Configuration, Encoder, Encoding, Increment, MapAssembly,
+    ProfileAssembly, Receiver, Refusal, Report, State, Status, complex32s, detections,
+    max_frame_bytes, max_received_bytes, sc16s, write_complex32s, write_f32s, write_sc16s,
 };
 use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{
@@ -17,6 +17,7 @@ use subaperture_firmware::engine::WireEngine;
 use subaperture_firmware::products::{ChipKernel, ProductBuffers};
 use subaperture_firmware::station::{LinkBuffers, Station};
 use subaperture_tests::stream_scene::{Scene, patch};
+use subaperture_tests::sweep_scene::{BINS, SceneProfiler};
 
 /// Pulses a sub-CPI, frequencies, range bins, Doppler rows, patches of the modules here.
 pub(crate) const M: usize = 8;
@@ -54,14 +55,14 @@ impl Came {
 /// A frame of detections: map, sub-CPI, patch, place of the first, number of all, those here.
 pub(crate) type Listed = (u32, u32, u16, u16, u16, Vec<Detection>);
 
-/// An increment that came: pulse, that before it, targets and echoes, the motion.
-pub(crate) type Told = (u32, u32, [u16; 2], Option<Motion>);
-
 /// The odometer of the modules here.
 pub(crate) type BenchOdometer = Odometer<8, 4, 64, 256>;
 
 /// A chip that came: grid, maps, sum of the weights, pixels.
 pub(crate) type Chip = (ChipGrid, u32, f32, Vec<Complex32>);
+
+/// A profile that came: its sweep, carriers and samples that it is of, its values.
+pub(crate) type ProfileCame = (u32, u16, u32, Vec<Complex32>);
 
 /// A station, and what a host heard of it.
 pub(crate) struct Bench<E: WireEngine + 'static> {
@@ -78,7 +79,9 @@ pub(crate) struct Bench<E: WireEngine + 'static> {
     pub(crate) maps: Vec<Came>,
     pub(crate) chips: Vec<Chip>,
     pub(crate) detections: Vec<Listed>,
-    pub(crate) increments: Vec<Told>,
+    pub(crate) increments: Vec<Increment>,
+    pub(crate) profile: ProfileAssembly<'static>,
+    pub(crate) profiles: Vec<ProfileCame>,
 }
 
 pub(crate) fn float() -> Bench<FloatEngine<'static>> {
@@ -106,7 +109,8 @@ impl<E: WireEngine + 'static> Bench<E> {
         };
         Self {
             station: Station::new(processor, link, products, "bench")
-                .with_odometer(Box::leak(Box::new(BenchOdometer::new()))),
+                .with_odometer(Box::leak(Box::new(BenchOdometer::new())))
+                .with_profiler(Box::leak(Box::new(SceneProfiler::new()))),
             receiver: Receiver::new(vec![0; max_received_bytes(PIXELS)].leak()),
             map: MapAssembly::new(vec![0; 9 * F * ROWS].leak()),
             chip: ChipAssembly::new(vec![0; 8 * PIXELS].leak()),
@@ -119,6 +123,8 @@ impl<E: WireEngine + 'static> Bench<E> {
             chips: Vec::new(),
             detections: Vec::new(),
             increments: Vec::new(),
+            profile: ProfileAssembly::new(vec![0; 8 * BINS].leak()),
+            profiles: Vec::new(),
         }
     }
 
@@ -174,6 +180,12 @@ impl<E: WireEngine + 'static> Bench<E> {
                 self.chips
                     .push((chip.grid, chip.maps, chip.weight_sum, pixels));
             }
+            if let Ok(Some(profile)) = self.profile.take(&report) {
+                let header = profile.header;
+                let values = profile.values().collect();
+                self.profiles
+                    .push((header.sweep, header.usable, header.taken, values));
+            }
             match report {
                 Report::Identity { .. } => self.identities += 1,
                 Report::Status(status) => self.status = Some(status),
@@ -190,15 +202,7 @@ impl<E: WireEngine + 'static> Bench<E> {
                     self.detections
                         .push((map, sub_cpi, patch, first, total, list));
                 }
-                Report::Increment {
-                    pulse,
-                    since,
-                    targets,
-                    echoes,
-                    motion,
-                } => self
-                    .increments
-                    .push((pulse, since, [targets, echoes], motion)),
+                Report::Increment(increment) => self.increments.push(increment),
                 _ => {}
             }
         }

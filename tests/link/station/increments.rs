@@ -3,15 +3,15 @@
 use num_complex::Complex32;
 use subaperture_core::Sc16;
 use subaperture_core::link::{
-    Command, Configuration, Encoding, MAX_ANTENNAS, Motion, MotionConfiguration, Refusal, State,
+    Command, Configuration, Encoding, Increment, MAX_ANTENNAS, MotionConfiguration, Refusal, State,
     write_complex32s, write_places, write_sc16s,
 };
 use subaperture_core::motion::{Progress, SetupError, Step};
 use subaperture_core::stream::{FixedBuffers, FixedEngine, FloatBuffers, FloatEngine};
 use subaperture_firmware::engine::WireEngine;
-use subaperture_tests::odometer_scene::{self, FREQUENCIES, Scene};
+use subaperture_tests::odometer_scene::{self, FREQUENCIES, Scene, as_sent};
 
-use super::bench::{Bench, BenchOdometer, F, M, PATCHES, R, ROWS, Told, scene};
+use super::bench::{Bench, BenchOdometer, F, M, PATCHES, R, ROWS, scene};
 
 fn float() -> Bench<FloatEngine<'static>> {
     let buffers = Box::leak(Box::new(FloatBuffers::<M, F, R, ROWS, PATCHES>::new()));
@@ -104,17 +104,6 @@ fn expected(scene: &Scene, pulses: u32) -> Vec<Step> {
     steps
 }
 
-fn as_told(step: &Step) -> Told {
-    let motion = step.moved.map(|moved| Motion {
-        moved_m: moved.increment.moved_m,
-        turn_rad: moved.increment.turn_rad,
-        residual_m: moved.residual_m as f32,
-        targets: moved.targets as u16,
-        doubtful: moved.doubtful as u16,
-    });
-    (step.pulse, step.since, [step.targets, step.echoes], motion)
-}
-
 /// Sends whole pulses, and does as a host does: the next when the increment has come.
 fn run<E: WireEngine>(bench: &mut Bench<E>, scene: &Scene, run: u32, encoding: Encoding) {
     const PULSES: u32 = 20;
@@ -137,7 +126,7 @@ fn run<E: WireEngine>(bench: &mut Bench<E>, scene: &Scene, run: u32, encoding: E
     assert_eq!((status.pulses.accepted, status.pulses.lost), (PULSES, 0));
     let steps = expected(scene, PULSES);
     assert!(steps.iter().filter(|step| step.moved.is_some()).count() > 10);
-    let expected: Vec<Told> = steps.iter().map(as_told).collect();
+    let expected: Vec<Increment> = steps.iter().map(as_sent).collect();
     assert_eq!(bench.increments, expected);
 }
 
@@ -200,7 +189,7 @@ fn what_is_lost_is_made_good() {
     let steps = expected(&own, 12);
     assert_eq!(
         bench.increments,
-        steps.iter().map(as_told).collect::<Vec<_>>()
+        steps.iter().map(as_sent).collect::<Vec<_>>()
     );
     assert_eq!(bench.send(&Command::Abort), None);
     assert_eq!(bench.state(), State::Done);

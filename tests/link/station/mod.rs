@@ -3,4 +3,5 @@
 mod bench;
 mod increments;
 mod products;
+mod profiles;
 mod refusals;

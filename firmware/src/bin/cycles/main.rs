@@ -8,6 +8,8 @@
 #[cfg(target_os = "none")]
 mod odometer;
 #[cfg(target_os = "none")]
+mod profiles;
+#[cfg(target_os = "none")]
 mod run;
 
 #[cfg(target_os = "none")]

@@ -1,4 +1,4 @@
-//! A sub-CPI through the station, call by call; then pulses for increments.
+//! A sub-CPI through the station, call by call; then pulses for increments, and a sweep for its profile.
 //!
 //! Commands are encoded as the host does and received by the station; every call of it is timed. Two
 //! patches: one fills the map buffer, and a chip is made of it; the other, of one Doppler bin, has
@@ -200,7 +200,10 @@ pub(crate) fn run(board: &mut Current, meter: &Meter) -> Option<()> {
         "configuration {NAME} {:?}",
         Engine::ARITHMETIC
     ));
-    crate::odometer::run(board, meter, &mut station, &mut encoder, (samples, frame))?;
+    let talk = (samples.as_mut_slice(), frame.as_mut_slice());
+    crate::odometer::run(board, meter, &mut station, &mut encoder, talk)?;
+    let talk = (samples.as_mut_slice(), frame.as_mut_slice());
+    crate::profiles::run(board, meter, &mut station, &mut encoder, talk)?;
     let stack_bytes = memory::stack_high_water_bytes();
     board.log(format_args!("stack {stack_bytes}"));
     (full.bytes > 0 && one.bytes > 0 && chip_bytes > 0).then_some(())

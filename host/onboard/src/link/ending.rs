@@ -4,7 +4,7 @@ use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use subaperture_core::link::Refusal;
+use subaperture_core::link::{MAX_ANTENNAS, Refusal};
 
 use super::counts::Counts;
 use subaperture_model::phase_history::ReadError;
@@ -59,6 +59,9 @@ pub enum LinkError {
     /// It said no.
     #[error("the module refuses: {0}")]
     Refused(Refusal),
+    /// What is to be sent contradicts itself; nothing was sent.
+    #[error(transparent)]
+    Mismatch(#[from] Mismatch),
     /// It answers, but takes no pulse and sends no map.
     #[error(
         "the module answers, but for {0:?} it has taken no pulse and sent no map: its line may lose every \
@@ -73,6 +76,11 @@ pub enum LinkError {
         "the module began anew at pulse {0}: increments up to there are good; begin again from there"
     )]
     BeganAnew(u32),
+    /// It began anew in the middle of a run of range profiles.
+    #[error(
+        "the module began anew at sweep {0}: profiles up to there are good; begin again from there"
+    )]
+    BeganAnewAtSweep(u32),
     /// Samples cannot be read.
     #[error(transparent)]
     Recording(#[from] ReadError),
@@ -82,6 +90,77 @@ pub enum LinkError {
     /// The user wants it so.
     #[error("interrupted")]
     Cancelled,
+}
+
+/// What does not go together in what is to be sent to a module for increments or range profiles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Mismatch {
+    /// More antennas than a message holds.
+    #[error("{0} antennas; a message holds {MAX_ANTENNAS}: leave some out")]
+    Antennas(usize),
+    /// Not a channel for each pair of antennas.
+    #[error(
+        "{transmitters} transmitters and {receivers} receivers make {} channels, and the recording has {channels}: name the \
+         antennas of these channels, transmitter by transmitter, receiver by receiver", transmitters * receivers
+    )]
+    Channels {
+        /// Transmitters named.
+        transmitters: usize,
+        /// Receivers named.
+        receivers: usize,
+        /// Channels of the recording.
+        channels: usize,
+    },
+    /// A channel's pulses are not as long as the setup says.
+    #[error(
+        "channel {channel} has {samples} samples a pulse, and the setup {frequencies} frequencies: they are to be the same"
+    )]
+    Samples {
+        /// The channel, from 0.
+        channel: usize,
+        /// Its samples a pulse.
+        samples: usize,
+        /// Those of the setup.
+        frequencies: u16,
+    },
+    /// Not a weight for each carrier.
+    #[error("{weights} weights for {carriers} carriers: each needs one")]
+    Weights {
+        /// Weights given.
+        weights: usize,
+        /// Carriers of the setup.
+        carriers: u16,
+    },
+    /// A burst is at no carrier of the setup, or longer than it says.
+    #[error(
+        "burst {index} of sweep {sweep} is of {got} samples at carrier {carrier}, counted from 0, and the setup has {carriers} carriers and bursts of {samples} \
+         samples: they are to fit"
+    )]
+    Burst {
+        /// The sweep.
+        sweep: u32,
+        /// The burst in it, from 0.
+        index: usize,
+        /// Its carrier, from 0.
+        carrier: u16,
+        /// Carriers of the setup.
+        carriers: u16,
+        /// Its samples.
+        got: usize,
+        /// Those of the setup.
+        samples: u32,
+    },
+    /// A pulse is of other frequencies than the setup's.
+    #[error(
+        "pulse {pulse} of channel {channel} has another first frequency or step than the setup: all pulses need those of it"
+    )]
+    Band {
+        /// The channel, from 0.
+        channel: usize,
+        /// The first such pulse, from 0.
+        pulse: usize,
+    },
 }
 
 impl LinkError {

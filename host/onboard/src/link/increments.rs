@@ -11,15 +11,14 @@ use std::time::Instant;
 
 use num_complex::Complex32;
 use subaperture_core::link::{
-    Command, Damage, Encoding, MAX_ANTENNAS, Motion, MotionConfiguration, Refusal, Report, State,
-    Status, write_complex32s, write_places,
+    Command, Encoding, Increment, MAX_ANTENNAS, MotionConfiguration, State, Status,
+    write_complex32s, write_places,
 };
-use subaperture_core::motion::{Setup, SetupError};
+use subaperture_core::motion::Setup;
 use subaperture_model::phase_history::{PhaseHistory, ReadError};
 
-use super::conversation::TICK;
-use super::ending::LinkError;
-use super::identity::shown;
+use super::asking::LEAST_TRIES;
+use super::ending::{LinkError, Mismatch};
 use super::session::{Session, Watch};
 
 /// What a module is to find the increments of.
@@ -32,21 +31,6 @@ pub struct Odometry<'a> {
     pub receivers_m: &'a [[f64; 2]],
     /// Channels, transmitter by transmitter, receiver by receiver; pulse `n` of each is of the same turn.
     pub channels: &'a [&'a dyn PhaseHistory],
-}
-
-/// What a pulse told.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Increment {
-    /// The pulse.
-    pub pulse: u32,
-    /// The pulse from which the motion is told; of the first its own.
-    pub since: u32,
-    /// Targets seen in this pulse.
-    pub targets: u16,
-    /// Echoes in this pulse, of targets or not.
-    pub echoes: u16,
-    /// The motion; none of the first pulse, and where too few targets were seen in both.
-    pub motion: Option<Motion>,
 }
 
 /// What came of it.
@@ -62,46 +46,42 @@ pub struct Odometer {
     pub ending: Result<(), LinkError>,
 }
 
-/// What has been heard since it was last looked at.
-#[derive(Default)]
-struct News {
-    status: Option<Status>,
-    refusal: Option<Refusal>,
-    increment: Option<Increment>,
-}
-
-/// So often at least, and for [`super::Settings::idle`], something is asked for.
-const LEAST_TRIES: u32 = 3;
-
 impl Odometry<'_> {
-    /// Whether antennas and channels go together, and the channels' pulses with the setup.
+    /// Whether antennas and channels go together, and the channels' pulses with the setup. Nothing of it concerns the module.
     ///
     /// # Errors
-    /// [`LinkError::Refused`], as the module would say it.
+    /// [`LinkError::Mismatch`].
     pub fn check(&self) -> Result<(), LinkError> {
-        let pairs = self.transmitters_m.len() * self.receivers_m.len();
-        let antennas = self.transmitters_m.len() + self.receivers_m.len();
-        if pairs != self.channels.len() || antennas > MAX_ANTENNAS {
-            return Err(LinkError::Refused(Refusal::Antennas));
+        let [transmitters, receivers] = [self.transmitters_m.len(), self.receivers_m.len()];
+        if transmitters + receivers > MAX_ANTENNAS {
+            return Err(Mismatch::Antennas(transmitters + receivers).into());
         }
-        let frequencies = usize::from(self.setup.num_frequencies);
-        for channel in self.channels {
-            let collection = channel.collection();
-            let got = collection.num_samples;
-            if got != frequencies {
-                let bytes = |samples: usize| {
-                    u32::try_from(Encoding::Complex32.sample_bytes() * samples).unwrap_or(u32::MAX)
-                };
-                return Err(LinkError::Refused(Refusal::PulseLength {
-                    expected: bytes(frequencies),
-                    got: bytes(got),
-                }));
+        let channels = self.channels.len();
+        if transmitters * receivers != channels {
+            return Err(Mismatch::Channels {
+                transmitters,
+                receivers,
+                channels,
             }
-            let is_band = |pulse: &subaperture_model::phase_history::Pulse| {
-                pulse.start_hz == self.setup.start_hz && pulse.step_hz == self.setup.step_hz
+            .into());
+        }
+        for (channel, history) in self.channels.iter().enumerate() {
+            let collection = history.collection();
+            let (samples, frequencies) = (collection.num_samples, self.setup.num_frequencies);
+            if samples != usize::from(frequencies) {
+                return Err(Mismatch::Samples {
+                    channel,
+                    samples,
+                    frequencies,
+                }
+                .into());
+            }
+            let (start_hz, step_hz) = (self.setup.start_hz, self.setup.step_hz);
+            let is_other = |pulse: &subaperture_model::phase_history::Pulse| {
+                pulse.start_hz != start_hz || pulse.step_hz != step_hz
             };
-            if !collection.pulses.iter().all(is_band) {
-                return Err(LinkError::Refused(Refusal::Motion(SetupError::Band)));
+            if let Some(pulse) = collection.pulses.iter().position(is_other) {
+                return Err(Mismatch::Band { channel, pulse }.into());
             }
         }
         Ok(())
@@ -123,13 +103,10 @@ impl Session<'_> {
             again: 0,
             ending: Ok(()),
         };
-        told.ending = task
+        let ending = task
             .check()
             .and_then(|()| self.run_increments(task, &mut told, watch));
-        if told.ending.is_err() {
-            // So that the next session finds a module that waits.
-            self.way.abort(self.ledger.settings.answer);
-        }
+        told.ending = self.leave(ending);
         told
     }
 
@@ -139,72 +116,27 @@ impl Session<'_> {
         told: &mut Odometer,
         watch: &mut dyn Watch,
     ) -> Result<(), LinkError> {
-        self.ledger.configuration = self.ledger.configuration.wrapping_add(1);
-        self.ledger.run = self.ledger.run.wrapping_add(1);
-        let (id, run) = (self.ledger.configuration, self.ledger.run);
+        let (id, run) = self.next_run();
         let setup = task.setup;
         let antennas = [task.transmitters_m, task.receivers_m].concat();
         let mut bytes = [0; 16 * MAX_ANTENNAS];
         let places = write_places(&antennas, &mut bytes).unwrap_or(&[]);
         let configure = [
-            // What an earlier session may have left.
-            Command::Abort,
             Command::Motion(MotionConfiguration { id, setup }),
             Command::Antennas {
                 transmitters: task.transmitters_m.len() as u16,
                 places,
             },
         ];
-        self.ask(&configure, watch, |status| {
-            status.configuration == id && status.state == State::Ready
-        })?;
-        self.ask(&[Command::Start { run, first: 0 }], watch, |status| {
-            status.run == run && status.state == State::Running
-        })?;
+        self.start((id, run), &configure, watch)?;
+        self.ledger.counts.pulses = task.num_pulses().into();
         for pulse in 0..task.num_pulses() {
             match read(task, pulse)? {
                 Some(samples) => self.pulse(task, pulse, &samples, told, watch)?,
                 None => told.unreadable = told.unreadable.saturating_add(1),
             }
         }
-        self.ask(&[Command::Stop], watch, |status| {
-            status.run == run && status.state == State::Done
-        })
-    }
-
-    /// Sends commands, again and again, until a status says what is waited for.
-    fn ask(
-        &mut self,
-        commands: &[Command<'_>],
-        watch: &mut dyn Watch,
-        is_done: impl Fn(&Status) -> bool,
-    ) -> Result<(), LinkError> {
-        let settings = self.ledger.settings;
-        let begun = Instant::now();
-        let mut refused = None;
-        for tries in 1u32.. {
-            for command in commands {
-                self.way.line.outbox.send(command);
-            }
-            let asked = Instant::now();
-            while self.waits(asked) {
-                let news = self.hear(watch)?;
-                match news.refusal {
-                    // The command before it may have been lost.
-                    Some(Refusal::NotConfigured | Refusal::Running) => refused = news.refusal,
-                    Some(refusal) => return Err(LinkError::Refused(refusal)),
-                    None => {}
-                }
-                if news.status.is_some_and(|status| is_done(&status)) {
-                    self.way.line.outbox.is_clear();
-                    return Ok(());
-                }
-            }
-            if tries >= LEAST_TRIES && begun.elapsed() > settings.idle {
-                break;
-            }
-        }
-        Err(refused.map_or(LinkError::Silent, LinkError::Refused))
+        self.stop(run, watch)
     }
 
     /// Sends a pulse, again and again, until its increment comes.
@@ -221,6 +153,7 @@ impl Session<'_> {
         for tries in 0u32.. {
             if tries > 0 {
                 told.again = told.again.saturating_add(u32::from(tries == 1));
+                self.ledger.counts.pulses_resent += 1;
                 self.way.line.outbox.send(&Command::Status);
             }
             for (channel, (samples, history)) in (0..).zip(samples.iter().zip(task.channels)) {
@@ -234,9 +167,10 @@ impl Session<'_> {
                     samples,
                 });
             }
+            self.ledger.counts.pulses_sent += 1;
             let asked = Instant::now();
             while self.waits(asked) {
-                let news = self.hear(watch)?;
+                let news = self.hear(None, watch)?;
                 if let Some(increment) = news.increment.filter(|own| own.pulse == pulse) {
                     // What was sent twice is answered twice.
                     self.way.line.outbox.is_clear();
@@ -257,55 +191,6 @@ impl Session<'_> {
         }
         Err(LinkError::Stuck(idle))
     }
-
-    /// Whether an answer to what was sent then may still come in time.
-    fn waits(&self, asked: Instant) -> bool {
-        let outbox = &self.way.line.outbox;
-        let answer = self.ledger.settings.answer;
-        outbox.backlog() > 0 || outbox.clear_at().max(asked).elapsed() < answer
-    }
-
-    /// Writes and reads once.
-    fn hear(&mut self, watch: &mut dyn Watch) -> Result<News, LinkError> {
-        if watch.cancelled() {
-            return Err(LinkError::Cancelled);
-        }
-        let wait = TICK.min(self.ledger.settings.answer);
-        let mut news = News::default();
-        let mut behind = false;
-        let mut bytes = self.way.line.exchange(wait)?;
-        while let Some(frame) = self.way.receiver.receive::<Report<'_>>(&mut bytes) {
-            match frame.map(|frame| frame.message) {
-                Ok(Report::Status(status)) => news.status = Some(status),
-                Ok(Report::Refused { what, .. }) => news.refusal = Some(what),
-                Ok(Report::Log { text }) => watch.log(&shown(text)),
-                Ok(Report::Increment {
-                    pulse,
-                    since,
-                    targets,
-                    echoes,
-                    motion,
-                }) => {
-                    news.increment = Some(Increment {
-                        pulse,
-                        since,
-                        targets,
-                        echoes,
-                        motion,
-                    });
-                }
-                Ok(_) => {}
-                // It began anew, and what it says is heard again once it has been greeted.
-                Err(Damage::Repeated(_)) => behind = true,
-                Err(_) => {}
-            }
-        }
-        if behind {
-            self.way.line.outbox.send(&Command::Hello);
-        }
-        watch.update(&self.counts());
-        Ok(news)
-    }
 }
 
 /// All channels' samples of a pulse as they are sent; none if one of them cannot be read.
@@ -318,10 +203,6 @@ fn read(task: &Odometry<'_>, pulse: u32) -> Result<Option<Vec<Vec<u8>>>, LinkErr
         match channel.read(n..n + 1, &mut samples) {
             Err(ReadError::NotFinite { .. }) => return Ok(None),
             other => other?,
-        }
-        let is_number = |z: &Complex32| z.re.is_finite() && z.im.is_finite();
-        if !samples.iter().all(is_number) {
-            return Ok(None);
         }
         let mut bytes = vec![0; Encoding::Complex32.sample_bytes() * count];
         write_complex32s(&samples, &mut bytes);

@@ -10,7 +10,8 @@
 //!                          └-> MapSink (a file of maps; Verified compares with the core run here)
 //! ```
 //!
-//! A module that finds the radar's own motion is sent an [`Odometry`] instead, by [`Session::increments`].
+//! A module that finds the radar's own motion is sent an [`Odometry`] instead, by [`Session::increments`]; one beside a radio that steps its carrier a [`Ranging`], by
+//! [`Session::profiles`].
 //!
 //! **Neglected**: nothing. Frames that the line damages are lost and counted ([`Counts`]); the maps that
 //! they cost are fetched by further runs. What is taken has passed the checksums of its frames and of
@@ -21,6 +22,7 @@
 //! `tests/firmware/sessions.rs`, the same with the firmware under emulation, resets and lost power;
 //! [`LinkError`].
 
+mod asking;
 mod conversation;
 mod counts;
 #[cfg(unix)]
@@ -34,6 +36,7 @@ mod keep;
 mod line;
 mod open;
 mod place;
+mod profiles;
 mod rehearsal;
 mod running_image;
 mod session;
@@ -46,16 +49,18 @@ mod verify;
 pub use counts::Counts;
 #[cfg(unix)]
 pub use emulator::Emulator;
-pub use ending::{Ending, LinkError, Outcome, SinkError, UnnamedFirmware};
+pub use ending::{Ending, LinkError, Mismatch, Outcome, SinkError, UnnamedFirmware};
 pub use identity::Identity;
-pub use increments::{Increment, Odometer, Odometry};
+pub use increments::{Odometer, Odometry};
 pub use intake::MapSink;
 pub use job::{Job, PulseSource};
 pub use open::open;
 pub use place::{Firmware, Place, PlaceError};
+pub use profiles::{Profile, Profiles, Ranging, SweepBurst, SweepSource};
 pub use rehearsal::rehearse;
 pub use running_image::{MOST_WAITING, RunningImage};
 pub use session::{Buffers, Session, Watch};
 pub use settings::Settings;
+pub use subaperture_core::link::Increment;
 pub use transport::Transport;
 pub use verify::{HostCore, Verified};

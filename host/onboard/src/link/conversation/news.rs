@@ -52,6 +52,16 @@ impl Ledger {
     }
 }
 
+impl Ledger {
+    /// Counts what the module says that it has received.
+    pub(in crate::link) fn count(&mut self, status: &Status) {
+        let before = self.module_link.unwrap_or(status.link);
+        let grown = growth(&before, &status.link);
+        self.counts.frames_to_module.add(grown);
+        self.module_link = Some(status.link);
+    }
+}
+
 impl Conversation<'_> {
     /// Takes a report of the module. A map that it completes goes to the sink.
     pub(in crate::link) fn hear(&mut self, report: &Report<'_>) -> Result<(), LinkError> {
@@ -73,14 +83,11 @@ impl Conversation<'_> {
                 });
             }
             Report::Status(status) => {
-                let before = self.ledger.module_link.unwrap_or(status.link);
-                let grown = growth(&before, &status.link);
-                self.ledger.counts.frames_to_module.add(grown);
-                self.ledger.module_link = Some(status.link);
+                self.ledger.count(&status);
                 self.news.status = Some(status);
             }
             Report::Refused { sequence, what } => self.news.refusal = Some((sequence, what)),
-            Report::Log { .. } | Report::Increment { .. } => {}
+            Report::Log { .. } | Report::Increment(_) => {}
             _ => {
                 self.news.map = true;
                 self.intake.take(report, &mut self.ledger.counts)?;

@@ -1,0 +1,122 @@
+//! A sweep of the largest profiler through the station, call by call.
+//!
+//! All carriers that there is room for, each a burst of sixteen blocks of four periods of eight samples, in parts of as many samples as the link's buffers here hold; one echo.
+
+use num_complex::Complex;
+use subaperture_core::link::{
+    Command, Encoder, State, SweepConfiguration, write_f32s, write_pairs,
+};
+use subaperture_core::sweep::Setup;
+use subaperture_core::{Complex32, Turns};
+use subaperture_firmware::board::{Board, Current};
+use subaperture_firmware::meter::Meter;
+use subaperture_firmware::module::Engine;
+use subaperture_firmware::sizes::{CARRIERS, PROFILER_BINS};
+use subaperture_firmware::station::Station;
+
+use crate::run::{Cost, drain};
+
+const SAMPLES: u32 = 512;
+/// Samples a message.
+const PART: u32 = 64;
+
+const SETUP: Setup = Setup {
+    carriers: CARRIERS as u16,
+    period: 8,
+    samples: SAMPLES,
+    bins: PROFILER_BINS as u16,
+    start_hz: 1.100_125e9,
+    step_hz: 1e6,
+};
+
+/// Runs it and prints what it costs; nothing if something went wrong.
+#[inline(never)]
+pub(crate) fn run(
+    board: &mut Current,
+    meter: &Meter,
+    station: &mut Station<'_, Engine<'_>>,
+    encoder: &mut Encoder,
+    (samples, frame): (&mut [u8], &mut [u8]),
+) -> Option<()> {
+    let configuration = Command::Profiles(SweepConfiguration {
+        id: 3,
+        setup: SETUP,
+    });
+    station.receive(encoder.encode(&configuration, frame).ok()?);
+    drain(station);
+    for first in (0..SETUP.carriers).step_by(32) {
+        let weights = write_f32s(&[1.0 / CARRIERS as f32; 32], samples)?;
+        let command = Command::Weights { first, weights };
+        station.receive(encoder.encode(&command, frame).ok()?);
+        drain(station);
+    }
+    let start = Command::Start { run: 3, first: 0 };
+    station.receive(encoder.encode(&start, frame).ok()?);
+    drain(station);
+    (station.state() == State::Running).then_some(())?;
+    let (mut receive, mut work, mut send) = (Cost::default(), Cost::default(), Cost::default());
+    let mut up_bytes = 0;
+    for carrier in 0..SETUP.carriers {
+        for first in (0..SAMPLES).step_by(PART as usize) {
+            let command = Command::Burst {
+                sweep: 0,
+                carrier,
+                first,
+                samples: write_samples(carrier, first, samples)?,
+            };
+            let bytes = encoder.encode(&command, frame).ok()?;
+            up_bytes += bytes.len();
+            receive.add(meter.measure(board, || station.receive(bytes)).0);
+        }
+    }
+    let ask = Command::Sweep { sweep: 0 };
+    station.receive(encoder.encode(&ask, frame).ok()?);
+    loop {
+        let (count, more) = meter.measure(board, || station.work());
+        if !more {
+            break;
+        }
+        work.add(count);
+    }
+    let mut down_bytes = 0;
+    loop {
+        let (count, bytes) = meter.measure(board, || station.pending().len());
+        if bytes == 0 {
+            break;
+        }
+        station.sent(bytes);
+        send.add(count);
+        down_bytes += bytes;
+    }
+    station.receive(encoder.encode(&Command::Stop, frame).ok()?);
+    drain(station);
+    while station.work() {}
+    drain(station);
+    let mut show = |name: &str, value: u64| board.log(format_args!("{name} {value}"));
+    show("profiler_carriers", CARRIERS as u64);
+    show("profiler_samples", SAMPLES.into());
+    show("profiler_bins", PROFILER_BINS as u64);
+    // The steps of a sweep are alike.
+    show("profiler_step", receive.sum / CARRIERS as u64);
+    show("profiler_receive_worst", receive.most);
+    show("profiler_work", work.sum);
+    show("profiler_send", send.sum);
+    show("profiler_up_bytes", up_bytes as u64);
+    show("profile_bytes", down_bytes as u64);
+    // Eight bytes a bin, and more.
+    (station.state() == State::Done && down_bytes > 8 * PROFILER_BINS).then_some(())
+}
+
+/// Reference and echo, which turn by an eighth of a turn a sample and by the synthesisers' phase.
+fn write_samples(carrier: u16, first: u32, buffer: &mut [u8]) -> Option<&[u8]> {
+    let n = i64::from(carrier);
+    let synthesisers = Turns(0x9e37_79b9_7f4a_7c15).times(n * n);
+    let path = Turns(0xf300_0000_0000_0000).times(n).phasor();
+    let counts = |z: Complex32| Complex::new((z.re * 16384.0) as i16, (z.im * 16384.0) as i16);
+    let mut pairs = [[Complex::new(0, 0); 2]; PART as usize];
+    for (i, pair) in (i64::from(first)..).zip(&mut pairs) {
+        let sent = synthesisers.plus(Turns(1 << 61).times(i)).phasor();
+        *pair = [counts(sent), counts(sent * path * 0.25)];
+    }
+    write_pairs(&pairs, buffer)
+}

@@ -1,0 +1,43 @@
+//! Range profiles from the emulated module: the bits of the core run here.
+
+use std::time::Duration;
+
+use subaperture::monitor::Silent;
+use subaperture::onboard::link::{Buffers, Ranging, Session, Settings};
+use subaperture_tests::sweep_scene::SweepScene;
+
+use crate::emulated::{Begin, Emulated, Wire, application};
+
+/// The serial line carries some ten thousand bytes a second: bursts are short.
+#[test]
+fn profiles_of_the_module_are_the_cores() {
+    let mut scene = SweepScene::new(20, 64, 64);
+    scene.lost = vec![(3, 10..14)];
+    scene.left_out = vec![11];
+    let mut module = Emulated::connected(&application()[0], Wire::Tcp, Begin::Reset);
+    let mut buffers = Buffers::new();
+    let settings = Settings {
+        answer: Duration::from_millis(500),
+        ..Settings::default()
+    };
+    let mut session = Session::open(&mut module, &mut buffers, settings, &mut Silent).unwrap();
+    let weights = scene.weights();
+    let mut source = scene.clone();
+    let mut task = Ranging {
+        setup: scene.setup,
+        weights: &weights,
+        sweeps: 2,
+        source: &mut source,
+    };
+    let mut came = Vec::new();
+    let told = session.profiles(&mut task, &mut |profile| came.push(profile), &mut Silent);
+    println!("{}", session.counts());
+    told.ending.unwrap();
+    assert_eq!(came.len(), 2);
+    for profile in &came {
+        let (values, usable, _) = scene.profile(profile.sweep);
+        assert_eq!((profile.usable, profile.missing), (usable, 0));
+        assert_eq!(usable, 19);
+        assert_eq!(profile.values, values);
+    }
+}
