@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use super::Geodetic;
+
 /// Where the scene's origin and axes lie. `z = x cross y`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SceneFrame {
@@ -19,6 +21,24 @@ pub enum SceneFrame {
 }
 
 impl SceneFrame {
+    /// Axes east, north and up (normal to the ellipsoid) at a place of the Earth.
+    pub fn east_north_up(origin: &Geodetic) -> Self {
+        let [east, north, _] = origin.east_north_up();
+        Self::Earth {
+            origin_ecf_m: origin.to_ecf_m(),
+            x_axis_ecf: east,
+            y_axis_ecf: north,
+        }
+    }
+
+    /// Where a scene position is on the Earth; none in a local frame.
+    pub fn geodetic(&self, position: DVec3) -> Option<Geodetic> {
+        match self {
+            Self::Local => None,
+            Self::Earth { .. } => Some(Geodetic::from_ecf_m(self.to_ecf_m(position))),
+        }
+    }
+
     /// Whether positions in both frames mean the same place, to a micrometre at a kilometre.
     pub fn agrees_with(&self, other: &Self) -> bool {
         match (self, other) {
@@ -123,5 +143,20 @@ mod tests {
         assert!(frame.to_ecf_m(place).distance(ecf) < 1e-9);
         assert!(frame.from_ecf_m(ecf).distance(place) < 1e-9);
         assert!(frame.agrees_with(&frame) && !frame.agrees_with(&SceneFrame::Local));
+        let there = Geodetic {
+            latitude_deg: 0.0,
+            longitude_deg: 90.0,
+            height_m: 0.0,
+        };
+        assert!(SceneFrame::east_north_up(&there).agrees_with(&frame));
+        // 20 m to the north are 20 m / 6335.4 km of latitude, and 300 m up is up, less what the Earth falls away.
+        let found = frame.geodetic(DVec3::new(0.0, 20.0, 300.0)).unwrap();
+        let north_deg = (20.0f64 / (6_335_439.3 + 300.0)).to_degrees();
+        assert!((found.latitude_deg - north_deg).abs() < 1e-10, "{found:?}");
+        assert!(
+            (found.height_m - 300.0 - 20.0 * 20.0 / (2.0 * 6_335_739.3)).abs() < 1e-7,
+            "{found:?}"
+        );
+        assert_eq!(SceneFrame::Local.geodetic(place), None);
     }
 }

@@ -3,9 +3,12 @@
 use glam::DVec3;
 
 /// Semi-major axis, metres, and first eccentricity squared, of WGS 84.
-const SEMI_MAJOR_M: f64 = 6_378_137.0;
-const FLATTENING: f64 = 1.0 / 298.257_223_563;
-const ECCENTRICITY2: f64 = FLATTENING * (2.0 - FLATTENING);
+pub(super) const SEMI_MAJOR_M: f64 = 6_378_137.0;
+pub(super) const FLATTENING: f64 = 1.0 / 298.257_223_563;
+pub(super) const ECCENTRICITY2: f64 = FLATTENING * (2.0 - FLATTENING);
+
+/// Steps of an iteration of which two are enough up to some hundred kilometres of height.
+const MOST_STEPS: usize = 20;
 
 /// A place by latitude, longitude and height above the WGS 84 ellipsoid.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -19,24 +22,55 @@ pub struct Geodetic {
 }
 
 impl Geodetic {
-    /// From Earth-centred Earth-fixed coordinates, metres. Not a number at the Earth's centre.
+    /// From Earth-centred Earth-fixed coordinates, metres: by Bowring's iteration, to some roundings of the coordinates (2e-9 m at the Earth's surface) from 1000 km below it
+    /// to any height; at the poles the longitude is 0. Nearer to the Earth's centre, where several places have one normal, it may be any of them.
     pub fn from_ecf_m(position: DVec3) -> Self {
-        let (latitude, longitude, height_m) =
-            map_3d::ecef2geodetic(position.x, position.y, position.z, map_3d::Ellipsoid::WGS84);
+        let axis_m = libm::hypot(position.x, position.y);
+        let minor_m = SEMI_MAJOR_M * (1.0 - FLATTENING);
+        let second = ECCENTRICITY2 / (1.0 - ECCENTRICITY2);
+        // Sine and cosine of the reduced latitude; each step leaves less than a hundredth of the error, near the surface a millionth.
+        let unit = |z: f64, x: f64| {
+            let length = libm::hypot(z, x);
+            if length > 0.0 {
+                [z / length, x / length]
+            } else {
+                [0.0, 1.0]
+            }
+        };
+        let mut reduced = unit(position.z, axis_m * (1.0 - FLATTENING));
+        let mut latitude = [0.0, 1.0];
+        for _ in 0..MOST_STEPS {
+            let [sin, cos] = reduced;
+            latitude = unit(
+                position.z + second * minor_m * sin * sin * sin,
+                (axis_m - ECCENTRICITY2 * SEMI_MAJOR_M * cos * cos * cos).max(0.0),
+            );
+            let [sin, cos] = latitude;
+            let next = unit((1.0 - FLATTENING) * sin, cos);
+            let moved = (next[0] * reduced[1] - next[1] * reduced[0]).abs();
+            reduced = next;
+            if moved < f64::EPSILON {
+                break;
+            }
+        }
+        let [sin, cos] = latitude;
         Self {
-            latitude_deg: latitude.to_degrees(),
-            longitude_deg: longitude.to_degrees(),
-            height_m,
+            latitude_deg: libm::atan2(sin, cos).to_degrees(),
+            longitude_deg: libm::atan2(position.y, position.x).to_degrees(),
+            // Along the normal, less what of it is within the ellipsoid.
+            height_m: axis_m * cos + position.z * sin
+                - SEMI_MAJOR_M * (1.0 - ECCENTRICITY2 * sin * sin).sqrt(),
         }
     }
 
     /// Earth-centred Earth-fixed coordinates, metres. The inverse of [`Self::from_ecf_m`].
     pub fn to_ecf_m(&self) -> DVec3 {
-        let (latitude, longitude) = (
-            self.latitude_deg.to_radians(),
-            self.longitude_deg.to_radians(),
-        );
-        map_3d::geodetic2ecef(latitude, longitude, self.height_m, map_3d::Ellipsoid::WGS84).into()
+        let (sin_lat, cos_lat) = libm::sincos(self.latitude_deg.to_radians());
+        let (sin_lon, cos_lon) = libm::sincos(self.longitude_deg.to_radians());
+        let prime_vertical_m = SEMI_MAJOR_M / (1.0 - ECCENTRICITY2 * sin_lat * sin_lat).sqrt();
+        let axis_m = (prime_vertical_m + self.height_m) * cos_lat;
+        let z = (prime_vertical_m * (1.0 - ECCENTRICITY2) + self.height_m) * sin_lat;
+        DVec3::new(axis_m * cos_lon, axis_m * sin_lon, z)
     }
 
     /// Unit vectors east, north and up (normal to the ellipsoid) in ECF.
@@ -89,18 +123,24 @@ mod tests {
             (52.1, 4.3, 43.0),
             (-33.9, 151.2, 12_000.0),
             (89.9, -170.0, -30.0),
+            (45.0, -84.0, 1e-3),
+            (-70.3, 10.0, -10_000.0),
+            (45.0, 45.0, 100_000.0),
+            (38.2, -178.0, 1_000_000.0),
+            (-12.0, 100.0, 35_786_000.0),
         ] {
             let place = Geodetic {
                 latitude_deg,
                 longitude_deg,
                 height_m,
             };
-            // Places have some 1e-9 m of roundings.
-            assert!(place.to_ecf_m().distance(to_ecf(place)) < 1e-8);
+            // Places have some 1e-9 m of roundings, those of satellites more.
+            let scale = 1.0 + height_m.abs() / SEMI_MAJOR_M;
+            assert!(place.to_ecf_m().distance(to_ecf(place)) < 1e-8 * scale);
             let back = Geodetic::from_ecf_m(to_ecf(place));
             // Float64 resolves 1e-9 m at 6.4e6 m: 1e-8 m allows ten roundings, and 1e-8 m of
             // ground is 1e-13 degrees (over cos(latitude) for the longitude).
-            assert!((back.height_m - height_m).abs() < 1e-8, "{back:?}");
+            assert!((back.height_m - height_m).abs() < 1e-8 * scale, "{back:?}");
             assert!((back.latitude_deg - latitude_deg).abs() < 1e-12);
             assert!((back.longitude_deg - longitude_deg).abs() < 1e-10);
             // Central difference over 2e-6 rad (about 13 m): truncation is 1e-12 of it, rounding
@@ -116,6 +156,30 @@ mod tests {
             let expected = (moved(1.0) - moved(-1.0)) / (2.0 * step);
             let got = place.direction(0.7, -0.4);
             assert!((got - expected).length() < 1e-8 * expected.length());
+        }
+    }
+
+    #[test]
+    fn the_poles_and_the_centre_are_places() {
+        let polar_m = SEMI_MAJOR_M * (1.0 - FLATTENING);
+        for sign in [1.0, -1.0] {
+            let pole = Geodetic::from_ecf_m(DVec3::new(0.0, 0.0, sign * (polar_m + 20.0)));
+            assert_eq!(pole.latitude_deg, sign * 90.0);
+            assert!((pole.height_m - 20.0).abs() < 1e-8, "{pole:?}");
+            // A metre from the axis: a metre along the meridian, whose radius there is a / (1 - f).
+            let near = Geodetic::from_ecf_m(DVec3::new(1.0, 0.0, sign * polar_m));
+            let away = (1.0 / (SEMI_MAJOR_M / (1.0 - FLATTENING))).to_degrees();
+            assert!(
+                (90.0 - near.latitude_deg.abs() - away).abs() < 1e-12,
+                "{near:?}"
+            );
+        }
+        let inside = [DVec3::ZERO, DVec3::X, DVec3::Z, DVec3::new(3e4, 0.0, 1.0)];
+        for place in inside.map(Geodetic::from_ecf_m) {
+            assert!(
+                place.latitude_deg.is_finite() && place.height_m < -6e6,
+                "{place:?}"
+            );
         }
     }
 }
