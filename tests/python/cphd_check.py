@@ -6,7 +6,7 @@ to the writer, SGN -1 in the FX domain, as little-endian complex64 [vectors, fre
 1. Every check of sarkit's cphdcheck runs on the file, the thorough ones too; any failure,
    warnings included, fails. UNDEFINED, mostly empty, names (between commas) elements of the reference
    geometry that the standard's equations leave undefined; sarkit must find these and no others wrong. A
-   GroundRange that sarkit finds wrong is judged here: see ground_ranges.
+   GroundRange or SlopeAngle that sarkit finds wrong is judged here: see ground_ranges and slope_angles_are_right.
 2. sarkit reads the channel. FX samples must be the dump to the bit (conjugated for SGN +1). TOA samples
    are transformed here, in double precision and by the standard's definition, and must be
    the dump to float32 rounding.
@@ -62,6 +62,22 @@ def ground_ranges_are_right(checker):
     return good
 
 
+def slope_angles_are_right(checker):
+    """Whether each SlopeAngle is that of two planes that are one, where sarkit's is not a number.
+
+    The standard's is the arc cosine of a product of two unit vectors. Of one direction and a rounding that is above 1,
+    and whether it is depends on the last bits of positions. It is so by 12 e at most (see ground_ranges), so that the
+    true cosine is 1 - 12 e or more, and the angle sqrt(24 e) or less.
+    """
+    own = sarkit.cphd.compute_reference_geometry(
+        checker.cphdroot.getroottree(), checker.pvps[checker.cphdroot.findtext("{*}Channel/{*}RefChId")]
+    )
+    stated = checker.cphdroot.findall("{*}ReferenceGeometry//{*}SlopeAngle")
+    most = np.rad2deg(np.sqrt(24 * 2.0**-53))
+    each = zip(stated, own.findall(".//{*}SlopeAngle"), strict=True)
+    return len(stated) > 0 and all(np.isnan(float(theirs.text)) and abs(float(ours.text)) <= most for ours, theirs in each)
+
+
 def check(path, undefined):
     with open(path, "rb") as file:
         checker = sarkit.verification.CphdConsistency.from_file(file, thorough=True)
@@ -73,6 +89,8 @@ def check(path, undefined):
         for detail in result["details"]:
             subject = detail["details"].split()[0]
             if name == "check_refgeom" and subject == "GroundRange" and ground_ranges_are_right(checker):
+                continue
+            if name == "check_refgeom" and subject == "SlopeAngle" and subject not in undefined and slope_angles_are_right(checker):
                 continue
             wrong.add(subject if name == "check_refgeom" else name)
             if subject not in undefined:

@@ -57,6 +57,16 @@ impl Claims {
         self.hold(path, place, Vec::new())
     }
 
+    /// Claims a file beside one of ours whose format has no room for a mark: whatever else stands there may be replaced, but for inputs.
+    ///
+    /// # Errors
+    /// [`WriteError`].
+    pub fn unmarked(&mut self, path: &Path) -> Result<(), WriteError> {
+        let place = Place::of_file(path)?;
+        self.check_input(path, &place.path)?;
+        self.hold(path, place, Vec::new())
+    }
+
     /// Claims files of these names in a folder, which is made with the first of them. Whatever else lies there stays.
     ///
     /// # Errors
@@ -82,12 +92,7 @@ impl Claims {
 
     /// Refuses what may not be replaced; `called` is the user's name for `path`.
     fn check(&self, called: &Path, path: &Path, kind: Kind) -> Result<(), WriteError> {
-        if let Some(input) = self.inputs.iter().find(|input| same_path(input, path)) {
-            return Err(WriteError::IsInput {
-                path: called.to_owned(),
-                input: input.clone(),
-            });
-        }
+        self.check_input(called, path)?;
         match fs::metadata(path) {
             Ok(about) if about.is_dir() => {
                 return Err(WriteError::Blocked {
@@ -107,6 +112,16 @@ impl Claims {
                 what,
             }),
             Err(source) => Err(failed(called, source)),
+        }
+    }
+
+    fn check_input(&self, called: &Path, path: &Path) -> Result<(), WriteError> {
+        match self.inputs.iter().find(|input| same_path(input, path)) {
+            Some(input) => Err(WriteError::IsInput {
+                path: called.to_owned(),
+                input: input.clone(),
+            }),
+            None => Ok(()),
         }
     }
 

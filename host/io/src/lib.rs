@@ -51,3 +51,4 @@ pub mod track_axes;
 pub mod track_csv;
 pub mod unfinished;
 mod write_error;
+pub mod xml;

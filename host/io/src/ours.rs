@@ -3,7 +3,10 @@
 //! | kind | how it shows |
 //! |---|---|
 //! | CPHD | the XML's `ProductInfo` has a parameter `Program` that is [`PROGRAM`] |
+//! | SICD | the originator in the NITF header is [`NITF_MARK`] |
 //! | maps | the format is this program's own |
+//! | STAC item | its `schema` is [`ITEM_SCHEMA`] |
+//! | map (GeoTIFF, KMZ) | it is TIFF or an archive whose first 64 KiB hold `written by subap` |
 //! | picture (PNG) | its text chunk `Software` is [`PROGRAM`] |
 //! | JSON | its `schema` begins with `subaperture-`; if it is cut short, its first key is that |
 //! | text (HTML, Markdown) | its first line holds `written by subap` |
@@ -24,8 +27,14 @@ use subaperture_model::PROGRAM;
 /// What the first line of a text holds.
 pub const TEXT_MARK: &str = "written by subap";
 
+/// Who is named as the originator (`ONAME`) of NITF files.
+pub const NITF_MARK: &str = "Subaperture";
+
 /// What begins the `schema` of JSON.
 const SCHEMA: &str = "subaperture-";
+
+/// The `schema` of STAC items.
+pub const ITEM_SCHEMA: &str = "subaperture-stac-item";
 
 /// How far a CPHD is searched for its mark: a header and the longest XML that is read.
 const MOST_HEADER_BYTES: u64 = 9 << 20;
@@ -41,8 +50,14 @@ const MOST_DESCRIPTION_BYTES: u64 = 16 << 20;
 pub enum Kind {
     /// Phase history as CPHD.
     Collection,
+    /// A complex image as SICD, in NITF.
+    Sicd,
     /// A module's maps.
     Maps,
+    /// A map, GeoTIFF or KMZ.
+    Map,
+    /// What is told of a map beside it, STAC.
+    Item,
     /// A picture, PNG.
     Picture,
     /// A record, JSON.
@@ -62,6 +77,7 @@ impl Kind {
             Some((_, "png")) => Self::Picture,
             Some((_, "json")) => Self::Record,
             Some((_, "npy")) => Self::Array,
+            Some((_, "nitf")) => Self::Sicd,
             Some((_, "toml")) => Self::Description,
             _ => Self::Text,
         }
@@ -76,7 +92,10 @@ pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static s
     }
     let ours = match kind {
         Kind::Collection => starts_with(&mut file, b"CPHD/1.")? && has_mark(&mut file)?,
+        Kind::Sicd => is_our_nitf(&mut file)?,
         Kind::Maps => starts_with(&mut file, b"SUBAPMAP")?,
+        Kind::Map => is_our_map(file)?,
+        Kind::Item => record(&mut file)?.is_some_and(|item| item["schema"] == ITEM_SCHEMA),
         Kind::Picture => is_our_picture(&mut file)?,
         Kind::Record => record(&mut file)?.is_some() || begins_as_record(&mut file)?,
         Kind::Text => {
@@ -94,7 +113,10 @@ pub(super) fn objection(path: &Path, kind: Kind) -> io::Result<Option<&'static s
     };
     Ok((!ours).then_some(match kind {
         Kind::Collection => "it is no CPHD that subap wrote",
+        Kind::Sicd => "it is no SICD that subap wrote",
         Kind::Maps => "it is no file of maps",
+        Kind::Map => "it is no map that subap wrote",
+        Kind::Item => "it is no STAC item that subap wrote",
         Kind::Picture => "it is no picture that subap drew",
         Kind::Record => "it is no record that subap wrote",
         Kind::Text => "it is no text that subap wrote",
@@ -122,6 +144,21 @@ fn has_mark(file: &mut File) -> io::Result<bool> {
     let mut start = Vec::new();
     file.take(MOST_HEADER_BYTES).read_to_end(&mut start)?;
     Ok(contains(&start, cphd_mark().as_bytes()))
+}
+
+/// The originator is within the first 400 bytes.
+fn is_our_nitf(file: &mut File) -> io::Result<bool> {
+    let mut start = Vec::new();
+    file.take(400).read_to_end(&mut start)?;
+    Ok(start.starts_with(b"NITF02.10") && contains(&start, NITF_MARK.as_bytes()))
+}
+
+/// The mark is in the first directory, or in the first document.
+fn is_our_map(file: File) -> io::Result<bool> {
+    let mut start = Vec::new();
+    file.take(1 << 16).read_to_end(&mut start)?;
+    let kinds: [&[u8]; 3] = [b"II*\0", b"II+\0", b"PK\x03\x04"];
+    Ok(kinds.iter().any(|kind| start.starts_with(kind)) && contains(&start, TEXT_MARK.as_bytes()))
 }
 
 /// The chunk comes before the pixels.

@@ -20,6 +20,8 @@
 //!
 //! [`read`] reads one back.
 
+mod antennas;
+mod frame;
 mod growing;
 mod read;
 pub mod record;
@@ -36,6 +38,8 @@ use super::staging::Staged;
 use super::tiles::{self, TileStore};
 use subaperture_model::image::Image;
 
+pub use antennas::Antennas;
+pub use frame::frame_of;
 pub use growing::{Growing, Grown};
 pub use read::{OpenProduct, Pixels, ReadError, StoredProduct, open, read};
 

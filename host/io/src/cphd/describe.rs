@@ -6,7 +6,7 @@ use super::prepare::Prepared;
 use super::pvp::{self, record_bytes};
 use super::reference_geometry;
 use super::write_options::{Channel, WriteOptions};
-use super::xml::Writer;
+use crate::xml::Writer;
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::{PROGRAM, SPEED_OF_LIGHT_M_S};
 

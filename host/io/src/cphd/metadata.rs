@@ -6,7 +6,8 @@ use glam::DVec3;
 
 use super::conventions::{Domain, Sgn, SignalFormat};
 use super::pvp::Layout;
-use super::xml::{Element, MetadataError, check_plain};
+use super::xml::{Element, MetadataError};
+use crate::xml::check_plain;
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::phase_history::{Channel, ChannelError, which_channel};
 
@@ -135,7 +136,7 @@ impl CphdInfo {
 
 /// The metadata and where each per-vector parameter lies.
 pub(super) fn parse(xml: &str) -> Result<(CphdInfo, Result<Layout, MetadataError>), MetadataError> {
-    check_plain(xml)?;
+    check_plain(xml).map_err(MetadataError)?;
     let document = roxmltree::Document::parse(xml)
         .map_err(|e| MetadataError(format!("not well formed: {e}; copy the file again")))?;
     let root = Element::root(document.root_element());

@@ -4,7 +4,8 @@
 use glam::DVec3;
 
 use super::conventions::Domain;
-use super::xml::{Element, MetadataError, Writer};
+use super::xml::{Element, MetadataError};
+use crate::xml::Writer;
 
 /// A parameter's place in the record.
 #[derive(Clone, Copy, Debug)]

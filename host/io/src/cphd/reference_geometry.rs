@@ -12,7 +12,7 @@
 use glam::DVec3;
 
 use super::pvp::Record;
-use super::xml::Writer;
+use crate::xml::Writer;
 use subaperture_model::geometry::Geodetic;
 
 /// One way of rounding.

@@ -1,4 +1,4 @@
-//! XML elements that know their own path, so that every error can name it; and a writer of elements.
+//! XML elements that know their own path, so that every error can name it.
 
 use std::borrow::Cow;
 
@@ -9,60 +9,6 @@ use roxmltree::Node;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("XML: {0}")]
 pub struct MetadataError(pub(super) String);
-
-/// Attributes that an element may have, and declarations of namespaces a document: the standard's have two of
-/// each at most. A parser compares every one with every other.
-const MOST_ATTRIBUTES: usize = 100;
-
-/// Refuses text that takes a parser more time than in proportion to its length: elements of very many
-/// attributes, and very many namespaces. What else may be wrong with it is left to the parser.
-pub(super) fn check_plain(xml: &str) -> Result<(), MetadataError> {
-    let bytes = xml.as_bytes();
-    let too_many = |byte: usize, what: &str| {
-        Err(MetadataError(format!(
-            "byte {byte}: more than {MOST_ATTRIBUTES} {what}; no CPHD file has so many: it is damaged"
-        )))
-    };
-    if let Some((byte, _)) = xml.match_indices("xmlns").nth(MOST_ATTRIBUTES) {
-        return too_many(byte, "declarations of namespaces");
-    }
-    let mut at = 0;
-    while let Some(start) = bytes[at..].iter().position(|&b| b == b'<') {
-        let start = at + start;
-        let passed_over = [("<!--", "-->"), ("<![CDATA[", "]]>"), ("<?", "?>")];
-        if let Some((_, end)) = passed_over
-            .iter()
-            .find(|(begin, _)| bytes[start..].starts_with(begin.as_bytes()))
-        {
-            match xml[start..].find(end) {
-                Some(length) => at = start + length + end.len(),
-                None => return Ok(()),
-            }
-            continue;
-        }
-        let (mut attributes, mut quote) = (0, None);
-        at = start + 1;
-        while let Some(&byte) = bytes.get(at) {
-            match quote {
-                // Nowhere in a tag: whatever this is, the parser will say.
-                _ if byte == b'<' => break,
-                Some(mark) if byte == mark => quote = None,
-                Some(_) => {}
-                None => match byte {
-                    b'"' | b'\'' => quote = Some(byte),
-                    b'=' => attributes += 1,
-                    b'>' => break,
-                    _ => {}
-                },
-            }
-            at += 1;
-        }
-        if attributes > MOST_ATTRIBUTES {
-            return too_many(start, "attributes of one element");
-        }
-    }
-    Ok(())
-}
 
 /// An element and its path from the root, such as `CPHD/Global/SGN`.
 pub(super) struct Element<'a, 'i> {
@@ -164,87 +110,5 @@ impl<'a, 'i> Element<'a, 'i> {
         second: &'static str,
     ) -> Result<(f64, f64), MetadataError> {
         Ok((self.child(first)?.number()?, self.child(second)?.number()?))
-    }
-}
-
-/// Writes indented elements.
-pub(super) struct Writer {
-    text: String,
-    depth: usize,
-}
-
-impl Writer {
-    pub(super) fn new() -> Self {
-        Self {
-            text: "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n".to_owned(),
-            depth: 0,
-        }
-    }
-
-    pub(super) fn finish(self) -> String {
-        self.text
-    }
-
-    /// An element with children. `attributes` are plain ASCII of our own making.
-    pub(super) fn element(
-        &mut self,
-        name: &str,
-        attributes: &str,
-        content: impl FnOnce(&mut Self),
-    ) {
-        let space = if attributes.is_empty() { "" } else { " " };
-        self.indent();
-        self.text += &format!("<{name}{space}{attributes}>\n");
-        self.depth += 1;
-        content(self);
-        self.depth -= 1;
-        self.indent();
-        self.text += &format!("</{name}>\n");
-    }
-
-    /// An element with text, escaped.
-    pub(super) fn text(&mut self, name: &str, value: impl std::fmt::Display) {
-        self.text_with(name, "", value);
-    }
-
-    pub(super) fn text_with(
-        &mut self,
-        name: &str,
-        attributes: &str,
-        value: impl std::fmt::Display,
-    ) {
-        let space = if attributes.is_empty() { "" } else { " " };
-        self.indent();
-        self.text += &format!("<{name}{space}{attributes}>");
-        for c in value.to_string().chars() {
-            match c {
-                '&' => self.text += "&amp;",
-                '<' => self.text += "&lt;",
-                '>' => self.text += "&gt;",
-                c => self.text.push(c),
-            }
-        }
-        self.text += &format!("</{name}>\n");
-    }
-
-    /// An element with a number, in the fewest digits that read back to the same float64.
-    pub(super) fn number(&mut self, name: &str, value: f64) {
-        self.text(name, format_args!("{value:?}"));
-    }
-
-    pub(super) fn numbers(&mut self, values: &[(&str, f64)]) {
-        for (name, value) in values {
-            self.number(name, *value);
-        }
-    }
-
-    pub(super) fn xyz(&mut self, name: &str, v: DVec3) {
-        self.element(name, "", |w| {
-            w.numbers(&[("X", v.x), ("Y", v.y), ("Z", v.z)]);
-        });
-    }
-
-    fn indent(&mut self) {
-        self.text.extend(std::iter::repeat_n("  ", self.depth));
     }
 }

@@ -28,6 +28,8 @@ pub struct Record<'a> {
     pub collection: Value,
     /// Pulses that stand for the recording's.
     pub support: Value,
+    /// When and where the antennas were ([`super::Antennas::to_json`]).
+    pub antennas: Value,
     /// The files behind the image.
     pub inputs: &'a [InputFile],
     /// `None` of an image of zeros.
@@ -110,6 +112,7 @@ impl Record<'_> {
             "settings": self.settings,
             "collection": self.collection,
             "support": self.support,
+            "antennas": self.antennas,
             "inputs": self.inputs,
             "brightest": self.brightest.map(Brightest::to_json),
             "picture": self.picture.map(|picture| json!({
@@ -142,7 +145,7 @@ pub fn grid(grid: &ImageGrid) -> Value {
 }
 
 /// The scene frame.
-fn frame(frame: &SceneFrame) -> Value {
+pub(super) fn frame(frame: &SceneFrame) -> Value {
     match frame {
         SceneFrame::Local => json!({ "kind": "local" }),
         SceneFrame::Earth {

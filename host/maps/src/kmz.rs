@@ -1,0 +1,286 @@
+//! KMZ: a map for Google Earth and its like, by ground overlays.
+//!
+//! The map is one in longitude and latitude, so that an overlay's box is exactly its pixels' outer edges. One of up to 1024 pixels a side is one
+//! overlay. A larger one is a super-overlay: tiles of 512 x 512 pixels, each in a document of its own with the region in which it is shown, and links to the
+//! four that are twice as fine, so that a viewer loads what it shows alone. Where the image is not, pixels are transparent.
+//!
+//! The archive begins with `doc.kml`; pictures are PNG, grey with alpha.
+
+use std::fmt::Write as _;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use png::{BitDepth, ColorType};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+use subaperture_io::atomic::Beside;
+use subaperture_io::ours::TEXT_MARK;
+use subaperture_model::monitor::Monitor;
+
+use crate::levels::Levels;
+use crate::pyramid::{Pyramid, TILE, Tile, Values, tiles};
+use crate::{MapError, Ortho, Raster};
+
+/// Pixels a side up to which a map is one picture.
+const ONE_PICTURE: usize = 1024;
+
+/// Pixels on the screen from which on a tile is shown: below that the one above it will do.
+const SHOWN_FROM: usize = TILE / 2;
+
+/// Writes a map in longitude and latitude, complete or not at all.
+///
+/// # Errors
+/// [`MapError`].
+///
+/// # Panics
+/// If the map is in other coordinates.
+pub fn write(
+    path: &Path,
+    ortho: &Ortho,
+    levels: Levels,
+    title: &str,
+    monitor: &dyn Monitor,
+) -> Result<(), MapError> {
+    let raster = ortho.raster();
+    assert_eq!(
+        raster.projection.epsg(),
+        4326,
+        "overlays are in longitude and latitude"
+    );
+    let mut beside = Beside::create(path, 0, ".part")?;
+    let mut archive = Archive::new(BufWriter::new(
+        beside.file().try_clone().map_err(|e| beside.failed(e))?,
+    ));
+    let written = match raster.rows.max(raster.columns) > ONE_PICTURE {
+        true => archive.tiles(ortho, levels, title, monitor),
+        false => archive.one(ortho, levels, title, monitor),
+    };
+    written
+        .and_then(|()| archive.finish())
+        .map_err(|e| match e {
+            Failure::Map(error) => error,
+            Failure::Io(source) => beside.failed(source).into(),
+        })?;
+    Ok(beside.commit()?)
+}
+
+enum Failure {
+    Map(MapError),
+    Io(std::io::Error),
+}
+
+impl From<MapError> for Failure {
+    fn from(error: MapError) -> Self {
+        Self::Map(error)
+    }
+}
+
+impl From<std::io::Error> for Failure {
+    fn from(error: std::io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
+impl From<zip::result::ZipError> for Failure {
+    fn from(error: zip::result::ZipError) -> Self {
+        Self::Io(error.into())
+    }
+}
+
+struct Archive {
+    zip: ZipWriter<BufWriter<std::fs::File>>,
+}
+
+impl Archive {
+    fn new(out: BufWriter<std::fs::File>) -> Self {
+        Self {
+            zip: ZipWriter::new(out),
+        }
+    }
+
+    /// Adds a file as it is: pictures are deflated already, and a document says in its first bytes whose it is.
+    fn add(&mut self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
+        let how = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+        self.zip.start_file(name, how)?;
+        Ok(self.zip.write_all(bytes)?)
+    }
+
+    fn finish(self) -> Result<(), Failure> {
+        Ok(self.zip.finish()?.flush()?)
+    }
+
+    fn one(
+        &mut self,
+        ortho: &Ortho,
+        levels: Levels,
+        title: &str,
+        monitor: &dyn Monitor,
+    ) -> Result<(), Failure> {
+        let raster = ortho.raster();
+        let bounds = Bounds::of(raster, [0, 0], [raster.rows, raster.columns], 1);
+        let overlay = bounds.overlay("map.png", 0);
+        self.add("doc.kml", document(title, &overlay).as_bytes())?;
+        let mut greys = Vec::with_capacity(2 * raster.rows * raster.columns);
+        for first in (0..raster.rows).step_by(TILE) {
+            if monitor.cancelled() {
+                return Err(MapError::Cancelled.into());
+            }
+            let rows = first..(first + TILE).min(raster.rows);
+            let powers = ortho.powers(&[rows.clone(), 0..raster.columns])?;
+            greys.extend(
+                powers
+                    .into_iter()
+                    .flat_map(|power| levels.grey_alpha(power)),
+            );
+            monitor.progress(rows.end as f64 / raster.rows as f64);
+        }
+        let picture = picture([raster.rows, raster.columns], &greys)?;
+        self.add("map.png", &picture)
+    }
+
+    fn tiles(
+        &mut self,
+        ortho: &Ortho,
+        levels: Levels,
+        title: &str,
+        monitor: &dyn Monitor,
+    ) -> Result<(), Failure> {
+        let raster = ortho.raster();
+        let mut pyramid = Pyramid::new(ortho, Values::Powers, monitor);
+        let sizes = pyramid.levels().to_vec();
+        let name = |level: usize, [row, column]: [usize; 2]| format!("{level}-{row}-{column}");
+        let bounds = |level: usize, at: [usize; 2]| {
+            let size = [0, 1].map(|i| (sizes[level][i] - at[i] * TILE).min(TILE));
+            Bounds::of(raster, at.map(|i| i * TILE), size, 1 << level)
+        };
+        let link = |level: usize, at: [usize; 2]| {
+            let name = name(level, at);
+            format!(
+                "<NetworkLink><name>{name}</name>{}<Link><href>{name}.kml</href><viewRefreshMode>onRegion</viewRefreshMode></Link></NetworkLink>",
+                bounds(level, at).region(level == sizes.len() - 1)
+            )
+        };
+        let top = sizes.len() - 1;
+        self.add("doc.kml", document(title, &link(top, [0, 0])).as_bytes())?;
+        let mut failure = None;
+        let made = pyramid.make(&mut |level, at, tile: &Tile| {
+            let bounds = bounds(level, at);
+            let name = name(level, at);
+            let mut body = bounds.region(level == top);
+            body += &bounds.overlay(&format!("{name}.png"), top - level);
+            if level > 0 {
+                let below = tiles(sizes[level - 1]);
+                for [down, right] in [[0, 0], [0, 1], [1, 0], [1, 1]] {
+                    let of = [2 * at[0] + down, 2 * at[1] + right];
+                    if of[0] < below[0] && of[1] < below[1] {
+                        body += &link(level - 1, of);
+                    }
+                }
+            }
+            let [rows, columns] = tile.size;
+            let lines = tile.values.chunks(TILE).take(rows);
+            let greys = lines.flat_map(|line| &line[..columns]);
+            let greys: Vec<u8> = greys.flat_map(|z| levels.grey_alpha(z.re)).collect();
+            let added = picture(tile.size, &greys)
+                .map_err(Failure::Io)
+                .and_then(|picture| self.add(&format!("{name}.png"), &picture))
+                .and_then(|()| self.add(&format!("{name}.kml"), document(&name, &body).as_bytes()));
+            added.map_err(|e| match e {
+                Failure::Map(error) => error,
+                Failure::Io(source) => {
+                    failure = Some(source);
+                    MapError::Cancelled
+                }
+            })
+        });
+        match (failure, made) {
+            (Some(source), _) => Err(Failure::Io(source)),
+            (None, made) => Ok(made?),
+        }
+    }
+}
+
+/// A box in longitude and latitude, degrees.
+struct Bounds {
+    north: f64,
+    south: f64,
+    east: f64,
+    west: f64,
+}
+
+impl Bounds {
+    /// Outer edges of some pixels of an overview whose pixels are `coarser` times the map's: from row and column `first` on.
+    fn of(raster: &Raster, first: [usize; 2], size: [usize; 2], coarser: usize) -> Self {
+        let corner = |at: [usize; 2]| raster.coordinates(at.map(|i| (i * coarser) as f64));
+        let [west, north] = corner(first);
+        let [east, south] = corner([first[0] + size[0], first[1] + size[1]]);
+        Self {
+            north,
+            south,
+            east,
+            west,
+        }
+    }
+
+    fn edges(&self) -> String {
+        let Self {
+            north,
+            south,
+            east,
+            west,
+        } = self;
+        format!(
+            "<north>{north}</north><south>{south}</south><east>{east}</east><west>{west}</west>"
+        )
+    }
+
+    fn overlay(&self, picture: &str, order: usize) -> String {
+        format!(
+            "<GroundOverlay><name>{picture}</name><drawOrder>{order}</drawOrder><Icon><href>{picture}</href></Icon><LatLonBox>{}</LatLonBox></GroundOverlay>",
+            self.edges()
+        )
+    }
+
+    /// The first is shown however small it is.
+    fn region(&self, first: bool) -> String {
+        let least = if first { 0 } else { SHOWN_FROM };
+        format!(
+            "<Region><LatLonAltBox>{}</LatLonAltBox><Lod><minLodPixels>{least}</minLodPixels><maxLodPixels>-1</maxLodPixels></Lod></Region>",
+            self.edges()
+        )
+    }
+}
+
+fn document(title: &str, body: &str) -> String {
+    let mut escaped = String::new();
+    for c in title.chars() {
+        match c {
+            '&' => escaped.push_str("&amp;"),
+            '<' => escaped.push_str("&lt;"),
+            '>' => escaped.push_str("&gt;"),
+            c if c.is_control() => {}
+            c => escaped.push(c),
+        }
+    }
+    let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
+    let _ = write!(
+        text,
+        "<!-- {TEXT_MARK} --><kml xmlns=\"http://www.opengis.net/kml/2.2\"><Document><name>{escaped}</name>{body}</Document></kml>"
+    );
+    text
+}
+
+/// Grey and alpha, pixel by pixel, as a PNG file.
+pub(crate) fn picture([rows, columns]: [usize; 2], greys: &[u8]) -> std::io::Result<Vec<u8>> {
+    let mut out = Vec::new();
+    let mut encoder = png::Encoder::new(&mut out, columns as u32, rows as u32);
+    encoder.set_color(ColorType::GrayscaleAlpha);
+    encoder.set_depth(BitDepth::Eight);
+    let encoded = encoder.write_header().and_then(|mut writer| {
+        writer.write_image_data(greys)?;
+        writer.finish()
+    });
+    encoded.map_err(std::io::Error::other)?;
+    Ok(out)
+}

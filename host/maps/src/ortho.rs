@@ -1,0 +1,368 @@
+//! An image read where a map's pixels are.
+//!
+//! Every part of a map (a pixel, or where pixels are coarser than the image's a share of one) is traced to its place on the focusing surface
+//! ([`crate::surface`]): exactly at nine places of a patch, between them by parabolas, which leaves less than 1e-4 of a pixel on patches of 256. There the
+//! image, its carrier taken away ([`crate::carrier`]), is read by a windowed sinc of 6 to 16 taps.
+//!
+//! **Error** of complex values, relative RMS: as many taps are taken as make it less than -60 dB for the image's own band, by
+//! [`WindowedSinc::error`]; where 16 are too few, it is more. [`Ortho::error_db`] says it. Within the kernel's reach of the image's edge, zeros are read beyond
+//! it. **Cost** a pixel: 72 to 512 products with sums, and of the image the carrier once for each pixel read.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use num_complex::Complex32;
+use rayon::prelude::*;
+
+use subaperture_model::geometry::{ImageGrid, SceneFrame};
+use subaperture_model::image::{Parts, Place, power};
+use subaperture_resolution::support::Looks;
+use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
+
+use crate::carrier::Carrier;
+use crate::surface::Surface;
+use crate::{MapError, Raster};
+
+/// Parts of a patch's side.
+const PATCH: usize = 256;
+/// The smallest, where an image turns fast, as near a pole.
+const LEAST_PATCH: usize = 8;
+/// Pixels of the image that a patch may need, for each of its own, before it is cut in smaller ones.
+const MOST_READ: usize = 16;
+/// Error below which no more taps are taken, -60 dB.
+const ERROR: f64 = 1e-3;
+
+/// An image and where it was seen from.
+#[derive(Clone, Copy, Debug)]
+pub struct Source<'a> {
+    /// Its pixels.
+    pub pixels: &'a dyn Parts,
+    /// Where they are.
+    pub grid: &'a ImageGrid,
+    /// Where that is.
+    pub frame: &'a SceneFrame,
+    /// From where it was seen.
+    pub looks: &'a Looks,
+}
+
+/// An image read on a raster.
+#[derive(Debug)]
+pub struct Ortho<'a> {
+    pub(crate) source: Source<'a>,
+    pub(crate) raster: Raster,
+    surface: Surface,
+    carrier: Carrier,
+    kernel: WindowedSinc,
+    /// Parts of a pixel's side.
+    fine: usize,
+}
+
+impl<'a> Ortho<'a> {
+    /// Plans it.
+    ///
+    /// # Errors
+    /// [`MapError`].
+    pub fn new(source: Source<'a>, raster: Raster) -> Result<Self, MapError> {
+        let surface = Surface::new(source.grid, source.frame)?;
+        let carrier = Carrier::of(source.grid, source.looks)?;
+        let band = carrier.band[0].max(carrier.band[1]);
+        let kernel = TAPS
+            .into_iter()
+            .map(|taps| WindowedSinc::new(taps, band))
+            .find(|kernel| error_of(kernel, carrier.band) < ERROR)
+            .unwrap_or_else(|| WindowedSinc::new(TAPS[TAPS.len() - 1], band));
+        Ok(Self {
+            fine: raster.fine(&surface) as usize,
+            source,
+            raster,
+            surface,
+            carrier,
+            kernel,
+        })
+    }
+
+    /// Relative RMS error of complex values, dB, for an image that fills its band.
+    pub fn error_db(&self) -> f64 {
+        20.0 * libm::log10(error_of(&self.kernel, self.carrier.band))
+    }
+
+    /// By how much rows and columns of the image are finer than its band needs.
+    pub fn oversampling(&self) -> [f64; 2] {
+        self.carrier.band.map(|band| 0.5 / band)
+    }
+
+    /// Values of the image, averaged in one of the map's pixels.
+    pub fn averaged(&self) -> usize {
+        self.fine * self.fine
+    }
+
+    /// The image.
+    pub fn pixels(&self) -> &'a dyn Parts {
+        self.source.pixels
+    }
+
+    /// The raster.
+    pub fn raster(&self) -> &Raster {
+        &self.raster
+    }
+
+    /// Complex values of some pixels of the map, row-major; NaN where the image is not.
+    ///
+    /// # Errors
+    /// [`MapError::Coarse`], [`MapError::Parts`].
+    pub(crate) fn complex(&self, place: &Place) -> Result<Vec<Complex32>, MapError> {
+        if self.fine > 1 {
+            return Err(MapError::Coarse {
+                pixel_m: self.raster.pixel_m,
+                needed_m: self
+                    .surface
+                    .steps_m()
+                    .into_iter()
+                    .fold(f64::INFINITY, f64::min),
+            });
+        }
+        let mut out = vec![NOTHING; place[0].len() * place[1].len()];
+        let columns = place[1].len();
+        self.patches(place, PATCH, &mut |patch, values| {
+            for (row, values) in patch[0].clone().zip(values.chunks(patch[1].len())) {
+                let at = (row - place[0].start) * columns + patch[1].start - place[1].start;
+                out[at..at + values.len()].copy_from_slice(values);
+            }
+        })?;
+        Ok(out)
+    }
+
+    /// Mean power of some pixels of the map, likewise.
+    ///
+    /// # Errors
+    /// [`MapError::Parts`].
+    pub(crate) fn powers(&self, place: &Place) -> Result<Vec<f32>, MapError> {
+        let columns = place[1].len();
+        let fine = self.fine;
+        let mut sums = vec![[0.0f64; 2]; place[0].len() * columns];
+        let parts = [0, 1].map(|i| place[i].start * fine..place[i].end * fine);
+        self.patches(&parts, PATCH.max(fine), &mut |patch, values| {
+            for (row, values) in patch[0].clone().zip(values.chunks(patch[1].len())) {
+                let at = (row / fine - place[0].start) * columns;
+                for (column, &value) in patch[1].clone().zip(values) {
+                    let power = power(value);
+                    if power.is_finite() {
+                        let sum = &mut sums[at + column / fine - place[1].start];
+                        *sum = [sum[0] + power, sum[1] + 1.0];
+                    }
+                }
+            }
+        })?;
+        // A pixel that lies on the image by less than half is none of it.
+        let least = 0.5 * self.averaged() as f64;
+        let mean = |[sum, count]: [f64; 2]| match count >= least {
+            true => (sum / count) as f32,
+            false => f32::NAN,
+        };
+        Ok(sums.into_iter().map(mean).collect())
+    }
+
+    /// Hands over the values of all parts of a place, patch by patch.
+    fn patches(&self, place: &Place, side: usize, each: &mut Each) -> Result<(), MapError> {
+        for row in place[0].clone().step_by(side) {
+            for column in place[1].clone().step_by(side) {
+                let patch = [
+                    row..(row + side).min(place[0].end),
+                    column..(column + side).min(place[1].end),
+                ];
+                let at = self.pixels_of(&patch);
+                let Some(window) = self.window(&at) else {
+                    continue;
+                };
+                let most = MOST_READ * at.len() + PATCH * PATCH;
+                if window[0].len() * window[1].len() > most && side > LEAST_PATCH {
+                    self.patches(&patch, (side / 2).max(LEAST_PATCH), each)?;
+                } else {
+                    each(&patch, &self.read(&at, &window)?);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Rows, columns and places on the plane of a patch's parts, row-major.
+    fn pixels_of(&self, patch: &Place) -> Vec<Traced> {
+        let side = 1.0 / self.fine as f64;
+        let nodes = |range: &Range<usize>| {
+            let (first, last) = (range.start as f64 + 0.5, range.end as f64 - 0.5);
+            [first, 0.5 * (first + last), last]
+        };
+        let [rows, columns] = [nodes(&patch[0]), nodes(&patch[1])];
+        let known = rows.map(|row| {
+            columns.map(|column| {
+                let at = self.raster.coordinates([row * side, column * side]);
+                self.surface.on_plane(&self.raster.projection.place(at))
+            })
+        });
+        let weights = |range: &Range<usize>, i: usize| {
+            let last = (range.len() - 1) as f64;
+            parabola(if last > 0.0 { i as f64 / last } else { 0.0 })
+        };
+        let along: Vec<[f64; 3]> = (0..patch[1].len()).map(|i| weights(&patch[1], i)).collect();
+        let surface = &self.surface;
+        let mut traced = vec![Traced::default(); patch[0].len() * patch[1].len()];
+        traced
+            .par_chunks_mut(patch[1].len())
+            .enumerate()
+            .for_each(|(i, line)| {
+                let down = weights(&patch[0], i);
+                // At this row, at the three columns.
+                let three = [0, 1, 2].map(|c| {
+                    [0, 1].map(|axis| (0..3).map(|r| down[r] * known[r][c][axis]).sum::<f64>())
+                });
+                for (traced, w) in line.iter_mut().zip(&along) {
+                    traced.plane = [0, 1].map(|axis| {
+                        w[0] * three[0][axis] + w[1] * three[1][axis] + w[2] * three[2][axis]
+                    });
+                    traced.pixel = surface.pixel(traced.plane);
+                }
+            });
+        traced
+    }
+
+    /// What of the image is needed for these places, if any of them is on it.
+    fn window(&self, traced: &[Traced]) -> Option<Place> {
+        let counts = [self.source.grid.rows.count, self.source.grid.columns.count];
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for Traced { pixel, .. } in traced.iter().filter(|traced| inside(traced.pixel, counts)) {
+            for i in 0..2 {
+                low[i] = low[i].min(pixel[i]);
+                high[i] = high[i].max(pixel[i]);
+            }
+        }
+        if low[0] > high[0] {
+            return None;
+        }
+        let half = self.kernel.taps() / 2;
+        Some([0, 1].map(|i| {
+            let first = (low[i].floor().max(0.0) as usize).saturating_sub(half);
+            let last = high[i].ceil() as usize + half + 1;
+            first..last.min(counts[i])
+        }))
+    }
+
+    /// Values at these places, of which this window of the image has all that lie on it.
+    fn read(&self, traced: &[Traced], window: &Place) -> Result<Vec<Complex32>, MapError> {
+        // What is shared by threads; the image's file is not.
+        let (grid, surface) = (self.source.grid, &self.surface);
+        let (carrier, kernel) = (&self.carrier, &self.kernel);
+        let mut image = self
+            .source
+            .pixels
+            .window(window)
+            .map_err(MapError::Parts)?
+            .pixels;
+        let [rows, columns] = window;
+        image
+            .par_chunks_mut(columns.len())
+            .zip(rows.clone())
+            .for_each(|(line, row)| {
+                for (z, column) in line.iter_mut().zip(columns.clone()) {
+                    let point = grid.position_m(row, column);
+                    *z *= carrier.at(point, [row as f64, column as f64]).conj();
+                }
+            });
+        let counts = [grid.rows.count, grid.columns.count];
+        let values = |traced: &Traced| {
+            if !inside(traced.pixel, counts) {
+                return NOTHING;
+            }
+            let local = [0, 1].map(|i| traced.pixel[i] - window[i].start as f64);
+            let read = match kernel.taps() {
+                6 => interpolate::<6>,
+                8 => interpolate::<8>,
+                10 => interpolate::<10>,
+                12 => interpolate::<12>,
+                14 => interpolate::<14>,
+                _ => interpolate::<16>,
+            };
+            let value = read(kernel, &image, columns.len(), local);
+            let point: DVec3 = surface.point_m(traced.plane);
+            value * carrier.at(point, traced.pixel)
+        };
+        Ok(traced.par_iter().with_min_len(256).map(values).collect())
+    }
+}
+
+/// What takes the values of a patch.
+type Each<'e> = dyn FnMut(&Place, &[Complex32]) + 'e;
+
+const NOTHING: Complex32 = Complex32::new(f32::NAN, f32::NAN);
+
+/// Where a part of the map is: row and column of the image, and on its plane.
+#[derive(Clone, Copy, Debug, Default)]
+struct Traced {
+    pixel: [f64; 2],
+    plane: [f64; 2],
+}
+
+/// Whether a place is on the image's pixels, as areas.
+fn inside(pixel: [f64; 2], counts: [usize; 2]) -> bool {
+    (0..2).all(|i| pixel[i] >= -0.5 && pixel[i] < counts[i] as f64 - 0.5)
+}
+
+/// Weights of values at 0, 1/2 and 1, for the parabola through them at `t`.
+fn parabola(t: f64) -> [f64; 3] {
+    [
+        2.0 * (t - 0.5) * (t - 1.0),
+        -4.0 * t * (t - 1.0),
+        2.0 * t * (t - 0.5),
+    ]
+}
+
+/// Of both axes.
+fn error_of(kernel: &WindowedSinc, band: [f64; 2]) -> f64 {
+    let [rows, columns] = band.map(|band| kernel.error(band));
+    libm::hypot(rows, columns)
+}
+
+/// The value at a row and column of these pixels, beyond which are zeros.
+#[inline]
+fn interpolate<const W: usize>(
+    kernel: &WindowedSinc,
+    image: &[Complex32],
+    columns: usize,
+    [row, column]: [f64; 2],
+) -> Complex32 {
+    let rows = (image.len() / columns) as isize;
+    let (row_floor, column_floor) = (row.floor(), column.floor());
+    let down = kernel.weights::<W>((row - row_floor) as f32);
+    let along = kernel.weights::<W>((column - column_floor) as f32);
+    let reach = W as isize / 2 - 1;
+    let (first_row, first_column) = (row_floor as isize - reach, column_floor as isize - reach);
+    let mut sum = Complex32::ZERO;
+    for (i, weight) in down.into_iter().enumerate() {
+        let row = first_row + i as isize;
+        if row < 0 || row >= rows {
+            continue;
+        }
+        let line = &image[row as usize * columns..][..columns];
+        let mut part = Complex32::ZERO;
+        match first_column >= 0 && first_column as usize + W <= columns {
+            true => {
+                let line = &line[first_column as usize..][..W];
+                for (z, w) in line.iter().zip(along) {
+                    part += *z * w;
+                }
+            }
+            false => {
+                for (k, w) in along.into_iter().enumerate() {
+                    let column = first_column + k as isize;
+                    if (0..columns as isize).contains(&column) {
+                        part += line[column as usize] * w;
+                    }
+                }
+            }
+        }
+        sum += part * weight;
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests;

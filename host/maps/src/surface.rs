@@ -1,0 +1,125 @@
+//! Where on an image a place of the map is.
+//!
+//! An image shows the points of its grid's plane, the surface on which it was focused. A map shows each straight above or below where it is:
+//! the place of the map is the point where the ellipsoid's normal there meets the plane. What stands above the plane, or lies below it, is
+//! displaced by layover, here as in the image.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
+
+use crate::MapError;
+
+/// Least sine of the angle between a plane and the vertical.
+const LEAST_SINE: f64 = 0.05;
+
+/// Places along each side of a grid by which its outline is followed.
+const SIDE_PLACES: usize = 256;
+
+/// A grid's plane on the Earth.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface {
+    pub(crate) grid: ImageGrid,
+    frame: SceneFrame,
+    normal: DVec3,
+    /// Of a polar grid.
+    middle_rad: f64,
+}
+
+impl Surface {
+    pub(crate) fn new(grid: &ImageGrid, frame: &SceneFrame) -> Result<Self, MapError> {
+        let columns = &grid.columns;
+        let surface = Self {
+            grid: *grid,
+            frame: *frame,
+            normal: grid.x_axis.cross(grid.y_axis),
+            middle_rad: columns.start + 0.5 * (columns.count - 1) as f64 * columns.step,
+        };
+        let centre = surface.centre()?;
+        let up = frame.direction_from_ecf(centre.east_north_up()[2]);
+        match up.dot(surface.normal).abs() > LEAST_SINE {
+            true => Ok(surface),
+            false => Err(MapError::Upright),
+        }
+    }
+
+    /// The middle of the grid.
+    pub(crate) fn centre(&self) -> Result<Geodetic, MapError> {
+        let half = |count: usize| 0.5 * (count - 1) as f64;
+        self.place([half(self.grid.rows.count), half(self.grid.columns.count)])
+    }
+
+    /// Where a pixel is, rows and columns from 0.
+    pub(crate) fn place(&self, [row, column]: [f64; 2]) -> Result<Geodetic, MapError> {
+        let at = |axis: &subaperture_model::geometry::Axis, i: f64| axis.start + i * axis.step;
+        let point = self
+            .grid
+            .point_m(at(&self.grid.rows, row), at(&self.grid.columns, column));
+        self.frame.geodetic(point).ok_or(MapError::Local)
+    }
+
+    /// The outline of the grid, along the outer edges of its pixels: from the first row and column along the row, and around.
+    pub(crate) fn outline(&self, along: usize) -> Result<Vec<Geodetic>, MapError> {
+        let end = |count: usize| count as f64 - 0.5;
+        let [bottom, left] = [-0.5; 2];
+        let (top, right) = (end(self.grid.rows.count), end(self.grid.columns.count));
+        let corners = [[bottom, left], [bottom, right], [top, right], [top, left]];
+        let mut places = Vec::with_capacity(4 * along);
+        for (i, from) in corners.iter().enumerate() {
+            let to = corners[(i + 1) % 4];
+            for k in 0..along {
+                let part = k as f64 / along as f64;
+                places.push(
+                    self.place([0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * part))?,
+                );
+            }
+        }
+        Ok(places)
+    }
+
+    pub(crate) fn whole_outline(&self) -> Result<Vec<Geodetic>, MapError> {
+        self.outline(SIDE_PLACES)
+    }
+
+    /// Metres from pixel to pixel along rows' and columns' axes; of a polar grid in the middle of its ranges.
+    pub(crate) fn steps_m(&self) -> [f64; 2] {
+        let rows = &self.grid.rows;
+        let across = match self.grid.polar {
+            true => (rows.start + 0.5 * (rows.count - 1) as f64 * rows.step).abs(),
+            false => 1.0,
+        };
+        [rows.step, self.grid.columns.step * across]
+    }
+
+    /// The point of the plane above or below a place, metres along the plane's axes from the grid's origin.
+    pub(crate) fn on_plane(&self, place: &Geodetic) -> [f64; 2] {
+        let point = self.frame.from_ecf_m(place.to_ecf_m());
+        let up = self.frame.direction_from_ecf(place.east_north_up()[2]);
+        let from = point - self.grid.origin_m;
+        let there = from - up * (from.dot(self.normal) / up.dot(self.normal));
+        [there.dot(self.grid.x_axis), there.dot(self.grid.y_axis)]
+    }
+
+    /// The point of the scene at such a place.
+    pub(crate) fn point_m(&self, [x, y]: [f64; 2]) -> DVec3 {
+        self.grid.origin_m + self.grid.x_axis * x + self.grid.y_axis * y
+    }
+
+    /// Row and column, from 0 and with fractions, of such a place.
+    #[inline]
+    pub(crate) fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (row_value, column_value) = match self.grid.polar {
+            true => {
+                let away = (libm::atan2(y, x) - self.middle_rad + PI).rem_euclid(2.0 * PI) - PI;
+                (libm::hypot(x, y), self.middle_rad + away)
+            }
+            false => (y, x),
+        };
+        [
+            (row_value - self.grid.rows.start) / self.grid.rows.step,
+            (column_value - self.grid.columns.start) / self.grid.columns.step,
+        ]
+    }
+}

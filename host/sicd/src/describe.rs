@@ -1,0 +1,304 @@
+//! The XML of a SICD, in the order of the schema.
+
+use glam::DVec3;
+
+use subaperture_io::xml::Writer;
+use subaperture_model::PROGRAM;
+use subaperture_model::geometry::Geodetic;
+use subaperture_signal::window::Window;
+
+use crate::aperture::{Aperture, Scpcoa};
+use crate::dates::iso;
+use crate::formed::Formed;
+use crate::grid::Placed;
+use crate::polynomial::Surface;
+use crate::spectrum::Spectrum;
+
+/// The schema's namespace.
+pub(crate) const NAMESPACE: &str = "urn:SICD:1.3.0";
+/// Samples of a weighting function.
+const WEIGHTS: usize = 512;
+
+/// All that is told.
+pub(crate) struct Told<'a> {
+    pub(crate) formed: &'a Formed,
+    pub(crate) placed: &'a Placed,
+    pub(crate) aperture: &'a Aperture,
+    pub(crate) seen: &'a Scpcoa,
+    pub(crate) spectra: &'a [Spectrum; 2],
+    /// The image's four corners on the ground: first row first column, then clockwise.
+    pub(crate) corners: &'a [Geodetic; 4],
+    pub(crate) created_ns: i64,
+}
+
+impl Told<'_> {
+    pub(crate) fn document(&self) -> String {
+        let mut w = Writer::new();
+        w.element("SICD", &format!("xmlns=\"{NAMESPACE}\""), |w| {
+            self.collection(w);
+            self.image(w);
+            self.geography(w);
+            self.grid(w);
+            self.timeline(w);
+            self.radar(w);
+            self.formation(w);
+            self.scpcoa(w);
+        });
+        w.finish()
+    }
+
+    fn collection(&self, w: &mut Writer) {
+        w.element("CollectionInfo", "", |w| {
+            w.text("CollectorName", "Subaperture");
+            w.text("CoreName", &self.formed.name);
+            w.text("CollectType", "MONOSTATIC");
+            w.element("RadarMode", "", |w| w.text("ModeType", "SPOTLIGHT"));
+            w.text("Classification", "UNCLASSIFIED");
+            for sentence in &self.aperture.told {
+                w.text_with("Parameter", "name=\"Assumed\"", sentence);
+            }
+        });
+        w.element("ImageCreation", "", |w| {
+            w.text("Application", PROGRAM);
+            w.text("DateTime", iso(self.created_ns));
+        });
+    }
+
+    fn image(&self, w: &mut Writer) {
+        let [rows, columns] = self.placed.size;
+        let pixel = |w: &mut Writer, [row, column]: [usize; 2]| {
+            w.text("Row", row);
+            w.text("Col", column);
+        };
+        w.element("ImageData", "", |w| {
+            w.text("PixelType", "RE32F_IM32F");
+            w.text("NumRows", rows);
+            w.text("NumCols", columns);
+            w.text("FirstRow", 0);
+            w.text("FirstCol", 0);
+            w.element("FullImage", "", |w| {
+                w.text("NumRows", rows);
+                w.text("NumCols", columns);
+            });
+            w.element("SCPPixel", "", |w| pixel(w, self.placed.scp_pixel));
+            let vertices = self.placed.vertices();
+            w.element("ValidData", &format!("size=\"{}\"", vertices.len()), |w| {
+                for (n, at) in vertices.into_iter().enumerate() {
+                    w.element("Vertex", &index(n), |w| pixel(w, at));
+                }
+            });
+        });
+    }
+
+    fn geography(&self, w: &mut Writer) {
+        let scp = self.placed.scp_ecf_m;
+        w.element("GeoData", "", |w| {
+            w.text("EarthModel", "WGS_84");
+            w.element("SCP", "", |w| {
+                w.xyz("ECF", scp);
+                let place = Geodetic::from_ecf_m(scp);
+                w.element("LLH", "", |w| {
+                    latitude_longitude(w, &place);
+                    w.number("HAE", place.height_m);
+                });
+            });
+            w.element("ImageCorners", "", |w| {
+                let names = ["1:FRFC", "2:FRLC", "3:LRLC", "4:LRFC"];
+                for (name, corner) in names.into_iter().zip(self.corners) {
+                    w.element("ICP", &format!("index=\"{name}\""), |w| {
+                        latitude_longitude(w, corner);
+                    });
+                }
+            });
+            let vertices = self.placed.vertices();
+            w.element("ValidData", &format!("size=\"{}\"", vertices.len()), |w| {
+                for (n, at) in vertices.into_iter().enumerate() {
+                    let place = self.placed.on_ground(at, self.seen);
+                    w.element("Vertex", &index(n), |w| latitude_longitude(w, &place));
+                }
+            });
+        });
+    }
+
+    fn grid(&self, w: &mut Writer) {
+        w.element("Grid", "", |w| {
+            w.text("ImagePlane", self.placed.plane(self.seen));
+            w.text("Type", "PLANE");
+            w.element("TimeCOAPoly", "order1=\"0\" order2=\"0\"", |w| {
+                let at = "exponent1=\"0\" exponent2=\"0\"";
+                w.text_with("Coef", at, format_args!("{:?}", self.aperture.coa_s()));
+            });
+            for (name, spectrum) in ["Row", "Col"].into_iter().zip(self.spectra) {
+                w.element(name, "", |w| self.direction(w, spectrum));
+            }
+        });
+    }
+
+    fn direction(&self, w: &mut Writer, spectrum: &Spectrum) {
+        w.xyz(
+            "UVectECF",
+            self.placed.frame.direction_to_ecf(spectrum.direction),
+        );
+        w.number("SS", spectrum.spacing_m);
+        w.number("ImpRespWid", spectrum.width_m);
+        w.text("Sgn", -1);
+        w.numbers(&[
+            ("ImpRespBW", spectrum.bandwidth),
+            ("KCtr", spectrum.centre),
+            ("DeltaK1", spectrum.edges[0]),
+            ("DeltaK2", spectrum.edges[1]),
+        ]);
+        surface(w, "DeltaKCOAPoly", &spectrum.middle);
+        let (name, parameter) = match spectrum.window {
+            Window::None => ("UNIFORM", None),
+            Window::Hamming => ("HAMMING", None),
+            Window::Taylor { side_lobe_db } => ("TAYLOR", Some(("SLL", -side_lobe_db))),
+            Window::Kaiser { beta } => ("KAISER", Some(("BETA", beta))),
+        };
+        w.element("WgtType", "", |w| {
+            w.text("WindowName", name);
+            if let Some((key, value)) = parameter {
+                w.text_with("Parameter", &format!("name=\"{key}\""), value);
+            }
+        });
+        if spectrum.window != Window::None {
+            w.element("WgtFunct", &format!("size=\"{WEIGHTS}\""), |w| {
+                for (n, weight) in spectrum.window.weights(WEIGHTS).into_iter().enumerate() {
+                    w.text_with("Wgt", &index(n), format_args!("{weight:?}"));
+                }
+            });
+        }
+    }
+
+    fn timeline(&self, w: &mut Writer) {
+        w.element("Timeline", "", |w| {
+            w.text("CollectStart", iso(self.aperture.start_ns));
+            w.number("CollectDuration", self.aperture.duration_s);
+        });
+        let path = &self.aperture.path.coefficients;
+        w.element("Position", "", |w| {
+            w.element("ARPPoly", "", |w| {
+                let part = |w: &mut Writer, name: &str, of: fn(&DVec3) -> f64| {
+                    let order = format!("order1=\"{}\"", path.len() - 1);
+                    w.element(name, &order, |w| {
+                        for (k, c) in path.iter().enumerate() {
+                            let at = format!("exponent1=\"{k}\"");
+                            w.text_with("Coef", &at, format_args!("{:?}", of(c)));
+                        }
+                    });
+                };
+                part(w, "X", |c| c.x);
+                part(w, "Y", |c| c.y);
+                part(w, "Z", |c| c.z);
+            });
+        });
+    }
+
+    /// Transmitted, and both.
+    fn polarizations(&self) -> [String; 2] {
+        let known = |name: &Option<String>| {
+            let name = name.as_deref()?;
+            let listed = ["V", "H", "X", "Y", "S", "E", "RHC", "LHC"].contains(&name);
+            listed.then(|| name.to_owned())
+        };
+        match [
+            known(&self.formed.polarizations[0]),
+            known(&self.formed.polarizations[1]),
+        ] {
+            [Some(tx), Some(rx)] => [tx.clone(), format!("{tx}:{rx}")],
+            _ => ["UNKNOWN".to_owned(), "UNKNOWN".to_owned()],
+        }
+    }
+
+    fn band_hz(&self) -> [f64; 2] {
+        let bands = self.formed.looks.bands_hz.iter();
+        bands.fold([f64::INFINITY, 0.0], |[low, high], [a, b]| {
+            [low.min(*a), high.max(*b)]
+        })
+    }
+
+    fn radar(&self, w: &mut Writer) {
+        let [tx, both] = self.polarizations();
+        let [low, high] = self.band_hz();
+        w.element("RadarCollection", "", |w| {
+            w.element("TxFrequency", "", |w| {
+                w.numbers(&[("Min", low), ("Max", high)])
+            });
+            w.text("TxPolarization", tx);
+            w.element("RcvChannels", "size=\"1\"", |w| {
+                w.element("ChanParameters", "index=\"1\"", |w| {
+                    w.text("TxRcvPolarization", both)
+                });
+            });
+        });
+    }
+
+    fn formation(&self, w: &mut Writer) {
+        let [_, both] = self.polarizations();
+        let [low, high] = self.band_hz();
+        w.element("ImageFormation", "", |w| {
+            w.element("RcvChanProc", "", |w| {
+                w.text("NumChanProc", 1);
+                w.text("ChanIndex", 1);
+            });
+            w.text("TxRcvPolarizationProc", both);
+            w.numbers(&[("TStartProc", 0.0), ("TEndProc", self.aperture.duration_s)]);
+            w.element("TxFrequencyProc", "", |w| {
+                w.numbers(&[("MinProc", low), ("MaxProc", high)]);
+            });
+            w.text("ImageFormAlgo", "OTHER");
+            for not_done in ["STBeamComp", "ImageBeamComp", "AzAutofocus", "RgAutofocus"] {
+                w.text(not_done, "NO");
+            }
+            w.element("Processing", "", |w| {
+                w.text("Type", format!("Image formation by {}", self.formed.former));
+                w.text("Applied", true);
+                let [fast, slow] = self.formed.windows;
+                w.text_with("Parameter", "name=\"window\"", fast);
+                w.text_with("Parameter", "name=\"slow_window\"", slow);
+            });
+        });
+    }
+
+    fn scpcoa(&self, w: &mut Writer) {
+        let seen = self.seen;
+        w.element("SCPCOA", "", |w| {
+            w.number("SCPTime", self.aperture.coa_s());
+            w.xyz("ARPPos", seen.place);
+            w.xyz("ARPVel", seen.velocity);
+            w.xyz("ARPAcc", seen.acceleration);
+            w.text("SideOfTrack", if seen.left { "L" } else { "R" });
+            w.numbers(&[
+                ("SlantRange", seen.slant_range_m),
+                ("GroundRange", seen.ground_range_m),
+                ("DopplerConeAng", seen.doppler_cone),
+                ("GrazeAng", seen.graze),
+                ("IncidenceAng", 90.0 - seen.graze),
+                ("TwistAng", seen.twist),
+                ("SlopeAng", seen.slope),
+                ("AzimAng", seen.azimuth),
+                ("LayoverAng", seen.layover),
+            ]);
+        });
+    }
+}
+
+/// Numbers of elements begin at 1.
+fn index(n: usize) -> String {
+    format!("index=\"{}\"", n + 1)
+}
+
+fn latitude_longitude(w: &mut Writer, place: &Geodetic) {
+    w.numbers(&[("Lat", place.latitude_deg), ("Lon", place.longitude_deg)]);
+}
+
+fn surface(w: &mut Writer, name: &str, surface: &Surface) {
+    w.element(name, "order1=\"3\" order2=\"3\"", |w| {
+        for (i, row) in surface.coefficients.iter().enumerate() {
+            for (j, c) in row.iter().enumerate() {
+                let at = format!("exponent1=\"{i}\" exponent2=\"{j}\"");
+                w.text_with("Coef", &at, format_args!("{c:?}"));
+            }
+        }
+    });
+}

@@ -1,0 +1,267 @@
+//! NITF 2.1 (MIL-STD-2500C): the headers of a file with image segments and one segment of XML, as SICD volume 2 has them.
+
+use subaperture_io::ours::NITF_MARK;
+use subaperture_model::geometry::Geodetic;
+
+use crate::dates::digits;
+use crate::describe::NAMESPACE;
+
+/// Bytes of a segment's samples at the most.
+const MOST_BYTES: u64 = 9_999_999_998;
+/// Rows by which a segment may lie below the one before.
+const MOST_ROWS: u64 = 99_999;
+/// Segments that a header can list.
+const MOST_SEGMENTS: u64 = 999;
+/// Bytes of a sample.
+pub(crate) const SAMPLE: u64 = 8;
+
+/// Bytes of the parts of a file before what they describe.
+const IMAGE_HEADER: u64 = 512;
+const XML_HEADER: u64 = 973;
+
+/// Rows that a segment holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Segment {
+    pub(crate) first: u64,
+    pub(crate) rows: u64,
+}
+
+/// How an image's rows are parted (SICD volume 2, 3.2.1); none of one that does not fit into a file.
+pub(crate) fn segments(rows: u64, columns: u64) -> Option<Vec<Segment>> {
+    let row_bytes = columns.checked_mul(SAMPLE)?;
+    if rows.checked_mul(row_bytes)? <= MOST_BYTES {
+        return Some(vec![Segment { first: 0, rows }]);
+    }
+    let each = (MOST_BYTES / row_bytes).min(MOST_ROWS);
+    if each == 0 || rows.div_ceil(each) > MOST_SEGMENTS {
+        return None;
+    }
+    let firsts = (0..rows).step_by(each as usize);
+    Some(
+        firsts
+            .map(|first| Segment {
+                first,
+                rows: each.min(rows - first),
+            })
+            .collect(),
+    )
+}
+
+/// Fields of fixed widths.
+struct Fields(String);
+
+impl Fields {
+    /// Text to the left; what is too long is cut, and what is not ASCII is a question mark.
+    fn text(&mut self, width: usize, text: &str) -> &mut Self {
+        let plain = |c: char| if (' '..='~').contains(&c) { c } else { '?' };
+        let cut: String = text.chars().map(plain).take(width).collect();
+        self.0 += &format!("{cut:width$}");
+        self
+    }
+
+    /// A number to the right, with zeros before it.
+    fn number(&mut self, width: usize, value: u64) -> &mut Self {
+        self.0 += &format!("{value:0width$}");
+        self
+    }
+
+    /// Security of what is not classified: 1 letter and 166 spaces.
+    fn unclassified(&mut self) -> &mut Self {
+        self.text(1, "U").text(166, "")
+    }
+}
+
+/// A file's parts in their order, as bytes: its header, then a header of each segment before its samples, then that of the XML before it.
+#[derive(Clone, Debug)]
+pub(crate) struct Headers {
+    pub(crate) file: Vec<u8>,
+    pub(crate) images: Vec<Vec<u8>>,
+    pub(crate) xml: Vec<u8>,
+    /// Bytes of the whole file.
+    pub(crate) bytes: u64,
+}
+
+/// What headers say beside the image's size.
+pub(crate) struct About<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) start_ns: i64,
+    pub(crate) created_ns: i64,
+    pub(crate) columns: u64,
+    pub(crate) segments: &'a [Segment],
+    /// Corners of each segment, from its first row's first column clockwise.
+    pub(crate) corners: &'a [[Geodetic; 4]],
+    /// Of the whole image.
+    pub(crate) outline: &'a [Geodetic; 4],
+    pub(crate) xml_bytes: u64,
+}
+
+impl About<'_> {
+    /// The headers; none if the file is too long for them.
+    pub(crate) fn headers(&self) -> Option<Headers> {
+        let data = |segment: &Segment| segment.rows * self.columns * SAMPLE;
+        // All but the list of image segments: 388 to NUMXS, 13 of the list of the XML, and lengths of two headers.
+        let header_bytes = 404 - 16 + 16 * self.segments.len() as u64 + 13;
+        let samples: u64 = self.segments.iter().map(data).sum();
+        let bytes = header_bytes
+            + IMAGE_HEADER * self.segments.len() as u64
+            + samples
+            + XML_HEADER
+            + self.xml_bytes;
+        if bytes > 999_999_999_998 || self.xml_bytes > 999_999_998 {
+            return None;
+        }
+        let mut file = Fields(String::new());
+        file.text(9, "NITF02.10").number(2, self.complexity(bytes));
+        file.text(4, "BF01").text(10, NITF_MARK);
+        file.text(14, &digits(self.created_ns));
+        file.text(80, &format!("SICD: {}", self.name));
+        file.unclassified().number(5, 0).number(5, 0).number(1, 0);
+        // A background colour, black, in bytes.
+        file.0 += "\0\0\0";
+        file.text(24, NITF_MARK).text(18, "");
+        file.number(12, bytes).number(6, header_bytes);
+        file.number(3, self.segments.len() as u64);
+        for segment in self.segments {
+            file.number(6, IMAGE_HEADER).number(10, data(segment));
+        }
+        // No graphics, reserved ones and texts; one extension, none reserved; no more headers.
+        file.number(3, 0).number(3, 0).number(3, 0).number(3, 1);
+        file.number(4, XML_HEADER).number(9, self.xml_bytes);
+        file.number(3, 0).number(5, 0).number(5, 0);
+        assert_eq!(file.0.len() as u64, header_bytes, "the file's header");
+        let images = (0..self.segments.len()).map(|n| self.image(n)).collect();
+        Some(Headers {
+            file: file.0.into_bytes(),
+            images,
+            xml: self.xml(),
+            bytes,
+        })
+    }
+
+    /// The level of complexity: by the file's and the image's size.
+    fn complexity(&self, bytes: u64) -> u64 {
+        let rows: u64 = self.segments.iter().map(|segment| segment.rows).sum();
+        let side = rows.max(self.columns);
+        match () {
+            () if bytes < 50 << 20 && side <= 2048 => 3,
+            () if bytes < 1 << 30 && side <= 8192 => 5,
+            () if bytes < 2 << 30 && side <= 65_536 => 6,
+            () if bytes < 10 << 30 => 7,
+            () => 9,
+        }
+    }
+
+    fn image(&self, n: usize) -> Vec<u8> {
+        let segment = self.segments[n];
+        let mut h = Fields(String::new());
+        let name = match self.segments.len() {
+            1 => "SICD000".to_owned(),
+            _ => format!("SICD{:03}", n + 1),
+        };
+        h.text(2, "IM")
+            .text(10, &name)
+            .text(14, &digits(self.start_ns));
+        h.text(17, "").text(80, self.name);
+        h.unclassified().number(1, 0).text(42, NITF_MARK);
+        h.number(8, segment.rows).number(8, self.columns);
+        h.text(3, "R")
+            .text(8, "NODISPLY")
+            .text(8, "SAR")
+            .number(2, 32)
+            .text(1, "R");
+        h.text(1, "G")
+            .text(60, &self.corners[n].map(|c| arc_seconds(&c)).concat());
+        // No comments, no compression, two bands.
+        h.number(1, 0).text(2, "NC").number(1, 2);
+        for band in ["I", "Q"] {
+            h.text(2, "")
+                .text(6, band)
+                .text(1, "N")
+                .text(3, "")
+                .number(1, 0);
+        }
+        // Pixel by pixel, in one block, whose sides are told up to 8192.
+        let side = |count: u64| if count > 8192 { 0 } else { count };
+        h.number(1, 0).text(1, "P").number(4, 1).number(4, 1);
+        h.number(4, side(self.columns))
+            .number(4, side(segment.rows))
+            .number(2, 32);
+        h.number(3, n as u64 + 1).number(3, n as u64);
+        let below = n
+            .checked_sub(1)
+            .map_or(0, |before| self.segments[before].rows);
+        h.number(5, below)
+            .number(5, 0)
+            .text(4, "1.0")
+            .number(5, 0)
+            .number(5, 0);
+        assert_eq!(h.0.len() as u64, IMAGE_HEADER, "an image's header");
+        h.0.into_bytes()
+    }
+
+    fn xml(&self) -> Vec<u8> {
+        let mut h = Fields(String::new());
+        h.text(2, "DE")
+            .text(25, "XML_DATA_CONTENT")
+            .number(2, 1)
+            .unclassified();
+        h.number(4, 773).number(5, 99_999).text(8, "XML");
+        let created = crate::dates::iso(self.created_ns);
+        h.text(20, &format!("{}Z", &created[..19])).text(40, "");
+        h.text(
+            60,
+            "SICD Volume 1 Design & Implementation Description Document",
+        );
+        h.text(10, "1.3.0")
+            .text(20, "2021-11-30T00:00:00Z")
+            .text(120, NAMESPACE);
+        let outline = [0, 1, 2, 3, 0].map(|k| {
+            let at = &self.outline[k];
+            format!("{:+012.8}{:+013.8}", at.latitude_deg, at.longitude_deg)
+        });
+        h.text(125, &outline.concat());
+        h.text(25, "").text(20, "").text(120, "").text(200, "");
+        assert_eq!(h.0.len() as u64, XML_HEADER, "the header of the XML");
+        h.0.into_bytes()
+    }
+}
+
+/// `ddmmssXdddmmssY`.
+fn arc_seconds(place: &Geodetic) -> String {
+    let part = |degrees: f64, width: usize, signs: [char; 2]| {
+        let seconds = (degrees.abs() * 3600.0).round() as u64;
+        let sign = signs[usize::from(degrees < 0.0)];
+        let (degrees, minutes) = (seconds / 3600, seconds / 60 % 60);
+        format!("{degrees:0width$}{minutes:02}{:02}{sign}", seconds % 60)
+    };
+    part(place.latitude_deg, 2, ['N', 'S']) + &part(place.longitude_deg, 3, ['E', 'W'])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The standard's example in volume 2, 3.2.1, and its edges: 10 000 columns of 8 bytes are 124 999 rows in 9 999 999 998 bytes, which the offset of five digits limits.
+    #[test]
+    fn large_images_are_parted() {
+        assert_eq!(segments(3, 5), Some(vec![Segment { first: 0, rows: 3 }]));
+        let all = segments(250_000, 10_000).unwrap();
+        let rows: Vec<[u64; 2]> = all.iter().map(|s| [s.first, s.rows]).collect();
+        assert_eq!(rows, [[0, 99_999], [99_999, 99_999], [199_998, 50_002]]);
+        let wide = segments(20_000, 100_000).unwrap();
+        assert_eq!(wide[0].rows, 12_499);
+        assert_eq!(wide.iter().map(|s| s.rows).sum::<u64>(), 20_000);
+        assert_eq!(segments(10, 2_000_000_000), None);
+        assert_eq!(segments(u64::MAX, 2), None);
+    }
+
+    #[test]
+    fn corners_are_degrees_minutes_and_seconds() {
+        let place = Geodetic {
+            latitude_deg: -5.0 - 59.0 / 60.0 - 59.6 / 3600.0,
+            longitude_deg: 7.5,
+            height_m: 0.0,
+        };
+        assert_eq!(arc_seconds(&place), "060000S0073000E");
+    }
+}

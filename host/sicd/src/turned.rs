@@ -1,0 +1,153 @@
+//! An image turned by quarters, and turned over, so that rows run away from the radar and the plane's normal is up.
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::image::{Parts, PartsError};
+
+/// How rows and columns of a SICD lie on those of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Turned {
+    /// Whether rows run along the image's columns' axis.
+    pub crossed: bool,
+    /// Whether rows, and whether columns, run against the axis that they lie along.
+    pub against: [bool; 2],
+}
+
+impl Turned {
+    /// The way that is allowed, with the normal on the side of `up`, and whose rows run along `away` as far as one does.
+    pub fn along(grid: &ImageGrid, away: DVec3, up: DVec3) -> Self {
+        let mut best = (f64::NEG_INFINITY, Self::default());
+        for bits in 0..8u8 {
+            let turned = Self {
+                crossed: bits & 1 != 0,
+                against: [bits & 2 != 0, bits & 4 != 0],
+            };
+            let [row, column] = turned.directions(grid);
+            let along = row.dot(away);
+            if row.cross(column).dot(up) > 0.0 && along > best.0 {
+                best = (along, turned);
+            }
+        }
+        best.1
+    }
+
+    /// Unit vectors of the scene frame along which rows and columns count up.
+    pub fn directions(&self, grid: &ImageGrid) -> [DVec3; 2] {
+        let sign = |against: bool| if against { -1.0 } else { 1.0 };
+        let axes = match self.crossed {
+            true => [grid.x_axis, grid.y_axis],
+            false => [grid.y_axis, grid.x_axis],
+        };
+        [0, 1].map(|k| axes[k] * sign(self.against[k]))
+    }
+
+    /// The grid's axes along rows and columns.
+    pub(crate) fn axes(&self, grid: &ImageGrid) -> [Axis; 2] {
+        match self.crossed {
+            true => [grid.columns, grid.rows],
+            false => [grid.rows, grid.columns],
+        }
+    }
+
+    /// Rows and columns of an image of this size.
+    pub fn size(&self, (rows, columns): (usize, usize)) -> [usize; 2] {
+        match self.crossed {
+            true => [columns, rows],
+            false => [rows, columns],
+        }
+    }
+
+    /// The image's row and column at this row and column of the SICD.
+    pub fn of(&self, size: (usize, usize), [row, column]: [usize; 2]) -> [usize; 2] {
+        let [rows, columns] = self.size(size);
+        let flip = |n: usize, count: usize, against: bool| if against { count - 1 - n } else { n };
+        let [a, b] = [
+            flip(row, rows, self.against[0]),
+            flip(column, columns, self.against[1]),
+        ];
+        if self.crossed { [b, a] } else { [a, b] }
+    }
+
+    /// Whole rows of the SICD, `from` to `to`, of an image.
+    ///
+    /// # Errors
+    /// [`PartsError`].
+    pub fn rows(
+        &self,
+        image: &dyn Parts,
+        from: usize,
+        to: usize,
+    ) -> Result<Vec<Complex32>, PartsError> {
+        let size = image.size();
+        let [rows, columns] = self.size(size);
+        let run = match self.against[0] {
+            true => rows - to..rows - from,
+            false => from..to,
+        };
+        let place = match self.crossed {
+            true => [0..size.0, run],
+            false => [run, 0..size.1],
+        };
+        let window = image.window(&place)?;
+        let mut turned = Vec::with_capacity((to - from) * columns);
+        for row in from..to {
+            for column in 0..columns {
+                let [r, c] = self.of(size, [row, column]);
+                let at = (r - place[0].start) * window.columns + c - place[1].start;
+                turned.push(window.pixels[at]);
+            }
+        }
+        Ok(turned)
+    }
+}
+
+impl Default for Turned {
+    /// As the image is.
+    fn default() -> Self {
+        Self {
+            crossed: false,
+            against: [false; 2],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use subaperture_model::image::Image;
+
+    #[test]
+    fn rows_run_away_and_samples_stay_at_their_places() {
+        let grid: ImageGrid = "x=0:4:1,y=10:13:1,z=0".parse().unwrap();
+        let image = Image {
+            rows: 3,
+            columns: 4,
+            pixels: (0..12u8).map(|n| Complex32::new(n.into(), 0.0)).collect(),
+        };
+        for (away, expected) in [
+            (DVec3::X, [DVec3::X, DVec3::Y]),
+            (DVec3::NEG_X, [DVec3::NEG_X, DVec3::NEG_Y]),
+            (DVec3::Y, [DVec3::Y, DVec3::NEG_X]),
+            (DVec3::new(0.6, -0.7, -0.3), [DVec3::NEG_Y, DVec3::X]),
+        ] {
+            let turned = Turned::along(&grid, away, DVec3::Z);
+            assert_eq!(turned.directions(&grid), expected);
+            let [rows, columns] = turned.size(image.size());
+            let mut all = turned.rows(&image, 0, 1).unwrap();
+            all.extend(turned.rows(&image, 1, rows).unwrap());
+            let first = turned.of(image.size(), [0, 0]);
+            let start = grid.position_m(first[0], first[1]);
+            for row in 0..rows {
+                for column in 0..columns {
+                    // A step along the directions for each row and column leads to the pixel.
+                    let there = start + expected[0] * row as f64 + expected[1] * column as f64;
+                    let [r, c] = turned.of(image.size(), [row, column]);
+                    assert!(grid.position_m(r, c).distance(there) < 1e-12);
+                    assert_eq!(all[row * columns + column], image.pixels[r * 4 + c]);
+                }
+            }
+        }
+    }
+}

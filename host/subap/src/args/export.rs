@@ -1,0 +1,68 @@
+//! `subap export`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args as Group, ValueEnum, ValueHint};
+use subaperture::geometry::Geodetic;
+use subaperture::units::Dimension;
+
+use super::maps::Mapping;
+use super::values::{above_zero, geodetic, output};
+
+/// Formats of images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ImageFormat {
+    /// SICD 1.3 in NITF 2.1: complex, with what it takes to measure and project it
+    Sicd,
+    /// Cloud-optimised GeoTIFF, and a STAC item beside it
+    Cog,
+    /// Ground overlays for Google Earth
+    Kmz,
+    /// A picture, north up, with a world file
+    Png,
+}
+
+impl ImageFormat {
+    /// That of a file's ending.
+    pub(crate) fn of(path: &Path) -> Option<Self> {
+        let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+        match ending.as_str() {
+            "nitf" | "ntf" => Some(Self::Sicd),
+            "tif" | "tiff" => Some(Self::Cog),
+            "kmz" => Some(Self::Kmz),
+            "png" => Some(Self::Png),
+            _ => None,
+        }
+    }
+}
+
+/// `subap export`.
+#[derive(Debug, Group)]
+pub(crate) struct Export {
+    /// Folder of a product (image.json and image.npy), or its image.json
+    #[arg(value_name = "IMAGE", value_hint = ValueHint::DirPath)]
+    pub(crate) image: PathBuf,
+
+    /// Format to write [default: by FILE's ending, .nitf, .tif, .kmz or .png]
+    #[arg(long, value_enum)]
+    pub(crate) format: Option<ImageFormat>,
+
+    /// File to write
+    #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output())]
+    pub(crate) out: PathBuf,
+
+    /// Where on the Earth the scene's origin is, in place of what the recording says: degrees north and east, metres above the WGS 84
+    /// ellipsoid (x is then east and y north)
+    #[arg(long, value_name = "LAT,LON[,HEIGHT]", allow_hyphen_values = true, value_parser = geodetic)]
+    pub(crate) place: Option<Geodetic>,
+
+    /// How fast a radar moved whose recording tells no times, of SICD [default: 100m/s]
+    #[arg(long, value_name = "SPEED", value_parser = above_zero(Dimension::Speed))]
+    pub(crate) speed: Option<f64>,
+
+    #[command(flatten)]
+    pub(crate) maps: Mapping,
+
+    #[command(flatten)]
+    pub(crate) writing: super::Writing,
+}

@@ -1,0 +1,160 @@
+//! `subap export`: SICD that NGA's sarkit finds consistent, reads and projects. Python is that of `SUBAPERTURE_PYTHON`, or `python3`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use subaperture::image::Parts;
+use subaperture::io::npy;
+use subaperture::sicd::SicdFile;
+use subaperture_tests::subap::run;
+
+/// Three points seen from 600 km by a satellite of the X band that looks ahead, in a frame of the Earth whose axes are turned.
+const SPACE: &str = r#"name = "space & time"
+
+[scene]
+reference = "0, 0, 0 m"
+x = "-20, 20 m"
+y = "-20, 20 m"
+
+[[scene.point]]
+position = "0, 0, 0 m"
+[[scene.point]]
+position = "9, -5, 0 m"
+[[scene.point]]
+position = "-11, 8, 0 m"
+
+[radar]
+kind = "ideal"
+pulses = 160
+pri = "12.5 ms"
+centre = "9.6 GHz"
+bandwidth = "300 MHz"
+samples = 160
+
+[platform]
+kind = "linear"
+position = "60, -480, 350 km"
+velocity = "7500, 0, 0 m/s"
+"#;
+
+fn sarkit(list: &Path) {
+    let python = std::env::var_os("SUBAPERTURE_PYTHON").unwrap_or_else(|| "python3".into());
+    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("python/sicd_check.py");
+    let output = Command::new(&python)
+        .arg(script)
+        .arg(list)
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    println!("{text}");
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{text}{errors}");
+}
+
+#[test]
+fn images_are_sicd_that_sarkit_reads_and_projects() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("space.toml"), SPACE).unwrap();
+    run(at, "simulate space.toml -o space.cphd").succeeded();
+    let mut list = String::new();
+    for (name, grid) in [
+        (
+            "fine",
+            "--grid x=-20:20:0.4,y=-16:16:0.25 --window none --slow-window none",
+        ),
+        ("weighed", "--grid x=-20:16:0.3,y=-20:20:0.25"),
+    ] {
+        run(at, &format!("focus space.cphd {grid} --out {name}")).succeeded();
+        run(at, &format!("export {name} --format sicd -o {name}.nitf")).succeeded();
+        let [file, image] = [format!("{name}.nitf"), name.to_owned()].map(|n| at.join(n));
+        list += &format!("{}\t{}\n", file.display(), image.display());
+    }
+    let mut others = vec![at.join("fine.nitf")];
+    for name in ["sicd_50x50.nitf", "cropped_sicd_110.nitf"] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("../../shared/data/sicd")
+            .join(name);
+        match path.exists() {
+            true => others.push(path),
+            false => println!("skipped: {} not found", path.display()),
+        }
+    }
+    for (n, path) in others.iter().enumerate() {
+        let read = SicdFile::open(path).unwrap();
+        let (rows, columns) = read.size();
+        // In two parts, so that places count.
+        let parts = [[0..rows / 2, 0..columns], [rows / 2..rows, 0..columns]];
+        let mut all = read.window(&parts[0]).unwrap();
+        all.pixels.extend(read.window(&parts[1]).unwrap().pixels);
+        all.rows = rows;
+        let array = at.join(format!("read{n}.npy"));
+        npy::write(&array, &all).unwrap();
+        list += &format!("{}\t{}\n", path.display(), array.display());
+    }
+    fs::write(at.join("list.txt"), list).unwrap();
+    sarkit(&at.join("list.txt"));
+    run(at, "compare fine.nitf fine.nitf").succeeded();
+    // Its own file is replaced, and nobody else's.
+    run(at, "export fine --format sicd -o fine.nitf").succeeded();
+    fs::write(at.join("other.nitf"), "NITF02.10 of somebody").unwrap();
+    run(at, "export fine --format sicd -o other.nitf").failed(1, &["other.nitf", "--force"]);
+    run(at, "export fine --format sicd -o fine/image.npy").failed(1, &["image.npy"]);
+}
+
+/// The XML is the last of a file, so that what is cut off is missed whatever it is.
+#[test]
+fn a_sicd_that_is_cut_short_says_so_wherever_it_is_cut() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("space.toml"), SPACE).unwrap();
+    run(at, "simulate space.toml -o space.cphd").succeeded();
+    let grid = "--grid x=-2:2:0.4,y=-2:2:0.25 --window none --slow-window none";
+    run(at, &format!("focus space.cphd {grid} --out small")).succeeded();
+    run(at, "export small --format sicd -o whole.nitf").succeeded();
+    let whole = fs::read(at.join("whole.nitf")).unwrap();
+    let cut = at.join("cut.nitf");
+    let mut file = fs::File::create(&cut).unwrap();
+    std::io::Write::write_all(&mut file, &whole).unwrap();
+    let read = |path: &Path| SicdFile::open(path).map_err(|error| error.to_string());
+    assert_eq!(read(&cut).unwrap().version(), "1.3.0");
+    for length in (0..whole.len()).rev() {
+        file.set_len(length as u64).unwrap();
+        let error = read(&cut).unwrap_err();
+        assert!(
+            error.contains("cut.nitf: ") && error.contains("cut short"),
+            "{length}: {error}"
+        );
+    }
+}
+
+#[test]
+fn what_cannot_be_told_of_is_refused_with_a_word() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("space.toml"), SPACE).unwrap();
+    run(at, "simulate space.toml -o space.cphd").succeeded();
+    run(
+        at,
+        "focus space.cphd --grid x=-20:20:4,y=-16:16:4 --out coarse",
+    )
+    .succeeded();
+    let export = |image: &str, more: &str| {
+        run(
+            at,
+            &format!("export {image} --format sicd -o out.nitf {more}"),
+        )
+    };
+    export("coarse", "").failed(1, &["undersampled", "at the most"]);
+    export("coarse", "--place here").failed(2, &["52.1,4.3,43"]);
+    export("nothing", "").failed(1, &["nothing"]);
+    // A record of before antennas were told.
+    let path = at.join("coarse/image.json");
+    let record = fs::read_to_string(&path).unwrap();
+    fs::write(&path, record.replace("\"antennas\"", "\"other\"")).unwrap();
+    export("coarse", "").failed(1, &["when and where the antennas were", "form it again"]);
+    fs::write(&path, record.replace("\"earth\"", "\"local\"")).unwrap();
+    export("coarse", "").failed(1, &["where on the Earth", "--place"]);
+    assert!(!at.join("out.nitf").exists());
+}

@@ -1,0 +1,102 @@
+//! Complex images of anybody: SICD in NITF.
+
+use glam::DVec3;
+use num_complex::Complex32;
+use subaperture::geometry::{Geodetic, ImageGrid, SceneFrame};
+use subaperture::image::{Image, Parts};
+use subaperture::io::product::Antennas;
+use subaperture::monitor::Silent;
+use subaperture::resolution::support::RecordedLooks;
+use subaperture::sicd::{Formed, Placing, Sicd, SicdFile};
+use subaperture::signal::window::Window;
+
+use super::scratch::with_files;
+
+pub(super) const WORDS: &[&str] = &[
+    "NITF02.10",
+    "NSIF01.00",
+    "SICD000",
+    "XML_DATA_CONTENT",
+    "urn:SICD:1.1.0",
+    "RE32F_IM32F",
+    "RE16I_IM16I",
+    "AMP8I_PHS8I",
+    "<AmpTable size=\"256\">",
+    "<Amplitude index=\"0\">1</Amplitude>",
+    "NumRows",
+    "NumCols",
+    "INT",
+    "SI ",
+    "NC",
+    "C8",
+    "999",
+    "9999999999",
+];
+
+/// An image of a few pixels seen from 5 km, as our writer writes it.
+pub(super) fn seeds() -> Vec<Vec<u8>> {
+    let track = |n: i32| DVec3::new(f64::from(n) * 20.0, -4000.0, 3000.0);
+    let antennas: Vec<DVec3> = (-4..=4).map(track).collect();
+    let grid: ImageGrid = "x=0:1:0.25,y=0:0.75:0.25,z=0".parse().expect("a grid");
+    let formed = Formed {
+        name: "a & b".to_owned(),
+        frame: SceneFrame::Local,
+        antennas: Antennas {
+            start_ns: Some(1_700_000_000_000_000_000),
+            timed: true,
+            times_s: (0..9).map(|n| 0.2 * f64::from(n)).collect(),
+            transmitters_m: antennas.clone(),
+            receivers_m: antennas.clone(),
+        },
+        looks: RecordedLooks {
+            band_cells: 64,
+            bands_hz: vec![[9.8e9, 10.2e9]],
+            transmitters_m: antennas.iter().map(DVec3::to_array).collect(),
+            receivers_m: Vec::new(),
+        },
+        windows: [Window::None; 2],
+        former: "bp".to_owned(),
+        polarizations: [Some("V".to_owned()), Some("H".to_owned())],
+        grid,
+    };
+    let placing = Placing {
+        origin: Some(Geodetic {
+            latitude_deg: 52.0,
+            longitude_deg: 4.0,
+            height_m: 40.0,
+        }),
+        ..Placing::default()
+    };
+    let sicd = Sicd::new(&formed, &placing, 0).expect("what a SICD can tell");
+    let image = Image {
+        rows: grid.rows.count,
+        columns: grid.columns.count,
+        pixels: (0..grid.num_pixels())
+            .map(|n| Complex32::cis(n as f32))
+            .collect(),
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("seed.nitf");
+    sicd.write(&path, &image, &Silent)
+        .expect("a file is written");
+    vec![std::fs::read(path).expect("it is read")]
+}
+
+pub(super) fn read(bytes: &[u8]) -> String {
+    with_files(&[("image.nitf", bytes)], |folder| {
+        let file = match SicdFile::open(&folder.join("image.nitf")) {
+            Ok(file) => file,
+            Err(error) => return error.to_string(),
+        };
+        let (rows, columns) = file.size();
+        assert!(rows > 0 && columns > 0 && rows * columns <= bytes.len());
+        let mut count = 0;
+        for place in file.places() {
+            let part = file.window(&place).expect("what was there is there");
+            assert_eq!(part.pixels.len(), part.rows * part.columns);
+            count += part.pixels.len();
+        }
+        assert_eq!(count, rows * columns);
+        format!("a SICD {}", file.version())
+    })
+}
