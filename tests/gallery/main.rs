@@ -1,10 +1,11 @@
 //! The gallery of both theses' figures: what every item finds, against figures stated here, and the command that makes them.
 //!
 //! An item says itself whether it agrees with its thesis; nothing here asks it. What it found is read from what it says and held
-//! against the tables in `schone_points.rs`, `schone_scenes.rs`, `chim.rs` and `chim_motion.rs`: the thesis's number, or one that follows from a formula written here.
+//! against the tables in `schone_points.rs`, `schone_scenes.rs`, `chim.rs`, `chim_radio.rs` and `chim_motion.rs`: the thesis's number, or one that follows from a formula written here.
 
 mod chim;
 mod chim_motion;
+mod chim_radio;
 mod command;
 mod figures;
 mod schone_points;
@@ -34,6 +35,7 @@ fn holds(id: &str) {
         schone_scenes::figures,
         chim::figures,
         chim_motion::figures,
+        chim_radio::figures,
     ];
     let expected = tables.iter().find_map(|table| table(id));
     figures::compare(&expected.expect("a table for the item"), &found.checks);
@@ -58,7 +60,7 @@ macro_rules! gallery {
 
 gallery! {
     s_table_2_1 s_2_2 s_2_3 s_table_4_1 s_4_1 s_4_2 s_4_3 s_4_4 s_4_5 s_4_6 s_4_10 s_4_11 s_4_12 s_4_13 s_4_14 s_table_5_1 s_5_2
-    c_2_10 c_2_22 c_3_1 c_3_2 c_3_3 c_3_4 c_4_5 c_5_13 c_6_6
+    c_2_10 c_2_22 c_3_1 c_3_2 c_3_3 c_3_4 c_4_5 c_5_8 c_5_13 c_5_13_radio c_6_6
     c_7_5 c_7_8 c_7_12 c_7_13
 }
 

@@ -36,6 +36,7 @@ use subaperture_plot::PlotError;
 use subaperture_quality::PairError;
 use subaperture_simulate::RecordError;
 use subaperture_simulate::scenario::ScenarioError;
+use subaperture_targets::TargetsError;
 
 pub use expect::{Expected, expect};
 pub use items::items;
@@ -159,6 +160,10 @@ pub enum ItemError {
     /// A simulated scene could not be recorded.
     #[error(transparent)]
     Record(#[from] RecordError),
+    /// Targets, or a track of them, were not found.
+    // As of images.
+    #[error("{0}")]
+    Targets(#[from] TargetsError),
     /// Images could not be compared.
     #[error(transparent)]
     Pair(#[from] PairError),

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! radio (this thread): tune, tune, burst until the reference is steady ──queue──> disk (thread): sigmf::Writer
-//!                                                      └─────────queue (try)────> live: a number a step
+//!                                                      └─────────queue (try)────> live: a number a step, levels, counts
 //! ```
 //!
 //! Rules:
@@ -13,6 +13,7 @@
 //! - The queue to the disk is bounded; where it is full, the radio waits, before the next burst is asked for: no sample is lost, sweeps take
 //!   longer, and it is counted ([`Summary::waits`]). The queue to the live view is bounded and never waited for: what does not fit is not
 //!   shown, and counted.
+//! - A step's carrier is the one that the radio says it has tuned to; a radio that cannot come within a thousandth of a step of the plan's is refused.
 //! - A radio that goes away, a full disk and a stop end the capture; what is recorded by then is closed as always.
 //!
 //! Memory: the queue's buffers of two bursts each and the plan; nothing grows. Cost beside the radio's: the mixing of each burst, a
@@ -23,15 +24,22 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
 use std::thread;
 
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex32;
 
 use crate::error::RadioError;
+use crate::live::{Counts, Level};
 use crate::plan::Plan;
 use crate::sigmf::{Flag, Setup, SigmfError, Step, Writer};
-use crate::tone::Tone;
+use crate::tone::{Mixed, Tone};
 use crate::transceiver::{
-    Burst, Configuration, Event, EventKind, Received, Sample, Side, Transceiver,
+    About, Burst, Configuration, Event, EventKind, Sample, Side, Transceiver,
 };
+
+/// Most that a carrier may be off the plan's, of a step. Profiles take carriers as evenly spaced: at the farthest range this turns
+/// one's phase by `2 pi` of it, -44 dB of its echo.
+const OFF_CARRIER: f64 = 1e-3;
+
+pub use crate::live::LiveStep;
 
 /// How a capture is kept in bounds.
 #[derive(Clone, Copy, Debug)]
@@ -40,26 +48,22 @@ pub struct Queues {
     pub disk: usize,
 }
 
+impl Queues {
+    /// As many bursts of a plan as fit so many bytes with those in both hands, and no more than by default.
+    pub fn within(plan: &Plan, bytes: u64) -> Self {
+        let burst_bytes = 8 * plan.samples() as u64;
+        let fit = (bytes / burst_bytes.max(1)).saturating_sub(2);
+        Self {
+            disk: fit.clamp(1, Self::default().disk as u64) as usize,
+        }
+    }
+}
+
 impl Default for Queues {
     /// 64 bursts: two seconds of writing that hangs, at 30 ms a step.
     fn default() -> Self {
         Self { disk: 64 }
     }
-}
-
-/// A step as the live view gets it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LiveStep {
-    /// Index of the sweep.
-    pub sweep: u64,
-    /// Index of the carrier.
-    pub step: usize,
-    /// Echo over reference; `None` if nothing of it came.
-    pub value: Option<Complex64>,
-    /// RMS of the reference, of full scale.
-    pub reference: f64,
-    /// Whether anything is wrong with it.
-    pub marked: bool,
 }
 
 /// Why a capture ended.
@@ -102,6 +106,15 @@ pub struct Summary {
     pub set: Configuration,
 }
 
+/// What a radio was set to for a plan.
+#[derive(Clone, Debug)]
+pub struct Ready {
+    /// By the device.
+    pub set: Configuration,
+    /// What holds for all of the recording.
+    pub setup: Setup,
+}
+
 /// A burst on its way to the disk, or an empty one on its way back.
 struct Taken {
     step: Step,
@@ -121,23 +134,35 @@ pub fn capture(
     live: Option<&SyncSender<LiveStep>>,
     stop: &AtomicBool,
 ) -> Result<Summary, CaptureError> {
+    let ready = prepare(radio, plan)?;
+    capture_ready(radio, plan, ready, path, queues, live, stop)
+}
+
+/// Sets a radio as the plan has it.
+///
+/// # Errors
+/// If the plan does not fit the radio, or that cannot be set.
+pub fn prepare(radio: &mut dyn Transceiver, plan: &Plan) -> Result<Ready, RadioError> {
     plan.check(&radio.about().ranges)?;
     let set = radio.configure(&plan.radio)?;
-    let about = radio.about();
-    let setup = Setup {
-        name: plan.name.clone(),
-        hardware: format!("{} {}", about.product, about.serial),
-        sample_rate_hz: set.sample_rate_hz,
-        period: plan.period(),
-        samples: plan.samples(),
-        start_hz: plan.start_hz,
-        step_hz: plan.step_hz(),
-        steps: plan.steps,
-        transmit_gain_db: set.transmit_gain_db,
-        receive_gain_db: set.receive_gain_db,
-        receive_antennas: set.receive_antennas.clone(),
-    };
-    let writer = Writer::create(path, setup)?;
+    let setup = setup(radio.about(), plan, &set);
+    Ok(Ready { set, setup })
+}
+
+/// [`capture`], of a radio that [`prepare`] has set: for those who have to know what was set before it begins.
+///
+/// # Errors
+/// If the recording cannot be made.
+pub fn capture_ready(
+    radio: &mut dyn Transceiver,
+    plan: &Plan,
+    Ready { set, setup }: Ready,
+    path: &Path,
+    queues: Queues,
+    live: Option<&SyncSender<LiveStep>>,
+    stop: &AtomicBool,
+) -> Result<Summary, CaptureError> {
+    let writer = Writer::create(path, setup.clone())?;
     let depth = queues.disk.max(1);
     let waiting = AtomicUsize::new(0);
     thread::scope(|scope| {
@@ -151,9 +176,11 @@ pub fn capture(
         let taken = &waiting;
         // Its ends of both queues go with it, so that each side sees the other end.
         let disk = scope.spawn(move || write(writer, &full_rx, &empty_tx, taken));
+        let tone = Tone::new(setup.period, setup.sample_rate_hz);
         let mut engine = Engine {
-            tone: Tone::new(plan.period()),
-            waveform: Tone::new(plan.period()).waveform(plan.amplitude),
+            waveform: tone.waveform(plan.amplitude),
+            tone,
+            setup: &setup,
             radio,
             plan,
             live,
@@ -161,6 +188,7 @@ pub fn capture(
             empty: empty_rx,
             waiting: &waiting,
             depth,
+            taken: 0,
             events: Vec::new(),
             summary: Summary {
                 ended: Ended::Done,
@@ -196,6 +224,25 @@ pub fn capture(
         };
         Ok(summary)
     })
+}
+
+/// What holds for all of a capture: the plan, and what the radio was set to.
+pub fn setup(about: &About, plan: &Plan, set: &Configuration) -> Setup {
+    Setup {
+        name: plan.name.clone(),
+        hardware: format!("{} {}", about.product, about.serial),
+        sample_rate_hz: set.sample_rate_hz,
+        period: plan.period(),
+        samples: plan.samples(),
+        start_hz: plan.start_hz,
+        step_hz: plan.step_hz(),
+        steps: plan.steps,
+        transmit_gain_db: set.transmit_gain_db,
+        receive_gain_db: set.receive_gain_db,
+        receive_antennas: set.receive_antennas.clone(),
+        reference: plan.reference,
+        antennas: plan.antennas,
+    }
 }
 
 /// Why a capture could not begin.
@@ -235,6 +282,7 @@ fn write(
 struct Engine<'a> {
     tone: Tone,
     waveform: Vec<Complex32>,
+    setup: &'a Setup,
     radio: &'a mut dyn Transceiver,
     plan: &'a Plan,
     live: Option<&'a SyncSender<LiveStep>>,
@@ -243,6 +291,8 @@ struct Engine<'a> {
     /// Bursts in the queue to the disk.
     waiting: &'a AtomicUsize,
     depth: usize,
+    /// Steps handed to it.
+    taken: u64,
     events: Vec<Event>,
     summary: Summary,
 }
@@ -280,9 +330,7 @@ impl Engine<'_> {
         step: usize,
         due_s: Option<f64>,
     ) -> Result<Option<f64>, RadioError> {
-        let carrier_hz = self.plan.carrier_hz(step);
-        self.radio.tune(Side::Transmit, carrier_hz, None)?;
-        self.radio.tune(Side::Receive, carrier_hz, None)?;
+        let carrier_hz = self.tune(self.plan.carrier_hz(step))?;
         let sensors = self.radio.sensors()?;
         // As many buffers as fit the queue and both hands: none is waited for but while the disk is slow.
         let Ok(mut channels) = self.empty.recv() else {
@@ -311,61 +359,97 @@ impl Engine<'_> {
         };
         self.count_events();
         self.summary.bursts += u64::from(bursts);
-        let unsteady = mixed.is_some_and(|mixed| mixed.unsteady > self.plan.steady);
-        let unlocked = !(sensors.transmit_locked && sensors.receive_locked);
-        let flags = self.flags(&received, unsteady, unlocked);
-        if let Some(live) = self.live {
-            let shown = LiveStep {
-                sweep,
-                step,
-                value: mixed.map(|mixed| mixed.value),
-                reference: mixed.map_or(0.0, |mixed| mixed.reference),
-                marked: !flags.is_empty(),
-            };
-            if let Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) = live.try_send(shown)
-            {
-                self.summary.not_shown += 1;
-            }
-        }
-        let half_hz = 0.5 * self.plan.step_hz();
-        let step = Step {
-            start: 0,
-            samples: channels[0].len(),
-            lower_hz: carrier_hz - half_hz,
-            upper_hz: carrier_hz + half_hz,
-            carrier_hz,
+        let mut taken = Step {
             sweep,
             step,
-            time_s: received.first_s,
-            gain_db: self.summary.set.receive_gain_db,
             bursts,
-            flags,
-            lost: received
-                .lost
-                .iter()
-                .map(|gap| (gap.start, gap.end))
-                .collect(),
+            ..Step::received(self.setup, &received, channels[0].len(), carrier_hz)
         };
-        Ok(self.hand_over(Taken { step, channels }).and(began_s))
+        let others = [
+            (
+                Flag::Unsteady,
+                mixed.is_some_and(|mixed| mixed.unsteady > self.plan.steady),
+            ),
+            (
+                Flag::Unlocked,
+                !(sensors.transmit_locked && sensors.receive_locked),
+            ),
+        ];
+        let others = others.into_iter().filter(|(_, is)| *is);
+        taken.flags.extend(others.map(|(flag, _)| flag));
+        self.count(&taken);
+        self.show(&taken, mixed, &channels, received.clipped);
+        let taken = Taken {
+            step: taken,
+            channels,
+        };
+        Ok(self.hand_over(taken).and(began_s))
     }
 
-    fn flags(&mut self, received: &Received, unsteady: bool, unlocked: bool) -> Vec<Flag> {
-        let lost: usize = received.lost.iter().map(ExactSizeIterator::len).sum();
-        self.summary.lost_samples += lost as u64;
-        let all = [
-            (Flag::Late, received.late),
-            (Flag::Lost, lost > 0 && !received.late),
-            (Flag::Unsteady, unsteady),
-            (Flag::Clipped, received.clipped != [0; 2]),
-            (Flag::Unlocked, unlocked),
-        ];
-        for (count, (_, is)) in self.summary.flagged.iter_mut().zip(all) {
-            *count += u64::from(is);
+    /// Tells the live view of a step, if there is one and it has room.
+    fn show(
+        &mut self,
+        step: &Step,
+        mixed: Option<Mixed>,
+        channels: &[Vec<Sample>; 2],
+        clipped: [u32; 2],
+    ) {
+        let Some(live) = self.live else { return };
+        let lost: Vec<_> = step.lost.iter().map(|&(from, to)| from..to).collect();
+        let shown = LiveStep {
+            sweep: step.sweep,
+            step: step.step,
+            time_s: step.time_s,
+            mixed,
+            levels: std::array::from_fn(|c| Level::of(&channels[c], &lost, clipped[c])),
+            flagged: Flag::ALL.map(|flag| step.flags.contains(&flag)),
+            counts: self.counts(),
+        };
+        if live.try_send(shown).is_err() {
+            self.summary.not_shown += 1;
         }
-        all.into_iter()
-            .filter(|(_, is)| *is)
-            .map(|(flag, _)| flag)
-            .collect()
+    }
+
+    /// What has been counted, with the step that is at hand.
+    fn counts(&self) -> Counts {
+        let so_far = &self.summary;
+        Counts {
+            steps: self.taken + 1,
+            flagged: so_far.flagged,
+            bursts: so_far.bursts,
+            events: so_far.events,
+            lost_samples: so_far.lost_samples,
+            waits: so_far.waits,
+            queue: self.waiting.load(Ordering::Relaxed).min(self.depth),
+            queue_holds: self.depth,
+            not_shown: so_far.not_shown,
+            late_sweeps: so_far.late_sweeps,
+        }
+    }
+
+    /// Tunes both sides; the carrier that is sent, of which the tone and so the response are.
+    fn tune(&mut self, asked_hz: f64) -> Result<f64, RadioError> {
+        let sent_hz = self.radio.tune(Side::Transmit, asked_hz, None)?;
+        let received_hz = self.radio.tune(Side::Receive, asked_hz, None)?;
+        let most_hz = OFF_CARRIER * self.setup.step_hz;
+        for (whom, tuned_hz) in [("transmitter", sent_hz), ("receivers", received_hz)] {
+            if (tuned_hz - asked_hz).abs() > most_hz {
+                return Err(RadioError::Unsupported(format!(
+                    "a carrier of {asked_hz} Hz: its {whom} tune to {tuned_hz} Hz, more than {most_hz} Hz off. Choose a start and a stop \
+                     that its synthesisers can step between"
+                )));
+            }
+        }
+        Ok(sent_hz)
+    }
+
+    /// Counts what is wrong with a step.
+    fn count(&mut self, step: &Step) {
+        for flag in &step.flags {
+            self.summary.flagged[*flag as usize] += 1;
+        }
+        let lost = step.lost.iter().map(|gap| (gap.1 - gap.0) as u64);
+        self.summary.lost_samples += lost.sum::<u64>();
     }
 
     /// Hands a burst to the disk; `None` if that takes no more.
@@ -380,6 +464,7 @@ impl Engine<'_> {
             }
             Err(TrySendError::Disconnected(_)) => return None,
         }
+        self.taken += 1;
         self.summary.longest_queue = self.summary.longest_queue.max(waiting.min(self.depth));
         Some(())
     }

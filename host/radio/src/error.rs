@@ -41,3 +41,8 @@ pub enum RadioError {
     #[error("{0}")]
     File(String),
 }
+
+/// What to do where a USRP is asked for and this build has no UHD.
+#[cfg(not(feature = "uhd"))]
+pub const NO_UHD: &str = "this build knows no USRP: install UHD (Debian: libuhd-dev) and build with the feature uhd; UHD is under \
+                          GPL-3.0-or-later, and so is what is linked with it";

@@ -4,7 +4,8 @@
 //! What is lost becomes zeros and is told, as a radio does that knows its samples' times. The same seed gives the same faults.
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
+use subaperture_simulate::random::unit;
 
 use crate::error::RadioError;
 use crate::transceiver::{
@@ -96,9 +97,8 @@ impl<T: Transceiver> Transceiver for Faulty<T> {
         self.here()?;
         let mut random = ChaCha8Rng::seed_from_u64(self.faults.seed);
         random.set_stream(self.burst);
-        let mut unit = || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
         // Always as many numbers, so that one fault's chance does not move another's.
-        let drawn: [f64; 6] = std::array::from_fn(|_| unit());
+        let drawn: [f64; 6] = std::array::from_fn(|_| unit(&mut random));
         if self.faults.unplug_at.is_some_and(|at| self.burst >= at) {
             self.gone = true;
             self.tell(EventKind::Gone, burst.at_s);

@@ -9,12 +9,14 @@
 //!                   │  <── two channels of sc16 counts, events ──┘
 //!                   │ settle: the reference tone's own steadiness
 //!                   ├─ queue ──> sigmf: .sigmf-data, an annotation a step ──> replay, profile
-//!                   └─ queue ──> live: a number a step
-//! profile: mix (receive with reference, C 5.10) ─> calibrate ─> fill gaps ─> window, inverse transform ─> range profile
+//!                   └─ queue ──> live: sweep by sweep, for those who look
+//! profile: mix (receive with reference, C 5.10) ─> refer to loop or leakage, calibrate ─> fill gaps ─> window, inverse transform ─> range profile
+//! history: responses of all sweeps ─ track, antennas ─> phase history: a sweep is a pulse, its carriers are the samples
 //! ```
 //!
 //! At each carrier a tone `f_0` above it is sent and received by two channels at once: the reference (channel 0: the
-//! transmitter by a coupler and a cable, C Fig. 5.4) and the echo (channel 1: the antenna). Both synthesisers have phases of
+//! transmitter by a coupler and a cable, C Fig. 5.4) and the echo (channel 1: the antenna); or two antennas, whose reference is the transmitter heard directly
+//! ([`profile::leakage`]). Both synthesisers have phases of
 //! their own after each retune, and differ in frequency; both channels see the same of it, and the quotient of the two
 //! does not. Over carriers it is the scene's response, `sum_s a_s exp(-j 2 pi f tau_s)`, with `f` the carrier and the tone.
 //!
@@ -28,16 +30,19 @@
 //!   ends nothing but what it must.
 //! - Memory: buffers of the queues, each of one step; nothing grows with a capture's length.
 //!
-//! Not there yet: two receiving antennas with the leakage between antennas as the reference, and phase history of captures.
-//!
 //! Backends are an implementation of [`Transceiver`] each: [`simulated`], [`replay`], and, with the feature `uhd`, a USRP by Ettus Research's
 //! driver UHD. That is under GPL-3.0-or-later or a commercial licence: a program linked with it is passed on under these
 //! terms; without the feature nothing of it is needed.
 #![deny(unsafe_code)]
 
+mod antennas;
 pub mod capture;
+pub mod chirp;
 mod error;
+pub mod experiment;
 pub mod fault;
+pub mod history;
+pub mod live;
 pub mod plan;
 pub mod profile;
 pub mod record;
@@ -49,6 +54,9 @@ mod transceiver;
 #[cfg(feature = "uhd")]
 pub mod uhd;
 
+pub use antennas::{Antennas, Reference};
+#[cfg(not(feature = "uhd"))]
+pub use error::NO_UHD;
 pub use error::RadioError;
 pub use transceiver::{
     About, Burst, Configuration, Event, EventKind, Range, Ranges, Received, Sample, Sensors, Side,

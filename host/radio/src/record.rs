@@ -4,7 +4,7 @@
 //! [`Recorder::finish`]; of one that is dropped, its journal tells the steps ([`crate::sigmf`]). All bursts have as many samples.
 
 use crate::error::RadioError;
-use crate::sigmf::{Flag, Setup, SigmfError, Step, Writer};
+use crate::sigmf::{Setup, SigmfError, Step, Writer};
 use crate::transceiver::{
     About, Burst, Configuration, Event, Received, Sample, Sensors, Side, Transceiver,
 };
@@ -76,33 +76,12 @@ impl<T: Transceiver> Transceiver for Recorder<T> {
         let [reference, echo] = receive;
         let received = self.radio.burst(burst, [&mut *reference, &mut *echo])?;
         let place = ((self.carrier_hz - self.setup.start_hz) / self.setup.step_hz).round();
-        let half_hz = 0.5 * self.setup.step_hz;
-        let flags = [
-            (Flag::Late, received.late),
-            (Flag::Lost, !received.late && !received.lost.is_empty()),
-            (Flag::Clipped, received.clipped != [0; 2]),
-        ];
+        let samples = reference.len();
         let step = Step {
-            start: 0,
-            samples: reference.len(),
-            lower_hz: self.carrier_hz - half_hz,
-            upper_hz: self.carrier_hz + half_hz,
-            carrier_hz: self.carrier_hz,
             sweep: self.tunes.saturating_sub(1) / self.setup.steps as u64,
             step: (place.max(0.0) as usize).min(self.setup.steps - 1),
-            time_s: received.first_s,
             gain_db: self.gain_db,
-            bursts: 1,
-            flags: flags
-                .into_iter()
-                .filter(|(_, is)| *is)
-                .map(|(flag, _)| flag)
-                .collect(),
-            lost: received
-                .lost
-                .iter()
-                .map(|gap| (gap.start, gap.end))
-                .collect(),
+            ..Step::received(&self.setup, &received, samples, self.carrier_hz)
         };
         let written = self.writer.append(step, [reference, echo]);
         written.map_err(|error| RadioError::File(error.to_string()))?;

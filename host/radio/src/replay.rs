@@ -3,6 +3,10 @@
 //! A retune of the receivers goes on to the next step of that carrier; bursts then give its samples, steps of the same carrier that
 //! follow at once in the same sweep (a recording of every burst), the last of them again and again. What is asked beyond a step's
 //! length is lost, and told so. Times are the recording's: bursts come at once, at any time asked for.
+//!
+//! The plan that made a recording replays it, whatever the device rounded: gains may be a decibel off, the largest step that a receiver's gain
+//! has, and rates half as much again, which is as far as a rate can be from the nearest whole part of a master clock. What
+//! [`Replay::configure`](Transceiver::configure) says is what the device was set to. Other gains are refused, as is a waveform of another period than was sent.
 
 use crate::error::RadioError;
 use crate::sigmf::{Flag, Recording};
@@ -10,6 +14,11 @@ use crate::transceiver::{
     About, Burst, Configuration, Event, Range, Ranges, Received, Sample, Sensors, Side,
     Transceiver, check_burst,
 };
+
+/// Most that a device rounds a gain by, dB.
+const GAIN_STEP_DB: f64 = 1.0;
+/// Most that a rate is off the nearest of a clock over 1, 2, 3 ...: asked for 2/3 of it, the clock or half of it are as near.
+const RATE_RATIO: f64 = 1.5;
 
 /// A recording in place of a radio.
 #[derive(Debug)]
@@ -30,9 +39,15 @@ impl Replay {
     /// Of a recording.
     pub fn new(recording: Recording) -> Self {
         let setup = recording.setup();
-        let one = |value| Range {
-            from: value,
-            to: value,
+        let near_db = |least: f64, most: f64| Range {
+            from: least - GAIN_STEP_DB,
+            to: most + GAIN_STEP_DB,
+        };
+        let [first_db, second_db] = setup.receive_gain_db;
+        // Not in the recording, and of no consequence to it.
+        let any = Range {
+            from: 0.0,
+            to: f64::MAX,
         };
         let last_hz = setup.start_hz + setup.step_hz * setup.steps as f64;
         let about = About {
@@ -43,11 +58,18 @@ impl Replay {
                     from: setup.start_hz,
                     to: last_hz,
                 },
-                sample_rate_hz: one(setup.sample_rate_hz),
-                transmit_gain_db: one(setup.transmit_gain_db),
+                master_clock_hz: any,
+                bandwidth_hz: any,
+                sample_rate_hz: Range {
+                    from: setup.sample_rate_hz / RATE_RATIO,
+                    to: setup.sample_rate_hz * RATE_RATIO,
+                },
+                transmit_gain_db: near_db(setup.transmit_gain_db, setup.transmit_gain_db),
+                receive_gain_db: near_db(first_db.min(second_db), first_db.max(second_db)),
+                transmit_antennas: Vec::new(),
                 receive_antennas: setup.receive_antennas.to_vec(),
                 retune_s: 0.0,
-                ..Ranges::b210()
+                timed_tune: false,
             },
         };
         let now_s = recording.steps().first().map_or(0.0, |step| step.time_s);
@@ -76,9 +98,20 @@ impl Transceiver for Replay {
 
     fn configure(&mut self, asked: &Configuration) -> Result<Configuration, RadioError> {
         asked.check(&self.about.ranges)?;
-        let mut set = asked.clone();
-        set.receive_gain_db = self.recording.setup().receive_gain_db;
-        Ok(set)
+        let setup = self.recording.setup();
+        for (asked_db, set_db) in asked.receive_gain_db.iter().zip(setup.receive_gain_db) {
+            let near = Range {
+                from: set_db - GAIN_STEP_DB,
+                to: set_db + GAIN_STEP_DB,
+            };
+            near.check("a receiving gain", *asked_db, "dB")?;
+        }
+        Ok(Configuration {
+            sample_rate_hz: setup.sample_rate_hz,
+            transmit_gain_db: setup.transmit_gain_db,
+            receive_gain_db: setup.receive_gain_db,
+            ..asked.clone()
+        })
     }
 
     fn now_s(&mut self) -> Result<f64, RadioError> {
@@ -117,6 +150,13 @@ impl Transceiver for Replay {
         mut receive: [&mut [Sample]; 2],
     ) -> Result<Received, RadioError> {
         check_burst(burst, &receive)?;
+        let period = self.recording.setup().period;
+        if burst.waveform.len() != period {
+            return Err(RadioError::Burst(format!(
+                "a waveform of {} samples, and the recording's has {period}: replay it with its own tone and rate",
+                burst.waveform.len()
+            )));
+        }
         let Some(mut index) = self.current else {
             return Err(RadioError::NotReady("tune the receivers first"));
         };

@@ -58,7 +58,7 @@ pub struct Ranges {
     pub transmit_gain_db: Range,
     /// Gain of the receivers, dB.
     pub receive_gain_db: Range,
-    /// Names of the transmitter's ports.
+    /// Names of the transmitter's ports; none where they are not known, and any will do.
     pub transmit_antennas: Vec<String>,
     /// Names of the receivers' ports.
     pub receive_antennas: Vec<String>,
@@ -163,7 +163,7 @@ impl Configuration {
             )));
         }
         let port = |name: &String, known: &[String]| {
-            if known.contains(name) {
+            if known.is_empty() || known.contains(name) {
                 return Ok(());
             }
             Err(RadioError::Unsupported(format!(

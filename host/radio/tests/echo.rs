@@ -118,3 +118,42 @@ fn a_burst_that_comes_too_late_is_told_and_one_that_is_not_ready_refused() {
         Err(RadioError::Burst(_))
     ));
 }
+
+/// Periods that are repeated are those that would have been made: a difference of frequency that nobody sees has them made. Louder than the converter, so that
+/// samples are clipped, and these are counted alike.
+#[test]
+fn periods_repeated_are_those_made_and_clip_as_often() {
+    let mut experiment = experiment(&[(6.3, 1.0)], 5);
+    experiment.radar.receiver.noise = None;
+    experiment.radar.receiver.phase_noise = None;
+    let took = |frequency_offset_hz: f64| {
+        let analogue = Analogue {
+            frequency_offset_hz,
+            ..Analogue::b210()
+        };
+        let wiring = crate::scene::wiring();
+        let mut radio = SimulatedRadio::new(&experiment, wiring, analogue).unwrap();
+        let plan = plan("[radio]\nreference_gain = \"50 dB\"\n");
+        radio.configure(&plan.radio).unwrap();
+        for side in [Side::Transmit, Side::Receive] {
+            radio.tune(side, 1.15e9, None).unwrap();
+        }
+        let waveform: Vec<Complex32> = (0..8)
+            .map(|i| {
+                let z = turn(f64::from(i) / 8.0) * 0.7;
+                Complex32::new(z.re as f32, z.im as f32)
+            })
+            .collect();
+        let mut buffers = [vec![Sample::ZERO; 1003], vec![Sample::ZERO; 1003]];
+        let [a, b] = &mut buffers;
+        let burst = Burst {
+            waveform: &waveform,
+            at_s: 1.0,
+        };
+        let received = radio.burst(&burst, [a, b]).unwrap();
+        (received.clipped, buffers)
+    };
+    let (made, repeated) = (took(1e-300), took(0.0));
+    assert!(made.0[0] > 100 && made.0[1] == 0, "{:?}", made.0);
+    assert!(made == repeated);
+}

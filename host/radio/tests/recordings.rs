@@ -4,10 +4,14 @@ use std::fs::{self, OpenOptions};
 use std::io::Write;
 use std::path::Path;
 
+use num_complex::Complex32;
+use subaperture_radio::capture::Ended;
 use subaperture_radio::record::Recorder;
 use subaperture_radio::replay::Replay;
 use subaperture_radio::sigmf::{Recording, Setup, Step, Writer};
-use subaperture_radio::{RadioError, Sample, Side, Transceiver};
+use subaperture_radio::{
+    About, Burst, Configuration, Event, RadioError, Received, Sample, Sensors, Side, Transceiver,
+};
 use tempfile::TempDir;
 
 use crate::scene::{THESIS, captured, experiment, plan, radio};
@@ -26,6 +30,8 @@ fn setup() -> Setup {
         transmit_gain_db: 60.0,
         receive_gain_db: [40.0; 2],
         receive_antennas: plan.radio.receive_antennas,
+        reference: plan.reference,
+        antennas: plan.antennas,
     }
 }
 
@@ -165,6 +171,11 @@ fn what_is_no_recording_is_refused_with_the_reason() {
         "cut off",
     );
     refused(&good.replace("[[3,5]]", "[[3,99]]"), "cut off");
+    // An annotation of ours that is no step is no other's.
+    refused(
+        &good.replacen("\"subaperture:sweep\":0", "\"subaperture:sweep\":\"0\"", 1),
+        "annotation 0 has \"subaperture:",
+    );
     // Others' annotations are skipped.
     fs::write(
         &meta,
@@ -215,4 +226,104 @@ fn a_replayed_capture_is_the_capture() {
         let ended = replay.tune(Side::Receive, 1.1e9, None);
         assert!(matches!(ended, Err(RadioError::Ended(_))), "{ended:?}");
     }
+}
+
+/// A device's gains go in steps: 60.1 and 40.4 dB become 60 and 40, and the rate may be a part of its clock.
+#[test]
+fn what_a_device_rounded_replays_with_the_plan_that_was_asked() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let experiment = experiment(THESIS, 21);
+    let gains = |db: f64| {
+        plan(&format!(
+            "[radio]\ntransmit_gain = \"60.1 dB\"\nreceive_gain = \"{db} dB\"\n"
+        ))
+    };
+    let plan = gains(40.4);
+    let first = captured(&mut radio(&experiment), &plan, &at("first"));
+    assert_eq!(
+        (first.set.transmit_gain_db, first.set.receive_gain_db),
+        (60.0, [40.0, 40.0])
+    );
+    let replay = || Replay::new(Recording::open(&at("first")).unwrap());
+    let again = captured(&mut replay(), &plan, &at("again"));
+    assert_eq!(again.set, first.set);
+    let data = |name: &str| fs::read(at(name).with_extension("sigmf-data")).unwrap();
+    assert!(data("again") == data("first"));
+    // What cannot have been rounded is refused.
+    let refused = replay().configure(&gains(41.2).radio).unwrap_err();
+    assert!(refused.to_string().contains("39 to 41 dB"), "{refused}");
+    let mut replay = replay();
+    replay.configure(&plan.radio).unwrap();
+    replay.tune(Side::Receive, 1.1e9, None).unwrap();
+    let burst = Burst {
+        waveform: &[Complex32::ONE; 5],
+        at_s: 0.0,
+    };
+    let mut buffers = [0, 1].map(|_| vec![Sample::ZERO; 20]);
+    let [a, b] = &mut buffers;
+    let refused = replay.burst(&burst, [a, b]).unwrap_err().to_string();
+    assert!(
+        refused.contains("5 samples") && refused.contains("has 8"),
+        "{refused}"
+    );
+}
+
+/// A journal that is there and cannot be read is none that is not there: without it a killed capture would have no steps.
+#[cfg(unix)]
+#[test]
+fn a_journal_that_cannot_be_read_is_an_error() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("killed");
+    drop(write(&path, 5));
+    let journal = path.with_extension("sigmf-journal");
+    fs::remove_file(&journal).unwrap();
+    std::os::unix::fs::symlink(&journal, &journal).unwrap();
+    let error = Recording::open(&path).unwrap_err().to_string();
+    assert!(error.contains("killed.sigmf-journal"), "{error}");
+}
+
+/// A radio whose synthesisers are off by as much as told.
+struct Off<T>(T, f64);
+
+impl<T: Transceiver> Transceiver for Off<T> {
+    fn about(&self) -> &About {
+        self.0.about()
+    }
+    fn configure(&mut self, asked: &Configuration) -> Result<Configuration, RadioError> {
+        self.0.configure(asked)
+    }
+    fn now_s(&mut self) -> Result<f64, RadioError> {
+        self.0.now_s()
+    }
+    fn tune(&mut self, side: Side, carrier_hz: f64, at_s: Option<f64>) -> Result<f64, RadioError> {
+        self.0.tune(side, carrier_hz + self.1, at_s)
+    }
+    fn burst(&mut self, burst: &Burst, to: [&mut [Sample]; 2]) -> Result<Received, RadioError> {
+        self.0.burst(burst, to)
+    }
+    fn sensors(&mut self) -> Result<Sensors, RadioError> {
+        self.0.sensors()
+    }
+    fn events(&mut self, events: &mut Vec<Event>) {
+        self.0.events(events);
+    }
+}
+
+#[test]
+fn the_carrier_that_was_tuned_to_is_recorded_and_one_far_off_refused() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let experiment = experiment(THESIS, 21);
+    captured(&mut Off(radio(&experiment), 3.0), &plan(""), &at("near"));
+    let recording = Recording::open(&at("near")).unwrap();
+    assert_eq!(recording.steps()[7].carrier_hz, 1.128e9 + 3.0);
+    let summary = captured(&mut Off(radio(&experiment), 5e3), &plan(""), &at("far"));
+    let Ended::Radio(error) = summary.ended else {
+        panic!("{summary:?}");
+    };
+    assert!(
+        error.to_string().contains("more than 4000 Hz off"),
+        "{error}"
+    );
 }

@@ -8,7 +8,7 @@ use subaperture_simulate::scenario::Scenario;
 /// Names what goes wrong: see [`radio`].
 pub(crate) const FAULTS: &str = "SUBAPERTURE_STAND_IN_FAULTS";
 
-const SCENE: &str = r#"
+pub(crate) const SCENE: &str = r#"
     seed = 21
     [radar]
     kind = "ideal"

@@ -244,9 +244,7 @@ fn near_by(_: &Context) -> Result<Finding, ItemError> {
 
 /// Fig. 7.5.
 fn hyperbola_picture() -> Result<Picture, ItemError> {
-    /// Of the picture's box, so that both axes have one scale.
     const UP: f64 = 3.0;
-    const ACROSS: f64 = UP * 832.0 / 452.0 / 2.0;
     let gap = [(f64::NAN, f64::NAN)];
     let same_phase = |estimated: f64| {
         // From between the receivers on.
@@ -280,8 +278,9 @@ fn hyperbola_picture() -> Result<Picture, ItemError> {
                 stroke: Stroke::Dots,
             },
         ],
-        across: Some((-ACROSS, ACROSS)),
+        across: Some((-0.5 * UP, 0.5 * UP)),
         up: Some((-0.15, UP - 0.15)),
+        proportional: true,
         ..Chart::default()
     })?;
     Ok(Picture {

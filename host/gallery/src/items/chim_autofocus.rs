@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use glam::DVec3;
 use num_complex::Complex64;
 
+use super::chim_rail::{REFLECTORS_M, room_grid};
 use super::forming::{backprojection, form_weighted, grid_about, hold, side_by_side};
 use super::measure::peak_db;
 use crate::{Check, Context, Finding, Item, ItemError};
@@ -12,7 +13,7 @@ use subaperture_autofocus::{
     Corrected, Correction, Look, Measure, Method, ModifiedPhaseGradient, PhaseGradient,
     SharpenError, Sharpened, Stopping, Subject, sharpen,
 };
-use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
+use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::Image;
 use subaperture_model::phase_history::{Collection, InMemory, PhaseHistory, Pulse, Sweep};
 use subaperture_quality::statistics::{Region, Statistics};
@@ -27,13 +28,6 @@ pub(super) const ITEMS: [Item; 1] = [Item {
     reproduce: room,
 }];
 
-/// Reflectors at 2 to 6 m; the thesis names the first two.
-const REFLECTORS_M: [DVec3; 4] = [
-    DVec3::new(0.6, 3.0, 0.0),
-    DVec3::new(0.1, 4.0, 0.0),
-    DVec3::new(-0.9, 2.2, 0.0),
-    DVec3::new(1.6, 5.6, 0.0),
-];
 const PULSES: usize = 800;
 const APERTURE_M: f64 = 1.0;
 /// Of the track's error along the rail, rms, and the part of it across: a carriage is driven unevenly, and the rail guides it. An error along the
@@ -56,8 +50,7 @@ fn room(context: &Context) -> Result<Finding, ItemError> {
     known.read(0..PULSES, &mut samples)?;
     let history = InMemory::new(collection(&recorded), samples)?;
 
-    let axis = |start, step, count| Axis { start, step, count };
-    let grid = ImageGrid::horizontal(axis(-1.2, 0.008, 388), axis(1.9, 0.04, 100), 0.0);
+    let grid = room_grid();
     let former = backprojection();
     let image_of = |place: usize, history: &dyn PhaseHistory, grid: &ImageGrid| {
         form_weighted(

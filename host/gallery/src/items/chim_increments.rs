@@ -106,7 +106,7 @@ fn bursts(context: &Context) -> Result<Finding, ItemError> {
     let recorded = recorded(context, way(SPEED_M_S, &[])?, BURSTS * period, |n| {
         n % period < BURST
     })?;
-    let motion = Motion::of(&found(context, &recorded)?)?;
+    let motion = Motion::of(&found(context.monitor, &recorded)?)?;
     let (pause, burst): (Vec<_>, Vec<_>) =
         (0..motion.by_pairs_m.len()).partition(|n| n % BURST == BURST - 1);
     let at = |all: &[usize], of: &[DVec2]| all.iter().map(|&n| of[n].x).collect::<Vec<f64>>();
@@ -188,7 +188,7 @@ fn ramp(context: &Context) -> Result<Finding, ItemError> {
     let ramp_s = RAMP as f64 * PRI_S;
     let way = way(0.0, &[(ramp_s, SPEED_M_S / ramp_s)])?;
     let recorded = recorded(context, way, CHIRPS + 1, |_| true)?;
-    let motion = Motion::of(&found(context, &recorded)?)?;
+    let motion = Motion::of(&found(context.monitor, &recorded)?)?;
     let [pairs, together] =
         [&motion.by_pairs_m, &motion.together_m].map(|of| Line::through(&of[..RAMP]));
     let full = spread(motion.by_pairs_m[RAMP..].iter().map(|m| m.x));

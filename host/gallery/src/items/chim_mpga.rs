@@ -5,11 +5,14 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 use super::chim_mpga_pictures::{angles, errors, positions, traces};
-use super::chim_rail::{PRI_S, REFLECTORS_M, SQUINT_DEG, WALL_M, found, increments, recorded, way};
-use super::forming::{backprojection, form_weighted, grid_about, side_by_side};
+use super::chim_rail::{
+    PRI_S, REFLECTORS_M, SQUINT_DEG, WALL_M, found, increments, recorded, room_grid, way,
+};
+use super::chim_strip::rms;
+use super::forming::{Share, backprojection, form_weighted, grid_about, side_by_side};
 use super::measure::peak_db;
 use crate::{Check, Context, Finding, Item, ItemError, Picture};
-use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{InMemory, OnTrack, PhaseHistory};
 use subaperture_model::track::{Fix, SampledTrack};
 use subaperture_motion::squint::{Leg, Squint, squint, travelled};
@@ -27,15 +30,19 @@ pub(super) const ITEMS: [Item; 1] = [Item {
 const PULSES: usize = 1000;
 const SPEED_M_S: f64 = 1.0;
 const REFLECTORS: usize = REFLECTORS_M.len();
-/// Images formed, for the bar.
-const IMAGES: usize = 2 + 3 * REFLECTORS;
+/// What the bar counts: the track, and the images.
+const PARTS: usize = 1 + 2 + 3 * REFLECTORS;
 /// What is said of a squint needs a standard deviation; one leg's cancels.
 const LEG_SIGMA_M: f64 = 1e-3;
 
 fn track(context: &Context) -> Result<Finding, ItemError> {
     let recorded = recorded(context, way(SPEED_M_S, &[])?, PULSES, |_| true)?;
     let history = &recorded[0].1;
-    let tracks = Tracks::of(found(context, &recorded)?)?;
+    let monitor = Share {
+        whole: context.monitor,
+        place: [0, PARTS],
+    };
+    let tracks = Tracks::of(found(&monitor, &recorded)?)?;
     let sines = Sines::of(&tracks.found);
     let (images, peaks) = images(context, history, &tracks)?;
     let mut checks = sines.checks();
@@ -125,7 +132,7 @@ impl Sines {
         let off: Vec<f64> = each
             .flat_map(|(told, truth)| told.iter().map(|&(n, sine)| sine - truth[n]))
             .collect();
-        let rms = (off.iter().map(|x| x * x).sum::<f64>() / off.len() as f64).sqrt();
+        let rms = rms(off.into_iter());
         vec![
             Check::claim(
                 "targets followed within the mask",
@@ -324,10 +331,9 @@ fn images(
     let together = on_track(history, &tracks.found, &together)?;
     let image = |place: usize, history: &dyn PhaseHistory, grid: &ImageGrid| {
         let (former, window) = (backprojection(), Window::default());
-        form_weighted(context, [place, IMAGES], history, grid, &former, window)
+        form_weighted(context, [1 + place, PARTS], history, grid, &former, window)
     };
-    let axis = |start, step, count| Axis { start, step, count };
-    let grid = ImageGrid::horizontal(axis(-1.2, 0.008, 388), axis(1.9, 0.04, 100), 0.0);
+    let grid = room_grid();
     let [reference, computed] = [image(0, history, &grid)?, image(1, &by_pairs, &grid)?];
     let mut peaks_db = [[0.0; REFLECTORS]; 3];
     let histories: [&dyn PhaseHistory; 3] = [history, &by_pairs, &together];

@@ -3,14 +3,13 @@
 use std::f64::consts::LN_2;
 
 use glam::DVec3;
-use num_complex::Complex32;
 
 use super::chim_strip::{error_db, l_band, ridge};
-use super::forming::{backprojection, form, grid_about, side_by_side};
+use super::forming::{backprojection, form, grid_about, pulses_of, side_by_side};
 use crate::{Check, Context, Finding, Item, ItemError};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, power};
-use subaperture_model::phase_history::{InMemory, PhaseHistory};
+use subaperture_model::phase_history::PhaseHistory;
 
 pub(super) const ITEMS: [Item; 1] = [Item {
     id: "c-3-4",
@@ -105,18 +104,6 @@ fn painting(context: &Context) -> Result<Finding, ItemError> {
             ],
         )?],
     })
-}
-
-/// Some pulses as a recording of their own.
-fn pulses_of(history: &dyn PhaseHistory, chosen: &[usize]) -> Result<InMemory, ItemError> {
-    let mut collection = history.collection().clone();
-    let width = collection.num_samples;
-    let mut samples = vec![Complex32::ZERO; chosen.len() * width];
-    for (&pulse, row) in chosen.iter().zip(samples.chunks_exact_mut(width)) {
-        history.read(pulse..pulse + 1, row)?;
-    }
-    collection.pulses = chosen.iter().map(|&n| collection.pulses[n]).collect();
-    Ok(InMemory::new(collection, samples)?)
 }
 
 /// Distance of the brightest point of every column from `centre`, where it is inside the grid.

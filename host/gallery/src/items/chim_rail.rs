@@ -3,16 +3,18 @@
 use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
-use num_complex::Complex32;
 
-use super::forming::{experiment, hold};
+use super::chim_strip::rms;
+use super::forming::{experiment, hold, pulses_of};
 use crate::{Context, ItemError};
+use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Channel, Channels, InMemory, PhaseHistory};
 use subaperture_model::track::{Pose, Profile, Trajectory};
 use subaperture_motion::{Heading, Increment, Pairwise};
 use subaperture_targets::{Recovered, Seen, Settings, recover};
 
-/// Where the reflectors are.
+/// Where the reflectors are, at 2 to 6 m; the thesis names the first two.
 pub(super) const REFLECTORS_M: [DVec3; 4] = [
     DVec3::new(0.6, 3.0, 0.0),
     DVec3::new(0.1, 4.0, 0.0),
@@ -27,6 +29,12 @@ pub(super) const PRI_S: f64 = 1e-3;
 pub(super) const WALL_M: f64 = 6.0;
 const NEAREST_M: f64 = 1.0;
 
+/// All of the room, for images of it.
+pub(super) fn room_grid() -> ImageGrid {
+    let axis = |start, step, count| Axis { start, step, count };
+    ImageGrid::horizontal(axis(-1.2, 0.008, 388), axis(1.9, 0.04, 100), 0.0)
+}
+
 /// A carriage that goes along the rail by pieces of constant acceleration (seconds, metres a second squared).
 pub(super) fn way(start_m_s: f64, pieces: &[(f64, f64)]) -> Result<Profile, ItemError> {
     let pieces: Vec<(f64, DVec3)> = pieces
@@ -37,28 +45,18 @@ pub(super) fn way(start_m_s: f64, pieces: &[(f64, f64)]) -> Result<Profile, Item
         .map_err(|error| ItemError::Measure(error.to_string()))
 }
 
-/// A carriage, and the body on it that is turned.
+/// A carriage, and the body on it.
 #[derive(Debug)]
-struct Squinted(Profile);
-
-impl Trajectory for Squinted {
-    fn pose(&self, time_s: f64) -> Pose {
-        Pose {
-            attitude: DQuat::from_rotation_z(SQUINT_DEG.to_radians()),
-            ..self.0.pose(time_s)
-        }
-    }
+struct Carried {
+    way: Profile,
+    attitude: DQuat,
 }
 
-/// A carriage, and the body on it as the recording has it.
-#[derive(Debug)]
-struct Straight(Profile);
-
-impl Trajectory for Straight {
+impl Trajectory for Carried {
     fn pose(&self, time_s: f64) -> Pose {
         Pose {
-            attitude: DQuat::IDENTITY,
-            ..self.0.pose(time_s)
+            attitude: self.attitude,
+            ..self.way.pose(time_s)
         }
     }
 }
@@ -73,37 +71,24 @@ pub(super) fn recorded(
     let mut radar = experiment("rail", include_str!("scenes/rail.toml"))?;
     radar.radar.num_pulses = chirps;
     radar.radar.pri_s = PRI_S;
-    radar.track = Arc::new(Squinted(way.clone()));
-    radar.measured = Some(Arc::new(Straight(way)));
+    let carried = |attitude| {
+        let way = way.clone();
+        Arc::new(Carried { way, attitude })
+    };
+    radar.track = carried(DQuat::from_rotation_z(SQUINT_DEG.to_radians()));
+    // The recording does not tell of it.
+    radar.measured = Some(carried(DQuat::IDENTITY));
+    let chosen: Vec<usize> = (0..chirps).filter(|&n| sends(n)).collect();
     let record = |pair| {
         let whole = hold(context, &radar.record(pair)?)?;
-        Ok((radar.about(pair), kept(&whole, &sends)?))
+        Ok((radar.about(pair), pulses_of(&whole, &chosen)?))
     };
     radar.pairs().into_iter().map(record).collect()
 }
 
-/// The pulses of a recording that `keeps` says.
-fn kept(whole: &InMemory, keeps: impl Fn(usize) -> bool) -> Result<InMemory, ItemError> {
-    let mut collection = whole.collection().clone();
-    let width = collection.num_samples;
-    let mut samples = vec![Complex32::ZERO; collection.pulses.len() * width];
-    whole.read(0..collection.pulses.len(), &mut samples)?;
-    let rows = samples.chunks_exact(width).enumerate();
-    let samples = rows
-        .filter(|(n, _)| keeps(*n))
-        .flat_map(|(_, row)| row.iter().copied())
-        .collect();
-    let pulses = collection.pulses.into_iter().enumerate();
-    collection.pulses = pulses
-        .filter(|(n, _)| keeps(*n))
-        .map(|(_, pulse)| pulse)
-        .collect();
-    Ok(InMemory::new(collection, samples)?)
-}
-
 /// The track by all pulses at once, and what was seen.
 pub(super) fn found(
-    context: &Context,
+    monitor: &dyn Monitor,
     recorded: &[(Channel, InMemory)],
 ) -> Result<Recovered, ItemError> {
     let boxed = recorded.iter().map(|(about, history)| {
@@ -115,7 +100,7 @@ pub(super) fn found(
         ranges_m: Some((NEAREST_M, WALL_M)),
         ..Settings::default()
     };
-    recover(channels, &settings, context.monitor).map_err(|e| ItemError::Measure(e.to_string()))
+    Ok(recover(channels, &settings, monitor)?)
 }
 
 /// Motion from pulse to pulse by the thesis's two least squares, along the array's own axes.
@@ -133,6 +118,5 @@ pub(super) fn increments(seen: &Seen) -> Result<Vec<Increment>, ItemError> {
 pub(super) fn spread(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     let count = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / count;
-    let square = values.map(|x| (x - mean).powi(2)).sum::<f64>() / count;
-    [mean, square.sqrt()]
+    [mean, rms(values.map(|x| x - mean))]
 }

@@ -28,7 +28,7 @@ pub(super) const ITEMS: [Item; 1] = [Item {
 }];
 
 /// From the radar, which stands at `(0, -6.3, 0)`, to the near wall, the corner reflector and the far wall.
-const RANGES_M: [f64; 3] = [1.0, 6.3, 16.0];
+pub(super) const RANGES_M: [f64; 3] = [1.0, 6.3, 16.0];
 const WAVELENGTH_M: f64 = SPEED_OF_LIGHT_M_S / 1.2e9;
 /// Amplitude that a wall of relative permittivity 5 reflects, `(sqrt 5 - 1) / (sqrt 5 + 1)`.
 const REFLECTED: f64 = 0.38;
@@ -68,7 +68,7 @@ fn wall(centre_m: DVec3, radar_m: DVec3, half_m: [f64; 2]) -> Vec<Scatterer> {
 }
 
 /// The test scene; the corner reflector alone without `walls`.
-fn experiment(walls: bool) -> Experiment {
+pub(super) fn experiment(walls: bool) -> Experiment {
     let radar_m = DVec3::new(0.0, -RANGES_M[1], 0.0);
     let beam = Pattern::Gaussian {
         azimuth_rad: PI / 3.0,

@@ -69,6 +69,21 @@ pub(super) fn hold(context: &Context, history: &dyn PhaseHistory) -> Result<InMe
     Ok(InMemory::new(collection, samples)?)
 }
 
+/// Some pulses as a recording of their own.
+pub(super) fn pulses_of(
+    history: &dyn PhaseHistory,
+    chosen: &[usize],
+) -> Result<InMemory, ItemError> {
+    let mut collection = history.collection().clone();
+    let width = collection.num_samples;
+    let mut samples = vec![Complex32::ZERO; chosen.len() * width];
+    for (&pulse, row) in chosen.iter().zip(samples.chunks_exact_mut(width)) {
+        history.read(pulse..pulse + 1, row)?;
+    }
+    collection.pulses = chosen.iter().map(|&n| collection.pulses[n]).collect();
+    Ok(InMemory::new(collection, samples)?)
+}
+
 /// The thesis's former with its Doppler padded as it does most.
 pub(crate) fn thesis(sub_cpi: usize) -> RangeDoppler {
     thesis_with(sub_cpi, Thesis::default())
@@ -139,11 +154,11 @@ pub(super) fn pixel_at(grid: &ImageGrid, point: DVec2) -> Option<usize> {
     Some(row * grid.columns.count + column)
 }
 
-/// One of the images that an item forms, for its part of the bar.
-struct Share<'a> {
-    whole: &'a dyn Monitor,
+/// One of the pieces of work that an item is made of, for its part of the bar.
+pub(super) struct Share<'a> {
+    pub(super) whole: &'a dyn Monitor,
     /// Its place among all, and their number.
-    place: [usize; 2],
+    pub(super) place: [usize; 2],
 }
 
 impl Monitor for Share<'_> {

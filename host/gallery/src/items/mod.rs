@@ -9,6 +9,7 @@ mod chim_mpga_pictures;
 mod chim_omega_k;
 mod chim_painting;
 mod chim_radar;
+mod chim_radio;
 mod chim_rail;
 mod chim_range_doppler;
 mod chim_residual_phase;
@@ -45,7 +46,9 @@ pub fn items() -> Vec<Item> {
         &chim_omega_k::ITEMS,
         &chim_painting::ITEMS,
         &chim_resolution::ITEMS,
+        &chim_radio::CHIRP,
         &chim_stepped::ITEMS,
+        &chim_radio::STEPPED,
         &chim_autofocus::ITEMS,
         &chim_arrival::ITEMS,
         &chim_mpga::ITEMS,

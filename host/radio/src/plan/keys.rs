@@ -3,12 +3,14 @@
 use subaperture_describe::Description;
 use subaperture_describe::error::Found;
 use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Schema, Section};
+use subaperture_describe::values::Values;
 use subaperture_model::units::Dimension;
 
 use super::{Order, Plan};
+use crate::antennas::{Antennas, Reference};
 use crate::transceiver::{Configuration, Source};
 
-static TOP: Section = Section {
+pub(crate) static TOP: Section = Section {
     path: "",
     presence: Presence::Always,
     when: &[],
@@ -26,7 +28,7 @@ const FREQUENCY: Kind = Kind::Quantity(Dimension::Frequency, Bounds::Positive);
 const TIME: Kind = Kind::Quantity(Dimension::Time, Bounds::Positive);
 const TIME_OR_NONE: Kind = Kind::Quantity(Dimension::Time, Bounds::NotNegative);
 
-static PLAN: Section = Section {
+pub(crate) static PLAN: Section = Section {
     path: "plan",
     presence: Presence::Always,
     when: &[],
@@ -112,10 +114,44 @@ static PLAN: Section = Section {
             Need::Default("8"),
             "Bursts at a carrier, at most, until the reference is steady; the last is kept and marked.",
         ),
+        Key::new(
+            "reference",
+            Kind::Choice(&["loopback", "leakage"]),
+            Need::Default("\"loopback\""),
+            "What phases are referred to: the transmitter by a cable to receiver 0, or heard directly by both receivers' antennas.",
+        ),
     ],
 };
 
-static RADIO: Section = Section {
+pub(crate) static ANTENNAS: Section = Section {
+    path: "antennas",
+    presence: Presence::Optional,
+    when: &[],
+    selector: "",
+    doc: "Where the antennas are on what carries them: x forward, y left, z up. The leakage as the reference needs it.",
+    keys: &[
+        Key::new(
+            "transmitter",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"0, 0, 0 m\""),
+            "The antenna that sends.",
+        ),
+        Key::new(
+            "receiver_0",
+            Kind::Vector(Dimension::Length),
+            Need::Optional("\"20, 0, 0 cm\""),
+            "That of receiver 0; with a loop there is none.",
+        ),
+        Key::new(
+            "receiver_1",
+            Kind::Vector(Dimension::Length),
+            Need::Required("\"30.7, 0, 0 cm\""),
+            "That of receiver 1.",
+        ),
+    ],
+};
+
+pub(crate) static RADIO: Section = Section {
     path: "radio",
     presence: Presence::Always,
     when: &[],
@@ -192,7 +228,7 @@ static RADIO: Section = Section {
 };
 
 static SCHEMA: Schema = Schema {
-    sections: &[&TOP, &PLAN, &RADIO],
+    sections: &[&TOP, &PLAN, &ANTENNAS, &RADIO],
     introduction: "A plan of a capture is TOML.",
 };
 
@@ -203,6 +239,13 @@ pub fn reference() -> String {
 
 pub(super) fn build(description: &Description) -> Result<Plan, Vec<Found>> {
     let top = description.resolve(&SCHEMA)?;
+    let built = plan(&top)?;
+    debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
+    Ok(built)
+}
+
+/// The plan of a text that may have more sections.
+pub(crate) fn plan(top: &Values) -> Result<Plan, Vec<Found>> {
     let (plan, radio) = (top.section("plan"), top.section("radio"));
     let (start_hz, stop_hz) = (plan.number("start"), plan.number("stop"));
     if stop_hz <= start_hz {
@@ -212,12 +255,27 @@ pub(super) fn build(description: &Description) -> Result<Plan, Vec<Found>> {
         )]);
     }
     let seed = plan.count("seed");
-    let source = |key: &str| match radio.text(key) {
-        "external" => Source::External,
-        "gpsdo" => Source::Gpsdo,
-        _ => Source::Internal,
+    let reference = match plan.text("reference") {
+        "leakage" => Reference::Leakage,
+        _ => Reference::Loopback,
     };
-    let built = Plan {
+    let antennas = match top.optional_section("antennas") {
+        Some(places) => {
+            let first = places.optional_vector("receiver_0");
+            if first.is_none() && reference == Reference::Leakage {
+                return Err(vec![places.fault(
+                    "receiver_0",
+                    "the leakage as the reference is heard by both receivers: say where receiver 0's antenna is",
+                )]);
+            }
+            Some(Antennas {
+                transmitter_m: places.vector("transmitter"),
+                receivers_m: [first.unwrap_or_default(), places.vector("receiver_1")],
+            })
+        }
+        None => None,
+    };
+    Ok(Plan {
         name: top.text("name").to_owned(),
         start_hz,
         stop_hz,
@@ -236,19 +294,29 @@ pub(super) fn build(description: &Description) -> Result<Plan, Vec<Found>> {
         lead_s: plan.number("lead"),
         steady: plan.number("steady"),
         bursts: plan.count("bursts") as u32,
-        radio: Configuration {
-            master_clock_hz: radio.number("master_clock"),
-            sample_rate_hz: radio.number("sample_rate"),
-            bandwidth_hz: radio.number("bandwidth"),
-            transmit_gain_db: radio.number("transmit_gain"),
-            receive_gain_db: [radio.number("reference_gain"), radio.number("receive_gain")],
-            transmit_antenna: radio.text("transmit_antenna").to_owned(),
-            receive_antennas: ["reference_antenna", "receive_antenna"]
-                .map(|key| radio.text(key).to_owned()),
-            clock: source("clock"),
-            pps: source("pps"),
-        },
+        reference,
+        antennas,
+        radio: configuration(radio),
+    })
+}
+
+/// What a radio is set to, of its section.
+pub(crate) fn configuration(radio: &Values) -> Configuration {
+    let source = |key: &str| match radio.text(key) {
+        "external" => Source::External,
+        "gpsdo" => Source::Gpsdo,
+        _ => Source::Internal,
     };
-    debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
-    Ok(built)
+    Configuration {
+        master_clock_hz: radio.number("master_clock"),
+        sample_rate_hz: radio.number("sample_rate"),
+        bandwidth_hz: radio.number("bandwidth"),
+        transmit_gain_db: radio.number("transmit_gain"),
+        receive_gain_db: [radio.number("reference_gain"), radio.number("receive_gain")],
+        transmit_antenna: radio.text("transmit_antenna").to_owned(),
+        receive_antennas: ["reference_antenna", "receive_antenna"]
+            .map(|key| radio.text(key).to_owned()),
+        clock: source("clock"),
+        pps: source("pps"),
+    }
 }

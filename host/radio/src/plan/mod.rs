@@ -6,7 +6,7 @@
 //!
 //! The text is TOML; [`reference()`] prints every key.
 
-mod keys;
+pub(crate) mod keys;
 
 use std::io;
 use std::path::Path;
@@ -16,10 +16,12 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use subaperture_describe::{Description, DescriptionError};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 
+use crate::antennas::{Antennas, Reference};
 use crate::error::RadioError;
 use crate::transceiver::{Configuration, Ranges};
 
 pub use keys::reference;
+pub(crate) use keys::{RADIO, TOP, configuration};
 
 /// In which order carriers are taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +65,10 @@ pub struct Plan {
     pub steady: f64,
     /// Bursts at a step, at most, until the reference is steady.
     pub bursts: u32,
+    /// What phases are referred to.
+    pub reference: Reference,
+    /// Where the antennas are; a leakage as the reference has to know it.
+    pub antennas: Option<Antennas>,
     /// What the radio is set to.
     pub radio: Configuration,
 }
@@ -185,12 +191,37 @@ impl Plan {
                 self.samples()
             ));
         }
+        if self.reference == Reference::Leakage {
+            self.check_leakage()?;
+        }
         let least_s = self.sweep_s(ranges);
         if self.pri_s > 0.0 && self.pri_s < least_s {
             return say(format!(
                 "a sweep every {} s, where one takes {least_s:.4} s: lengthen the pri, or take fewer steps or a shorter dwell",
                 self.pri_s
             ));
+        }
+        Ok(())
+    }
+}
+
+impl Plan {
+    /// The direct way has to be known, and of another delay than none.
+    fn check_leakage(&self) -> Result<(), RadioError> {
+        let say = |what: &str| Err(RadioError::Unsupported(what.to_owned()));
+        let Some(antennas) = self.antennas.filter(Antennas::is_finite) else {
+            return say(
+                "the leakage as the reference without the antennas' places: add [antennas], for its delay is that from the transmitter's to \
+                 each receiver's",
+            );
+        };
+        if [0, 1]
+            .iter()
+            .any(|&receiver| antennas.direct_s(receiver) <= 0.0)
+        {
+            return say(
+                "an antenna that receives in the place of the one that sends: give each its own",
+            );
         }
         Ok(())
     }

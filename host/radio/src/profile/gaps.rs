@@ -12,10 +12,11 @@
 //! carrier would do; with all of it the carriers know nothing of each other, and what is missing becomes 0. A range profile of the values that are
 //! there alone, at that: no worse.
 //!
-//! Cost: `k^3 / 3` complex products; `k` is 1024 at the most. Accuracy: the tests below.
+//! Cost: `k^3 / 6` products; `k` is 1024 at the most. Accuracy: the tests below.
 
 use num_complex::Complex64;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_signal::dense::Factor;
 use subaperture_signal::phase::phasor;
 
 /// Most carriers that gaps are filled for.
@@ -49,63 +50,46 @@ pub fn fill(
             values.len()
         ));
     }
-    let covariance: Vec<Complex64> = (0..values.len())
-        .map(|apart| {
-            let turns = apart as f64 * step_hz * reach_m / SPEED_OF_LIGHT_M_S;
-            let x = std::f64::consts::TAU * turns;
-            let sinc = if x == 0.0 { 1.0 } else { libm::sin(x) / x };
-            phasor(-turns) * sinc
-        })
-        .collect();
-    let of = |a: usize, b: usize| match a >= b {
-        true => covariance[a - b],
-        false => covariance[b - a].conj(),
-    };
+    // Turned by half the reach the covariance is real, and real and imaginary parts are two right sides.
+    let half = |n: usize| phasor(0.5 * n as f64 * step_hz * 2.0 * reach_m / SPEED_OF_LIGHT_M_S);
+    let covariance = covariance(values.len(), 2.0 * step_hz * reach_m / SPEED_OF_LIGHT_M_S);
+    let of = |a: usize, b: usize| covariance[a.abs_diff(b)];
     let k = known.len();
-    let mut matrix = vec![Complex64::ZERO; k * k];
+    let mut matrix = vec![0.0; k * k];
     for (i, &a) in known.iter().enumerate() {
         for (j, &b) in known.iter().enumerate() {
             matrix[i * k + j] = of(a, b);
         }
         matrix[i * k + i] += NOISE;
     }
-    let weights = solve(matrix, there);
+    let factor = Factor::new(k, &matrix, 0.0).ok_or("carriers that determine nothing")?;
+    let turned = || known.iter().zip(&there).map(|(&n, z)| z * half(n));
+    let [mut re, mut im]: [Vec<f64>; 2] = [
+        turned().map(|z| z.re).collect(),
+        turned().map(|z| z.im).collect(),
+    ];
+    factor.solve(&mut re);
+    factor.solve(&mut im);
     let value = |n: usize| {
         values[n].unwrap_or_else(|| {
-            known
-                .iter()
-                .zip(&weights)
-                .map(|(&b, weight)| of(n, b) * weight)
-                .sum()
+            let weights = re.iter().zip(&im);
+            let each = known.iter().zip(weights);
+            let sum: Complex64 = each
+                .map(|(&b, (&re, &im))| Complex64::new(re, im) * of(n, b))
+                .sum();
+            sum * half(n).conj()
         })
     };
     Ok((0..values.len()).map(value).collect())
 }
 
-/// Solves a Hermitian, positive definite system by Cholesky's factors, in place. Rows outermost.
-fn solve(mut a: Vec<Complex64>, mut x: Vec<Complex64>) -> Vec<Complex64> {
-    let n = x.len();
-    for i in 0..n {
-        for j in 0..=i {
-            let (upper, lower) = (&a[j * n..j * n + j], &a[i * n..i * n + j]);
-            let sum: Complex64 = lower.iter().zip(upper).map(|(l, u)| l * u.conj()).sum();
-            let left = a[i * n + j] - sum;
-            a[i * n + j] = match i == j {
-                // The ridge keeps it above zero.
-                true => Complex64::from(left.re.max(f64::MIN_POSITIVE).sqrt()),
-                false => left / a[j * n + j].re,
-            };
-        }
-    }
-    for i in 0..n {
-        let sum: Complex64 = (0..i).map(|j| a[i * n + j] * x[j]).sum();
-        x[i] = (x[i] - sum) / a[i * n + i].re;
-    }
-    for i in (0..n).rev() {
-        let sum: Complex64 = (i + 1..n).map(|j| a[j * n + i].conj() * x[j]).sum();
-        x[i] = (x[i] - sum) / a[i * n + i].re;
-    }
-    x
+/// The covariance of carriers 0, 1, 2, ... steps apart where delays are within `share` of what can be told apart, evenly about 0.
+pub(super) fn covariance(count: usize, share: f64) -> Vec<f64> {
+    let of = |apart: usize| {
+        let x = std::f64::consts::PI * apart as f64 * share;
+        if x == 0.0 { 1.0 } else { libm::sin(x) / x }
+    };
+    (0..count).map(of).collect()
 }
 
 #[cfg(test)]

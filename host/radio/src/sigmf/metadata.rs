@@ -1,7 +1,12 @@
 //! The metadata: what holds for all of a recording, and for a step.
 
+use std::collections::BTreeMap;
+
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
+
+use crate::antennas::{Antennas, Reference};
+use crate::transceiver::Received;
 
 /// What the name of the steps' keys begins with.
 pub(super) const SPACE: &str = "subaperture";
@@ -35,6 +40,12 @@ pub struct Setup {
     pub receive_gain_db: [f64; 2],
     /// Ports of the receivers.
     pub receive_antennas: [String; 2],
+    /// What phases are referred to.
+    #[serde(default)]
+    pub reference: Reference,
+    /// Where the antennas are, if the plan said so.
+    #[serde(default)]
+    pub antennas: Option<Antennas>,
 }
 
 /// Why a step is not as good as others.
@@ -51,6 +62,17 @@ pub enum Flag {
     Clipped,
     /// A synthesiser said that it was not locked.
     Unlocked,
+}
+
+impl Flag {
+    /// Every one, in the order in which they are counted.
+    pub const ALL: [Self; 5] = [
+        Self::Late,
+        Self::Lost,
+        Self::Unsteady,
+        Self::Clipped,
+        Self::Unlocked,
+    ];
 }
 
 /// A step: a burst at a carrier.
@@ -92,6 +114,42 @@ pub struct Step {
     /// Samples that are none, from and to, counted from its first.
     #[serde(rename = "subaperture:lost")]
     pub lost: Vec<(usize, usize)>,
+}
+
+impl Step {
+    /// A burst of `samples` as it was received at a carrier, in a recording of this set-up. Its place in the recording is set as it is written.
+    pub(crate) fn received(
+        setup: &Setup,
+        received: &Received,
+        samples: usize,
+        carrier_hz: f64,
+    ) -> Self {
+        let half_hz = 0.5 * setup.step_hz;
+        let flags = [
+            (Flag::Late, received.late),
+            (Flag::Lost, !received.late && !received.lost.is_empty()),
+            (Flag::Clipped, received.clipped != [0; 2]),
+        ];
+        let is = flags.into_iter().filter(|(_, is)| *is);
+        Self {
+            start: 0,
+            samples,
+            lower_hz: carrier_hz - half_hz,
+            upper_hz: carrier_hz + half_hz,
+            carrier_hz,
+            sweep: 0,
+            step: 0,
+            time_s: received.first_s,
+            gain_db: setup.receive_gain_db,
+            bursts: 1,
+            flags: is.map(|(flag, _)| flag).collect(),
+            lost: received
+                .lost
+                .iter()
+                .map(|gap| (gap.start, gap.end))
+                .collect(),
+        }
+    }
 }
 
 /// `.sigmf-meta` as it is read.
@@ -140,7 +198,7 @@ pub(super) struct Extension {
 #[serde(untagged)]
 pub(super) enum Annotation {
     Step(Box<Step>),
-    Other(IgnoredAny),
+    Other(BTreeMap<String, IgnoredAny>),
 }
 
 impl Global {

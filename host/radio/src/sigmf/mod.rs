@@ -12,7 +12,7 @@
 //! tell of samples that are not there; a torn last line is left out. That holds for a process that is killed; for a machine that
 //! loses its power, data are forced to disk at the end only, and lines beyond the data's end are left out.
 //!
-//! Our own keys bear `subaperture:`; annotations without them are others', and skipped. Memory: of a writer one line; of a reader 200 bytes a
+//! Our own keys bear `subaperture:`; annotations without them are others', and skipped; one with such a key that is no step is an error. Memory: of a writer one line; of a reader 200 bytes a
 //! step. The files of a recording are never written over.
 
 mod metadata;

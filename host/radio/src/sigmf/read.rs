@@ -1,10 +1,10 @@
 //! Recordings, read.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::metadata::{Annotation, DATATYPE, Meta, Setup, Step};
+use super::metadata::{Annotation, DATATYPE, Meta, SPACE, Setup, Step};
 use super::{DATA, JOURNAL, META, SigmfError, beside};
 use crate::plan::MOST_SAMPLES;
 use crate::transceiver::Sample;
@@ -52,7 +52,12 @@ impl Recording {
         let data = File::open(&path).map_err(SigmfError::io(&path))?;
         let bytes = data.metadata().map_err(SigmfError::io(&path))?.len();
         let journal_path = beside(&path, JOURNAL);
-        let journal = File::open(&journal_path).ok();
+        // Only one that is not there is none: steps of one that cannot be read are lost otherwise.
+        let journal = match File::open(&journal_path) {
+            Ok(journal) => Some(journal),
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            Err(error) => return Err(SigmfError::io(&journal_path)(error)),
+        };
         let interrupted = journal.is_some();
         let steps = match journal {
             Some(journal) => {
@@ -63,14 +68,19 @@ impl Recording {
                 steps
             }
             None => {
-                let steps =
-                    meta.annotations
-                        .into_iter()
-                        .filter_map(|annotation| match annotation {
-                            Annotation::Step(step) => Some(*step),
-                            Annotation::Other(_) => None,
-                        });
-                steps.collect()
+                let all = meta.annotations.into_iter().enumerate();
+                let steps = all.filter_map(|(index, annotation)| match annotation {
+                    Annotation::Step(step) => Some(Ok(*step)),
+                    Annotation::Other(keys) => {
+                        let own = keys.into_keys().find(|key| is_own(key))?;
+                        let what = format!(
+                            "annotation {index} has \"{own}\" and is no step, for a key is missing or has another type: restore the \
+                             file, or take the annotation out"
+                        );
+                        Some(Err(SigmfError::format(&meta_path, what)))
+                    }
+                });
+                steps.collect::<Result<_, _>>()?
             }
         };
         for (index, step) in steps.iter().enumerate() {
@@ -80,11 +90,12 @@ impl Recording {
                 .all(|gap| gap.0 <= gap.1 && gap.1 <= step.samples);
             if !lies_within(step, bytes)
                 || !gaps
+                || !makes_sense(step)
                 || step.samples > MOST_SAMPLES
                 || step.step >= setup.steps
             {
                 let what = format!(
-                    "step {index} does not lie in the data of {bytes} bytes; is this file cut off, or another's?"
+                    "step {index} makes no sense, or does not lie in the data of {bytes} bytes; is this file cut off, or another's?"
                 );
                 return Err(SigmfError::format(&path, what));
             }
@@ -102,6 +113,11 @@ impl Recording {
     /// What holds for all steps.
     pub fn setup(&self) -> &Setup {
         &self.setup
+    }
+
+    /// The file of samples.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// The steps in the order of the recording.
@@ -147,6 +163,20 @@ impl Recording {
     }
 }
 
+/// Highest frequency, hertz, and farthest time, seconds: 3000 years.
+const MOST_HZ: f64 = 1e12;
+const MOST_S: f64 = 1e11;
+
+fn makes_sense(step: &Step) -> bool {
+    (0.0..=MOST_HZ).contains(&step.carrier_hz) && step.time_s.abs() <= MOST_S
+}
+
+/// Whether a key is of our own namespace.
+fn is_own(key: &str) -> bool {
+    key.strip_prefix(SPACE)
+        .is_some_and(|rest| rest.starts_with(':'))
+}
+
 fn lies_within(step: &Step, bytes: u64) -> bool {
     let end = step.start.checked_add(step.samples as u64);
     end.and_then(|end| end.checked_mul(8))
@@ -154,7 +184,7 @@ fn lies_within(step: &Step, bytes: u64) -> bool {
 }
 
 fn check(setup: &Setup) -> Result<(), String> {
-    let positive = |x: f64| x > 0.0 && x.is_finite();
+    let positive = |x: f64| x > 0.0 && x <= MOST_HZ;
     let sound = positive(setup.sample_rate_hz)
         && positive(setup.start_hz)
         && positive(setup.step_hz)
@@ -163,7 +193,7 @@ fn check(setup: &Setup) -> Result<(), String> {
         && (1..=MOST_SAMPLES).contains(&setup.samples);
     match sound {
         true => Ok(()),
-        false => Err("\"subaperture:setup\" makes no sense: rates and frequencies are above 0, steps 1 to 65536, periods 3 to 65536".to_owned()),
+        false => Err("\"subaperture:setup\" makes no sense: rates and frequencies are above 0 and at most 1e12 Hz, steps 1 to 65536, periods 3 to 65536".to_owned()),
     }
 }
 

@@ -68,10 +68,12 @@ impl Writer {
             "a step's channels are as long as it says"
         );
         step.start = self.written;
-        self.bytes.clear();
-        for (reference, echo) in channels[0].iter().zip(channels[1]) {
-            for part in [reference.re, reference.im, echo.re, echo.im] {
-                self.bytes.extend_from_slice(&part.to_le_bytes());
+        self.bytes.resize(8 * step.samples, 0);
+        let pairs = channels[0].iter().zip(channels[1]);
+        for (bytes, (reference, echo)) in self.bytes.chunks_exact_mut(8).zip(pairs) {
+            let parts = [reference.re, reference.im, echo.re, echo.im].map(i16::to_le_bytes);
+            for (to, part) in bytes.chunks_exact_mut(2).zip(parts) {
+                to.copy_from_slice(&part);
             }
         }
         self.data

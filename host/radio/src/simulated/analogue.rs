@@ -40,6 +40,16 @@ pub struct Imbalance {
     pub phase_rad: f64,
 }
 
+/// What is left of a transient when it is over: below float64's digits.
+const OVER: f64 = 1e-17;
+
+impl Settling {
+    /// What is left of it, `since_s` after the retune.
+    fn left(&self, since_s: f64) -> f64 {
+        libm::exp(-since_s / self.time_constant_s)
+    }
+}
+
 impl Analogue {
     /// All of it, as bad as an AD9361 that has not been calibrated for this carrier: 200 Hz a side, a transient of 1.5 ms that a retune's
     /// 2 ms do not hide, DC at -40 dB, images at -35 dB.
@@ -67,17 +77,25 @@ impl Analogue {
         }
     }
 
+    /// Whether the transients of both sides are over, `since_s` after their retunes.
+    pub(super) fn has_settled(&self, since_s: [f64; 2]) -> bool {
+        self.settling.is_none_or(|settling| {
+            since_s
+                .into_iter()
+                .all(|since_s| settling.left(since_s) < OVER)
+        })
+    }
+
     /// Turns and weakens samples by the transients of both sides, `since_s` after their retunes.
     pub(super) fn settle(&self, since_s: [f64; 2], rate_hz: f64, samples: &mut [Complex64]) {
         let Some(settling) = self.settling else {
             return;
         };
         for (since_s, sign) in since_s.into_iter().zip([1.0, -1.0]) {
-            let mut left = libm::exp(-since_s / settling.time_constant_s);
+            let mut left = settling.left(since_s);
             let step = libm::exp(-1.0 / (rate_hz * settling.time_constant_s));
             for z in samples.iter_mut() {
-                // Below float64's digits.
-                if left < 1e-17 {
+                if left < OVER {
                     break;
                 }
                 *z *= cis(sign * settling.phase_rad * left) * (1.0 - settling.amplitude * left);

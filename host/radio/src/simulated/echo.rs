@@ -1,7 +1,9 @@
 //! What a receiver hears of a waveform that repeats: a period of it.
 
+use std::sync::Arc;
+
 use num_complex::{Complex32, Complex64};
-use subaperture_fft::Transforms;
+use subaperture_fft::{Fft, Transforms};
 use subaperture_model::radar::{Antenna, Motion, Reference};
 use subaperture_signal::phase::phasor;
 use subaperture_simulate::Experiment;
@@ -21,6 +23,7 @@ pub(super) struct Echo<'a> {
     reference_range_m: f64,
     spectrum: Vec<Complex64>,
     response: Vec<Complex64>,
+    transforms: Option<[Arc<dyn Fft<f64>>; 2]>,
 }
 
 impl<'a> Echo<'a> {
@@ -56,7 +59,20 @@ impl<'a> Echo<'a> {
             reference_range_m,
             spectrum: Vec::new(),
             response: Vec::new(),
+            transforms: None,
         })
+    }
+
+    /// There and back, planned when waveforms become of another length.
+    fn transforms(&mut self, count: usize) -> [Arc<dyn Fft<f64>>; 2] {
+        let planned = self.transforms.take().filter(|both| both[0].len() == count);
+        let plan = || {
+            [
+                Transforms::Portable.forward(count),
+                Transforms::Portable.inverse(count),
+            ]
+        };
+        self.transforms.insert(planned.unwrap_or_else(plan)).clone()
     }
 
     /// Range at which amplitudes are 1, metres.
@@ -81,9 +97,8 @@ impl<'a> Echo<'a> {
                 .iter()
                 .map(|z| Complex64::new(f64::from(z.re), f64::from(z.im))),
         );
-        Transforms::Portable
-            .forward::<f64>(count)
-            .process(&mut self.spectrum);
+        let [forward, inverse] = self.transforms(count);
+        forward.process(&mut self.spectrum);
         // Line `i` from the lowest frequency on.
         let bin = |i: usize| (i + count - half) % count;
         let strongest = self
@@ -137,9 +152,7 @@ impl<'a> Echo<'a> {
             };
             self.spectrum[bin(i)] *= heard;
         }
-        Transforms::Portable
-            .inverse::<f64>(count)
-            .process(&mut self.spectrum);
+        inverse.process(&mut self.spectrum);
         &self.spectrum
     }
 }

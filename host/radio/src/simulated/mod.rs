@@ -20,7 +20,9 @@
 //! Faults of the way to the host (overflow, lost packets, unplugging) are [`crate::fault::Faulty`] around it; late commands are
 //! its own. Time: a retune takes 2 ms, a burst as long as it lasts, nothing else takes any; as fast as it can, or held back to
 //! true time ([`SimulatedRadio::in_real_time`]). Cost of a burst: the engine's sum at the waveform's frequencies, and some 30
-//! operations a sample without noise. Memory: the scene's, and four bursts of 16 bytes a sample.
+//! operations a sample without noise. Where nothing that comes in differs from period to period (no noise, phase noise or interference, both
+//! synthesisers settled and of one frequency) a period is made once and repeated, to the same counts, at the cost of a copy. Memory: the scene's, and
+//! four bursts of 16 bytes a sample.
 
 mod analogue;
 mod echo;
@@ -30,11 +32,12 @@ use std::time::{Duration, Instant};
 
 use num_complex::Complex64;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
 use subaperture_model::radar::{Converter, PulseShape, Radar, Waveform};
-use subaperture_model::units::power_of_db;
+use subaperture_model::units::amplitude_of_db;
 use subaperture_signal::phase::phasor;
 use subaperture_simulate::Experiment;
+use subaperture_simulate::random::unit;
 use subaperture_simulate::receiver::{Chain, Moment};
 
 use crate::error::RadioError;
@@ -100,7 +103,7 @@ impl<'a> SimulatedRadio<'a> {
             bits: 12,
             full_scale_db: wiring.full_scale_db,
         });
-        let full_scale = power_of_db(converter.full_scale_db / 2.0);
+        let full_scale = amplitude_of_db(converter.full_scale_db);
         let chain = Chain::new(&radar, experiment.seed, echo.reference_range_m())
             .map_err(RadioError::Unsupported)?;
         Ok(Self {
@@ -150,11 +153,20 @@ impl<'a> SimulatedRadio<'a> {
 
     /// What gains do to a signal: relative to those at which 1 is 1.
     fn gain(&self, configuration: &Configuration, channel: usize) -> [f64; 2] {
-        let amplitude = |db: f64| power_of_db(db / 2.0);
         [
-            amplitude(configuration.transmit_gain_db - self.wiring.transmit_gain_db),
-            amplitude(configuration.receive_gain_db[channel] - self.wiring.receive_gain_db),
+            amplitude_of_db(configuration.transmit_gain_db - self.wiring.transmit_gain_db),
+            amplitude_of_db(configuration.receive_gain_db[channel] - self.wiring.receive_gain_db),
         ]
+    }
+
+    /// Whether all periods of a burst are alike; its synthesisers were tuned so long before.
+    fn repeats(&self, apart_hz: f64, since_s: [f64; 2]) -> bool {
+        let receiver = &self.radar.receiver;
+        apart_hz == 0.0
+            && self.analogue.has_settled(since_s)
+            && receiver.noise.is_none()
+            && receiver.phase_noise.is_none()
+            && receiver.interference.is_empty()
     }
 
     /// What the receiver's chain takes the burst for.
@@ -218,7 +230,7 @@ impl Transceiver for SimulatedRadio<'_> {
         let at_s = self.now_s;
         let mut random = ChaCha8Rng::seed_from_u64(self.experiment.seed ^ 0x5379_6e74);
         random.set_stream(self.tunes);
-        let mut unit = || (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+        let mut unit = || unit(&mut random);
         let turns = if self.analogue.random_phase {
             unit()
         } else {
@@ -275,6 +287,10 @@ impl Transceiver for SimulatedRadio<'_> {
         let apart_hz = carrier_hz - (tuned.carrier_hz + tuned.offset_hz) * fast;
         let since_s = [transmit.at_s, tuned.at_s].map(|at_s| burst.at_s - at_s);
         let waveform = self.waveform(carrier_hz, rate_hz, count);
+        let made = match self.repeats(apart_hz, since_s) {
+            true => count.min(burst.waveform.len()),
+            false => count,
+        };
         let mut samples = std::mem::take(&mut self.work);
         let mut clipped = [0; 2];
         for (channel, out) in receive.iter_mut().enumerate() {
@@ -285,7 +301,7 @@ impl Transceiver for SimulatedRadio<'_> {
             samples.clear();
             let mut turning = phasor(transmit.turns - tuned.turns + apart_hz * true_s) * sent;
             let step = phasor(apart_hz / (rate_hz * fast));
-            for (_, z) in (0..count).zip(period.iter().cycle()) {
+            for (_, z) in (0..made).zip(period.iter().cycle()) {
                 samples.push(z * turning);
                 turning *= step;
             }
@@ -301,13 +317,18 @@ impl Transceiver for SimulatedRadio<'_> {
             samples.iter_mut().for_each(|z| *z *= received);
             self.analogue
                 .demodulate(channel, self.full_scale, &mut samples);
-            clipped[channel] = self.chain.convert(&mut samples);
+            // Those of the last period, which need not be whole, and those of the others.
+            let (last, others) = samples.split_at_mut(count % made);
+            let at_last = self.chain.convert(last);
+            let whole = (count / made) as u32;
+            clipped[channel] = whole * (at_last + self.chain.convert(others)) + at_last;
             let scale = 32768.0 / self.full_scale;
             // `as` saturates.
             let counts = |x: f64| (x * scale).round() as i16;
             for (s, z) in out.iter_mut().zip(&samples) {
                 *s = Sample::new(counts(z.re), counts(z.im));
             }
+            repeat(out, made);
         }
         self.work = samples;
         self.bursts += 1;
@@ -334,5 +355,17 @@ impl Transceiver for SimulatedRadio<'_> {
 
     fn events(&mut self, events: &mut Vec<Event>) {
         events.append(&mut self.events);
+    }
+}
+
+/// Repeats the first `period` of the samples as far as they go.
+fn repeat(samples: &mut [Sample], period: usize) {
+    let mut done = period;
+    while done < samples.len() {
+        // Twice as many each time: whole periods, but for the last.
+        let (from, to) = samples.split_at_mut(done);
+        let more = done.min(to.len());
+        to[..more].copy_from_slice(&from[..more]);
+        done += more;
     }
 }

@@ -63,4 +63,24 @@ impl Wiring {
             full_scale_db: 26.0,
         }
     }
+
+    /// Two antennas that hear a third: antenna `i` to receiver `i` with cables of `cables_s[i]`, hearing the transmitter directly after `direct_s[i]` from phase centre to phase
+    /// centre, as strong as the echo of `amplitude^2` m² at the reference point. The converter's full scale is twice that.
+    pub fn leakage(direct_s: [f64; 2], cables_s: [f64; 2], amplitude: f64) -> Self {
+        let receive = [0, 1].map(|i| Path {
+            antenna: Some(i),
+            coupled: Some(Coupled {
+                delay_s: direct_s[i] + cables_s[i],
+                amplitude,
+            }),
+            cable_s: cables_s[i],
+            response: Complex64::ONE,
+        });
+        Self {
+            receive,
+            transmit_gain_db: 60.0,
+            receive_gain_db: 40.0,
+            full_scale_db: 20.0 * libm::log10(2.0 * amplitude),
+        }
+    }
 }

@@ -10,10 +10,13 @@
 //! - A burst: receivers are asked for its samples at its time (`issue_stream_cmd`; two channels start together at a time only), packets are sent as
 //!   long as there is room, one is received, and so on, in one thread. Samples go where their packets' times say; where none went is lost. At the end
 //!   the transmitter's acknowledgement is waited for, so that a retune does not cut what is sent.
+//! - Sample rates of a B210 are its master clock over a whole number, and UHD takes the nearest: what was set is what counts and is recorded, and the
+//!   tone's frequency follows it, for it has a whole number of samples a period. Gains are rounded too. Ranges of carriers, bandwidths and gains are
+//!   those that UHD says; of master clock and rate they are a B210's, 5 to 30.72 MHz with two receivers, whatever the device: an X300, whose master clocks are
+//!   200 and 184.32 MHz, is refused by them.
 //! - Waveforms are float32 until UHD rounds them to the wire's bits; samples come as 16 bits, or as the upper 12 of them
 //!   ([`Options::wire`]).
-//! - A B210's synthesisers know no time: retunes at a time are refused but for devices of the X300 series, where UHD's command time is
-//!   used.
+//! - A B210's synthesisers know no time: retunes at a time are refused.
 //! - UHD writes what it does to standard error; `UHD_LOG_CONSOLE_LEVEL=off` and `UHD_LOG_FASTPATH_DISABLE=1` in the environment silence it.
 //! - Loss of the device is [`RadioError::Gone`], from every call on.
 //!
@@ -112,6 +115,14 @@ pub fn list(serial: Option<&str>) -> Result<Vec<Found>, RadioError> {
         .collect())
 }
 
+/// That there is none, and what to check.
+pub fn none_found(serial: Option<&str>) -> RadioError {
+    let which = serial.map_or(String::new(), |serial| {
+        format!(" of serial number {serial}")
+    });
+    RadioError::Driver(format!("UHD finds no radio{which}; {}", errors::NO_DEVICE))
+}
+
 /// A radio by UHD.
 #[derive(Debug)]
 pub struct UhdRadio {
@@ -136,15 +147,7 @@ impl UhdRadio {
         let found = list(options.serial.as_deref())?;
         let found = match &found[..] {
             [one] => one,
-            [] => {
-                let which = options.serial.as_ref().map_or(String::new(), |serial| {
-                    format!(" of serial number {serial}")
-                });
-                return Err(RadioError::Driver(format!(
-                    "UHD finds no radio{which}; {}",
-                    errors::NO_DEVICE
-                )));
-            }
+            [] => return Err(none_found(options.serial.as_deref())),
             several => {
                 let serials: Vec<&str> = several.iter().map(|one| one.serial.as_str()).collect();
                 return Err(RadioError::Driver(format!(

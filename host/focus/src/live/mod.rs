@@ -35,6 +35,9 @@
 //! pixels, as the contract has it ([`super::accuracy`]). Rounding is float32's of one pulse, whatever their number.
 //! `tests/formers/live.rs` holds the image after every push against `bp` and against a sum of its own.
 
+mod settings;
+mod sums;
+
 use glam::DVec3;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
@@ -44,233 +47,20 @@ use super::bp::Backprojection;
 use super::exact::{LANES, add_pulse};
 use super::sampled::{Seen, sampled_pixels};
 use super::{
-    Aim, Asked, DEFAULT_ERROR_DB, FormError, ImageFormer, Judgement, Misses, SCRATCH_BYTES, Tile,
-    TileRecord, Work, machine, rounding,
+    Aim, Asked, FormError, ImageFormer, Judgement, Misses, SCRATCH_BYTES, TileRecord, Work,
+    rounding,
 };
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::{Image, power};
 use subaperture_model::monitor::{Monitor, Silent};
 use subaperture_model::phase_history::{Collection, InMemory, Pulse, Weights};
-use subaperture_model::quantity::bytes;
 use subaperture_signal::phase::narrow;
-use subaperture_signal::window::Window;
+
+pub use settings::{LiveError, Settings};
+use sums::{Aperture, Part, Ring, Sums};
 
 /// Bytes a pixel: of the sums, and of what one pulse adds.
 const PIXEL_BYTES: u64 = 16 + 8;
-
-/// How a live image is made.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub struct Settings {
-    /// Bound on the relative RMS error of the image, dB (negative).
-    pub error_db: f64,
-    /// Window over fast time.
-    pub window: Window,
-    /// Pulses that the image is of: the last so many. All so far, if `None`.
-    pub last_pulses: Option<usize>,
-    /// Bytes that it may hold; a pulse that is added takes up to 48 MiB besides.
-    pub memory_bytes: u64,
-}
-
-impl Default for Settings {
-    /// -60 dB, Taylor's window of 35 dB, all pulses, half of the machine's memory.
-    fn default() -> Self {
-        Self {
-            error_db: DEFAULT_ERROR_DB,
-            window: Window::default(),
-            last_pulses: None,
-            memory_bytes: machine::default_bytes(),
-        }
-    }
-}
-
-impl Settings {
-    /// With this bound on the relative RMS error, dB (negative).
-    #[must_use]
-    pub fn error_db(self, error_db: f64) -> Self {
-        Self { error_db, ..self }
-    }
-
-    /// With this window over fast time.
-    #[must_use]
-    pub fn window(self, window: Window) -> Self {
-        Self { window, ..self }
-    }
-
-    /// Of the last so many pulses.
-    #[must_use]
-    pub fn last_pulses(self, count: usize) -> Self {
-        let last_pulses = Some(count);
-        Self {
-            last_pulses,
-            ..self
-        }
-    }
-
-    /// Within so many bytes.
-    #[must_use]
-    pub fn memory_bytes(self, memory_bytes: u64) -> Self {
-        Self {
-            memory_bytes,
-            ..self
-        }
-    }
-}
-
-/// Why there is no live image, or why a pulse was not added. The image is as it was before.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LiveError {
-    /// No pixels, no samples, or an aperture of no pulses.
-    #[error("a live image needs pixels, samples and an aperture of at least one pulse")]
-    Empty,
-    /// It does not fit the memory allowed.
-    #[error("a live image needs {} of the {} allowed", bytes(*needed_bytes), bytes((*allowed_bytes).into()))]
-    Memory {
-        /// Bytes needed.
-        needed_bytes: u128,
-        /// Bytes allowed.
-        allowed_bytes: u64,
-    },
-    /// A pulse of another number of samples.
-    #[error("the pulse has {given} samples, and pulses of this image have {expected}")]
-    Samples {
-        /// Its samples.
-        given: usize,
-        /// Those of every pulse.
-        expected: usize,
-    },
-    /// A number that no radar has measured.
-    #[error("the pulse is none: {what}")]
-    Pulse {
-        /// What is wrong with it.
-        what: String,
-    },
-    /// A sample is NaN or infinite.
-    #[error("sample {sample} of the pulse is not a finite number")]
-    NotFinite {
-        /// Its index, from 0.
-        sample: usize,
-    },
-    /// The pulse was not backprojected: its error would be above the bound, it needs more memory, or the monitor
-    /// asked to stop.
-    #[error(transparent)]
-    Form(#[from] FormError),
-}
-
-/// Sums over pulses, and how many they are of.
-struct Sums {
-    pixels: Vec<Complex64>,
-    /// The exact sum at some pixels.
-    exact: Vec<Complex64>,
-    /// Of the weighted samples' squares.
-    terms: f64,
-    /// Of the planned errors' squares.
-    planned: f64,
-    count: usize,
-}
-
-impl Sums {
-    fn new(num_pixels: usize, num_sampled: usize) -> Self {
-        Self {
-            pixels: vec![Complex64::ZERO; num_pixels],
-            exact: vec![Complex64::ZERO; num_sampled],
-            terms: 0.0,
-            planned: 0.0,
-            count: 0,
-        }
-    }
-
-    fn clear(&mut self) {
-        self.pixels.fill(Complex64::ZERO);
-        self.exact.fill(Complex64::ZERO);
-        (self.terms, self.planned, self.count) = (0.0, 0.0, 0);
-    }
-
-    /// Adds what a pulse adds, or takes it off again where `sign` is -1.
-    fn add(&mut self, sign: f64, part: &Part) {
-        let both = self.pixels.par_iter_mut().zip(&part.tile.pixels);
-        both.with_min_len(1 << 12).for_each(|(sum, z)| {
-            *sum += Complex64::new(z.re.into(), z.im.into()) * sign;
-        });
-        let both = self.exact.iter_mut().zip(&part.exact);
-        both.for_each(|(sum, value)| *sum += value * sign);
-        self.terms += part.terms * sign;
-        self.planned += part.planned * sign;
-        self.count = self.count.saturating_add_signed(sign as isize);
-    }
-}
-
-/// What a pulse adds to [`Sums`].
-struct Part {
-    tile: Tile,
-    exact: Vec<Complex64>,
-    terms: f64,
-    planned: f64,
-}
-
-impl Part {
-    fn new(grid: &ImageGrid, num_sampled: usize) -> Self {
-        Self {
-            tile: Tile::whole(grid),
-            exact: vec![Complex64::ZERO; num_sampled],
-            terms: 0.0,
-            planned: 0.0,
-        }
-    }
-}
-
-/// The last pulses, and the sums that will take the place of those shown.
-struct Aperture {
-    ring: Ring,
-    next: Sums,
-    falling_out: Part,
-}
-
-/// Pulses of which the oldest gives way to the newest.
-struct Ring {
-    num_pulses: usize,
-    pulses: Vec<Pulse>,
-    samples: Vec<Complex32>,
-    /// Where the next one goes: of a full ring, the oldest's place.
-    place: usize,
-}
-
-impl Ring {
-    fn new(num_pulses: usize, num_samples: usize) -> Self {
-        Self {
-            num_pulses,
-            pulses: Vec::with_capacity(num_pulses),
-            samples: Vec::with_capacity(num_pulses * num_samples),
-            place: 0,
-        }
-    }
-
-    fn is_full(&self) -> bool {
-        self.pulses.len() == self.num_pulses
-    }
-
-    /// The oldest pulse, where it is full.
-    fn oldest(&self, num_samples: usize) -> (&Pulse, &[Complex32]) {
-        let first = self.place * num_samples;
-        (
-            &self.pulses[self.place],
-            &self.samples[first..first + num_samples],
-        )
-    }
-
-    fn keep(&mut self, pulse: &Pulse, samples: &[Complex32]) {
-        if self.is_full() {
-            let first = self.place * samples.len();
-            self.pulses[self.place] = *pulse;
-            self.samples[first..first + samples.len()].copy_from_slice(samples);
-        } else {
-            self.pulses.push(*pulse);
-            self.samples.extend_from_slice(samples);
-        }
-        self.place = (self.place + 1) % self.num_pulses;
-    }
-}
 
 /// An image that pulses are added to one at a time: the example `live` of `subaperture` shows it at work.
 pub struct Live {
@@ -574,48 +364,9 @@ impl Bench<'_> {
     /// How much the rounding of a pulse's paths turns its phases, radians.
     fn path_phase_rad(&self, pulse: &Pulse) -> f64 {
         let collection = lone(*pulse, self.weights.fast.len());
-        rounding::path_phase_rad(&aim(&collection, self.grid, self.weights))
+        rounding::path_phase_rad(&collection, self.grid)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use subaperture_model::phase_history::Sweep;
-
-    /// What is really allocated, counted from the vectors, before and after many pulses.
-    #[test]
-    fn no_vector_grows() {
-        let grid: ImageGrid = "x=-4:4:1,y=-4:4:1,z=0".parse().unwrap();
-        let settings = Settings::default().last_pulses(5);
-        let mut live = Live::new(&grid, 16, &settings).unwrap();
-        let allocated = |live: &Live| {
-            let aperture = live.aperture.as_ref().unwrap();
-            let sums = [&live.shown, &aperture.next].map(|sums| 16 * sums.pixels.capacity());
-            let parts = [&live.part, &aperture.falling_out];
-            let parts = parts.map(|part| 8 * part.tile.pixels.capacity());
-            let ring = 8 * aperture.ring.samples.capacity()
-                + size_of::<Pulse>() * aperture.ring.pulses.capacity();
-            let window = 8 * live.weights.fast.capacity();
-            (sums.iter().chain(&parts).sum::<usize>() + ring + window) as u128
-        };
-        // All but the few that are compared with the exact sum.
-        assert_eq!(allocated(&live), live.held_bytes());
-        for n in 0..40 {
-            let antenna_m = DVec3::new(f64::from(n), -100.0, 0.0);
-            let pulse = Pulse {
-                time_s: f64::from(n),
-                transmitter_m: antenna_m,
-                receiver_m: antenna_m,
-                reference_m: DVec3::ZERO,
-                reference_path_m: 2.0 * antenna_m.length(),
-                start_hz: 1e9,
-                step_hz: 5e6,
-                sweep: Sweep::AT_ONCE,
-            };
-            live.push(&pulse, &[Complex32::ONE; 16]).unwrap();
-            assert_eq!(allocated(&live), live.held_bytes(), "{n}");
-            assert_eq!(live.num_pulses(), 5.min(n as usize + 1));
-        }
-    }
-}
+mod tests;

@@ -1,0 +1,423 @@
+//! The radar on a software-defined radio: Chim 2018, 5.4 to 5.6, through the simulated radio with an AD9361's faults.
+
+use std::f64::consts::TAU;
+use std::sync::atomic::AtomicBool;
+
+use num_complex::Complex64;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_plot::{Chart, Curve, Stroke, lines};
+use subaperture_radio::chirp;
+use subaperture_radio::plan;
+use subaperture_radio::profile::{Calibration, Profile, Sweep};
+use subaperture_radio::sigmf::Setup;
+use subaperture_radio::simulated::{Analogue, Coupled, SimulatedRadio, Wiring};
+use subaperture_radio::tone::Tone;
+use subaperture_radio::{Burst, Configuration, RadioError, Ranges, Sample, Side, Transceiver};
+use subaperture_signal::phase::cis;
+use subaperture_signal::window::Window;
+use subaperture_simulate::Experiment;
+
+use super::chim_stepped::{RANGES_M, experiment};
+use crate::{Check, Context, Finding, Item, ItemError, Picture};
+
+pub(super) const CHIRP: [Item; 1] = [Item {
+    id: "c-5-8",
+    source: "Chim 2018, 5.4, Fig. 5.8 and 5.9",
+    title: "A chirp radar on a software-defined radio",
+    work: 0.05,
+    reproduce: chirps,
+}];
+
+pub(super) const STEPPED: [Item; 1] = [Item {
+    id: "c-5-13-radio",
+    source: "Chim 2018, 5.5, 5.6 and Fig. 5.13",
+    title: "The same profile through the radio, with the reference and without",
+    work: 0.3,
+    reproduce: stepped,
+}];
+
+/// The loop's cable and the antennas', seconds; what the receiving antenna hears of the other directly.
+const LOOP_S: f64 = 15e-9;
+const CABLES_S: f64 = 20e-9;
+const LEAKAGE: Coupled = Coupled {
+    delay_s: 0.5e-9,
+    amplitude: 3.0,
+};
+/// Beyond the far wall nothing reflects here, metres.
+const REACH_M: f64 = 25.0;
+
+fn failed(error: &impl ToString) -> ItemError {
+    ItemError::Measure(error.to_string())
+}
+
+fn configuration(rate_hz: f64) -> Configuration {
+    Configuration {
+        master_clock_hz: rate_hz.max(16e6),
+        sample_rate_hz: rate_hz,
+        bandwidth_hz: rate_hz,
+        transmit_gain_db: 60.0,
+        receive_gain_db: [40.0; 2],
+        transmit_antenna: "TX/RX".to_owned(),
+        receive_antennas: ["RX2".to_owned(), "RX2".to_owned()],
+        clock: Default::default(),
+        pps: Default::default(),
+    }
+}
+
+/// 1.1 to 1.3 GHz in 50 steps, a tone of 125 kHz in bursts of a millisecond.
+fn steps() -> plan::Plan {
+    plan::Plan {
+        name: "C 5.6".to_owned(),
+        start_hz: 1.1e9,
+        stop_hz: 1.3e9,
+        steps: 50,
+        order: plan::Order::Up,
+        dwell_s: 1e-3,
+        tone_hz: 125e3,
+        amplitude: 0.7,
+        sweeps: 1,
+        pri_s: 0.0,
+        lead_s: 1e-3,
+        steady: 0.02,
+        bursts: 8,
+        reference: Default::default(),
+        antennas: None,
+        radio: configuration(1e6),
+    }
+}
+
+fn radio(experiment: &Experiment) -> Result<SimulatedRadio<'_>, RadioError> {
+    let wiring = Wiring::loopback(LOOP_S, CABLES_S, Some(LEAKAGE));
+    SimulatedRadio::new(experiment, wiring, Analogue::b210())
+}
+
+/// A sweep: referred to the loop, and by itself; and the bursts that it took until the synthesisers had settled.
+fn sweep(experiment: &Experiment, plan: &plan::Plan) -> Result<([Sweep; 2], u32), RadioError> {
+    let mut radio = radio(experiment)?;
+    plan.check(&radio.about().ranges)?;
+    radio.configure(&plan.radio)?;
+    let tone = Tone::new(plan.period(), plan.radio.sample_rate_hz);
+    let waveform = tone.waveform(plan.amplitude);
+    let empty = || Sweep {
+        start_hz: plan.start_hz + plan.tone_hz,
+        step_hz: plan.step_hz(),
+        values: vec![None; plan.steps],
+        times_s: vec![0.0; plan.steps],
+    };
+    let (mut sweeps, mut all) = ([empty(), empty()], 0);
+    let mut channels = [0, 1].map(|_| vec![Sample::ZERO; plan.samples()]);
+    for step in plan.carriers(0) {
+        for side in [Side::Transmit, Side::Receive] {
+            radio.tune(side, plan.carrier_hz(step), None)?;
+        }
+        for _ in 0..plan.bursts {
+            let burst = Burst {
+                waveform: &waveform,
+                at_s: radio.now_s()? + plan.lead_s,
+            };
+            let [reference, echo] = &mut channels;
+            let received = radio.burst(&burst, [reference, echo])?;
+            all += 1;
+            let mixed = tone.mix([&channels[0], &channels[1]], &received.lost);
+            if let Some(mixed) = mixed.filter(|mixed| mixed.unsteady <= plan.steady) {
+                sweeps[0].values[step] = Some(mixed.value);
+                sweeps[1].values[step] = Some(mixed.unreferred);
+                break;
+            }
+        }
+    }
+    Ok((sweeps, all))
+}
+
+/// The calibration of a radio that saw the sky, then a reflector alone where the corner stands.
+fn calibration(plan: &plan::Plan) -> Result<Calibration, ItemError> {
+    let lone = experiment(false);
+    let mut sky = lone.clone();
+    sky.scene = Default::default();
+    let radio = radio(&lone).map_err(|error| failed(&error))?;
+    let setup = Setup {
+        name: plan.name.clone(),
+        hardware: radio.about().product.clone(),
+        sample_rate_hz: plan.radio.sample_rate_hz,
+        period: plan.period(),
+        samples: plan.samples(),
+        start_hz: plan.start_hz,
+        step_hz: plan.step_hz(),
+        steps: plan.steps,
+        transmit_gain_db: plan.radio.transmit_gain_db,
+        receive_gain_db: plan.radio.receive_gain_db,
+        receive_antennas: plan.radio.receive_antennas.clone(),
+        reference: plan.reference,
+        antennas: plan.antennas,
+    };
+    let of = |experiment: &Experiment| sweep(experiment, plan).map_err(|error| failed(&error));
+    let ([sky, _], _) = of(&sky)?;
+    let ([reflector, _], _) = of(&lone)?;
+    Calibration::measure("", &setup, &sky, &reflector, RANGES_M[1], 2.0)
+        .map_err(|error| failed(&error))
+}
+
+/// Relative to the largest, dB.
+fn points_db(profile: &Profile) -> Vec<(f64, f64)> {
+    let top = profile.values.iter().map(|z| z.norm()).fold(0.0, f64::max);
+    let points = profile.values.iter().enumerate();
+    points
+        .map(|(i, z)| {
+            let level = (z.norm() / top).max(1e-6);
+            (i as f64 * profile.spacing_m, 20.0 * level.log10())
+        })
+        .collect()
+}
+
+/// The range of the largest peak within half a metre of another range.
+fn peak_m(profile: &Profile, range_m: f64) -> f64 {
+    let near = profile.peaks(0.0).into_iter();
+    near.filter(|peak| (peak.range_m - range_m).abs() < 0.5)
+        .max_by(|a, b| a.magnitude.total_cmp(&b.magnitude))
+        .map_or(f64::NAN, |peak| peak.range_m)
+}
+
+fn stepped(_: &Context) -> Result<Finding, ItemError> {
+    let plan = steps();
+    let calibration = calibration(&plan)?;
+    let scene = experiment(true);
+    let ([with, without], bursts) = sweep(&scene, &plan).map_err(|error| failed(&error))?;
+    let profile = |sweep: &Sweep| {
+        sweep
+            .profile(Window::Hamming, 24, REACH_M)
+            .map_err(|error| failed(&error))
+    };
+    let clean = calibration
+        .apply(&calibration.setup, &with)
+        .map_err(|error| failed(&error))?;
+    let (clean, raw, alone) = (profile(&clean)?, profile(&with)?, profile(&without)?);
+    let names = ["wall at 1 m", "corner reflector at 6.3 m", "wall at 16 m"];
+    let mut checks = vec![
+        Check::number(
+            "range resolution, c / 2B",
+            0.75,
+            plan.resolution_m(),
+            0.005,
+            2,
+            "m",
+        ),
+        Check::number(
+            "largest range, c / (2 4 MHz)",
+            37.47,
+            plan.unambiguous_m(),
+            0.01,
+            2,
+            "m",
+        ),
+    ];
+    for (name, range_m) in names.into_iter().zip(RANGES_M) {
+        let ours_m = peak_m(&clean, range_m);
+        let what = format!("{name}: peak of the profile");
+        // A quarter of a cell, so that no neighbouring object is meant.
+        let most_m = plan.resolution_m() / 4.0;
+        checks.push(Check::number(&what, range_m, ours_m, most_m, 3, "m"));
+    }
+    let [with, without] = [&raw, &alone].map(Profile::contrast);
+    checks.push(Check::claim(
+        "largest over mean magnitude, before calibration: with the reference, without",
+        "the reference removes the phases of each retune",
+        format!("{with:.1}, {without:.1}"),
+        with > 2.0 * without,
+    ));
+    let curve = |name: &str, profile: &Profile, stroke| Curve {
+        name: name.to_owned(),
+        points: points_db(profile),
+        stroke,
+    };
+    let chart = Chart {
+        title: "50 carriers from 1.1 to 1.3 GHz, by a simulated B210".to_owned(),
+        across_label: "range (m)".to_owned(),
+        up_label: "level (dB)".to_owned(),
+        curves: vec![
+            curve("by the reference, calibrated", &clean, Stroke::Solid),
+            curve("without the reference", &alone, Stroke::Dashed),
+        ],
+        marks: RANGES_M.to_vec(),
+        up: Some((-60.0, 5.0)),
+        ..Chart::default()
+    };
+    Ok(Finding {
+        thesis: "A B210 sends a tone at 50 carriers from 1.1 to 1.3 GHz; each retune has a phase of its own and an offset of frequency, which a looped-back copy on the second receiver removes \
+                 (5.4 to 5.11). The profile peaks at walls at 1 and 16 m and at a corner reflector at 6.3 m."
+            .to_owned(),
+        method: format!(
+            "The scene of c-5-13 behind a simulated radio: a random phase at each retune, up to 200 Hz of offset a side, a transient of 1.5 ms, DC, images, 12 bits, leakage from antenna to antenna three times the \
+             echo of 1 m2. Each step is taken again until its reference is steady: {bursts} bursts for 50 steps. Calibrated by a capture of the sky and one of the corner alone; Hamming window."
+        ),
+        checks,
+        why: None,
+        pictures: vec![Picture {
+            name: "profile".to_owned(),
+            caption: "Range profile by the looped-back reference, and what there is without it".to_owned(),
+            png: lines(&chart)?,
+        }],
+    })
+}
+
+/// C 5.4: 1.2 GHz, 20.48 MS/s; chirp and interval are not given there.
+fn chirp_plan() -> chirp::Plan {
+    chirp::Plan {
+        name: "C 5.4".to_owned(),
+        carrier_hz: 1.2e9,
+        bandwidth_hz: 16e6,
+        duration_s: 50e-6,
+        interval_s: 200e-6,
+        pulses: 8,
+        bursts: 1,
+        reach_m: 700.0,
+        amplitude: 0.7,
+        lead_s: 1e-3,
+        radio: configuration(20.48e6),
+    }
+}
+
+/// The sum of all pulses' profiles, and where range zero is in it.
+fn compressed(experiment: &Experiment) -> Result<(Vec<Complex64>, f64), ItemError> {
+    let plan = chirp_plan();
+    // No leakage: it is a sample before the reflector.
+    let wiring = Wiring::loopback(LOOP_S, LOOP_S, None);
+    let radio = SimulatedRadio::new(experiment, wiring, Analogue::b210());
+    let mut radio = radio.map_err(|error| failed(&error))?;
+    let (mut sum, mut zero, mut count) = (vec![Complex64::ZERO; plan.lags()], 0.0, 0.0);
+    let mut add = |_: u64, profile: &chirp::ChirpProfile<'_>| {
+        sum.iter_mut()
+            .zip(profile.values)
+            .for_each(|(s, z)| *s += z);
+        zero += profile.zero;
+        count += 1.0;
+    };
+    let replica = chirp::Replica::Ideal;
+    let stop = AtomicBool::new(false);
+    chirp::capture(&mut radio, &plan, replica, None, &mut add, &stop)
+        .map_err(|error| failed(&error))?;
+    Ok((sum.iter().map(|z| z / count).collect(), zero / count))
+}
+
+fn chirps(_: &Context) -> Result<Finding, ItemError> {
+    let plan = chirp_plan();
+    plan.check(&Ranges::b210())
+        .map_err(|error| failed(&error))?;
+    let (values, zero) = compressed(&experiment(false))?;
+    let rate_hz = plan.radio.sample_rate_hz;
+    // The response between samples, of the values about the peak; values before lag 0 are not there, and are those of side lobes.
+    let spectrum = |hz: f64| -> Complex64 {
+        let each = values.iter().enumerate().take(64);
+        let turned = each.map(|(l, z)| z * cis(-TAU * hz * (l as f64 - zero) / rate_hz));
+        turned.sum()
+    };
+    let used_hz = 0.8 * plan.bandwidth_hz;
+    let places: Vec<f64> = (0..=200)
+        .map(|i| (f64::from(i) / 200.0 - 0.5) * used_hz)
+        .collect();
+    let mut phases = Vec::new();
+    let (mut before, mut phase) = (spectrum(places[0]), 0.0);
+    for hz in &places {
+        let now = spectrum(*hz);
+        phase += (now * before.conj()).arg();
+        before = now;
+        phases.push(phase);
+    }
+    let n = places.len() as f64;
+    let (mean_hz, mean_rad) = (
+        places.iter().sum::<f64>() / n,
+        phases.iter().sum::<f64>() / n,
+    );
+    let pairs = || {
+        places
+            .iter()
+            .zip(&phases)
+            .map(|(x, y)| (x - mean_hz, y - mean_rad))
+    };
+    let slope = pairs().map(|(x, y)| x * y).sum::<f64>() / pairs().map(|(x, _)| x * x).sum::<f64>();
+    let range_m = -slope / TAU * SPEED_OF_LIGHT_M_S / 2.0;
+    let off = pairs().map(|(x, y)| (y - slope * x).powi(2)).sum::<f64>() / n;
+    let top = values.iter().map(|z| z.norm()).fold(0.0, f64::max);
+    let points = values.iter().enumerate().map(|(l, z)| {
+        let level = 20.0 * (z.norm() / top).max(1e-6).log10();
+        ((l as f64 - zero) * plan.spacing_m(), level)
+    });
+    let amplitude = Chart {
+        title: "A chirp of 16 MHz at 1.2 GHz, 20.48 MS/s".to_owned(),
+        across_label: "range (m)".to_owned(),
+        up_label: "level (dB)".to_owned(),
+        curves: vec![Curve {
+            name: "matched filter".to_owned(),
+            points: points.collect(),
+            stroke: Stroke::Solid,
+        }],
+        marks: vec![RANGES_M[1]],
+        across: Some((-20.0, 200.0)),
+        up: Some((-60.0, 5.0)),
+        ..Chart::default()
+    };
+    let phase = Chart {
+        title: "Phase of the compressed response".to_owned(),
+        across_label: "frequency about the carrier (MHz)".to_owned(),
+        up_label: "phase (rad)".to_owned(),
+        curves: vec![
+            Curve {
+                name: "of its spectrum".to_owned(),
+                points: places
+                    .iter()
+                    .map(|hz| hz / 1e6)
+                    .zip(phases.iter().copied())
+                    .collect(),
+                stroke: Stroke::Solid,
+            },
+            Curve {
+                name: "of a delay of 6.3 m".to_owned(),
+                points: places
+                    .iter()
+                    .map(|hz| {
+                        let turns = -2.0 * RANGES_M[1] / SPEED_OF_LIGHT_M_S * hz;
+                        (hz / 1e6, mean_rad + TAU * turns)
+                    })
+                    .collect(),
+                stroke: Stroke::Dashed,
+            },
+        ],
+        ..Chart::default()
+    };
+    Ok(Finding {
+        thesis: "A baseband chirp at 1.2 GHz and 20.48 MS/s; what is received is multiplied with the conjugate of a copy of what was sent, in the frequency domain. The peak of the amplitude (Fig. 5.8) is at the \
+                 echo's delay; Fig. 5.9 is the phase over frequency."
+            .to_owned(),
+        method: format!(
+            "The corner reflector of c-5-13 at 6.3 m alone, behind a simulated B210 with its faults; chirps of {:.0} MHz in {:.0} us every {:.0} us, of which the thesis says nothing: {:.2} m of resolution, samples {:.2} m apart. \
+             Matched with the ideal chirp, range zero and phase by the looped-back reference; the mean of {} pulses.",
+            plan.bandwidth_hz / 1e6,
+            plan.duration_s * 1e6,
+            plan.interval_s * 1e6,
+            plan.resolution_m(),
+            plan.spacing_m(),
+            plan.pulses
+        ),
+        checks: vec![
+            Check::number("range by the slope of the phase", RANGES_M[1], range_m, 0.5, 2, "m"),
+            Check::claim(
+                "phase off a straight line over 0.8 of the band, RMS",
+                "a delay alone",
+                format!("{:.3} rad", off.sqrt()),
+                off.sqrt() < 0.2,
+            ),
+        ],
+        why: None,
+        pictures: vec![
+            Picture {
+                name: "amplitude".to_owned(),
+                caption: "Amplitude over range".to_owned(),
+                png: lines(&amplitude)?,
+            },
+            Picture {
+                name: "phase".to_owned(),
+                caption: "Phase over frequency".to_owned(),
+                png: lines(&phase)?,
+            },
+        ],
+    })
+}

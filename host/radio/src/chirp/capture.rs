@@ -1,0 +1,148 @@
+//! Bursts of chirps from a radio: recorded, and compressed as they come.
+//!
+//! One thread: between bursts the radio waits for the disk and for whoever takes the profiles; bursts are timed, so that none loses a sample by it. Memory: a burst of both channels, and the compressor's.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::Plan;
+use super::compress::{ChirpProfile, Compressor, Replica};
+use crate::antennas::Reference;
+use crate::capture::CaptureError;
+use crate::error::RadioError;
+use crate::sigmf::{Flag, Setup, Step, Writer};
+use crate::transceiver::{Burst, Configuration, Sample, Side, Transceiver};
+
+/// What was captured.
+#[derive(Clone, Debug)]
+pub struct ChirpSummary {
+    /// Bursts taken.
+    pub bursts: u64,
+    /// Pulses compressed, and pulses left out because samples were lost.
+    pub pulses: [u64; 2],
+    /// Bursts late, with lost samples, clipped.
+    pub flagged: [u64; 3],
+    /// Whether it was asked to stop.
+    pub stopped: bool,
+    /// What the radio was set to.
+    pub set: Configuration,
+}
+
+/// Sends a plan's bursts, records them to `path` if there is one, and tells `emit` the profile of each pulse with its burst, until it is done or `stop` is set.
+///
+/// # Errors
+/// If the plan does not fit the radio, the radio fails or the disk does. What was recorded until then is whole.
+pub fn capture(
+    radio: &mut dyn Transceiver,
+    plan: &Plan,
+    replica: Replica,
+    path: Option<&Path>,
+    emit: &mut dyn FnMut(u64, &ChirpProfile<'_>),
+    stop: &AtomicBool,
+) -> Result<ChirpSummary, CaptureError> {
+    plan.check(&radio.about().ranges)?;
+    let set = radio.configure(&plan.radio)?;
+    let compressor = Compressor::new(plan, replica).map_err(RadioError::Unsupported)?;
+    let setup = setup(radio, plan, &set);
+    let writer = path
+        .map(|path| Writer::create(path, setup.clone()))
+        .transpose()?;
+    let mut engine = Engine {
+        plan,
+        setup,
+        compressor,
+        writer,
+        summary: ChirpSummary {
+            bursts: 0,
+            pulses: [0; 2],
+            flagged: [0; 3],
+            stopped: false,
+            set,
+        },
+    };
+    let ended = engine.bursts(radio, emit, stop);
+    engine.summary.pulses[1] = engine.compressor.left_out();
+    // Whatever happened, what is recorded is closed.
+    let finished = engine.writer.map_or(Ok(()), Writer::finish);
+    ended?;
+    finished?;
+    Ok(engine.summary)
+}
+
+struct Engine<'a> {
+    plan: &'a Plan,
+    setup: Setup,
+    compressor: Compressor,
+    writer: Option<Writer>,
+    summary: ChirpSummary,
+}
+
+impl Engine<'_> {
+    fn bursts(
+        &mut self,
+        radio: &mut dyn Transceiver,
+        emit: &mut dyn FnMut(u64, &ChirpProfile<'_>),
+        stop: &AtomicBool,
+    ) -> Result<(), CaptureError> {
+        let (plan, summary) = (self.plan, &mut self.summary);
+        let waveform = plan.waveform();
+        let mut channels = [
+            vec![Sample::ZERO; plan.samples()],
+            vec![Sample::ZERO; plan.samples()],
+        ];
+        radio.tune(Side::Transmit, plan.carrier_hz, None)?;
+        let carrier_hz = radio.tune(Side::Receive, plan.carrier_hz, None)?;
+        while plan.bursts == 0 || summary.bursts < plan.bursts {
+            if stop.load(Ordering::Relaxed) {
+                summary.stopped = true;
+                break;
+            }
+            let burst = Burst {
+                waveform: &waveform,
+                at_s: radio.now_s()? + plan.lead_s,
+            };
+            let [reference, echo] = &mut channels;
+            let received = radio.burst(&burst, [reference, echo])?;
+            let both = [&channels[0][..], &channels[1][..]];
+            let step = Step {
+                sweep: summary.bursts,
+                ..Step::received(&self.setup, &received, plan.samples(), carrier_hz)
+            };
+            let counted = [Flag::Late, Flag::Lost, Flag::Clipped];
+            for (count, flag) in summary.flagged.iter_mut().zip(counted) {
+                *count += u64::from(step.flags.contains(&flag));
+            }
+            if let Some(writer) = &mut self.writer {
+                writer.append(step, both)?;
+            }
+            self.compressor.begin();
+            let (index, told) = (summary.bursts, &mut summary.pulses[0]);
+            self.compressor.push(both, &received.lost, &mut |profile| {
+                *told += 1;
+                emit(index, profile);
+            });
+            summary.bursts += 1;
+        }
+        Ok(())
+    }
+}
+
+/// The recording's, as [`super`] says.
+fn setup(radio: &dyn Transceiver, plan: &Plan, set: &Configuration) -> Setup {
+    let about = radio.about();
+    Setup {
+        name: plan.name.clone(),
+        hardware: format!("{} {}", about.product, about.serial),
+        sample_rate_hz: set.sample_rate_hz,
+        period: plan.period(),
+        samples: plan.samples(),
+        start_hz: plan.carrier_hz,
+        step_hz: plan.bandwidth_hz,
+        steps: 1,
+        transmit_gain_db: set.transmit_gain_db,
+        receive_gain_db: set.receive_gain_db,
+        receive_antennas: set.receive_antennas.clone(),
+        reference: Reference::Loopback,
+        antennas: None,
+    }
+}

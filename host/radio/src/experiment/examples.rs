@@ -1,0 +1,21 @@
+//! Experiments to start from: what `subap capture --example NAME` prints.
+
+/// Name and text of every example.
+const EXAMPLES: [(&str, &str); 5] = [
+    ("thesis", include_str!("examples/thesis.toml")),
+    ("thesis-scene", include_str!("examples/thesis-scene.toml")),
+    ("rail", include_str!("examples/rail.toml")),
+    ("rail-scene", include_str!("examples/rail-scene.toml")),
+    ("b210", include_str!("examples/b210.toml")),
+];
+
+/// The names of the examples.
+pub fn names() -> [&'static str; 5] {
+    EXAMPLES.map(|(name, _)| name)
+}
+
+/// The example of this name.
+pub fn text(name: &str) -> Option<&'static str> {
+    let found = EXAMPLES.iter().find(|(known, _)| *known == name);
+    found.map(|&(_, text)| text)
+}

@@ -1,0 +1,285 @@
+//! The keys of an experiment beside its plan's, and the experiment that they make.
+
+use std::path::PathBuf;
+
+use subaperture_describe::Description;
+use subaperture_describe::error::Found;
+use subaperture_describe::schema::{Bounds, Key, Kind, Need, Presence, Schema, Section};
+use subaperture_describe::values::Values;
+use subaperture_model::units::Dimension;
+
+use super::{Device, Experiment, Simulated, Usrp, live};
+use crate::antennas::Reference;
+use crate::fault::Faults;
+use crate::plan::{Plan, keys as plan};
+use crate::simulated::{Analogue, Coupled, Wiring};
+
+const DELAY: Kind = Kind::Quantity(Dimension::Time, Bounds::NotNegative);
+const CHANCE: Kind = Kind::Quantity(Dimension::Ratio, Bounds::Within(0.0, 1.0, "0 to 1"));
+
+static DEVICE: Section = Section {
+    path: "device",
+    presence: Presence::Always,
+    when: &[],
+    selector: "kind",
+    doc: "The radio: simulated, a USRP by UHD, or a recording in its place.",
+    keys: &[
+        Key::new(
+            "kind",
+            Kind::Choice(&["simulated", "uhd", "replay"]),
+            Need::Required("\"simulated\""),
+            "What the radio is.",
+        ),
+        Key::new(
+            "scenario",
+            Kind::Path,
+            Need::Required("\"scene.toml\""),
+            "Scenario of what its antennas see, where they are, and its receiver, as subap simulate takes it.",
+        )
+        .when(&["simulated"]),
+        Key::new(
+            "real_time",
+            Kind::Flag,
+            Need::Default("false"),
+            "Whether it is held back to true time; else it is as fast as this machine.",
+        )
+        .when(&["simulated"]),
+        Key::new(
+            "impairments",
+            Kind::Flag,
+            Need::Default("true"),
+            "Whether it has a B210's: random phases, offset and settling after a retune, DC, unequal I and Q, gains in steps.",
+        )
+        .when(&["simulated"]),
+        Key::new(
+            "loop_delay",
+            DELAY,
+            Need::Default("\"15 ns\""),
+            "Delay of the cable from the transmitter's coupler to receiver 0, with the loop as the reference.",
+        )
+        .when(&["simulated"]),
+        Key::new(
+            "cable_delay",
+            DELAY,
+            Need::Default("\"20 ns\""),
+            "Delay of the cables to both antennas together.",
+        )
+        .when(&["simulated"]),
+        Key::new(
+            "leakage",
+            Kind::Quantity(Dimension::Ratio, Bounds::NotNegative),
+            Need::Default("3.0"),
+            "How strongly the receiving antennas hear the transmitter directly, relative to the echo of 1 m^2 at the scenario's reference \
+             point; 0 for not at all.",
+        )
+        .when(&["simulated"]),
+        Key::new(
+            "leakage_delay",
+            DELAY,
+            Need::Default("\"0.5 ns\""),
+            "Delay from antenna to antenna with the loop as the reference; else it is that of the antennas' places.",
+        )
+        .when(&["simulated"]),
+        Key::new(
+            "serial",
+            Kind::Text,
+            Need::Optional("\"30A1B2C\""),
+            "Serial number, as subap radio list prints it; not needed where there is but one.",
+        )
+        .when(&["uhd"]),
+        Key::new(
+            "transmit_subdevice",
+            Kind::Text,
+            Need::Default("\"A:A\""),
+            "Subdevice of the transmitter, as UHD writes it.",
+        )
+        .when(&["uhd"]),
+        Key::new(
+            "receive_subdevices",
+            Kind::Text,
+            Need::Default("\"A:A A:B\""),
+            "Subdevices of receiver 0, the reference, and receiver 1.",
+        )
+        .when(&["uhd"]),
+        Key::new(
+            "wire",
+            Kind::Choice(&["sc16", "sc12"]),
+            Need::Default("\"sc16\""),
+            "Bits of a sample on its way: 16, or the 12 that there are.",
+        )
+        .when(&["uhd"]),
+        Key::new(
+            "recording",
+            Kind::Path,
+            Need::Required("\"walk.sigmf-meta\""),
+            "The recording that is received again.",
+        )
+        .when(&["replay"]),
+    ],
+};
+
+static FAULTS: Section = Section {
+    path: "faults",
+    presence: Presence::Optional,
+    when: &[],
+    selector: "",
+    doc: "Faults of the way between the radio and this machine, on purpose: each by a chance a burst.",
+    keys: &[
+        Key::new(
+            "overflow",
+            CHANCE,
+            Need::Default("0"),
+            "That the end of a burst is lost.",
+        ),
+        Key::new(
+            "lost_packet",
+            CHANCE,
+            Need::Default("0"),
+            "That a packet within a burst is lost.",
+        ),
+        Key::new(
+            "late",
+            CHANCE,
+            Need::Default("0"),
+            "That a command comes too late.",
+        ),
+        Key::new(
+            "underflow",
+            CHANCE,
+            Need::Default("0"),
+            "That the transmitter pauses for a packet.",
+        ),
+        Key::new(
+            "packet",
+            Kind::Count(1, 1 << 20),
+            Need::Default("200"),
+            "Samples of a packet.",
+        ),
+        Key::new(
+            "unplug_at",
+            Kind::Count(0, u64::MAX),
+            Need::Optional("500"),
+            "The burst at which the radio is unplugged.",
+        ),
+        Key::new(
+            "seed",
+            Kind::Count(0, i64::MAX as u64),
+            Need::Default("0"),
+            "Seed of the chances.",
+        ),
+    ],
+};
+
+static FILES: Section = Section {
+    path: "files",
+    presence: Presence::Always,
+    when: &[],
+    selector: "",
+    doc: "Where the recording goes, and what is known of cables and channels.",
+    keys: &[
+        Key::new(
+            "recording",
+            Kind::Path,
+            Need::Optional("\"walk\""),
+            "Name of the recording; .sigmf-data and .sigmf-meta are added.",
+        ),
+        Key::new(
+            "calibration",
+            Kind::Path,
+            Need::Optional("\"calibration.json\""),
+            "What subap radio calibrate has measured with this set-up.",
+        ),
+    ],
+};
+
+pub(super) static SCHEMA: Schema = Schema {
+    sections: &[
+        &plan::TOP,
+        &plan::PLAN,
+        &plan::ANTENNAS,
+        &plan::RADIO,
+        &DEVICE,
+        &FAULTS,
+        &FILES,
+        &live::LIVE,
+    ],
+    introduction: "An experiment with a radio is TOML: the plan of the capture, the radio, and files.",
+};
+
+pub(super) fn build(description: &Description) -> Result<Experiment, Vec<Found>> {
+    let top = description.resolve(&SCHEMA)?;
+    let folder = description.folder();
+    let (device, files) = (top.section("device"), top.section("files"));
+    let path = |values: &Values, key: &str| values.optional_text(key).map(|text| folder.join(text));
+    let plan = plan::plan(&top)?;
+    if plan.reference == Reference::Leakage
+        && device.text("kind") == "simulated"
+        && device.number("leakage") <= 0.0
+    {
+        let what = "the leakage is the reference, so it is above 0";
+        return Err(vec![device.fault("leakage", what)]);
+    }
+    let built = Experiment {
+        device: match device.text("kind") {
+            "uhd" => Device::Uhd(Usrp {
+                serial: device.optional_text("serial").map(str::to_owned),
+                transmit_subdevice: device.text("transmit_subdevice").to_owned(),
+                receive_subdevices: device.text("receive_subdevices").to_owned(),
+                twelve_bits: device.text("wire") == "sc12",
+            }),
+            "replay" => Device::Replay(folder.join(device.text("recording"))),
+            _ => {
+                let scenario = folder.join(device.text("scenario"));
+                Device::Simulated(Box::new(simulated(device, scenario, &plan)))
+            }
+        },
+        plan,
+        faults: top.optional_section("faults").map(faults),
+        recording: path(files, "recording"),
+        calibration: path(files, "calibration"),
+        live: match top.optional_section("live") {
+            Some(values) => Some(live::build(values, folder)?),
+            None => None,
+        },
+    };
+    debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
+    Ok(built)
+}
+
+fn simulated(device: &Values, scenario: PathBuf, plan: &Plan) -> Simulated {
+    let (cable_s, amplitude) = (device.number("cable_delay"), device.number("leakage"));
+    let direct = Coupled {
+        delay_s: device.number("leakage_delay"),
+        amplitude,
+    };
+    let loop_s = device.number("loop_delay");
+    let wiring = match (plan.reference, plan.antennas) {
+        (Reference::Leakage, Some(antennas)) => Wiring::leakage(
+            [0, 1].map(|receiver| antennas.direct_s(receiver)),
+            [cable_s; 2],
+            amplitude,
+        ),
+        _ => Wiring::loopback(loop_s, cable_s, (amplitude > 0.0).then_some(direct)),
+    };
+    Simulated {
+        scenario,
+        real_time: device.flag("real_time"),
+        wiring,
+        analogue: match device.flag("impairments") {
+            true => Analogue::b210(),
+            false => Analogue::default(),
+        },
+    }
+}
+
+fn faults(values: &Values) -> Faults {
+    Faults {
+        overflow: values.number("overflow"),
+        lost_packet: values.number("lost_packet"),
+        late: values.number("late"),
+        underflow: values.number("underflow"),
+        packet: values.count("packet") as usize,
+        unplug_at: values.optional_count("unplug_at"),
+        seed: values.count("seed"),
+    }
+}

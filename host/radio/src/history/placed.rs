@@ -1,0 +1,296 @@
+//! A capture whose antennas are somewhere.
+
+use std::fs::File;
+use std::ops::Range;
+use std::path::PathBuf;
+
+use glam::DVec3;
+use num_complex::Complex32;
+use subaperture_io::input::checksum;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::{Extent, SceneFrame};
+use subaperture_model::phase_history::{
+    Channel, ChannelHistory, Channels, Collection, InMemory, InputFile, PhaseHistory, Pulse,
+    ReadError,
+};
+use subaperture_signal::phase::{narrow, phasor};
+
+use super::HistoryError;
+use super::motion::{Motion, Timing};
+use super::read::Capture;
+use super::track::Track;
+use crate::antennas::Antennas;
+use crate::profile::Sweep;
+
+/// Where a capture was made.
+#[derive(Debug)]
+pub struct Placement<'a> {
+    /// The body's track; `None` for one that stands at the origin, or whose way is to be found.
+    pub track: Option<&'a Track>,
+    /// The antennas on the body; those of the recording's plan if `None`, and if it has none both at the body's origin.
+    pub antennas: Option<Antennas>,
+    /// What phases are referred to, metres in the scene frame: the scene's middle.
+    pub reference_m: DVec3,
+    /// The part of the scene that is looked at.
+    pub extent: Option<Extent>,
+    /// Where the scene frame lies; formats of files may want one on the Earth.
+    pub frame: SceneFrame,
+}
+
+impl Placement<'_> {
+    /// Of a radar that stands, or whose way is not known, in a frame of its own.
+    pub fn standing(reference_m: DVec3) -> Self {
+        Self {
+            track: None,
+            antennas: None,
+            reference_m,
+            extent: None,
+            frame: SceneFrame::Local,
+        }
+    }
+}
+
+impl Placement<'_> {
+    /// A sweep of a receiver as a pulse and its samples, echoes from no farther than `reach_m`: what [`Capture::channels`] makes of a recorded one, for
+    /// those that come one at a time.
+    ///
+    /// # Errors
+    /// If it is beyond the track's ends; too few carriers; motion that is too much.
+    pub fn pulse(
+        &self,
+        sweep: &Sweep,
+        receiver: usize,
+        reach_m: f64,
+    ) -> Result<(Pulse, Vec<Complex32>), HistoryError> {
+        sweep.check()?;
+        let timing = Timing::of(sweep);
+        let (from_s, to_s) = timing.span_s;
+        if let Some(track) = self.track
+            && !(track.knows(from_s) && track.knows(to_s))
+        {
+            return Err(HistoryError::Track(format!(
+                "a sweep from {from_s} s to {to_s} s of the device's time is beyond the track, {} s to {} s",
+                track.span_s.0 + track.zero_s,
+                track.span_s.1 + track.zero_s
+            )));
+        }
+        let antennas = self.antennas.unwrap_or_default();
+        let Some(&receiver_m) = antennas.receivers_m.get(receiver) else {
+            return Err(HistoryError::Track(format!(
+                "a receiver {receiver}; there are 0 and 1"
+            )));
+        };
+        let arms_m = [antennas.transmitter_m, receiver_m];
+        pulse(sweep, &timing, arms_m, self, reach_m)
+    }
+}
+
+impl Capture {
+    /// What receiver number `receiver` of [`Self::receivers`] sees in a sweep of [`Self::sweeps`], as if the radar stood where it was at the sweep's middle: towards the placement's
+    /// reference point. Without that a range profile has what comes nearer with `v` by `f v T / B` too near, of a sweep of `T` seconds that rises by `B`. Where the placement has no track
+    /// it is as it was taken.
+    ///
+    /// # Errors
+    /// A sweep beyond the track's ends.
+    ///
+    /// # Panics
+    /// If there is no such sweep or receiver.
+    pub fn still(
+        &self,
+        sweep: usize,
+        receiver: usize,
+        placement: &Placement,
+    ) -> Result<Sweep, HistoryError> {
+        let response = self.response(sweep, receiver);
+        let antennas = placement
+            .antennas
+            .or(self.setup.antennas)
+            .unwrap_or_default();
+        let arms_m = [
+            antennas.transmitter_m,
+            antennas.receivers_m[self.receivers()[receiver]],
+        ];
+        let timing = Timing::of(response);
+        if let Some(track) = placement.track
+            && !(track.knows(timing.span_s.0) && track.knows(timing.span_s.1))
+        {
+            return Err(self.beyond(track));
+        }
+        let motion = Motion::new(&timing, placement.track, arms_m, response.values.len());
+        let path_m = |time_s: f64| motion.path_m(placement.reference_m, time_s);
+        Ok(response.compensated(path_m(timing.middle_s), path_m))
+    }
+
+    fn beyond(&self, track: &Track) -> HistoryError {
+        let (from_s, to_s) = self.span_s();
+        HistoryError::Track(format!(
+            "no sweep is within the track: sweeps are from {from_s} s to {to_s} s of the device's time, the track from {} s to {} s: does its time 0 lie \
+             elsewhere?",
+            track.span_s.0 + track.zero_s,
+            track.span_s.1 + track.zero_s
+        ))
+    }
+
+    /// Phase history of each receiver, pulses at the device's own times. Sweeps beyond the track's ends are left out.
+    ///
+    /// # Errors
+    /// A track that no sweep is within; two receivers whose antennas no one has placed; motion within a sweep that is too much.
+    pub fn channels(&self, placement: &Placement) -> Result<Channels<'static>, HistoryError> {
+        let antennas = placement.antennas.or(self.setup.antennas);
+        if antennas.is_none() && self.receivers().len() > 1 {
+            let what = "two receivers whose antennas have no places: say where they are on the body that carries them";
+            return Err(HistoryError::Track(what.to_owned()));
+        }
+        let antennas = antennas.unwrap_or_default();
+        if !(antennas.is_finite() && placement.reference_m.is_finite()) {
+            let what = "places of antennas and the reference point are finite numbers";
+            return Err(HistoryError::Track(what.to_owned()));
+        }
+        let timings: Vec<Timing> = self.sweeps.iter().map(|of| Timing::of(&of[0])).collect();
+        let within: Vec<usize> = (0..timings.len())
+            .filter(|&n| {
+                let (from_s, to_s) = timings[n].span_s;
+                placement
+                    .track
+                    .is_none_or(|track| track.knows(from_s) && track.knows(to_s))
+            })
+            .collect();
+        if let (true, Some(track)) = (within.is_empty(), placement.track) {
+            return Err(self.beyond(track));
+        }
+        let mut warnings = self.warnings();
+        if within.len() < timings.len() {
+            warnings.push(format!(
+                "{} of {} sweeps are beyond the track's ends and left out",
+                timings.len() - within.len(),
+                timings.len()
+            ));
+        }
+        let names: Vec<String> = match self.receivers() {
+            [_] => vec!["1".to_owned()],
+            all => all.iter().map(|i| format!("T1R{}", i + 1)).collect(),
+        };
+        let mut channels: Vec<ChannelHistory<'static>> = Vec::new();
+        for (place, (&receiver, name)) in self.receivers().iter().zip(names).enumerate() {
+            let arms_m = [antennas.transmitter_m, antennas.receivers_m[receiver]];
+            let history = self.history(place, arms_m, &within, &timings, placement)?;
+            let about =
+                Channel::new(name).of_antennas("transmitter", format!("receiver {receiver}"));
+            let history = Placed {
+                history: history.with_channels(vec![about.clone()]),
+                warnings: warnings.clone(),
+                path: self.path.clone(),
+            };
+            channels.push((about, Box::new(history)));
+        }
+        Ok(Channels::new(channels)?)
+    }
+
+    fn history(
+        &self,
+        place: usize,
+        arms_m: [DVec3; 2],
+        within: &[usize],
+        timings: &[Timing],
+        placement: &Placement,
+    ) -> Result<InMemory, HistoryError> {
+        let num_samples = self.setup.steps;
+        let mut pulses = Vec::with_capacity(within.len());
+        let mut samples: Vec<Complex32> = Vec::with_capacity(within.len() * num_samples);
+        for &n in within {
+            let (sweep, timing) = (&self.sweeps[n][place], &timings[n]);
+            let (pulse, of_pulse) = pulse(sweep, timing, arms_m, placement, self.reach_m)?;
+            samples.extend(of_pulse);
+            pulses.push(pulse);
+        }
+        let collection = Collection {
+            name: self.setup.name.clone(),
+            num_samples,
+            pulses,
+            frame: placement.frame,
+            extent: placement.extent,
+            timed: true,
+        };
+        Ok(InMemory::new(collection, samples)?)
+    }
+}
+
+/// A sweep as a pulse of a receiver whose antennas are at `arms_m` on the body.
+fn pulse(
+    sweep: &Sweep,
+    timing: &Timing,
+    arms_m: [DVec3; 2],
+    placement: &Placement,
+    reach_m: f64,
+) -> Result<(Pulse, Vec<Complex32>), HistoryError> {
+    let num_samples = sweep.values.len();
+    let motion = Motion::new(timing, placement.track, arms_m, num_samples);
+    let reference_m = placement.reference_m;
+    let highest_hz = sweep.frequency_hz(num_samples);
+    motion.check(sweep, reference_m, placement.extent, highest_hz)?;
+    let at_m = motion.path_m(reference_m, timing.middle_s);
+    let still = sweep.compensated(at_m, |time_s| motion.path_m(reference_m, time_s));
+    let referred = still.filled(reach_m)?.into_iter().enumerate();
+    let samples = referred
+        .map(|(k, z)| narrow(z * phasor(sweep.frequency_hz(k) * at_m / SPEED_OF_LIGHT_M_S)))
+        .collect();
+    let [transmitter_m, receiver_m] = motion.antennas_m(timing.middle_s);
+    let pulse = Pulse {
+        time_s: timing.middle_s,
+        transmitter_m,
+        receiver_m,
+        reference_m,
+        reference_path_m: at_m,
+        start_hz: sweep.start_hz,
+        step_hz: sweep.step_hz,
+        sweep: motion.sweep(),
+    };
+    Ok((pulse, samples))
+}
+
+/// A receiver's history, with what there is to know of it.
+struct Placed {
+    history: InMemory,
+    warnings: Vec<String>,
+    /// The recording's samples.
+    path: PathBuf,
+}
+
+impl PhaseHistory for Placed {
+    fn collection(&self) -> &Collection {
+        self.history.collection()
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        self.history.read(pulses, samples)
+    }
+
+    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        self.history.at_hand(pulses)
+    }
+
+    fn channels(&self) -> Vec<Channel> {
+        self.history.channels()
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.history.held_bytes()
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        let read = || checksum(&mut File::open(&self.path)?);
+        let (bytes, crc32) = read().map_err(|source| ReadError::Io {
+            path: self.path.clone(),
+            source,
+        })?;
+        Ok(vec![InputFile {
+            path: self.path.clone(),
+            bytes,
+            crc32,
+        }])
+    }
+}

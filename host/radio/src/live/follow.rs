@@ -1,0 +1,262 @@
+//! From steps to sweeps, from sweeps to rows of the board.
+
+use std::collections::VecDeque;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use num_complex::Complex64;
+use subaperture_io::atomic::free_bytes;
+use subaperture_signal::window::Window;
+
+use super::board::{Board, Row, Status};
+use super::level::Level;
+use super::step::LiveStep;
+use crate::plan::Plan;
+use crate::profile::{Options, Profile, ProfileError, Ranging, Steps, Sweep};
+use crate::sigmf::Setup;
+
+/// Sweeps over which their rate is told.
+const RATE_OVER: usize = 16;
+/// How often the disk is asked for its room.
+const DISK_EVERY: Duration = Duration::from_secs(1);
+/// What a profile reads at the least, dB: float64's rounding is below.
+const FLOOR_DB: f32 = -300.0;
+
+/// How a capture is to be shown.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Sweeps of the waterfall.
+    pub rows: usize,
+    /// Places of a row, at the most.
+    pub columns: usize,
+    /// Window over carriers.
+    pub window: Window,
+    /// What phases are referred to, how far echoes reach, the calibration.
+    pub profile: Options,
+    /// A file on the disk that is recorded to.
+    pub disk: Option<PathBuf>,
+}
+
+impl Default for View {
+    /// 256 sweeps of 512 places, Taylor's window of 35 dB, no calibration.
+    fn default() -> Self {
+        Self {
+            rows: 256,
+            columns: 512,
+            window: Window::default(),
+            profile: Options::default(),
+            disk: None,
+        }
+    }
+}
+
+/// A sweep as it came, referred, and calibrated if there is a calibration.
+#[derive(Clone, Debug)]
+pub struct LiveSweep {
+    /// Its index.
+    pub index: u64,
+    /// What each receiver that has an antenna sees; none if that cannot be told of what came.
+    pub receivers: Vec<Sweep>,
+    /// Why there are none.
+    pub why: Option<String>,
+    /// The profile of the last of them; `None` if too little of it came.
+    pub profile: Option<Profile>,
+}
+
+/// Puts sweeps together of steps.
+pub struct Follower {
+    columns: usize,
+    window: Window,
+    disk: Option<PathBuf>,
+    ranging: Ranging,
+    samples: f64,
+    rate_hz: f64,
+    bytes_a_second: f64,
+    fineness: usize,
+    empty: Steps,
+    /// The sweep that is being taken.
+    index: Option<u64>,
+    steps: Steps,
+    taken: Vec<bool>,
+    levels: [Vec<Level>; 2],
+    flagged: [usize; 5],
+    began_s: f64,
+    begun_s: VecDeque<f64>,
+    asked: Option<Instant>,
+    free_bytes: Option<u64>,
+    latest: Option<LiveStep>,
+}
+
+impl Follower {
+    /// Of a plan as the radio was set to it, `setup`, with `bytes_a_second` on disk; and the board it writes on.
+    ///
+    /// # Errors
+    /// A calibration of another set-up; a reach beyond what can be told apart.
+    pub fn new(
+        plan: &Plan,
+        setup: &Setup,
+        bytes_a_second: f64,
+        view: View,
+    ) -> Result<(Self, Board), ProfileError> {
+        let calibrated = view.profile.calibration.is_some();
+        let ranging = Ranging::new(setup, view.profile)?;
+        // Four places a resolution cell at the least, that no peak is more than 0.3 dB between two of them.
+        let fineness = (2 * view.columns.max(1))
+            .div_ceil(setup.steps.max(1))
+            .clamp(4, 64);
+        let status = Status {
+            name: plan.name.clone(),
+            steps: setup.steps,
+            sweeps: plan.sweeps,
+            ranges_m: [0.0, ranging.reach_m()],
+            calibrated,
+            ..Status::default()
+        };
+        let follower = Self {
+            columns: view.columns,
+            window: view.window,
+            disk: view.disk,
+            ranging,
+            samples: setup.samples as f64,
+            rate_hz: setup.sample_rate_hz,
+            bytes_a_second,
+            fineness,
+            index: None,
+            steps: Steps::empty(setup),
+            empty: Steps::empty(setup),
+            taken: vec![false; setup.steps],
+            levels: Default::default(),
+            flagged: [0; 5],
+            began_s: 0.0,
+            begun_s: VecDeque::with_capacity(RATE_OVER + 1),
+            asked: None,
+            free_bytes: None,
+            latest: None,
+        };
+        Ok((follower, Board::new(status, view.rows)))
+    }
+
+    /// The farthest echoes, metres.
+    pub fn reach_m(&self) -> f64 {
+        self.ranging.reach_m()
+    }
+
+    /// The receivers that [`LiveSweep::receivers`] are of.
+    pub fn receivers(&self) -> &'static [usize] {
+        self.ranging.reference().receivers()
+    }
+
+    /// Takes a step; the sweep that it ends, put up on the board.
+    pub fn take(&mut self, board: &Board, step: &LiveStep) -> Option<LiveSweep> {
+        if step.step >= self.taken.len() {
+            return None;
+        }
+        let mut ended = None;
+        if self.index.is_some_and(|index| index != step.sweep) {
+            ended = self.end(board);
+        }
+        if self.index.is_none() {
+            self.index = Some(step.sweep);
+            self.began_s = step.time_s;
+        }
+        self.taken[step.step] = true;
+        if let Some(burst) = step.mixed {
+            let middle_s = step.time_s + 0.5 * self.samples / self.rate_hz;
+            self.steps.take(step.step, burst, middle_s);
+        }
+        for (all, level) in self.levels.iter_mut().zip(step.levels) {
+            // As many as a sweep has, whatever comes.
+            if all.len() < self.taken.len() {
+                all.push(level);
+            }
+        }
+        for (count, is) in self.flagged.iter_mut().zip(step.flagged) {
+            *count += usize::from(is);
+        }
+        self.latest = Some(*step);
+        if self.taken.iter().all(|taken| *taken) {
+            ended = self.end(board);
+        }
+        ended
+    }
+
+    /// Ends the sweep that is being taken, if one is: for the end of a capture too.
+    pub fn end(&mut self, board: &Board) -> Option<LiveSweep> {
+        let index = self.index.take()?;
+        let latest = self.latest?;
+        let steps = std::mem::replace(&mut self.steps, self.empty.clone());
+        // A leakage may not explain what came; then it is a sweep without a profile.
+        let (receivers, why) = match self.ranging.sweeps(&steps) {
+            Ok(receivers) => (receivers, None),
+            Err(error) => (Vec::new(), Some(error.to_string())),
+        };
+        let last = receivers.last();
+        let reach_m = self.ranging.reach_m();
+        let profile =
+            last.and_then(|sweep| sweep.profile(self.window, self.fineness, reach_m).ok());
+        let row = Row {
+            sweep: index,
+            levels_db: profile
+                .as_ref()
+                .map_or_else(Vec::new, |profile| self.reduced(profile)),
+        };
+        let rate_hz = self.sweeps_a_second();
+        self.ask_disk();
+        let levels = self.levels.each_ref().map(|all| Level::together(all));
+        let change = |status: &mut Status| {
+            status.sweep = Some(index);
+            status.usable = last.map_or(0, Sweep::usable);
+            status.flagged = self.flagged;
+            status.levels = levels;
+            status.rate_hz = rate_hz;
+            status.counts = latest.counts;
+            status.free_bytes = self.free_bytes;
+            let lasts_s = |bytes: u64| bytes as f64 / self.bytes_a_second;
+            status.disk_lasts_s = self.free_bytes.map(lasts_s).filter(|s| s.is_finite());
+        };
+        board.show_sweep(change, row);
+        self.taken.fill(false);
+        self.levels.iter_mut().for_each(Vec::clear);
+        self.flagged = [0; 5];
+        Some(LiveSweep {
+            index,
+            receivers,
+            why,
+            profile,
+        })
+    }
+
+    /// Levels at as many places as there are columns, at most, from range 0 to the reach: the largest of those nearest to each.
+    fn reduced(&self, profile: &Profile) -> Vec<f32> {
+        let reach_m = self.ranging.reach_m();
+        let last = (reach_m / profile.spacing_m).floor() as usize;
+        let count = (last + 1).min(profile.values.len());
+        let columns = self.columns.clamp(2, count.max(2));
+        let mut largest = vec![0.0f64; columns];
+        for (i, value) in profile.values[..count].iter().enumerate() {
+            let range_m = i as f64 * profile.spacing_m;
+            let place = (range_m / reach_m * (columns - 1) as f64).round() as usize;
+            let here = &mut largest[place.min(columns - 1)];
+            *here = here.max(Complex64::norm_sqr(value));
+        }
+        let level = |power: &f64| ((10.0 * libm::log10(*power)) as f32).max(FLOOR_DB);
+        largest.iter().map(level).collect()
+    }
+
+    fn sweeps_a_second(&mut self) -> Option<f64> {
+        self.begun_s.push_back(self.began_s);
+        if self.begun_s.len() > RATE_OVER + 1 {
+            self.begun_s.pop_front();
+        }
+        let took_s = self.began_s - self.begun_s.front()?;
+        (took_s > 0.0).then(|| (self.begun_s.len() - 1) as f64 / took_s)
+    }
+
+    fn ask_disk(&mut self) {
+        let Some(disk) = &self.disk else { return };
+        if self.asked.is_none_or(|asked| asked.elapsed() >= DISK_EVERY) {
+            self.free_bytes = free_bytes(disk);
+            self.asked = Some(Instant::now());
+        }
+    }
+}

@@ -1,0 +1,312 @@
+//! `subap capture`: an experiment in, a recording out.
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::thread;
+
+use anyhow::{Context, anyhow};
+use serde_json::{Value, json};
+use subaperture::io::atomic::free_bytes;
+use subaperture::monitor::Monitor;
+use subaperture::radio::capture::{CaptureError, Ended, LiveStep, Summary, capture};
+use subaperture::radio::experiment::{self, Device, Experiment};
+use subaperture::radio::plan::Plan;
+use subaperture::radio::{Ranges, Transceiver};
+
+use crate::args::Capture;
+use crate::config::Session;
+use crate::failure::{InterruptedWithSteps, Usage};
+use crate::progress::Progress;
+use crate::{interrupt, messages, text, watch};
+
+/// Steps that wait for the progress bar; more are passed over.
+const WAITING: usize = 64;
+
+/// Captures, or prints what there is to know of experiments.
+pub(crate) fn run(session: &Session, typed: &Capture) -> anyhow::Result<()> {
+    if typed.keys {
+        text::say(experiment::reference())?;
+    }
+    if let Some(name) = &typed.example {
+        text::say(experiment::examples::text(name).context("--example: no such name")?)?;
+    }
+    let Some(path) = &typed.experiment else {
+        return Ok(());
+    };
+    let mut experiment = Experiment::read(path, &typed.set)?;
+    if let Some(recording) = &typed.replay {
+        experiment.device = Device::Replay(recording.clone());
+    }
+    let Some(out) = typed.out.clone().or(experiment.recording.clone()) else {
+        let what = "say where the recording goes: --out NAME, or files.recording of the experiment";
+        return Err(Usage(what.to_owned()).into());
+    };
+    if typed.rehearsal.dry_run {
+        return rehearse(session, &experiment.plan, &out);
+    }
+    let opening = session.progress("opening the radio");
+    let captured = experiment.with_radio(session.memory_bytes, |radio| {
+        opening.finish();
+        if typed.live || typed.watching.is_asked() {
+            return watch::captured(
+                session,
+                radio,
+                &experiment,
+                &typed.watching,
+                typed.live,
+                &out,
+            );
+        }
+        Ok(captured(session, radio, &experiment.plan, &out)?)
+    });
+    let summary = captured??;
+    tell(session, &experiment.plan, &summary, &out)?;
+    end(&experiment.plan, summary, &out)
+}
+
+/// The capture itself. Ctrl-C ends it by its own means.
+fn captured(
+    session: &Session,
+    radio: &mut dyn Transceiver,
+    plan: &Plan,
+    out: &Path,
+) -> Result<Summary, CaptureError> {
+    let _keeping = interrupt::Keeping::begin();
+    let progress = session.progress("capturing");
+    let (live, shown) = sync_channel(WAITING);
+    thread::scope(|scope| {
+        let progress = &progress;
+        scope.spawn(move || show(plan, progress, shown));
+        let queues = watch::queues(session, plan);
+        let summary = capture(radio, plan, out, queues, Some(&live), interrupt::flag());
+        // The bar's thread ends with it.
+        drop(live);
+        summary
+    })
+}
+
+/// How far it is; of an endless capture how many sweeps there are.
+fn show(plan: &Plan, progress: &Progress, shown: Receiver<LiveStep>) {
+    let steps = plan.steps as f64;
+    let (mut sweep, mut taken) = (None, 0u32);
+    for step in shown {
+        if sweep != Some(step.sweep) {
+            (sweep, taken) = (Some(step.sweep), 0);
+            if plan.sweeps == 0 {
+                progress.tell(format!("sweep {}", step.sweep + 1));
+            }
+        }
+        taken += 1;
+        if plan.sweeps > 0 {
+            let done = step.sweep as f64 * steps + f64::from(taken);
+            progress.progress(done / (plan.sweeps as f64 * steps));
+        }
+    }
+}
+
+/// The metadata's file, by which others open the recording.
+pub(super) fn meta(out: &Path) -> PathBuf {
+    let mut name = out.as_os_str().to_owned();
+    name.push(".sigmf-meta");
+    PathBuf::from(name)
+}
+
+/// What the plan takes at the least.
+fn rehearse(session: &Session, plan: &Plan, out: &Path) -> anyhow::Result<()> {
+    let ranges = Ranges::b210();
+    plan.check(&ranges)?;
+    let sweep_s = plan.sweep_s(&ranges).max(plan.pri_s);
+    let rate = plan.bytes_a_second(&ranges);
+    let sweeps = (plan.sweeps > 0).then_some(plan.sweeps as f64);
+    let free = free_bytes(out);
+    if session.json() {
+        return text::say_json(
+            "forecast",
+            json!({
+                "work": format!("{} sweeps of {} steps", plan.sweeps, plan.steps),
+                "resolution_m": plan.resolution_m(),
+                "unambiguous_m": plan.unambiguous_m(),
+                "sweep_s": sweep_s,
+                "time_s": sweeps.map(|sweeps| sweeps * sweep_s),
+                "bytes_a_second": rate,
+                "disk": [{
+                    "path": out.display().to_string(),
+                    "bytes": sweeps.map(|sweeps| sweeps * sweep_s * rate),
+                    "free_bytes": free,
+                }],
+            }),
+        );
+    }
+    let sized = |bytes: f64| text::bytes(bytes.round() as u128);
+    let mut facts = vec![
+        ("carriers", carriers(plan)),
+        ("resolution", format!("{:.3} m", plan.resolution_m())),
+        ("unambiguous", format!("{:.2} m", plan.unambiguous_m())),
+        ("sweep", format!("at least {}", text::seconds(sweep_s))),
+        ("disk", format!("at most {} a second", sized(rate))),
+    ];
+    if let Some(sweeps) = sweeps {
+        let all = format!(
+            "{sweeps} sweeps: at least {} of the radio's time, {} of disk",
+            text::seconds(sweeps * sweep_s),
+            sized(sweeps * sweep_s * rate)
+        );
+        facts.push(("work", all));
+    }
+    if let Some(free) = free {
+        let lasts = free as f64 / rate;
+        let free = text::bytes(free.into());
+        facts.push(("free", format!("{free}, for {}", text::seconds(lasts))));
+    }
+    Ok(text::say(text::facts(&facts).join("\n"))?)
+}
+
+fn carriers(plan: &Plan) -> String {
+    format!(
+        "{} from {}, {} apart",
+        plan.steps,
+        text::hertz(plan.start_hz),
+        text::hertz(plan.step_hz())
+    )
+}
+
+const FLAGS: [&str; 5] = [
+    "late",
+    "with lost samples",
+    "unsteady",
+    "clipped",
+    "not locked",
+];
+const EVENTS: [&str; 5] = [
+    "overflows",
+    "underflows",
+    "late commands",
+    "lost packets",
+    "unplugged",
+];
+
+/// Those that are not zero, in words; `None` if all are.
+fn counted(counts: [u64; 5], names: [&str; 5]) -> Option<String> {
+    let some = counts
+        .into_iter()
+        .zip(names)
+        .filter(|(count, _)| *count > 0);
+    let words: Vec<String> = some
+        .map(|(count, name)| format!("{count} {name}"))
+        .collect();
+    (!words.is_empty()).then(|| words.join(", "))
+}
+
+fn ended(summary: &Summary) -> &'static str {
+    match summary.ended {
+        Ended::Done => "done",
+        Ended::Stopped => "stopped",
+        Ended::Radio(_) => "radio",
+        Ended::Disk(_) => "disk",
+    }
+}
+
+/// Says what is wrong with steps.
+pub(super) fn warn(summary: &Summary) {
+    if let Some(flagged) = counted(summary.flagged, FLAGS) {
+        messages::warning(format!(
+            "of {} steps {flagged}: they are marked, and profiles leave out what is not whole",
+            summary.steps
+        ));
+    }
+}
+
+/// Says what was captured.
+pub(super) fn tell(
+    session: &Session,
+    plan: &Plan,
+    summary: &Summary,
+    out: &Path,
+) -> anyhow::Result<()> {
+    warn(summary);
+    if session.json() {
+        return text::say_json("capture", record(plan, summary, out));
+    }
+    if !session.tells() {
+        return Ok(());
+    }
+    let queue = format!(
+        "at most {} of {} bursts; the radio waited {} times for the disk",
+        summary.longest_queue,
+        watch::queues(session, plan).disk,
+        summary.waits
+    );
+    let set = &summary.set;
+    let mut facts = vec![
+        ("recording", meta(out).display().to_string()),
+        ("carriers", carriers(plan)),
+        (
+            "steps",
+            format!("{} of {} bursts", summary.steps, summary.bursts),
+        ),
+        (
+            "set to",
+            format!(
+                "{} samples a second, {} dB sent, {} and {} dB received",
+                set.sample_rate_hz,
+                set.transmit_gain_db,
+                set.receive_gain_db[0],
+                set.receive_gain_db[1]
+            ),
+        ),
+        ("queue", queue),
+    ];
+    if let Some(events) = counted(summary.events, EVENTS) {
+        let lost = summary.lost_samples;
+        facts.push(("events", format!("{events}; {lost} samples a channel lost")));
+    }
+    if summary.late_sweeps > 0 {
+        let late = format!("{} began later than plan.pri says", summary.late_sweeps);
+        facts.push(("sweeps", late));
+    }
+    Ok(text::say(text::facts(&facts).join("\n"))?)
+}
+
+pub(super) fn record(plan: &Plan, summary: &Summary, out: &Path) -> Value {
+    let named = |counts: [u64; 5], names: [&str; 5]| -> Value {
+        let all = names.into_iter().zip(counts);
+        all.map(|(name, count)| (name.replace(' ', "_"), json!(count)))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
+    };
+    let set = &summary.set;
+    json!({
+        "recording": meta(out).display().to_string(),
+        "ended": ended(summary),
+        "carriers": { "start_hz": plan.start_hz, "step_hz": plan.step_hz(), "count": plan.steps },
+        "steps": summary.steps,
+        "bursts": summary.bursts,
+        "flagged": named(summary.flagged, FLAGS),
+        "events": named(summary.events, EVENTS),
+        "lost_samples": summary.lost_samples,
+        "waits": summary.waits,
+        "longest_queue": summary.longest_queue,
+        "late_sweeps": summary.late_sweeps,
+        "set": {
+            "master_clock_hz": set.master_clock_hz,
+            "sample_rate_hz": set.sample_rate_hz,
+            "bandwidth_hz": set.bandwidth_hz,
+            "transmit_gain_db": set.transmit_gain_db,
+            "receive_gain_db": set.receive_gain_db,
+        },
+    })
+}
+
+/// Why a capture that ended before its time did, with what is left of it.
+pub(super) fn end(plan: &Plan, summary: Summary, out: &Path) -> anyhow::Result<()> {
+    let (steps, path) = (summary.steps, meta(out).display().to_string());
+    let left = format!("the {steps} steps that came are in {path}");
+    match summary.ended {
+        Ended::Done => Ok(()),
+        // That is how an endless one ends.
+        Ended::Stopped if plan.sweeps == 0 => Ok(()),
+        Ended::Stopped => Err(InterruptedWithSteps { steps, path }.into()),
+        Ended::Radio(error) => Err(anyhow!("{error}; {left}")),
+        Ended::Disk(error) => Err(anyhow!("{error}; {left}: make room, and capture again")),
+    }
+}

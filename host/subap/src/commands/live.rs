@@ -1,0 +1,172 @@
+//! `subap live`: a capture, and its image as sweeps come.
+
+use std::path::Path;
+
+use anyhow::Context;
+use serde_json::{Value, json};
+use subaperture::focus::live::Settings;
+use subaperture::io::atomic::write_atomically;
+use subaperture::io::npy;
+use subaperture::live_capture::{Imaging, Place};
+use subaperture::plot::{Panel, quicklook_within};
+use subaperture::radio::experiment::{self, Experiment};
+use subaperture::radio::live::Follower;
+use subaperture::radio::sigmf::Setup;
+
+use super::capture::{end, record, tell, warn};
+use crate::args::Live;
+use crate::config::Session;
+use crate::failure::Usage;
+use crate::watch::{Watched, imaged};
+use crate::{messages, text};
+
+/// The files of the image.
+const NAMES: [&str; 2] = ["live.npy", "live.png"];
+
+/// Captures and images.
+pub(crate) fn run(session: &Session, typed: &Live) -> anyhow::Result<()> {
+    let experiment = Experiment::read(&typed.experiment, &typed.set)?;
+    let Some(live) = &experiment.live else {
+        let what = "the experiment has no section [live], which says what is imaged and how the antennas move: subap capture --keys has its keys";
+        return Err(Usage(what.to_owned()).into());
+    };
+    let Some(out) = typed.out.clone().or(experiment.recording.clone()) else {
+        let what = "say where the recording goes: --out NAME, or files.recording of the experiment";
+        return Err(Usage(what.to_owned()).into());
+    };
+    session.check_grid(&live.grid, 1)?;
+    let mut claims = session.claims(&typed.writing, std::slice::from_ref(&typed.experiment));
+    if let Some(folder) = &typed.image {
+        claims.folder(folder, NAMES)?;
+    }
+    let make = |setup: &Setup, follower: &Follower| imaging(session, typed, live, setup, follower);
+    let opening = session.progress("opening the radio");
+    let watched = experiment.with_radio(session.memory_bytes, |radio| {
+        opening.finish();
+        let watching = &typed.watching;
+        imaged(
+            session,
+            radio,
+            &experiment,
+            watching,
+            true,
+            &out,
+            Some(&make),
+        )
+    })??;
+    report(session, typed, &experiment, &out, &watched)?;
+    end(&experiment.plan, watched.summary, &out)
+}
+
+fn imaging(
+    session: &Session,
+    typed: &Live,
+    live: &experiment::Live,
+    setup: &Setup,
+    follower: &Follower,
+) -> anyhow::Result<Imaging> {
+    let receivers = follower.receivers();
+    if setup.antennas.is_none() && receivers.len() > 1 {
+        let what =
+            "two receivers whose antennas have no places: give the experiment a section [antennas]";
+        return Err(Usage(what.to_owned()).into());
+    }
+    let place = Place {
+        track: live.way.track()?,
+        antennas: setup.antennas.unwrap_or_default(),
+        reference_m: live.reference_m,
+        receivers,
+        reach_m: follower.reach_m(),
+    };
+    let mut settings = Settings::default()
+        .error_db(typed.error_db)
+        .window(typed.window)
+        .memory_bytes(session.memory_bytes);
+    settings.last_pulses = live.last;
+    Ok(Imaging::new(&live.grid, setup.steps, place, &settings)?)
+}
+
+/// Writes the image, and says what was captured and imaged.
+fn report(
+    session: &Session,
+    typed: &Live,
+    experiment: &Experiment,
+    out: &Path,
+    watched: &Watched,
+) -> anyhow::Result<()> {
+    let (plan, summary) = (&experiment.plan, &watched.summary);
+    let Some(imaging) = &watched.imaging else {
+        return tell(session, plan, summary, out);
+    };
+    let (left_out, why) = imaging.left_out();
+    if let Some(why) = why {
+        messages::warning(format!(
+            "{left_out} sweeps are not in the image; the last: {why}"
+        ));
+    }
+    if watched.skipped > 0 {
+        messages::warning(format!(
+            "{} sweeps came faster than they were imaged and are not in the image: a smaller or coarser live.grid is faster; the recording has them",
+            watched.skipped
+        ));
+    }
+    if let Some(folder) = &typed.image {
+        save(session, imaging, &plan.name, folder)?;
+    }
+    let image = told(imaging, watched.skipped);
+    if session.json() {
+        warn(summary);
+        let mut value = record(plan, summary, out);
+        value["image"] = image;
+        return text::say_json("capture", value);
+    }
+    tell(session, plan, summary, out)?;
+    if !session.tells() {
+        return Ok(());
+    }
+    let error_db = imaging.live().accuracy().predicted_db();
+    let mut facts = vec![(
+        "image",
+        format!("{} sweeps, error below {error_db:.1} dB", imaging.taken()),
+    )];
+    if let Some(peak) = imaging.image().peak() {
+        let place = imaging.live().grid().position_m(peak.row, peak.column);
+        facts.push(("brightest", format!("x {:.2}, y {:.2} m", place.x, place.y)));
+    }
+    if let Some(folder) = &typed.image {
+        facts.push(("written to", folder.display().to_string()));
+    }
+    Ok(text::say(text::facts(&facts).join("\n"))?)
+}
+
+fn told(imaging: &Imaging, skipped: u64) -> Value {
+    let grid = imaging.live().grid();
+    let brightest = imaging.image().peak().map(|peak| {
+        let place = grid.position_m(peak.row, peak.column);
+        json!({ "position_m": [place.x, place.y, place.z] })
+    });
+    json!({
+        "sweeps": imaging.taken(),
+        "left_out": imaging.left_out().0,
+        "skipped": skipped,
+        "predicted_error_db": imaging.live().accuracy().predicted_db(),
+        "brightest": brightest,
+    })
+}
+
+fn save(session: &Session, imaging: &Imaging, name: &str, folder: &Path) -> anyhow::Result<()> {
+    let image = imaging.image();
+    npy::write(&folder.join(NAMES[0]), &image)?;
+    if imaging.taken() == 0 {
+        messages::warning("no sweep is in the image: there is no picture of it");
+        return Ok(());
+    }
+    let title = format!("{name}, {} sweeps", imaging.taken());
+    let panel = Panel::new(&image, imaging.live().grid(), title);
+    let drawn = quicklook_within(&panel, session.memory_bytes)?;
+    let path = folder.join(NAMES[1]);
+    write_atomically(&path, drawn.len() as u64, |file| {
+        std::io::Write::write_all(file, &drawn)
+    })
+    .with_context(|| format!("cannot write {}", path.display()))
+}

@@ -1,0 +1,254 @@
+//! `subap profile`: a capture in, range profiles out.
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::Path;
+
+use serde_json::json;
+use subaperture::SPEED_OF_LIGHT_M_S;
+use subaperture::geometry::Axis;
+use subaperture::io::atomic::write_atomically;
+use subaperture::monitor::Monitor;
+use subaperture::plot::{Chart, Colours, Curve, Heat, Stroke, heat, lines};
+use subaperture::radio::Reference;
+use subaperture::radio::profile::{
+    Calibration, Options, Peak, Profile, ProfileError, Ranging, Sweep,
+};
+use subaperture::radio::sigmf::{Recording, Setup};
+
+use crate::config::Session;
+use crate::failure::Usage;
+use crate::{args, interrupt, messages, text};
+
+/// What pictures show below the strongest, dB.
+const SPAN_DB: f64 = 60.0;
+/// Rows of a waterfall, at the most: sweeps between are passed over.
+const MOST_ROWS: usize = 512;
+/// Places of all profiles of a waterfall, at the most: 256 MiB.
+const MOST_PLACES: usize = 1 << 26;
+/// Places a resolution cell, at the most: of 65536 carriers 64 MiB.
+const MOST_FINENESS: usize = 64;
+
+/// How sweeps are made profiles.
+struct Means<'a> {
+    typed: &'a args::Profile,
+    ranging: Ranging,
+    /// Which of the receivers that have antennas is shown.
+    receiver: usize,
+    calibrated: bool,
+}
+
+impl<'a> Means<'a> {
+    fn new(typed: &'a args::Profile, setup: &Setup) -> anyhow::Result<Self> {
+        let calibration = typed.calibration.as_deref().map(Calibration::read);
+        let options = Options {
+            reference: typed.no_reference.then_some(Reference::None),
+            reach_m: typed.reach,
+            calibration: calibration.transpose()?,
+        };
+        let calibrated = options.calibration.is_some();
+        let ranging = Ranging::new(setup, options)?;
+        let receivers = ranging.reference().receivers();
+        let receiver = receivers.iter().position(|there| *there == typed.receiver);
+        let Some(receiver) = receiver else {
+            let what = format!(
+                "--receiver {} has no antenna in this capture",
+                typed.receiver
+            );
+            return Err(Usage(what).into());
+        };
+        Ok(Self {
+            typed,
+            ranging,
+            receiver,
+            calibrated,
+        })
+    }
+
+    fn profile(
+        &mut self,
+        recording: &mut Recording,
+        sweep: u64,
+    ) -> Result<(Sweep, Profile), ProfileError> {
+        let read = self
+            .ranging
+            .read(recording, sweep)?
+            .swap_remove(self.receiver);
+        let reach_m = self.ranging.reach_m();
+        let profile = read.profile(self.typed.window, self.typed.fineness, reach_m)?;
+        Ok((read, profile))
+    }
+
+    /// Peaks from the strongest down to the floor, by range.
+    fn peaks(&self, profile: &Profile) -> Vec<Peak> {
+        let strongest = profile.values.iter().map(|z| z.norm()).fold(0.0, f64::max);
+        let mut peaks = profile.peaks(strongest * 10f64.powf(-self.typed.floor / 20.0));
+        peaks.retain(|peak| peak.magnitude > 0.0);
+        peaks
+    }
+}
+
+/// Tells the peaks of a sweep, and draws it and all sweeps.
+pub(crate) fn run(session: &Session, typed: &args::Profile) -> anyhow::Result<()> {
+    if typed.fineness > MOST_FINENESS {
+        let what = format!("--fineness is {MOST_FINENESS} at the most");
+        return Err(Usage(what).into());
+    }
+    let mut recording = Recording::open(&typed.recording)?;
+    if recording.interrupted() {
+        messages::warning("the capture was killed, or still runs: what is whole of it is shown");
+    }
+    let setup = recording.setup().clone();
+    let unambiguous_m = SPEED_OF_LIGHT_M_S / (2.0 * setup.step_hz);
+    let mut means = Means::new(typed, &setup)?;
+    let sweeps: BTreeSet<u64> = recording.steps().iter().map(|step| step.sweep).collect();
+    let mut inputs = vec![typed.recording.clone()];
+    inputs.extend(typed.calibration.clone());
+    let mut claims = session.claims(&typed.writing, &inputs);
+    if let Some(folder) = &typed.out {
+        let names = ["profile.png", "waterfall.png"];
+        let count = 1 + usize::from(sweeps.len() > 1);
+        claims.folder(folder, &names[..count])?;
+    }
+    let (sweep, profile) = means.profile(&mut recording, typed.sweep)?;
+    let peaks = means.peaks(&profile);
+    if let Some(folder) = &typed.out {
+        let title = format!("{}, sweep {}", setup.name, typed.sweep);
+        let chart = chart(&profile, title);
+        save(folder, "profile.png", &lines(&chart)?)?;
+        if sweeps.len() > 1 {
+            let drawn = waterfall(session, &mut means, &mut recording, &sweeps)?;
+            save(folder, "waterfall.png", &drawn)?;
+        }
+    }
+    let levels = |z: f64| 20.0 * z.log10();
+    if session.json() {
+        return text::say_json(
+            "profile",
+            json!({
+                "recording": typed.recording.display().to_string(),
+                "sweep": typed.sweep,
+                "sweeps": sweeps.len(),
+                "carriers": { "usable": sweep.usable(), "count": setup.steps },
+                "resolution_m": unambiguous_m / setup.steps as f64,
+                "unambiguous_m": unambiguous_m,
+                "calibrated": means.calibrated,
+                "peaks": peaks.iter().map(|peak| json!({
+                    "range_m": peak.range_m,
+                    "level_db": levels(peak.magnitude),
+                })).collect::<Vec<_>>(),
+                "profile": {
+                    "spacing_m": profile.spacing_m,
+                    "levels_db": profile.values.iter().map(|z| {
+                        let level_db = levels(z.norm());
+                        level_db.is_finite().then_some(level_db)
+                    }).collect::<Vec<_>>(),
+                },
+            }),
+        );
+    }
+    let to = if means.calibrated {
+        "the reflector"
+    } else {
+        "the reference"
+    };
+    text::say(format!(
+        "sweep {} of {}: {} of {} carriers, {:.3} m resolution, {unambiguous_m:.2} m unambiguous",
+        typed.sweep,
+        sweeps.len(),
+        sweep.usable(),
+        setup.steps,
+        unambiguous_m / setup.steps as f64
+    ))?;
+    let rows: Vec<Vec<String>> = peaks
+        .iter()
+        .map(|peak| {
+            let range = format!("{:.3} m", peak.range_m);
+            vec![range, text::decibels(levels(peak.magnitude))]
+        })
+        .collect();
+    text::say(text::table(&["range", &format!("of {to}")], &rows))?;
+    Ok(())
+}
+
+fn save(folder: &Path, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
+    interrupt::check()?;
+    write_atomically(&folder.join(name), bytes.len() as u64, |file| {
+        file.write_all(bytes)
+    })?;
+    Ok(())
+}
+
+fn chart(profile: &Profile, title: String) -> Chart {
+    let level_db = |z: f64| 20.0 * z.max(1e-300).log10();
+    let levels = profile.values.iter().enumerate();
+    let points: Vec<(f64, f64)> = levels
+        .map(|(i, z)| (i as f64 * profile.spacing_m, level_db(z.norm())))
+        .collect();
+    let top = points.iter().map(|point| point.1).fold(-6000.0, f64::max);
+    let floor = top - SPAN_DB;
+    let points = points.into_iter().map(|(r, db)| (r, db.max(floor - 20.0)));
+    Chart {
+        title,
+        across_label: "range (m)".to_owned(),
+        up_label: "level (dB)".to_owned(),
+        curves: vec![Curve {
+            name: String::new(),
+            points: points.collect(),
+            stroke: Stroke::Solid,
+        }],
+        up: Some((floor, top + 3.0)),
+        ..Chart::default()
+    }
+}
+
+/// Sweeps upwards, ranges across. One that has too few carriers is left pale.
+fn waterfall(
+    session: &Session,
+    means: &mut Means,
+    recording: &mut Recording,
+    sweeps: &BTreeSet<u64>,
+) -> anyhow::Result<Vec<u8>> {
+    let setup = recording.setup().clone();
+    let places = setup.steps * means.typed.fineness;
+    let rows = MOST_ROWS.min(MOST_PLACES / places).max(1);
+    let stride = sweeps.len().div_ceil(rows);
+    let shown: Vec<u64> = sweeps.iter().copied().step_by(stride).collect();
+    let progress = session.progress("waterfall");
+    let mut values = Vec::with_capacity(shown.len() * places);
+    let mut spacing_m = 1.0;
+    for (i, &sweep) in shown.iter().enumerate() {
+        interrupt::check()?;
+        progress.progress(i as f64 / shown.len() as f64);
+        match means.profile(recording, sweep) {
+            Ok((_, profile)) => {
+                spacing_m = profile.spacing_m;
+                let levels = profile
+                    .values
+                    .iter()
+                    .map(|z| 20.0 * z.norm().log10() as f32);
+                values.extend(levels);
+            }
+            Err(ProfileError::TooFew { .. } | ProfileError::Leakage(_)) => {
+                values.extend(std::iter::repeat_n(f32::NAN, places));
+            }
+            Err(error) => return Err(error.into()),
+        }
+    }
+    progress.finish();
+    let finite = values.iter().copied().filter(|db| db.is_finite());
+    let top = f64::from(finite.fold(-3000f32, f32::max));
+    let axis = |start: f64, step: f64, count: usize| Axis { start, step, count };
+    Ok(heat(&Heat {
+        values: &values,
+        rows: axis(shown[0] as f64, stride as f64, shown.len()),
+        columns: axis(0.0, spacing_m, places),
+        title: setup.name,
+        across_label: "range (m)".to_owned(),
+        up_label: "sweep".to_owned(),
+        unit: "dB".to_owned(),
+        range: (top - SPAN_DB, top),
+        colours: Colours::Viridis,
+        proportional: false,
+    })?)
+}

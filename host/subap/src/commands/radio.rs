@@ -1,0 +1,177 @@
+//! `subap radio`: radios, and what is between them and their antennas.
+
+mod calibrate;
+mod convert;
+
+use serde_json::{Value, json};
+use subaperture::radio::experiment::Experiment;
+use subaperture::radio::plan::Plan;
+use subaperture::radio::{About, Configuration, RadioError, Range, Sensors, Side, Transceiver};
+
+use crate::args::{Probe, Radio, RadioTask};
+use crate::config::Session;
+use crate::{messages, text};
+
+/// Does what was asked for.
+pub(crate) fn run(session: &Session, typed: &Radio) -> anyhow::Result<()> {
+    match &typed.task {
+        RadioTask::List(typed) => list(session, typed.serial.as_deref()),
+        RadioTask::Probe(typed) => probe(session, typed),
+        RadioTask::Calibrate(typed) => calibrate::run(session, typed),
+        RadioTask::Convert(typed) => convert::run(session, typed),
+    }
+}
+
+#[cfg(feature = "uhd")]
+fn list(session: &Session, serial: Option<&str>) -> anyhow::Result<()> {
+    use subaperture::radio::uhd;
+    let searching = session.progress("searching");
+    let found = uhd::list(serial)?;
+    searching.finish();
+    if found.is_empty() {
+        return Err(uhd::none_found(serial).into());
+    }
+    if session.json() {
+        let radios: Vec<Value> = found
+            .iter()
+            .map(|radio| json!({ "product": radio.product, "serial": radio.serial, "address": radio.address }))
+            .collect();
+        return text::say_json("radios", json!({ "radios": radios }));
+    }
+    for radio in found {
+        text::say(format!(
+            "{:<16} {}  {}",
+            radio.product, radio.serial, radio.address
+        ))?;
+    }
+    Ok(())
+}
+
+#[cfg(not(feature = "uhd"))]
+fn list(_session: &Session, _serial: Option<&str>) -> anyhow::Result<()> {
+    Err(RadioError::Driver(subaperture::radio::NO_UHD.to_owned()).into())
+}
+
+/// What a radio is, and what it came to with an experiment's settings.
+struct Probed {
+    about: About,
+    /// What it was set to and what it says of itself; else what of the plan does not suit it.
+    set: Result<(Configuration, Sensors), RadioError>,
+}
+
+fn probe(session: &Session, typed: &Probe) -> anyhow::Result<()> {
+    let experiment = Experiment::read(&typed.experiment, &typed.set)?;
+    let opening = session.progress("opening the radio");
+    let probed = experiment.with_radio(session.memory_bytes, |radio| Probed {
+        about: radio.about().clone(),
+        set: set(radio, &experiment.plan),
+    })?;
+    opening.finish();
+    if let Err(objection) = &probed.set {
+        messages::warning(format!("the plan does not suit this radio: {objection}"));
+    }
+    match session.json() {
+        true => text::say_json("radio", probed.record()),
+        false => Ok(text::say(text::facts(&probed.facts()).join("\n"))?),
+    }
+}
+
+/// Sets a radio as the plan has it, tunes it to the first carrier, and looks at its sensors.
+fn set(radio: &mut dyn Transceiver, plan: &Plan) -> Result<(Configuration, Sensors), RadioError> {
+    plan.check(&radio.about().ranges)?;
+    let set = radio.configure(&plan.radio)?;
+    for side in [Side::Transmit, Side::Receive] {
+        radio.tune(side, plan.start_hz, None)?;
+    }
+    Ok((set, radio.sensors()?))
+}
+
+impl Probed {
+    fn facts(&self) -> Vec<text::Fact> {
+        let About {
+            product,
+            serial,
+            ranges,
+        } = &self.about;
+        let hertz =
+            |range: &Range| format!("{} to {}", text::hertz(range.from), text::hertz(range.to));
+        let gains = |range: &Range| format!("{} to {} dB", range.from, range.to);
+        let mut facts = vec![
+            ("radio", format!("{product}, {serial}")),
+            ("carriers", hertz(&ranges.carrier_hz)),
+            ("master clock", hertz(&ranges.master_clock_hz)),
+            ("sample rate", hertz(&ranges.sample_rate_hz)),
+            ("bandwidth", hertz(&ranges.bandwidth_hz)),
+            ("transmitter", gains(&ranges.transmit_gain_db)),
+            ("receivers", gains(&ranges.receive_gain_db)),
+            ("transmits at", ranges.transmit_antennas.join(", ")),
+            ("receives at", ranges.receive_antennas.join(", ")),
+        ];
+        let Ok((set, sensors)) = &self.set else {
+            return facts;
+        };
+        facts.push((
+            "set to",
+            format!(
+                "{} samples a second of a clock of {}, {} wide, {} dB sent, {} and {} dB received",
+                set.sample_rate_hz,
+                text::hertz(set.master_clock_hz),
+                text::hertz(set.bandwidth_hz),
+                set.transmit_gain_db,
+                set.receive_gain_db[0],
+                set.receive_gain_db[1]
+            ),
+        ));
+        let locked = |is: bool| if is { "locked" } else { "not locked" };
+        facts.push((
+            "synthesisers",
+            format!(
+                "transmitter {}, receivers {}",
+                locked(sensors.transmit_locked),
+                locked(sensors.receive_locked)
+            ),
+        ));
+        if let Some(reference) = sensors.reference_locked {
+            facts.push(("reference", locked(reference).to_owned()));
+        }
+        if let Some(celsius) = sensors.temperature_c {
+            facts.push(("temperature", format!("{celsius} degrees Celsius")));
+        }
+        facts
+    }
+
+    fn record(&self) -> Value {
+        let About {
+            product,
+            serial,
+            ranges,
+        } = &self.about;
+        let range = |range: &Range| json!([range.from, range.to]);
+        let set = self.set.as_ref().ok().map(|(set, sensors)| {
+            json!({
+                "master_clock_hz": set.master_clock_hz,
+                "sample_rate_hz": set.sample_rate_hz,
+                "bandwidth_hz": set.bandwidth_hz,
+                "transmit_gain_db": set.transmit_gain_db,
+                "receive_gain_db": set.receive_gain_db,
+                "transmit_locked": sensors.transmit_locked,
+                "receive_locked": sensors.receive_locked,
+                "reference_locked": sensors.reference_locked,
+                "temperature_c": sensors.temperature_c,
+            })
+        });
+        json!({
+            "product": product,
+            "serial": serial,
+            "carrier_hz": range(&ranges.carrier_hz),
+            "master_clock_hz": range(&ranges.master_clock_hz),
+            "sample_rate_hz": range(&ranges.sample_rate_hz),
+            "bandwidth_hz": range(&ranges.bandwidth_hz),
+            "transmit_gain_db": range(&ranges.transmit_gain_db),
+            "receive_gain_db": range(&ranges.receive_gain_db),
+            "transmit_antennas": ranges.transmit_antennas,
+            "receive_antennas": ranges.receive_antennas,
+            "set": set,
+        })
+    }
+}

@@ -1,0 +1,211 @@
+//! A capture that somebody watches while it runs: in this terminal, in a browser, and as an image.
+//!
+//! ```text
+//! capture ── LiveStep (try) ──> follower: sweeps, the board ── LiveSweep (try) ──> imaging: a push a sweep, a picture twice a second
+//!                                          board <── the terminal, five times a second; the page
+//! ```
+//!
+//! Each is a thread of its own behind a bounded queue that nobody waits for: what does not keep up misses sweeps, which are counted, and the capture goes
+//! on as if nobody looked.
+
+mod frame;
+#[cfg(feature = "page")]
+mod page;
+mod terminal;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use subaperture::live_capture::Imaging;
+use subaperture::radio::Transceiver;
+use subaperture::radio::capture::{Ended, Queues, Summary, capture_ready, prepare};
+use subaperture::radio::experiment::Experiment;
+use subaperture::radio::live::{Board, Follower, LiveStep, LiveSweep, View};
+use subaperture::radio::plan::Plan;
+use subaperture::radio::profile::{Calibration, Options};
+use subaperture::radio::sigmf::Setup;
+
+use crate::args::Watching;
+use crate::config::Session;
+use crate::interrupt;
+
+/// How often the image is shown.
+const PICTURE: Duration = Duration::from_millis(500);
+/// Steps that wait to be put together: 3 MB.
+const STEPS: usize = 8192;
+/// Carriers of sweeps that wait to be imaged: 12 MB.
+const CARRIERS: usize = 1 << 18;
+
+/// Makes the imaging of a capture, once the radio has been set.
+pub(crate) type MakeImaging<'a> = &'a dyn Fn(&Setup, &Follower) -> anyhow::Result<Imaging>;
+
+/// What came of a capture with its image.
+pub(crate) struct Watched {
+    pub(crate) summary: Summary,
+    pub(crate) imaging: Option<Imaging>,
+    /// Sweeps that came faster than they were imaged.
+    pub(crate) skipped: u64,
+}
+
+/// Captures, and shows it.
+pub(crate) fn captured(
+    session: &Session,
+    radio: &mut dyn Transceiver,
+    experiment: &Experiment,
+    watching: &Watching,
+    in_terminal: bool,
+    out: &Path,
+) -> anyhow::Result<Summary> {
+    let watched = imaged(session, radio, experiment, watching, in_terminal, out, None)?;
+    Ok(watched.summary)
+}
+
+/// [`captured`], with an image if one is to be made.
+pub(crate) fn imaged(
+    session: &Session,
+    radio: &mut dyn Transceiver,
+    experiment: &Experiment,
+    watching: &Watching,
+    in_terminal: bool,
+    out: &Path,
+    make: Option<MakeImaging>,
+) -> anyhow::Result<Watched> {
+    let plan = &experiment.plan;
+    let ready = prepare(radio, plan)?;
+    let (mut follower, board) = follower(radio, experiment, &ready.setup, out)?;
+    let mut imaging = make.map(|make| make(&ready.setup, &follower)).transpose()?;
+    let board = Arc::new(board);
+    #[cfg(feature = "page")]
+    let page = page::serve(watching, &board)?;
+    #[cfg(not(feature = "page"))]
+    let _ = watching;
+    let _keeping = interrupt::Keeping::begin();
+    let (live, steps) = sync_channel(STEPS);
+    let (sweeps, to_image) = sync_channel((CARRIERS / plan.steps.max(1)).clamp(4, 256));
+    let (ended, skipped) = (AtomicBool::new(false), AtomicU64::new(0));
+    let summary = thread::scope(|scope| {
+        let (board, skipped, imaging) = (&*board, &skipped, imaging.as_mut());
+        scope.spawn(move || follow(&mut follower, board, steps, sweeps, skipped));
+        let imaged = scope.spawn(move || image(imaging, board, to_image));
+        let shown = scope.spawn(|| terminal::show(session, board, in_terminal, &ended));
+        // Whatever becomes of the capture, the terminal is let go.
+        let over = Over(&ended);
+        let summary = capture_ready(
+            radio,
+            plan,
+            ready,
+            out,
+            queues(session, plan),
+            Some(&live),
+            interrupt::flag(),
+        );
+        drop(live);
+        let imaged = imaged.join();
+        if let Ok(summary) = &summary {
+            board.end(why(plan, summary));
+        }
+        drop(over);
+        let _ = shown.join();
+        if let Err(panic) = imaged {
+            std::panic::resume_unwind(panic);
+        }
+        summary
+    })?;
+    #[cfg(feature = "page")]
+    drop(page);
+    Ok(Watched {
+        summary,
+        imaging,
+        skipped: skipped.into_inner(),
+    })
+}
+
+/// Says that it is over when it goes, by a panic too.
+struct Over<'a>(&'a AtomicBool);
+
+impl Drop for Over<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+fn follower(
+    radio: &dyn Transceiver,
+    experiment: &Experiment,
+    setup: &Setup,
+    out: &Path,
+) -> anyhow::Result<(Follower, Board)> {
+    let calibration = experiment.calibration.as_deref();
+    let view = View {
+        profile: Options {
+            calibration: calibration.map(Calibration::read).transpose()?,
+            ..Options::default()
+        },
+        disk: Some(out.to_owned()),
+        ..View::default()
+    };
+    let bytes = experiment.plan.bytes_a_second(&radio.about().ranges);
+    Ok(Follower::new(&experiment.plan, setup, bytes, view)?)
+}
+
+fn why(plan: &Plan, summary: &Summary) -> &'static str {
+    match &summary.ended {
+        Ended::Done => "all sweeps are taken",
+        Ended::Stopped if plan.sweeps == 0 => "stopped",
+        Ended::Stopped => "stopped before all sweeps were taken",
+        Ended::Radio(_) => "the radio failed",
+        Ended::Disk(_) => "the disk failed",
+    }
+}
+
+/// Sweeps of steps; what is too fast for the image is counted.
+fn follow(
+    follower: &mut Follower,
+    board: &Board,
+    steps: Receiver<LiveStep>,
+    sweeps: SyncSender<LiveSweep>,
+    skipped: &AtomicU64,
+) {
+    let hand_over = |sweep: LiveSweep| {
+        if sweeps.try_send(sweep).is_err() {
+            skipped.fetch_add(1, Ordering::Relaxed);
+        }
+    };
+    for step in steps {
+        if let Some(sweep) = follower.take(board, &step) {
+            hand_over(sweep);
+        }
+    }
+    if let Some(sweep) = follower.end(board) {
+        hand_over(sweep);
+    }
+}
+
+/// The image of sweeps; without one, sweeps are taken all the same.
+fn image(mut imaging: Option<&mut Imaging>, board: &Board, sweeps: Receiver<LiveSweep>) {
+    let mut shown: Option<Instant> = None;
+    for sweep in sweeps {
+        let Some(imaging) = &mut imaging else {
+            continue;
+        };
+        imaging.take(&sweep);
+        if shown.is_none_or(|shown| shown.elapsed() >= PICTURE) {
+            board.show_picture(imaging.picture());
+            shown = Some(Instant::now());
+        }
+    }
+    if let Some(imaging) = imaging
+        && imaging.taken() > 0
+    {
+        board.show_picture(imaging.picture());
+    }
+}
+
+/// Bursts on their way to the disk take half of the memory, and no more than 512 MiB.
+pub(crate) fn queues(session: &Session, plan: &Plan) -> Queues {
+    Queues::within(plan, (session.memory_bytes / 2).min(512 << 20))
+}

@@ -1,0 +1,41 @@
+//! The page: where it is, and a warning where others may look.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
+
+use subaperture::viewer::{Board, Server};
+
+use crate::args::Watching;
+use crate::messages;
+
+/// What clients get to hear of the end: they are told ten times a second.
+const LAST_WORD: Duration = Duration::from_millis(250);
+
+/// A page that is told of the end before it goes.
+pub(super) struct Page(#[expect(dead_code, reason = "it serves until it is dropped")] Server);
+
+impl Drop for Page {
+    fn drop(&mut self) {
+        thread::sleep(LAST_WORD);
+    }
+}
+
+/// Serves the page, if it is asked for.
+pub(super) fn serve(watching: &Watching, board: &Arc<Board>) -> anyhow::Result<Option<Page>> {
+    if !watching.is_asked() {
+        return Ok(None);
+    }
+    let here = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+    let server = Server::start(watching.listen.unwrap_or(here), Arc::clone(board))?;
+    let address = server.address();
+    if !address.ip().is_loopback() {
+        messages::warning(format!(
+            "--listen {address}: whoever reaches this address can look at the capture, and nothing is encrypted; leave --listen out to show it to \
+             this machine alone"
+        ));
+    }
+    messages::note(&format!("the page is at {}", server.url()));
+    Ok(Some(Page(server)))
+}

@@ -1,0 +1,48 @@
+//! What the items of Chim 2018 on the radar by radio have to find.
+
+use crate::chim::three_objects;
+use crate::figures::{About, Figure, Within, at_most, figure};
+
+/// The table of an item.
+pub(crate) fn figures(id: &str) -> Option<Vec<Figure>> {
+    Some(match id {
+        "c-5-8" => chirps(),
+        "c-5-13-radio" => through_the_radio(),
+        _ => return None,
+    })
+}
+
+/// Of a chirp of 800 cycles Fresnel's ripple is a few hundredths of a radian within 0.8 of the band. A profile begins with the pulse: side lobes before it are missing, -13 dB and less, which turns the edges of the
+/// band against each other by up to twice a tenth of a radian. A slope of 0.2 rad over 12.8 MHz is `0.2 c / (4 pi 12.8 MHz)`, 0.37 m.
+fn chirps() -> Vec<Figure> {
+    vec![
+        figure(
+            "range by the slope of the phase",
+            "6.30 m",
+            "{} m",
+            [About(6.3, 0.37)],
+            "where the reflector was put",
+        ),
+        figure(
+            "phase off a straight line over 0.8 of the band, RMS",
+            "a delay alone",
+            "{} rad",
+            [at_most(0.15)],
+            "Fresnel's ripple of a chirp of 800 cycles",
+        ),
+    ]
+}
+
+/// Under a Hamming window side lobes of one object at another are below -40 dB: a tenth of a cell is not reached.
+fn through_the_radio() -> Vec<Figure> {
+    let from = "where it was put, to a fifth of a cell: walls have a width";
+    let mut figures = three_objects(0.2, from);
+    figures.push(figure(
+        "largest over mean magnitude, before calibration: with the reference, without",
+        "the reference removes the phases of each retune",
+        "{}, {}",
+        [Within(6.0, 50.0), Within(1.5, 4.0)],
+        "one strong echo of 50 cells; Rayleigh's magnitudes, of which the largest of 50 is beyond 4 means in one of 4000",
+    ));
+    figures
+}

@@ -1,0 +1,224 @@
+//! The binding's whole capture against a library that answers from the simulated radio, and against UHD itself without a device.
+//!
+//! Which library a program loads is settled when it starts, so each capture is a process of its own: this very executable, told to do
+//! one test by the variable [`FOLDER`].
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::sync::atomic::AtomicBool;
+
+use subaperture_describe::Description;
+use subaperture_radio::capture::{Ended, Queues, Summary, capture};
+use subaperture_radio::plan::Plan;
+use subaperture_radio::sigmf::{Flag, Recording, Step};
+use subaperture_radio::uhd::{Options, UhdRadio, Wire, list};
+use subaperture_radio::{RadioError, Side, Source, Transceiver};
+use tempfile::TempDir;
+
+use crate::loading::with_stand_in_loaded;
+use crate::scene;
+
+/// Where the process records to.
+const FOLDER: &str = "SUBAPERTURE_UHD_TEST_FOLDER";
+
+/// Runs a test in a process of its own that loads the stand-in for UHD.
+fn with_stand_in(test: &str, folder: &Path, faults: &str) -> Output {
+    let program = std::env::current_exe().unwrap();
+    with_stand_in_loaded(&program, &folder.join("libraries"), faults)
+        .args(["--exact", &format!("uhd_binding::{test}"), "--nocapture"])
+        .env(FOLDER, folder)
+        .output()
+        .unwrap()
+}
+
+/// 50 carriers.
+fn plan() -> Plan {
+    let text =
+        "[plan]\nstart = \"1.1 GHz\"\nstop = \"1.3 GHz\"\nsteps = 50\norder = \"shuffled\"\n";
+    Plan::describe(&Description::new("plan.toml", text, ".")).expect("the plan is right")
+}
+
+fn captured(radio: &mut dyn Transceiver, path: &Path) -> Summary {
+    let stop = AtomicBool::new(false);
+    capture(radio, &plan(), path, Queues::default(), None, &stop).unwrap()
+}
+
+/// What is done by the binding; nothing where this process was not started for it.
+#[test]
+fn within_a_process_of_its_own() {
+    let Some(folder) = std::env::var_os(FOLDER) else {
+        return;
+    };
+    let folder = PathBuf::from(folder);
+    let faults = std::env::var(scene::FAULTS).unwrap();
+    if faults == "images" || faults == "two" {
+        let refused = UhdRadio::open(&Options::default()).unwrap_err();
+        fs::write(folder.join("refused"), refused.to_string()).unwrap();
+        return;
+    }
+    assert_eq!(list(None).unwrap()[0].serial, "SIM00001");
+    assert!(list(Some("other")).unwrap().is_empty());
+    // Its 12 bits are all that a converter has.
+    let wire = if faults == "faults" {
+        Wire::Sc12
+    } else {
+        Wire::Sc16
+    };
+    let options = Options {
+        serial: Some("SIM00001".to_owned()),
+        wire,
+        ..Options::default()
+    };
+    let mut radio = UhdRadio::open(&options).unwrap();
+    assert_eq!(radio.about().product, "B210");
+    // Its synthesisers know no time.
+    let refused = radio.tune(Side::Receive, 1.2e9, Some(1.0)).unwrap_err();
+    assert!(matches!(refused, RadioError::Unsupported(_)));
+    // Its reference clock locks after a while.
+    let mut external = plan().radio;
+    external.clock = Source::External;
+    radio.configure(&external).unwrap();
+    let sensors = radio.sensors().unwrap();
+    assert_eq!(sensors.reference_locked, Some(true));
+    assert_eq!(sensors.temperature_c, Some(31.5));
+    assert!(!sensors.transmit_locked && !sensors.receive_locked);
+    // Its time does not come from where nothing is connected.
+    let mut wrong = plan().radio;
+    wrong.pps = Source::External;
+    let refused = radio.configure(&wrong).unwrap_err().to_string();
+    assert!(refused.contains("PPS"), "{refused}");
+    let summary = captured(&mut radio, &folder.join("by-uhd"));
+    fs::write(folder.join("summary"), told(&summary)).unwrap();
+}
+
+/// All that is counted but how fast the disk was.
+fn told(summary: &Summary) -> String {
+    let ended = match &summary.ended {
+        Ended::Done => "done",
+        Ended::Stopped => "stopped",
+        Ended::Radio(_) => "radio",
+        Ended::Disk(_) => "disk",
+    };
+    format!(
+        "{ended} {:?}",
+        (
+            summary.steps,
+            summary.flagged,
+            summary.bursts,
+            summary.events,
+            summary.lost_samples,
+            summary.late_sweeps,
+            &summary.set
+        )
+    )
+}
+
+/// Steps as recorded; the simulated fault makes a step late by moving its time, of which a driver does not know.
+fn steps(recording: &Recording) -> Vec<Step> {
+    let mut steps = recording.steps().to_vec();
+    for step in &mut steps {
+        if step.flags.contains(&Flag::Late) {
+            step.time_s = 0.0;
+        }
+    }
+    steps
+}
+
+/// Captures by the binding and by the simulated radio itself; what was counted.
+fn compare(faults: &str) -> String {
+    let folder = TempDir::new().unwrap();
+    let output = with_stand_in("within_a_process_of_its_own", folder.path(), faults);
+    assert!(
+        output.status.success(),
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let experiment = scene::experiment();
+    let mut radio = scene::radio(&experiment, faults);
+    let directly = folder.path().join("directly");
+    let summary = told(&captured(&mut radio, &directly));
+    println!("{summary}");
+    assert_eq!(
+        fs::read_to_string(folder.path().join("summary")).unwrap(),
+        summary
+    );
+    let by_uhd = folder.path().join("by-uhd");
+    let samples = |path: &Path| fs::read(path.with_extension("sigmf-data")).unwrap();
+    assert!(!samples(&directly).is_empty());
+    assert!(
+        samples(&by_uhd) == samples(&directly),
+        "samples are not the same"
+    );
+    let [by_uhd, directly] = [by_uhd, directly].map(|path| Recording::open(&path).unwrap());
+    assert_eq!(steps(&by_uhd), steps(&directly));
+    summary
+}
+
+#[test]
+fn a_capture_by_uhd_is_that_of_the_simulated_radio() {
+    assert!(compare("").starts_with("done (50, [0, 0, 0, 0, 0], "));
+}
+
+#[test]
+fn faults_by_uhd_are_those_of_the_simulated_radio() {
+    let experiment = scene::experiment();
+    let folder = TempDir::new().unwrap();
+    let mut radio = scene::radio(&experiment, "faults");
+    let summary = captured(&mut radio, &folder.path().join("faults"));
+    // All that can be wrong is.
+    assert!(summary.flagged[..2].iter().all(|&count| count > 0));
+    assert!(
+        summary.events[..4].iter().all(|&count| count > 0),
+        "{summary:?}"
+    );
+    compare("faults");
+}
+
+#[test]
+fn a_device_unplugged_ends_the_capture_and_leaves_what_came() {
+    let summary = compare("unplug");
+    assert!(summary.starts_with("radio ("), "{summary}");
+}
+
+/// Why no radio is opened.
+fn refused(faults: &str) -> String {
+    let folder = TempDir::new().unwrap();
+    let output = with_stand_in("within_a_process_of_its_own", folder.path(), faults);
+    assert!(output.status.success(), "{output:?}");
+    fs::read_to_string(folder.path().join("refused")).unwrap()
+}
+
+#[test]
+fn of_two_radios_none_is_taken_unasked() {
+    let refused = refused("two");
+    assert!(refused.contains("SIM00001, SIM00002"), "{refused}");
+}
+
+#[test]
+fn missing_images_are_told_with_what_to_do() {
+    let refused = refused("images");
+    assert!(
+        refused.contains("usrp_b200_fw.hex") && refused.contains("uhd_images_downloader"),
+        "{refused}"
+    );
+}
+
+/// UHD itself, which finds none of this serial number.
+#[test]
+fn uhd_without_a_device_says_so_and_what_to_check() {
+    if std::env::var_os(FOLDER).is_some() {
+        return;
+    }
+    let options = Options {
+        serial: Some("NONE0000".to_owned()),
+        ..Options::default()
+    };
+    let refused = UhdRadio::open(&options).unwrap_err().to_string();
+    println!("{refused}");
+    assert!(
+        refused.contains("NONE0000") && refused.contains("cable") && refused.contains("udev"),
+        "{refused}"
+    );
+}

@@ -1,0 +1,207 @@
+//! The command `subap` itself, built with UHD: a capture by the library's interface is the simulated radio's, byte for byte, and what goes
+//! wrong is said with what to do.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+use serde_json::Value;
+use subaperture_radio::sigmf::Recording;
+use tempfile::TempDir;
+
+use crate::loading::with_stand_in_loaded;
+use crate::scene;
+
+/// The program, built on first use with all that is tested beside it: another selection of packages would have other features of
+/// dependencies, and all would be built once more.
+fn program() -> &'static Path {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        let output = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+            .args(["build", "--quiet", "--workspace", "--locked"])
+            .args(["--exclude", "subaperture-firmware", "--bin", "subap"])
+            .args(["--features", "subaperture-uhd-stand-in/uhd,subap/uhd"])
+            .args(["--message-format", "json-render-diagnostics"])
+            .stderr(Stdio::inherit())
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "subap does not build with UHD");
+        let text = String::from_utf8(output.stdout).unwrap();
+        let messages = text
+            .lines()
+            .filter_map(|line| serde_json::from_str::<Value>(line).ok());
+        let mut executables =
+            messages.filter_map(|message| message["executable"].as_str().map(PathBuf::from));
+        executables.next().expect("cargo names the executable")
+    })
+}
+
+const PLAN: &str = r#"
+    [plan]
+    start = "1.1 GHz"
+    stop = "1.3 GHz"
+    steps = 50
+    order = "shuffled"
+"#;
+
+/// What is connected to the stand-in's radio.
+const SIMULATED: &str = r#"
+    [device]
+    kind = "simulated"
+    scenario = "scene.toml"
+    loop_delay = "1.5e-8 s"
+    cable_delay = "2e-8 s"
+    leakage = 3
+    leakage_delay = "5e-10 s"
+"#;
+
+/// A folder with experiments of both kinds.
+fn experiments(wire: &str, faults: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let write = |name: &str, text: String| fs::write(folder.path().join(name), text).unwrap();
+    write("scene.toml", scene::SCENE.to_owned());
+    write("simulated.toml", format!("{PLAN}{SIMULATED}{faults}"));
+    write(
+        "uhd.toml",
+        format!("{PLAN}[device]\nkind = \"uhd\"\nserial = \"SIM00001\"\nwire = \"{wire}\"\n"),
+    );
+    folder
+}
+
+struct Ran {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+/// Runs `subap` in the folder; by UHD's interface with the stand-in's faults.
+fn ran(folder: &TempDir, faults: &str, line: &str) -> Ran {
+    let libraries = folder.path().join("libraries");
+    of(
+        with_stand_in_loaded(program(), &libraries, faults),
+        folder,
+        line,
+    )
+}
+
+fn of(mut command: Command, folder: &TempDir, line: &str) -> Ran {
+    let output = command
+        .args(line.split_whitespace())
+        .current_dir(folder.path())
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    let ran = Ran {
+        code: output.status.code(),
+        stdout: text(output.stdout),
+        stderr: text(output.stderr),
+    };
+    println!("{line}: {:?}\n{}{}", ran.code, ran.stdout, ran.stderr);
+    ran
+}
+
+/// What a capture counted, without what depends on the disk and on names.
+fn counts(ran: &Ran) -> Value {
+    let mut told: Value = serde_json::from_str(&ran.stdout).unwrap();
+    let object = told.as_object_mut().unwrap();
+    for key in ["recording", "waits", "longest_queue"] {
+        object.remove(key).unwrap();
+    }
+    told
+}
+
+/// Captures by both; what they counted.
+fn compare(wire: &str, simulated_faults: &str, faults: &str) -> Value {
+    let folder = experiments(wire, simulated_faults);
+    let by_uhd = ran(&folder, faults, "capture uhd.toml -o by-uhd --json");
+    let directly = ran(&folder, faults, "capture simulated.toml -o directly --json");
+    assert_eq!(by_uhd.code, directly.code);
+    assert_eq!(counts(&by_uhd), counts(&directly));
+    let samples = |name: &str| fs::read(folder.path().join(name)).unwrap();
+    let directly = samples("directly.sigmf-data");
+    assert!(!directly.is_empty());
+    assert!(
+        samples("by-uhd.sigmf-data") == directly,
+        "samples are not the same"
+    );
+    let steps = Recording::open(&folder.path().join("by-uhd")).unwrap();
+    assert_eq!(
+        Some(steps.steps().len() as u64),
+        counts(&by_uhd)["steps"].as_u64()
+    );
+    counts(&by_uhd)
+}
+
+#[test]
+fn a_capture_by_uhd_is_that_of_the_simulated_radio() {
+    let counts = compare("sc16", "", "");
+    assert_eq!(
+        (&counts["ended"], counts["steps"].as_u64()),
+        (&"done".into(), Some(50))
+    );
+    assert_eq!(counts["warnings"], Value::Array(vec![]));
+}
+
+#[test]
+fn faults_by_uhd_are_marked_as_those_of_the_simulated_radio() {
+    let faults = "[faults]\noverflow = 0.12\nlost_packet = 0.1\nlate = 0.08\nunderflow = 0.06\npacket = 120\nseed = 5\n";
+    let counts = compare("sc12", faults, "faults");
+    assert!(counts["flagged"]["late"].as_u64() > Some(0), "{counts}");
+    assert!(counts["events"]["overflows"].as_u64() > Some(0), "{counts}");
+}
+
+#[test]
+fn an_unplugged_radio_is_an_exit_status_of_1_and_leaves_what_came() {
+    let folder = experiments("sc16", "");
+    let ran = ran(&folder, "unplug", "capture uhd.toml -o walk");
+    assert_eq!(ran.code, Some(1));
+    assert!(ran.stderr.contains("the radio is gone") && ran.stderr.contains("walk.sigmf-meta"));
+    let recording = Recording::open(&folder.path().join("walk")).unwrap();
+    assert!(!recording.interrupted() && !recording.steps().is_empty());
+}
+
+#[test]
+fn radios_are_listed_and_probed() {
+    let folder = experiments("sc16", "");
+    let listed = ran(&folder, "", "radio list");
+    assert_eq!(listed.code, Some(0));
+    assert!(listed.stdout.contains("B210") && listed.stdout.contains("SIM00001"));
+    let probed = ran(&folder, "", "radio probe uhd.toml --json");
+    let told: Value = serde_json::from_str(&probed.stdout).unwrap();
+    assert_eq!(told["set"]["sample_rate_hz"], 1e6);
+    assert_eq!(told["set"]["temperature_c"], 31.5);
+}
+
+/// UHD's own error of a device without firmware, as the stand-in gives it.
+#[test]
+fn missing_images_are_told_with_what_to_do() {
+    let folder = experiments("sc16", "");
+    let ran = ran(&folder, "images", "capture uhd.toml -o walk");
+    assert_eq!(ran.code, Some(1));
+    assert!(
+        ran.stderr.contains("uhd_images_downloader"),
+        "{}",
+        ran.stderr
+    );
+    assert!(!folder.path().join("walk.sigmf-meta").exists());
+}
+
+/// UHD itself, which finds none of this serial number.
+#[test]
+fn uhd_without_a_device_is_told_with_what_to_check() {
+    let folder = experiments("sc16", "");
+    for line in [
+        "radio list --serial NONE0000",
+        "capture uhd.toml -o walk --set device.serial=NONE0000",
+        "radio probe uhd.toml --set device.serial=NONE0000",
+    ] {
+        let ran = of(Command::new(program()), &folder, line);
+        assert_eq!(ran.code, Some(1));
+        for word in ["error: ", "NONE0000", "cable", "udev"] {
+            assert!(ran.stderr.contains(word), "no {word}: {}", ran.stderr);
+        }
+        assert_eq!(ran.stdout, "");
+    }
+}
