@@ -398,7 +398,9 @@ pub(super) fn judge(aim: &Aim, records: &[TileRecord], planned_db: f64) -> Judge
         true => horner::NARROW_RMS,
         false => 0.0,
     };
-    let own = libm::hypot(rounding::path_phase_rad(aim), narrow).powi(2) * terms / mean;
+    let own = libm::hypot(rounding::path_phase_rad(aim.collection, aim.grid), narrow).powi(2)
+        * terms
+        / mean;
     // Of an image of zeros where there should be zeros, nothing is wrong.
     let measured_db = match error == 0.0 && !own.is_finite() {
         true => LEAST_DB,

@@ -4,6 +4,8 @@ use std::f64::consts::TAU;
 
 use super::Aim;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::ImageGrid;
+use subaperture_model::phase_history::Collection;
 
 /// RMS rounding of a float32, relative: half a unit in the last place over the root of 3, in the mean over
 /// mantissas.
@@ -12,10 +14,9 @@ pub(super) const FLOAT32: f64 = 3e-8;
 /// The largest rounding of a float32, relative: half a unit in the last place of a mantissa of 1.
 pub(super) const LARGEST_FLOAT32: f64 = 6e-8;
 
-/// RMS phase error, radians, of paths computed in float64 from the aim's positions: a few roundings of the
+/// RMS phase error, radians, of paths computed in float64 from positions of antennas and pixels: a few roundings of the
 /// largest number on the way.
-pub(super) fn path_phase_rad(aim: &Aim) -> f64 {
-    let (collection, grid) = (aim.collection, aim.grid);
+pub(super) fn path_phase_rad(collection: &Collection, grid: &ImageGrid) -> f64 {
     let corners = [
         (0, 0),
         (0, grid.columns.count.saturating_sub(1)),

@@ -18,9 +18,9 @@
 //! Where the middle of slow time drifts with frequency (samples taken one after another in motion), `m_k = m_c - kappa (k - K/2)`, the bins are turned
 //! by what that adds, which does not depend on the pulse.
 //!
-//! Work goes by [`BLOCK`] frequencies, so that the samples of all pulses and the table's part stay in cache. Memory: `4 M K` float32 of table. Error:
+//! Work goes by [`BLOCK`] frequencies, so that the samples of all pulses and the table's part stay in cache. Memory: `2 M K` float32 of table. Error:
 //! steps are rounded to 2.5e-8 RMS and that grows with the bin, 1e-6 at [`MOST_REACH`]; sums of `M` terms 6e-8 times some roots.
-//! Cost: `M D K / 2` products with sums, and as many to turn sines.
+//! Cost: `M D K` real products with sums, and as many to turn sines.
 
 use num_complex::Complex64;
 use subaperture_signal::phase::phasor;

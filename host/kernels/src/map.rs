@@ -10,6 +10,8 @@
 //! bin that some of them begin at; others are fetched one by one, with the same bits. Places are float64, sums float32: 6e-8 for each of `2 W` additions
 //! of the larger values. Cost: `W^2` complex multiply-adds a line.
 
+use std::array;
+
 use num_complex::Complex32;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 
@@ -24,7 +26,10 @@ const RUN: usize = 4 * GROUP;
 const WINDOW: usize = 32;
 
 /// Doppler bins that a group's lines begin at, at most, for rows to be looked up for each.
-const MOST_BINS: i32 = 3;
+const MOST_BINS: usize = 3;
+
+/// Range bins between lines that are not near, and may be as many.
+const FAR: f32 = 1e6;
 
 /// A range-Doppler map, to be read with a kernel of `W` taps whose roll-off is divided out of it.
 pub struct Map<'a, const W: usize> {
@@ -55,7 +60,7 @@ impl<const W: usize> Map<'_, W> {
     /// `beyond` says of its index. Ranges repeat.
     ///
     /// # Panics
-    /// If there are not as many pixels as lines, or the kernel has not `W` taps.
+    /// If there are not as many pixels as lines, the kernel has not `W` taps, or the values are not whole rows.
     pub fn add(
         &self,
         instructions: Instructions,
@@ -63,8 +68,14 @@ impl<const W: usize> Map<'_, W> {
         pixels: &mut [Complex32],
         mut beyond: impl FnMut(usize) -> Complex32,
     ) {
+        const { assert!(W >= 2 && W.is_multiple_of(2) && W < WINDOW) };
         assert_eq!(lines.len(), pixels.len());
-        assert!(self.kernel.taps() == W && W < WINDOW);
+        assert_eq!(self.kernel.taps(), W);
+        assert!(
+            self.values
+                .len()
+                .is_multiple_of(2 * row_length(self.length))
+        );
         let bins = self.bins();
         let mut read = Read {
             values: [[0.0; RUN]; 2],
@@ -136,8 +147,8 @@ struct Places {
     /// From the bins before, less a half.
     across: [f32; RUN],
     along: [f32; RUN],
-    /// The first bins that are read.
-    bins: [i32; RUN],
+    /// The first bins that are read: whole numbers, which stay floating point, for conversions would be done one by one.
+    bins: [f32; RUN],
     ranges: [f64; RUN],
 }
 
@@ -151,7 +162,7 @@ impl Places {
             turns: [0.0; RUN],
             across: [0.0; RUN],
             along: [0.0; RUN],
-            bins: [0; RUN],
+            bins: [0.0; RUN],
             ranges: [0.0; RUN],
         };
         for (i, line) in lines.iter().enumerate() {
@@ -164,9 +175,16 @@ impl Places {
             places.along[i] = (range - whole - 0.5) as f32;
             // Not a number is beyond it, too.
             missed[i] = !(bin - before >= 0.0 && bin - before <= last_bin);
-            // As a whole number those beyond are 0 or the last.
-            places.bins[i] = (bin - before).clamp(0.0, last_bin) as i32;
+            // Those beyond are 0 or the last, and so is what is not a number.
+            places.bins[i] = (bin - before).max(0.0).min(last_bin) as f32;
             places.ranges[i] = whole - before;
+        }
+        // Groups are whole: lines that are not there are where the last one is, and no reason to fetch others one by one.
+        if let Some(last) = lines.len().checked_sub(1) {
+            let end = lines.len().next_multiple_of(GROUP);
+            let (bin, range) = (places.bins[last], places.ranges[last]);
+            places.bins[lines.len()..end].fill(bin);
+            places.ranges[lines.len()..end].fill(range);
         }
         places
     }
@@ -195,6 +213,30 @@ fn weights<L: Lanes, const W: usize>(
     weights
 }
 
+/// The numbers of a group of lines, the first of which is `first`.
+#[inline(always)]
+fn group<T: Copy + Default>(all: &[T; RUN], first: usize) -> [T; GROUP] {
+    let mut group = [T::default(); GROUP];
+    group.copy_from_slice(&all[first..first + GROUP]);
+    group
+}
+
+/// The least and the largest of some numbers, by halves, as lanes have them.
+#[inline(always)]
+fn ends(of: &[f32; GROUP]) -> [f32; 2] {
+    let (mut least, mut most) = (*of, *of);
+    let mut count = GROUP / 2;
+    while count > 0 {
+        for i in 0..count {
+            let (low, high) = (least[i + count], most[i + count]);
+            least[i] = if low < least[i] { low } else { least[i] };
+            most[i] = if high > most[i] { high } else { most[i] };
+        }
+        count /= 2;
+    }
+    [least[0], most[0]]
+}
+
 impl<const W: usize> Kernel for At<'_, W> {
     type Output = Read;
 
@@ -208,44 +250,39 @@ impl<const W: usize> Kernel for At<'_, W> {
         let places = Places::new(map, lines, &mut read.missed);
         let phasor = Polynomials::new(lanes);
         for first in (0..lines.len()).step_by(GROUP) {
-            // Lines that are not there are no reason to fetch others one by one.
-            let count = GROUP.min(lines.len() - first);
-            let (mut offsets, mut least, mut most) = ([0.0f32; GROUP], 0, 0);
-            let (mut lowest, mut highest) = (places.bins[first], places.bins[first]);
-            for (i, of) in offsets[..count].iter_mut().enumerate() {
-                let offset = (places.ranges[first + i] - places.ranges[first]) as i32;
-                *of = offset as f32;
-                (least, most) = (offset.min(least), offset.max(most));
-                let bin = places.bins[first + i];
-                (lowest, highest) = (bin.min(lowest), bin.max(highest));
-            }
-            let near = i64::from(most) - i64::from(least) <= (WINDOW - W) as i64;
+            let (bins, ranges) = (group(&places.bins, first), group(&places.ranges, first));
+            // From the first line's range; those that are far, or not a number, are not near in any case.
+            let offsets: [f32; GROUP] =
+                array::from_fn(|i| ((ranges[i] - ranges[0]) as f32).clamp(-FAR, FAR));
+            let [least, most] = ends(&offsets);
+            let [lowest, highest] = ends(&bins).map(|bin| bin as usize);
+            let near = most - least <= (WINDOW - W) as f32;
             let looked_up = near && highest - lowest < MOST_BINS;
-            let base = map.wrapped(places.ranges[first] + f64::from(least));
+            let base = map.wrapped(ranges[0] + f64::from(least));
             let mut starts = [0; GROUP];
             if !looked_up {
-                for (start, &range) in starts.iter_mut().zip(&places.ranges[first..first + count]) {
+                for (start, &range) in starts.iter_mut().zip(&ranges) {
                     *start = map.wrapped(range);
                 }
             }
+            let least = lanes.splat(least);
             for part in (0..GROUP).step_by(L::COUNT) {
                 let at = first + part;
                 let across: [_; W] = weights(lanes, map.kernel, lanes.load(&places.across[at..]));
                 let along: [_; W] = weights(lanes, map.kernel, lanes.load(&places.along[at..]));
                 let mut sums = [lanes.splat(0.0); 2];
                 if looked_up {
-                    let least = lanes.splat(least as f32);
                     let from_base = lanes.sub(lanes.load(&offsets[part..]), least);
                     let from_base = lanes.add(from_base, lanes.splat(ROUND));
                     for bin in lowest..=highest {
                         let mut own = [0.0f32; GROUP];
-                        for (own, &at) in own.iter_mut().zip(&places.bins[at..at + L::COUNT]) {
-                            *own = if at == bin { 1.0 } else { 0.0 };
+                        for (own, &at) in own.iter_mut().zip(&bins[part..part + L::COUNT]) {
+                            *own = if at == bin as f32 { 1.0 } else { 0.0 };
                         }
                         let own = lanes.load(&own);
                         for (a, &across) in across.iter().enumerate() {
                             let weight = lanes.mul(across, own);
-                            let planes = map.row(bin as usize + a);
+                            let planes = map.row(bin + a);
                             for (plane, total) in planes.into_iter().zip(&mut sums) {
                                 let values = &plane[base..base + WINDOW];
                                 let values =
@@ -267,7 +304,7 @@ impl<const W: usize> Kernel for At<'_, W> {
                             for (b, &along) in along.iter().enumerate() {
                                 let mut value = [0.0f32; GROUP];
                                 for (i, value) in value[..L::COUNT].iter_mut().enumerate() {
-                                    let row = map.row(places.bins[at + i] as usize + a);
+                                    let row = map.row(bins[part + i] as usize + a);
                                     *value = row[plane][starts[part + i] + b];
                                 }
                                 sum = lanes.mul_add(lanes.load(&value), along, sum);

@@ -31,21 +31,11 @@ impl Points {
         }
     }
 
-    /// Some on a line instead of those that there are, `first_m + i step_m`.
-    pub fn set_line(
-        &mut self,
-        instructions: Instructions,
-        first_m: [f64; 3],
-        step_m: [f64; 3],
-        count: usize,
-    ) {
+    /// Some of a row of a grid instead of those that there are, from `row`'s first on.
+    pub fn set_row(&mut self, instructions: Instructions, row: &Row, count: usize) {
         for (axis, all) in self.coordinates_m.iter_mut().enumerate() {
             all.resize(count, 0.0);
-            instructions.run(Along {
-                first_m: first_m[axis],
-                step_m: step_m[axis],
-                all,
-            });
+            instructions.run(Along { row, axis, all });
         }
     }
 
@@ -79,10 +69,28 @@ impl Points {
     }
 }
 
-/// A coordinate of points on a line.
+/// Points of a grid's row, `(origin_m + x_axis (start_m + column step_m)) + across_m`, from column `first` on. Each is made of its own
+/// column, in this order of operations, so that it has the same bits wherever a run of points begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// The grid's origin, metres.
+    pub origin_m: [f64; 3],
+    /// Unit vector along the row.
+    pub x_axis: [f64; 3],
+    /// From the origin across to the row, metres.
+    pub across_m: [f64; 3],
+    /// Of column 0, metres along.
+    pub start_m: f64,
+    /// From column to column, metres.
+    pub step_m: f64,
+    /// The first point's column; float64 holds all that there may be.
+    pub first: usize,
+}
+
+/// A coordinate of points of a row.
 struct Along<'a> {
-    first_m: f64,
-    step_m: f64,
+    row: &'a Row,
+    axis: usize,
     all: &'a mut [f64],
 }
 
@@ -92,8 +100,16 @@ impl Kernel for Along<'_> {
     /// A plain loop: what the lanes' instructions make of it.
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
+        let Row {
+            start_m, step_m, ..
+        } = *self.row;
+        let of = |all: &[f64; 3]| all[self.axis];
+        let (origin_m, x) = (of(&self.row.origin_m), of(&self.row.x_axis));
+        let (across_m, first) = (of(&self.row.across_m), self.row.first as f64);
         for (i, one) in self.all.iter_mut().enumerate() {
-            *one = self.first_m + i as f64 * self.step_m;
+            // Sums of whole numbers, which are exact.
+            let column = first + i as f64;
+            *one = (origin_m + x * (start_m + column * step_m)) + across_m;
         }
     }
 }
@@ -259,6 +275,34 @@ mod tests {
         }
         points.clear();
         assert!(points.is_empty());
+    }
+
+    /// Far from the origin, where an order of sums is seen: by hand, and from any column on.
+    #[test]
+    fn a_point_of_a_row_does_not_depend_on_where_its_run_begins() {
+        let row = Row {
+            origin_m: [4.1e6, -1.3e6, 4.7e6],
+            x_axis: [0.6, -0.64, 0.48],
+            across_m: [3.3, 7.7, -11.1],
+            start_m: -250.3,
+            step_m: 0.37,
+            first: 0,
+        };
+        for instructions in Instructions::available() {
+            for (first, count) in [(0, 301), (1, 300), (37, 64), (299, 2)] {
+                let mut part = Points::default();
+                part.set_row(instructions, &Row { first, ..row }, count);
+                assert_eq!(part.len(), count);
+                for (i, got) in (first..).zip(part.iter()) {
+                    let along_m = -250.3 + i as f64 * 0.37;
+                    let expected = [0, 1, 2].map(|axis| {
+                        let along_m = row.x_axis[axis] * along_m;
+                        row.origin_m[axis] + along_m + row.across_m[axis]
+                    });
+                    assert_eq!(got, expected, "{i} of {first}, {}", instructions.name());
+                }
+            }
+        }
     }
 
     /// An antenna that moves evenly past points on its line has paths that are straight: by hand.

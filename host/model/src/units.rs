@@ -383,6 +383,11 @@ pub fn power_of_db(db: f64) -> f64 {
     libm::pow(10.0, db / 10.0)
 }
 
+/// The ratio of amplitudes that `db` is.
+pub fn amplitude_of_db(db: f64) -> f64 {
+    power_of_db(db / 2.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

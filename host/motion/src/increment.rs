@@ -19,7 +19,7 @@ pub enum Heading {
     /// Nothing: turns are found.
     #[default]
     Found,
-    /// It does not change, as on a rail.
+    /// It is known: what was told of it, or on a rail always the same.
     Held,
 }
 
@@ -39,6 +39,15 @@ impl Pose {
 }
 
 impl Increment {
+    /// From one pose to another, in the axes of the first.
+    pub(crate) fn between(from: &Pose, to: &Pose) -> Self {
+        let (sin, cos) = libm::sincos(from.heading_rad);
+        Self {
+            moved_m: DVec2::new(cos, -sin).rotate(to.at_m - from.at_m),
+            turn_rad: to.heading_rad - from.heading_rad,
+        }
+    }
+
     /// Changes it by so much of x, y and turn.
     pub(crate) fn step(&mut self, by: DVec3) {
         self.moved_m += by.truncate();

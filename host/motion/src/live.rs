@@ -180,8 +180,8 @@ impl Live {
         if look.dropped.is_empty() {
             return look;
         }
-        let count = self.recent.len().saturating_sub(pulses.len());
-        for (recent, pulse) in self.recent.iter_mut().skip(count).zip(&pulses) {
+        // From the last backwards: of a long stretch the first are forgotten.
+        for (recent, pulse) in self.recent.iter_mut().rev().zip(pulses.iter().rev()) {
             let moves = |sighting: &&Sighting| self.moving.contains(&sighting.target);
             recent.sightings = pulse.iter().filter(moves).cloned().collect();
         }

@@ -88,10 +88,8 @@ pub fn travelled(increments: impl IntoIterator<Item = Increment>) -> DVec2 {
 
 /// The increments between poses.
 pub fn increments(poses: &[Pose]) -> impl Iterator<Item = Increment> {
-    poses.windows(2).map(|pair| Increment {
-        moved_m: unit(-pair[0].heading_rad).rotate(pair[1].at_m - pair[0].at_m),
-        turn_rad: pair[1].heading_rad - pair[0].heading_rad,
-    })
+    let pairs = poses.windows(2);
+    pairs.map(|pair| Increment::between(&pair[0], &pair[1]))
 }
 
 /// The squint that legs tell.

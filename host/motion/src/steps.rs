@@ -18,20 +18,11 @@ use crate::increment::Increment;
 use crate::joint::Covariances;
 use crate::model::Pose;
 
-/// From one pose to another, in the axes of the first.
-pub(crate) fn between(from: &Pose, to: &Pose) -> Increment {
-    let (sin, cos) = libm::sincos(from.heading_rad);
-    Increment {
-        moved_m: DVec2::new(cos, -sin).rotate(to.at_m - from.at_m),
-        turn_rad: to.heading_rad - from.heading_rad,
-    }
-}
-
 /// The increments between poses, each with the covariance of x, y and turn as of independent ones.
 pub(crate) fn steps(poses: &[Pose], known: &Covariances) -> Vec<(Increment, DMat3)> {
     let count = poses.len().saturating_sub(1) as f64;
     let step = |(k, pair): (usize, &[Pose])| {
-        let increment = between(&pair[0], &pair[1]);
+        let increment = Increment::between(&pair[0], &pair[1]);
         let [before, after] = slopes(&pair[0], &increment);
         let by_targets = known.by_targets(&[(k, -before), (k + 1, after)]);
         let own = [(k, before), (k + 1, after)].map(|(n, slope)| {
@@ -69,7 +60,7 @@ mod tests {
             heading_rad,
         };
         let (from, to) = (pose(0.3, -0.2, 0.7), pose(0.5, 0.1, 0.9));
-        let [before, after] = slopes(&from, &between(&from, &to));
+        let [before, after] = slopes(&from, &Increment::between(&from, &to));
         let h = 1e-6;
         for k in 0..3 {
             let moved = |pose: &Pose, by: f64| {
@@ -84,12 +75,12 @@ mod tests {
             let numbers = |i: &Increment| i.moved_m.extend(i.turn_rad);
             let difference = |a: Increment, b: Increment| (numbers(&a) - numbers(&b)) / (2.0 * h);
             let of_before = difference(
-                between(&moved(&from, h), &to),
-                between(&moved(&from, -h), &to),
+                Increment::between(&moved(&from, h), &to),
+                Increment::between(&moved(&from, -h), &to),
             );
             let of_after = difference(
-                between(&from, &moved(&to, h)),
-                between(&from, &moved(&to, -h)),
+                Increment::between(&from, &moved(&to, h)),
+                Increment::between(&from, &moved(&to, -h)),
             );
             // Rounding of 1e-16 over 1e-6.
             assert!(of_before.distance(-before.col(k)) < 1e-9, "{k}");

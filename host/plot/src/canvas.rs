@@ -10,6 +10,15 @@ pub(super) type Rgb = [u8; 3];
 
 pub(super) const INK: Rgb = [25, 25, 25];
 
+/// How a page is packed into a file.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Packing {
+    /// What radars see is noise, of which a search for repetitions saves 4 %, and takes thirty times as long.
+    Quick,
+    /// Lines and large areas are half as long for it.
+    Small,
+}
+
 /// Where a text lies about its point.
 #[derive(Clone, Copy)]
 pub(super) enum Anchor {
@@ -57,6 +66,16 @@ impl Canvas {
                 self.pixels[at..at + 3].copy_from_slice(&colour);
             }
         }
+    }
+
+    /// Puts a row of colours, three numbers each, from a pixel of the page on.
+    ///
+    /// # Panics
+    /// If it reaches beyond the page.
+    pub(super) fn put(&mut self, x: usize, y: usize, colours: &[u8]) {
+        assert!(x + colours.len() / 3 <= self.width);
+        let at = (y * self.width + x) * 3;
+        self.pixels[at..at + colours.len()].copy_from_slice(colours);
     }
 
     /// A line one pixel wide around, and outside of, a rectangle.
@@ -121,7 +140,7 @@ impl Canvas {
     }
 
     /// The page as a PNG file: in grey where it has no other colour, which takes a third of the time.
-    pub(super) fn into_png(self) -> Result<Vec<u8>, PlotError> {
+    pub(super) fn into_png(self, packing: Packing) -> Result<Vec<u8>, PlotError> {
         let (pixels, colours) = match grey(&self.pixels) {
             Some(levels) => (levels, png::ColorType::Grayscale),
             None => (self.pixels, png::ColorType::Rgb),
@@ -130,6 +149,11 @@ impl Canvas {
         let mut encoder = png::Encoder::new(&mut out, self.width as u32, self.height as u32);
         encoder.set_color(colours);
         encoder.set_depth(png::BitDepth::Eight);
+        if packing == Packing::Quick {
+            encoder.set_compression(png::Compression::Fast);
+            // The filter that goes with it would double the file.
+            encoder.set_filter(png::Filter::Adaptive);
+        }
         // By which a later run knows that it may replace the file.
         encoder.add_text_chunk("Software".to_owned(), PROGRAM.to_owned())?;
         let mut writer = encoder.write_header()?;
@@ -142,8 +166,9 @@ impl Canvas {
 /// A level for each pixel, if all are grey.
 fn grey(pixels: &[u8]) -> Option<Vec<u8>> {
     let (colours, _) = pixels.as_chunks::<3>();
-    let level = |&[red, green, blue]: &[u8; 3]| (red == green && green == blue).then_some(red);
-    colours.iter().map(level).collect()
+    let is_grey = |&[red, green, blue]: &[u8; 3]| red == green && green == blue;
+    let all = colours.iter().all(is_grey);
+    all.then(|| colours.iter().map(|&[red, ..]| red).collect())
 }
 
 /// A font at a size.

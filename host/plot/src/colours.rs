@@ -42,6 +42,13 @@ impl Colours {
         }
     }
 
+    /// 256 colours from the lowest level to the highest.
+    pub fn table(self) -> Vec<[u8; 3]> {
+        (0..=u8::MAX)
+            .map(|i| self.at(f64::from(i) / 255.0))
+            .collect()
+    }
+
     /// The colour at `level`, 0 to 1; clamped outside.
     pub(super) fn at(self, level: f64) -> [u8; 3] {
         let stops: &[[u8; 3]] = match self {

@@ -1,5 +1,6 @@
 //! Real values over two axes, on a linear scale.
 
+use super::canvas::Packing;
 use super::colours::{PALE, RED};
 use super::layout::{Sheet, page};
 use super::raster::resample;
@@ -55,7 +56,11 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
     if !(bottom.is_finite() && top.is_finite() && bottom < top) {
         return Err(unsuited(format!("no colours from {bottom} to {top}")));
     }
-    let levels = Levels { bottom, top };
+    let levels = Levels {
+        bottom,
+        top,
+        marks_above: true,
+    };
     let length = |axis: &Axis| match heat.proportional {
         true => axis.count as f64 * axis.step.abs(),
         false => axis.count as f64,
@@ -82,5 +87,5 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
             Ok((cells, levels))
         }),
     };
-    page(&[sheet], 1, super::LONGEST)?.into_png()
+    page(&[sheet], 1, super::LONGEST)?.into_png(Packing::Small)
 }

@@ -182,6 +182,14 @@ fn plot_size(sheet: &Sheet, limit: usize) -> (usize, usize) {
     (side(across), side(up))
 }
 
+/// How often each of so many pixels is repeated along a side, if it is a whole number; else 1, of as many cells as the side is long.
+fn repeats(side: usize, pixels: usize) -> usize {
+    match side.is_multiple_of(pixels) {
+        true => side / pixels,
+        false => 1,
+    }
+}
+
 fn draw(
     canvas: &mut Canvas,
     sheet: &Sheet,
@@ -189,21 +197,31 @@ fn draw(
     (x, y): (usize, usize),
 ) -> Result<(), PlotError> {
     let (width, height) = (plan.width, plan.height);
-    let (cells, levels) = (sheet.cells)(height, width).map_err(PlotError::Parts)?;
+    // Of pixels that are repeated each is looked at once.
+    let [down, along] = [
+        repeats(height, sheet.count.0),
+        repeats(width, sheet.count.1),
+    ];
+    let (cells, levels) = (sheet.cells)(height / down, width / along).map_err(PlotError::Parts)?;
     let mut capped = false;
-    for (row, cells) in cells.chunks_exact(width).enumerate() {
-        for (column, &cell) in cells.iter().enumerate() {
+    let mut colours = Vec::with_capacity(3 * width);
+    for (row, cells) in cells.chunks_exact(width / along).enumerate() {
+        colours.clear();
+        for &cell in cells {
             let level = (cell - levels.bottom) / (levels.top - levels.bottom);
             // Zero power is minus infinity, and dark; only NaN is absent.
             let colour = match level.is_nan() {
                 true => sheet.absent,
-                false if level > 1.0 + ROUNDING => {
+                false if level > 1.0 + ROUNDING && levels.marks_above => {
                     capped = true;
                     sheet.colours.above()
                 }
                 false => sheet.colours.at(level),
             };
-            canvas.fill(x + column, y + height - 1 - row, 1, 1, colour);
+            (0..along).for_each(|_| colours.extend_from_slice(&colour));
+        }
+        for row in row * down..(row + 1) * down {
+            canvas.put(x, y + height - 1 - row, &colours);
         }
     }
     canvas.frame(x, y, width, height);

@@ -27,6 +27,7 @@ mod raster;
 mod scale;
 mod ticks;
 
+use canvas::Packing;
 use layout::Sheet;
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, Parts, PartsError, power};
@@ -329,5 +330,5 @@ fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotE
         });
     }
     let sheets: Vec<Sheet> = panels.iter().map(Panel::sheet).collect();
-    layout::page(&sheets, columns.clamp(1, panels.len()), limit)?.into_png()
+    layout::page(&sheets, columns.clamp(1, panels.len()), limit)?.into_png(Packing::Quick)
 }

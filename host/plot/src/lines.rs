@@ -5,7 +5,7 @@
 //! plot's box; a point that is not finite interrupts its curve.
 
 use super::PlotError;
-use super::canvas::{Anchor, Canvas, INK, Rgb, Typeface};
+use super::canvas::{Anchor, Canvas, INK, Packing, Rgb, Typeface};
 use super::ticks::{ticks, ticks_apart};
 
 /// Curves and how to show them.
@@ -21,11 +21,11 @@ pub struct Chart {
     pub curves: Vec<Curve>,
     /// Values across that are marked by a thin line from bottom to top.
     pub marks: Vec<f64>,
-    /// First and last value across; `None` for those of the curves.
+    /// First and last value across; `None` for those of the curves, with some air on a map.
     pub across: Option<(f64, f64)>,
     /// Lowest and highest value, as a floor in dB is; `None` for those of the curves and some air.
     pub up: Option<(f64, f64)>,
-    /// Whether both axes are lengths to be drawn alike, as on a map: one of the ranges is widened.
+    /// Whether both axes are lengths to be drawn alike, as on a map: one of the ranges is widened, a given one too.
     pub proportional: bool,
 }
 
@@ -87,7 +87,7 @@ const COLOURS: [Rgb; 7] = [
 /// # Errors
 /// [`PlotError`], if there is nothing finite to draw or a range is empty.
 pub fn lines(chart: &Chart) -> Result<Vec<u8>, PlotError> {
-    drawn(chart)?.into_png()
+    drawn(chart)?.into_png(Packing::Small)
 }
 
 /// Several, one below another in one picture, as the bytes of a PNG file.
@@ -101,7 +101,7 @@ pub fn stacked(charts: &[Chart]) -> Result<Vec<u8>, PlotError> {
         title: String::new(),
         what: "there is no chart to draw".to_owned(),
     })?;
-    page.into_png()
+    page.into_png(Packing::Small)
 }
 
 fn drawn(chart: &Chart) -> Result<Canvas, PlotError> {
@@ -195,9 +195,11 @@ impl Page {
     fn proportional(chart: &Chart, across: (f64, f64), up: (f64, f64)) -> Self {
         let first = Self::new(chart, across, up);
         let of_up = (up.1 - up.0) / first.height as f64;
-        let pixel = of_up.max((across.1 - across.0) / first.width as f64);
-        // Labels of other ticks may leave another width.
-        let mut page = Self::new(chart, across, about(up, pixel * first.height as f64));
+        let pixel = |page: &Self| of_up.max((across.1 - across.0) / page.width as f64);
+        let of = |pixel: f64| Self::new(chart, across, about(up, pixel * first.height as f64));
+        // Labels of other ticks may leave another width: of both the narrower has room for all.
+        let pixel = pixel(&first).max(pixel(&of(pixel(&first))));
+        let mut page = of(pixel);
         page.across = about(across, pixel * page.width as f64);
         page
     }
@@ -303,8 +305,10 @@ impl Page {
         // In the corner where it hides least, upper ones first.
         let [left, top] = [self.left + 10, TOP + 10];
         let [right, bottom] = [
-            (self.left + self.width).saturating_sub(width + 10),
-            (TOP + self.height).saturating_sub(height + 10),
+            (self.left + self.width)
+                .saturating_sub(width + 10)
+                .max(left),
+            (TOP + self.height).saturating_sub(height + 10).max(top),
         ];
         let corners = [(right, top), (left, top), (right, bottom), (left, bottom)];
         let hidden = |&(x, y): &(usize, usize)| {

@@ -9,6 +9,10 @@ pub(super) fn resample(
     height: usize,
     width: usize,
 ) -> Vec<f64> {
+    if (height, width) == (rows, columns) {
+        let finite = |value: f64| if value.is_finite() { value } else { f64::NAN };
+        return (0..rows * columns).map(|i| finite(value(i))).collect();
+    }
     let across = spans(columns, width);
     let mut cells = vec![0.0; height * width];
     let mut weights = vec![0.0; width];

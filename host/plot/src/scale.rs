@@ -12,6 +12,9 @@ pub enum Scale {
         /// How far below it the darkest lies, dB; positive.
         span_db: Option<f64>,
     },
+    /// About the mean magnitude `m` of what is shown: the logarithm, with 0.8 `m` at 30 of 255 greys and 40 times that white, as is all above it. NGA's
+    /// and sarpy's Density: bright points do not make the rest dark.
+    Density,
     /// Given, so that pictures can be compared.
     Fixed {
         /// Level of the brightest colour, dB.
@@ -35,7 +38,12 @@ impl Default for Scale {
 pub(super) struct Levels {
     pub(super) bottom: f64,
     pub(super) top: f64,
+    /// Whether what lies above has a colour of its own.
+    pub(super) marks_above: bool,
 }
+
+/// Density's lower limit, in mean magnitudes; its upper one, in lower ones; the part of the greys that lies below the lower one.
+const DENSITY: [f64; 3] = [0.8, 40.0, 30.0 / 255.0];
 
 impl Scale {
     /// The levels for an image whose shown pixels have these powers.
@@ -45,6 +53,7 @@ impl Scale {
         let (given_top, given_span) = match self {
             Self::FromData { top_db, span_db } => (top_db, span_db),
             Self::Fixed { top_db, span_db } => (Some(top_db), Some(span_db)),
+            Self::Density => return density(powers),
         };
         let top_db = given_top.filter(sound_top);
         let span_db = given_span
@@ -57,7 +66,23 @@ impl Scale {
         Levels {
             bottom: top_db - span_db,
             top: top_db,
+            marks_above: true,
         }
+    }
+}
+
+/// The levels of [`Scale::Density`]; zeros are no part of the mean.
+fn density(powers: &[f64]) -> Levels {
+    let seen = powers.iter().filter(|p| p.is_finite() && **p > 0.0);
+    let (sum, count) = seen.fold((0.0, 0.0), |(sum, count), p| (sum + p.sqrt(), count + 1.0));
+    let mean: f64 = if count > 0.0 { sum / count } else { 1.0 };
+    let [low, span, below] = DENSITY;
+    let low_db = 20.0 * (low * mean).log10();
+    let span_db = 20.0 * span.log10();
+    Levels {
+        bottom: low_db - span_db * below / (1.0 - below),
+        top: low_db + span_db,
+        marks_above: false,
     }
 }
 
@@ -78,4 +103,35 @@ fn from_data(powers: &[f64], top_db: Option<f64>, span_db: Option<f64>) -> (f64,
     let bottom_db = (10.0 * median.log10() - 6.0).floor();
     let span_db = span_db.unwrap_or_else(|| (top_db - bottom_db).clamp(40.0, 60.0));
     (top_db, span_db)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By sarpy's own words: `slope log10(max(amplitude, 1e-5)) + constant`, with `slope = (255 - 30) / log10(40)` and 30 at 0.8 of the mean.
+    #[test]
+    fn density_is_that_of_sarpy() {
+        let amplitudes = [0.1f64, 1.0, 2.0, 0.5, 30.0, 0.01];
+        let powers: Vec<f64> = amplitudes.iter().map(|a| a * a).collect();
+        let mean = amplitudes.iter().sum::<f64>() / amplitudes.len() as f64;
+        let slope = 225.0 / 40f64.log10();
+        let levels = Scale::Density.levels(&powers);
+        assert!(!levels.marks_above);
+        for amplitude in amplitudes {
+            let expected = slope * (amplitude / (0.8 * mean)).log10() + 30.0;
+            let db = 20.0 * amplitude.log10();
+            let got = 255.0 * (db - levels.bottom) / (levels.top - levels.bottom);
+            assert!(
+                (got - expected).abs() < 1e-9,
+                "{amplitude}: {got} {expected}"
+            );
+        }
+        // What is zero or no number does not count, and where there is nothing else there are levels too.
+        assert_eq!(
+            Scale::Density.levels(&[4.0, 0.0, f64::NAN]),
+            Scale::Density.levels(&[4.0])
+        );
+        assert!(Scale::Density.levels(&[]).top.is_finite());
+    }
 }

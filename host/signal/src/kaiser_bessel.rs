@@ -69,6 +69,15 @@ impl KaiserBessel {
         self.window.spectrum(x)
     }
 
+    /// `1 / Phi` at the middle `count` frequencies of a transform of `length` values, zero being the one of index `count / 2`: what spectra
+    /// are multiplied by where the kernel reads or spreads that transform.
+    pub fn emphasis(&self, count: usize, length: usize) -> Vec<f32> {
+        let place = |k: usize| (k as f64 - (count / 2) as f64) / length as f64;
+        (0..count)
+            .map(|k| (1.0 / self.spectrum(place(k))) as f32)
+            .collect()
+    }
+
     /// The weights of `W` samples around a place: with `t = whole + fraction`, sample
     /// `whole - W/2 + 1 + i` has weight `i`.
     #[inline(always)]

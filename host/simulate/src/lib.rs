@@ -32,7 +32,7 @@ pub mod engine;
 pub mod experiment;
 mod plain;
 mod preset;
-mod random;
+pub mod random;
 pub mod receiver;
 mod record_error;
 mod recording;

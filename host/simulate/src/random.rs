@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 
 /// A number from 0 to 1, 1 excluded, of 53 bits.
-pub(crate) fn unit(random: &mut ChaCha8Rng) -> f64 {
+pub fn unit(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64
 }
 

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::RangeMethod;
 use super::bounds::Bounds;
-use super::motion::{Compensation, Motion, uneven};
+use super::motion::{Compensation, Motion};
 use super::taper::{BETA, Taper};
 use crate::straight_track::StraightTrack;
 use crate::{FormError, Reason, Remedy};
@@ -110,9 +110,9 @@ impl Axes {
         let num_bins = (last_bin - first_bin + 1) as usize;
         let slow_length = match motion.compensation {
             Compensation::Point => period,
-            Compensation::Places | Compensation::Ranges => uneven::length(num_bins),
+            Compensation::Places | Compensation::Ranges => cells(num_bins),
         };
-        let along_length = super::fast_length((2 * num_bins).max(2 * TAPS));
+        let along_length = cells(num_bins);
         let carrier = (first_bin + num_bins as i64 / 2) as f64 * along_wavenumber_step;
         let (first_along, along) = along_axis(along_m, period_m / along_length as f64, carrier);
         Ok(Self {
@@ -147,6 +147,11 @@ impl Axes {
     pub(super) fn along_wavenumber(&self, q: usize) -> f64 {
         (self.first_bin + q as i64) as f64 * self.along_wavenumber_step
     }
+}
+
+/// Cells a period of a transform that keeps so many wavenumbers and is read, or spread to, by a kernel: twice as many.
+pub(super) fn cells(num_bins: usize) -> usize {
+    super::fast_length((2 * num_bins).max(2 * TAPS))
 }
 
 /// The directions in which pixels are seen, `wavenumber` the least.

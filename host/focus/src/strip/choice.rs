@@ -2,6 +2,8 @@
 //!
 //! The cheapest that keeps the bound; where none does, the one that leaves least ([`super::motion`]).
 
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 use serde_json::json;
@@ -10,6 +12,7 @@ use super::bounds::Bounds;
 use super::motion::{Compensation, Motion};
 use super::prediction::{self, Prediction};
 use super::{Axes, RangeMethod, Sizes, cost};
+use crate::accuracy::misses;
 use crate::patch::PatchSize;
 use crate::straight_track::StraightTrack;
 use crate::sub_cpi::shared_band;
@@ -100,12 +103,12 @@ impl<'a> Ground<'a> {
         })
     }
 
-    /// With what it errs by; of [`Prediction::line`] only where the track alone is within `bound`, or `whole` is asked for.
+    /// With what it errs by. [`Prediction::line`] is looked at only where all else is within the bound, for that may take long.
     fn predicted(
         &self,
         weights: &Weights,
         compensation: Compensation,
-        bound: f64,
+        bound_db: Option<f64>,
     ) -> Result<Candidate, FormError> {
         let fitted = self.fitted(compensation)?;
         let track = prediction::of_track(
@@ -115,12 +118,20 @@ impl<'a> Ground<'a> {
             &fitted.motion,
             &self.wavenumbers,
         );
-        let line = (track <= bound).then(|| self.line(weights, &fitted));
-        Ok(Candidate {
-            fitted,
+        let [spread, read] = fitted.motion.floors();
+        let mut errors = Errors {
             track,
-            line,
-        })
+            line: None,
+            beside: [
+                rounding::path_phase_rad(self.collection, self.grid),
+                spread,
+                read,
+            ],
+        };
+        if !misses(errors.planned_db(), bound_db) {
+            errors.line = Some(self.line(weights, &fitted));
+        }
+        Ok(Candidate { fitted, errors })
     }
 
     fn line(&self, weights: &Weights, fitted: &Fitted) -> f64 {
@@ -128,43 +139,86 @@ impl<'a> Ground<'a> {
         prediction::of_line(weights, self.grid, &fitted.motion, samples, self.method)
     }
 
-    /// The one to take within a bound, and what each that was looked at leaves of the track.
+    /// The one to take within a bound, and what each that was looked at leaves of the track, dB.
     fn best(
         &self,
         weights: &Weights,
-        bound: f64,
-    ) -> Result<(Candidate, serde_json::Map<String, serde_json::Value>), FormError> {
-        let mut looked_at = serde_json::Map::new();
-        let mut best: Option<Candidate> = None;
-        for compensation in Compensation::ALL {
-            let next = match (self.predicted(weights, compensation, bound), &best) {
-                (Ok(next), _) => next,
-                // What cannot be done is left, if there is another way.
-                (Err(FormError::Unsuited(_)), Some(_)) => continue,
-                (Err(error), _) => return Err(error),
-            };
-            let track_db = 20.0 * libm::log10(next.track.max(1e-15));
-            looked_at.insert(compensation.name().to_owned(), track_db.into());
-            let enough = next
-                .line
-                .is_some_and(|line| next.track + line <= bound || next.track <= NEGLIGIBLE * line);
-            if best.as_ref().is_none_or(|best| next.track < best.track) {
-                best = Some(next);
-            }
-            if enough {
+        bound_db: Option<f64>,
+    ) -> Result<(Candidate, BTreeMap<Compensation, f64>), FormError> {
+        let [cheapest, dearer @ ..] = Compensation::ALL;
+        let mut best = self.predicted(weights, cheapest, bound_db)?;
+        let mut looked_at = BTreeMap::from([(cheapest, best.errors.track_db())]);
+        for compensation in dearer {
+            if best.errors.settle(bound_db) {
                 break;
             }
+            let next = match self.predicted(weights, compensation, bound_db) {
+                Ok(next) => next,
+                // What cannot be done is left, for there is another way.
+                Err(FormError::Unsuited(_)) => continue,
+                Err(error) => return Err(error),
+            };
+            looked_at.insert(compensation, next.errors.track_db());
+            if next.errors.better_than(&best.errors, bound_db) {
+                best = next;
+            }
         }
-        let best = best.ok_or_else(|| FormError::unsuited("the track has no line".to_owned()))?;
         Ok((best, looked_at))
     }
 }
 
-/// A way to compensate, and what it errs by, relative.
+/// A way to compensate, and what it errs by.
 struct Candidate {
     fitted: Fitted,
+    errors: Errors,
+}
+
+/// What a way to compensate errs by, relative.
+#[derive(Clone, Copy, Debug)]
+struct Errors {
     track: f64,
+    /// Unless without it the bound is missed.
     line: Option<f64>,
+    /// Of what is done besides, and of rounded paths.
+    beside: [f64; 3],
+}
+
+impl Errors {
+    fn prediction(&self) -> Prediction {
+        Prediction {
+            track: self.track,
+            line: self.line.unwrap_or(0.0),
+        }
+    }
+
+    /// What is planned with; at least that where the line was not looked at.
+    fn planned_db(&self) -> f64 {
+        self.prediction().total_db(&self.beside)
+    }
+
+    fn track_db(&self) -> f64 {
+        20.0 * libm::log10(self.track.max(1e-15))
+    }
+
+    /// Whether all that is planned is known, and keeps the bound.
+    fn keep(&self, bound_db: Option<f64>) -> bool {
+        self.line.is_some() && !misses(self.planned_db(), bound_db)
+    }
+
+    /// Whether to look no further: the bound is kept, or missed by the line, which is the same for all.
+    fn settle(&self, bound_db: Option<f64>) -> bool {
+        let by_line = |line| self.track <= NEGLIGIBLE * line;
+        self.keep(bound_db) || self.line.is_some_and(by_line)
+    }
+
+    /// What keeps the bound comes first, then that of which only the line misses it; then what leaves least.
+    fn better_than(&self, other: &Self, bound_db: Option<f64>) -> bool {
+        let of = |errors: &Self| (errors.keep(bound_db), errors.line.is_some());
+        match of(self).cmp(&of(other)) {
+            Ordering::Equal => self.planned_db() < other.planned_db(),
+            order => order == Ordering::Greater,
+        }
+    }
 }
 
 /// What `method` works with for the pixels of `grid`, within `error_db`.
@@ -179,7 +233,7 @@ pub(crate) fn sizes(
 ) -> Result<Sizes, FormError> {
     let ground = Ground::new(collection, grid, method)?;
     let weights = Weights::new(collection, Window::None, Window::None);
-    let (best, _) = ground.best(&weights, libm::pow(10.0, error_db / 20.0))?;
+    let (best, _) = ground.best(&weights, Some(error_db))?;
     Ok(Sizes::of(&best.fitted.axes))
 }
 
@@ -188,7 +242,7 @@ pub(crate) fn sizes(
 ///
 /// # Errors
 /// [`FormError::Unsuited`] if the pulses stand still, the band changes, or pixels lie too near; [`FormError::BoundMissed`]
-/// if what is `asked` is missed; by the track alone before the line is looked at, for that may take long.
+/// if what is `asked` is missed; by all but the line before that is looked at, for it may take long.
 pub(crate) fn decide(
     aim: &Aim,
     method: &dyn RangeMethod,
@@ -197,24 +251,16 @@ pub(crate) fn decide(
     settings: serde_json::Value,
 ) -> Result<Decision, FormError> {
     let ground = Ground::new(aim.collection, aim.grid, method)?;
-    let bound = asked
-        .bound_db
-        .map_or(f64::INFINITY, |db| libm::pow(10.0, db / 20.0));
-    let (best, looked_at) = ground.best(aim.weights, bound)?;
-    let fitted = &best.fitted;
-    let mut prediction = Prediction {
-        track: best.track,
-        line: best.line.unwrap_or(0.0),
-    };
-    asked.check(20.0 * libm::log10(prediction.track), || {
-        prediction.limit(limit)
-    })?;
-    if best.line.is_none() {
-        prediction.line = ground.line(aim.weights, fitted);
+    let (best, looked_at) = ground.best(aim.weights, asked.bound_db)?;
+    let Candidate { fitted, mut errors } = best;
+    let check =
+        |errors: &Errors| asked.check(errors.planned_db(), || errors.prediction().limit(limit));
+    check(&errors)?;
+    if errors.line.is_none() {
+        errors.line = Some(ground.line(aim.weights, &fitted));
+        check(&errors)?;
     }
-    let [spread, read] = fitted.motion.floors();
-    let planned_db = prediction.total_db(&[rounding::path_phase_rad(aim), spread, read]);
-    asked.check(planned_db, || prediction.limit(limit))?;
+    let prediction = errors.prediction();
     let axes = &fitted.axes;
     let steepest = axes
         .needed_sines()
@@ -222,10 +268,11 @@ pub(crate) fn decide(
         .into_iter()
         .fold(0.0, f64::max);
     let compensation = fitted.motion.compensation;
+    let planned_db = errors.planned_db();
     let mut all = json!({
-        "track_error_db": 20.0 * libm::log10(prediction.track.max(1e-15)),
+        "track_error_db": errors.track_db(),
         "line_error_db": 20.0 * libm::log10(prediction.line.max(1e-15)),
-        "motion_compensation": compensation.name(),
+        "motion_compensation": compensation,
         "compensations_db": looked_at,
         "padded_pulses": axes.slow_length,
         "along_track_wavenumbers": axes.num_bins,
@@ -240,7 +287,7 @@ pub(crate) fn decide(
         settings: all,
         planned_db,
         grain: PatchSize::PIXEL,
-        cost: cost::cost(aim.means.model, aim.grid, fitted, method),
+        cost: cost::cost(aim.means.model, aim.grid, &fitted, method),
     })
 }
 
@@ -256,4 +303,47 @@ pub(super) fn chosen(
 ) -> Result<Fitted, FormError> {
     let Choices { compensation } = former::chosen(former, choices)?;
     Ground::new(aim.collection, aim.grid, method)?.fitted(compensation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Relative to the bound.
+    fn errors(bound_db: f64, track: f64, line: Option<f64>, beside: f64) -> Errors {
+        let bound = libm::pow(10.0, bound_db / 20.0);
+        Errors {
+            track: track * bound,
+            line: line.map(|line| line * bound),
+            beside: [beside * bound, 0.0, 0.0],
+        }
+    }
+
+    /// 0.3 + 0.8 of the bound misses it, 0.4 + 0.5 keeps it, though it leaves more of the track.
+    #[test]
+    fn what_keeps_the_bound_is_taken_before_what_leaves_less_of_the_track() {
+        let bound_db = Some(-60.0);
+        let misses = errors(-60.0, 0.3, Some(0.8), 0.0);
+        let keeps = errors(-60.0, 0.4, Some(0.5), 0.0);
+        let beyond = errors(-60.0, 1.5, None, 0.0);
+        assert!(keeps.keep(bound_db) && !misses.keep(bound_db) && !beyond.keep(bound_db));
+        for other in [misses, beyond] {
+            assert!(keeps.better_than(&other, bound_db) && !other.better_than(&keeps, bound_db));
+        }
+        assert!(misses.better_than(&beyond, bound_db) && !beyond.better_than(&misses, bound_db));
+        assert!(errors(-60.0, 1.2, None, 0.0).better_than(&beyond, bound_db));
+        // Of those that keep it none is looked for any more.
+        assert!(keeps.settle(bound_db) && !misses.settle(bound_db) && !beyond.settle(bound_db));
+        assert!(errors(-60.0, 0.1, Some(1.1), 0.0).settle(bound_db));
+        assert!(beyond.better_than(&errors(-60.0, 1.6, None, 0.0), None));
+    }
+
+    /// Track and line make 0.9 of the bound; a kernel's 0.6 beside them make 1.08.
+    #[test]
+    fn what_is_done_besides_counts() {
+        let bound_db = Some(-60.0);
+        assert!(errors(-60.0, 0.4, Some(0.5), 0.3).keep(bound_db));
+        let floored = errors(-60.0, 0.4, Some(0.5), 0.6);
+        assert!(!floored.keep(bound_db) && !floored.settle(bound_db));
+    }
 }

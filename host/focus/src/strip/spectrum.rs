@@ -4,6 +4,7 @@ use num_complex::Complex32;
 use rayon::prelude::*;
 
 use super::cost::{COMPENSATION, SPECTRUM};
+use super::motion::Profiles;
 use super::motion::uneven::Uneven;
 use super::motion::warp::Warp;
 use super::{RangeMethod, Strip, step_done};
@@ -30,7 +31,7 @@ pub(super) fn along_track<M: RangeMethod>(
         Uneven::new(places_m, axes.period_m, axes.num_bins)
     });
     let samples = match motion.profiles() {
-        Some(_) => warped(strip, work)?,
+        Some(profiles) => warped(strip, profiles, work)?,
         None => moved(strip, work)?,
     };
     let num_pulses = motion.track.num_pulses;
@@ -97,7 +98,11 @@ fn moved<M: RangeMethod>(strip: &Strip<M>, work: &Work) -> Result<Vec<Complex32>
 }
 
 /// The same `[N][K']` of a radar on the line, moved by as much as each range asks for.
-fn warped<M: RangeMethod>(strip: &Strip<M>, work: &Work) -> Result<Vec<Complex32>, FormError> {
+fn warped<M: RangeMethod>(
+    strip: &Strip<M>,
+    profiles: &Profiles,
+    work: &Work,
+) -> Result<Vec<Complex32>, FormError> {
     let (aim, fitted) = (&strip.aim, &strip.fitted);
     let collection = aim.collection;
     let num_samples = collection.num_samples;
@@ -105,9 +110,6 @@ fn warped<M: RangeMethod>(strip: &Strip<M>, work: &Work) -> Result<Vec<Complex32
     let norm = aim.weights.normalisation();
     let size = fitted.axes.wavenumbers.len();
     let mut samples = vec![Complex32::ZERO; num_pulses * size];
-    let Some(profiles) = fitted.motion.profiles() else {
-        return Ok(samples);
-    };
     let warp = Warp::new(profiles, &fitted.wavenumbers, aim.means.transforms);
     let blocks = blocks_of(num_pulses, BLOCK_PULSES);
     read_ahead(work.history, blocks, |pulses, read| {

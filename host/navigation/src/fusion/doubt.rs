@@ -14,6 +14,9 @@ const FEWEST: usize = 4;
 
 /// Numbers of those that are doubted, ascending.
 pub(super) fn doubted(increments: &[Increment], model: &Model) -> Vec<usize> {
+    let Some(most) = model.doubted else {
+        return Vec::new();
+    };
     let rates = |one: &Increment| {
         let [x, y] = one.moved_m;
         [x, y, one.turned_rad].map(|moved| moved / (one.to_s - one.from_s))
@@ -41,7 +44,7 @@ pub(super) fn doubted(increments: &[Increment], model: &Model) -> Vec<usize> {
             };
             let noise = one.covariance.col(k)[k] / (dt * dt);
             let variance = 2.0 * noise + wander * wander * (2 * REACH) as f64 * dt;
-            (own[k] - others[others.len() / 2]).abs() > model.doubted * variance.sqrt()
+            (own[k] - others[others.len() / 2]).abs() > most * variance.sqrt()
         })
     };
     (0..increments.len()).filter(|&n| far(n)).collect()

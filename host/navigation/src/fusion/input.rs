@@ -88,8 +88,8 @@ pub struct Model {
     pub inertial_velocity: [f64; 2],
     /// How its heading's error wanders, radians by the root of a second. What is constant is `squint`.
     pub inertial_heading: f64,
-    /// Increments that are off their neighbours by more standard deviations are left out.
-    pub doubted: f64,
+    /// Increments that are off their neighbours by more standard deviations are left out; none where all are to be believed.
+    pub doubted: Option<f64>,
     /// By which share the radar's x may be too long, standard deviation; 0 if it is right.
     pub scale: f64,
     /// Seconds after which that is another.
@@ -116,7 +116,7 @@ impl Default for Model {
             inertial_position: [10.0, 1e-3],
             inertial_velocity: [0.1, 1e-3],
             inertial_heading: 1e-4,
-            doubted: 8.0,
+            doubted: Some(8.0),
             scale: 0.005,
             scale_time_s: 30.0,
             receiver_clock_s: Assumed::default(),
@@ -233,7 +233,7 @@ impl Model {
             ("inertial_velocity", self.inertial_velocity[0]),
             ("inertial_velocity", self.inertial_velocity[1]),
             ("inertial_heading", self.inertial_heading),
-            ("doubted", self.doubted),
+            ("doubted", self.doubted.unwrap_or(1.0)),
             ("scale_time_s", self.scale_time_s),
         ];
         let wrong = |&(_, value): &(&str, f64)| !(value > 0.0 && value <= LARGEST);

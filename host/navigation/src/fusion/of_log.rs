@@ -41,14 +41,15 @@ fn along(record: &Record, frame: &SceneFrame, stated: Option<DVec3>, unstated: f
     DVec3::from(sum.to_array().map(|variance| variance.sqrt().max(1e-4)))
 }
 
-/// A receiver's velocity is given to a position that is nearer than this, seconds.
+/// A receiver's velocity is given to the nearest position, if that is nearer than this, seconds.
 const TOGETHER_S: f64 = 0.05;
 /// A vehicle changes its velocity by about so much between the two, metres a second squared.
 const CHANGES_M_S2: f64 = 1.0;
 /// Of a velocity upwards that is not measured, metres a second.
 const UNMEASURED_M_S: f64 = 1e3;
 
-/// The places of a kind of records in a frame, times counted from `start`, with their velocities: their own, or those of NovAtel's `BESTVEL` beside them.
+/// The places of a kind of records in a frame, times counted from `start`, with their velocities: their own, or those of NovAtel's `BESTVEL` beside them, each of which is
+/// given to one place only, so that none counts more than it was measured.
 ///
 /// Standard deviations are those stated, for what states none those of `unstated`; of NMEA's velocities, which have none upwards, that part counts next to nothing.
 pub fn positions(
@@ -58,27 +59,19 @@ pub fn positions(
     start: GpsTime,
     unstated: &Unstated,
 ) -> Vec<Position> {
-    let beside: Vec<&Record> = match kind {
-        Kind::Bestpos => log.of(Kind::Bestvel).collect(),
-        _ => Vec::new(),
+    let placed = |record: &&Record| record.place.is_some_and(|p| p.in_frame(frame).is_some());
+    let places: Vec<&Record> = log.of(kind).filter(placed).collect();
+    let beside = match kind {
+        Kind::Bestpos => given(&places, log.of(Kind::Bestvel)),
+        _ => vec![None; places.len()],
     };
-    let mut velocities = beside.into_iter().peekable();
-    let position = |record: &Record| {
+    let position = |(record, beside): (&Record, Option<&Record>)| {
         let mut moving = *record;
-        let mut away_s: f64 = 0.0;
-        if record.velocity_m_s.is_none() {
-            // The nearest: both ascend.
-            let off = |one: &Record| one.time.since(record.time);
-            while velocities.next_if(|one| off(one) < -TOGETHER_S).is_some() {}
-            let mut nearest = velocities.peek().copied();
-            while let Some(one) = velocities.next_if(|one| off(one) <= 0.0) {
-                nearest = Some(one);
-            }
-            if let Some(one) = nearest.filter(|one| off(one).abs() <= TOGETHER_S) {
-                moving.velocity_m_s = one.velocity_m_s;
-                moving.velocity_sigma_m_s = one.velocity_sigma_m_s;
-                away_s = off(one);
-            }
+        let mut away_s = 0.0;
+        if let Some(one) = beside.filter(|_| record.velocity_m_s.is_none()) {
+            moving.velocity_m_s = one.velocity_m_s;
+            moving.velocity_sigma_m_s = one.velocity_sigma_m_s;
+            away_s = one.time.since(record.time);
         }
         Some(Position {
             time_s: record.time.since(start),
@@ -87,7 +80,35 @@ pub fn positions(
             velocity_m_s: velocity(&moving, frame, unstated.velocity_m_s, away_s),
         })
     };
-    log.of(kind).filter_map(position).collect()
+    places
+        .into_iter()
+        .zip(beside)
+        .filter_map(position)
+        .collect()
+}
+
+/// For each place the nearest of those velocities that have no nearer place. Places are in the order of time.
+fn given<'a>(
+    places: &[&Record],
+    velocities: impl Iterator<Item = &'a Record>,
+) -> Vec<Option<&'a Record>> {
+    let mut given: Vec<Option<&Record>> = vec![None; places.len()];
+    for one in velocities {
+        let away_s = |n: &usize| one.time.since(places[*n].time).abs();
+        let after = places.partition_point(|place| place.time < one.time);
+        let around = [after.checked_sub(1), Some(after)].into_iter().flatten();
+        let around = around.filter(|&n| n < places.len());
+        let Some(n) = around.min_by(|a, b| away_s(a).total_cmp(&away_s(b))) else {
+            continue;
+        };
+        let before_s = given[n].map_or(TOGETHER_S, |other: &Record| {
+            other.time.since(places[n].time).abs()
+        });
+        if away_s(&n) <= before_s {
+            given[n] = Some(one);
+        }
+    }
+    given
 }
 
 /// A record's velocity along a frame's axes and its standard deviation, measured so many seconds away.

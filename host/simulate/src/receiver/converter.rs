@@ -8,7 +8,7 @@
 use num_complex::Complex64;
 
 use subaperture_model::radar::Converter;
-use subaperture_model::units::power_of_db;
+use subaperture_model::units::amplitude_of_db;
 
 /// A converter made ready.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +25,7 @@ impl Quantiser {
             bits,
             full_scale_db,
         } = converter;
-        let full_scale = power_of_db(full_scale_db / 2.0);
+        let full_scale = amplitude_of_db(full_scale_db);
         if !((1..=32).contains(&bits) && full_scale.is_finite() && full_scale > 0.0) {
             return Err(format!(
                 "a converter of {bits} bits and {full_scale_db} dB of full scale: bits are 1 to 32"

@@ -17,7 +17,7 @@ use super::Moment;
 use super::stream::{Kind, stream};
 use crate::random::{complex_normal, unit};
 use subaperture_model::radar::{Interferer, Radar, Waveform};
-use subaperture_model::units::power_of_db;
+use subaperture_model::units::amplitude_of_db;
 use subaperture_signal::phase::phasor;
 
 /// A foreign transmitter made ready.
@@ -31,7 +31,7 @@ pub(super) struct Interference {
 impl Interference {
     pub(super) fn new(interferer: &Interferer, radar: &Radar) -> Result<Self, String> {
         let i = interferer;
-        let amplitude = power_of_db(i.power_db / 2.0);
+        let amplitude = amplitude_of_db(i.power_db);
         let sound = i.frequency_hz.is_finite() && i.bandwidth_hz.is_finite();
         if !(sound
             && i.bandwidth_hz >= 0.0

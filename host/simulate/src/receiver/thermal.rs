@@ -21,7 +21,7 @@ use super::stream::{Kind, stream};
 use crate::random::complex_normal;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::radar::{LinkBudget, Radar, ThermalNoise};
-use subaperture_model::units::power_of_db;
+use subaperture_model::units::{amplitude_of_db, power_of_db};
 
 /// Boltzmann's constant, joules a kelvin (exact by definition).
 const BOLTZMANN_J_K: f64 = 1.380_649e-23;
@@ -73,7 +73,7 @@ pub(super) fn deviation(noise: &ThermalNoise, radar: &Radar, range_m: f64) -> Re
             -snr_db(budget, waveform.centre_hz(), range_m, bandwidth_hz)
         }
     };
-    let deviation = power_of_db(power_db / 2.0) * std::f64::consts::FRAC_1_SQRT_2;
+    let deviation = amplitude_of_db(power_db) * std::f64::consts::FRAC_1_SQRT_2;
     if deviation.is_finite() {
         Ok(deviation)
     } else {

@@ -226,7 +226,7 @@ pub(crate) fn decide(
         // Sums over some pulses, and over these sums.
         rounding::sum(summed_pulses),
         rounding::sum(num_pulses.div_ceil(summed_pulses)),
-        rounding::path_phase_rad(aim),
+        rounding::path_phase_rad(aim.collection, aim.grid),
     ]);
     asked.check(planned_db, || {
         Reason::new("float32 sums and profiles leave no less")

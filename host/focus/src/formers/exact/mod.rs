@@ -80,7 +80,7 @@ impl ImageFormer for Exact {
             settings: serde_json::json!({}),
             planned_db: rounding::total_db(&[
                 rounding::LARGEST_FLOAT32,
-                rounding::path_phase_rad(aim),
+                rounding::path_phase_rad(aim.collection, aim.grid),
             ]),
             grain: PatchSize::PIXEL,
             cost: cost::cost(aim, PIXEL_BYTES),

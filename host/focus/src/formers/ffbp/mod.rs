@@ -129,7 +129,10 @@ impl ImageFormer for FastFactorised {
     fn decide(&self, aim: &Aim, asked: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
         shared_band(aim.collection)?;
         let refiner = Refiner::of(aim.collection, self.error_db);
-        let phases = [rounding::path_phase_rad(aim), rounding::band_phase_rad(aim)];
+        let phases = [
+            rounding::path_phase_rad(aim.collection, aim.grid),
+            rounding::band_phase_rad(aim),
+        ];
         let arithmetic = libm::hypot(phases[0], phases[1]);
         let num_pulses = aim.collection.pulses.len();
         let planned_db = refiner.shares().planned_db(num_pulses, arithmetic);

@@ -198,14 +198,11 @@ impl Spreader {
         let kernel = KaiserBessel::new(TAPS);
         let count = axes.range.count;
         let length = fast_length(2 * count);
-        let place = |j: usize| (j as f64 - (count / 2) as f64) / length as f64;
         Self {
             wavenumbers: axes.wavenumbers.clone(),
             range: axes.range,
             step: TAU / (length as f64 * axes.range.step_m),
-            roll_off: (0..count)
-                .map(|j| (1.0 / kernel.spectrum(place(j))) as f32)
-                .collect(),
+            roll_off: kernel.emphasis(count, length),
             kernel,
             fft: transforms.inverse(length),
         }

@@ -144,7 +144,11 @@ impl ImageFormer for PolarFormat {
         let size = RasterSize::new(plane.spectrum(collection), extent, taps)?;
         let kernels = raster::error(taps);
         let residual = plane.residual(collection, aim.weights, aim.grid);
-        let planned_db = rounding::total_db(&[residual, kernels, rounding::path_phase_rad(aim)]);
+        let planned_db = rounding::total_db(&[
+            residual,
+            kernels,
+            rounding::path_phase_rad(aim.collection, aim.grid),
+        ]);
         asked.check(planned_db, || {
             if residual > kernels {
                 Reason::new("paths over so large a grid are not linear in the place")

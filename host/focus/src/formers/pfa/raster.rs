@@ -90,12 +90,7 @@ impl RasterAxis {
 
     /// Roll-off of the reading kernel, divided out.
     fn emphasis(&self, kernel: &KaiserBessel) -> Vec<f32> {
-        (0..self.count)
-            .map(|i| {
-                let x = (i as f64 - (self.count / 2) as f64) / self.length as f64;
-                (1.0 / kernel.spectrum(x)) as f32
-            })
-            .collect()
+        kernel.emphasis(self.count, self.length)
     }
 }
 

@@ -264,7 +264,6 @@ impl RangeDopplerStage {
         let kernel = KaiserBessel::new(TAPS);
         let count = axes.wavenumbers.len();
         let length = fast_length((2 * count).max(TAPS));
-        let place = |k: usize| (k as f64 - (count / 2) as f64) / length as f64;
         let step = match axes.wavenumbers[..] {
             [first, .., last] => (last - first) / (count as f64 - 1.0),
             _ => 0.0,
@@ -274,9 +273,7 @@ impl RangeDopplerStage {
             reference_range_m: axes.reference_range_m(),
             range: axes.range,
             step,
-            roll_off: (0..count)
-                .map(|k| (1.0 / kernel.spectrum(place(k))) as f32)
-                .collect(),
+            roll_off: kernel.emphasis(count, length),
             kernel,
             fft: transforms.inverse(length),
         }

@@ -11,13 +11,13 @@
 //! its own: compensation takes 60 M K. The thesis's maps are of the whole scene, and made for any tile; the precise
 //! mode's are of a patch, and tiles share none where their edges are those of patches.
 
+use super::doppler::PULSE_BYTES;
 use super::layout::Layout;
 use super::mapper::{MAPS, PIXELS, Shapes};
 use super::times::{by_product, map_ns, pixel_ns, table_bytes};
 use crate::Aim;
 use crate::cost::{Cost, Each, StageCost, transform};
 use crate::patch::Patches;
-use subaperture_kernels::doppler::BLOCK;
 use subaperture_kernels::map::row_length;
 
 /// Pixels by pulses' operations of the thesis's mode.
@@ -89,7 +89,7 @@ pub(super) fn precise(
     let map = shapes().map(|shape| {
         let (m, bins) = (shape.inputs as f64, shape.outputs as f64);
         // A row more is in transform.
-        8.0 * ((bins + 1.0) * row_length((2.0 * k) as usize) as f64 + m * BLOCK as f64)
+        8.0 * (bins + 1.0) * row_length((2.0 * k) as usize) as f64 + m * PULSE_BYTES as f64
     });
     Cost::of([
         StageCost::new(MAPS, maps, maps_ns),

@@ -37,6 +37,9 @@ pub(super) struct Compensation<'a> {
     pub(super) instructions: Instructions,
 }
 
+/// Bytes of one thread's buffers for each pulse of the longest sub-CPI: a block of its samples, and its ramp.
+pub(super) const PULSE_BYTES: usize = 8 * BLOCK + size_of::<GroupRamp>();
+
 /// One thread's buffers.
 pub(super) struct DopplerScratch {
     /// Compensated samples of a block, `[pulse][real, imaginary][BLOCK]`.
@@ -188,8 +191,7 @@ impl DopplerScratch {
     /// Bytes of it.
     pub(super) fn bytes<'a>(all: impl Iterator<Item = &'a Doppler>, pulses: usize) -> u64 {
         let [sums, row, chirp] = Self::lengths(all, pulses);
-        let pulse = 8 * BLOCK + size_of::<GroupRamp>();
-        (pulse * pulses + 4 * sums + 8 * (row + chirp)) as u64
+        (PULSE_BYTES * pulses + 4 * sums + 8 * (row + chirp)) as u64
     }
 
     fn lengths<'a>(all: impl Iterator<Item = &'a Doppler>, pulses: usize) -> [usize; 3] {

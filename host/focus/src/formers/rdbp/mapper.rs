@@ -15,7 +15,7 @@ use crate::sub_cpi::SubCpi;
 use subaperture_kernels::doppler::MapRows;
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::map::{Map, row_length};
-use subaperture_kernels::paths::{Line, Points};
+use subaperture_kernels::paths::{Line, Points, Row};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::Band;
@@ -237,9 +237,16 @@ impl<'a, const W: usize> Mapper<'a, W> {
                     points.clear();
                     (0..pixels.len()).for_each(|i| points.push(point(i).to_array()));
                 } else {
-                    let step_m = (grid.x_axis * grid.columns.step).to_array();
-                    let first_m = point(0).to_array();
-                    points.set_line(self.instructions, first_m, step_m, pixels.len());
+                    let across_m = grid.y_axis * grid.rows.at(segment.row);
+                    let row = Row {
+                        origin_m: grid.origin_m.to_array(),
+                        x_axis: grid.x_axis.to_array(),
+                        across_m: across_m.to_array(),
+                        start_m: grid.columns.start,
+                        step_m: grid.columns.step,
+                        first,
+                    };
+                    points.set_row(self.instructions, &row, pixels.len());
                 }
                 lines.resize(pixels.len(), Line::default());
                 sub_cpi.lines(self.instructions, &datum, points, lines);

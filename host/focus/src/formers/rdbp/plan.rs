@@ -11,13 +11,13 @@
 //! corners; then every sub-CPI is measured on every patch, and one that errs by more is halved until it does not. The worst pixel,
 //! patch and sub-CPI decide, and the bound is met with [`MARGIN_DB`] to spare.
 
+use super::doppler::PULSE_BYTES;
 use super::times;
 use crate::patch::{self, PatchSize};
 use crate::path_model::{Measure, Probe, lengths, patch_sizes};
 use crate::read_ahead::BLOCKS_HELD;
 use crate::sub_cpi::{self, SubCpi, bins_per_cycle, shared_band};
 use crate::{FormError, MARGIN_DB, TimeModel, rounding};
-use subaperture_kernels::doppler::BLOCK;
 use subaperture_kernels::map::row_length;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Band, Collection};
@@ -305,8 +305,8 @@ fn bytes(probe: &Probe, model: &TimeModel, length: usize, taps: usize, doppler_s
         output_centre: (bins / 2) as f64,
         spacing: 1.0,
     };
-    let samples = length * (BLOCKS_HELD * count + 2 * BLOCK);
-    times::table_bytes(model, count, &shape) + 8 * (map + samples as u64)
+    let pulses = length * (8 * BLOCKS_HELD * count + PULSE_BYTES);
+    times::table_bytes(model, count, &shape) + 8 * map + pulses as u64
 }
 
 /// Rough time of the image in nanoseconds of one core.

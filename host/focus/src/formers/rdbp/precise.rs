@@ -25,9 +25,9 @@
 //!
 //! Neglected: the path's curvature across the patch (planned, [`super::plan`]) and the kernel's images.
 //!
-//! Cost for each patch and sub-CPI: `M K` complex multiplies to compensate, `M D K / 2` products with sums and as
-//! many for their sines (`rdbp::doppler`), `D` transforms of `2 K`, and `W^2 + 40` operations or so a pixel. Memory: tables of
-//! `2 M K`, a map of `D * 2 K` complex float32 a thread, a block of pulses, the image.
+//! Cost for each patch and sub-CPI: `M K` complex multiplies to compensate, `M D K` real products with sums and as
+//! many for their sines ([`subaperture_kernels::doppler`]), `D` transforms of `2 K`, and `W^2 + 40` operations or so a pixel. Memory:
+//! tables of `2 M K` float32, a map of `D * 2 K` complex float32 a thread, a block of pulses, the image.
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;

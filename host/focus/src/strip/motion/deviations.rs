@@ -9,6 +9,7 @@ use super::Motion;
 use crate::probes::spread;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::Collection;
+use subaperture_signal::dense::Factor;
 
 use rayon::prelude::*;
 
@@ -29,27 +30,29 @@ const RIDGE: f64 = 1e-13;
 pub(super) struct Interval {
     pub(super) middle_m: f64,
     pub(super) half_m: f64,
+    /// Middle of `1 / rho`, and half of its width, cycles a metre: kept, for they are asked for at every place of every pulse.
+    inverse: [f64; 2],
 }
 
 impl Interval {
-    /// Middle of `1 / rho`, and half of its width, cycles a metre.
-    fn inverse(&self) -> [f64; 2] {
-        let (near, far) = (
-            1.0 / (self.middle_m - self.half_m),
-            1.0 / (self.middle_m + self.half_m),
-        );
-        [(near + far) / 2.0, (near - far) / 2.0]
+    pub(super) fn new(middle_m: f64, half_m: f64) -> Self {
+        let (near, far) = (1.0 / (middle_m - half_m), 1.0 / (middle_m + half_m));
+        Self {
+            middle_m,
+            half_m,
+            inverse: [(near + far) / 2.0, (near - far) / 2.0],
+        }
     }
 
     /// `1 / rho`, from -1 at the far end to 1 at the near one.
     fn place(&self, range_m: f64) -> f64 {
-        let [middle, half] = self.inverse();
+        let [middle, half] = self.inverse;
         (1.0 / range_m - middle) / half
     }
 
     /// The degree whose neglected terms are small, 1 or more.
     pub(super) fn degree(&self) -> usize {
-        let [middle, half] = self.inverse();
+        let [middle, half] = self.inverse;
         let terms = libm::log(LEFT_OUT) / libm::log(half / middle);
         (terms.ceil().max(2.0) as usize).min(COEFFICIENTS) - 1
     }
@@ -75,20 +78,21 @@ impl Deviation {
     }
 }
 
-/// Of all pulses, each on its interval, of one degree.
+/// Of all pulses, each on its interval, of one degree; none if a pulse has no such polynomial: its numbers are beyond float64.
 pub(super) fn fitted(
     collection: &Collection,
     grid: &ImageGrid,
     motion: &Motion,
     intervals: &[Interval],
     degree: usize,
-) -> Vec<Deviation> {
+) -> Option<Vec<Deviation>> {
     let points = spread(grid, SIDE);
     let pulses = collection.pulses.par_iter().zip(intervals).enumerate();
     let each = pulses.map(|(n, (pulse, &interval))| {
         let count = degree + 1;
-        let mut normal = [[0.0; COEFFICIENTS]; COEFFICIENTS];
-        let mut right = [0.0; COEFFICIENTS];
+        let mut normal = vec![0.0; count * count];
+        let mut coefficients = [0.0; COEFFICIENTS];
+        let right = &mut coefficients[..count];
         for &point in &points {
             let range_m = motion.range_m(n, point);
             let excess_m = pulse.path_m(point) / 2.0 - range_m;
@@ -96,16 +100,17 @@ pub(super) fn fitted(
             for i in 0..count {
                 right[i] += basis[i] * excess_m;
                 for j in 0..=i {
-                    normal[i][j] += basis[i] * basis[j];
+                    normal[i * count + j] += basis[i] * basis[j];
                 }
             }
         }
         let ridge = RIDGE * points.len() as f64;
-        (0..count).for_each(|i| normal[i][i] += ridge);
-        Deviation {
+        (0..count).for_each(|i| normal[i * (count + 1)] += ridge);
+        Factor::new(count, &normal, 0.0)?.solve(right);
+        Some(Deviation {
             interval,
-            coefficients: solved(normal, right, count),
-        }
+            coefficients,
+        })
     });
     each.collect()
 }
@@ -117,30 +122,4 @@ fn chebyshev(t: f64) -> [f64; COEFFICIENTS] {
         values[i] = 2.0 * t * values[i - 1] - values[i - 2];
     }
     values
-}
-
-/// The solution of `count` normal equations, of which the lower half is given, by Cholesky's factors.
-fn solved(
-    mut normal: [[f64; COEFFICIENTS]; COEFFICIENTS],
-    mut right: [f64; COEFFICIENTS],
-    count: usize,
-) -> [f64; COEFFICIENTS] {
-    for i in 0..count {
-        for j in 0..=i {
-            let known: f64 = (0..j).map(|k| normal[i][k] * normal[j][k]).sum();
-            let left = normal[i][j] - known;
-            normal[i][j] = if i == j {
-                left.sqrt()
-            } else {
-                left / normal[j][j]
-            };
-        }
-        let known: f64 = (0..i).map(|k| normal[i][k] * right[k]).sum();
-        right[i] = (right[i] - known) / normal[i][i];
-    }
-    for i in (0..count).rev() {
-        let known: f64 = (i + 1..count).map(|k| normal[k][i] * right[k]).sum();
-        right[i] = (right[i] - known) / normal[i][i];
-    }
-    right
 }

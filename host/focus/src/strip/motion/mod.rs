@@ -72,12 +72,23 @@ use rayon::prelude::*;
 use super::bounds::Bounds;
 use crate::FormError;
 use crate::straight_track::StraightTrack;
-use profiles::Profiles;
+pub(super) use profiles::Profiles;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::phase_history::{Collection, Pulse};
 
 /// How a track is compensated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Clone,
+    Copy,
+    Debug,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    serde::Serialize,
+    serde::Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Compensation {
     /// Pulses as even as the line's, moved for one point.
@@ -92,15 +103,6 @@ pub(super) enum Compensation {
 impl Compensation {
     /// From the cheapest on.
     pub(super) const ALL: [Self; 3] = [Self::Point, Self::Places, Self::Ranges];
-
-    /// Its name in records.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Point => "point",
-            Self::Places => "places",
-            Self::Ranges => "ranges",
-        }
-    }
 }
 
 /// A recorded track on the line fitted to it.
@@ -221,7 +223,7 @@ impl Motion {
     /// Complex values that a thread needs to read profiles of so many samples.
     pub(super) fn scratch_length(&self, samples: usize) -> usize {
         match self.profiles {
-            Some(_) => 3 * warp::profile_length(samples),
+            Some(_) => warp::room_length(samples),
             None => 0,
         }
     }

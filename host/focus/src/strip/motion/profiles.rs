@@ -98,22 +98,22 @@ impl Profiles {
         }
         let intervals: Vec<Interval> = ranges
             .iter()
-            .map(|range| Interval {
-                middle_m: middle_m(range),
-                half_m,
-            })
+            .map(|range| Interval::new(middle_m(range), half_m))
             .collect();
         let of_falls = 2.0 * BETA / fall_m;
-        let of_degree = |degree| {
-            let deviations = fitted(collection, grid, motion, &intervals, degree);
+        let of_degree = |degree| -> Result<(Vec<Deviation>, f64), FormError> {
+            let deviations =
+                fitted(collection, grid, motion, &intervals, degree).ok_or_else(|| {
+                    unsuited("the track strays from its line by more than numbers hold")
+                })?;
             let steepest = deviations.par_iter().map(steepest).reduce(|| 0.0, f64::max);
-            (deviations, SLOPE_MARGIN * last * steepest)
+            Ok((deviations, SLOPE_MARGIN * last * steepest))
         };
         let mut degree = intervals.iter().map(Interval::degree).max().unwrap_or(1);
-        let (mut deviations, mut of_deviations) = of_degree(degree);
+        let (mut deviations, mut of_deviations) = of_degree(degree)?;
         while degree > 1 && of_deviations > STEEP * (band + 2.0 * of_falls) {
             degree -= 1;
-            (deviations, of_deviations) = of_degree(degree);
+            (deviations, of_deviations) = of_degree(degree)?;
         }
         let guard = of_deviations + of_falls;
         let wavenumber_step = TAU / (2.0 * half_m);
@@ -151,6 +151,7 @@ impl Profiles {
     }
 
     /// `d_n` at a range from the line, metres.
+    #[inline]
     pub(super) fn deviation_m(&self, n: usize, range_m: f64) -> f64 {
         self.deviations[n].at(range_m)
     }
@@ -175,7 +176,9 @@ fn ranges_m(bounds: &Bounds, along_m: f64) -> [f64; 2] {
 
 /// The largest slope of a deviation on its interval, metres a metre.
 fn steepest(deviation: &Deviation) -> f64 {
-    let Interval { middle_m, half_m } = deviation.interval;
+    let Interval {
+        middle_m, half_m, ..
+    } = deviation.interval;
     let step_m = 2.0 * half_m / SLOPES as f64;
     let at = |i: usize| deviation.at(middle_m - half_m + i as f64 * step_m);
     let slopes = (0..SLOPES).map(|i| (at(i + 1) - at(i)).abs() / step_m);

@@ -11,7 +11,7 @@
 
 use num_complex::Complex32;
 
-use crate::strip::TAPS;
+use crate::strip::axes::{TAPS, cells};
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 
 /// Relative RMS error: the kernel (-107 dB) and its table (-114 dB).
@@ -19,11 +19,6 @@ pub(super) const ERROR: f64 = 5e-6;
 
 /// Bytes kept of a pulse.
 pub(in crate::strip) const PULSE_BYTES: usize = size_of::<Spread>();
-
-/// Length of the transform that keeps so many wavenumbers.
-pub(in crate::strip) fn length(num_bins: usize) -> usize {
-    subaperture_signal::fast_length::fast_length((2 * num_bins).max(2 * TAPS))
-}
 
 /// Where a pulse is spread to, and with which weights.
 struct Spread {
@@ -46,7 +41,7 @@ impl Uneven {
         num_bins: usize,
     ) -> Self {
         let kernel = KaiserBessel::new(TAPS);
-        let length = length(num_bins);
+        let length = cells(num_bins);
         let cells = length as f64 / period_m;
         let spread = |place_m: f64| {
             let place = place_m * cells;
@@ -57,12 +52,9 @@ impl Uneven {
                 weights: kernel.weights::<TAPS>((place - whole) as f32),
             }
         };
-        let place = |q: usize| (q as f64 - (num_bins / 2) as f64) / length as f64;
         Self {
             pulses: places_m.map(spread).collect(),
-            roll_off: (0..num_bins)
-                .map(|q| (1.0 / kernel.spectrum(place(q))) as f32)
-                .collect(),
+            roll_off: kernel.emphasis(num_bins, length),
         }
     }
 
@@ -118,7 +110,7 @@ mod tests {
         let uneven = Uneven::new(places_m.iter().copied(), period_m, num_bins as usize);
         let lowered = values.iter().zip(&places_m);
         let lowered = lowered.map(|(value, place_m)| narrow(value * cis(-middle * place_m)));
-        let mut line = vec![Complex32::ZERO; length(num_bins as usize)];
+        let mut line = vec![Complex32::ZERO; cells(num_bins as usize)];
         uneven.spread(lowered, &mut line);
         forward(line.len()).process(&mut line);
         let mut bins = vec![Complex32::ZERO; num_bins as usize];

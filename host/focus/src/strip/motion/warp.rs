@@ -31,6 +31,11 @@ pub(in crate::strip) fn profile_length(samples: usize) -> usize {
     fast_length((2 * samples).max(TAPS))
 }
 
+/// Complex values of the [`Room`] for pulses of so many samples.
+pub(super) fn room_length(samples: usize) -> usize {
+    3 * profile_length(samples) + TAPS
+}
+
 /// Reads profiles.
 pub(in crate::strip) struct Warp<'a> {
     profiles: &'a Profiles,
@@ -45,6 +50,7 @@ pub(in crate::strip) struct Warp<'a> {
 
 /// Room for one pulse.
 pub(in crate::strip) struct Room {
+    /// A period, and its first values again, so that taps lie side by side.
     profile: Vec<Complex32>,
     scratch: Vec<Complex32>,
 }
@@ -59,16 +65,13 @@ impl<'a> Warp<'a> {
         let kernel = KaiserBessel::new(TAPS);
         let count = wavenumbers.len();
         let length = profile_length(count);
-        let place = |k: usize| (k as f64 - (count / 2) as f64) / length as f64;
         let step = match wavenumbers {
             [first, .., last] => (last - first) / (count as f64 - 1.0),
             _ => 0.0,
         };
         Self {
             profiles,
-            roll_off: (0..count)
-                .map(|k| (1.0 / kernel.spectrum(place(k))) as f32)
-                .collect(),
+            roll_off: kernel.emphasis(count, length),
             kernel,
             cells: step / TAU * length as f64,
             profile: transforms.inverse(length),
@@ -80,7 +83,7 @@ impl<'a> Warp<'a> {
     pub(in crate::strip) fn room(&self) -> Room {
         let lengths = [&self.profile, &self.spectrum].map(|fft| fft.get_inplace_scratch_len());
         Room {
-            profile: vec![Complex32::ZERO; self.profile.len()],
+            profile: vec![Complex32::ZERO; self.profile.len() + TAPS - 1],
             scratch: vec![Complex32::ZERO; lengths[0].max(lengths[1])],
         }
     }
@@ -100,20 +103,23 @@ impl<'a> Warp<'a> {
         let middle_m = profiles.middle_m(n);
         let middle_deviation_m = profiles.deviation_m(n, middle_m);
         let Room { profile, scratch } = room;
-        let (length, half) = (profile.len(), samples.len() / 2);
+        let (length, half) = (self.profile.len(), samples.len() / 2);
         // The profile's place 0 is where the middle is read.
         let delay_s =
             (pulse.reference_path_m - 2.0 * (middle_m + middle_deviation_m)) / SPEED_OF_LIGHT_M_S;
         profile.fill(Complex32::ZERO);
         for (k, ((z, w), roll_off)) in samples.iter().zip(weights).zip(&self.roll_off).enumerate() {
             let turn = phasor(-pulse.frequency_hz(k) * delay_s) * (w * weight);
-            profile[(k + length - half) % length] = *z * narrow(turn) * *roll_off;
+            let place = if k < half { k + length } else { k } - half;
+            profile[place] = *z * narrow(turn) * *roll_off;
         }
         self.profile.process_with_scratch(
-            profile,
+            &mut profile[..length],
             &mut scratch[..self.profile.get_inplace_scratch_len()],
         );
+        profile.copy_within(..TAPS - 1, length);
 
+        let period = Period::new(length);
         let size = out.len();
         for (i, (value, window)) in out.iter_mut().zip(&profiles.window).enumerate() {
             let from_middle_m = (i as f64 - (size / 2) as f64) * profiles.step_m;
@@ -122,9 +128,9 @@ impl<'a> Warp<'a> {
             let place = (from_middle_m + deviation_m) * self.cells;
             let whole = place.floor();
             let taps = self.kernel.weights::<TAPS>((place - whole) as f32);
-            let first = (whole as i64 + 1 - TAPS as i64 / 2).rem_euclid(length as i64) as usize;
-            let read = taps.into_iter().enumerate();
-            let sum: Complex32 = read.map(|(t, w)| profile[(first + t) % length] * w).sum();
+            let first = period.within(whole - (TAPS / 2 - 1) as f64);
+            let read = profile[first..first + TAPS].iter().zip(taps);
+            let sum: Complex32 = read.map(|(z, w)| z * w).sum();
             // The carrier that goes with the place is the wavenumbers' own but for the deviation.
             *value = sum * phasor32(profiles.centre / TAU * deviation_m) * *window;
         }
@@ -142,6 +148,36 @@ impl<'a> Warp<'a> {
     }
 }
 
+/// Whole places of an axis that repeats.
+#[derive(Clone, Copy)]
+struct Period {
+    length: f64,
+    inverse: f64,
+}
+
+impl Period {
+    fn new(length: usize) -> Self {
+        let length = length as f64;
+        Self {
+            length,
+            inverse: 1.0 / length,
+        }
+    }
+
+    /// A whole number's place in the period, without a division.
+    #[inline]
+    fn within(&self, whole: f64) -> usize {
+        let left = whole - (whole * self.inverse).floor() * self.length;
+        // The quotient of a whole number of periods may round to less than it is.
+        let left = if left < self.length {
+            left
+        } else {
+            left - self.length
+        };
+        left as usize
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use num_complex::Complex64;
@@ -151,6 +187,17 @@ mod tests {
     use super::super::{Bounds, Compensation, Motion};
     use super::*;
     use crate::straight_track::StraightTrack;
+
+    #[test]
+    fn places_repeat() {
+        for length in [6, 7, 48, 49, 1000, 15_625] {
+            let period = Period::new(length);
+            for whole in (-40_000i64..40_000).chain([-123_456_789_012, 987_654_321_098]) {
+                let expected = whole.rem_euclid(length as i64);
+                assert_eq!(period.within(whole as f64), expected as usize);
+            }
+        }
+    }
 
     #[test]
     fn what_it_gives_is_the_profile_at_moved_ranges() {

@@ -108,6 +108,27 @@ fn velocities_beside_positions_are_theirs() {
     );
 }
 
+/// Positions every 20 ms and velocities among them: each is one measurement, of the position nearest to it, and of two for one position the nearer is taken.
+#[test]
+fn a_velocity_counts_once() {
+    let mut text = String::new();
+    for n in 0..10 {
+        text += &position(0.02 * f64::from(n));
+    }
+    for seconds in [0.019, 0.109, 0.142, 0.175, 0.181] {
+        text += &moving(seconds, 0.0);
+    }
+    // Records of both kinds are in the order of time by themselves.
+    let log = log(&text);
+    let found = positions(&log, Kind::Bestpos, &frame(), START, &Unstated::default());
+    let with: Vec<usize> = (0..10)
+        .filter(|&n| found[n].velocity_m_s.is_some())
+        .collect();
+    assert_eq!(with, [1, 5, 7, 9]);
+    let sigma = found[9].velocity_m_s.unwrap()[1];
+    assert!((sigma.x - f64::hypot(0.1, 0.001)).abs() < 1e-9, "{sigma}");
+}
+
 #[test]
 fn speeds_over_ground_say_nothing_upwards() {
     let text = nmea("GPGGA,000000.00,5100.0,N,11400.0,W,4,10,1.0,1017.0,M,-17.0,M,,")
