@@ -33,7 +33,7 @@ const SEARCHED: [&str; 5] = [
 /// Who means one in particular, and why.
 const EXCEPTIONS: [(&str, &str); 8] = [
     (
-        "host/focus/src/live.rs",
+        "host/focus/src/live/mod.rs",
         "a live image is backprojected pulse by pulse",
     ),
     ("host/focus/src/strip", "a stage of that name"),
@@ -151,10 +151,14 @@ fn a_former_knows_no_other() {
 }
 
 /// Where the library has words like options, and what they are.
-const LIKE_OPTIONS: [(&str, &str); 5] = [
+const LIKE_OPTIONS: [(&str, &str); 6] = [
     ("host/gallery/src/page.rs", "a style sheet's variables"),
     (
         "host/io/src/recording/mod.rs",
+        "where a setting comes from, as its faults name it",
+    ),
+    (
+        "host/radio/src/experiment/mod.rs",
         "where a setting comes from, as its faults name it",
     ),
     (
@@ -258,7 +262,7 @@ const OF_THE_PLATFORM: [&str; 25] = [
 
 /// Where they may stand, for no pixel depends on them.
 const BESIDE_BITS: [(&str, &str); 4] = [
-    ("host/focus/src/live.rs", "what is told of an error"),
+    ("host/focus/src/live/mod.rs", "what is told of an error"),
     ("host/io/src/product/record.rs", "what a record tells"),
     ("host/model/src/image/comparison.rs", "measures of images"),
     ("host/resolution/src/theory.rs", "measures of responses"),

@@ -172,7 +172,8 @@ fn one_track_of_echoes_and_a_receiver_is_better_than_each() {
     run(at, "simulate walk.toml -o walk.cphd").succeeded();
     run(at, "navigation receiver.csv -o alone.csv").succeeded();
     // The middle of the antennas is 12.675 cm ahead of the origin.
-    let arm = "--navigation receiver.csv --lever-arm -0.12675,0,0";
+    // A tenth of a millisecond is a tenth of a millimetre, and is recorded.
+    let arm = "--navigation receiver.csv --lever-arm -0.12675,0,0 --navigation-start=-0.0001";
     let both = at_reflector(at, &format!("fused {arm}"), "both");
     let echoes = at_reflector(at, "mpga", "echoes");
     let receiver = at_reflector(at, "alone.csv", "receiver");
@@ -182,6 +183,7 @@ fn one_track_of_echoes_and_a_receiver_is_better_than_each() {
     assert!(receiver[1] < -6.0, "{receiver:?}");
     let record = fs::read_to_string(at.join("both/image.json")).unwrap();
     assert!(record.contains("receiver.csv") && record.contains("\"fused\""));
+    assert!(record.contains("\"navigation_start\": \"-0.0001\""));
     // Noise is as stated, that of some 160 numbers; increments are said to be less sure than they are, and make less than their share of chi-square.
     let told = run(at, &format!("track walk.cphd {arm} -o track.csv --json"));
     let told: Value = serde_json::from_str(told.succeeded()).unwrap();
@@ -195,6 +197,39 @@ fn one_track_of_echoes_and_a_receiver_is_better_than_each() {
     );
     assert_eq!(told["sources"][0]["used"], 81);
     assert!(at_reflector(at, "track.csv", "written")[0] < 0.1);
+}
+
+/// One reflector tells nobody's way, and a receiver that is good to 2 mm does.
+#[test]
+fn without_a_track_of_echoes_that_of_navigation_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let (before, _) = WALK.split_once("[[scene.point]]").unwrap();
+    let (_, after) = WALK.split_once("[radar]\n").unwrap();
+    let point = "[[scene.point]]\nposition = \"1.9, 7.1, 0 m\"\n";
+    fs::write(
+        at.join("walk.toml"),
+        format!("{before}{point}\n[radar]\n{after}"),
+    )
+    .unwrap();
+    fs::write(at.join("receiver.csv"), log(0.05, place_m)).unwrap();
+    run(at, "simulate walk.toml -o walk.cphd").succeeded();
+    let focus = |more: &str| {
+        let grid = "--grid x=1.1:2.7:0.02,y=6.3:7.9:0.02 --channels all";
+        run(
+            at,
+            &format!("focus walk.cphd {grid} --track fused --out image {more}"),
+        )
+    };
+    focus("").failed(1, &["reflector"]);
+    let ran = focus("--navigation receiver.csv --lever-arm -0.12675,0,0");
+    ran.succeeded();
+    assert!(
+        ran.stderr.contains("the echoes tell no track"),
+        "{}",
+        ran.stderr
+    );
+    assert!(peak_db(at, "image") > -0.7, "{}", peak_db(at, "image"));
 }
 
 #[test]
@@ -220,10 +255,13 @@ fn one_track_says_what_does_not_fit() {
     track("--navigation far.csv")
         .failed(1, &["contradict each other", "may not be the recording's"]);
     fs::write(at.join("bad.csv"), log(4.0, place_m)).unwrap();
-    let ran = track("--navigation bad.csv");
-    ran.succeeded();
+    let ran = track("--navigation bad.csv --json");
+    let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    // Of 81 places the median tells the square to 1 / (ln 2 sqrt(81)) = 16 %, so the root to 8 %; three of that.
+    let widened = told["one_track"]["widened"].as_f64().unwrap();
+    assert!((widened / 4.0 - 1.0).abs() < 0.24, "{widened}");
     assert!(
-        ran.stderr.contains("is off the echoes by 4."),
+        ran.stderr.contains("is off the echoes by"),
         "{}",
         ran.stderr
     );
@@ -233,6 +271,33 @@ fn one_track_says_what_does_not_fit() {
         &["late.csv", "of the recording's clock", "--navigation-start"],
     );
     track("--navigation far.csv --navigation far.csv").failed(1, &["one log each"]);
+    // One place 10 m off is left out, and does not make the others worse.
+    let good = log(1.0, place_m);
+    let wild = |n: usize, line: &str| {
+        let mut fields: Vec<&str> = line.split(',').collect();
+        if n == 40 {
+            fields[1] = "8";
+        }
+        fields.join(",")
+    };
+    let wild: Vec<String> = good
+        .lines()
+        .enumerate()
+        .map(|(n, line)| wild(n, line))
+        .collect();
+    fs::write(at.join("wild.csv"), wild.join("\n")).unwrap();
+    let told = track("--lever-arm -0.12675,0,0 --navigation wild.csv --json");
+    let told: Value = serde_json::from_str(told.succeeded()).unwrap();
+    let told = &told["one_track"];
+    assert!(
+        told["widened"].is_null() && told["left_out"]["positions"] == 1,
+        "{told}"
+    );
+    let off_m = told["positions_off_m"].as_f64().unwrap();
+    assert!((off_m / (0.04 * 2f64.sqrt()) - 1.0).abs() < 0.3, "{told}");
+    // What cannot be computed with is told for what it is.
+    track("--navigation far.csv --lever-arm 2e9,0,0")
+        .failed(1, &["no track can be computed", "arm_m is 2000000000"]);
     track("--lever-arm 0,0,0").failed(2, &["--navigation"]);
     run(
         at,

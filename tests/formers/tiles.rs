@@ -1,6 +1,7 @@
 //! A pixel's bits follow from the plan and the samples alone: not from threads, memory, tiles or their order, for every
 //! former.
 
+use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::focus::formers::FORMERS;
 use subaperture::focus::patch::PatchSize;
@@ -8,7 +9,7 @@ use subaperture::focus::plan::{InMemory, PlanError, Request};
 use subaperture::focus::{DEFAULT_ERROR_DB, Misses, Plan, SCRATCH_BYTES, Task, Work};
 use subaperture::geometry::ImageGrid;
 use subaperture::monitor::Silent;
-use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::phase_history::{self, PhaseHistory, Weights};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Noise, Preset, Simulated, Variation};
 
@@ -26,11 +27,21 @@ fn history() -> Simulated {
 }
 
 fn plan(name: &str, settings: &serde_json::Value, history: &Simulated, scratch_bytes: u64) -> Plan {
-    let former = subaperture::focus::formers::former(name, settings).unwrap();
     let grid: ImageGrid = GRID.parse().unwrap();
+    plan_on(&grid, name, settings, history, scratch_bytes)
+}
+
+fn plan_on(
+    grid: &ImageGrid,
+    name: &str,
+    settings: &serde_json::Value,
+    history: &dyn PhaseHistory,
+    scratch_bytes: u64,
+) -> Plan {
+    let former = subaperture::focus::formers::former(name, settings).unwrap();
     let request = Request {
         collection: history.collection(),
-        grid: &grid,
+        grid,
         fast: Window::Hamming,
         slow: Window::default(),
         scratch_bytes,
@@ -57,7 +68,7 @@ const WHOLE: Way = Way {
     backwards: false,
 };
 
-fn carried_out(plan: &Plan, history: &Simulated, way: &Way) -> Vec<Complex32> {
+fn carried_out(plan: &Plan, history: &dyn PhaseHistory, way: &Way) -> Vec<Complex32> {
     let mut plan = Plan::from_text(&plan.to_text()).unwrap();
     if let Some([rows, columns]) = way.tile {
         plan.tile = PatchSize { rows, columns };
@@ -145,6 +156,36 @@ fn bits_are_those_of_the_plan_alone() {
                 assert!(image == whole, "{} {settings}, way {index}", entry.name);
             }
         }
+    }
+}
+
+/// The same scene in coordinates fixed to the Earth, where float64 holds a nanometre: an image in two parts has the bits of the
+/// whole, so a pixel's place may not depend on where its tile begins.
+#[test]
+fn bits_far_from_the_origin_are_those_of_the_plan_alone() {
+    let near = history();
+    let away = DVec3::new(4.1e6, -1.3e6, 4.7e6);
+    let mut collection = near.collection().clone();
+    let mut samples = vec![Complex32::ZERO; collection.pulses.len() * collection.num_samples];
+    near.read(0..collection.pulses.len(), &mut samples).unwrap();
+    for pulse in &mut collection.pulses {
+        pulse.transmitter_m += away;
+        pulse.receiver_m += away;
+        pulse.reference_m += away;
+    }
+    let history = phase_history::InMemory::new(collection, samples).unwrap();
+    let mut grid: ImageGrid = GRID.parse().unwrap();
+    grid.origin_m += away;
+    let halves = Way {
+        tile: Some([53, 29]),
+        ..WHOLE
+    };
+    for name in ["bp", "rdbp", "ffbp", "pfa"] {
+        let plan = plan_on(&grid, name, &serde_json::json!({}), &history, SCRATCH_BYTES);
+        let whole = carried_out(&plan, &history, &WHOLE);
+        assert!(whole.iter().any(|z| z.norm_sqr() > 0.5), "{name}");
+        let image = carried_out(&plan, &history, &halves);
+        assert!(image == whole, "{name}");
     }
 }
 

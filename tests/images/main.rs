@@ -5,6 +5,7 @@ mod decoded;
 mod examples;
 mod features;
 mod made;
+mod maps;
 mod pairs;
 mod plot_lines;
 mod product;

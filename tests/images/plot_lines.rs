@@ -194,6 +194,27 @@ fn a_legend_is_where_it_hides_least() {
     }
 }
 
+/// More names than there is room for begin at the top of the plot, and hide nothing above it.
+#[test]
+fn a_long_legend_begins_in_the_plot() {
+    let named = |name: &str| Curve {
+        name: name.to_owned(),
+        ..curve(vec![(0.0, 0.0), (1.0, 1.0)], Stroke::Dots)
+    };
+    let title = |curves| {
+        let chart = Chart {
+            title: "many".to_owned(),
+            curves,
+            ..Chart::default()
+        };
+        let picture = Picture::decode(&lines(&chart).unwrap());
+        let [_, top, ..] = picture.plot();
+        picture.rgb[..3 * picture.width * (top - 2)].to_vec()
+    };
+    let many = (0..25).map(|n| named(&n.to_string())).collect();
+    assert!(title(many) == title(vec![named("")]));
+}
+
 #[test]
 fn what_cannot_be_drawn_is_refused() {
     let chart = |points, up| Chart {

@@ -12,9 +12,11 @@ pub mod matlab;
 pub mod module;
 pub mod module_report;
 pub mod odometer_scene;
+pub mod random;
 pub mod statistics;
 pub mod stream_scene;
 pub mod subap;
+pub mod sweep_scene;
 pub mod tiny_disk;
 
 use subaperture::image::Image;

@@ -18,6 +18,7 @@ use subaperture_firmware::products::{ChipKernel, ProductBuffers};
 use subaperture_firmware::station::{LinkBuffers, Station};
 
 use crate::faults::{Device, Faults, FaultyLine};
+use crate::sweep_scene::SceneProfiler;
 
 /// Sizes of the module's buffers: pulses, frequencies, range bins, Doppler rows, patches.
 type Float = FloatBuffers<8, 40, 128, 24, 4>;
@@ -174,8 +175,10 @@ fn serve<E: WireEngine>(
         columns: &mut columns,
     };
     let mut odometer = Box::new(Odometer::<8, 4, 64, 256>::new());
+    let mut profiler = Box::new(SceneProfiler::new());
     let mut station = Station::new(processor, link, products, "station of the tests")
-        .with_odometer(&mut *odometer);
+        .with_odometer(&mut *odometer)
+        .with_profiler(&mut *profiler);
     let mut bytes = [0; 64];
     let mut idle = false;
     while !over() {

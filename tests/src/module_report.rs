@@ -251,6 +251,26 @@ pub fn render(all: &[Figures]) -> String {
         ],
     );
     table(
+        "Range profiles instead of maps: a sweep of a stepped-carrier radar",
+        &[
+            ("carriers", Count("profiler_carriers")),
+            ("samples a step", Count("profiler_samples")),
+            ("bins", Count("profiler_bins")),
+            (
+                "taking a step's samples, thousands of instructions",
+                Kilo("profiler_step"),
+            ),
+            (
+                "longest part taken, of 64 samples, thousands",
+                Kilo("profiler_receive_worst"),
+            ),
+            ("making the profile, thousands", Kilo("profiler_work")),
+            ("encoding it, thousands", Kilo("profiler_send")),
+            ("the sweep, bytes", Bytes("profiler_up_bytes")),
+            ("its profile, bytes", Bytes("profile_bytes")),
+        ],
+    );
+    table(
         "Link, bytes",
         &[
             ("pulses of a sub-CPI", Bytes("up_bytes")),
@@ -306,8 +326,9 @@ Written by `cargo xtask module-report`, compared by `cargo xtask module-report -
 timed. One patch fills the map buffer; a second of one Doppler bin has columns that are compensation
 and one sum, so that Keystone is the difference. Cycles on a real STM32H743 were not measured. Memory: section sizes of the
 application linked for the STM32H743ZI. Stack: the painted part that `cycles` had overwritten after the
-run, with chip, detections and increments. Link: bytes of the frames of that run. Increments: of the largest pulses that the odometer has room for, after
-two that confirm their targets; its buffers are in DTCM.
+run, with chip, detections, increments and profiles. Link: bytes of the frames of that run. Increments: of the largest pulses that the odometer has room for, after
+two that confirm their targets; its buffers are in DTCM. Range profiles: of a sweep of all carriers that the profiler has room for, 512 samples each in parts of 64; its buffers
+are in DTCM too.
 ";
 
 const TAIL: &str = "

@@ -9,23 +9,16 @@ use subaperture_core::cfar::{Cfar, CfarError, Column, Detection, Reach, Tally};
 use subaperture_core::stream::{
     BlockFloat, MapHeader, MapSamples, Node, Patch, PatchMap, power_of_two,
 };
+use subaperture_tests::random::Random;
 
-/// SplitMix64: numbers from 0 (excluded) to 1.
-struct Random(u64);
+/// From 0 (excluded) to 1.
+fn unit(random: &mut Random) -> f64 {
+    ((random.bits() >> 11) as f64 + 0.5) / (1u64 << 53) as f64
+}
 
-impl Random {
-    fn unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        (((z ^ (z >> 31)) >> 11) as f64 + 0.5) / (1u64 << 53) as f64
-    }
-
-    /// Power of complex Gaussian noise of mean power 1.
-    fn power(&mut self) -> f64 {
-        -self.unit().ln()
-    }
+/// Power of complex Gaussian noise of mean power 1.
+fn noise_power(random: &mut Random) -> f64 {
+    -unit(random).ln()
 }
 
 fn reach(guard: u16, training: u16) -> Reach {
@@ -114,11 +107,11 @@ fn sliding_sums_are_the_sums() {
                 false_alarm_probability: 0.05,
             };
             let power: Vec<f32> = (0..rows * width)
-                .map(|_| match random.unit() {
+                .map(|_| match unit(&mut random) {
                     x if x < 0.02 => f32::NAN,
                     x if x < 0.03 => f32::INFINITY,
                     x if x < 0.04 => -1.0,
-                    _ => random.power() as f32,
+                    _ => noise_power(&mut random) as f32,
                 })
                 .collect();
             let (tested, above, peaks) = one_by_one(&cfar, &power, width);
@@ -171,7 +164,8 @@ fn false_alarms_are_as_many_as_asked_for() {
             };
             let (mut sum, mut squares) = (0.0, 0.0);
             for _ in 0..maps {
-                let power: [f32; ROWS * WIDTH] = std::array::from_fn(|_| random.power() as f32);
+                let power: [f32; ROWS * WIDTH] =
+                    std::array::from_fn(|_| noise_power(&mut random) as f32);
                 let (tally, _) = detect::<1>(&cfar, &power, WIDTH);
                 assert_eq!(tally.tested as usize, power.len());
                 let rate = f64::from(tally.above) / f64::from(tally.tested);
@@ -202,7 +196,7 @@ fn summed_power_has_fewer_false_alarms() {
         false_alarm_probability: 0.01,
     };
     let power: Vec<f32> = (0..100_000)
-        .map(|_| (0..4).map(|_| random.power()).sum::<f64>() as f32)
+        .map(|_| (0..4).map(|_| noise_power(&mut random)).sum::<f64>() as f32)
         .collect();
     let (tally, _) = detect::<1>(&cfar, &power, 1000);
     let rate = f64::from(tally.above) / f64::from(tally.tested);
@@ -330,12 +324,12 @@ fn two_targets_near_each_other() {
         for trial in 0..50 {
             let weak = (strong.0 + apart_d, strong.1 + apart_r);
             let targets = [
-                (strong.0, strong.1, amplitude(1000.0, random.unit())),
-                (weak.0, weak.1, amplitude(250.0, random.unit())),
+                (strong.0, strong.1, amplitude(1000.0, unit(&mut random))),
+                (weak.0, weak.1, amplitude(250.0, unit(&mut random))),
             ];
             let mut map = points(&targets, 2, true);
             for cell in &mut map {
-                *cell += amplitude(random.power(), random.unit());
+                *cell += amplitude(noise_power(&mut random), unit(&mut random));
             }
             let (_, detections) = detect::<8>(&AROUND_BOTH, &powers(&map), WIDTH);
             assert_eq!(detections.len(), 2, "trial {trial}: {detections:?}");
@@ -355,7 +349,7 @@ fn two_targets_near_each_other() {
     ];
     let mut map = points(&targets, 2, true);
     for cell in &mut map {
-        *cell += amplitude(random.power(), random.unit());
+        *cell += amplitude(noise_power(&mut random), unit(&mut random));
     }
     let (_, detections) = detect::<8>(&NEAR_THE_POINT, &powers(&map), WIDTH);
     assert_eq!(detections.len(), 1, "{detections:?}");
@@ -486,7 +480,7 @@ fn maps_are_searched_as_their_power() {
     let mut random = Random(5);
     let (rows, width) = (11usize, 41usize);
     let blocks = BlockFloat::blocks(width);
-    let mut part = || ((random.unit() - 0.5) * 65535.0) as i16;
+    let mut part = || ((unit(&mut random) - 0.5) * 65535.0) as i16;
     let mantissas: Vec<Sc16> = (0..rows * width)
         .map(|_| Sc16::from_bits(part(), part()))
         .collect();

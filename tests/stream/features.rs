@@ -8,7 +8,7 @@ use subaperture_xtask::cargo;
 const ALWAYS: [&str; 3] = ["libm", "microfft", "num-complex"];
 
 /// Features and what they add to [`ALWAYS`]: the table at the head of `core/src/lib.rs`.
-const ADDED: [(&str, &[&str]); 7] = [
+const ADDED: [(&str, &[&str]); 8] = [
     ("", &[]),
     ("stream", &["heapless"]),
     // With the stream.
@@ -20,6 +20,7 @@ const ADDED: [(&str, &[&str]); 7] = [
     ),
     ("selftest", &[]),
     ("motion", &[]),
+    ("sweep", &[]),
     ("defmt", &["defmt"]),
 ];
 
@@ -51,7 +52,7 @@ fn a_feature_takes_the_dependencies_that_are_written_of_it() {
 
 #[test]
 fn all_features_take_what_each_takes() {
-    let together = dependencies("stream,fixed,link,selftest,motion,defmt", "1");
+    let together = dependencies("stream,fixed,link,selftest,motion,sweep,defmt", "1");
     let added = ADDED.iter().flat_map(|(_, added)| *added);
     let expected = ALWAYS.iter().chain(added).map(|name| name.to_string());
     assert_eq!(together, expected.collect());

@@ -16,3 +16,4 @@ mod odometer;
 mod push;
 mod selftest;
 mod stages;
+mod sweep;

@@ -8,7 +8,7 @@ use subaperture_core::motion::{
 };
 use subaperture_core::selftest::OdometerSelfTest;
 use subaperture_tests::odometer_scene::{
-    BINS, FREQUENCIES, Scene, between, pose, setup, wavelength_m,
+    BINS, FREQUENCIES, STEP_HZ, Scene, between, pose, setup, wavelength_m,
 };
 
 /// Changes only when the arithmetic changes: then look at why, and write the new one.
@@ -290,6 +290,70 @@ fn noise_alone_is_no_motion() {
     }
 }
 
+/// The nearest range told lies from just before a target to a bin nearer, so that its peak is now the first bin told, now one before, which is counted as the last: it is seen at its range all
+/// the same. So is one that a farthest range lies just behind.
+#[test]
+fn a_target_at_the_end_of_the_ranges_is_seen() {
+    let cell_m = 0.5 * 299_792_458.0 / (FREQUENCIES as f64 * STEP_HZ);
+    let bin_m = cell_m * FREQUENCIES as f64 / BINS as f64;
+    let scene = Scene::new(2);
+    // Half the path there and back again of each antenna's distance, to a tenth of a millimetre.
+    let nearest_m = 0.9f64.hypot(2.25);
+    for part in 0..12 {
+        let before_m = 2e-3 + bin_m * f64::from(part) / 12.0;
+        let own = Setup {
+            ranges_m: [nearest_m - before_m, 9.0],
+            ..setup()
+        };
+        let mut odometer = Box::new(Small::new());
+        odometer.configure(&own, &scene.antennas()).unwrap();
+        odometer.start(0);
+        let all: Vec<Step> = (0..8)
+            .map(|n| push(&mut odometer, &scene, n).unwrap())
+            .collect();
+        assert!(
+            all.iter().all(|step| step.echoes == 4),
+            "{before_m} {all:?}"
+        );
+        let off = off(&all, 6);
+        assert!(off[0].hypot(off[1]) < 8e-8 && off[2] < 4e-5, "{off:?}");
+    }
+}
+
+/// A pulse so strong that the power of its noise is no number, nor then its echoes' deviations: the next motion is told from the pulse before it, and says so.
+#[test]
+fn a_pulse_without_numbers_is_no_pulse_to_tell_from() {
+    let scene = Scene::new(2).with_snr_db(20.0, 8);
+    let own = Setup {
+        least_snr_db: -999.0,
+        ..setup()
+    };
+    let mut odometer = Box::new(Small::new());
+    odometer.configure(&own, &scene.antennas()).unwrap();
+    odometer.start(0);
+    let mut told = Vec::new();
+    for n in 0..24u32 {
+        let scale = if n == 16 { 4.5e18 } else { 1.0 };
+        for (c, samples) in scene.pulse(n as usize).into_iter().enumerate() {
+            let samples = samples.into_iter().map(|z| z * scale);
+            odometer.push(n, c, 0.0, samples).unwrap();
+        }
+        told.push(drain(&mut odometer).unwrap());
+    }
+    assert!(told[16].moved.is_none() && told[17].moved.is_some());
+    assert_eq!(
+        (told[16].since, told[17].since, told[18].since),
+        (15, 15, 17)
+    );
+    for step in &told[8..] {
+        let Some(moved) = step.moved else { continue };
+        let (true_m, _) = between(pose(step.since as usize), pose(step.pulse as usize));
+        let [x, y] = moved.increment.moved_m;
+        // A step is 7e-4 m, its error some 6e-5 m.
+        assert!((x - true_m[0]).hypot(y - true_m[1]) < 2.5e-4, "{step:?}");
+    }
+}
+
 #[test]
 fn settings_that_cannot_be_are_refused() {
     let scene = Scene::new(2);
@@ -326,6 +390,16 @@ fn settings_that_cannot_be_are_refused() {
     assert_eq!(with(&|own| own.follow.seen = 9), Err(SetupError::Follow));
     assert_eq!(
         with(&|own| own.follow.gate_cells = 0.0),
+        Err(SetupError::Follow)
+    );
+    for bridge in [256, u16::MAX] {
+        assert_eq!(
+            with(&|own| own.follow.bridge = bridge),
+            Err(SetupError::Follow)
+        );
+    }
+    assert_eq!(
+        with(&|own| own.follow.within = 256),
         Err(SetupError::Follow)
     );
     let channels = Small::new().configure(&setup(), &Scene::new(5).antennas());

@@ -1,16 +1,20 @@
 //! What can be typed. Each option sits beside its help; what it resolves to is in [`crate::config`].
 
 mod autofocus;
+mod export;
 mod focus;
 mod formers;
 mod logs;
 mod look;
+mod maps;
 mod navigation;
 mod plan;
+mod radio;
 mod tiled;
 mod track;
 mod tune;
 mod values;
+mod watching;
 
 use std::path::PathBuf;
 
@@ -24,11 +28,14 @@ use subaperture::simulate::{Preset, scenario};
 use crate::failure::Usage;
 use crate::log::Format;
 pub(crate) use autofocus::{Autofocus, Way};
+pub(crate) use export::{Export, ImageFormat};
 pub(crate) use focus::{Focus, Imaging, Velocity};
 pub(crate) use logs::Logs;
 pub(crate) use look::{Look, Picture};
+pub(crate) use maps::{MapLayout, MapProjection, RemapName};
 pub(crate) use navigation::Navigation;
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
+pub(crate) use radio::{Calibrate, Capture, Convert, Probe, Profile, Radio, RadioTask};
 use subaperture::units::Dimension;
 pub(crate) use tiled::{Part, Tiled};
 pub(crate) use track::{Track, TrackSource};
@@ -38,6 +45,7 @@ use values::{
     above_zero, any, error_bound, finite, from_zero, odd, output, place, positive, rectangle,
     setting, sign, size, threads, vector,
 };
+pub(crate) use watching::{Live, Watching};
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -141,6 +149,16 @@ pub(crate) enum Command {
     Quality(Quality),
     /// Draw an image's picture again, with other levels or colours
     Picture(Picture),
+    /// Capture a stepped-carrier radar's echoes by a radio, into a recording (SigMF)
+    Capture(Capture),
+    /// Capture, and form the image meanwhile, sweep by sweep
+    Live(Live),
+    /// Radios: which there are, what they can do, and what cables and channels do
+    Radio(Radio),
+    /// Range profiles of a capture
+    Profile(Profile),
+    /// Write an image in a format that other programs read
+    Export(Export),
     /// Plan a pass of a radar, or a module that makes its maps
     Plan(Plan),
     /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures

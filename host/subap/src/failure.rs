@@ -2,6 +2,7 @@
 
 use subaperture::focus::FormError;
 use subaperture::io::{cphd, recording};
+use subaperture::maps::MapError;
 use subaperture::onboard::link::LinkError;
 use subaperture::targets::TargetsError;
 
@@ -39,6 +40,14 @@ pub(crate) struct InterruptedWithMaps {
     pub(crate) path: String,
 }
 
+/// [`Interrupted`], with all that was captured so far in its recording.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted; the {steps} steps captured so far are in {path}, which is whole")]
+pub(crate) struct InterruptedWithSteps {
+    pub(crate) steps: u64,
+    pub(crate) path: String,
+}
+
 /// Prints why a command failed, if it did, causes after it; the exit status.
 pub(crate) fn exit_status(done: anyhow::Result<()>) -> u8 {
     let error = match done {
@@ -49,7 +58,10 @@ pub(crate) fn exit_status(done: anyhow::Result<()>) -> u8 {
     if let Some(SayError::ReaderGone) = error.downcast_ref() {
         return DONE;
     }
-    if error.is::<InterruptedAmidFiles>() || error.is::<InterruptedWithMaps>() {
+    if error.is::<InterruptedAmidFiles>()
+        || error.is::<InterruptedWithMaps>()
+        || error.is::<InterruptedWithSteps>()
+    {
         messages::error(&error.to_string());
         return INTERRUPTED;
     }
@@ -70,6 +82,7 @@ fn is_interruption(cause: &(dyn std::error::Error + 'static)) -> bool {
         || matches!(cause.downcast_ref(), Some(FormError::Cancelled))
         || matches!(cause.downcast_ref(), Some(LinkError::Cancelled))
         || matches!(cause.downcast_ref(), Some(TargetsError::Cancelled))
+        || matches!(cause.downcast_ref(), Some(MapError::Cancelled))
         || matches!(cause.downcast_ref(), Some(cphd::WriteError::Cancelled))
         || matches!(cause.downcast_ref(), Some(recording::WriteError::Cancelled))
 }

@@ -52,6 +52,11 @@ pub(crate) fn pressed() -> bool {
     PRESSED.load(Ordering::SeqCst)
 }
 
+/// What a signal sets, for work that looks at it by itself.
+pub(crate) fn flag() -> &'static AtomicBool {
+    &PRESSED
+}
+
 /// Fails if a signal came.
 pub(crate) fn check() -> Result<(), Interrupted> {
     if pressed() { Err(Interrupted) } else { Ok(()) }

@@ -113,8 +113,13 @@ fn is_log(start: &[u8]) -> bool {
         })
 }
 
+/// The moment, as logs have it.
+pub(crate) fn now() -> String {
+    utc(SystemTime::now())
+}
+
 /// `2026-03-01T12:00:00.000Z`, of the Gregorian calendar; before 1970 the beginning of 1970.
-fn utc(time: SystemTime) -> String {
+pub(crate) fn utc(time: SystemTime) -> String {
     let since = time.duration_since(SystemTime::UNIX_EPOCH);
     let since = since.unwrap_or(Duration::ZERO);
     let seconds = since.as_secs();

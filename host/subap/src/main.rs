@@ -16,6 +16,7 @@ mod progress;
 mod stages;
 mod terminal;
 mod text;
+mod watch;
 
 use std::process::ExitCode;
 

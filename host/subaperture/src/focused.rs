@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use serde_json::{Map, Value};
 use subaperture_focus::Formed;
+use subaperture_io::product::Antennas;
 use subaperture_io::product::record::Brightest;
 use subaperture_model::geometry::{ImageGrid, SceneFrame};
 use subaperture_model::image::Image;
@@ -50,6 +51,7 @@ pub struct FocusedImage {
     /// The recording's files and their checksums.
     pub inputs: Vec<InputFile>,
     pub(crate) looks: Option<RecordedLooks>,
+    pub(crate) antennas: Antennas,
     #[cfg(feature = "plot")]
     pub(crate) orientation: Orientation,
     pub(crate) memory_bytes: u64,
@@ -82,6 +84,7 @@ impl FocusedImage {
                 .collect(),
             channels: history.channels(),
             inputs,
+            antennas: Antennas::of(history),
             looks: RecordedLooks::of(collection, middle_m, [grid.x_axis, grid.y_axis]),
             #[cfg(feature = "plot")]
             orientation: Orientation::of(collection, grid),

@@ -56,7 +56,8 @@
 //! - **Error** means relative RMS error against the exact sum ([`focus::exact`]), phase included, over the grid's pixels.
 //!
 //! # Modules and features
-//! What `default` takes reads, simulates, measures and draws; `full` is all there is.
+//! What `default` takes reads, simulates, measures and draws; `full` is all there is but `uhd`, which has a licence of its own, and `viewer`,
+//! which takes a server.
 //!
 //! | module | what it holds | feature | adds dependencies |
 //! |---|---|---|---|
@@ -77,7 +78,13 @@
 //! | `motion`, `targets` | a radar's own motion from the phases of its echoes, and the targets that they are of | `motion` | |
 //! | `navigation` | logs of navigation receivers; a radar's own motion fused with them | `navigation` | |
 //! | `one_track` | one track of a recording's echoes and its navigation | `motion` and `navigation` | |
+//! | `maps` | images on the map: cloud-optimised GeoTIFF, KMZ, PNG with world files | `maps` | `png`, `flate2`, `zip` |
+//! | `sicd` | complex images as SICD: written for other programs, and read of them | `sicd` | `roxmltree` |
 //! | `onboard` | a processor on the platform: its plan, the serial link, its maps | `link` | `subaperture-core`, `serial2` |
+//! | `radio` | a stepped-carrier radar on a software-defined radio: the radio, a simulated one, capture, range profiles | `radio` | |
+//! | `live_capture` | the image of a capture, sweep by sweep as it comes | `radio` | |
+//! | `viewer` | a local web page of a capture as it runs | `viewer` | `axum`, `tokio` |
+//! | `radio::uhd` | a USRP by UHD, which is under GPL-3.0-or-later | `uhd` | the library UHD, linked |
 //!
 //! `default` is `cphd`, `gotcha`, `npz`, `recording`, `simulate`, `quality` and `plot`.
 //!
@@ -86,6 +93,8 @@
 
 mod focused;
 mod focusing;
+#[cfg(feature = "radio")]
+pub mod live_capture;
 #[cfg(all(feature = "motion", feature = "navigation"))]
 pub mod one_track;
 pub mod prelude;
@@ -104,6 +113,8 @@ pub use {
 pub use subaperture_autofocus as autofocus;
 #[cfg(feature = "recording")]
 pub use subaperture_describe as describe;
+#[cfg(feature = "maps")]
+pub use subaperture_maps as maps;
 #[cfg(feature = "motion")]
 pub use subaperture_motion as motion;
 #[cfg(feature = "navigation")]
@@ -116,12 +127,19 @@ pub use subaperture_planner as planner;
 pub use subaperture_plot as plot;
 #[cfg(feature = "quality")]
 pub use subaperture_quality as quality;
+#[cfg(feature = "radio")]
+pub use subaperture_radio as radio;
 #[cfg(feature = "recording")]
 pub use subaperture_receive as receive;
+#[cfg(feature = "sicd")]
+pub use subaperture_sicd as sicd;
 #[cfg(feature = "simulate")]
 pub use subaperture_simulate as simulate;
 #[cfg(feature = "motion")]
 pub use subaperture_targets as targets;
+
+#[cfg(feature = "viewer")]
+pub use subaperture_viewer as viewer;
 
 pub use {glam, num_complex};
 

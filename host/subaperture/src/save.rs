@@ -75,6 +75,7 @@ impl FocusedImage {
             }),
             collection: self.recorded(),
             support: json!(self.looks),
+            antennas: self.antennas.to_json(),
             inputs: &self.inputs,
             brightest: self.brightest(),
             picture: self.shown(&self.title()),

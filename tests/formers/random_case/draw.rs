@@ -5,26 +5,23 @@ use std::f64::consts::{PI, TAU};
 use glam::{DVec2, DVec3};
 use num_complex::Complex64;
 use subaperture::signal::window::Window;
+use subaperture_tests::random;
 
 use super::{Antennas, Case, LIGHT_M_S, Plane, Point, Shape, Track};
 
-/// Numbers from a seed: splitmix64 (Steele, Lea and Flood 2014).
+/// Numbers from a seed.
 #[derive(Clone, Debug)]
-pub(super) struct Random(u64);
+pub(super) struct Random(random::Random);
 
 impl Random {
     /// From this seed on.
     pub(super) fn new(seed: u64) -> Self {
-        Self(seed)
+        Self(random::Random(seed))
     }
 
     /// 64 random bits.
     pub(super) fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0.bits()
     }
 
     /// Evenly in [from, to).

@@ -12,6 +12,7 @@
 //! [`Target::repair`] makes lengths and checksums right again, so that it gets past the door.
 
 mod arrays;
+mod captures;
 mod container;
 mod maps;
 mod mutate;
@@ -21,6 +22,7 @@ mod recordings;
 mod repair;
 mod scratch;
 mod session;
+mod sicd;
 mod station;
 pub mod stuffing;
 mod texts;
@@ -68,7 +70,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 20] = [
+pub static TARGETS: [Target; 22] = [
     Target {
         name: "plan",
         read: plans::plan,
@@ -230,6 +232,22 @@ pub static TARGETS: [Target; 20] = [
         repair: as_it_is,
         words: &[],
         most_bytes: in_proportion,
+    },
+    Target {
+        name: "sigmf",
+        read: captures::read,
+        seeds: captures::seeds,
+        repair: as_it_is,
+        words: captures::WORDS,
+        most_bytes: described,
+    },
+    Target {
+        name: "sicd",
+        read: sicd::read,
+        seeds: sicd::seeds,
+        repair: as_it_is,
+        words: sicd::WORDS,
+        most_bytes: described,
     },
 ];
 

@@ -10,6 +10,7 @@ use subaperture_core::link::{
 };
 use subaperture_core::motion::Odometer;
 use subaperture_core::stream::{FloatBuffers, FloatEngine};
+use subaperture_core::sweep::Profiler;
 use subaperture_firmware::products::{ChipKernel, ProductBuffers};
 use subaperture_firmware::station::{LinkBuffers, Station};
 
@@ -35,6 +36,7 @@ pub(super) struct Bench {
     columns: Vec<Column>,
     kernel: ChipKernel,
     odometer: Box<Odometer<4, 2, 32, 64>>,
+    profiler: Box<Profiler<8, 16, 32>>,
 }
 
 impl Bench {
@@ -48,6 +50,7 @@ impl Bench {
             columns: vec![Column::EMPTY; ROW],
             kernel: ChipKernel::new(),
             odometer: Box::default(),
+            profiler: Box::default(),
         }
     }
 
@@ -63,7 +66,8 @@ impl Bench {
             columns: &mut self.columns,
         };
         let station = Station::new(self.buffers.processor(), link, products, "module");
-        station.with_odometer(&mut *self.odometer)
+        let station = station.with_odometer(&mut *self.odometer);
+        station.with_profiler(&mut *self.profiler)
     }
 
     /// What a module that just started says when it is told this.
@@ -98,7 +102,13 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     // Without what chips and detections add.
     let frames: Vec<&[u8]> = all.split_inclusive(|&byte| byte == 0).collect();
     let plain = [&frames[..5], &frames[7..]].concat().concat();
-    vec![all.clone(), plain, frames[..8].concat(), wire::increments()]
+    vec![
+        all.clone(),
+        plain,
+        frames[..8].concat(),
+        wire::increments(),
+        wire::profiles(),
+    ]
 }
 
 /// What a host hears.
@@ -148,7 +158,10 @@ impl Ear {
                 Report::Detections { .. } => "detections",
                 Report::Refused { .. } => "refused",
                 Report::Log { .. } => "log",
-                Report::Increment { .. } => "increment",
+                Report::Increment(_) => "increment",
+                Report::ProfileStart { .. }
+                | Report::ProfileRow { .. }
+                | Report::ProfileEnd { .. } => "profile",
             });
         }
         heard

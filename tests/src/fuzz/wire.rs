@@ -1,31 +1,47 @@
-//! Frames of the link, in both directions, and maps and chips put together of them.
+//! Frames of the link, in both directions, and maps, chips and profiles put together of them.
 
+use num_complex::Complex;
 use subaperture_core::cfar::{Cfar, Reach};
 use subaperture_core::link::{
     ChipAssembly, ChipGrid, Command, Configuration, Damage, Encoder, Encoding, MapAssembly,
-    MotionConfiguration, Receiver, Refusal, Report, State, Status, detections, max_frame_bytes,
-    max_received_bytes, write_complex32s, write_f32s, write_places,
+    Message, MotionConfiguration, ProfileAssembly, Receiver, Refusal, Report, State, Status,
+    SweepConfiguration, detections, max_frame_bytes, max_received_bytes, write_complex32s,
+    write_f32s, write_pairs, write_places,
 };
-use subaperture_core::{Complex32, motion};
+use subaperture_core::{Complex32, motion, sweep};
 
 use crate::link_scene;
 
 /// Most samples of a message here.
 const SAMPLES: usize = 40;
 
+/// Messages as they go over the line, one after another.
+struct Wire {
+    encoder: Encoder,
+    buffer: Vec<u8>,
+    bytes: Vec<u8>,
+}
+
+impl Wire {
+    fn new() -> Self {
+        Self {
+            encoder: Encoder::new(),
+            buffer: vec![0; max_frame_bytes(SAMPLES)],
+            bytes: Vec::new(),
+        }
+    }
+
+    fn say(&mut self, message: &(impl Message + serde::Serialize)) {
+        let frame = self.encoder.encode(message, &mut self.buffer);
+        self.bytes.extend(frame.expect("a short message"));
+    }
+}
+
 /// Commands of a whole conversation, with everything that there is to say.
 pub(super) fn commands() -> Vec<u8> {
     let scene = link_scene::scene();
-    let mut encoder = Encoder::new();
-    let mut buffer = vec![0; max_frame_bytes(SAMPLES)];
-    let mut wire = Vec::new();
-    let mut say = |command: &Command<'_>| {
-        wire.extend(
-            encoder
-                .encode(command, &mut buffer)
-                .expect("a short command"),
-        );
-    };
+    let mut wire = Wire::new();
+    let mut say = |command: &Command<'_>| wire.say(command);
     say(&Command::Hello);
     say(&Command::Configure(Configuration {
         id: 5,
@@ -68,22 +84,14 @@ pub(super) fn commands() -> Vec<u8> {
     for command in [Command::Status, Command::Stop, Command::Abort] {
         say(&command);
     }
-    wire
+    wire.bytes
 }
 
 /// Commands of a conversation about increments.
 pub(super) fn increments() -> Vec<u8> {
     const FREQUENCIES: u16 = 32;
-    let mut encoder = Encoder::new();
-    let mut buffer = vec![0; max_frame_bytes(SAMPLES)];
-    let mut wire = Vec::new();
-    let mut say = |command: &Command<'_>| {
-        wire.extend(
-            encoder
-                .encode(command, &mut buffer)
-                .expect("a short command"),
-        );
-    };
+    let mut wire = Wire::new();
+    let mut say = |command: &Command<'_>| wire.say(command);
     say(&Command::Hello);
     say(&Command::Motion(MotionConfiguration {
         id: 6,
@@ -134,7 +142,53 @@ pub(super) fn increments() -> Vec<u8> {
     for command in [Command::Status, Command::Stop] {
         say(&command);
     }
-    wire
+    wire.bytes
+}
+
+/// Commands of a conversation about range profiles.
+pub(super) fn profiles() -> Vec<u8> {
+    let mut wire = Wire::new();
+    let mut say = |command: &Command<'_>| wire.say(command);
+    say(&Command::Hello);
+    say(&Command::Profiles(SweepConfiguration {
+        id: 7,
+        setup: sweep::Setup {
+            carriers: 6,
+            period: 4,
+            samples: 40,
+            bins: 16,
+            start_hz: 1.1e9,
+            step_hz: 4e6,
+        },
+    }));
+    let mut bytes = [0; 8 * SAMPLES];
+    let weights = write_f32s(&[0.25; 6], &mut bytes).expect("six weights");
+    say(&Command::Weights { first: 0, weights });
+    say(&Command::Start { run: 5, first: 0 });
+    for (carrier, first) in (0..6).flat_map(|carrier| [(carrier, 0), (carrier, 20)]) {
+        // A tone of four samples a period, and an echo of it.
+        let pair = |i: u32| {
+            let sent = Complex::new(0i16, 400) * [1, -1][(i / 2 % 2) as usize];
+            [sent, Complex::new(sent.im, carrier as i16)]
+        };
+        let pairs: Vec<_> = (first..first + 20).map(pair).collect();
+        let samples = write_pairs(&pairs, &mut bytes).expect("twenty pairs");
+        say(&Command::Burst {
+            sweep: 0,
+            carrier,
+            first,
+            samples,
+        });
+    }
+    for command in [
+        Command::Sweep { sweep: 0 },
+        Command::Status,
+        Command::Sweep { sweep: 1 },
+        Command::Stop,
+    ] {
+        say(&command);
+    }
+    wire.bytes
 }
 
 /// What a module says to them.
@@ -143,9 +197,7 @@ fn reports() -> Vec<u8> {
 }
 
 pub(super) fn seeds() -> Vec<Vec<u8>> {
-    let mut encoder = Encoder::new();
-    let mut buffer = vec![0; max_frame_bytes(SAMPLES)];
-    let mut rare = Vec::new();
+    let mut rare = Wire::new();
     let status = Status {
         state: State::Done,
         configuration: 1,
@@ -167,14 +219,12 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
         },
         Report::Log { text: "a line" },
     ] {
-        rare.extend(
-            encoder
-                .encode(&report, &mut buffer)
-                .expect("a short report"),
-        );
+        rare.say(&report);
     }
     let told = super::station::Bench::new().hear(&increments());
-    vec![commands(), reports(), rare, increments(), told]
+    let shown = super::station::Bench::new().hear(&profiles());
+    let talks = [commands(), reports(), rare.bytes, increments(), told];
+    [&talks[..], &[profiles(), shown]].concat()
 }
 
 /// What comes of one frame, in words that do not depend on how its bytes were split.
@@ -226,9 +276,11 @@ fn hear_reports(wire: &[u8], piece: usize) -> Vec<String> {
     let mut buffer = vec![0; max_received_bytes(SAMPLES)];
     let mut receiver = Receiver::new(&mut buffer);
     let (mut room, mut chip_room) = (vec![0; 4096], vec![0; 1024]);
-    let (mut map, mut chip) = (
+    let mut profile_room = vec![0; 1024];
+    let (mut map, mut chip, mut profile) = (
         MapAssembly::new(&mut room),
         ChipAssembly::new(&mut chip_room),
+        ProfileAssembly::new(&mut profile_room),
     );
     let mut words = Vec::new();
     for mut bytes in wire.chunks(piece) {
@@ -253,6 +305,12 @@ fn hear_reports(wire: &[u8], piece: usize) -> Vec<String> {
                     let pixels = usize::from(grid.num_columns) * usize::from(grid.num_rows);
                     assert_eq!(chip.bytes.len(), 8 * pixels);
                     words.push("a chip".to_owned());
+                }
+                if let Ok(Some(profile)) = profile.take(report) {
+                    let header = profile.header;
+                    let bins = usize::from(header.num_rows()) * usize::from(header.row_bins);
+                    assert_eq!(profile.values().len(), bins);
+                    words.push("a profile".to_owned());
                 }
             }
             heard(

@@ -43,18 +43,20 @@ const CORE: [(&str, &str); 8] = [
 
 /// The library with some of its features, such that each is there without each other one that it does not bring: what the command,
 /// which names all of them, never builds.
-const LIBRARY: [&str; 7] = [
+const LIBRARY: [&str; 9] = [
     "",
     "gotcha,npz,link,motion,navigation",
-    "simulate,plot,planner,motion",
+    "simulate,plot,planner,motion,radio",
     "cphd,autofocus,link",
-    "cphd,gotcha,plot",
-    "npz,quality,planner",
-    "simulate,autofocus,navigation",
+    "cphd,gotcha,plot,maps,sicd",
+    "npz,quality,planner,sicd",
+    "simulate,autofocus,navigation,maps",
+    "uhd",
+    "viewer",
 ];
 
 /// What needs UHD.
-pub(crate) const UHD: &str = "subaperture-uhd-stand-in/uhd";
+pub(crate) const UHD: &str = "subaperture-uhd-stand-in/uhd,subap/uhd";
 
 /// What is not published.
 const OURS_ALONE: [&str; 10] = [
@@ -106,8 +108,15 @@ pub(crate) fn clippy_host(runner: &mut Runner) {
 pub(crate) fn clippy_uhd(runner: &mut Runner) {
     let mut command = cargo(&["clippy", "--package", "subaperture-radio", "--locked"]);
     command.args(["--package", "subaperture-uhd-stand-in", "--all-targets"]);
-    command.args(["--features", UHD, "--", "-D", "warnings"]);
+    let binding = "subaperture-uhd-stand-in/uhd";
+    command.args(["--features", binding, "--", "-D", "warnings"]);
     runner.check("clippy, radio by UHD", &mut command);
+    let mut command = cargo(&["clippy", "--workspace", "--exclude", "subaperture-firmware"]);
+    command.args(["--bin", "subap", "--features", UHD, "--locked"]);
+    runner.check(
+        "clippy, command by UHD",
+        command.args(["--", "-D", "warnings"]),
+    );
     let mut command = cargo(&["doc", "--package", "subaperture-radio", "--no-deps"]);
     command.args(["--features", "uhd", "--locked"]);
     runner.check(

@@ -186,8 +186,8 @@ fn unit(runner: &mut Runner, python: Result<PathBuf, String>) {
     let python = python.inspect_err(|error| {
         eprintln!("{error}");
         runner.fail(
-            "Python with sarkit",
-            "let pip reach PyPI, or set SUBAPERTURE_PYTHON to a Python that imports sarkit",
+            "Python with sarkit and rio-cogeo",
+            "let pip reach PyPI, or set SUBAPERTURE_PYTHON to a Python that imports sarkit and rio_cogeo",
         );
     });
     suite::all(runner, python.ok().as_deref());

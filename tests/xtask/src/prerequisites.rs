@@ -68,7 +68,9 @@ impl Need {
             Self::QemuUser => works("qemu-aarch64", &["--version"]),
             Self::QemuRiscv => works("qemu-system-riscv32", &["--version"]),
             Self::Python => python::interpreter().is_some(),
-            Self::Chromium => works("chromium", &["--version"]),
+            Self::Chromium => {
+                works("chromium", &["--version"]) && works("chromedriver", &["--version"])
+            }
             Self::Uhd => Path::new("/usr/include/uhd.h").exists(),
             Self::CargoDeny => cargo_deny().is_some(),
             Self::OldestRust => toolchain_installed(OLDEST_RUST),
@@ -81,7 +83,7 @@ impl Need {
             Self::QemuUser => Source::Debian(&["qemu-user"]),
             Self::QemuRiscv => Source::Debian(&["qemu-system-misc"]),
             Self::Python => Source::Debian(&["python3", "python3-venv"]),
-            Self::Chromium => Source::Debian(&["chromium"]),
+            Self::Chromium => Source::Debian(&["chromium", "chromium-driver"]),
             Self::Uhd => Source::Debian(&["libuhd-dev"]),
             Self::Rustfmt => Source::Rustup(vec!["component", "add", "rustfmt"]),
             Self::Clippy => Source::Rustup(vec!["component", "add", "clippy"]),

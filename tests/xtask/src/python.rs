@@ -1,4 +1,4 @@
-//! The Python of the tests: that of `SUBAPERTURE_PYTHON`, else `target/venv` with sarkit in it.
+//! The Python of the tests: that of `SUBAPERTURE_PYTHON`, else `target/venv` with sarkit and rio-cogeo in it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ pub(crate) fn interpreter() -> Option<&'static str> {
     })
 }
 
-/// The Python that `SUBAPERTURE_PYTHON` names, if it has sarkit; says so if it has not.
+/// The Python that `SUBAPERTURE_PYTHON` names, if it has what the tests need; says so if it has not.
 pub(crate) fn named() -> Option<PathBuf> {
     let mut python = PathBuf::from(std::env::var_os("SUBAPERTURE_PYTHON")?);
     // Tests run in other folders. A bare name is looked up in PATH and stays; so do links, by which
@@ -33,17 +33,17 @@ pub(crate) fn named() -> Option<PathBuf> {
     if python.components().count() > 1 {
         python = std::path::absolute(&python).unwrap_or(python);
     }
-    match has_sarkit(&python) {
+    match has_packages(&python) {
         Ok(()) => Some(python),
         Err(error) => {
-            eprintln!("SUBAPERTURE_PYTHON has no sarkit: {error}");
+            eprintln!("SUBAPERTURE_PYTHON lacks a package: {error}");
             None
         }
     }
 }
 
-fn has_sarkit(python: &Path) -> Result<(), String> {
-    run(Command::new(python).args(["-c", "import sarkit"]))
+fn has_packages(python: &Path) -> Result<(), String> {
+    run(Command::new(python).args(["-c", "import sarkit, rio_cogeo"]))
 }
 
 /// Makes the environment unless a finished one is there; returns its interpreter.
@@ -53,7 +53,7 @@ pub(crate) fn ensure_venv() -> Result<PathBuf, String> {
     let python = venv.join("bin/python");
     let mark = venv.join("requirements.txt");
     if fs::read_to_string(&mark).is_ok_and(|text| text == REQUIREMENTS)
-        && has_sarkit(&python).is_ok()
+        && has_packages(&python).is_ok()
     {
         return Ok(python);
     }

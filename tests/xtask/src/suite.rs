@@ -35,7 +35,7 @@ pub(crate) fn all(runner: &mut Runner, python: Option<&Path>) {
     );
 }
 
-/// The radio's binding to UHD, linked with UHD as it is installed.
+/// The radio's binding to UHD, linked with UHD as it is installed, and the command with it.
 pub(crate) fn uhd(runner: &mut Runner) {
     const NAME: &str = "radio by UHD";
     if !Need::Uhd.is_met() {
@@ -43,9 +43,14 @@ pub(crate) fn uhd(runner: &mut Runner) {
     }
     clippy_uhd(runner);
     let mut command = cargo(&["test", "--package", "subaperture-radio"]);
-    command.args(["--package", "subaperture-uhd-stand-in", "--features", UHD]);
-    command.args(["--lib", "--test", "uhd", "--no-fail-fast", "--locked"]);
+    command.args(["--features", "uhd", "--lib", "--no-fail-fast", "--locked"]);
     runner.tests(NAME, command.args(["--", SHOW_OUTPUT]));
+    // With the packages that are tested together: the command stands on most of them, and another selection has other features of
+    // dependencies, so that all would be built once more.
+    let mut command = cargo(&["test", "--workspace", "--exclude", "subaperture-firmware"]);
+    command.args(["--features", UHD, "--test", "uhd"]);
+    command.args(["--no-fail-fast", "--locked", "--", SHOW_OUTPUT]);
+    runner.tests("command by UHD", &mut command);
 }
 
 /// What is marked as ignored: each takes minutes.

@@ -6,6 +6,7 @@ use clap::{Args as Group, ValueEnum, ValueHint};
 use subaperture::plot::{Colours, Scale};
 use subaperture::units::Dimension;
 
+use super::RemapName;
 use super::values::{above_zero, any, output};
 
 /// Levels and colours of a picture.
@@ -20,6 +21,10 @@ pub(crate) struct Look {
     /// 60 in all]
     #[arg(long, value_name = "DB", value_parser = above_zero(Dimension::Level))]
     pub(crate) span: Option<f64>,
+
+    /// How levels become greys
+    #[arg(long, value_enum, default_value_t, conflicts_with_all = ["top", "span"])]
+    pub(crate) remap: RemapName,
 
     /// Colours
     #[arg(long, value_enum, default_value_t)]
@@ -39,9 +44,12 @@ pub(crate) enum ColourMap {
 impl Look {
     /// The scale asked for.
     pub(crate) fn scale(&self) -> Scale {
-        Scale::FromData {
-            top_db: self.top,
-            span_db: self.span,
+        match self.remap {
+            RemapName::Density => Scale::Density,
+            RemapName::Db => Scale::FromData {
+                top_db: self.top,
+                span_db: self.span,
+            },
         }
     }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use glam::DVec3;
-use subaperture::geometry::{Axis, Extent};
+use subaperture::geometry::{Axis, Extent, Geodetic};
 use subaperture::units::Dimension;
 
 /// Which channels are summed.
@@ -169,6 +169,25 @@ pub(super) fn vector(dimension: Dimension) -> impl Fn(&str) -> Result<DVec3, Str
             _ => Err(wanted.to_owned()),
         }
     }
+}
+
+/// A place of the Earth: `52.1,4.3` or `52.1,4.3,43`.
+pub(super) fn geodetic(text: &str) -> Result<Geodetic, String> {
+    let numbers: Result<Vec<f64>, String> =
+        text.split(',').map(|part| finite(part.trim())).collect();
+    let (latitude_deg, longitude_deg, height_m) = match numbers.as_deref() {
+        Ok(&[latitude, longitude]) => (latitude, longitude, 0.0),
+        Ok(&[latitude, longitude, height]) => (latitude, longitude, height),
+        _ => return Err("give latitude and longitude in degrees, and a height in metres if it is not 0: 52.1,4.3,43".to_owned()),
+    };
+    if latitude_deg.abs() > 90.0 || longitude_deg.abs() > 360.0 || height_m.abs() > 1e6 {
+        return Err("latitudes are from -90 to 90 degrees, longitudes from -180 to 180, heights up to 1e6 m".to_owned());
+    }
+    Ok(Geodetic {
+        latitude_deg,
+        longitude_deg,
+        height_m,
+    })
 }
 
 /// `-5:5:0.1` or `-20:20:1km/h`.

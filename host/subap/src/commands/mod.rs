@@ -1,19 +1,24 @@
 //! One file a command.
 
 mod autofocus;
+mod capture;
 mod compare;
 mod completions;
 mod crosscheck;
 mod demo;
+mod export;
 mod focus;
 mod forming;
 mod info;
 mod link;
+mod live;
 mod navigation;
 mod one_track;
 mod picture;
 mod plan;
+mod profile;
 mod quality;
+mod radio;
 mod recording;
 mod reproduce;
 mod simulate;
@@ -47,6 +52,11 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Autofocus(typed) => autofocus::run(session, &typed),
         Command::Navigation(typed) => navigation::run(session, &typed),
         Command::Picture(typed) => picture::run(session, &typed),
+        Command::Capture(typed) => capture::run(session, &typed),
+        Command::Live(typed) => live::run(session, &typed),
+        Command::Radio(typed) => radio::run(session, &typed),
+        Command::Profile(typed) => profile::run(session, &typed),
+        Command::Export(typed) => export::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),
         Command::Quality(typed) => quality::run(session, &typed),

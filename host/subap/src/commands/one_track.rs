@@ -1,12 +1,13 @@
 //! One track of a recording's echoes and of navigation: logs are read, and what each brought is told.
 
 use anyhow::Context;
+use glam::DQuat;
 use serde_json::{Value, json};
-use subaperture::geometry::SceneFrame;
 use subaperture::navigation::{Log, Options};
 use subaperture::one_track::{About, Mounting, Navigation, NoNavigation, OneTrack};
 use subaperture::phase_history::Channels;
 use subaperture::targets::Recovered;
+use subaperture::track::Fix;
 
 use super::navigation;
 use crate::args::Logs;
@@ -14,37 +15,20 @@ use crate::config::Session;
 use crate::{interrupt, messages};
 
 /// What a recording says of itself, before its echoes are looked at.
-pub(super) struct Recorded {
-    frame: SceneFrame,
-    start_ns: Option<i64>,
-    /// Its first and its last pulse, seconds.
-    pub(super) span_s: [f64; 2],
-}
-
-impl Recorded {
-    pub(super) fn of(channels: &Channels) -> anyhow::Result<Self> {
-        let first = channels.channel(0);
-        let pulses = &first.collection().pulses;
-        let ends = pulses.first().zip(pulses.last());
-        let (from, to) = ends.context("the recording holds no pulses")?;
-        Ok(Self {
-            frame: first.collection().frame,
-            start_ns: first.start_ns(),
-            span_s: [from.time_s, to.time_s],
-        })
-    }
+pub(super) fn about(channels: &Channels) -> anyhow::Result<About> {
+    About::of(channels).context("the recording holds no pulses")
 }
 
 /// The track of what the echoes told and of the logs that are given, or else of the recording's own positions.
 pub(super) fn of(
     session: &Session,
     found: &Recovered,
-    recorded: &Recorded,
+    about: &About,
     logs: &Logs,
 ) -> anyhow::Result<OneTrack> {
     let said = match logs.navigation.is_empty() {
         true => Navigation::of_recording(found),
-        false => of_logs(session, recorded, logs)?,
+        false => of_logs(session, about, logs)?,
     };
     let progress = session.progress("one track");
     let mounting = Mounting {
@@ -68,16 +52,28 @@ pub(super) fn of(
     Ok(track)
 }
 
-fn of_logs(session: &Session, recorded: &Recorded, logs: &Logs) -> anyhow::Result<Navigation> {
+/// The track of the logs alone, of antennas that are turned as the recording has them at first.
+pub(super) fn alone(
+    session: &Session,
+    about: &About,
+    logs: &Logs,
+    attitude: DQuat,
+) -> anyhow::Result<Vec<Fix>> {
+    let mounting = Mounting {
+        arm_m: logs.lever_arm.unwrap_or_default(),
+    };
+    Ok(of_logs(session, about, logs)?.alone(about, attitude, &mounting))
+}
+
+fn of_logs(session: &Session, about: &About, logs: &Logs) -> anyhow::Result<Navigation> {
     let mut read = Vec::with_capacity(logs.navigation.len());
     for path in &logs.navigation {
         let log: Log = navigation::read(session, path, &Options::default())?;
         read.push((path.display().to_string(), log));
     }
     let about = About {
-        frame: recorded.frame,
-        start: logs.navigation_start.or(About::start(recorded.start_ns)),
-        span_s: recorded.span_s,
+        start: logs.navigation_start.or(about.start),
+        ..about.clone()
     };
     Navigation::of_logs(&read, &about).map_err(|error| match error {
         NoNavigation::Start { .. } => {

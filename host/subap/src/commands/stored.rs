@@ -1,4 +1,4 @@
-//! Images as they are stored: a product, by its folder or its `image.json`, or an array alone.
+//! Images as they are stored: a product, by its folder or its `image.json`, an array alone, or anyone's SICD.
 
 use std::fs::{self, File};
 use std::io::Read;
@@ -10,6 +10,7 @@ use subaperture::geometry::ImageGrid;
 use subaperture::image::Parts;
 use subaperture::io::npy::ImageFile;
 use subaperture::io::product;
+use subaperture::sicd::SicdFile;
 
 /// An image, and what is stored beside it.
 pub(super) struct Stored {
@@ -33,7 +34,7 @@ pub(super) fn product_folder(path: &Path) -> Option<&Path> {
     })
 }
 
-/// Opens a product or a complex64 `.npy`.
+/// Opens a product, a complex64 `.npy` or a SICD.
 pub(super) fn open(path: &Path) -> anyhow::Result<Stored> {
     let path = path.to_owned();
     if let Some(folder) = product_folder(&path) {
@@ -48,6 +49,13 @@ pub(super) fn open(path: &Path) -> anyhow::Result<Stored> {
         return Ok(Stored {
             pixels: Box::new(stored.pixels),
             product: Some((stored.grid, stored.metadata)),
+            path,
+        });
+    }
+    if begins_with(&path, b"NITF") || begins_with(&path, b"NSIF") {
+        return Ok(Stored {
+            pixels: Box::new(SicdFile::open(&path)?),
+            product: None,
             path,
         });
     }
@@ -73,16 +81,21 @@ fn is_velocity_plane(folder: &Path) -> bool {
 
 /// Refuses a file that is no array, such as a recording, with a word about what is wanted.
 pub(super) fn check_is_array(path: &Path) -> anyhow::Result<()> {
-    let mut start = [0; 6];
-    let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
-    // What cannot be opened is told by who reads it next; what is shorter is no array.
-    if path.is_file() && !(read.is_ok() && &start == b"\x93NUMPY") {
+    // What cannot be opened is told by who reads it next.
+    if path.is_file() && !begins_with(path, b"\x93NUMPY") {
         bail!(
-            "{}: no image: give the folder of a product (with image.json and image.npy) or a complex64 array (.npy)",
+            "{}: no image: give the folder of a product (with image.json and image.npy), a complex64 array (.npy) or a SICD",
             path.display()
         );
     }
     Ok(())
+}
+
+/// Whether a file that can be read begins with these bytes.
+fn begins_with<const N: usize>(path: &Path, bytes: &[u8; N]) -> bool {
+    let mut start = [0; N];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    read.is_ok() && &start == bytes
 }
 
 impl Stored {

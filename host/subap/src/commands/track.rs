@@ -17,7 +17,7 @@ use subaperture::targets::follow::Event;
 use subaperture::targets::{Moment, Recovered, Settings, TargetsError, recover};
 use subaperture::track::Fix;
 
-use super::one_track::{self, Recorded};
+use super::one_track;
 use crate::args::Track;
 use crate::config::Session;
 use crate::{interrupt, messages, text};
@@ -50,9 +50,6 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
         messages::warning(warning);
     }
     let name = channels.channel(0).collection().name.clone();
-    let recorded_m: Vec<DVec3> = (channels.channel(0).collection().pulses.iter())
-        .map(|pulse| pulse.transmitter_m)
-        .collect();
     let defaults = Settings::default();
     let mut settings = Settings {
         window: typed.window,
@@ -62,16 +59,16 @@ pub(crate) fn run(session: &Session, typed: &Track) -> anyhow::Result<()> {
         ..defaults
     };
     settings.follow.bridge = typed.bridge;
-    let recorded = Recorded::of(&channels)?;
+    let about = one_track::about(&channels)?;
     let mut found = find(session, channels, &settings)?;
     let both = match typed.logs.navigation.is_empty() {
         true => None,
-        false => Some(one_track::of(session, &found, &recorded, &typed.logs)?),
+        false => Some(one_track::of(session, &found, &about, &typed.logs)?),
     };
     if let Some(both) = &both {
         both.lay(&mut found);
     }
-    let drawn = stacked(&charts(&name, &found, &recorded_m))?;
+    let drawn = stacked(&charts(&name, &found))?;
     let fixes: Vec<FoundFix> = found.moments.iter().map(found_fix).collect();
     found_track::write(&typed.out, &fixes)?;
     write_atomically(&picture, drawn.len() as u64, |file| file.write_all(&drawn))?;
@@ -156,7 +153,7 @@ fn told(event: &Event) -> String {
 }
 
 /// The track over the recorded one: a map with the targets, and larger with error ellipses that are enlarged so much that they are seen.
-fn charts(name: &str, found: &Recovered, recorded_m: &[DVec3]) -> [Chart; 2] {
+fn charts(name: &str, found: &Recovered) -> [Chart; 2] {
     let at = |m: DVec3| (m.x, m.y);
     let moments = &found.moments;
     let spread_m = moments.iter().map(Moment::spread_m).fold(0.0, f64::max);
@@ -180,7 +177,7 @@ fn charts(name: &str, found: &Recovered, recorded_m: &[DVec3]) -> [Chart; 2] {
         stroke,
     };
     let found_m: Vec<(f64, f64)> = moments.iter().map(|moment| at(moment.position_m)).collect();
-    let recorded_m: Vec<(f64, f64)> = recorded_m.iter().copied().map(at).collect();
+    let recorded_m: Vec<(f64, f64)> = moments.iter().map(|moment| at(moment.recorded_m)).collect();
     let places_m = found.places.iter().map(|place| at(place.position_m));
     let tracks = || {
         vec![

@@ -39,7 +39,7 @@ pub struct OneTrack {
     pub radar: (usize, f64),
     /// What navigation brought, file by file.
     pub sources: Vec<Source>,
-    /// RMS distance of the positions from the track in its plane, metres; none without positions.
+    /// RMS distance of the positions from the track in its plane, metres, as their median has it, so that those far off do not count; none without positions.
     pub positions_off_m: Option<f64>,
     /// Stretches of increments, positions and inertial moments that were left out or counted by less than half.
     pub left_out: [usize; 3],
@@ -66,6 +66,9 @@ pub enum NoTrack {
         "echoes and navigation contradict each other ({0}): times, lever arm or axes of the navigation may not be the recording's"
     )]
     Contradict(FusionError),
+    /// A log or the echoes say what cannot be computed with, or nothing says where the radar is.
+    #[error("no track can be computed: {0}")]
+    Unfit(FusionError),
     /// The radar does not move in a level plane.
     #[error("the array is not level: a track of both is found where the radar moves level")]
     Tilted,
@@ -111,6 +114,12 @@ impl OneTrack {
         };
         let contradicted = |error: FusionError| match (error, fits) {
             (FusionError::Cancelled, _) => NoTrack::Cancelled,
+            (
+                error @ (FusionError::Input { .. }
+                | FusionError::Model { .. }
+                | FusionError::Nowhere),
+                _,
+            ) => NoTrack::Unfit(error),
             (error, true) => NoTrack::Contradict(error),
             (error, false) => NoTrack::Neither {
                 echoes,
@@ -120,8 +129,8 @@ impl OneTrack {
         let mut found_of_both = fused(navigation).map_err(contradicted)?;
         let mut widened = None;
         let [sum, expected] = found_of_both.chi_square;
-        let ratio =
-            (sum / expected.max(1.0)).max(navigation.off(&found_of_both, mounting.arm_m).square);
+        let mut off = navigation.off(&found_of_both, mounting.arm_m);
+        let ratio = (sum / expected.max(1.0)).max(off.map_or(0.0, |off| off.square));
         let most_m = FOCUSED * found.seen.array.wavelength_m;
         match (fits, navigation.stated_m) {
             (false, None) if ratio > DISAGREE => {
@@ -139,6 +148,7 @@ impl OneTrack {
             (true, None) if ratio > DISAGREE => {
                 widened = Some(ratio.sqrt());
                 found_of_both = fused(&navigation.widened(ratio.sqrt())).map_err(contradicted)?;
+                off = navigation.off(&found_of_both, mounting.arm_m);
             }
             _ => {}
         }
@@ -149,8 +159,7 @@ impl OneTrack {
         Ok(Self {
             radar: (found.moments.len(), span_s(found)),
             sources: navigation.sources.clone(),
-            positions_off_m: (!navigation.positions.is_empty())
-                .then(|| navigation.off(&found_of_both, mounting.arm_m).rms_m),
+            positions_off_m: off.map(|off| off.rms_m),
             left_out: [
                 of(&[Measured::Increments]),
                 of(&[Measured::Position, Measured::Velocity]),
@@ -250,7 +259,7 @@ fn model(found: &Recovered, navigation: &Navigation, mounting: &Mounting) -> Mod
     let model = Model::default();
     Model {
         // Those of a joint estimate are noisy one by one, and right as a whole.
-        doubted: 1e9,
+        doubted: None,
         receiver_arm_m: arm_m,
         inertial_arm_m: arm_m,
         squint_rad: Assumed {

@@ -1,10 +1,14 @@
 //! What navigation says, on a recording's clock and in its frame.
 
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use subaperture_model::geometry::SceneFrame;
+use subaperture_model::phase_history::Channels;
+use subaperture_model::track::{Fix, turned};
 use subaperture_navigation::fusion::{Fused, Inertial, Position, Unstated, inertial, positions};
 use subaperture_navigation::{Clock, GpsTime, Kind, Log, Place, Record};
 use subaperture_targets::{Moment, Recovered};
+
+use super::Mounting;
 
 /// Before and after the recording navigation is taken from so long, seconds.
 const BESIDE_S: f64 = 2.0;
@@ -18,7 +22,7 @@ const LEAST_SIGMA_M: f64 = 1e-4;
 pub struct About {
     /// Its frame.
     pub frame: SceneFrame,
-    /// When its time 0 was, of a log's clock: [`About::start`] has it of what the recording says.
+    /// When its time 0 was, of a log's clock.
     pub start: Option<GpsTime>,
     /// Its first and its last pulse, seconds.
     pub span_s: [f64; 2],
@@ -73,6 +77,12 @@ pub enum NoNavigation {
         /// The log.
         name: String,
     },
+    /// It tells no places.
+    #[error("{name}: no place is in it")]
+    Nowhere {
+        /// The log.
+        name: String,
+    },
     /// Others before it say the same.
     #[error(
         "{name}: positions and inertial moments are taken from one log each, and those before have them"
@@ -93,18 +103,26 @@ pub struct Navigation {
     pub(super) stated_m: Option<f64>,
 }
 
-/// How far positions are off a track.
+/// How far positions are off a track, as the median has it: of Gaussian errors alike along both axes of the plane, the square of the distance is distributed exponentially,
+/// whose median is `ln 2` of its mean. Some places that are far off change nothing; a mean of all would be theirs.
+#[derive(Clone, Copy)]
 pub(super) struct Off {
-    /// In the plane, metres.
+    /// RMS distance in the plane, metres.
     pub(super) rms_m: f64,
     /// Mean square over what is stated, of an axis in the plane.
     pub(super) square: f64,
 }
 
 impl About {
-    /// When time 0 was, by GPS; none if the recording does not say, or says a time before GPS.
-    pub fn start(start_ns: Option<i64>) -> Option<GpsTime> {
-        GpsTime::of_unix_ns(start_ns?)
+    /// What a recording says of itself: by GPS when its time 0 was, unless that was before GPS. None of one without pulses.
+    pub fn of(channels: &Channels) -> Option<Self> {
+        let first = channels.channel(0);
+        let pulses = &first.collection().pulses;
+        Some(Self {
+            frame: first.collection().frame,
+            start: first.start_ns().and_then(GpsTime::of_unix_ns),
+            span_s: [pulses.first()?.time_s, pulses.last()?.time_s],
+        })
     }
 }
 
@@ -130,7 +148,7 @@ impl Navigation {
             true => SceneFrame::Local,
             false => about.frame,
         };
-        let (mut placed, mut elsewhen) = (false, None);
+        let (mut placed, mut twice, mut elsewhen) = (false, false, None);
         for one in log.coverage() {
             let [places, _, attitudes] = one.with;
             if places == 0 || matches!(one.kind, Kind::Markpos | Kind::Marktime) {
@@ -143,6 +161,7 @@ impl Navigation {
                 false => !self.positions.is_empty(),
             };
             if taken {
+                twice = true;
                 continue;
             }
             let named = format!("{name}, {}", one.kind.name());
@@ -188,7 +207,8 @@ impl Navigation {
                     last,
                 }
             }
-            None => NoNavigation::Twice { name },
+            None if twice => NoNavigation::Twice { name },
+            None => NoNavigation::Nowhere { name },
         })
     }
 
@@ -232,9 +252,35 @@ impl Navigation {
         }
     }
 
-    /// Of what states no errors, what they were found to be, metres.
-    pub fn shown_m(&self) -> Option<f64> {
-        self.stated_m
+    /// The track that it tells by itself: of positions, or else of the inertial solution.
+    ///
+    /// `attitude` is the body's in the recording's first pulse. From there it turns as inertial moments with headings do, however their sensor is turned on it; without such it does not.
+    pub fn alone(&self, about: &About, attitude: DQuat, mounting: &Mounting) -> Vec<Fix> {
+        let sensor = |one: &Inertial| {
+            let [yaw, _] = one.heading_rad?;
+            let [roll, pitch] = one.roll_pitch_rad;
+            Some((one.time_s, turned(roll, pitch, yaw)))
+        };
+        let sensors: Vec<(f64, DQuat)> = self.inertial.iter().filter_map(sensor).collect();
+        let of_sensor = nearest(&sensors, about.span_s[0]).map(|first| first.inverse() * attitude);
+        let fix = |(time_s, place_m): (f64, DVec3)| {
+            let sensor = nearest(&sensors, time_s).zip(of_sensor);
+            let attitude = sensor.map_or(attitude, |(sensor, body)| sensor * body);
+            Fix {
+                time_s,
+                position_m: place_m - attitude * mounting.arm_m,
+                attitude: Some(attitude),
+            }
+        };
+        if !self.positions.is_empty() {
+            let all = self
+                .positions
+                .iter()
+                .map(|one| (one.time_s, one.position_m));
+            return all.map(fix).collect();
+        }
+        let inertial = |one: &Inertial| one.position_m.map(|[place_m, _]| (one.time_s, place_m));
+        self.inertial.iter().filter_map(inertial).map(fix).collect()
     }
 
     /// With standard deviations so many times as large.
@@ -252,9 +298,9 @@ impl Navigation {
         wide
     }
 
-    /// How far positions are off a track.
-    pub(super) fn off(&self, track: &Fused, arm_m: DVec3) -> Off {
-        let (mut square_m2, mut square) = (0.0, 0.0);
+    /// How far positions are off a track; none without positions.
+    pub(super) fn off(&self, track: &Fused, arm_m: DVec3) -> Option<Off> {
+        let (mut squares_m2, mut squares) = (Vec::new(), Vec::new());
         let mut samples = track.samples.iter().peekable();
         for one in &self.positions {
             // The last at or before it: the next is a pulse or a measurement away.
@@ -266,14 +312,13 @@ impl Navigation {
             let away_s = one.time_s - sample.time_s;
             let at_m = sample.position_m + sample.attitude * arm_m + sample.velocity_m_s * away_s;
             let error = one.position_m - at_m;
-            square_m2 += error.truncate().length_squared();
-            square += 0.5 * (error / one.sigma_m).truncate().length_squared();
+            squares_m2.push(error.truncate().length_squared());
+            squares.push(0.5 * (error / one.sigma_m).truncate().length_squared());
         }
-        let share = 1.0 / self.positions.len().max(1) as f64;
-        Off {
-            rms_m: (square_m2 * share).sqrt(),
-            square: square * share,
-        }
+        Some(Off {
+            rms_m: mean_by_median(squares_m2)?.sqrt(),
+            square: mean_by_median(squares)?,
+        })
     }
 
     /// From the inertial x axis to the radar's, as the two headings have it on average.
@@ -292,6 +337,16 @@ impl Navigation {
         }
         (mean.length() > 0.0).then(|| libm::atan2(mean.y, mean.x))
     }
+}
+
+/// The attitude nearest to a time, of some in the order of time.
+fn nearest(all: &[(f64, DQuat)], time_s: f64) -> Option<DQuat> {
+    let after = all.partition_point(|one| one.0 < time_s);
+    let around = [after.checked_sub(1), Some(after)].into_iter().flatten();
+    let near = around.filter_map(|n| all.get(n));
+    let away = |one: &(f64, DQuat)| (one.0 - time_s).abs();
+    let nearest = near.min_by(|a, b| away(a).total_cmp(&away(b)));
+    nearest.map(|&(_, attitude)| attitude)
 }
 
 /// When the recording's time 0 was, by a log's clock.
@@ -331,13 +386,18 @@ fn thinned<T>(all: Vec<T>, about: &About, time_s: impl Fn(&T) -> f64) -> (usize,
         .filter(|one| (from_s..=to_s).contains(&time_s(one)))
         .collect();
     let of = some.len();
-    let every = of.div_ceil(MOST).max(1);
-    let mut n = 0;
-    some.retain(|_| {
-        n += 1;
-        (n - 1) % every == 0
-    });
+    if of > MOST {
+        some = some.into_iter().step_by(of.div_ceil(MOST)).collect();
+    }
     (of, some)
+}
+
+/// The mean of what is distributed exponentially, by its median; none of none.
+fn mean_by_median(mut squares: Vec<f64>) -> Option<f64> {
+    squares.sort_by(f64::total_cmp);
+    let upper = squares.len() / 2;
+    let lower = squares.len().checked_sub(1)? / 2;
+    Some(0.5 * (squares[lower] + squares[upper]) / std::f64::consts::LN_2)
 }
 
 /// Over how many of them errors stay alike: 1 and twice the sum of their correlations, up to the first that is none.
@@ -353,4 +413,109 @@ fn lasting(errors: &[DVec2], mean_square: f64) -> usize {
         sum += 2.0 * alike;
     }
     (sum.round() as usize).clamp(1, (errors.len() / 4).max(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use subaperture_navigation::Account;
+
+    #[test]
+    fn a_log_without_places_says_so() {
+        let time = GpsTime {
+            week: 2209,
+            seconds: 1.0,
+        };
+        let log = Log {
+            records: vec![Record {
+                byte: 0,
+                kind: Kind::Bestvel,
+                time,
+                place: None,
+                place_sigma_m: None,
+                velocity_m_s: Some(DVec3::X),
+                velocity_sigma_m_s: None,
+                attitude: None,
+                attitude_sigma_deg: None,
+            }],
+            account: Account::default(),
+        };
+        let about = About {
+            frame: SceneFrame::Local,
+            start: Some(time),
+            span_s: [0.0, 2.0],
+        };
+        let name = "velocities".to_owned();
+        let error = Navigation::of_logs(&[(name.clone(), log)], &about).unwrap_err();
+        assert_eq!(error, NoNavigation::Nowhere { name });
+    }
+
+    /// A car that drives along y and turns left by 30 degrees, with an array across it that looks back: by hand.
+    #[test]
+    fn a_body_turns_as_the_inertial_sensor_that_is_fixed_on_it() {
+        let about = About {
+            frame: SceneFrame::Local,
+            start: None,
+            span_s: [1.0, 2.0],
+        };
+        let moment = |time_s: f64, yaw_deg: f64| Inertial {
+            time_s,
+            position_m: Some([DVec3::new(0.0, 10.0 * time_s, 2.0), DVec3::ONE]),
+            velocity_m_s: None,
+            heading_rad: Some([yaw_deg.to_radians(), 0.1]),
+            roll_pitch_rad: [0.0; 2],
+        };
+        let mut navigation = Navigation {
+            inertial: vec![moment(0.9, 90.0), moment(1.9, 120.0)],
+            ..Navigation::default()
+        };
+        let mounting = Mounting { arm_m: DVec3::X };
+        let first = DQuat::from_rotation_z(std::f64::consts::PI);
+        let check = |fixes: &[Fix]| {
+            let expected = [(180f64, 9.0), (210f64, 19.0)];
+            assert_eq!(fixes.len(), 2);
+            for (fix, (yaw_deg, along_m)) in fixes.iter().zip(expected) {
+                let x = DVec3::new(
+                    libm::cos(yaw_deg.to_radians()),
+                    libm::sin(yaw_deg.to_radians()),
+                    0.0,
+                );
+                let place_m = DVec3::new(0.0, along_m, 2.0) - x;
+                assert!(fix.position_m.distance(place_m) < 1e-12, "{fix:?}");
+                assert!(
+                    (fix.attitude.unwrap() * DVec3::X).distance(x) < 1e-12,
+                    "{fix:?}"
+                );
+            }
+        };
+        check(&navigation.alone(&about, first, &mounting));
+        // A receiver's positions beside it are of the same body.
+        navigation.positions = [0.9, 1.9]
+            .map(|time_s| Position {
+                time_s,
+                position_m: DVec3::new(0.0, 10.0 * time_s, 2.0),
+                sigma_m: DVec3::ONE,
+                velocity_m_s: None,
+            })
+            .to_vec();
+        check(&navigation.alone(&about, first, &mounting));
+        navigation.inertial.clear();
+        let fixes = navigation.alone(&about, first, &mounting);
+        assert!(fixes.iter().all(|fix| fix.attitude == Some(first)));
+    }
+
+    #[test]
+    fn some_that_are_far_off_do_not_move_the_mean() {
+        // Quantiles of the exponential distribution whose mean is 2.
+        let mut squares: Vec<f64> = (0..101)
+            .map(|n| -2.0 * libm::log1p(-(f64::from(n) + 0.5) / 101.0))
+            .collect();
+        assert!((mean_by_median(squares.clone()).unwrap() - 2.0).abs() < 1e-12);
+        // Five in a hundred far off: the median is that of the 53rd of 101, -2 ln(1 - 52.5 / 101) / ln 2.
+        squares[..5].fill(1e9);
+        let moved = -2.0 * libm::log1p(-55.5 / 101.0) / std::f64::consts::LN_2;
+        let found = mean_by_median(squares).unwrap();
+        assert!((found - moved).abs() < 1e-12, "{found}, {moved}");
+        assert_eq!(mean_by_median(Vec::new()), None);
+    }
 }

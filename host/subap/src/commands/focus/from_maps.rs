@@ -85,6 +85,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         frame: &run.frame,
         collection: about(&maps),
         support: None,
+        antennas: None,
         inputs: &[maps.input()?],
         check: None,
         peak: Brightest::of(&formed.image, &grid),

@@ -4,14 +4,14 @@ use anyhow::Context;
 use subaperture::io::open::{Options, cphd_info, open_channels};
 use subaperture::io::track_csv;
 use subaperture::phase_history::{Channels, Joined, OnTrack, PhaseHistory};
-use subaperture::targets::{Arrangement, Settings};
+use subaperture::targets::{Arrangement, Settings, TargetsError};
 use subaperture::track::{Fix, SampledTrack};
 
 use crate::args::{Input, Logs, TrackSource};
 use crate::commands::{one_track, track};
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{messages, text};
+use crate::{interrupt, messages, text};
 
 /// Opens the recordings given, on the track in the file or one that is found of their echoes; several channels as their coherent sum.
 pub(super) fn open(
@@ -94,18 +94,34 @@ fn found(
         settings: &input.set,
     };
     let channels = open_channels::<&str>(path, None, &options)?;
-    let recorded = one_track::Recorded::of(&channels)?;
-    let found = track::find(session, channels, &Settings::default())?;
+    let about = one_track::about(&channels)?;
+    let attitude = Arrangement::of(&channels)?.attitude;
+    let found = match track::find(session, channels, &Settings::default()) {
+        Ok(found) => found,
+        // What cannot be read is not the echoes' fault, and would fail again.
+        Err(error)
+            if *source == TrackSource::Fused
+                && !logs.navigation.is_empty()
+                && !matches!(error.downcast_ref(), Some(TargetsError::Read(_))) =>
+        {
+            interrupt::check()?;
+            messages::warning(format!(
+                "the echoes tell no track ({error:#}): that of the navigation alone is taken"
+            ));
+            return one_track::alone(session, &about, logs, attitude);
+        }
+        Err(error) => return Err(error),
+    };
     if *source != TrackSource::Fused {
         return Ok(found.moments.iter().map(track::fix).collect());
     }
-    let both = one_track::of(session, &found, &recorded, logs)?;
+    let both = one_track::of(session, &found, &about, logs)?;
     if session.tells() {
         for line in one_track::told(&both) {
             text::say(line)?;
         }
     }
-    Ok(both.fixes(recorded.span_s))
+    Ok(both.fixes(about.span_s))
 }
 
 /// The channels whose image is asked for: of a CPHD its reference channel, of a description all, unless others are named.

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use serde_json::{Map, Value, json};
 use subaperture::geometry::{ImageGrid, SceneFrame};
+use subaperture::io::product::Antennas;
 use subaperture::io::product::record::{self, Brightest};
 use subaperture::phase_history::InputFile;
 use subaperture::plot::Orientation;
@@ -27,6 +28,8 @@ pub(super) struct Record<'a> {
     pub(super) collection: Value,
     /// Pulses that stand for the recording's; of maps there are none.
     pub(super) support: Option<RecordedLooks>,
+    /// When and where the antennas were; of maps it is not known.
+    pub(super) antennas: Option<Antennas>,
     pub(super) inputs: &'a [InputFile],
     pub(super) check: Option<Check>,
     /// `None` of an image of zeros.
@@ -60,6 +63,7 @@ impl<'a> Record<'a> {
             frame: &collection.frame,
             collection: forming::about(job.survey, job.history)?,
             support: RecordedLooks::of(collection, middle_m, [grid.x_axis, grid.y_axis]),
+            antennas: Some(Antennas::of(job.history)),
             inputs,
             check: about.check,
             peak: about.peak,
@@ -78,6 +82,7 @@ impl<'a> Record<'a> {
             settings: self.settings.clone(),
             collection: self.collection.clone(),
             support: json!(self.support),
+            antennas: json!(self.antennas.as_ref().map(Antennas::to_json)),
             inputs: self.inputs,
             brightest: self.peak,
             picture: Some(record::Picture {
@@ -110,7 +115,11 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
         }),
         ("navigation_start", {
             let start = typed.logs.navigation_start;
-            json!(start.map(|start| start.to_string()))
+            // As it can be typed again, to the last digit.
+            json!(start.map(|start| match start.week {
+                0 => start.seconds.to_string(),
+                week => format!("{week}:{}", start.seconds),
+            }))
         }),
         (
             "lever_arm_m",
@@ -135,6 +144,7 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
         ("check", json!(typed.check)),
         ("top_db", json!(typed.look.top)),
         ("span_db", json!(typed.look.span)),
+        ("remap", json!(typed.look.remap.name())),
     ];
     given.extend(others.map(|(key, value)| (key.to_owned(), value)));
     json!({
