@@ -283,7 +283,7 @@ fn a_limit_on_the_address_space_never_aborts() {
     let at = folder.path();
     let program = command(at, [""; 0]).get_program().to_owned();
     let mut ended = [0; 2];
-    for limit_mib in [20, 40, 60, 80, 100, 140, 200, 300, 500, 800] {
+    for limit_mib in [20, 40, 60, 80, 100, 140, 200, 300, 400, 500, 600, 800, 1000] {
         let line =
             "focus scene.cphd --out out --force --grid x=-30:30:0.1,y=-30:30:0.1 --threads 2";
         let within = |line: &str| {

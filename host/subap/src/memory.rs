@@ -44,7 +44,7 @@ impl Memory {
     /// # Errors
     /// If it is less than the program itself takes.
     pub(crate) fn new(asked: Option<u64>, threads: usize) -> anyhow::Result<Self> {
-        let has = machine::memory_bytes();
+        let has = machine::memory_bytes(threads);
         let total_bytes = asked.unwrap_or(has / 2).min(has);
         let own = PROGRAM_BYTES + THREAD_BYTES * threads as u64;
         let least = own + PICTURE_BYTES.0 + LEAST_WORK_BYTES;

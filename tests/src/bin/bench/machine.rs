@@ -30,7 +30,7 @@ pub(crate) fn described() -> String {
     format!(
         "Machine: {processor}{family}, {count} logical processors, {}, {} GiB of memory, {}.\nRevision {}.",
         instructions(),
-        machine::memory_bytes() >> 30,
+        machine::memory_bytes(count) >> 30,
         std::env::consts::OS,
         revision(),
     )
