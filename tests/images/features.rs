@@ -5,15 +5,16 @@ use std::collections::BTreeSet;
 use subaperture_xtask::cargo;
 
 /// Packages that somebody who forms images of arrays need not compile, and the features that bring each.
-const OPTIONAL: [(&str, &[&str]); 22] = [
+const OPTIONAL: [(&str, &[&str]); 23] = [
     ("roxmltree", &["cphd", "sicd"]),
     (
         "flate2",
         &[
-            "gotcha", "npz", "plot", "simulate", "maps", "radio", "uhd", "viewer",
+            "gotcha", "npz", "hdf5", "plot", "simulate", "maps", "radio", "uhd", "viewer",
         ],
     ),
-    ("zip", &["npz", "maps"]),
+    ("zip", &["npz", "hdf5", "maps"]),
+    ("hdf5-pure", &["hdf5"]),
     (
         "toml",
         &[
@@ -69,10 +70,11 @@ const NEVER: [&str; 5] = [
 ];
 
 /// Every feature that brings something of its own.
-const FEATURES: [&str; 17] = [
+const FEATURES: [&str; 18] = [
     "cphd",
     "gotcha",
     "npz",
+    "hdf5",
     "recording",
     "simulate",
     "quality",

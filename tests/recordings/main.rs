@@ -1,6 +1,7 @@
 //! What is read: CPHD, GOTCHA, NovAtel, described recordings, several as one aperture, and what tuning finds in them.
 
 mod aperture_order;
+mod arrays;
 mod channels;
 mod cphd;
 mod described;

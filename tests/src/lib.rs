@@ -11,6 +11,7 @@ pub mod maps;
 pub mod matlab;
 pub mod module;
 pub mod module_report;
+pub mod numpy;
 pub mod odometer_scene;
 pub mod random;
 pub mod statistics;

@@ -19,7 +19,7 @@
 //! `freq` is stored as float32, which near 9.6 GHz knows only multiples of 1024 Hz. Start and step
 //! are therefore those of the straight line fitted by least squares; a sample further from it than
 //! four such multiples, or a quarter of the step, means frequencies that are not equally spaced, and
-//! is an error. So is a band below [`MIN_FREQUENCY_HZ`], which is one in GHz or MHz.
+//! is an error. So is a band below 1 MHz, which is one in GHz or MHz.
 //! Rounding (296 Hz rms) leaves start and step of K = 424 samples with standard deviations of
 //! 29 Hz and 0.12 Hz: a phase of less than 0.0001 rad over 100 m of path.
 //!
@@ -38,15 +38,13 @@ use std::path::Path;
 use glam::DVec3;
 use num_complex::Complex32;
 
+use super::frequencies::fit_line;
 use super::input::Stamp;
 use super::matlab::{Array, Content, MatError, find_variable};
 use subaperture_model::geometry::SceneFrame;
 use subaperture_model::phase_history::{
     Collection, InMemory, InputFile, Pulse, ReadError, Sweep, check_finite,
 };
-
-/// Bands that start below are taken to be in another unit than hertz.
-pub const MIN_FREQUENCY_HZ: f64 = 1e6;
 
 /// Bytes that [`read`] holds at its peak for an unpacked file of this size (the released ones are):
 /// the file itself, its samples and geometry.
@@ -151,7 +149,8 @@ fn parse(file: Vec<u8>, memory_bytes: u64) -> Result<(Collection, Vec<Complex32>
     };
     let fields = Fields(fields);
     let (samples, num_samples, num_pulses) = fields.samples(held_bytes, memory_bytes)?;
-    let (start_hz, step_hz) = fit_line(&fields.values("freq", num_samples, "rows")?)?;
+    let (start_hz, step_hz) = fit_line(&fields.values("freq", num_samples, "rows")?)
+        .map_err(|what| MatError::Malformed(format!("data.freq {what}")))?;
     let per_pulse = |name| fields.values(name, num_pulses, "columns");
     let (x, y, z, r0) = (
         per_pulse("x")?,
@@ -307,49 +306,4 @@ impl<'a> Fields<'a> {
             ))),
         }
     }
-}
-
-/// Start and step of the least squares line through equally spaced frequencies.
-fn fit_line(hz: &[f64]) -> Result<(f64, f64), MatError> {
-    let mean_index = (hz.len() - 1) as f64 / 2.0;
-    let mean_hz = hz.iter().sum::<f64>() / hz.len() as f64;
-    let (mut slope, mut spread) = (0.0, 0.0);
-    for (k, f) in hz.iter().enumerate() {
-        let d = k as f64 - mean_index;
-        slope += d * (f - mean_hz);
-        spread += d * d;
-    }
-    let step_hz = slope / spread;
-    let start_hz = mean_hz - mean_index * step_hz;
-    if !(step_hz > 0.0 && start_hz > 0.0) {
-        return Err(MatError::Malformed(format!(
-            "data.freq starts at {start_hz} Hz with a step of {step_hz} Hz; positive, ascending \
-             frequencies in hertz are expected"
-        )));
-    }
-    if start_hz < MIN_FREQUENCY_HZ {
-        return Err(MatError::Malformed(format!(
-            "data.freq starts at {start_hz}; hertz are expected, and no radar's band lies below \
-             {MIN_FREQUENCY_HZ} Hz: multiply them if they are in GHz or MHz"
-        )));
-    }
-    let residual = |(k, f): (usize, &f64)| (f - (start_hz + k as f64 * step_hz)).abs();
-    let residuals = hz.iter().enumerate().map(residual);
-    let worst = residuals.fold(0.0, |a: f64, b| a.max(b));
-    let most = max_residual_hz(hz.iter().fold(0.0, |a: f64, &b| a.max(b)), step_hz);
-    if worst > most {
-        return Err(MatError::Malformed(format!(
-            "data.freq is not equally spaced: a sample is {worst:.0} Hz off the straight line \
-             (at most {most:.0} Hz)"
-        )));
-    }
-    Ok((start_hz, step_hz))
-}
-
-/// Furthest that a recorded frequency may lie from the fitted line: four steps of float32 at the
-/// largest one (4096 Hz at 9.6 GHz), and no more than a quarter of the line's own step.
-fn max_residual_hz(largest_hz: f64, step_hz: f64) -> f64 {
-    let largest = largest_hz as f32;
-    let float_step_hz = f64::from(largest.next_up()) - f64::from(largest);
-    (4.0 * float_step_hz).min(step_hz / 4.0)
 }

@@ -11,19 +11,24 @@
 //! |---|---|---|
 //! | `cphd` | CPHD 1.x, read and written: `cphd` | `roxmltree` |
 //! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha` | `flate2` |
-//! | `npz` | arrays in NumPy's archives ([`npy::Array::read`]) | `zip`, `flate2` |
+//! | `npz` | arrays in NumPy's archives ([`npy::Array::read`]), and phase history of them: `arrays` | `zip`, `flate2` |
+//! | `hdf5` | phase history of arrays in HDF5 too (brings `npz`) | `hdf5-pure`, `flate2` |
 //! | `recording` | raw recordings described in TOML, and tracks: `recording`, `recorded_track`, `motive`, `track_csv`, `found_track`, `track_axes`, `phase_csv` | `subaperture-describe`, `subaperture-navigation`, `subaperture-receive` |
 //!
 //! NumPy's `.npy` and images are always there. A file whose feature is off is known for what it is, and refused with the
 //! feature's name.
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "npz")]
+pub mod arrays;
 pub mod atomic;
 pub mod claim;
 #[cfg(feature = "cphd")]
 pub mod cphd;
 #[cfg(feature = "recording")]
 pub mod found_track;
+#[cfg(any(feature = "gotcha", feature = "npz"))]
+mod frequencies;
 #[cfg(feature = "gotcha")]
 pub mod gotcha;
 pub mod input;

@@ -5,6 +5,8 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+#[cfg(feature = "npz")]
+use super::arrays;
 #[cfg(feature = "cphd")]
 use super::cphd;
 #[cfg(feature = "gotcha")]
@@ -16,14 +18,15 @@ use subaperture_model::phase_history::{
 };
 
 const CPHD_MAGIC: &[u8] = b"CPHD/1.";
-const SUPPORTED: &str =
-    "CPHD 1.x and GOTCHA (MATLAB 5) files are read, and descriptions of raw recordings (.toml)";
+const SUPPORTED: &str = "CPHD 1.x and GOTCHA (MATLAB 5) files are read, arrays of phase history (.npz, HDF5), and descriptions of raw recordings (.toml)";
+const ARCHIVE_MAGIC: &[u8] = b"PK\x03\x04";
+const HDF5_MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
 
 /// How recordings are opened.
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
     /// One channel of a recording that has several, by its name or its number from 1. If `None`, the reference channel of
-    /// a CPHD, and of a described recording the pulses of all, in the order of time.
+    /// a CPHD, the first of arrays, and of a described recording the pulses of all, in the order of time.
     pub channel: Option<&'a str>,
     /// Bytes that all recordings opened together may hold in memory.
     pub memory_bytes: u64,
@@ -59,15 +62,21 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
             None => open_gotcha(path, options),
         },
         Format::Cphd => open_cphd(path, options),
+        Format::Arrays => {
+            let channels = array_channels(path, options)?;
+            one(channels, options.channel.unwrap_or("1"))
+        }
         Format::Described => match options.channel {
-            Some(channel) => {
-                let channels = described_channels(path, options)?;
-                let mut chosen = channels.select(&[channel])?.into_inner();
-                Ok(chosen.swap_remove(0).1)
-            }
+            Some(channel) => one(described_channels(path, options)?, channel),
             None => open_described(path, options),
         },
     }
+}
+
+/// One of some channels.
+fn one(channels: Channels<'static>, name: &str) -> Result<Box<dyn PhaseHistory>, ReadError> {
+    let mut chosen = channels.select(&[name])?.into_inner();
+    Ok(chosen.swap_remove(0).1)
 }
 
 /// Opens channels of a recording side by side, each as for [`Options::channel`], which itself says nothing here; all if
@@ -83,6 +92,7 @@ pub fn open_channels<S: AsRef<str>>(
     let all = match format(path, options)? {
         Format::Gotcha => Channels::new(vec![(Channel::new("1"), open_gotcha(path, options)?)])?,
         Format::Cphd => return cphd_channels(path, channels, options),
+        Format::Arrays => array_channels(path, options)?,
         Format::Described => described_channels(path, options)?,
     };
     match channels {
@@ -95,6 +105,7 @@ pub fn open_channels<S: AsRef<str>>(
 enum Format {
     Gotcha,
     Cphd,
+    Arrays,
     Described,
 }
 
@@ -123,6 +134,9 @@ fn format(path: &Path, options: &Options) -> Result<Format, ReadError> {
     }
     if start.starts_with(CPHD_MAGIC) {
         return Ok(Format::Cphd);
+    }
+    if start.starts_with(ARCHIVE_MAGIC) || start.starts_with(HDF5_MAGIC) {
+        return Ok(Format::Arrays);
     }
     if described {
         return Ok(Format::Described);
@@ -176,6 +190,20 @@ fn cphd_channels<S: AsRef<str>>(path: &Path, _: Option<&[S]>, _: &Options) -> Op
     Err(is_off(path, "a CPHD file", "cphd"))
 }
 
+#[cfg(feature = "npz")]
+fn array_channels(path: &Path, options: &Options) -> OpenedChannels {
+    #[cfg(not(feature = "hdf5"))]
+    if read_start(path).is_ok_and(|start| start.starts_with(HDF5_MAGIC)) {
+        return Err(is_off(path, "an HDF5 file", "hdf5"));
+    }
+    arrays::open_channels(path, options.memory_bytes)
+}
+
+#[cfg(not(feature = "npz"))]
+fn array_channels(path: &Path, _: &Options) -> OpenedChannels {
+    Err(is_off(path, "a file of arrays (.npz, HDF5)", "npz"))
+}
+
 #[cfg(feature = "recording")]
 fn open_described(path: &Path, options: &Options) -> Opened {
     let opened = recording::open(path, options.settings, options.memory_bytes)?;
@@ -198,7 +226,12 @@ fn described_channels(path: &Path, _: &Options) -> OpenedChannels {
 }
 
 /// Of a format that this program was built without.
-#[cfg(not(all(feature = "cphd", feature = "gotcha", feature = "recording")))]
+#[cfg(not(all(
+    feature = "cphd",
+    feature = "gotcha",
+    feature = "hdf5",
+    feature = "recording"
+)))]
 fn is_off(path: &Path, what: &str, feature: &str) -> ReadError {
     ReadError::Malformed {
         path: path.to_owned(),
@@ -294,7 +327,7 @@ fn read_start(path: &Path) -> std::io::Result<Vec<u8>> {
 
 /// What a file of no supported format looks like, and what to do with it.
 fn describe(start: &[u8]) -> &'static str {
-    let known: [(&[u8], &str); 9] = [
+    let known: [(&[u8], &str); 7] = [
         (
             b"MATLAB 7.3 MAT-file",
             "a MATLAB 7.3 (HDF5) file: load it in MATLAB and save it again with -v7",
@@ -309,14 +342,9 @@ fn describe(start: &[u8]) -> &'static str {
             b"NITF",
             "a NITF file (SICD or SIDD): an image already, not phase history",
         ),
-        (b"\x89HDF", "an HDF5 file: convert it to CPHD 1.1"),
         (
             b"\x93NUMPY",
-            "a NumPy array, without the pulses' geometry: describe it in TOML (subap recording)",
-        ),
-        (
-            b"PK\x03\x04",
-            "a zip archive; if of NumPy arrays, describe it in TOML (subap recording)",
+            "a NumPy array, without the pulses' geometry: put both into an archive (subap recording --arrays), or describe it in TOML (subap recording)",
         ),
         (b"\x1f\x8b", "a gzip file: unpack it"),
     ];

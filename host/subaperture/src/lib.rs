@@ -68,7 +68,8 @@
 //! | [`io`] | files: recordings in, images out | | `fs4`, `serde_json` |
 //! | `io::cphd` | CPHD 1.x | `cphd` | `roxmltree` |
 //! | `io::gotcha` | AFRL's GOTCHA files (MATLAB 5) | `gotcha` | `flate2` |
-//! | [`io::npy`] | arrays in NumPy's archives, too | `npz` | `zip` |
+//! | [`io::npy`], `io::arrays` | arrays in NumPy's archives, too, and phase history of them | `npz` | `zip` |
+//! | `io::arrays` | phase history of arrays in HDF5 | `hdf5` | `hdf5-pure` |
 //! | `io::recording`, `describe`, `receive` | raw recordings described in TOML, and what they need to be phase history | `recording` | `toml` |
 //! | `simulate` | scenes, tracks and receivers, and what a radar records of them | `simulate` | `rand_chacha`, `rand_distr`, `png` |
 //! | `quality` | measures of images: responses, statistics, coherence | `quality` | |

@@ -11,6 +11,7 @@
 //! Seeds are made by the project's own writers, or by hand where it has none. After a mutation
 //! [`Target::repair`] makes lengths and checksums right again, so that it gets past the door.
 
+mod array_recordings;
 mod arrays;
 mod captures;
 mod container;
@@ -70,7 +71,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 22] = [
+pub static TARGETS: [Target; 23] = [
     Target {
         name: "plan",
         read: plans::plan,
@@ -117,6 +118,14 @@ pub static TARGETS: [Target; 22] = [
         seeds: arrays::npz_seeds,
         repair: |bytes| repair::zip(bytes),
         words: arrays::WORDS,
+        most_bytes: budgeted,
+    },
+    Target {
+        name: "array_recordings",
+        read: array_recordings::read,
+        seeds: array_recordings::seeds,
+        repair: |bytes| repair::zip(bytes),
+        words: array_recordings::WORDS,
         most_bytes: budgeted,
     },
     Target {

@@ -15,6 +15,7 @@ use super::container::{pack, unpack};
 use super::recordings::examine;
 use super::scratch::with_files;
 use super::{MEMORY_BYTES, arrays};
+use crate::numpy::stored;
 
 /// Points, pulses and samples of the experiments that are recorded.
 const MOST_POINTS: usize = 300;
@@ -176,7 +177,7 @@ pub(super) fn recording_seeds() -> Vec<Vec<u8>> {
                to_angle = \"120 deg\"\n";
     let dca = "format = \"dca1000\"\nfile = \"samples.bin\"\nsamples = 4\nreceivers = 2\nreceiver = 2\nphase = \"plus\"\n";
     let dca_bytes: Vec<u8> = (0..4 * 4 * 2 * 6).map(|i| (i * 37 % 251) as u8).collect();
-    let times = arrays::stored(&[("s.npy", &npy), ("t.npy", &arrays::npy_seeds()[3])]);
+    let times = stored(&[("s.npy", &npy), ("t.npy", &arrays::npy_seeds()[3])]);
     let npz = "format = \"npz\"\nfile = \"samples.npz\"\narray = \"s\"\ntimes = \"t\"\nbackground = \"mean\"\n";
     vec![
         pack(&text(plain, stepped, platform), &npy),

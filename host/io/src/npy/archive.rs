@@ -39,3 +39,14 @@ pub(super) fn read(
         "array {name} is in an archive (.npz), and this program was built without the feature 'npz' of subaperture"
     ))
 }
+
+/// The arrays of an archive.
+#[cfg(feature = "npz")]
+pub(super) fn names(file: &File) -> Result<Vec<String>, String> {
+    let archive = zip::ZipArchive::new(std::io::BufReader::new(file))
+        .map_err(|error| format!("not an archive of arrays (.npz): {error}"))?;
+    let names = archive.file_names().flatten();
+    Ok(names
+        .map(|name| name.strip_suffix(".npy").unwrap_or(&name).to_owned())
+        .collect())
+}

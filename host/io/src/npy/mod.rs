@@ -105,6 +105,22 @@ pub(super) fn read_open(file: File, path: &Path) -> Result<Image, NpyError> {
     ImageFile::of(file, path)?.read()
 }
 
+/// The arrays of an archive (`.npz`), by their names without `.npy`.
+///
+/// # Errors
+/// [`NpyError`]: no such archive.
+#[cfg(feature = "npz")]
+pub fn names(path: &Path) -> Result<Vec<String>, NpyError> {
+    let opened = File::open(path).map_err(|source| NpyError::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    archive::names(&opened).map_err(|what| NpyError::Unsuited {
+        path: path.to_owned(),
+        what,
+    })
+}
+
 /// Rows and columns of a complex64 image.
 fn image_shape(header: &Header) -> Result<(u64, u64), String> {
     match (

@@ -22,6 +22,10 @@ pub(crate) struct Recording {
     #[arg(long)]
     pub(crate) keys: bool,
 
+    /// Print how phase history of your own is given as arrays (NumPy's .npz, HDF5)
+    #[arg(long)]
+    pub(crate) arrays: bool,
+
     /// Print a description to start from, of a public recording
     #[arg(long, value_name = "NAME",
         value_parser = clap::builder::PossibleValuesParser::new(recording::examples::names()))]

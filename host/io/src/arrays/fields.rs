@@ -1,0 +1,396 @@
+//! Arrays by name as collections and their samples.
+
+use std::collections::BTreeSet;
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use super::Fault;
+use super::source::Source;
+use crate::frequencies::fit_line;
+use crate::npy::{Array, Values};
+use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
+use subaperture_model::phase_history::{Collection, Pulse, Sweep};
+
+/// All that are known.
+const NAMES: [&str; 13] = [
+    "samples",
+    "frequency_hz",
+    "start_hz",
+    "step_hz",
+    "antenna_m",
+    "transmitter_m",
+    "receiver_m",
+    "sign",
+    "reference_m",
+    "reference_path_m",
+    "time_s",
+    "origin_deg_m",
+    "extent_m",
+];
+
+/// The arrays of a file, read one by one.
+pub(super) struct Fields {
+    source: Source,
+    names: BTreeSet<String>,
+    left_bytes: u64,
+    memory_bytes: u64,
+}
+
+/// Sizes of `samples`.
+#[derive(Clone, Copy)]
+struct Sizes {
+    channels: usize,
+    pulses: usize,
+    frequencies: usize,
+}
+
+impl Fields {
+    pub(super) fn new(source: Source, memory_bytes: u64) -> Result<Self, Fault> {
+        let names: BTreeSet<String> = source.names()?.into_iter().collect();
+        let strange: Vec<&str> = names
+            .iter()
+            .map(String::as_str)
+            .filter(|name| !name.starts_with('_') && !NAMES.contains(name))
+            .collect();
+        if !names.contains("samples") {
+            return Err(Fault::Malformed(format!(
+                "no phase history: it has no array 'samples', but {}; the arrays that are read are {}",
+                match strange.as_slice() {
+                    [] => "none".to_owned(),
+                    some => listed(some),
+                },
+                listed(&NAMES)
+            )));
+        }
+        if let [first, ..] = strange.as_slice() {
+            return Err(Fault::Malformed(format!(
+                "array '{first}' is none of {}: correct its name, or begin it with _ if it is to be passed over",
+                listed(&NAMES)
+            )));
+        }
+        Ok(Self {
+            source,
+            names,
+            left_bytes: memory_bytes,
+            memory_bytes,
+        })
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.names.contains(name)
+    }
+
+    fn array(&self, name: &str) -> Result<Array, Fault> {
+        if !self.has(name) {
+            return Err(Fault::Malformed(format!("array '{name}' is missing")));
+        }
+        Ok(self.source.array(name, self.left_bytes)?)
+    }
+
+    /// Real, finite numbers of one of some shapes.
+    fn real(&self, name: &str, shapes: &[&[usize]]) -> Result<Vec<f64>, Fault> {
+        let array = self.array(name)?;
+        let Values::Real(values) = array.values else {
+            return Err(Fault::Malformed(format!(
+                "array '{name}' is complex; real numbers are expected"
+            )));
+        };
+        if !shapes.contains(&array.shape.as_slice()) {
+            let wanted: Vec<String> = shapes.iter().map(|shape| shaped(shape)).collect();
+            return Err(Fault::Malformed(format!(
+                "array '{name}' has shape {}; {} is expected",
+                shaped(&array.shape),
+                wanted.join(" or ")
+            )));
+        }
+        match values.iter().position(|value| !value.is_finite()) {
+            None => Ok(values),
+            Some(i) => Err(Fault::Malformed(format!(
+                "array '{name}': value {i} is {}; it must be finite",
+                values[i]
+            ))),
+        }
+    }
+
+    /// Numbers of which there may be one for all of `count`.
+    fn each(&self, name: &str, count: usize) -> Result<Vec<f64>, Fault> {
+        let mut values = self.real(name, &[&[], &[1], &[count]])?;
+        if let [one] = *values.as_slice() {
+            values = vec![one; count];
+        }
+        Ok(values)
+    }
+
+    /// The samples, channel by channel.
+    fn samples(&mut self) -> Result<(Vec<Complex32>, Sizes), Fault> {
+        let array = self.array("samples")?;
+        let Values::Complex(values) = array.values else {
+            return Err(Fault::Malformed(
+                "array 'samples' is real; complex numbers are expected: samples of frequencies, with their phase".to_owned(),
+            ));
+        };
+        let sizes = match *array.shape {
+            [pulses, frequencies] => Sizes {
+                channels: 1,
+                pulses,
+                frequencies,
+            },
+            [channels, pulses, frequencies] => Sizes {
+                channels,
+                pulses,
+                frequencies,
+            },
+            _ => {
+                return Err(Fault::Malformed(format!(
+                    "array 'samples' has shape {}; pulses x frequencies, or channels x pulses x frequencies, is expected",
+                    shaped(&array.shape)
+                )));
+            }
+        };
+        if sizes.channels == 0 || sizes.pulses == 0 || sizes.frequencies < 2 {
+            return Err(Fault::Malformed(format!(
+                "array 'samples' has shape {}: no image comes of fewer than 1 pulse of 2 frequencies",
+                shaped(&array.shape)
+            )));
+        }
+        let sample_bytes = size_of::<Complex32>() as u64 * values.len() as u64;
+        // Channels are taken out of the whole, which is freed thereafter.
+        let copies = if sizes.channels > 1 { 2 } else { 1 };
+        let pulses = (sizes.channels * sizes.pulses) as u64;
+        // Of each pulse what is kept, and the numbers read for it.
+        let needed = copies * sample_bytes + pulses * (size_of::<Pulse>() as u64 + 16 * 8);
+        self.left_bytes = self
+            .memory_bytes
+            .checked_sub(needed)
+            .ok_or(Fault::Memory(needed))?;
+        // What is left is for the arrays beside them, of which the widest are held three at a time.
+        self.left_bytes += pulses * 16 * 8;
+        Ok((values, sizes))
+    }
+
+    /// First frequency and step of every pulse.
+    fn bands(&self, sizes: Sizes) -> Result<[Vec<f64>; 2], Fault> {
+        let stepped = self.has("start_hz") || self.has("step_hz");
+        if !self.has("frequency_hz") {
+            return Ok([
+                self.each("start_hz", sizes.pulses)?,
+                self.each("step_hz", sizes.pulses)?,
+            ]);
+        }
+        if stepped {
+            return Err(Fault::Malformed(
+                "both 'frequency_hz' and 'start_hz' or 'step_hz' are given: leave out one or the other".to_owned(),
+            ));
+        }
+        let listed = self.real("frequency_hz", &[&[sizes.frequencies]])?;
+        let (start_hz, step_hz) =
+            fit_line(&listed).map_err(|what| format!("array 'frequency_hz' {what}"))?;
+        Ok([start_hz, step_hz].map(|hz| vec![hz; sizes.pulses]))
+    }
+
+    /// Places of every pulse of every channel.
+    fn places(&self, name: &str, sizes: Sizes) -> Result<Vec<DVec3>, Fault> {
+        let (channels, pulses) = (sizes.channels, sizes.pulses);
+        let values = self.real(name, &[&[pulses, 3], &[channels, pulses, 3]])?;
+        Ok(for_all_channels(places(&values), sizes))
+    }
+
+    /// Of the transmitting and the receiving antenna.
+    fn antennas(&self, sizes: Sizes) -> Result<[Vec<DVec3>; 2], Fault> {
+        let two = self.has("transmitter_m") || self.has("receiver_m");
+        match (self.has("antenna_m"), two) {
+            (true, true) => Err(Fault::Malformed(
+                "both 'antenna_m' and 'transmitter_m' or 'receiver_m' are given: leave out one or the other".to_owned(),
+            )),
+            (true, false) => {
+                let both = self.places("antenna_m", sizes)?;
+                Ok([both.clone(), both])
+            }
+            (false, false) => Err(Fault::Malformed(
+                "where the antennas were is missing: 'antenna_m', or 'transmitter_m' and 'receiver_m'".to_owned(),
+            )),
+            (false, true) => Ok([
+                self.places("transmitter_m", sizes)?,
+                self.places("receiver_m", sizes)?,
+            ]),
+        }
+    }
+
+    fn references(&self, sizes: Sizes) -> Result<Vec<DVec3>, Fault> {
+        if !self.has("reference_m") {
+            return Ok(vec![DVec3::ZERO; sizes.pulses]);
+        }
+        let values = self.real("reference_m", &[&[3], &[sizes.pulses, 3]])?;
+        let mut places = places(&values);
+        if let [one] = *places.as_slice() {
+            places = vec![one; sizes.pulses];
+        }
+        Ok(places)
+    }
+
+    fn frame(&self) -> Result<SceneFrame, Fault> {
+        if !self.has("origin_deg_m") {
+            return Ok(SceneFrame::Local);
+        }
+        let values = self.real("origin_deg_m", &[&[3]])?;
+        let origin = Geodetic {
+            latitude_deg: values[0],
+            longitude_deg: values[1],
+            height_m: values[2],
+        };
+        let sound = origin.latitude_deg.abs() <= 90.0
+            && origin.longitude_deg.abs() <= 360.0
+            && origin.height_m.abs() <= 1e6;
+        match sound {
+            true => Ok(SceneFrame::east_north_up(&origin)),
+            false => Err(Fault::Malformed(format!(
+                "array 'origin_deg_m' is {values:?}; latitude (-90 to 90) and longitude in degrees and a height in metres are expected"
+            ))),
+        }
+    }
+
+    fn extent(&self) -> Result<Option<Extent>, Fault> {
+        if !self.has("extent_m") {
+            return Ok(None);
+        }
+        let values = self.real("extent_m", &[&[4]])?;
+        if !(values[0] < values[1] && values[2] < values[3]) {
+            return Err(Fault::Malformed(format!(
+                "array 'extent_m' is {values:?}; least and greatest x, least and greatest y are expected"
+            )));
+        }
+        Ok(Some(Extent {
+            x_m: (values[0], values[1]),
+            y_m: (values[2], values[3]),
+        }))
+    }
+
+    fn sign(&self) -> Result<f64, Fault> {
+        if !self.has("sign") {
+            return Ok(-1.0);
+        }
+        match *self.real("sign", &[&[], &[1]])?.as_slice() {
+            [sign] if sign.abs() == 1.0 => Ok(sign),
+            ref other => Err(Fault::Malformed(format!(
+                "array 'sign' is {other:?}; -1 or 1 is expected"
+            ))),
+        }
+    }
+}
+
+/// What a file holds, a collection and its samples a channel.
+pub(super) struct Parsed {
+    pub(super) channels: Vec<(Collection, Vec<Complex32>)>,
+}
+
+impl Parsed {
+    pub(super) fn read(mut fields: Fields) -> Result<Self, Fault> {
+        let sign = fields.sign()?;
+        let (frame, extent) = (fields.frame()?, fields.extent()?);
+        let (mut samples, sizes) = fields.samples()?;
+        if sign > 0.0 {
+            samples.iter_mut().for_each(|z| *z = z.conj());
+        }
+        let [start_hz, step_hz] = fields.bands(sizes)?;
+        let [transmitters, receivers] = fields.antennas(sizes)?;
+        let references = fields.references(sizes)?;
+        let paths = match fields.has("reference_path_m") {
+            true => {
+                let shapes: [&[usize]; 2] = [&[sizes.pulses], &[sizes.channels, sizes.pulses]];
+                let values = fields.real("reference_path_m", &shapes)?;
+                Some(for_all_channels(values, sizes))
+            }
+            false => None,
+        };
+        let times = match fields.has("time_s") {
+            true => Some(fields.real("time_s", &[&[sizes.pulses]])?),
+            false => None,
+        };
+        if let Some(n) = times.as_ref().and_then(|times| falls_at(times)) {
+            return Err(Fault::Malformed(format!(
+                "array 'time_s': pulse {n} is earlier than the one before; give pulses in the order of time"
+            )));
+        }
+        let pulse = |c: usize, n: usize| {
+            let i = c * sizes.pulses + n;
+            let mut pulse = Pulse {
+                time_s: times.as_ref().map_or(n as f64, |times| times[n]),
+                transmitter_m: transmitters[i],
+                receiver_m: receivers[i],
+                reference_m: references[n],
+                reference_path_m: 0.0,
+                start_hz: start_hz[n],
+                step_hz: step_hz[n],
+                sweep: Sweep::AT_ONCE,
+            };
+            pulse.reference_path_m = match &paths {
+                Some(paths) => paths[i],
+                None => pulse.path_m(pulse.reference_m),
+            };
+            match pulse.fault(sizes.frequencies) {
+                None => Ok(pulse),
+                Some(what) => Err(Fault::Malformed(format!("pulse {n}: {what}"))),
+            }
+        };
+        let width = sizes.pulses * sizes.frequencies;
+        let mut channels = Vec::with_capacity(sizes.channels);
+        for c in (0..sizes.channels).rev() {
+            let own = match c {
+                0 => {
+                    samples.shrink_to_fit();
+                    std::mem::take(&mut samples)
+                }
+                _ => samples.split_off(c * width),
+            };
+            let collection = Collection {
+                name: String::new(),
+                num_samples: sizes.frequencies,
+                pulses: (0..sizes.pulses)
+                    .map(|n| pulse(c, n))
+                    .collect::<Result<_, _>>()?,
+                frame,
+                extent,
+                timed: times.is_some(),
+            };
+            channels.push((collection, own));
+        }
+        channels.reverse();
+        Ok(Self { channels })
+    }
+}
+
+fn places(values: &[f64]) -> Vec<DVec3> {
+    values
+        .as_chunks::<3>()
+        .0
+        .iter()
+        .map(|&place| DVec3::from_array(place))
+        .collect()
+}
+
+/// What was given once for all channels, or for each.
+fn for_all_channels<T: Copy>(values: Vec<T>, sizes: Sizes) -> Vec<T> {
+    match values.len() == sizes.pulses {
+        true => values.repeat(sizes.channels),
+        false => values,
+    }
+}
+
+fn falls_at(times: &[f64]) -> Option<usize> {
+    (1..times.len()).find(|&n| times[n] < times[n - 1])
+}
+
+fn listed(names: &[&str]) -> String {
+    names.join(", ")
+}
+
+fn shaped(shape: &[usize]) -> String {
+    match shape {
+        [] => "of one number".to_owned(),
+        sizes => {
+            let sizes: Vec<String> = sizes.iter().map(ToString::to_string).collect();
+            format!("({})", sizes.join(", "))
+        }
+    }
+}

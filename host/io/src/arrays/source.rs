@@ -1,0 +1,62 @@
+//! Files that hold arrays by name.
+
+use std::path::{Path, PathBuf};
+
+use crate::npy::{self, Array, NpyError};
+
+/// What a zip archive begins with.
+const ARCHIVE_MAGIC: [u8; 4] = *b"PK\x03\x04";
+
+/// One of them, open.
+pub(super) enum Source {
+    Archive(PathBuf),
+    #[cfg(feature = "hdf5")]
+    Hdf5(super::hdf5::Hdf5),
+}
+
+impl Source {
+    pub(super) fn open(path: &Path) -> Result<Self, String> {
+        let is_archive = std::fs::File::open(path)
+            .and_then(|mut file| {
+                let mut start = [0; ARCHIVE_MAGIC.len()];
+                std::io::Read::read_exact(&mut file, &mut start)?;
+                Ok(start == ARCHIVE_MAGIC)
+            })
+            .unwrap_or(false);
+        if is_archive {
+            return Ok(Self::Archive(path.to_owned()));
+        }
+        #[cfg(feature = "hdf5")]
+        return super::hdf5::Hdf5::open(path).map(Self::Hdf5);
+        #[cfg(not(feature = "hdf5"))]
+        Err("not an archive of arrays (.npz)".to_owned())
+    }
+
+    /// The arrays there are.
+    pub(super) fn names(&self) -> Result<Vec<String>, String> {
+        match self {
+            Self::Archive(path) => npy::names(path).map_err(without_path),
+            #[cfg(feature = "hdf5")]
+            Self::Hdf5(file) => file.names(),
+        }
+    }
+
+    /// The array `name`, of which no more than `memory_bytes` is held.
+    pub(super) fn array(&self, name: &str, memory_bytes: u64) -> Result<Array, String> {
+        match self {
+            Self::Archive(path) => {
+                Array::read(path, Some(name), memory_bytes).map_err(without_path)
+            }
+            #[cfg(feature = "hdf5")]
+            Self::Hdf5(file) => file.array(name, memory_bytes),
+        }
+    }
+}
+
+/// Whoever tells of it names the path.
+fn without_path(error: NpyError) -> String {
+    match error {
+        NpyError::Io { source, .. } => source.to_string(),
+        NpyError::Unsuited { what, .. } => what,
+    }
+}
