@@ -344,7 +344,7 @@ fn describe(start: &[u8]) -> &'static str {
         ),
         (
             b"\x93NUMPY",
-            "a NumPy array, without the pulses' geometry: put both into an archive (subap recording --arrays), or describe it in TOML (subap recording)",
+            "a NumPy array, without the pulses' geometry: put both into an archive, or describe it in TOML (subap recording says how)",
         ),
         (b"\x1f\x8b", "a gzip file: unpack it"),
     ];
