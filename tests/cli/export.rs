@@ -38,12 +38,14 @@ position = "60, -480, 350 km"
 velocity = "7500, 0, 0 m/s"
 "#;
 
-fn sarkit(list: &Path) {
+fn sarkit(script: &str, arguments: &[PathBuf]) {
     let python = std::env::var_os("SUBAPERTURE_PYTHON").unwrap_or_else(|| "python3".into());
-    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("python/sicd_check.py");
+    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("python")
+        .join(script);
     let output = Command::new(&python)
         .arg(script)
-        .arg(list)
+        .args(arguments)
         .output()
         .unwrap();
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -94,13 +96,47 @@ fn images_are_sicd_that_sarkit_reads_and_projects() {
         list += &format!("{}\t{}\n", path.display(), array.display());
     }
     fs::write(at.join("list.txt"), list).unwrap();
-    sarkit(&at.join("list.txt"));
+    sarkit("sicd_check.py", &[at.join("list.txt")]);
     run(at, "compare fine.nitf fine.nitf").succeeded();
     // Its own file is replaced, and nobody else's.
     run(at, "export fine --format sicd -o fine.nitf").succeeded();
     fs::write(at.join("other.nitf"), "NITF02.10 of somebody").unwrap();
     run(at, "export fine --format sicd -o other.nitf").failed(1, &["other.nitf", "--force"]);
     run(at, "export fine --format sicd -o fine/image.npy").failed(1, &["image.npy"]);
+}
+
+#[test]
+fn detected_images_are_sidd_that_sarkit_reads_and_places() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("space.toml"), SPACE).unwrap();
+    run(at, "simulate space.toml -o space.cphd").succeeded();
+    run(
+        at,
+        "focus space.cphd --grid x=-20:20:0.4,y=-16:16:0.25 --out image",
+    )
+    .succeeded();
+    run(at, "export image --format sidd -o density.nitf").succeeded();
+    run(
+        at,
+        "export image --format sidd --remap db --span 50 -o db.nitf",
+    )
+    .succeeded();
+    let image = at.join("image");
+    sarkit(
+        "sidd_check.py",
+        &[
+            at.join("density.nitf"),
+            image.clone(),
+            at.join("db.nitf"),
+            image,
+        ],
+    );
+    // No looks and no projection: its pixels are the image's.
+    run(at, "export image --format sidd --looks 2 -o looks.nitf")
+        .failed(2, &["--looks", "--format sidd"]);
+    // What is detected is no complex image.
+    run(at, "quality density.nitf").failed(1, &["density.nitf", "SICD"]);
 }
 
 /// The XML is the last of a file, so that what is cut off is missed whatever it is.

@@ -118,6 +118,11 @@ impl Levels {
         [step, self.bottom_db - step]
     }
 
+    /// A grey from black to white; black where there is nothing.
+    pub fn grey(&self, power: f32) -> u8 {
+        self.grey_alpha(power)[0]
+    }
+
     /// A grey and how opaque it is.
     pub(crate) fn grey_alpha(&self, power: f32) -> [u8; 2] {
         match power.is_finite() {

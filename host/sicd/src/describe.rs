@@ -98,25 +98,12 @@ impl Told<'_> {
                 w.xyz("ECF", scp);
                 let place = Geodetic::from_ecf_m(scp);
                 w.element("LLH", "", |w| {
-                    latitude_longitude(w, &place);
+                    latitude_longitude(w, &place, PLAIN);
                     w.number("HAE", place.height_m);
                 });
             });
-            w.element("ImageCorners", "", |w| {
-                let names = ["1:FRFC", "2:FRLC", "3:LRLC", "4:LRFC"];
-                for (name, corner) in names.into_iter().zip(self.corners) {
-                    w.element("ICP", &format!("index=\"{name}\""), |w| {
-                        latitude_longitude(w, corner);
-                    });
-                }
-            });
-            let vertices = self.placed.vertices();
-            w.element("ValidData", &format!("size=\"{}\"", vertices.len()), |w| {
-                for (n, at) in vertices.into_iter().enumerate() {
-                    let place = self.placed.on_ground(at, self.seen);
-                    w.element("Vertex", &index(n), |w| latitude_longitude(w, &place));
-                }
-            });
+            corners(w, self.corners, PLAIN);
+            valid_data(w, self.placed, self.seen, PLAIN);
         });
     }
 
@@ -194,19 +181,10 @@ impl Told<'_> {
         });
     }
 
-    /// Transmitted, and both.
-    fn polarizations(&self) -> [String; 2] {
-        let known = |name: &Option<String>| {
-            let name = name.as_deref()?;
-            let listed = ["V", "H", "X", "Y", "S", "E", "RHC", "LHC"].contains(&name);
-            listed.then(|| name.to_owned())
-        };
-        match [
-            known(&self.formed.polarizations[0]),
-            known(&self.formed.polarizations[1]),
-        ] {
-            [Some(tx), Some(rx)] => [tx.clone(), format!("{tx}:{rx}")],
-            _ => ["UNKNOWN".to_owned(), "UNKNOWN".to_owned()],
+    fn both_polarizations(&self) -> String {
+        match polarizations(self.formed) {
+            [tx, _] if tx == UNKNOWN => tx,
+            [tx, rx] => format!("{tx}:{rx}"),
         }
     }
 
@@ -218,7 +196,8 @@ impl Told<'_> {
     }
 
     fn radar(&self, w: &mut Writer) {
-        let [tx, both] = self.polarizations();
+        let [tx, _] = polarizations(self.formed);
+        let both = self.both_polarizations();
         let [low, high] = self.band_hz();
         w.element("RadarCollection", "", |w| {
             w.element("TxFrequency", "", |w| {
@@ -234,7 +213,7 @@ impl Told<'_> {
     }
 
     fn formation(&self, w: &mut Writer) {
-        let [_, both] = self.polarizations();
+        let both = self.both_polarizations();
         let [low, high] = self.band_hz();
         w.element("ImageFormation", "", |w| {
             w.element("RcvChanProc", "", |w| {
@@ -283,13 +262,60 @@ impl Told<'_> {
     }
 }
 
+/// Names of latitude and longitude.
+const PLAIN: [&str; 2] = ["Lat", "Lon"];
+
+/// Where something is not known.
+const UNKNOWN: &str = "UNKNOWN";
+
+/// Transmitted and received, if both are known.
+pub(crate) fn polarizations(formed: &Formed) -> [String; 2] {
+    let known = |name: &Option<String>| {
+        let name = name.as_deref()?;
+        let listed = ["V", "H", "X", "Y", "S", "E", "RHC", "LHC"].contains(&name);
+        listed.then(|| name.to_owned())
+    };
+    match [0, 1].map(|k| known(&formed.polarizations[k])) {
+        [Some(tx), Some(rx)] => [tx, rx],
+        _ => [UNKNOWN, UNKNOWN].map(str::to_owned),
+    }
+}
+
+/// The image's corners on the ground: first row first column, then clockwise.
+pub(crate) fn corners(w: &mut Writer, corners: &[Geodetic; 4], names: [&str; 2]) {
+    w.element("ImageCorners", "", |w| {
+        let indices = ["1:FRFC", "2:FRLC", "3:LRLC", "4:LRFC"];
+        for (name, corner) in indices.into_iter().zip(corners) {
+            w.element("ICP", &format!("index=\"{name}\""), |w| {
+                latitude_longitude(w, corner, names);
+            });
+        }
+    });
+}
+
+/// Its outline there.
+pub(crate) fn valid_data(w: &mut Writer, placed: &Placed, seen: &Scpcoa, names: [&str; 2]) {
+    let vertices = placed.vertices();
+    w.element("ValidData", &format!("size=\"{}\"", vertices.len()), |w| {
+        for (n, at) in vertices.into_iter().enumerate() {
+            let place = placed.on_ground(at, seen);
+            w.element("Vertex", &index(n), |w| {
+                latitude_longitude(w, &place, names)
+            });
+        }
+    });
+}
+
 /// Numbers of elements begin at 1.
 fn index(n: usize) -> String {
     format!("index=\"{}\"", n + 1)
 }
 
-fn latitude_longitude(w: &mut Writer, place: &Geodetic) {
-    w.numbers(&[("Lat", place.latitude_deg), ("Lon", place.longitude_deg)]);
+fn latitude_longitude(w: &mut Writer, place: &Geodetic, [latitude, longitude]: [&str; 2]) {
+    w.numbers(&[
+        (latitude, place.latitude_deg),
+        (longitude, place.longitude_deg),
+    ]);
 }
 
 fn surface(w: &mut Writer, name: &str, surface: &Surface) {

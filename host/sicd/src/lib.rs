@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! image.json ── Formed::of_record ─┐
-//! a place and a time, if asked ────┴─> Sicd::new ── write(image, part by part) ──> one file: headers, samples, XML
+//! a place and a time, if asked ────┴─> Sicd::new, Sidd::new ── write(image, part by part) ──> one file: headers, samples, XML
 //! ```
 //!
 //! **What is told.** Our images lie on Cartesian grids in a plane, formed in space and not in a spectrum: `Grid/Type` is `PLANE`, and `ImageFormAlgo` is `OTHER` for every
@@ -16,6 +16,8 @@
 //! told by `DeltaKCOAPoly`. `Sgn` is -1.
 //!
 //! **Frame.** An image of a recording that does not know where on the Earth it was is put where it is told ([`Placing`]).
+//!
+//! **SIDD.** [`Sidd`] is the same image detected: bytes of grey on the same plane, as version 3.0.
 //!
 //! **Reading.** [`SicdFile`] reads anyone's, part by part.
 //!
@@ -30,15 +32,18 @@ mod describe;
 mod formed;
 mod grid;
 mod header;
+mod laid;
 mod nitf;
 mod polynomial;
 mod read;
+mod sidd;
 mod spectrum;
 mod turned;
 mod write;
 
 pub use formed::{Formed, Placing};
 pub use read::{MOST_XML_BYTES, ReadError, SicdFile};
+pub use sidd::{Greys, Sidd};
 pub use turned::Turned;
 pub use write::{STRIP_PIXELS, Sicd};
 

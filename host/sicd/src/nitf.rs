@@ -4,7 +4,7 @@ use subaperture_io::ours::NITF_MARK;
 use subaperture_model::geometry::Geodetic;
 
 use crate::dates::digits;
-use crate::describe::NAMESPACE;
+use crate::{describe, sidd};
 
 /// Bytes of a segment's samples at the most.
 const MOST_BYTES: u64 = 9_999_999_998;
@@ -12,12 +12,66 @@ const MOST_BYTES: u64 = 9_999_999_998;
 const MOST_ROWS: u64 = 99_999;
 /// Segments that a header can list.
 const MOST_SEGMENTS: u64 = 999;
-/// Bytes of a sample.
-pub(crate) const SAMPLE: u64 = 8;
-
-/// Bytes of the parts of a file before what they describe.
-const IMAGE_HEADER: u64 = 512;
+/// Bytes of the headers of parts of a file: of an image of one band, of each further one, and of XML.
+const IMAGE_HEADER: u64 = 499;
+const BAND_HEADER: u64 = 13;
 const XML_HEADER: u64 = 973;
+
+/// What a file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Product {
+    /// Complex pixels, float32 pairs.
+    Sicd,
+    /// Grey pixels, bytes.
+    Sidd,
+}
+
+impl Product {
+    /// Bytes of a pixel.
+    pub(crate) fn sample_bytes(self) -> u64 {
+        match self {
+            Self::Sicd => 8,
+            Self::Sidd => 1,
+        }
+    }
+
+    /// What its standards call it.
+    fn title(self) -> &'static str {
+        match self {
+            Self::Sicd => "SICD",
+            Self::Sidd => "SIDD",
+        }
+    }
+
+    /// Version and namespace of its XML.
+    fn schema(self) -> [&'static str; 2] {
+        match self {
+            Self::Sicd => ["1.3.0", describe::NAMESPACE],
+            Self::Sidd => ["3.0", sidd::NAMESPACE],
+        }
+    }
+
+    /// Of an image's segment, counted from 0.
+    fn segment_name(self, n: usize, of: usize) -> String {
+        match (self, of) {
+            (Self::Sidd, _) => format!("SIDD001{:03}", n + 1),
+            (Self::Sicd, 1) => "SICD000".to_owned(),
+            (Self::Sicd, _) => format!("SICD{:03}", n + 1),
+        }
+    }
+
+    fn bands(self) -> &'static [&'static str] {
+        match self {
+            Self::Sicd => &["I", "Q"],
+            Self::Sidd => &["M"],
+        }
+    }
+
+    /// Bytes of the header of an image's segment.
+    fn header_bytes(self) -> u64 {
+        IMAGE_HEADER + BAND_HEADER * (self.bands().len() as u64 - 1)
+    }
+}
 
 /// Rows that a segment holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,8 +81,8 @@ pub(crate) struct Segment {
 }
 
 /// How an image's rows are parted (SICD volume 2, 3.2.1); none of one that does not fit into a file.
-pub(crate) fn segments(rows: u64, columns: u64) -> Option<Vec<Segment>> {
-    let row_bytes = columns.checked_mul(SAMPLE)?;
+pub(crate) fn segments(rows: u64, columns: u64, sample_bytes: u64) -> Option<Vec<Segment>> {
+    let row_bytes = columns.checked_mul(sample_bytes)?;
     if rows.checked_mul(row_bytes)? <= MOST_BYTES {
         return Some(vec![Segment { first: 0, rows }]);
     }
@@ -83,6 +137,7 @@ pub(crate) struct Headers {
 
 /// What headers say beside the image's size.
 pub(crate) struct About<'a> {
+    pub(crate) product: Product,
     pub(crate) name: &'a str,
     pub(crate) start_ns: i64,
     pub(crate) created_ns: i64,
@@ -98,12 +153,12 @@ pub(crate) struct About<'a> {
 impl About<'_> {
     /// The headers; none if the file is too long for them.
     pub(crate) fn headers(&self) -> Option<Headers> {
-        let data = |segment: &Segment| segment.rows * self.columns * SAMPLE;
+        let data = |segment: &Segment| segment.rows * self.columns * self.product.sample_bytes();
         // All but the list of image segments: 388 to NUMXS, 13 of the list of the XML, and lengths of two headers.
         let header_bytes = 404 - 16 + 16 * self.segments.len() as u64 + 13;
         let samples: u64 = self.segments.iter().map(data).sum();
         let bytes = header_bytes
-            + IMAGE_HEADER * self.segments.len() as u64
+            + self.product.header_bytes() * self.segments.len() as u64
             + samples
             + XML_HEADER
             + self.xml_bytes;
@@ -114,7 +169,7 @@ impl About<'_> {
         file.text(9, "NITF02.10").number(2, self.complexity(bytes));
         file.text(4, "BF01").text(10, NITF_MARK);
         file.text(14, &digits(self.created_ns));
-        file.text(80, &format!("SICD: {}", self.name));
+        file.text(80, &format!("{}: {}", self.product.title(), self.name));
         file.unclassified().number(5, 0).number(5, 0).number(1, 0);
         // A background colour, black, in bytes.
         file.0 += "\0\0\0";
@@ -122,7 +177,8 @@ impl About<'_> {
         file.number(12, bytes).number(6, header_bytes);
         file.number(3, self.segments.len() as u64);
         for segment in self.segments {
-            file.number(6, IMAGE_HEADER).number(10, data(segment));
+            file.number(6, self.product.header_bytes())
+                .number(10, data(segment));
         }
         // No graphics, reserved ones and texts; one extension, none reserved; no more headers.
         file.number(3, 0).number(3, 0).number(3, 0).number(3, 1);
@@ -154,38 +210,43 @@ impl About<'_> {
     fn image(&self, n: usize) -> Vec<u8> {
         let segment = self.segments[n];
         let mut h = Fields(String::new());
-        let name = match self.segments.len() {
-            1 => "SICD000".to_owned(),
-            _ => format!("SICD{:03}", n + 1),
-        };
+        let name = self.product.segment_name(n, self.segments.len());
         h.text(2, "IM")
             .text(10, &name)
             .text(14, &digits(self.start_ns));
         h.text(17, "").text(80, self.name);
         h.unclassified().number(1, 0).text(42, NITF_MARK);
         h.number(8, segment.rows).number(8, self.columns);
-        h.text(3, "R")
-            .text(8, "NODISPLY")
-            .text(8, "SAR")
-            .number(2, 32)
-            .text(1, "R");
+        let grey = self.product == Product::Sidd;
+        let [kind, shown] = if grey {
+            ["INT", "MONO"]
+        } else {
+            ["R", "NODISPLY"]
+        };
+        let bits = if grey { 8 } else { 32 };
+        h.text(3, kind).text(8, shown).text(8, "SAR");
+        h.number(2, bits).text(1, "R");
         h.text(1, "G")
             .text(60, &self.corners[n].map(|c| arc_seconds(&c)).concat());
-        // No comments, no compression, two bands.
-        h.number(1, 0).text(2, "NC").number(1, 2);
-        for band in ["I", "Q"] {
-            h.text(2, "")
-                .text(6, band)
+        // No comments, no compression.
+        let bands = self.product.bands();
+        h.number(1, 0).text(2, "NC").number(1, bands.len() as u64);
+        for band in bands {
+            // Of a grey band what it represents, of a complex one's parts what they are.
+            let [represents, part] = if grey { [*band, ""] } else { ["", band] };
+            h.text(2, represents)
+                .text(6, part)
                 .text(1, "N")
                 .text(3, "")
                 .number(1, 0);
         }
-        // Pixel by pixel, in one block, whose sides are told up to 8192.
+        // In one block, whose sides are told up to 8192: complex numbers pixel by pixel, and a band alone is a block.
         let side = |count: u64| if count > 8192 { 0 } else { count };
-        h.number(1, 0).text(1, "P").number(4, 1).number(4, 1);
+        let mode = if grey { "B" } else { "P" };
+        h.number(1, 0).text(1, mode).number(4, 1).number(4, 1);
         h.number(4, side(self.columns))
             .number(4, side(segment.rows))
-            .number(2, 32);
+            .number(2, bits);
         h.number(3, n as u64 + 1).number(3, n as u64);
         let below = n
             .checked_sub(1)
@@ -195,7 +256,11 @@ impl About<'_> {
             .text(4, "1.0")
             .number(5, 0)
             .number(5, 0);
-        assert_eq!(h.0.len() as u64, IMAGE_HEADER, "an image's header");
+        assert_eq!(
+            h.0.len() as u64,
+            self.product.header_bytes(),
+            "an image's header"
+        );
         h.0.into_bytes()
     }
 
@@ -208,13 +273,15 @@ impl About<'_> {
         h.number(4, 773).number(5, 99_999).text(8, "XML");
         let created = crate::dates::iso(self.created_ns);
         h.text(20, &format!("{}Z", &created[..19])).text(40, "");
-        h.text(
-            60,
-            "SICD Volume 1 Design & Implementation Description Document",
+        let [version, namespace] = self.product.schema();
+        let standard = format!(
+            "{} Volume 1 Design & Implementation Description Document",
+            self.product.title()
         );
-        h.text(10, "1.3.0")
+        h.text(60, &standard);
+        h.text(10, version)
             .text(20, "2021-11-30T00:00:00Z")
-            .text(120, NAMESPACE);
+            .text(120, namespace);
         let outline = [0, 1, 2, 3, 0].map(|k| {
             let at = &self.outline[k];
             format!("{:+012.8}{:+013.8}", at.latitude_deg, at.longitude_deg)
@@ -244,15 +311,15 @@ mod tests {
     /// The standard's example in volume 2, 3.2.1, and its edges: 10 000 columns of 8 bytes are 124 999 rows in 9 999 999 998 bytes, which the offset of five digits limits.
     #[test]
     fn large_images_are_parted() {
-        assert_eq!(segments(3, 5), Some(vec![Segment { first: 0, rows: 3 }]));
-        let all = segments(250_000, 10_000).unwrap();
+        assert_eq!(segments(3, 5, 8), Some(vec![Segment { first: 0, rows: 3 }]));
+        let all = segments(250_000, 10_000, 8).unwrap();
         let rows: Vec<[u64; 2]> = all.iter().map(|s| [s.first, s.rows]).collect();
         assert_eq!(rows, [[0, 99_999], [99_999, 99_999], [199_998, 50_002]]);
-        let wide = segments(20_000, 100_000).unwrap();
+        let wide = segments(20_000, 100_000, 8).unwrap();
         assert_eq!(wide[0].rows, 12_499);
         assert_eq!(wide.iter().map(|s| s.rows).sum::<u64>(), 20_000);
-        assert_eq!(segments(10, 2_000_000_000), None);
-        assert_eq!(segments(u64::MAX, 2), None);
+        assert_eq!(segments(10, 2_000_000_000, 8), None);
+        assert_eq!(segments(u64::MAX, 2, 8), None);
     }
 
     #[test]

@@ -14,6 +14,8 @@ use super::values::{above_zero, geodetic, output};
 pub(crate) enum ImageFormat {
     /// SICD 1.3 in NITF 2.1: complex, with what it takes to measure and project it
     Sicd,
+    /// SIDD 3.0 in NITF 2.1: greys on the image's own plane, for exploitation
+    Sidd,
     /// Cloud-optimised GeoTIFF, and a STAC item beside it
     Cog,
     /// Ground overlays for Google Earth
@@ -43,7 +45,7 @@ pub(crate) struct Export {
     #[arg(value_name = "IMAGE", value_hint = ValueHint::DirPath)]
     pub(crate) image: PathBuf,
 
-    /// Format to write [default: by FILE's ending, .nitf, .tif, .kmz or .png]
+    /// Format to write [default: by FILE's ending: .nitf is SICD, .tif, .kmz or .png a map]
     #[arg(long, value_enum)]
     pub(crate) format: Option<ImageFormat>,
 
@@ -56,7 +58,7 @@ pub(crate) struct Export {
     #[arg(long, value_name = "LAT,LON[,HEIGHT]", allow_hyphen_values = true, value_parser = geodetic)]
     pub(crate) place: Option<Geodetic>,
 
-    /// How fast a radar moved whose recording tells no times, of SICD [default: 100m/s]
+    /// How fast a radar moved whose recording tells no times, of SICD and SIDD [default: 100m/s]
     #[arg(long, value_name = "SPEED", value_parser = above_zero(Dimension::Speed))]
     pub(crate) speed: Option<f64>,
 

@@ -2,6 +2,7 @@
 
 mod maps;
 mod sicd;
+mod sidd;
 
 use anyhow::bail;
 
@@ -15,7 +16,7 @@ use maps::MapFormat;
 pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     let Some(format) = typed.format.or_else(|| ImageFormat::of(&typed.out)) else {
         let what = format!(
-            "{}: its ending names no format: give --format sicd, cog, kmz or png",
+            "{}: its ending names no format: give --format sicd, sidd, cog, kmz or png",
             typed.out.display()
         );
         return Err(Usage(what).into());
@@ -28,6 +29,7 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     };
     match format {
         ImageFormat::Sicd => sicd::run(session, typed, folder),
+        ImageFormat::Sidd => sidd::run(session, typed, folder),
         ImageFormat::Cog => maps::run(session, typed, MapFormat::Cog, folder),
         ImageFormat::Kmz => maps::run(session, typed, MapFormat::Kmz, folder),
         ImageFormat::Png => maps::run(session, typed, MapFormat::Png, folder),

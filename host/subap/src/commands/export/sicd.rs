@@ -22,16 +22,8 @@ pub(super) fn run(session: &Session, typed: &Export, folder: &Path) -> anyhow::R
     let mut claims = session.claims(&typed.writing, &[folder]);
     claims.file(&typed.out, Kind::Sicd)?;
     let stored = product::open(folder)?;
-    let placing = Placing {
-        origin: typed.place,
-        speed_m_s: typed.speed.unwrap_or(Placing::default().speed_m_s),
-        ..Placing::default()
-    };
-    // Nanoseconds of 64 bits last until 2262; an impossible clock is 1970.
-    let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    let now_ns = now.map_or(0, |since| i64::try_from(since.as_nanos()).unwrap_or(0));
     let sicd = Formed::of_record(&stored.grid, &stored.metadata)
-        .and_then(|formed| Sicd::new(&formed, &placing, now_ns))
+        .and_then(|formed| Sicd::new(&formed, &placing(typed), now_ns()))
         .map_err(with_advice)?;
     for sentence in sicd.told() {
         messages::warning(sentence);
@@ -51,8 +43,23 @@ pub(super) fn run(session: &Session, typed: &Export, folder: &Path) -> anyhow::R
     Ok(())
 }
 
+/// Where and when what the recording does not say is taken to be.
+pub(super) fn placing(typed: &Export) -> Placing {
+    Placing {
+        origin: typed.place,
+        speed_m_s: typed.speed.unwrap_or(Placing::default().speed_m_s),
+        ..Placing::default()
+    }
+}
+
+/// Now, nanoseconds since the beginning of 1970: they last until 2262; an impossible clock is 1970.
+pub(super) fn now_ns() -> i64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    now.map_or(0, |since| i64::try_from(since.as_nanos()).unwrap_or(0))
+}
+
 /// `error`, with what the command line can do about it.
-fn with_advice(error: SicdError) -> anyhow::Error {
+pub(super) fn with_advice(error: SicdError) -> anyhow::Error {
     match error {
         SicdError::Nowhere => anyhow::anyhow!("{error}: say where by --place LAT,LON[,HEIGHT]"),
         error => error.into(),

@@ -1,0 +1,105 @@
+//! What SICD and SIDD tell alike of an image: where its pixels are, and where it was seen from.
+
+use subaperture_model::geometry::{Geodetic, SceneFrame};
+
+use crate::SicdError;
+use crate::aperture::{Aperture, Scpcoa};
+use crate::formed::{Formed, Placing};
+use crate::grid::Placed;
+use crate::nitf::{About, Headers, Product, Segment, segments};
+use crate::spectrum::Spectrum;
+
+/// An image laid on the Earth.
+pub(crate) struct Laid {
+    pub(crate) placed: Placed,
+    pub(crate) aperture: Aperture,
+    pub(crate) seen: Scpcoa,
+    pub(crate) spectra: [Spectrum; 2],
+    /// Its four corners on the ground: first row first column, then clockwise.
+    pub(crate) corners: [Geodetic; 4],
+}
+
+impl Laid {
+    pub(crate) fn new(formed: &Formed, placing: &Placing) -> Result<Self, SicdError> {
+        let grid = &formed.grid;
+        let frame = match (formed.frame, placing.origin) {
+            (_, Some(origin)) => SceneFrame::east_north_up(&origin),
+            (SceneFrame::Local, None) => return Err(SicdError::Nowhere),
+            (frame, None) => frame,
+        };
+        let centre_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
+        let aperture = Aperture::new(&formed.antennas, &frame, centre_m, placing)?;
+        let radar_m = frame.from_ecf_m(aperture.path.at(aperture.coa_s(), 0));
+        let placed = Placed::new(formed, frame, radar_m)?;
+        let seen = Scpcoa::new(&aperture.path, aperture.coa_s(), placed.scp_ecf_m);
+        let vertices = placed.vertices();
+        let along_m = vertices.map(|at| placed.along_m(at));
+        let spectra = Spectrum::both(formed, &placed.lying, &along_m)?;
+        let [first, _, second, _, third, _, fourth, _] = vertices;
+        let corners = [first, second, third, fourth].map(|at| placed.on_ground(at, &seen));
+        Ok(Self {
+            placed,
+            aperture,
+            seen,
+            spectra,
+            corners,
+        })
+    }
+
+    /// How the image is parted in a file, and the file's headers.
+    pub(crate) fn headers(
+        &self,
+        product: Product,
+        name: &str,
+        created_ns: i64,
+        xml: &str,
+    ) -> Result<(Vec<Segment>, Headers), SicdError> {
+        let [rows, columns] = self.placed.size.map(|count| count as u64);
+        let too_large = || {
+            SicdError::Unsuited(format!(
+                "{rows} x {columns} pixels are more than a NITF file holds"
+            ))
+        };
+        let segments = segments(rows, columns, product.sample_bytes()).ok_or_else(too_large)?;
+        let of_segments = corners_of(&segments, rows, &self.corners);
+        let about = About {
+            product,
+            name,
+            start_ns: self.aperture.start_ns,
+            created_ns,
+            columns,
+            segments: &segments,
+            corners: &of_segments,
+            outline: &self.corners,
+            xml_bytes: xml.len() as u64,
+        };
+        let headers = about.headers().ok_or_else(too_large)?;
+        Ok((segments, headers))
+    }
+}
+
+/// Corners of each segment: between those of the image, straight through the Earth.
+fn corners_of(segments: &[Segment], rows: u64, corners: &[Geodetic; 4]) -> Vec<[Geodetic; 4]> {
+    let ecf = corners.map(|corner| {
+        Geodetic {
+            height_m: 0.0,
+            ..corner
+        }
+        .to_ecf_m()
+    });
+    // On the left and right edge at a row; the image's last corners belong to its last row.
+    let at = |row: u64| {
+        let share = row as f64 / (rows.max(2) - 1) as f64;
+        [[0, 3], [1, 2]].map(|[a, b]| Geodetic::from_ecf_m(ecf[a].lerp(ecf[b], share)))
+    };
+    let last = segments.len() - 1;
+    let of = |(n, segment): (usize, &Segment)| {
+        let [first, second] = at(segment.first);
+        let [fourth, third] = match n == last {
+            true => [corners[3], corners[2]],
+            false => at(segment.first + segment.rows),
+        };
+        [first, second, third, fourth]
+    };
+    segments.iter().enumerate().map(of).collect()
+}
