@@ -150,7 +150,7 @@ pub(crate) fn grid_of(
     typed: &Imaging,
     survey: &Survey,
 ) -> anyhow::Result<ImageGrid> {
-    match typed.grid {
+    match typed.grid.clone() {
         Some(grid) => Ok(grid),
         None => session.default_grid(survey),
     }
