@@ -26,6 +26,7 @@ mod results;
 mod simulate;
 mod sources;
 mod statistics;
+mod surface;
 mod tiles;
 mod track;
 mod usage;

@@ -5,12 +5,12 @@ use std::collections::BTreeSet;
 use subaperture_xtask::cargo;
 
 /// Packages that somebody who forms images of arrays need not compile, and the features that bring each.
-const OPTIONAL: [(&str, &[&str]); 22] = [
+const OPTIONAL: [(&str, &[&str]); 24] = [
     ("roxmltree", &["cphd", "sicd"]),
     (
         "flate2",
         &[
-            "gotcha", "npz", "plot", "simulate", "maps", "radio", "uhd", "viewer",
+            "gotcha", "npz", "plot", "simulate", "maps", "radio", "uhd", "viewer", "terrain",
         ],
     ),
     ("zip", &["npz", "maps"]),
@@ -35,6 +35,8 @@ const OPTIONAL: [(&str, &[&str]); 22] = [
     ("serial2", &["link"]),
     ("subaperture-core", &["link"]),
     ("subaperture-sicd", &["sicd"]),
+    ("subaperture-terrain", &["terrain"]),
+    ("tiff", &["terrain"]),
     ("subaperture-planner", &["planner"]),
     ("subaperture-quality", &["quality", "autofocus"]),
     ("subaperture-autofocus", &["autofocus"]),
@@ -69,7 +71,7 @@ const NEVER: [&str; 5] = [
 ];
 
 /// Every feature that brings something of its own.
-const FEATURES: [&str; 17] = [
+const FEATURES: [&str; 18] = [
     "cphd",
     "gotcha",
     "npz",
@@ -87,6 +89,7 @@ const FEATURES: [&str; 17] = [
     "uhd",
     "viewer",
     "sicd",
+    "terrain",
 ];
 
 /// All packages that are compiled into a program that uses the library with `features` alone.

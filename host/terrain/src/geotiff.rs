@@ -60,10 +60,11 @@ impl Open {
     fn new(file: File, allowed_bytes: u64) -> Result<Self, String> {
         let failed = |error: tiff::TiffError| format!("it is no TIFF that can be read: {error}");
         let mut limits = Limits::default();
-        let most = usize::try_from(allowed_bytes.min(LARGEST_CHUNK)).unwrap_or(usize::MAX);
+        // Of the bytes allowed, what is packed and what is unpacked beside the heights.
+        let most = usize::try_from((allowed_bytes / 4).min(LARGEST_CHUNK)).unwrap_or(usize::MAX);
         limits.decoding_buffer_size = most;
         limits.intermediate_buffer_size = most;
-        limits.ifd_value_size = most.min(64 << 20);
+        limits.ifd_value_size = most;
         let mut decoder = Decoder::new(BufReader::new(file))
             .map_err(failed)?
             .with_limits(limits);
@@ -112,13 +113,13 @@ impl Open {
         })
     }
 
-    /// Bytes that a strip or tile takes as numbers, at most.
+    /// Bytes that a strip or tile takes as numbers and as heights, at most.
     fn chunk_bytes(&self) -> Result<u64, String> {
         let (columns, rows) = self.decoder.chunk_dimensions();
         let rows = u64::from(rows).min(self.extent.rows as u64);
         let columns = u64::from(columns).min(self.extent.columns as u64);
         match rows > 0 && columns > 0 {
-            true => Ok(8 * rows * columns),
+            true => Ok(12 * rows * columns),
             false => Err("its strips or tiles have no pixels".to_owned()),
         }
     }

@@ -25,6 +25,7 @@ mod session;
 mod sicd;
 mod station;
 pub mod stuffing;
+mod terrain;
 mod texts;
 mod tracks;
 pub mod trial;
@@ -70,7 +71,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 22] = [
+pub static TARGETS: [Target; 23] = [
     Target {
         name: "plan",
         read: plans::plan,
@@ -248,6 +249,14 @@ pub static TARGETS: [Target; 22] = [
         repair: as_it_is,
         words: sicd::WORDS,
         most_bytes: described,
+    },
+    Target {
+        name: "terrain",
+        read: terrain::read,
+        seeds: terrain::seeds,
+        repair: as_it_is,
+        words: terrain::WORDS,
+        most_bytes: budgeted,
     },
 ];
 

@@ -96,7 +96,9 @@ fn height(text: &str) -> Result<f64, String> {
     let height_m = any(Dimension::Length)(text)?;
     match height_m.abs() <= 1e5 {
         true => Ok(height_m),
-        false => Err(format!("{height_m} m is beyond the Earth's surface: heights of at most 100 km are possible")),
+        false => Err(format!(
+            "{height_m} m is beyond the Earth's surface: heights of at most 100 km are possible"
+        )),
     }
 }
 
@@ -123,7 +125,10 @@ fn surface_kind() -> impl TypedValueParser<Value = SurfaceKind> {
 fn geoid() -> impl TypedValueParser<Value = GeoidSource> {
     PathBufValueParser::new().try_map(|path| match path.to_str() {
         // What begins as a number is one, unless there is such a file.
-        Some(text) if text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c)) && !path.exists() => {
+        Some(text)
+            if text.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
+                && !path.exists() =>
+        {
             height(text).map(GeoidSource::Metres)
         }
         _ => Ok(GeoidSource::File(path)),

@@ -24,7 +24,8 @@ pub(crate) fn check(typed: &Imaging) -> anyhow::Result<()> {
     let own = &typed.surfacing;
     let is_dem = matches!(own.surface, SurfaceKind::Dem(_));
     if own.geoid.is_some() && !is_dem {
-        let what = "--geoid is for --surface dem:FILE: other surfaces state heights above the ellipsoid";
+        let what =
+            "--geoid is for --surface dem:FILE: other surfaces state heights above the ellipsoid";
         return Err(Usage(what.to_owned()).into());
     }
     if let (SurfaceKind::Slant, Some(grid)) = (&own.surface, &typed.grid)
@@ -71,11 +72,7 @@ pub(crate) fn grid(
     }
 }
 
-fn slant(
-    typed: &Imaging,
-    collection: &Collection,
-    plane: ImageGrid,
-) -> anyhow::Result<ImageGrid> {
+fn slant(typed: &Imaging, collection: &Collection, plane: ImageGrid) -> anyhow::Result<ImageGrid> {
     if typed.grid.is_none() {
         return Ok(slant_grid(collection, &plane)?);
     }
