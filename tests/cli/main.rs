@@ -25,6 +25,7 @@ mod recordings;
 mod results;
 mod simulate;
 mod sources;
+mod spaceborne;
 mod statistics;
 mod surface;
 mod tiles;

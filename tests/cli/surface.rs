@@ -16,7 +16,7 @@ use tiff::tags::Tag;
 /// The scene's origin, on the ellipsoid.
 const ORIGIN: [f64; 3] = [52.4, 4.6, 0.0];
 /// Where the reflector stands: some 170 m east and 250 m north.
-const REFLECTOR: [f64; 2] = [52.40225, 4.6025];
+const REFLECTOR: [f64; 2] = [52.402_249_5, 4.6025];
 /// South-western corner of the elevation model.
 const CORNER: [f64; 2] = [52.0, 4.0];
 /// Above the ellipsoid lies the geoid here, metres.
@@ -343,7 +343,10 @@ fn what_lies_on_the_ellipsoid_is_where_it_lies() {
         (true_m.z - 12.0 + 20_000.0f64.powi(2) / (2.0 * 6.37e6)).abs() < 0.5,
         "{true_m}"
     );
-    let text = scenario(true_m).replace("0, 0, 0 m", &format!("0, {}, 0 m", true_m.y));
+    let text = scenario(true_m).replace(
+        "reference = \"0, 0, 0 m\"",
+        &format!("reference = \"0, {}, 0 m\"", true_m.y),
+    );
     fs::write(at.join("far.toml"), text).unwrap();
     run(at, "simulate far.toml -o far.cphd").succeeded();
     let grid = grid(true_m).replace(":0.25", ":0.5");

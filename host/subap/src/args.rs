@@ -330,6 +330,10 @@ pub(crate) struct Simulate {
     #[arg(long, value_enum, default_value_t)]
     pub(crate) domain: SignalDomain,
 
+    /// What the file declares as the surface of its scene coordinates
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) reference_surface: DeclaredSurface,
+
     /// Sign of the phase, SGN: -1 or +1
     #[arg(long, value_name = "SIGN", default_value = "-1", allow_hyphen_values = true, value_parser = sign)]
     pub(crate) sgn: i8,
@@ -363,6 +367,16 @@ pub(crate) enum SignalDomain {
     Fx,
     /// Time of arrival
     Toa,
+}
+
+/// Reference surfaces of a CPHD.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DeclaredSurface {
+    /// The plane z = 0 of the scene
+    #[default]
+    Planar,
+    /// The surface of constant height above the ellipsoid through the scene's origin, where z is the vertical
+    Hae,
 }
 
 /// `subap crosscheck`.
