@@ -166,6 +166,13 @@ fn a_reflector_on_a_hill_lands_where_it_stands() {
         println!("{name}: {found_m:.2}");
         let off = (found_m - true_m).abs();
         assert!(off.x <= 0.126 && off.y <= 0.126, "{off}");
+        let about = run(at, &format!("info {name}"));
+        assert!(
+            about
+                .succeeded()
+                .contains("the ground of N52E004.hgt above a geoid 43.5 m"),
+            "{about:?}"
+        );
         // The slope is less than 1 in 3 there: half a pixel either way is 8 cm of height; nodes err by 0.05 pixels.
         assert!(off.z < 0.1, "{off}");
     }

@@ -47,6 +47,7 @@ impl Ground {
     ) -> Result<Self, TerrainError> {
         let mut left = memory_bytes;
         let (rasters, mut files) = rasters(path, region, &mut left)?;
+        let models = listed(&files);
         let undulation = match geoid {
             Geoid::None => Undulation::Constant(0.0),
             Geoid::Undulation(metres) => Undulation::Constant(*metres),
@@ -62,7 +63,7 @@ impl Ground {
             Geoid::File(path) => format!(" above the geoid of {}", short(path)),
         };
         Ok(Self {
-            name: format!("the ground of {}{above}", short(path)),
+            name: format!("the ground of {models}{above}"),
             rasters,
             undulation,
             files,
@@ -118,6 +119,16 @@ impl Ground {
 fn short(path: &Path) -> String {
     let name = path.file_name().unwrap_or(path.as_os_str());
     name.to_string_lossy().into_owned()
+}
+
+/// Names of files, three at the most.
+fn listed(files: &[PathBuf]) -> String {
+    const MOST: usize = 3;
+    let named: Vec<String> = files.iter().take(MOST).map(|path| short(path)).collect();
+    match files.len() {
+        0..=MOST => named.join(", "),
+        count => format!("{} and {} more", named.join(", "), count - MOST),
+    }
 }
 
 /// The parts that a region needs, and of which files, taking what they take from what is `left`.
