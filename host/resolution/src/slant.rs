@@ -138,8 +138,9 @@ mod tests {
             assert!(y.distance(DVec3::new(0.0, 0.8, -0.6)) < 1e-9, "{y}");
             let horizontal: ImageGrid = "x=-10:10:1,y=-20:20:1".parse().unwrap();
             let grid = slant_grid(&collection, &horizontal).unwrap();
-            // 40 m of ground are 32 m of slant range; 100 MHz there and back sample 1.5 m, of which half rounds down to 0.74 m.
-            assert!((grid.rows.step - 0.74).abs() < 1e-12, "{:?}", grid.rows);
+            // 40 m of ground are 32 m of slant range. From the track's ends 10 GHz lie at the cosine of 200 m over 5 km, 0.9992, along y:
+            // 2 (10.1 GHz - 9.992 GHz) / c are 0.72 cycles a metre, and half a period rounds down to 0.69 m.
+            assert!((grid.rows.step - 0.69).abs() < 1e-12, "{:?}", grid.rows);
             let reach = grid.rows.count as f64 * grid.rows.step;
             assert!((30.5..=32.0).contains(&reach), "{reach}");
         }
