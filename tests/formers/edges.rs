@@ -109,10 +109,13 @@ fn nothing_is_refused() {
         step: 1.0,
         count: 0,
     };
-    let no_rows = ImageGrid { rows: none, ..some };
+    let no_rows = ImageGrid {
+        rows: none,
+        ..some.clone()
+    };
     let no_columns = ImageGrid {
         columns: none,
-        ..some
+        ..some.clone()
     };
     for former in formers() {
         for (history, grid, what) in [

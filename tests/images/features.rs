@@ -5,12 +5,13 @@ use std::collections::BTreeSet;
 use subaperture_xtask::cargo;
 
 /// Packages that somebody who forms images of arrays need not compile, and the features that bring each.
-const OPTIONAL: [(&str, &[&str]); 23] = [
+const OPTIONAL: [(&str, &[&str]); 25] = [
     ("roxmltree", &["cphd", "sicd"]),
     (
         "flate2",
         &[
             "gotcha", "npz", "hdf5", "plot", "simulate", "maps", "radio", "uhd", "viewer",
+            "terrain",
         ],
     ),
     ("zip", &["npz", "hdf5", "maps"]),
@@ -36,6 +37,8 @@ const OPTIONAL: [(&str, &[&str]); 23] = [
     ("serial2", &["link"]),
     ("subaperture-core", &["link"]),
     ("subaperture-sicd", &["sicd"]),
+    ("subaperture-terrain", &["terrain"]),
+    ("tiff", &["terrain"]),
     ("subaperture-planner", &["planner"]),
     ("subaperture-quality", &["quality", "autofocus"]),
     ("subaperture-autofocus", &["autofocus"]),
@@ -70,7 +73,7 @@ const NEVER: [&str; 5] = [
 ];
 
 /// Every feature that brings something of its own.
-const FEATURES: [&str; 18] = [
+const FEATURES: [&str; 19] = [
     "cphd",
     "gotcha",
     "npz",
@@ -89,6 +92,7 @@ const FEATURES: [&str; 18] = [
     "uhd",
     "viewer",
     "sicd",
+    "terrain",
 ];
 
 /// All packages that are compiled into a program that uses the library with `features` alone.

@@ -11,3 +11,4 @@ mod plot_lines;
 mod product;
 mod quality;
 mod quicklook;
+mod terrain;

@@ -1,6 +1,7 @@
 //! Shared by the integration tests.
 #![forbid(unsafe_code)]
 
+pub mod dem;
 pub mod experiment;
 pub mod faults;
 pub mod firmware;

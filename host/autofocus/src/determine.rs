@@ -103,7 +103,7 @@ pub fn determine(problem: &Problem) -> Result<Tuned, TuneError<FormError>> {
             let moved_m = shift_m(given, brightest_m, (&from, from_bias_m), (&to, to_bias_m));
             let grid = ImageGrid {
                 origin_m: given.origin_m + moved_m,
-                ..*given
+                ..given.clone()
             };
             merits(
                 &take.history,

@@ -118,7 +118,7 @@ pub fn merits(
     let weights = Weights::new(collection, windows[0], windows[1]);
     let total_weight: f64 = weights.slow.iter().sum();
     let grids: Vec<ImageGrid> = match sight {
-        Sight::Grid(grid, _) => vec![*grid],
+        Sight::Grid(grid, _) => vec![grid.clone()],
         Sight::Points(points) => points.iter().map(|point| pixel(*point)).collect(),
     };
     let num_pixels: u64 = grids.iter().map(ImageGrid::num_pixels).sum();

@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::accuracy::{self, Asked, Judgement, Misses};
 use super::cost::Cost;
+use super::former::check_surface;
 use super::patch::{PatchSize, Rectangle};
 use super::sampled::{Probes, Sampled, TileRecord};
 use super::time_model::{TimeModel, TimeModelError};
@@ -235,6 +236,7 @@ impl Plan {
             collection, grid, ..
         } = request;
         super::check(collection, grid)?;
+        check_surface(former, grid)?;
         let weights = Weights::new(collection, request.fast, request.slow);
         let aim = Aim {
             collection,
@@ -258,7 +260,7 @@ impl Plan {
             settings: former.settings(),
             choices: decision.choices,
             summary,
-            grid: *grid,
+            grid: grid.clone(),
             window: request.fast.to_string(),
             slow_window: request.slow.to_string(),
             scratch_bytes: request.scratch_bytes,
@@ -374,6 +376,7 @@ impl Plan {
             });
         }
         let former = formers::former(&self.former, &self.settings)?;
+        check_surface(&*former, &self.grid)?;
         let aim = Aim {
             collection,
             grid: &self.grid,

@@ -21,6 +21,9 @@ use subaperture_resolution::support::{Looks, path_gradient};
 
 use crate::MapError;
 
+/// Places a side of a grid at which the slopes of a relief are looked at.
+const SLOPES_SEEN: usize = 33;
+
 /// How far an image's phase turns, and how much of its spectrum is left beside that.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Carrier {
@@ -34,7 +37,7 @@ pub(crate) struct Carrier {
 }
 
 impl Carrier {
-    /// That of an image on `grid`, seen so. Bands are the widest of nine places of the grid.
+    /// That of an image on `grid`, seen so. Bands are the widest of nine places of the grid, and of [`SLOPES_SEEN`] each way where a relief rises and falls.
     ///
     /// # Errors
     /// [`MapError::Unseen`], [`MapError::Folded`].
@@ -75,7 +78,11 @@ impl Carrier {
         };
         let centre = left(&carrier, [0.5; 2])?;
         carrier.offset = centre.map(|[low, high]| 0.5 * (low + high));
-        let parts = [0.0, 0.5, 1.0];
+        let seen = match grid.relief {
+            None => 3,
+            Some(_) => SLOPES_SEEN,
+        };
+        let parts: Vec<f64> = (0..seen).map(|i| i as f64 / (seen - 1) as f64).collect();
         for (row, column) in parts
             .iter()
             .flat_map(|r| parts.iter().map(move |c| (*r, *c)))

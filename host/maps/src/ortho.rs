@@ -1,8 +1,8 @@
 //! An image read where a map's pixels are.
 //!
 //! Every part of a map (a pixel, or where pixels are coarser than the image's a share of one) is traced to its place on the focusing surface
-//! ([`crate::surface`]): exactly at nine places of a patch, between them by parabolas, which leaves less than 1e-4 of a pixel on patches of 256. There the
-//! image, its carrier taken away ([`crate::carrier`]), is read by a windowed sinc of 6 to 16 taps.
+//! ([`crate::surface`]): exactly at nine places of a patch, between them by parabolas, which leaves less than 1e-4 of a pixel on patches of 256; each exactly where the
+//! surface has a relief. There the image, its carrier taken away ([`crate::carrier`]), is read by a windowed sinc of 6 to 16 taps.
 //!
 //! **Error** of complex values, relative RMS: as many taps are taken as make it less than -60 dB for the image's own band, by
 //! [`WindowedSinc::error`]; where 16 are too few, it is more. [`Ortho::error_db`] says it. Within the kernel's reach of the image's edge, zeros are read beyond
@@ -187,6 +187,9 @@ impl<'a> Ortho<'a> {
 
     /// Rows, columns and places on the plane of a patch's parts, row-major.
     fn pixels_of(&self, patch: &Place) -> Vec<Traced> {
+        if !self.surface.is_smooth() {
+            return self.each_pixel_of(patch);
+        }
         let side = 1.0 / self.fine as f64;
         let nodes = |range: &Range<usize>| {
             let (first, last) = (range.start as f64 + 0.5, range.end as f64 - 0.5);
@@ -222,6 +225,25 @@ impl<'a> Ortho<'a> {
                     traced.pixel = surface.pixel(traced.plane);
                 }
             });
+        traced
+    }
+
+    /// The same, each traced for itself.
+    fn each_pixel_of(&self, patch: &Place) -> Vec<Traced> {
+        let side = 1.0 / self.fine as f64;
+        let columns = patch[1].len();
+        // What is shared by threads; the image's file is not.
+        let (raster, surface) = (&self.raster, &self.surface);
+        let mut traced = vec![Traced::default(); patch[0].len() * columns];
+        let lines = traced.par_chunks_mut(columns).zip(patch[0].clone());
+        lines.for_each(|(line, row)| {
+            for (traced, column) in line.iter_mut().zip(patch[1].clone()) {
+                let parts = [row, column].map(|i| (i as f64 + 0.5) * side);
+                let place = raster.projection.place(raster.coordinates(parts));
+                traced.plane = surface.on_plane(&place);
+                traced.pixel = surface.pixel(traced.plane);
+            }
+        });
         traced
     }
 

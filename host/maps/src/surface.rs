@@ -1,8 +1,8 @@
 //! Where on an image a place of the map is.
 //!
-//! An image shows the points of its grid's plane, the surface on which it was focused. A map shows each straight above or below where it is:
-//! the place of the map is the point where the ellipsoid's normal there meets the plane. What stands above the plane, or lies below it, is
-//! displaced by layover, here as in the image.
+//! An image shows the points of the surface on which it was focused: of its grid's plane, or of the relief over it. A map shows each straight above or
+//! below where it is: the place of the map is the point where the ellipsoid's normal there meets the surface. What stands above the surface, or lies
+//! below it, is displaced by layover, here as in the image; what lies on it is where it stands.
 
 use std::f64::consts::PI;
 
@@ -18,8 +18,14 @@ const LEAST_SINE: f64 = 0.05;
 /// Places along each side of a grid by which its outline is followed.
 const SIDE_PLACES: usize = 256;
 
-/// A grid's plane on the Earth.
-#[derive(Clone, Copy, Debug)]
+/// Steps of the search for a relief's point along a vertical, of which each leaves the relief's slope times the tilt between normal and vertical.
+const MOST_STEPS: usize = 60;
+
+/// Where that search ends, metres.
+const NEAR_M: f64 = 1e-6;
+
+/// A grid's surface on the Earth.
+#[derive(Clone, Debug)]
 pub(crate) struct Surface {
     pub(crate) grid: ImageGrid,
     frame: SceneFrame,
@@ -32,9 +38,9 @@ impl Surface {
     pub(crate) fn new(grid: &ImageGrid, frame: &SceneFrame) -> Result<Self, MapError> {
         let columns = &grid.columns;
         let surface = Self {
-            grid: *grid,
+            grid: grid.clone(),
             frame: *frame,
-            normal: grid.x_axis.cross(grid.y_axis),
+            normal: grid.normal(),
             middle_rad: columns.start + 0.5 * (columns.count - 1) as f64 * columns.step,
         };
         let centre = surface.centre()?;
@@ -93,18 +99,44 @@ impl Surface {
         [rows.step, self.grid.columns.step * across]
     }
 
-    /// The point of the plane above or below a place, metres along the plane's axes from the grid's origin.
+    /// The foot in the plane of the surface's point above or below a place, metres along the plane's axes from the grid's origin.
     pub(crate) fn on_plane(&self, place: &Geodetic) -> [f64; 2] {
         let point = self.frame.from_ecf_m(place.to_ecf_m());
         let up = self.frame.direction_from_ecf(place.east_north_up()[2]);
         let from = point - self.grid.origin_m;
-        let there = from - up * (from.dot(self.normal) / up.dot(self.normal));
-        [there.dot(self.grid.x_axis), there.dot(self.grid.y_axis)]
+        let (depth, rise) = (from.dot(self.normal), up.dot(self.normal));
+        // Where the vertical is this high over the plane.
+        let at = |height_m: f64| {
+            let there = from + up * ((height_m - depth) / rise);
+            [there.dot(self.grid.x_axis), there.dot(self.grid.y_axis)]
+        };
+        let mut found = at(0.0);
+        if let Some(relief) = &self.grid.relief {
+            let mut height_m = 0.0;
+            for _ in 0..MOST_STEPS {
+                let next_m = relief.height_m(found[0], found[1]);
+                found = at(next_m);
+                if (next_m - height_m).abs() < NEAR_M {
+                    break;
+                }
+                height_m = next_m;
+            }
+        }
+        found
     }
 
-    /// The point of the scene at such a place.
+    /// Whether places in the plane follow those of a map so smoothly that parabolas have them.
+    pub(crate) fn is_smooth(&self) -> bool {
+        self.grid.relief.is_none()
+    }
+
+    /// The point of the surface over such a place.
     pub(crate) fn point_m(&self, [x, y]: [f64; 2]) -> DVec3 {
-        self.grid.origin_m + self.grid.x_axis * x + self.grid.y_axis * y
+        let flat = self.grid.origin_m + self.grid.x_axis * x + self.grid.y_axis * y;
+        match &self.grid.relief {
+            None => flat,
+            Some(relief) => flat + self.normal * relief.height_m(x, y),
+        }
     }
 
     /// Row and column, from 0 and with fractions, of such a place.

@@ -98,6 +98,6 @@ fn middle_of(grid: &ImageGrid, side: f64) -> ImageGrid {
     ImageGrid {
         rows: middle(grid.rows),
         columns: middle(grid.columns),
-        ..*grid
+        ..grid.clone()
     }
 }

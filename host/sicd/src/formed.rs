@@ -75,7 +75,7 @@ impl Formed {
                 .as_str()
                 .unwrap_or("image")
                 .to_owned(),
-            grid: *grid,
+            grid: grid.clone(),
             frame: frame_of(record).map_err(|_| SicdError::Record("where the scene is"))?,
             antennas: Antennas::of_json(&record["antennas"])
                 .ok_or(SicdError::Record("when and where the antennas were"))?,

@@ -38,6 +38,12 @@ impl Placed {
                 "the image is on a polar grid, and a SICD's pixels are evenly spaced in a plane: form it on a Cartesian one".to_owned(),
             ));
         }
+        if let Some(relief) = &grid.relief {
+            return Err(SicdError::Unsuited(format!(
+                "the image's pixels lie on {}, and a SICD's are evenly spaced in a plane: form it on its grid's plane, or on the slant plane",
+                relief.surface()
+            )));
+        }
         let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
         let [.., up] = Geodetic::from_ecf_m(frame.to_ecf_m(middle_m)).east_north_up();
         let up = frame.direction_from_ecf(up);

@@ -10,6 +10,7 @@ mod maps;
 mod navigation;
 mod plan;
 mod radio;
+mod surface;
 mod tiled;
 mod track;
 mod tune;
@@ -37,6 +38,7 @@ pub(crate) use navigation::Navigation;
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use radio::{Calibrate, Capture, Convert, Probe, Profile, Radio, RadioTask};
 use subaperture::units::Dimension;
+pub(crate) use surface::{SurfaceKind, Surfacing};
 pub(crate) use tiled::{Part, Tiled};
 pub(crate) use track::{Track, TrackSource};
 pub(crate) use tune::{Recording, Tune, Vary};
@@ -328,6 +330,10 @@ pub(crate) struct Simulate {
     #[arg(long, value_enum, default_value_t)]
     pub(crate) domain: SignalDomain,
 
+    /// What the file declares as the surface of its scene coordinates
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) reference_surface: DeclaredSurface,
+
     /// Sign of the phase, SGN: -1 or +1
     #[arg(long, value_name = "SIGN", default_value = "-1", allow_hyphen_values = true, value_parser = sign)]
     pub(crate) sgn: i8,
@@ -361,6 +367,16 @@ pub(crate) enum SignalDomain {
     Fx,
     /// Time of arrival
     Toa,
+}
+
+/// Reference surfaces of a CPHD.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DeclaredSurface {
+    /// The plane z = 0 of the scene
+    #[default]
+    Planar,
+    /// The surface of constant height above the ellipsoid through the scene's origin, where z is the vertical
+    Hae,
 }
 
 /// `subap crosscheck`.

@@ -71,7 +71,7 @@ impl FocusedImage {
         let of_former = told.into_iter().flatten().filter_map(Value::as_str);
         let middle_m = grid.position_m(grid.rows.count / 2, grid.columns.count / 2);
         Self {
-            grid: *grid,
+            grid: grid.clone(),
             frame: collection.frame,
             band: collection.band(),
             survey: Survey::of(collection),

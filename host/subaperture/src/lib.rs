@@ -81,6 +81,7 @@
 //! | `one_track` | one track of a recording's echoes and its navigation | `motion` and `navigation` | |
 //! | `maps` | images on the map: cloud-optimised GeoTIFF, KMZ, PNG with world files | `maps` | `png`, `flate2`, `zip` |
 //! | `sicd` | complex images as SICD: written for other programs, and read of them | `sicd` | `roxmltree` |
+//! | `terrain` | surfaces of the Earth to focus on: elevation models (SRTM HGT, GeoTIFF), heights above the ellipsoid | `terrain` | `tiff` |
 //! | `onboard` | a processor on the platform: its plan, the serial link, its maps | `link` | `subaperture-core`, `serial2` |
 //! | `radio` | a stepped-carrier radar on a software-defined radio: the radio, a simulated one, capture, range profiles | `radio` | |
 //! | `live_capture` | the image of a capture, sweep by sweep as it comes | `radio` | |
@@ -139,6 +140,8 @@ pub use subaperture_simulate as simulate;
 #[cfg(feature = "motion")]
 pub use subaperture_targets as targets;
 
+#[cfg(feature = "terrain")]
+pub use subaperture_terrain as terrain;
 #[cfg(feature = "viewer")]
 pub use subaperture_viewer as viewer;
 

@@ -68,6 +68,7 @@ impl Plane {
             origin_m: self.centre_m,
             x_axis: turn * DVec3::X,
             y_axis: turn * DVec3::Y,
+            relief: None,
         }
     }
 

@@ -160,7 +160,7 @@ fn image(file: &MapFile) -> String {
         ),
     };
     assert!(wide.fault().is_none(), "{:?} of {wide:?}", wide.fault());
-    let mut grid = wide;
+    let mut grid = wide.clone();
     (grid.rows.count, grid.columns.count) = (wide.rows.count.min(5), wide.columns.count.min(4));
     let task = MapsTask {
         maps: file,

@@ -26,6 +26,7 @@ mod session;
 mod sicd;
 mod station;
 pub mod stuffing;
+mod terrain;
 mod texts;
 mod tracks;
 pub mod trial;
@@ -71,7 +72,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 23] = [
+pub static TARGETS: [Target; 24] = [
     Target {
         name: "plan",
         read: plans::plan,
@@ -257,6 +258,14 @@ pub static TARGETS: [Target; 23] = [
         repair: as_it_is,
         words: sicd::WORDS,
         most_bytes: described,
+    },
+    Target {
+        name: "terrain",
+        read: terrain::read,
+        seeds: terrain::seeds,
+        repair: as_it_is,
+        words: terrain::WORDS,
+        most_bytes: budgeted,
     },
 ];
 

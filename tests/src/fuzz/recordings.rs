@@ -257,7 +257,7 @@ pub(super) fn examine(history: &dyn PhaseHistory, bytes: &[u8]) -> String {
         Err(error) => return error.to_string(),
     };
     assert!(wide.fault().is_none(), "{:?} of {wide:?}", wide.fault());
-    let mut grid = wide;
+    let mut grid = wide.clone();
     (grid.rows.count, grid.columns.count) = (wide.rows.count.min(4), wide.columns.count.min(5));
     image(history, &grid, bytes)
 }

@@ -69,9 +69,9 @@ pub(super) fn seeds() -> Vec<Vec<u8>> {
     };
     let sicd = Sicd::new(&formed, &placing, 0).expect("what a SICD can tell");
     let image = Image {
-        rows: grid.rows.count,
-        columns: grid.columns.count,
-        pixels: (0..grid.num_pixels())
+        rows: formed.grid.rows.count,
+        columns: formed.grid.columns.count,
+        pixels: (0..formed.grid.num_pixels())
             .map(|n| Complex32::cis(n as f32))
             .collect(),
     };

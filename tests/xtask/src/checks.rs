@@ -49,7 +49,7 @@ const LIBRARY: [&str; 9] = [
     "simulate,plot,planner,motion,radio",
     "cphd,autofocus,link",
     "cphd,gotcha,plot,maps,sicd",
-    "hdf5,quality,planner,sicd",
+    "hdf5,quality,planner,sicd,terrain",
     "simulate,autofocus,navigation,maps",
     "uhd",
     "viewer",

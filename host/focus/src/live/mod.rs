@@ -105,7 +105,7 @@ impl Live {
             .map(|i| grid.position_m(i / columns, i % columns));
         let num_pixels = grid.num_pixels() as usize;
         Ok(Self {
-            grid: *grid,
+            grid: grid.clone(),
             settings: *settings,
             num_samples,
             weights: Weights {

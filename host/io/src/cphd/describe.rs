@@ -2,10 +2,11 @@
 
 use glam::DVec3;
 
+use super::image_area::ImageAreaCoordinates;
 use super::prepare::Prepared;
 use super::pvp::{self, record_bytes};
 use super::reference_geometry;
-use super::write_options::{Channel, WriteOptions};
+use super::write_options::{Channel, WriteError, WriteOptions};
 use crate::xml::Writer;
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
 use subaperture_model::{PROGRAM, SPEED_OF_LIGHT_M_S};
@@ -21,9 +22,13 @@ pub(super) struct Entry<'a> {
 }
 
 /// The whole document. `entries` is not empty; the first is the reference channel.
-pub(super) fn document(entries: &[Entry], options: &WriteOptions) -> String {
+///
+/// # Errors
+/// [`WriteError::Unsuited`] of a reference surface that the frame does not have.
+pub(super) fn document(entries: &[Entry], options: &WriteOptions) -> Result<String, WriteError> {
     let reference = &entries[0];
     let frame = reference.channel.history.collection().frame;
+    let coordinates = ImageAreaCoordinates::new(frame, options.surface)?;
     let mut w = Writer::new();
     w.element("CPHD", NAMESPACE, |w| {
         collection_id(w, entries, options);
@@ -31,6 +36,7 @@ pub(super) fn document(entries: &[Entry], options: &WriteOptions) -> String {
         scene_coordinates(
             w,
             &frame,
+            &coordinates,
             union_of_extents(entries),
             grid_spacing_m(entries),
         );
@@ -40,14 +46,14 @@ pub(super) fn document(entries: &[Entry], options: &WriteOptions) -> String {
         dwell(w, entries);
         let prepared = &reference.prepared;
         let vector = &prepared.records[prepared.reference];
-        let srp_iac = frame.from_ecf_m(vector.srp_pos);
+        let srp_iac = coordinates.of(vector.srp_pos);
         reference_geometry::describe(w, vector, prepared.bistatic, srp_iac, prepared.dwell());
         // By which a later run knows that it may replace the file.
         w.element("ProductInfo", "", |w| {
             w.text_with("Parameter", "name=\"Program\"", PROGRAM);
         });
     });
-    w.finish()
+    Ok(w.finish())
 }
 
 fn collection_id(w: &mut Writer, entries: &[Entry], options: &WriteOptions) {
@@ -121,37 +127,22 @@ fn image_area(w: &mut Writer, extent: &Extent) {
     });
 }
 
-fn scene_coordinates(w: &mut Writer, frame: &SceneFrame, extent: Extent, spacing_m: f64) {
-    let SceneFrame::Earth {
-        origin_ecf_m,
-        x_axis_ecf,
-        y_axis_ecf,
-    } = *frame
-    else {
-        unreachable!("refused when the channel was prepared")
-    };
-    let iarp = Geodetic::from_ecf_m(origin_ecf_m);
+fn scene_coordinates(
+    w: &mut Writer,
+    frame: &SceneFrame,
+    coordinates: &ImageAreaCoordinates,
+    extent: Extent,
+    spacing_m: f64,
+) {
     w.element("SceneCoordinates", "", |w| {
         w.text("EarthModel", "WGS_84");
-        w.element("IARP", "", |w| {
-            w.xyz("ECF", origin_ecf_m);
-            w.element("LLH", "", |w| {
-                w.numbers(&[
-                    ("Lat", iarp.latitude_deg),
-                    ("Lon", iarp.longitude_deg),
-                    ("HAE", iarp.height_m),
-                ]);
-            });
-        });
-        w.element("ReferenceSurface", "", |w| {
-            w.element("Planar", "", |w| {
-                w.xyz("uIAX", x_axis_ecf);
-                w.xyz("uIAY", y_axis_ecf);
-            });
-        });
+        coordinates.describe(w);
         image_area(w, &extent);
         w.element("ImageAreaCornerPoints", "", |w| {
-            for (index, corner) in corner_points(frame, &extent).iter().enumerate() {
+            for (index, corner) in corner_points(frame, coordinates, &extent)
+                .iter()
+                .enumerate()
+            {
                 w.element("IACP", &format!("index=\"{}\"", index + 1), |w| {
                     w.numbers(&[("Lat", corner.latitude_deg), ("Lon", corner.longitude_deg)]);
                 });
@@ -197,9 +188,13 @@ fn image_grid(w: &mut Writer, extent: &Extent, spacing_m: f64) {
 }
 
 /// The corners clockwise as seen from above: by X1Y1, X1Y2, X2Y2, X2Y1 if z points up.
-fn corner_points(frame: &SceneFrame, extent: &Extent) -> [Geodetic; 4] {
+fn corner_points(
+    frame: &SceneFrame,
+    coordinates: &ImageAreaCoordinates,
+    extent: &Extent,
+) -> [Geodetic; 4] {
     let ((x1, x2), (y1, y2)) = (extent.x_m, extent.y_m);
-    let corner = |x, y| Geodetic::from_ecf_m(frame.to_ecf_m(DVec3::new(x, y, 0.0)));
+    let corner = |x, y| coordinates.place(x, y);
     let up = frame.to_ecf_m(DVec3::ZERO);
     let turned = frame.direction_to_ecf(DVec3::Z).dot(up) < 0.0;
     let (second, fourth) = (corner(x1, y2), corner(x2, y1));

@@ -99,6 +99,7 @@
 mod conventions;
 mod describe;
 mod header;
+mod image_area;
 mod metadata;
 mod preamble;
 mod prepare;

@@ -56,7 +56,7 @@ use subaperture_model::phase_history::check_finite;
 /// Memory: 256 bytes a pulse of all channels, and about 8 MiB or two pulses, whichever is more.
 ///
 /// # Errors
-/// [`WriteError`]; among the unsuited are a local scene frame, times that do not rise, and pulses
+/// [`WriteError`]; among the unsuited are a local scene frame, one that is not level where the surface is to be of constant height, times that do not rise, and pulses
 /// compensated to a path that no scene point has (such as 0).
 pub fn write(
     path: impl AsRef<Path>,
@@ -67,7 +67,7 @@ pub fn write(
     let path = path.as_ref();
     check_texts(channels, options)?;
     let entries = prepare(channels, options)?;
-    let xml = describe::document(&entries, options);
+    let xml = describe::document(&entries, options)?;
     let (sizes, layout) = lay_out(&entries, &xml, options)?;
 
     let failed = |source| {
@@ -112,7 +112,7 @@ pub fn write(
 pub fn file_bytes(channels: &[Channel], options: &WriteOptions) -> Result<u64, WriteError> {
     check_texts(channels, options)?;
     let entries = prepare(channels, options)?;
-    let xml = describe::document(&entries, options);
+    let xml = describe::document(&entries, options)?;
     Ok(lay_out(&entries, &xml, options)?.1.file_bytes)
 }
 

@@ -1,6 +1,7 @@
 //! What is asked of the writer, and why it may refuse.
 
 use super::conventions::{Domain, Polarization, Sgn};
+use super::metadata::ReferenceSurface;
 use crate::atomic;
 use subaperture_model::phase_history::{PhaseHistory, ReadError};
 
@@ -45,12 +46,14 @@ pub struct WriteOptions {
     pub classification: String,
     /// To whom the file may be given.
     pub release_info: String,
+    /// The surface on which image area coordinates are defined. Of constant height it takes a scene frame whose z axis is the vertical.
+    pub surface: ReferenceSurface,
     /// Date and time of the collection's start, UTC, as `YYYY-MM-DDThh:mm:ss.ssssssZ`.
     pub collection_start: String,
 }
 
 impl Default for WriteOptions {
-    /// FX, SGN -1, unclassified and unrestricted, by "Subaperture", at an unknown date (1970).
+    /// FX, SGN -1, a planar reference surface, unclassified and unrestricted, by "Subaperture", at an unknown date (1970).
     fn default() -> Self {
         Self {
             domain: Domain::Fx,
@@ -60,6 +63,7 @@ impl Default for WriteOptions {
             mode_id: None,
             classification: "UNCLASSIFIED".to_owned(),
             release_info: "UNRESTRICTED".to_owned(),
+            surface: ReferenceSurface::Planar,
             collection_start: "1970-01-01T00:00:00.000000Z".to_owned(),
         }
     }

@@ -11,10 +11,10 @@ use super::{IMAGE, METADATA};
 use crate::input::{Stamp, checksum};
 use crate::npy::{ImageFile, NpyError};
 use crate::tiles::{self, StoreError, TileStore};
-use subaperture_model::geometry::{Axis, ImageGrid};
+use subaperture_model::geometry::{Axis, ImageGrid, Relief};
 use subaperture_model::image::{Image, Parts, PartsError, Place};
 
-/// Most bytes of `image.json`, a thousand times what `subap focus` writes: it is parsed in memory.
+/// Most bytes of `image.json`, a thousand times what `subap focus` writes of a plane, and enough for any surface: it is parsed in memory.
 const MOST_METADATA_BYTES: u64 = 4 << 20;
 
 /// What a folder holds.
@@ -291,5 +291,16 @@ fn grid(value: &Value) -> Result<ImageGrid, String> {
             Some("cartesian") => false,
             _ => return Err(missing("kind")),
         },
+        relief: relief(&value["relief"])?,
     })
+}
+
+/// Heights over the grid's plane, where pixels do not lie in it.
+fn relief(value: &Value) -> Result<Option<Relief>, String> {
+    match value.is_null() {
+        true => Ok(None),
+        false => serde_json::from_value::<Relief>(value.clone())
+            .map(Some)
+            .map_err(|error| format!("grid.relief is none that subap focus writes: {error}")),
+    }
 }

@@ -127,21 +127,26 @@ impl Record<'_> {
     }
 }
 
-/// A grid's axes and plane, as [`super::read()`] reads them.
+/// A grid's axes and plane, and the surface over it, as [`super::read()`] reads them.
 pub fn grid(grid: &ImageGrid) -> Value {
     let (columns, rows) = if grid.polar {
         ("angle in radians", "range in metres")
     } else {
         ("x in metres", "y in metres")
     };
-    json!({
+    let mut record = json!({
         "kind": if grid.polar { "polar" } else { "cartesian" },
         "columns": { "axis": columns, "start": grid.columns.start, "step": grid.columns.step, "count": grid.columns.count },
         "rows": { "axis": rows, "start": grid.rows.start, "step": grid.rows.step, "count": grid.rows.count },
         "origin_m": grid.origin_m.to_array(),
         "x_axis": grid.x_axis.to_array(),
         "y_axis": grid.y_axis.to_array(),
-    })
+    });
+    // Where pixels lie in the plane nothing is said.
+    if let Some(relief) = &grid.relief {
+        record["relief"] = json!(relief);
+    }
+    record
 }
 
 /// The scene frame.

@@ -4,53 +4,16 @@
 //! - Cartesian in a plane of any orientation: `origin + x_axis x(column) + y_axis y(row)`;
 //! - polar in such a plane: `origin + r (x_axis cos(theta) + y_axis sin(theta))` with range `r` by
 //!   row and angle `theta` by column.
+//!
+//! With a [`Relief`] pixels lie on a surface over the plane, each on the plane's normal through the point that it has there without.
 
 use std::str::FromStr;
 
 use glam::{DQuat, DVec3, EulerRot};
 
+use super::axis::MOST_ELEMENTS;
+use super::{Axis, GridError, Relief};
 use crate::units::Dimension;
-
-/// `start + i step` for `i < count`. Metres, or radians for an angle.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Axis {
-    /// Value of element 0.
-    pub start: f64,
-    /// Step from element to element; positive.
-    pub step: f64,
-    /// Number of elements.
-    pub count: usize,
-}
-
-impl Axis {
-    /// Value of element `i`.
-    #[inline]
-    pub fn at(&self, i: usize) -> f64 {
-        self.start + i as f64 * self.step
-    }
-
-    /// `start:stop:step` with `stop` excluded: `ceil((stop - start) / step)` elements, where a stop
-    /// within 1e-9 steps of an element counts as that element.
-    pub fn from_range(start: f64, stop: f64, step: f64) -> Result<Self, GridError> {
-        let steps = (stop - start) / step;
-        if !(step > 0.0 && steps.is_finite() && steps > 0.0) {
-            return Err(GridError(format!(
-                "range {start}:{stop}:{step} has no elements: give start < stop and a positive step"
-            )));
-        }
-        let count = (steps - 1e-9).ceil().max(1.0);
-        if count > MOST_ELEMENTS {
-            return Err(GridError(format!(
-                "range {start}:{stop}:{step} has {count:.3e} elements; at most 1e9 are possible"
-            )));
-        }
-        Ok(Self {
-            start,
-            step,
-            count: count as usize,
-        })
-    }
-}
 
 /// A rectangle of the scene plane, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,13 +24,8 @@ pub struct Extent {
     pub y_m: (f64, f64),
 }
 
-/// What is wrong with a grid's description, and what to write instead.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("grid: {0}")]
-pub struct GridError(pub String);
-
 /// A rectangular array of scene points.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ImageGrid {
     /// The point at `x = y = 0`, or the polar grid's pole, metres in the scene frame.
     pub origin_m: DVec3,
@@ -81,6 +39,9 @@ pub struct ImageGrid {
     pub rows: Axis,
     /// Whether rows and columns are range and angle.
     pub polar: bool,
+    /// Heights of the surface on which pixels lie over the plane; none if they lie in it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relief: Option<Relief>,
 }
 
 impl ImageGrid {
@@ -93,7 +54,32 @@ impl ImageGrid {
             columns: x,
             rows: y,
             polar: false,
+            relief: None,
         }
+    }
+
+    /// The same grid with its pixels on a surface over its plane.
+    #[must_use]
+    pub fn on(self, relief: Relief) -> Self {
+        Self {
+            relief: Some(relief),
+            ..self
+        }
+    }
+
+    /// The same grid with its pixels in its plane.
+    #[must_use]
+    pub fn flat(&self) -> Self {
+        Self {
+            relief: None,
+            ..self.clone()
+        }
+    }
+
+    /// Whether rows and columns are straight lines with pixels at even steps: Cartesian, and in a plane.
+    #[inline]
+    pub fn is_raster(&self) -> bool {
+        !self.polar && self.relief.is_none()
     }
 
     /// What keeps it from being a grid, if anything: axes that are not square to one another and of unit length,
@@ -150,37 +136,71 @@ impl ImageGrid {
     /// The scene point at grid coordinates: y and x, or range and angle.
     #[inline]
     pub fn point_m(&self, row_value: f64, column_value: f64) -> DVec3 {
-        if self.polar {
+        let flat = if self.polar {
             let (sin, cos) = libm::sincos(column_value);
             self.origin_m + (self.x_axis * cos + self.y_axis * sin) * row_value
         } else {
             self.origin_m + self.x_axis * column_value + self.y_axis * row_value
+        };
+        match &self.relief {
+            None => flat,
+            Some(relief) => {
+                let [x, y] = self.plane_m(row_value, column_value);
+                flat + self.normal() * relief.height_m(x, y)
+            }
         }
+    }
+
+    /// Where the pixel at grid coordinates lies in the plane, metres along its axes from the origin.
+    #[inline]
+    pub fn plane_m(&self, row_value: f64, column_value: f64) -> [f64; 2] {
+        match self.polar {
+            true => {
+                let (sin, cos) = libm::sincos(column_value);
+                [row_value * cos, row_value * sin]
+            }
+            false => [column_value, row_value],
+        }
+    }
+
+    /// Of the plane: `x_axis` cross `y_axis`.
+    #[inline]
+    pub fn normal(&self) -> DVec3 {
+        self.x_axis.cross(self.y_axis)
     }
 }
 
 /// Axes further than this from orthonormal are no axes; rounding leaves some 1e-16.
 const AXIS_TOLERANCE: f64 = 1e-6;
 
-/// Most elements of an axis.
-const MOST_ELEMENTS: f64 = 1e9;
-
 impl ImageGrid {
     /// How the scene point moves with the column's value and with the row's, at grid coordinates: unit vectors, but metres a
-    /// radian for the angle of a polar grid.
+    /// radian for the angle of a polar grid, and longer where a surface rises or falls.
     #[inline]
     pub fn directions(&self, row_value: f64, column_value: f64) -> [DVec3; 2] {
-        if !self.polar {
-            return [self.x_axis, self.y_axis];
-        }
-        let (sin, cos) = libm::sincos(column_value);
-        [
-            (self.y_axis * cos - self.x_axis * sin) * row_value,
-            self.x_axis * cos + self.y_axis * sin,
-        ]
+        let flat = match self.polar {
+            false => [self.x_axis, self.y_axis],
+            true => {
+                let (sin, cos) = libm::sincos(column_value);
+                [
+                    (self.y_axis * cos - self.x_axis * sin) * row_value,
+                    self.x_axis * cos + self.y_axis * sin,
+                ]
+            }
+        };
+        let Some(relief) = &self.relief else {
+            return flat;
+        };
+        let [x, y] = self.plane_m(row_value, column_value);
+        let [along_x, along_y] = relief.slopes(x, y);
+        flat.map(|direction| {
+            let rise = along_x * direction.dot(self.x_axis) + along_y * direction.dot(self.y_axis);
+            direction + self.normal() * rise
+        })
     }
 
-    /// Grid coordinates, row's and column's, of the point of the grid's plane that is nearest to a scene point.
+    /// Grid coordinates, row's and column's, of the point of the grid's plane that is nearest to a scene point; for a
+    /// point of the grid's surface those of itself.
     #[inline]
     pub fn coordinates(&self, point_m: DVec3) -> [f64; 2] {
         let from = point_m - self.origin_m;
@@ -269,6 +289,7 @@ impl FromStr for ImageGrid {
             columns,
             rows,
             polar,
+            relief: None,
         })
     }
 }

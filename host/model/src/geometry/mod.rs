@@ -1,13 +1,17 @@
 //! Where things are: the scene frame, image grids and their axes.
 
+mod axis;
 mod frame;
 mod geodetic;
 mod grid;
+mod relief;
 mod scene_axes;
 mod utm;
 
+pub use axis::{Axis, GridError};
 pub use frame::SceneFrame;
 pub use geodetic::Geodetic;
-pub use grid::{Axis, Extent, GridError, ImageGrid};
+pub use grid::{Extent, ImageGrid};
+pub use relief::Relief;
 pub use scene_axes::SceneAxis;
 pub use utm::{Utm, UtmError, Zone};

@@ -48,6 +48,6 @@ fn coarser(grid: &ImageGrid, side: f64) -> ImageGrid {
     ImageGrid {
         rows: wider(grid.rows),
         columns: wider(grid.columns),
-        ..*grid
+        ..grid.clone()
     }
 }

@@ -46,7 +46,7 @@ impl RunningImage {
     ) -> Self {
         Self {
             run: run.clone(),
-            grid: *grid,
+            grid: grid.clone(),
             patches,
             error_db,
             memory_bytes,

@@ -119,7 +119,7 @@ pub fn measure_in(
     let within = ImageGrid {
         rows: part(grid.rows, &rows),
         columns: part(grid.columns, &columns),
-        ..*grid
+        ..grid.clone()
     };
     let target = Target::Near {
         column_value: grid.columns.at(column),
@@ -243,7 +243,7 @@ fn upsampled_chip(
         grid: ImageGrid {
             rows: finer(&grid.rows, first[0], steps[0], chip.rows),
             columns: finer(&grid.columns, first[1], steps[1], chip.columns),
-            ..*grid
+            ..grid.clone()
         },
     }
 }

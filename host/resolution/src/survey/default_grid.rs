@@ -9,6 +9,19 @@ use subaperture_model::phase_history::PhaseHistory;
 #[error("no default grid: {0}")]
 pub struct NoDefaultGrid(String);
 
+impl NoDefaultGrid {
+    pub(crate) fn of(what: String) -> Self {
+        Self(what)
+    }
+
+    pub(crate) fn no_slant_plane() -> Self {
+        Self(
+            "the antennas do not move across their line of sight, so that there is no slant plane"
+                .to_owned(),
+        )
+    }
+}
+
 /// Pixels of a default grid at most: an image of 32 MiB, which any former makes in a minute or so.
 pub const MOST_PIXELS: usize = 1 << 22;
 

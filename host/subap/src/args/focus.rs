@@ -13,7 +13,7 @@ use super::formers::{self, FormerOptions};
 use super::logs::Logs;
 use super::track::{TrackSource, track_source};
 use super::values::{any, axis, error_bound, output, positive, scratch_size, vector};
-use super::{Input, Look, Rehearsal, Tiled, Writing};
+use super::{Input, Look, Rehearsal, Surfacing, Tiled, Writing};
 
 /// `subap focus`.
 #[derive(Debug, Group)]
@@ -28,7 +28,7 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "channels", "set", "velocity", "track", "phase", "window", "slow_window", "scratch", "check", "portable",
+        "paths", "channel", "channels", "set", "velocity", "surface", "geoid", "track", "phase", "window", "slow_window", "scratch", "check", "portable",
         "model"
     ])]
     pub(crate) from_maps: Option<PathBuf>,
@@ -101,6 +101,9 @@ pub(crate) struct Imaging {
     /// scene's extent at half the resolution]
     #[arg(long, value_name = "GRID", allow_hyphen_values = true)]
     pub(crate) grid: Option<ImageGrid>,
+
+    #[command(flatten)]
+    pub(crate) surfacing: Surfacing,
 
     /// Form the same bits on every machine: Fourier transforms take two to four times as long
     #[arg(long)]

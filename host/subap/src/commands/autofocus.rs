@@ -39,7 +39,7 @@ pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
     }
     let _claims = claim(session, typed)?;
     let history = session.open(&typed.input)?;
-    let grid = match typed.grid {
+    let grid = match typed.grid.clone() {
         Some(grid) => grid,
         None => session.default_grid(&forming::survey(&history)?)?,
     };

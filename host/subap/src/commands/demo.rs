@@ -153,7 +153,7 @@ fn oracle() -> Way {
 /// Simulates, focuses, compares, and writes everything under the folder.
 pub(crate) fn run(session: &Session, typed: &Demo) -> anyhow::Result<()> {
     let start = Instant::now();
-    let grid = match typed.grid {
+    let grid = match typed.grid.clone() {
         Some(grid) => grid,
         None => GRID.parse()?,
     };

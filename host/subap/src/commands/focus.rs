@@ -25,8 +25,9 @@ use subaperture::phase_history::{InputFile, PhaseHistory};
 use subaperture::planner::forecast::cost;
 use subaperture::resolution::survey::Survey;
 
-use crate::args::{Focus, Imaging, TrackSource};
+use crate::args::{Focus, TrackSource};
 use crate::commands::forming::{self, Forming};
+use crate::commands::surface;
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::{advice, interrupt, messages, stages, text};
@@ -36,6 +37,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     if !typed.logs.navigation.is_empty() && typed.track != Some(TrackSource::Fused) {
         return Err(Usage("--navigation is for --track fused".to_owned()).into());
     }
+    surface::check(&typed.image)?;
     if let Some(path) = &typed.from_maps {
         return from_maps::run(session, typed, path);
     }
@@ -144,22 +146,10 @@ fn moving<'a>(typed: &Focus, recorded: &'a dyn PhaseHistory) -> anyhow::Result<O
     Ok(moving.transpose()?)
 }
 
-/// The grid that is given, or else the one that suits.
-pub(crate) fn grid_of(
-    session: &Session,
-    typed: &Imaging,
-    survey: &Survey,
-) -> anyhow::Result<ImageGrid> {
-    match typed.grid {
-        Some(grid) => Ok(grid),
-        None => session.default_grid(survey),
-    }
-}
-
 impl Job<'_> {
-    /// The grid that is given, or else the one that suits.
+    /// The grid that is given, or else the one that suits, on the surface that is asked for.
     fn grid(&self) -> anyhow::Result<ImageGrid> {
-        grid_of(self.session, &self.typed.image, self.survey)
+        surface::grid(self.session, &self.typed.image, self.history, self.survey)
     }
 
     /// Writes a whole image by the former of this name, with its record and picture.
@@ -176,7 +166,13 @@ impl Job<'_> {
         let mut inputs = self.history.inputs()?;
         let track = typed.track.as_ref().and_then(TrackSource::file);
         let logs = typed.logs.navigation.iter().map(PathBuf::as_path);
-        for path in track.into_iter().chain(typed.phase.as_deref()).chain(logs) {
+        let surfacing = &typed.image.surfacing;
+        let geoid = surfacing.geoid.as_ref().and_then(|geoid| geoid.file());
+        // Of a folder of elevation models the relief says the name.
+        let ground = surfacing.surface.file().into_iter().chain(geoid);
+        let ground = ground.filter(|path| path.is_file());
+        let beside = track.into_iter().chain(typed.phase.as_deref()).chain(logs);
+        for path in beside.chain(ground) {
             inputs.push(read_beside(path)?);
         }
         checksums.finish();

@@ -42,7 +42,7 @@ pub(crate) fn run(session: &Session, typed: &Link) -> anyhow::Result<()> {
     let history = session.open(&typed.input)?;
     let collection = history.collection();
     let survey = Survey::of(collection).context("the input holds no pulses")?;
-    let grid = match typed.grid {
+    let grid = match typed.grid.clone() {
         Some(grid) => grid,
         None => session.default_grid(&survey)?,
     };

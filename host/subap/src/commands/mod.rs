@@ -23,6 +23,7 @@ mod recording;
 mod reproduce;
 mod simulate;
 mod stored;
+mod surface;
 mod track;
 mod tune;
 mod velocity;

@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::Context;
 use serde_json::{Value, json};
 use subaperture::focus::forecast::{self, Forecast};
-use subaperture::io::cphd::{self, Channel, Domain, Sgn, WriteOptions};
+use subaperture::io::cphd::{self, Channel, Domain, ReferenceSurface, Sgn, WriteOptions};
 use subaperture::io::ours::Kind;
 use subaperture::io::recording::{self, Raw};
 use subaperture::phase_history::PhaseHistory;
@@ -15,7 +15,7 @@ use subaperture::simulate::scenario::{self, Scenario};
 use subaperture::simulate::{Experiment, Noise, Recording, Variation};
 
 use crate::ahead::{Ahead, reading};
-use crate::args::{SignalDomain, Simulate};
+use crate::args::{DeclaredSurface, SignalDomain, Simulate};
 use crate::config::{Session, record_of_run};
 use crate::text;
 
@@ -247,6 +247,10 @@ fn options(typed: &Simulate) -> WriteOptions {
         domain: match typed.domain {
             SignalDomain::Fx => Domain::Fx,
             SignalDomain::Toa => Domain::Toa,
+        },
+        surface: match typed.reference_surface {
+            DeclaredSurface::Planar => ReferenceSurface::Planar,
+            DeclaredSurface::Hae => ReferenceSurface::Hae,
         },
         sgn: if typed.sgn < 0 { Sgn::Minus } else { Sgn::Plus },
         ..WriteOptions::default()

@@ -132,7 +132,7 @@ fn check_and_claim(session: &Session, typed: &Tune) -> anyhow::Result<Claims> {
 
 /// Where the image is looked at.
 fn sight(typed: &Tune) -> Sight {
-    match typed.grid {
+    match typed.grid.clone() {
         Some(grid) => Sight::Grid(grid, typed.measure),
         None => Sight::Points(typed.at.clone()),
     }
@@ -282,7 +282,7 @@ impl Model for Varied<'_> {
 
 /// The measure and its unit, as the user knows it.
 fn measure_name(typed: &Tune) -> String {
-    match typed.grid {
+    match typed.grid.clone() {
         Some(_) => typed.measure.to_string(),
         None => "power at the points".to_owned(),
     }

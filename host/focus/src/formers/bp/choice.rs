@@ -76,7 +76,7 @@ pub(super) fn margin(aim: &Aim, side: usize, length: usize) -> usize {
 
 /// Between which all paths to the grid lie, in turns of profiles; none where that is not known.
 pub(super) fn swath(aim: &Aim, meaning: Meaning) -> Option<Range<f64>> {
-    if aim.grid.polar || !matches!(meaning, Meaning::Places) {
+    if !aim.grid.is_raster() || !matches!(meaning, Meaning::Places) {
         return None;
     }
     let size = [aim.grid.rows.count, aim.grid.columns.count];

@@ -9,8 +9,8 @@
 //! cheapest that keep the bound (`choice`).
 //!
 //! Pixels of a Cartesian grid are formed by tiles ([`subaperture_kernels::tile`]), in which paths are polynomials of third degree:
-//! as large as these keep a tenth of the error's power. Where antennas are so near that a tile's do not, and where pixels lie otherwise,
-//! each has its own path, in float64.
+//! as large as these keep a tenth of the error's power. Where antennas are so near that a tile's do not, and where pixels lie otherwise, on polar grids
+//! and on surfaces, each has its own path, in float64.
 //!
 //! Neglected: interpolation, whose error the upsampling is chosen for (`error_db`), and what tiles' polynomials leave out, which is bounded
 //! for each tile and batch of pulses. Each pulse's own positions and frequencies are used, so any track will do.
@@ -135,6 +135,10 @@ impl ImageFormer for Backprojection {
     }
 
     fn follows_sweeps(&self) -> bool {
+        true
+    }
+
+    fn follows_relief(&self) -> bool {
         true
     }
 
@@ -303,7 +307,7 @@ impl Choices {
                 side, phase_rad, ..
             } => {
                 let length = RangeProfiler::length_for(num_samples, self.oversampling);
-                !aim.grid.polar
+                aim.grid.is_raster()
                     && tile::DEGREES.contains(&self.degree)
                     && (1..=1024).contains(&side)
                     && phase_rad.is_finite()

@@ -74,6 +74,10 @@ impl ImageFormer for Exact {
         true
     }
 
+    fn follows_relief(&self) -> bool {
+        true
+    }
+
     fn decide(&self, aim: &Aim, _: &Asked, _: &dyn Monitor) -> Result<Decision, FormError> {
         Ok(Decision {
             choices: serde_json::json!({}),

@@ -128,7 +128,7 @@ fn record(
         "collection": Preset::Table41.name(),
         "window": Window::default().to_string(),
         "slow_window": Window::default().to_string(),
-        "grid": typed.grid.map_or(json!(GRID), |_| json!("as given on the command line")),
+        "grid": typed.grid.as_ref().map_or(json!(GRID), |_| json!("as given on the command line")),
         "settings": settings,
     })
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use serde_json::{Value, json};
+use subaperture::geometry::ImageGrid;
 use subaperture::io::npy;
 use subaperture::io::product::record::Brightest;
 use subaperture::onboard::image::{
@@ -28,7 +29,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
     if let Some(grid) = &typed.image.grid {
         session.check_grid(grid, 1)?;
     }
-    let num_pixels = typed.image.grid.map_or(0, |grid| grid.num_pixels());
+    let num_pixels = typed.image.grid.as_ref().map_or(0, ImageGrid::num_pixels);
     let _claims = forming::claim(session, &typed.writing, &[path], &typed.out, num_pixels)?;
 
     let maps = MapFile::open(path)?;
@@ -47,7 +48,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         .error_db()
         .or(planned)
         .unwrap_or(DEFAULT_ERROR_DB);
-    let grid = forming::grid_or(session, typed.image.grid, &typed.out, || {
+    let grid = forming::grid_or(session, typed.image.grid.clone(), &typed.out, || {
         Ok(default_grid(&maps, error_db)?)
     })?;
     let progress = session.progress("focusing");

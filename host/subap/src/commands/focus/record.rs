@@ -103,6 +103,11 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
     let mut given = image.former.record();
     let others = [
         ("grid", json!(image.grid.is_some())),
+        ("surface", json!(image.surfacing.surface.to_string())),
+        ("geoid", {
+            let geoid = image.surfacing.geoid.as_ref();
+            json!(geoid.map(ToString::to_string))
+        }),
         ("allow_error", json!(image.allow_error)),
         ("velocity_m_s", json!(typed.velocity.map(|v| v.to_array()))),
         ("track", {

@@ -152,6 +152,9 @@ fn axes_lines(record: &Value) -> String {
             text += &line(name, &format!("{count}: {axis}"));
         }
     }
+    if let Some(surface) = axes["relief"]["surface"].as_str() {
+        text += &line("surface", surface);
+    }
     text
 }
 

@@ -31,7 +31,7 @@ impl Picture {
     /// Begins a picture at `path`, which is claimed.
     pub(crate) fn start(path: &Path, image: RunningImage, grid: &ImageGrid, title: String) -> Self {
         let (sender, receiver) = sync_channel(WAITING);
-        let (path, grid) = (path.to_owned(), *grid);
+        let (path, grid) = (path.to_owned(), grid.clone());
         let thread = std::thread::spawn(move || draw(&path, image, &grid, &title, &receiver));
         Self {
             maps: sender,

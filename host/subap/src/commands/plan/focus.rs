@@ -7,20 +7,21 @@ use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
 
 use crate::args::{Part, PlanFocus};
-use crate::commands::focus::{grid_of, tiled};
-use crate::commands::forming;
+use crate::commands::focus::tiled;
+use crate::commands::{forming, surface};
 use crate::config::Session;
 use crate::text;
 
 /// Makes the plan, writes it, and says what it will take.
 pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
+    surface::check(&typed.image)?;
     let mut claims = session.claims(&typed.writing, &typed.input.paths);
     claims.file(&typed.out, Kind::Record)?;
     let model = forming::time_model(&typed.image)?;
     let means = typed.image.means(model.as_ref());
     let history = session.open(&typed.input)?;
     let survey = forming::survey(&history)?;
-    let grid = grid_of(session, &typed.image, &survey)?;
+    let grid = surface::grid(session, &typed.image, &history, &survey)?;
     let plan = tiled::plan_image(session, &typed.image, &history, &grid, means)?;
     let text_of_plan = plan.to_text();
     write_atomically(&typed.out, text_of_plan.len() as u64, |file| {

@@ -16,7 +16,7 @@ pub(crate) fn run(session: &Session, typed: &PlanModule) -> anyhow::Result<()> {
     typed.input.refuse_several("a module")?;
     let history = session.open(&typed.input)?;
     let survey = Survey::of(history.collection()).context("the input holds no pulses")?;
-    let grid = match typed.grid {
+    let grid = match typed.grid.clone() {
         Some(grid) => grid,
         None => session.default_grid(&survey)?,
     };

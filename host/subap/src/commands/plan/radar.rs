@@ -37,7 +37,7 @@ pub(crate) fn run(session: &Session, typed: &PlanRadar) -> anyhow::Result<()> {
         session.open(&typed.input)?.collection().clone()
     };
     let survey = Survey::of(&collection).context("the input holds no pulses")?;
-    let grid = match typed.grid {
+    let grid = match typed.grid.clone() {
         Some(grid) => grid,
         None => session.default_grid(&survey)?,
     };

@@ -187,7 +187,7 @@ impl<'a> From<'a> {
         let grid = ImageGrid {
             rows,
             columns,
-            ..*coarse
+            ..coarse.clone()
         };
         let work = collection.pulses.len() as f64
             * collection.num_samples as f64
@@ -276,7 +276,7 @@ impl<'a> From<'a> {
 
         // The peak lies within a pixel of the image's brightest, or two where that is noise.
         let coarse = &self.source.grid;
-        let ImageGrid { rows, columns, .. } = grid;
+        let ImageGrid { rows, columns, .. } = &grid;
         let reach =
             (2.0 * coarse.rows.step / rows.step).max(2.0 * coarse.columns.step / columns.step);
         let fine = Settings {

@@ -1,0 +1,50 @@
+//! Even steps along a line, and what may be wrong with those that are given.
+
+/// `start + i step` for `i < count`. Metres, or radians for an angle.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Axis {
+    /// Value of element 0.
+    pub start: f64,
+    /// Step from element to element; positive.
+    pub step: f64,
+    /// Number of elements.
+    pub count: usize,
+}
+
+impl Axis {
+    /// Value of element `i`.
+    #[inline]
+    pub fn at(&self, i: usize) -> f64 {
+        self.start + i as f64 * self.step
+    }
+
+    /// `start:stop:step` with `stop` excluded: `ceil((stop - start) / step)` elements, where a stop
+    /// within 1e-9 steps of an element counts as that element.
+    pub fn from_range(start: f64, stop: f64, step: f64) -> Result<Self, GridError> {
+        let steps = (stop - start) / step;
+        if !(step > 0.0 && steps.is_finite() && steps > 0.0) {
+            return Err(GridError(format!(
+                "range {start}:{stop}:{step} has no elements: give start < stop and a positive step"
+            )));
+        }
+        let count = (steps - 1e-9).ceil().max(1.0);
+        if count > MOST_ELEMENTS {
+            return Err(GridError(format!(
+                "range {start}:{stop}:{step} has {count:.3e} elements; at most 1e9 are possible"
+            )));
+        }
+        Ok(Self {
+            start,
+            step,
+            count: count as usize,
+        })
+    }
+}
+
+/// What is wrong with a grid's description, and what to write instead.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("grid: {0}")]
+pub struct GridError(pub String);
+
+/// Most elements of an axis.
+pub(super) const MOST_ELEMENTS: f64 = 1e9;

@@ -1,0 +1,342 @@
+//! The relief of a focusing surface: its heights over the plane of an image grid.
+//!
+//! A grid is a plane. With a relief its pixels lie on a surface over that plane: each as far along the plane's normal as the relief is high there,
+//! so that the pixel of a point of the surface is found as that of a plane's, by the foot of its normal ([`super::ImageGrid::coordinates`]).
+//! Of a horizontal plane the normal is the vertical at the scene's origin.
+//!
+//! Heights are held at nodes, on a lattice of the plane's coordinates in metres, and bilinear between them; beyond the outermost nodes as at them.
+//! The nodes are the surface: whoever has them has the pixels' places to the last bit, and an image focused on them is exact there. How far
+//! they lie from what they were made of (a model of the ground, the ellipsoid) is with them ([`Relief::error_m`]).
+
+use std::fmt::Write;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Axis, GridError};
+
+/// Nodes are whole multiples of this, metres, so that text holds them in few digits: far less than any ground is known to.
+const UNIT_M: f64 = 1e-4;
+
+/// Most nodes of a relief: 2 MiB, and at most 3.5 MB of text in records and plans.
+const MOST_NODES: u64 = Relief::MOST_NODES as u64;
+
+/// Highest that a surface may lie over its plane, or below it, metres.
+const HIGHEST_M: f64 = 1e6;
+
+/// Heights over a plane. A copy is another name of the same nodes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Text", into = "Text")]
+pub struct Relief(Arc<Nodes>);
+
+#[derive(Debug, PartialEq)]
+struct Nodes {
+    surface: String,
+    columns: Axis,
+    rows: Axis,
+    error_m: f64,
+    /// Rows first.
+    heights_m: Vec<f64>,
+}
+
+impl Relief {
+    /// Most nodes of a relief.
+    pub const MOST_NODES: usize = 1 << 18;
+
+    /// Heights at nodes, row by row: `columns` along the plane's x axis, `rows` along its y axis, metres from the grid's origin, and at least two
+    /// of each. `surface` says what it is; `error_m` how far from that it may be. Heights are rounded to 0.1 mm.
+    ///
+    /// # Errors
+    /// [`GridError`] where nodes are too many or too few, or not numbers of at most 1e6 m.
+    pub fn new(
+        surface: impl Into<String>,
+        [rows, columns]: [Axis; 2],
+        mut heights_m: Vec<f64>,
+        error_m: f64,
+    ) -> Result<Self, GridError> {
+        for (name, axis) in [("rows", rows), ("columns", columns)] {
+            let sound = axis.count >= 2
+                && axis.step > 0.0
+                && axis.step.is_finite()
+                && [axis.start, axis.at(axis.count)]
+                    .iter()
+                    .all(|end| end.abs() <= 1e9);
+            if !sound {
+                return Err(GridError(format!(
+                    "the surface's {name} of nodes begin at {} m, {} m apart, {} of them: two at least, a positive step, and no \
+                     end beyond 1e9 m are possible",
+                    axis.start, axis.step, axis.count
+                )));
+            }
+        }
+        let count = rows.count as u64 * columns.count as u64;
+        if count > MOST_NODES || count != heights_m.len() as u64 {
+            return Err(GridError(format!(
+                "the surface has {} x {} nodes and {} heights: as many heights as nodes, and at most {MOST_NODES}, are possible",
+                rows.count,
+                columns.count,
+                heights_m.len()
+            )));
+        }
+        if let Some(at) = heights_m.iter().position(|h| !(h.abs() <= HIGHEST_M)) {
+            return Err(GridError(format!(
+                "the surface's height at node {} of row {} is {}: numbers of at most {HIGHEST_M:e} m are possible",
+                at % columns.count,
+                at / columns.count,
+                heights_m[at]
+            )));
+        }
+        if !(error_m >= 0.0 && error_m.is_finite()) {
+            return Err(GridError(format!("the surface's error is {error_m} m")));
+        }
+        for height in &mut heights_m {
+            *height = rounded(*height);
+        }
+        Ok(Self(Arc::new(Nodes {
+            surface: surface.into(),
+            columns,
+            rows,
+            error_m,
+            heights_m,
+        })))
+    }
+
+    /// What surface it is, in words.
+    pub fn surface(&self) -> &str {
+        &self.0.surface
+    }
+
+    /// How far it may lie from that surface along the plane's normal, metres.
+    pub fn error_m(&self) -> f64 {
+        self.0.error_m
+    }
+
+    /// Nodes along the plane's x axis, metres from the grid's origin.
+    pub fn columns(&self) -> Axis {
+        self.0.columns
+    }
+
+    /// Nodes along its y axis.
+    pub fn rows(&self) -> Axis {
+        self.0.rows
+    }
+
+    /// Heights at the nodes over the plane, metres, row by row.
+    pub fn heights_m(&self) -> &[f64] {
+        &self.0.heights_m
+    }
+
+    /// Least and greatest height over the plane, metres.
+    pub fn range_m(&self) -> [f64; 2] {
+        let heights = self.0.heights_m.iter();
+        heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &h| {
+            [low.min(h), high.max(h)]
+        })
+    }
+
+    /// Height over the plane at a place of it, metres.
+    #[inline]
+    pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {
+        self.cell(x_m, y_m).height_m()
+    }
+
+    /// How steep it is along the plane's x and y axes there: metres up a metre.
+    #[inline]
+    pub fn slopes(&self, x_m: f64, y_m: f64) -> [f64; 2] {
+        let cell = self.cell(x_m, y_m);
+        let [[a, b], [c, d]] = cell.corners_m;
+        let [v, u] = cell.at;
+        // Beyond the nodes it is level along that axis.
+        let [along_x, along_y] = cell.within.map(|within| if within { 1.0 } else { 0.0 });
+        [
+            along_x * ((b - a) * (1.0 - v) + (d - c) * v) / self.0.columns.step,
+            along_y * ((c - a) * (1.0 - u) + (d - b) * u) / self.0.rows.step,
+        ]
+    }
+
+    /// The steepest that it is between nodes along either axis.
+    pub fn steepest(&self) -> f64 {
+        let Nodes {
+            columns,
+            rows,
+            heights_m,
+            ..
+        } = &*self.0;
+        let mut steepest = 0.0f64;
+        for (i, line) in heights_m.chunks(columns.count).enumerate() {
+            for (j, height) in line.iter().enumerate() {
+                if j > 0 {
+                    steepest = steepest.max((height - line[j - 1]).abs() / columns.step);
+                }
+                if i > 0 {
+                    let below = heights_m[(i - 1) * columns.count + j];
+                    steepest = steepest.max((height - below).abs() / rows.step);
+                }
+            }
+        }
+        steepest
+    }
+
+    #[inline]
+    fn cell(&self, x_m: f64, y_m: f64) -> Cell {
+        let nodes = &*self.0;
+        let place = |axis: &Axis, value: f64| {
+            let at = (value - axis.start) / axis.step;
+            let last = (axis.count - 1) as f64;
+            // A place that is no number counts as the first node.
+            let held = at.max(0.0).min(last);
+            let first = (held as usize).min(axis.count - 2);
+            (first, held - first as f64, at == held)
+        };
+        let (column, u, within_x) = place(&nodes.columns, x_m);
+        let (row, v, within_y) = place(&nodes.rows, y_m);
+        let first = row * nodes.columns.count + column;
+        let pair = |at: usize| [nodes.heights_m[at], nodes.heights_m[at + 1]];
+        Cell {
+            corners_m: [pair(first), pair(first + nodes.columns.count)],
+            at: [v, u],
+            within: [within_x, within_y],
+        }
+    }
+}
+
+/// Four nodes, and a place between them.
+struct Cell {
+    corners_m: [[f64; 2]; 2],
+    /// From the first node, 0 to 1, along rows' and columns' axes.
+    at: [f64; 2],
+    /// Whether the place is between nodes along x and y.
+    within: [bool; 2],
+}
+
+impl Cell {
+    #[inline]
+    fn height_m(&self) -> f64 {
+        let [[a, b], [c, d]] = self.corners_m;
+        let [v, u] = self.at;
+        let (low, high) = (a + (b - a) * u, c + (d - c) * u);
+        low + (high - low) * v
+    }
+}
+
+/// A height as text holds it.
+fn rounded(height_m: f64) -> f64 {
+    // Division by a whole number gives the float64 nearest to the decimal number; adding zero turns -0 into 0.
+    (height_m / UNIT_M).round() / (1.0 / UNIT_M).round() + 0.0
+}
+
+/// As text: a row of nodes is one line of numbers.
+#[derive(Serialize, Deserialize)]
+struct Text {
+    surface: String,
+    error_m: f64,
+    columns: Axis,
+    rows: Axis,
+    heights_m: Vec<String>,
+}
+
+impl From<Relief> for Text {
+    fn from(relief: Relief) -> Self {
+        let nodes = &*relief.0;
+        let line = |heights: &[f64]| {
+            let mut text = String::with_capacity(8 * heights.len());
+            for (i, height) in heights.iter().enumerate() {
+                let gap = if i > 0 { " " } else { "" };
+                write!(text, "{gap}{height}").expect("text takes any text");
+            }
+            text
+        };
+        Self {
+            surface: nodes.surface.clone(),
+            error_m: nodes.error_m,
+            columns: nodes.columns,
+            rows: nodes.rows,
+            heights_m: nodes
+                .heights_m
+                .chunks(nodes.columns.count)
+                .map(line)
+                .collect(),
+        }
+    }
+}
+
+impl TryFrom<Text> for Relief {
+    type Error = GridError;
+
+    fn try_from(text: Text) -> Result<Self, GridError> {
+        let mut heights_m = Vec::new();
+        for (row, line) in text.heights_m.iter().enumerate() {
+            let before = heights_m.len();
+            for number in line.split_ascii_whitespace() {
+                let height = number.parse::<f64>().map_err(|_| {
+                    GridError(format!(
+                        "the surface's row {row} of nodes holds '{number}', which is no number"
+                    ))
+                })?;
+                heights_m.push(height);
+            }
+            let found = heights_m.len() - before;
+            if found != text.columns.count {
+                return Err(GridError(format!(
+                    "the surface's row {row} of nodes has {found} heights and not {}",
+                    text.columns.count
+                )));
+            }
+        }
+        Self::new(
+            text.surface,
+            [text.rows, text.columns],
+            heights_m,
+            text.error_m,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axis(start: f64, step: f64, count: usize) -> Axis {
+        Axis { start, step, count }
+    }
+
+    /// A bilinear function is met everywhere, its slopes too.
+    #[test]
+    fn a_bilinear_surface_is_itself() {
+        let [rows, columns] = [axis(-4.0, 2.0, 6), axis(1.0, 0.5, 5)];
+        let height = |x: f64, y: f64| 3.0 + 0.5 * x - 0.25 * y + 0.125 * x * y;
+        let heights = (0..6)
+            .flat_map(|row| (0..5).map(move |column| height(columns.at(column), rows.at(row))))
+            .collect();
+        let relief = Relief::new("test", [rows, columns], heights, 0.0).unwrap();
+        for (x, y) in [(1.0, -4.0), (1.3, 0.7), (2.99, 5.9), (3.0, 6.0)] {
+            assert!((relief.height_m(x, y) - height(x, y)).abs() < 1e-12);
+        }
+        let [along_x, along_y] = relief.slopes(1.3, 0.7);
+        assert!((along_x - (0.5 + 0.125 * 0.7)).abs() < 1e-12);
+        assert!((along_y - (-0.25 + 0.125 * 1.3)).abs() < 1e-12);
+        // Beyond the last node it goes on level.
+        assert_eq!(relief.height_m(99.0, 6.0), relief.height_m(3.0, 6.0));
+        assert_eq!(relief.slopes(99.0, 0.7)[0], 0.0);
+        assert_eq!(
+            relief.height_m(f64::NAN, f64::NAN),
+            relief.height_m(1.0, -4.0)
+        );
+    }
+
+    #[test]
+    fn damaged_nodes_are_refused() {
+        let make = |rows: Axis, columns: Axis, heights: Vec<f64>| {
+            Relief::new("test", [rows, columns], heights, 0.0)
+                .map(drop)
+                .unwrap_err()
+                .to_string()
+        };
+        let two = axis(0.0, 1.0, 2);
+        assert!(make(axis(0.0, 1.0, 1), two, vec![0.0; 2]).contains("two at least"));
+        assert!(make(axis(0.0, -1.0, 2), two, vec![0.0; 4]).contains("positive step"));
+        assert!(make(two, two, vec![0.0; 3]).contains("3 heights"));
+        assert!(make(two, two, vec![0.0, f64::NAN, 0.0, 0.0]).contains("node 1 of row 0"));
+        assert!(make(two, two, vec![0.0, 0.0, 0.0, 1e7]).contains("node 1 of row 1"));
+    }
+}

@@ -1,0 +1,65 @@
+//! Where the posts of a raster lie on the Earth.
+
+use subaperture_model::geometry::{Geodetic, Utm, Zone};
+
+/// In what coordinates posts are evenly spaced.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Projection {
+    /// Longitude and latitude, degrees, of WGS 84.
+    Geographic,
+    /// Easting and northing, metres, of a zone of UTM on WGS 84.
+    Utm(Zone),
+}
+
+/// Posts at even steps: that of row 0 and column 0 at `origin`, rows `steps[0]` apart and columns `steps[1]`, in the projection's coordinates:
+/// easting or longitude first. Rows mostly go south, so that their step is negative.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Lattice {
+    pub(crate) projection: Projection,
+    /// East, north.
+    pub(crate) origin: [f64; 2],
+    /// Of rows (northwards), of columns (eastwards).
+    pub(crate) steps: [f64; 2],
+    /// The column in the middle: longitudes are taken the nearest way around the Earth from there.
+    pub(crate) middle_column: f64,
+}
+
+impl Lattice {
+    /// Row and column of a place, with fractions; none where the projection does not reach.
+    pub(crate) fn at(&self, latitude_deg: f64, longitude_deg: f64) -> Option<[f64; 2]> {
+        let [east, north] = match self.projection {
+            Projection::Geographic => [longitude_deg, latitude_deg],
+            Projection::Utm(zone) => {
+                let place = Geodetic {
+                    latitude_deg,
+                    longitude_deg: (longitude_deg + 180.0).rem_euclid(360.0) - 180.0,
+                    height_m: 0.0,
+                };
+                let there = Utm::in_zone(&place, zone).ok()?;
+                [there.easting_m, there.northing_m]
+            }
+        };
+        let row = (north - self.origin[1]) / self.steps[0];
+        let mut column = (east - self.origin[0]) / self.steps[1];
+        if self.projection == Projection::Geographic {
+            let around = (360.0 / self.steps[1]).abs();
+            let first = self.middle_column - 0.5 * around;
+            column = (column - first).rem_euclid(around) + first;
+        }
+        Some([row, column])
+    }
+
+    /// Metres between posts, about: the smaller of both ways, at this latitude.
+    pub(crate) fn step_m(&self, latitude_deg: f64) -> f64 {
+        /// Metres a degree of latitude.
+        const DEGREE_M: f64 = 111_195.0;
+        let [rows, columns] = self.steps.map(f64::abs);
+        match self.projection {
+            Projection::Utm(_) => rows.min(columns),
+            Projection::Geographic => {
+                let shrink = libm::cos(latitude_deg.to_radians()).abs().max(0.01);
+                (rows * DEGREE_M).min(columns * DEGREE_M * shrink)
+            }
+        }
+    }
+}

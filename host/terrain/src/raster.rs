@@ -1,0 +1,126 @@
+//! A part of a raster of heights, held in memory.
+
+use std::ops::Range;
+use std::path::Path;
+
+use crate::lattice::Lattice;
+use crate::{Region, TerrainError};
+
+/// Posts beyond a region that are held.
+const AROUND: f64 = 2.0;
+
+/// A raster on disk: how large it is and where.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent {
+    pub(crate) lattice: Lattice,
+    pub(crate) rows: usize,
+    pub(crate) columns: usize,
+}
+
+impl Extent {
+    /// Rows and columns that a region needs; none where the raster has nothing of it.
+    pub(crate) fn window(&self, region: &Region) -> Option<[Range<usize>; 2]> {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for place in region.places() {
+            let Some(at) = self.lattice.at(place.latitude_deg, place.longitude_deg) else {
+                continue;
+            };
+            for i in 0..2 {
+                low[i] = low[i].min(at[i]);
+                high[i] = high[i].max(at[i]);
+            }
+        }
+        let range = |i: usize, count: usize| {
+            let first = (low[i] - AROUND).floor().max(0.0);
+            let end = (high[i] + AROUND).ceil().min(count as f64);
+            (first < end).then(|| first as usize..end as usize)
+        };
+        Some([range(0, self.rows)?, range(1, self.columns)?])
+    }
+}
+
+/// Bytes that a window takes, if it may take them.
+pub(crate) fn check_memory(
+    path: &Path,
+    [rows, columns]: &[Range<usize>; 2],
+    besides_bytes: u64,
+    allowed_bytes: u64,
+) -> Result<u64, TerrainError> {
+    let bytes = 4 * rows.len() as u64 * columns.len() as u64;
+    let needed = bytes.saturating_add(besides_bytes);
+    match needed <= allowed_bytes {
+        true => Ok(bytes),
+        false => Err(TerrainError::Memory {
+            path: path.to_owned(),
+            needed_mib: needed.div_ceil(1 << 20),
+            allowed_mib: allowed_bytes >> 20,
+        }),
+    }
+}
+
+/// Heights of a window, NaN where there is none.
+#[derive(Clone, Debug)]
+pub(crate) struct Raster {
+    lattice: Lattice,
+    first: [usize; 2],
+    rows: usize,
+    columns: usize,
+    heights: Vec<f32>,
+}
+
+impl Raster {
+    pub(crate) fn new(
+        lattice: Lattice,
+        [rows, columns]: &[Range<usize>; 2],
+        heights: Vec<f32>,
+    ) -> Self {
+        debug_assert_eq!(heights.len(), rows.len() * columns.len());
+        Self {
+            lattice,
+            first: [rows.start, columns.start],
+            rows: rows.len(),
+            columns: columns.len(),
+            heights,
+        }
+    }
+
+    /// The height at a place, bilinear between its four posts; none beyond the outermost posts, or where one of them has none.
+    pub(crate) fn at(&self, latitude_deg: f64, longitude_deg: f64) -> Option<f64> {
+        let [row, column] = self.lattice.at(latitude_deg, longitude_deg)?;
+        let (row, column) = (row - self.first[0] as f64, column - self.first[1] as f64);
+        let last = [self.rows - 1, self.columns - 1].map(|n| n as f64);
+        // Roundings of a place at the very edge are none beyond it.
+        const EDGE: f64 = 1e-6;
+        let within =
+            row >= -EDGE && column >= -EDGE && row <= last[0] + EDGE && column <= last[1] + EDGE;
+        if !within {
+            return None;
+        }
+        let (row, column) = (row.clamp(0.0, last[0]), column.clamp(0.0, last[1]));
+        let (i, j) = (row as usize, column as usize);
+        let (v, u) = (row - i as f64, column - j as f64);
+        let mut sum = 0.0;
+        for (di, w) in [(0, 1.0 - v), (1, v)] {
+            for (dj, weight) in [(0, w * (1.0 - u)), (1, w * u)] {
+                if weight > 0.0 {
+                    let height = self.heights[(i + di) * self.columns + j + dj];
+                    if height.is_nan() {
+                        return None;
+                    }
+                    sum += weight * f64::from(height);
+                }
+            }
+        }
+        Some(sum)
+    }
+
+    /// Bytes held.
+    pub(crate) fn bytes(&self) -> u64 {
+        size_of_val(self.heights.as_slice()) as u64
+    }
+
+    /// Metres between its posts, about.
+    pub(crate) fn step_m(&self, latitude_deg: f64) -> f64 {
+        self.lattice.step_m(latitude_deg)
+    }
+}

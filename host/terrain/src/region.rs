@@ -1,0 +1,133 @@
+//! The part of the Earth that a grid needs to know.
+
+use std::fmt;
+
+use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
+
+use crate::TerrainError;
+
+/// Between these heights above the ellipsoid all ground lies, metres.
+pub(crate) const GROUND_M: [f64; 2] = [-600.0, 9000.0];
+
+/// Least cosine between a plane's normal and the vertical.
+pub(crate) const LEAST_COSINE: f64 = 0.2;
+
+/// Places along each side of a grid.
+const SIDE: usize = 17;
+
+/// Added all around, degrees: 11 m of latitude.
+const MARGIN_DEG: f64 = 1e-4;
+
+/// A part of the Earth between two latitudes and two longitudes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Region {
+    /// South and north, degrees.
+    pub latitudes_deg: [f64; 2],
+    /// West and east, degrees: east is the larger, and may be more than 180.
+    pub longitudes_deg: [f64; 2],
+}
+
+impl Region {
+    /// Where the normals of the grid's plane at its pixels may meet the ground, however high that is.
+    ///
+    /// # Errors
+    /// [`TerrainError::Local`], [`TerrainError::Steep`].
+    pub fn of(grid: &ImageGrid, frame: &SceneFrame) -> Result<Self, TerrainError> {
+        let mut places = Vec::new();
+        let [low_m, high_m] = plane_box(grid);
+        let along = |i: usize, part: usize| {
+            low_m[i] + (high_m[i] - low_m[i]) * part as f64 / (SIDE - 1) as f64
+        };
+        let normal = grid.normal();
+        for row in 0..SIDE {
+            for column in 0..SIDE {
+                let foot =
+                    grid.origin_m + grid.x_axis * along(0, column) + grid.y_axis * along(1, row);
+                let place = frame.geodetic(foot).ok_or(TerrainError::Local)?;
+                let up = frame.direction_from_ecf(place.east_north_up()[2]);
+                let cosine = up.dot(normal);
+                if cosine.abs() < LEAST_COSINE {
+                    return Err(TerrainError::Steep {
+                        surface: "the ground".to_owned(),
+                        latitude_deg: place.latitude_deg,
+                        longitude_deg: place.longitude_deg,
+                    });
+                }
+                for height_m in GROUND_M {
+                    let there = foot + normal * ((height_m - place.height_m) / cosine);
+                    places.push(frame.geodetic(there).ok_or(TerrainError::Local)?);
+                }
+            }
+        }
+        Ok(Self::around(&places))
+    }
+
+    /// The least that holds some places, and a margin.
+    fn around(places: &[Geodetic]) -> Self {
+        let first = places.first().map_or(0.0, |place| place.longitude_deg);
+        let mut region = Self {
+            latitudes_deg: [90.0, -90.0],
+            longitudes_deg: [f64::INFINITY, f64::NEG_INFINITY],
+        };
+        for place in places {
+            // The nearest way around the Earth from the first.
+            let east = (place.longitude_deg - first + 180.0).rem_euclid(360.0) - 180.0;
+            let values = [place.latitude_deg, first + east];
+            for ([low, high], value) in [&mut region.latitudes_deg, &mut region.longitudes_deg]
+                .into_iter()
+                .zip(values)
+            {
+                *low = low.min(value - MARGIN_DEG);
+                *high = high.max(value + MARGIN_DEG);
+            }
+        }
+        region
+    }
+
+    /// Places of its outline and within, row by row.
+    pub(crate) fn places(&self) -> impl Iterator<Item = Geodetic> + '_ {
+        let part =
+            |[low, high]: [f64; 2], i: usize| low + (high - low) * i as f64 / (SIDE - 1) as f64;
+        (0..SIDE * SIDE).map(move |i| Geodetic {
+            latitude_deg: part(self.latitudes_deg, i / SIDE),
+            longitude_deg: part(self.longitudes_deg, i % SIDE),
+            height_m: 0.0,
+        })
+    }
+}
+
+impl fmt::Display for Region {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ([south, north], [west, east]) = (self.latitudes_deg, self.longitudes_deg);
+        write!(
+            f,
+            "latitude {south:.4} to {north:.4}, longitude {west:.4} to {east:.4}"
+        )
+    }
+}
+
+/// Least and greatest x and y of the plane at the edges of a grid's pixels, metres.
+pub(crate) fn plane_box(grid: &ImageGrid) -> [[f64; 2]; 2] {
+    let ends =
+        |axis: &subaperture_model::geometry::Axis| [axis.start - axis.step, axis.at(axis.count)];
+    let (rows, columns) = (ends(&grid.rows), ends(&grid.columns));
+    if !grid.polar {
+        return [[columns[0], rows[0]], [columns[1], rows[1]]];
+    }
+    // So many angles that an arc lies within a thousandth of its chords' ends.
+    const ANGLES: usize = 512;
+    let reach = rows[0].abs().max(rows[1].abs()) * 1e-3;
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    let sector = (columns[1] - columns[0]).min(std::f64::consts::TAU);
+    for i in 0..=ANGLES {
+        let angle = columns[0] + sector * i as f64 / ANGLES as f64;
+        for range in rows {
+            let place = grid.plane_m(range, angle);
+            for axis in 0..2 {
+                low[axis] = low[axis].min(place[axis] - reach);
+                high[axis] = high[axis].max(place[axis] + reach);
+            }
+        }
+    }
+    [low, high]
+}

@@ -1,0 +1,205 @@
+//! A surface of the Earth as the relief of a grid.
+//!
+//! At each node the plane's normal is followed to where it meets the surface: the height `z` over the plane at which the point's height above the
+//! ellipsoid is the surface's there, found by steps
+//!
+//! ```text
+//! z <- z + (surface(latitude, longitude) - height) / cos,      latitude, longitude, height of foot + z normal
+//! ```
+//!
+//! with the cosine between normal and vertical; each step leaves the surface's slope times the tangent of that angle, which of a horizontal plane is
+//! a thousandth a kilometre of scene at most.
+//!
+//! **Nodes** lie as far apart as keeps the surface within a twentieth of a pixel, at the middles of all cells and of their edges, where bilinear interpolation of a
+//! smooth surface errs the most; of a model of the ground never farther than its posts, unless [`Relief::MOST_NODES`] are too few for that. What is left
+//! is [`Relief::error_m`], measured there. The image is focused exactly on the nodes' surface, so that this is a displacement of the ground, not a
+//! defocus: at most the error over the tangent of the grazing angle.
+
+use glam::DVec3;
+
+use subaperture_model::geometry::{Axis, ImageGrid, Relief, SceneFrame};
+use subaperture_model::monitor::Monitor;
+
+use crate::region::{LEAST_COSINE, plane_box};
+use crate::{Ground, TerrainError};
+
+/// Error of nodes over the smaller of a pixel's sides, at which they are no longer made finer.
+const OF_A_PIXEL: f64 = 0.05;
+
+/// Nodes a side, at first.
+const FIRST: usize = 5;
+
+/// Steps along a normal.
+const MOST_STEPS: usize = 100;
+
+/// Where these end, metres: below what nodes are rounded to.
+const NEAR_M: f64 = 1e-5;
+
+/// A surface of the Earth.
+#[derive(Clone, Copy, Debug)]
+pub enum Surface<'a> {
+    /// Of this height above the ellipsoid, metres.
+    Ellipsoid(f64),
+    /// The ground.
+    Ground(&'a Ground),
+}
+
+impl Surface<'_> {
+    /// In words.
+    fn name(&self) -> String {
+        match self {
+            Self::Ellipsoid(height_m) => {
+                format!("the surface {height_m} m above the ellipsoid")
+            }
+            Self::Ground(ground) => ground.name().to_owned(),
+        }
+    }
+
+    fn height_m(&self, latitude_deg: f64, longitude_deg: f64) -> Result<f64, TerrainError> {
+        match self {
+            Self::Ellipsoid(height_m) => Ok(*height_m),
+            Self::Ground(ground) => ground.height_m(latitude_deg, longitude_deg),
+        }
+    }
+}
+
+/// The relief of a surface over the plane of a grid in a scene.
+///
+/// # Errors
+/// [`TerrainError`].
+pub fn relief(
+    grid: &ImageGrid,
+    frame: &SceneFrame,
+    surface: Surface,
+    monitor: &dyn Monitor,
+) -> Result<Relief, TerrainError> {
+    let over = Over {
+        grid,
+        frame,
+        surface,
+        normal: grid.normal(),
+    };
+    let [low, high] = plane_box(grid);
+    let sides_m = [high[1] - low[1], high[0] - low[0]];
+    let middle = frame
+        .geodetic(over.foot([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])]))
+        .ok_or(TerrainError::Local)?;
+    let pixel_m = match grid.polar {
+        false => grid.rows.step.min(grid.columns.step),
+        true => grid.rows.step,
+    };
+    let farthest_m = match surface {
+        Surface::Ellipsoid(_) => f64::INFINITY,
+        Surface::Ground(ground) => ground.step_m(middle.latitude_deg),
+    };
+    let mut step_m = (sides_m[0].max(sides_m[1]) / (FIRST - 1) as f64).min(farthest_m);
+    let count = |step_m: f64| sides_m.map(|side| (side / step_m).ceil() as usize + 1);
+    let fits = |[rows, columns]: [usize; 2]| rows.saturating_mul(columns) <= Relief::MOST_NODES;
+    while !fits(count(step_m).map(|n| n.max(2))) {
+        step_m *= 1.1;
+    }
+    loop {
+        let counts = count(step_m).map(|n| n.max(2));
+        let axis = |i: usize, start: f64| Axis {
+            start,
+            step: sides_m[i] / (counts[i] - 1) as f64,
+            count: counts[i],
+        };
+        let axes = [axis(0, low[1]), axis(1, low[0])];
+        let heights_m = over.nodes(&axes, monitor)?;
+        let nodes = Relief::new(surface.name(), axes, heights_m, 0.0)?;
+        let error_m = over.error_m(&nodes, monitor)?;
+        let finer_m = 0.5 * step_m;
+        if error_m <= OF_A_PIXEL * pixel_m || !fits(count(finer_m)) {
+            let heights_m = nodes.heights_m().to_vec();
+            return Ok(Relief::new(surface.name(), axes, heights_m, error_m)?);
+        }
+        step_m = finer_m;
+    }
+}
+
+/// A surface over a plane.
+struct Over<'a> {
+    grid: &'a ImageGrid,
+    frame: &'a SceneFrame,
+    surface: Surface<'a>,
+    normal: DVec3,
+}
+
+impl Over<'_> {
+    fn foot(&self, [x, y]: [f64; 2]) -> DVec3 {
+        self.grid.origin_m + self.grid.x_axis * x + self.grid.y_axis * y
+    }
+
+    /// Heights at all nodes.
+    fn nodes(
+        &self,
+        [rows, columns]: &[Axis; 2],
+        monitor: &dyn Monitor,
+    ) -> Result<Vec<f64>, TerrainError> {
+        let mut heights_m = Vec::with_capacity(rows.count * columns.count);
+        let mut last_m = 0.0;
+        for row in 0..rows.count {
+            if monitor.cancelled() {
+                return Err(TerrainError::Cancelled);
+            }
+            for column in 0..columns.count {
+                last_m = self.height_m([columns.at(column), rows.at(row)], last_m)?;
+                heights_m.push(last_m);
+            }
+        }
+        Ok(heights_m)
+    }
+
+    /// How far nodes lie from the surface between them: the most at the middles of cells and of their edges.
+    fn error_m(&self, nodes: &Relief, monitor: &dyn Monitor) -> Result<f64, TerrainError> {
+        let (rows, columns) = (nodes.rows(), nodes.columns());
+        let mut error_m = 0.0f64;
+        for row in 0..rows.count - 1 {
+            if monitor.cancelled() {
+                return Err(TerrainError::Cancelled);
+            }
+            for column in 0..columns.count - 1 {
+                for [v, u] in [[0.5, 0.5], [0.0, 0.5], [0.5, 0.0]] {
+                    let x = columns.start + (column as f64 + u) * columns.step;
+                    let y = rows.start + (row as f64 + v) * rows.step;
+                    let between_m = nodes.height_m(x, y);
+                    let own_m = self.height_m([x, y], between_m)?;
+                    error_m = error_m.max((own_m - between_m).abs());
+                }
+            }
+        }
+        Ok(error_m)
+    }
+
+    /// Height over the plane at a place of it, sought from `guess_m` on.
+    fn height_m(&self, place: [f64; 2], guess_m: f64) -> Result<f64, TerrainError> {
+        let foot = self.foot(place);
+        let mut height_m = guess_m;
+        let mut at = self.frame.geodetic(foot).ok_or(TerrainError::Local)?;
+        for _ in 0..MOST_STEPS {
+            at = self
+                .frame
+                .geodetic(foot + self.normal * height_m)
+                .ok_or(TerrainError::Local)?;
+            let cosine = self
+                .frame
+                .direction_from_ecf(at.east_north_up()[2])
+                .dot(self.normal);
+            if cosine.abs() < LEAST_COSINE {
+                break;
+            }
+            let there_m = self.surface.height_m(at.latitude_deg, at.longitude_deg)?;
+            let step_m = (there_m - at.height_m) / cosine;
+            height_m += step_m;
+            if step_m.abs() < NEAR_M {
+                return Ok(height_m);
+            }
+        }
+        Err(TerrainError::Steep {
+            surface: self.surface.name(),
+            latitude_deg: at.latitude_deg,
+            longitude_deg: at.longitude_deg,
+        })
+    }
+}

@@ -1,0 +1,108 @@
+//! A spotlight of the X band from 600 km, squinted, whose CPHD declares a surface of constant height above the ellipsoid: what stands there is projected into its
+//! SICD images by the images' own fields, and back, by NGA's sarkit.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+
+use glam::DVec3;
+use subaperture::io::cphd::{Cphd, ReferenceSurface};
+use subaperture_tests::dem::{degree_m, east_north_up_m, ecf_m};
+use subaperture_tests::subap::run;
+
+/// Latitude, longitude, height above the ellipsoid of the scene's origin.
+const ORIGIN: [f64; 3] = [-33.4, 149.2, 35.0];
+
+/// A satellite 350 km up, 480 km from the scene, that looks 17 degrees ahead; a reflector in metres east, north and up.
+fn scenario(reflector: DVec3) -> String {
+    format!(
+        r#"name = "orbit"
+[scene]
+reference = "0, 0, 0 m"
+x = "-1000, 1000 m"
+y = "-1000, 1000 m"
+[scene.origin]
+latitude = "{} deg"
+longitude = "{} deg"
+height = "{} m"
+[[scene.point]]
+position = "{}, {}, {} m"
+[radar]
+kind = "ideal"
+pulses = 200
+pri = "12.5 ms"
+centre = "9.6 GHz"
+bandwidth = "300 MHz"
+samples = 200
+[platform]
+kind = "linear"
+position = "180, -480, 350 km"
+velocity = "7500, 0, 0 m/s"
+"#,
+        ORIGIN[0], ORIGIN[1], ORIGIN[2], reflector.x, reflector.y, reflector.z
+    )
+}
+
+#[test]
+fn reflectors_are_projected_by_the_images_own_fields() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut list = String::new();
+    let [north, east] = degree_m(ORIGIN[0]);
+    // Metres north and east of the origin, and above its height.
+    for (name, [y, x, z]) in [
+        ("near", [8.0, -5.0, 0.0]),
+        ("level", [1330.0, -1010.0, 0.0]),
+        ("high", [-890.0, 1700.0, 60.0]),
+    ] {
+        let place = [ORIGIN[0] + y / north, ORIGIN[1] + x / east, ORIGIN[2] + z];
+        let (point, local) = (ecf_m(place), east_north_up_m(ORIGIN, place));
+        fs::write(at.join(format!("{name}.toml")), scenario(local)).unwrap();
+        let line = format!("simulate {name}.toml -o {name}.cphd --reference-surface hae");
+        run(at, &line).succeeded();
+        let file = Cphd::open(&at.join(format!("{name}.cphd")), None, 1 << 28).unwrap();
+        assert_eq!(file.info().surface, ReferenceSurface::Hae);
+        list += &format!("{}\n", at.join(format!("{name}.cphd")).display());
+        // A level plane 3 m below the reflector, into which it is laid over; and the slant plane.
+        let (x, y, z) = (local.x.round(), local.y.round(), local.z - 3.0);
+        for (image, more) in [("level", ""), ("slant", "--surface slant")] {
+            let own = format!("{name}_{image}");
+            let grid = format!("x=-15:15:0.3,y=-15:15:0.25,cx={x},cy={y},z={z}");
+            let line = format!("focus {name}.cphd --grid {grid} {more} --out {own}");
+            run(at, &line).succeeded();
+            run(at, &format!("export {own} --format sicd -o {own}.nitf")).succeeded();
+            let path = at.join(format!("{own}.nitf"));
+            let [px, py, pz] = point.to_array();
+            list += &format!("{}\t{px}\t{py}\t{pz}\t{}\n", path.display(), place[2]);
+        }
+        // On the surface itself it is where it is; a SICD has no such surface.
+        let grid = format!("x=-15:15:0.3,y=-15:15:0.25,cx={x},cy={y}");
+        let line = format!(
+            "focus {name}.cphd --grid {grid} --surface hae:{} --out {name}_hae",
+            place[2]
+        );
+        run(at, &line).succeeded();
+        let record = fs::read(at.join(format!("{name}_hae/image.json"))).unwrap();
+        let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
+        let found: [f64; 3] =
+            serde_json::from_value(record["brightest"]["position_m"].clone()).unwrap();
+        let off = (DVec3::from(found) - local).abs();
+        println!("{name}: {off:.3}");
+        // Half a pixel, and a tenth for the squinted response's slant side lobes.
+        assert!(off.x <= 0.18 && off.y <= 0.16 && off.z < 0.01, "{off}");
+        let line = format!("export {name}_hae --format sicd -o never.nitf");
+        run(at, &line).failed(1, &["above the ellipsoid", "plane"]);
+    }
+    fs::write(at.join("list.txt"), list).unwrap();
+    let python = std::env::var_os("SUBAPERTURE_PYTHON").unwrap_or_else(|| "python3".into());
+    let script = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("python/points_check.py");
+    let output = Command::new(&python)
+        .arg(script)
+        .arg(at.join("list.txt"))
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    println!("{text}");
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{text}{errors}");
+}

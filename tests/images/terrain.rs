@@ -1,0 +1,299 @@
+//! Elevation models read and laid over grids, against heights that the tests know by formulas of their own.
+
+use std::fs;
+use std::path::Path;
+
+use glam::DVec3;
+use subaperture::geometry::{Geodetic, ImageGrid, SceneFrame, Utm};
+use subaperture::monitor::Silent;
+use subaperture::terrain::{Geoid, Ground, Region, Surface, TerrainError, relief};
+use subaperture_tests::dem::{GeoTiff, degree_m, east_north_up_m, ecf_m, hgt, hgt_height_m};
+
+const MEMORY: u64 = 64 << 20;
+
+fn region(latitudes_deg: [f64; 2], longitudes_deg: [f64; 2]) -> Region {
+    Region {
+        latitudes_deg,
+        longitudes_deg,
+    }
+}
+
+fn write(folder: &Path, name: &str, bytes: &[u8]) -> std::path::PathBuf {
+    let path = folder.join(name);
+    fs::write(&path, bytes).unwrap();
+    path
+}
+
+/// Northings and eastings of UTM are those of the model, which its own tests hold to GeographicLib's.
+#[test]
+fn utm_models_are_read_where_they_lie() {
+    let folder = tempfile::tempdir().unwrap();
+    let middle = Geodetic {
+        latitude_deg: -33.4,
+        longitude_deg: 149.2,
+        height_m: 0.0,
+    };
+    let utm = Utm::of(&middle).unwrap();
+    let corner = [
+        (utm.easting_m - 1500.0).round(),
+        (utm.northing_m + 1500.0).round(),
+    ];
+    let file = GeoTiff {
+        size: [100, 100],
+        origin: corner,
+        steps: [30.0, 30.0],
+        points: false,
+        epsg: utm.zone.epsg(),
+        tile: Some(48),
+        strip_rows: 1,
+        void: None,
+        deflate: false,
+    };
+    // Linear in easting and northing, so that bilinear interpolation has it.
+    let height =
+        |east: f64, north: f64| 700.0 + 0.2 * (east - corner[0]) - 0.1 * (north - corner[1]);
+    let bytes = file.bytes(|column, row| {
+        let (east, north) = (column as f64 + 0.5, row as f64 + 0.5);
+        height(corner[0] + 30.0 * east, corner[1] - 30.0 * north) as f32
+    });
+    let path = write(folder.path(), "utm.tif", &bytes);
+    let [north_m, east_m] = degree_m(middle.latitude_deg);
+    let (dn, de) = (900.0 / north_m, 900.0 / east_m);
+    let region = region(
+        [middle.latitude_deg - dn, middle.latitude_deg + dn],
+        [middle.longitude_deg - de, middle.longitude_deg + de],
+    );
+    let ground = Ground::open(&path, &Geoid::None, &region, MEMORY).unwrap();
+    for (n, e) in [(0.0, 0.0), (0.9, -0.8), (-0.97, 0.93), (0.1, 1.0)] {
+        let (latitude, longitude) = (middle.latitude_deg + n * dn, middle.longitude_deg + e * de);
+        let place = Geodetic {
+            latitude_deg: latitude,
+            longitude_deg: longitude,
+            height_m: 0.0,
+        };
+        let there = Utm::in_zone(&place, utm.zone).unwrap();
+        let expected = height(there.easting_m, there.northing_m);
+        let found = ground.height_m(latitude, longitude).unwrap();
+        // Posts are float32: 6e-5 m at 1000 m.
+        assert!((found - expected).abs() < 2e-4, "{found} {expected}");
+    }
+    assert!((ground.step_m(middle.latitude_deg) - 30.0).abs() < 1e-9);
+    let beyond = ground.height_m(middle.latitude_deg + 3.0 * dn, middle.longitude_deg);
+    assert!(
+        matches!(beyond, Err(TerrainError::Void { .. })),
+        "{beyond:?}"
+    );
+}
+
+/// Both sizes, a seam between two files, voids, and the geoid as a file.
+#[test]
+fn hgt_files_of_a_folder_meet_at_their_edges() {
+    let folder = tempfile::tempdir().unwrap();
+    let height = |latitude: f64, longitude: f64| {
+        400.0 + 30.0 * (latitude * 900.0).sin() + 20.0 * (longitude * 700.0).cos()
+    };
+    // 1 arc second in the west, 3 in the east.
+    let mut west = hgt([46.0, 7.0], 3601, height);
+    let east = hgt([46.0, 8.0], 1201, height);
+    // A void at the post 3600 / 2 rows and 100 columns from the north-west.
+    let void = 2 * (1800 * 3601 + 100);
+    west[void..void + 2].copy_from_slice(&(-32768i16).to_be_bytes());
+    write(folder.path(), "N46E007.hgt", &west);
+    write(folder.path(), "N46E008.hgt", &east);
+    write(folder.path(), "readme.txt", b"of somebody");
+    let geoid = GeoTiff {
+        size: [72, 36],
+        origin: [-180.0, 90.0],
+        steps: [5.0, 5.0],
+        points: true,
+        epsg: 4326,
+        tile: None,
+        strip_rows: 36,
+        void: None,
+        deflate: false,
+    };
+    // Linear, all around the Earth.
+    let bytes = geoid.bytes(|column, row| (column as f32 * 0.5) - row as f32);
+    let geoid_path = write(folder.path(), "geoid.tiff", &bytes);
+    let undulation =
+        |latitude: f64, longitude: f64| (longitude + 180.0) / 5.0 * 0.5 - (90.0 - latitude) / 5.0;
+    let models = folder.path().join("models");
+    fs::create_dir(&models).unwrap();
+    for name in ["N46E007.hgt", "N46E008.hgt", "readme.txt"] {
+        fs::rename(folder.path().join(name), models.join(name)).unwrap();
+    }
+    let seam = region([46.4, 46.6], [7.95, 8.05]);
+    let ground = Ground::open(&models, &Geoid::File(geoid_path), &seam, MEMORY).unwrap();
+    assert_eq!(ground.files().len(), 3);
+    for (latitude, longitude) in [
+        (46.45, 7.951),
+        (46.5123, 7.99999),
+        (46.5, 8.0),
+        (46.59, 8.0312),
+    ] {
+        let (corner, side) = match longitude <= 8.0 {
+            true => ([46.0, 7.0], 3601),
+            false => ([46.0, 8.0], 1201),
+        };
+        let expected = hgt_height_m(corner, side, [latitude, longitude], height)
+            + undulation(latitude, longitude);
+        let found = ground.height_m(latitude, longitude).unwrap();
+        // Places within a file are held to 1e-6 of a post, on slopes of 1 in 2 or so.
+        assert!(
+            (found - expected).abs() < 1e-3,
+            "{latitude} {longitude}: {found} {expected}"
+        );
+    }
+    let hole = region([46.49, 46.51], [7.02, 7.04]);
+    let ground = Ground::open(&models, &Geoid::None, &hole, MEMORY).unwrap();
+    let at = |longitude: f64| ground.height_m(46.5, longitude);
+    assert!(at(7.0 + 100.5 / 3600.0).is_err() && at(7.0 + 100.0 / 3600.0).is_err());
+    assert!(at(7.0 + 102.0 / 3600.0).is_ok());
+    // Nothing of it is elsewhere, and what takes too much is refused before it is read.
+    let nothing = Ground::open(
+        &models,
+        &Geoid::None,
+        &region([10.0, 10.1], [7.0, 7.1]),
+        MEMORY,
+    );
+    assert!(
+        matches!(nothing, Err(TerrainError::Nothing { .. })),
+        "{nothing:?}"
+    );
+    let much = Ground::open(
+        &models,
+        &Geoid::None,
+        &region([46.1, 46.9], [7.1, 7.9]),
+        1 << 20,
+    );
+    assert!(matches!(much, Err(TerrainError::Memory { .. })), "{much:?}");
+    fs::write(models.join("N47E007.hgt"), b"short").unwrap();
+    let short = Ground::open(&models, &Geoid::None, &hole, MEMORY).unwrap_err();
+    assert!(short.to_string().contains("5 bytes"), "{short}");
+}
+
+/// On both sides of 180 degrees: files of one side are found from the other.
+#[test]
+fn the_date_line_is_no_edge() {
+    let folder = tempfile::tempdir().unwrap();
+    let height =
+        |latitude: f64, longitude: f64| 100.0 + 10.0 * latitude + (longitude * 300.0).sin() * 9.0;
+    write(
+        folder.path(),
+        "S17E179.hgt",
+        &hgt([-17.0, 179.0], 1201, height),
+    );
+    write(
+        folder.path(),
+        "S17W180.hgt",
+        &hgt([-17.0, -180.0], 1201, height),
+    );
+    let origin = Geodetic {
+        latitude_deg: -16.5,
+        longitude_deg: 179.999,
+        height_m: 0.0,
+    };
+    let grid: ImageGrid = "x=-300:300:5,y=-100:100:5".parse().unwrap();
+    let frame = SceneFrame::east_north_up(&origin);
+    let region = Region::of(&grid, &frame).unwrap();
+    assert!(region.longitudes_deg[1] > 180.0, "{region:?}");
+    let ground = Ground::open(folder.path(), &Geoid::None, &region, MEMORY).unwrap();
+    assert_eq!(ground.files().len(), 2);
+    let grid = grid
+        .clone()
+        .on(relief(&grid, &frame, Surface::Ground(&ground), &Silent).unwrap());
+    for (row, column) in [(0, 0), (20, 119), (39, 60)] {
+        let place = frame.geodetic(grid.position_m(row, column)).unwrap();
+        let west = if place.longitude_deg < 0.0 {
+            -180.0
+        } else {
+            179.0
+        };
+        let at = [place.latitude_deg, place.longitude_deg];
+        let expected = hgt_height_m([-17.0, west], 1201, at, height);
+        assert!(
+            (place.height_m - expected).abs() < 0.3,
+            "{place:?} {expected}"
+        );
+    }
+}
+
+/// Pixels lie on the surface of the ellipsoid, over planes that are level and that are not, and a point of the surface has the pixel that it is of.
+#[test]
+fn reliefs_hold_their_surfaces() {
+    let origin = [52.4, 4.6, 20.0];
+    let frame = SceneFrame::east_north_up(&Geodetic {
+        latitude_deg: origin[0],
+        longitude_deg: origin[1],
+        height_m: origin[2],
+    });
+    for text in [
+        "x=-10000:10000:50,y=-8000:9000:40",
+        "x=-10000:10000:50,y=-8000:9000:40,yaw=30,roll=-40",
+        "r=4000:9000:20,theta=20:140:0.5",
+    ] {
+        let grid: ImageGrid = text.parse().unwrap();
+        let made = relief(&grid, &frame, Surface::Ellipsoid(-12.0), &Silent).unwrap();
+        // A twentieth of the smaller pixel, at the middles of cells; bilinear interpolation errs the most there.
+        let bound_m = 0.05 * grid.rows.step.min(40.0);
+        assert!(made.error_m() <= bound_m, "{text}: {}", made.error_m());
+        let grid = grid.on(made.clone());
+        let (rows, columns) = (grid.rows.count, grid.columns.count);
+        for (row, column) in [
+            (0, 0),
+            (rows - 1, columns - 1),
+            (rows / 3, columns / 5),
+            (rows - 1, 0),
+        ] {
+            let point = grid.position_m(row, column);
+            let place = frame.geodetic(point).unwrap();
+            assert!(
+                (place.height_m + 12.0).abs() <= 1.1 * bound_m,
+                "{text}: {place:?}"
+            );
+            let [row_value, column_value] = grid.coordinates(point);
+            let found = [
+                (row_value - grid.rows.start) / grid.rows.step,
+                (column_value - grid.columns.start) / grid.columns.step,
+            ];
+            assert!((found[0] - row as f64).abs() < 1e-6, "{text}: {found:?}");
+            assert!((found[1] - column as f64).abs() < 1e-6, "{text}: {found:?}");
+            // Directions are the derivatives of points.
+            let h = 1e-3;
+            let at =
+                |r: f64, c: f64| grid.point_m(grid.rows.at(row) + r, grid.columns.at(column) + c);
+            let [across, up] = grid.directions(grid.rows.at(row) + 0.5, grid.columns.at(column));
+            let measured = (at(0.5 + h, 0.0) - at(0.5 - h, 0.0)) / (2.0 * h);
+            assert!(measured.distance(up) < 1e-6, "{text}: {measured} {up}");
+            let scale = if grid.polar { 1e-3 } else { 1.0 };
+            let (_, along) = (
+                at(0.5, 0.0),
+                (at(0.5, h * scale) - at(0.5, -h * scale)) / (2.0 * h * scale),
+            );
+            assert!(
+                along.distance(across) < 1e-3 * across.length(),
+                "{text}: {along} {across}"
+            );
+        }
+        // As text and back: the same nodes.
+        let text = serde_json::to_string(&made).unwrap();
+        assert_eq!(
+            serde_json::from_str::<subaperture::geometry::Relief>(&text).unwrap(),
+            made
+        );
+    }
+    let upright: ImageGrid = "x=-100:100:5,y=-80:90:4,roll=90".parse().unwrap();
+    let refused = relief(&upright, &frame, Surface::Ellipsoid(0.0), &Silent);
+    assert!(
+        matches!(refused, Err(TerrainError::Steep { .. })),
+        "{refused:?}"
+    );
+    let level: ImageGrid = "x=-100:100:5,y=-80:90:4".parse().unwrap();
+    let local = relief(&level, &SceneFrame::Local, Surface::Ellipsoid(0.0), &Silent);
+    assert!(matches!(local, Err(TerrainError::Local)), "{local:?}");
+    // What the tests' own formulas say of the frame.
+    let place = [52.41, 4.59, 100.0];
+    let local = frame.from_ecf_m(ecf_m(place));
+    assert!(local.distance(east_north_up_m(origin, place)) < 1e-6);
+    assert!(local.distance(DVec3::ZERO) > 1000.0);
+}
