@@ -24,6 +24,7 @@ pub mod claim;
 pub mod cphd;
 #[cfg(feature = "recording")]
 pub mod found_track;
+pub mod geojson;
 #[cfg(feature = "gotcha")]
 pub mod gotcha;
 pub mod input;

@@ -31,6 +31,7 @@ mod formed;
 mod grid;
 mod header;
 mod nitf;
+mod plane;
 mod polynomial;
 mod read;
 mod spectrum;
@@ -38,6 +39,7 @@ mod turned;
 mod write;
 
 pub use formed::{Formed, Placing};
+pub use plane::Plane;
 pub use read::{MOST_XML_BYTES, ReadError, SicdFile};
 pub use turned::Turned;
 pub use write::{STRIP_PIXELS, Sicd};
