@@ -4,7 +4,7 @@ const TILE = 256, NONE = -32768, MOST_KEPT = 500, MOST_LOOK = 2;
 const $ = (id) => document.getElementById(id);
 const view = {
   images: [], layers: [], shown: 0, other: -1, blinked: false, swiped: false, maps: null, map: "grey",
-  top: null, span: null, own: false, phase: false, part: 1, partAt: 0, drawn: 0, wanted: 0,
+  placed: false, top: null, span: null, own: false, phase: false, part: 1, partAt: 0, drawn: 0, wanted: 0,
 };
 // A colour map for phases: it begins where it ends, and its lightness alone tells quarters.
 const PHASES = [[226, 217, 226], [112, 148, 194], [79, 40, 122], [24, 18, 36], [110, 26, 64], [188, 92, 78], [226, 217, 226]];
@@ -48,11 +48,17 @@ const Levels = L.GridLayer.extend({
     canvas.width = canvas.height = TILE;
     const about = view.images[this.options.image], level = -coords.z;
     const row = about.up < 0 ? coords.y : -1 - coords.y, column = about.right > 0 ? coords.x : -1 - coords.x;
-    const abort = new AbortController();
-    Object.assign(canvas, { level, at: [row, column], abort });
-    view.wanted++;
-    this.fill(canvas).then(() => done(null, canvas), (error) => done(error, canvas)).finally(() => { view.drawn++; });
+    Object.assign(canvas, { level, at: [row, column], done });
+    this.load(canvas);
     return canvas;
+  },
+  // The latest of a tile's requests counts; its first answer shows it.
+  load(canvas) {
+    canvas.abort?.abort();
+    const abort = canvas.abort = new AbortController();
+    const ready = (error) => { if (canvas.abort === abort && canvas.done) { canvas.done(error, canvas); canvas.done = null; } };
+    view.wanted++;
+    this.fill(canvas).then(() => ready(null), ready).finally(() => { view.drawn++; });
   },
   async fill(canvas) {
     const n = this.options.image, about = view.images[n], [row, column] = canvas.at, { signal } = canvas.abort;
@@ -89,7 +95,7 @@ const Levels = L.GridLayer.extend({
   each(what) { for (const key in this._tiles) what(this._tiles[key].el); },
   repaint() { this.each((canvas) => this.paint(canvas)); },
   // New cells for the tiles that are there: the old ones stay until then.
-  again() { this.each((canvas) => { canvas.abort.abort(); canvas.abort = new AbortController(); view.wanted++; this.fill(canvas).catch(() => {}).finally(() => { view.drawn++; }); }); },
+  again() { this.each((canvas) => this.load(canvas)); },
 });
 
 const map = L.map("map", { crs: L.CRS.Simple, attributionControl: false, zoomSnap: 0.25, zoomDelta: 1, wheelPxPerZoomLevel: 90, keyboardPanDelta: 120, preferCanvas: true, zoomAnimation: !matchMedia("(prefers-reduced-motion: reduce)").matches });
@@ -108,15 +114,17 @@ const alike = (a, b) => a.rows === b.rows && a.columns === b.columns;
 
 // Shows an image, where it was if the one before was as large.
 function show(n, from) {
-  const about = view.images[n], before = image(), stays = map._loaded && from === undefined && alike(about, before);
+  const about = view.images[n], before = image(), stays = view.placed && from === undefined && alike(about, before);
   view.shown = n;
   for (const key of ["shown", "other"]) { planes[key]?.remove(); planes[key] = null; }
   if (!stays) {
     map.options.crs = crsOf(about);
     map.options.minZoom = -about.levels - 2; map.options.maxZoom = 6;
+    map.setMaxBounds(null);
     if (from) map.setView(from.centre, from.zoom, { animate: false });
-    else { map._loaded || map.setView([0, 0], 0, { animate: false }); map.setMaxBounds(null); map._resetView(map.getCenter(), map.getZoom(), true); map.fitBounds(bounds(about), { animate: false }); }
+    else map.fitBounds(bounds(about), { animate: false });
     map.setMaxBounds(bounds(about).pad(0.6));
+    view.placed = true;
   }
   for (const each of view.images) if (!each.tile) crsOf(each);
   planes.shown = layerOf(n).addTo(map);
@@ -211,7 +219,7 @@ function notes() {
 // The address is that of the view.
 let writing = null;
 function keepAddress() {
-  if (!map._loaded) return;
+  if (!view.placed) return;
   const { lat, lng } = map.getCenter();
   const words = { i: view.shown, r: lat.toFixed(2), c: lng.toFixed(2), z: map.getZoom(), m: view.map };
   if (view.own) Object.assign(words, { t: view.top, s: view.span });
@@ -251,7 +259,7 @@ async function drawLayers() {
       const at = places.map(([r, c]) => [r + 0.5, c + 0.5]), style = { color: colour, weight: 2, fillOpacity: 0.1 };
       const drawn = kind === "points" ? at.map((p) => L.circleMarker(p, { ...style, radius: 6 })) : [kind === "line" ? L.polyline(at, style) : L.polygon(at, style)];
       for (const one of drawn) {
-        if (feature.properties.length) { const text = document.createElement("span"); text.textContent = feature.properties.map(([a, b]) => `${a}: ${b}`).join("\n"); one.bindTooltip(text, { sticky: true }); }
+        if (feature.properties.length) { const text = document.createElement("span"); text.textContent = feature.properties.map(([a, b]) => `${a}: ${b}`).join("\n"); one.bindTooltip(text, { sticky: true, direction: "top" }); }
         shapes.group.addLayer(one);
       }
     }
@@ -281,7 +289,7 @@ async function readout(latlng) {
       if (pixel.range_m !== undefined) words.push(`range ${fixed(pixel.range_m, 2)} m, ${fixed(pixel.angle_deg, 3)}°`);
       if (pixel.latitude_deg !== undefined) words.push(`${Math.abs(pixel.latitude_deg).toFixed(6)}° ${pixel.latitude_deg < 0 ? "S" : "N"}, ${Math.abs(pixel.longitude_deg).toFixed(6)}° ${pixel.longitude_deg < 0 ? "W" : "E"}`);
       $("where").textContent = `row ${pixel.row}, column ${pixel.column}`;
-      $("place").textContent = words.join(" · ");
+      $("place").textContent = words.map((word) => ` · ${word}`).join("");
       $("level").textContent = pixel.level_db === null ? "nothing" : `${fixed(pixel.level_db, 1)} dB, ${fixed(pixel.phase_deg, 0)}°`;
     } catch { break; } finally { asking = null; }
   }
@@ -348,7 +356,7 @@ on("keys", "click", () => { $("help").hidden = !$("help").hidden; $("keys").setA
 map.on("mousemove", (event) => readout(event.latlng));
 map.on("move zoom resize", () => { swipe(); if (document.activeElement === map.getContainer()) readout(map.getCenter()); });
 map.on("moveend zoomend", () => { notes(); keepAddress(); });
-map.getContainer().addEventListener("focus", () => map._loaded && readout(map.getCenter()));
+map.getContainer().addEventListener("focus", () => view.placed && readout(map.getCenter()));
 addEventListener("hashchange", () => { if (view.images.length) fromAddress(); });
 
 const KEYS = {
