@@ -4,7 +4,7 @@ const TILE = 256, NONE = -32768, MOST_KEPT = 500, MOST_LOOK = 2;
 const $ = (id) => document.getElementById(id);
 const view = {
   images: [], layers: [], shown: 0, other: -1, blinked: false, swiped: false, maps: null, map: "grey",
-  placed: false, top: null, span: null, own: false, phase: false, part: 1, partAt: 0, drawn: 0, wanted: 0,
+  placed: false, top: null, span: null, own: false, phase: false, part: 1, partAt: 0, drawn: 0, wanted: 0, painted: 0,
 };
 // A colour map for phases: it begins where it ends, and its lightness alone tells quarters.
 const PHASES = [[226, 217, 226], [112, 148, 194], [79, 40, 122], [24, 18, 36], [110, 26, 64], [188, 92, 78], [226, 217, 226]];
@@ -66,12 +66,12 @@ const Levels = L.GridLayer.extend({
     const narrow = view.part > 1 && about.aperture && canvas.level <= MOST_LOOK;
     const [from, to] = partOf();
     const tile = narrow ? `/look/${n}/${from}/${to}/${canvas.level}/${row}/${column}` : `/tile/${n}/${canvas.level}/${row}/${column}`;
-    canvas.cells = await fetched(`${tile}?${about.ready ? about.revision : "first"}`, Int16Array, signal);
+    canvas.cells = await fetched(`${tile}?${about.revision}`, Int16Array, signal);
     canvas.phases = view.phase && canvas.level === 0 ? await fetched(`/phase/${n}/${row}/${column}?${about.revision}`, Uint8Array, signal) : null;
     this.paint(canvas);
   },
   paint(canvas) {
-    if (!canvas.cells || !view.maps || view.top === null) return;
+    if (!canvas.cells || !view.maps || view.top === null ) return;
     const about = view.images[this.options.image], map = view.maps[view.map], above = ABOVE[view.map];
     const ink = canvas.getContext("2d"), pixels = ink.createImageData(TILE, TILE), data = new Uint32Array(pixels.data.buffer);
     const [top, bottom] = [10 * view.top, 10 * (view.top - view.span)];
@@ -91,6 +91,7 @@ const Levels = L.GridLayer.extend({
       }
     }
     ink.putImageData(pixels, 0, 0);
+    if (cells.some((level) => level !== NONE)) view.painted++;
   },
   each(what) { for (const key in this._tiles) what(this._tiles[key].el); },
   repaint() { this.each((canvas) => this.paint(canvas)); },
