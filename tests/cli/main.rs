@@ -29,3 +29,4 @@ mod statistics;
 mod tiles;
 mod track;
 mod usage;
+mod view;

@@ -22,6 +22,7 @@ mod recordings;
 mod repair;
 mod scratch;
 mod session;
+mod shapes;
 mod sicd;
 mod station;
 pub mod stuffing;
@@ -70,7 +71,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 22] = [
+pub static TARGETS: [Target; 23] = [
     Target {
         name: "plan",
         read: plans::plan,
@@ -248,6 +249,14 @@ pub static TARGETS: [Target; 22] = [
         repair: as_it_is,
         words: sicd::WORDS,
         most_bytes: described,
+    },
+    Target {
+        name: "geojson",
+        read: shapes::geojson,
+        seeds: shapes::seeds,
+        repair: as_it_is,
+        words: shapes::WORDS,
+        most_bytes: in_proportion,
     },
 ];
 

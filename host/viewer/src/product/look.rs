@@ -1,13 +1,15 @@
 //! Looks by a part of the aperture: what an image would show had only some of its pulses been used, from the image alone.
 //!
-//! An image's spectrum across the line of sight is its aperture: where the carrier's turn from pixel to pixel is taken off, a pulse seen from an angle `a` off the middle
-//! has the spatial frequencies `2 a / lambda` across. A patch of the image (a tile and [`MARGIN`] pixels around it) is transformed, the frequencies between two bounds are
+//! An image's spectrum across the line of sight is its aperture: where the phase of the path from the aperture's middle is taken off each pixel, what a pulse saw that
+//! was an angle `a` off that middle has the spatial frequencies `2 a / lambda` across, wherever it lies. A patch of the image (a tile and [`MARGIN`] pixels around it) is transformed, the frequencies between two bounds are
 //! kept, and it is transformed back. A point that is seen evenly keeps its level.
 //!
-//! **Neglected.** The line of sight is that of the patch's middle: `d` metres off it turns by `d / R`, and as much of the aperture's angle is
-//! taken from the neighbouring part. Frequencies across grow with the carrier: at the band's edges bounds are off by half the relative bandwidth of their distance from the
+//! **Neglected.** The direction across is that of the patch's middle: `d` metres off it, it is turned by `d / R`, and a part of the band's width of frequencies in range by as much
+//! taken for frequencies across. Frequencies across grow with the carrier: at the band's edges bounds are off by half the relative bandwidth of their distance from the
 //! middle. Edges are sharp, so that points have side lobes of -13 dB, and those that reach farther than the margin wrap around. Of an image of another program the
 //! aperture lies along columns, as SICD has it, and its middle is where the patch's energy is.
+
+use std::f64::consts::TAU;
 
 use num_complex::Complex32;
 use subaperture_fft::{FftDirection, Real, Transforms};
@@ -43,9 +45,9 @@ enum Way {
     Columns { width: f64 },
 }
 
-/// Turns a pixel of the middle of the aperture, and which way and how far its frequencies reach: cycles a pixel.
+/// Which way and how far the aperture's frequencies reach.
 struct Band {
-    /// Cycles a row and a column.
+    /// Of its middle, cycles a row and a column.
     centre: [f64; 2],
     /// What a cycle a row and a cycle a column come to, in apertures.
     across: [f64; 2],
@@ -71,13 +73,15 @@ impl Aperture {
         })
     }
 
-    fn band(&self, grid: &ImageGrid, place: &Place, patch: &Image) -> Option<Band> {
+    /// The aperture of a patch, from which the phase of its middle's paths is taken off where they are known.
+    fn band(&self, grid: &ImageGrid, place: &Place, patch: &mut Image) -> Option<Band> {
         match &self.way {
             Way::Seen { carrier, width } => {
                 let middle = |i: usize| (place[i].start + place[i].end) as f64 / 2.0;
                 let row_value = grid.rows.start + middle(0) * grid.rows.step;
                 let column_value = grid.columns.start + middle(1) * grid.columns.step;
-                let turn = carrier.turn(grid, row_value, column_value)?;
+                // Where turns from pixel to pixel are not known, nor is the middle.
+                carrier.turn(grid, row_value, column_value)?;
                 let sight = carrier.antenna_m - grid.point_m(row_value, column_value);
                 let (x, y) = (sight.dot(grid.x_axis), sight.dot(grid.y_axis));
                 let flat = libm::hypot(x, y);
@@ -85,8 +89,9 @@ impl Aperture {
                 if flat < 1e-3 * sight.length() {
                     return None;
                 }
+                take_off(carrier, grid, place, patch);
                 Some(Band {
-                    centre: turn.map(|turn| turn / std::f64::consts::TAU),
+                    centre: [0.0; 2],
                     across: [
                         x / flat / grid.rows.step / width,
                         -y / flat / grid.columns.step / width,
@@ -101,6 +106,19 @@ impl Aperture {
     }
 }
 
+/// Takes the phase of the path from the middle of the aperture, there and back, off each pixel.
+fn take_off(carrier: &Carrier, grid: &ImageGrid, [rows, columns]: &Place, patch: &mut Image) {
+    let lines = patch.pixels.chunks_exact_mut(columns.len().max(1));
+    for (row, line) in rows.clone().zip(lines) {
+        for (column, z) in columns.clone().zip(line) {
+            let range_m = grid.position_m(row, column).distance(carrier.antenna_m);
+            let turns = 2.0 * range_m / carrier.wavelength_m;
+            let (sin, cos) = libm::sincosf((TAU * (turns - turns.round())) as f32);
+            *z *= Complex32::new(cos, -sin);
+        }
+    }
+}
+
 /// Cycles a column at which a patch's energy lies: the mean turn from pixel to pixel.
 fn middle_frequency(patch: &Image) -> f64 {
     let mut sum = num_complex::Complex64::ZERO;
@@ -110,7 +128,7 @@ fn middle_frequency(patch: &Image) -> f64 {
             sum += num_complex::Complex64::new(product.re.into(), product.im.into());
         }
     }
-    sum.arg() / std::f64::consts::TAU
+    sum.arg() / TAU
 }
 
 /// Mean powers of a tile's cells with the part of the aperture between two fractions of it, and the cells; `None` if there is no such tile, or the aperture is not known there.
@@ -132,7 +150,7 @@ pub(super) fn powers(
     let place: Place =
         [0, 1].map(|i| inner[i].start.saturating_sub(MARGIN)..(inner[i].end + MARGIN).min(size[i]));
     let mut patch = pixels.window(&place)?;
-    let Some(band) = aperture.band(grid, &place, &patch) else {
+    let Some(band) = aperture.band(grid, &place, &mut patch) else {
         return Ok(None);
     };
     keep(&mut patch, &band, part);
@@ -198,7 +216,6 @@ fn transform(patch: &mut Image, direction: FftDirection) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::TAU;
 
     /// A radar 10 km along -y of the scene and 3 km above it, of 3 cm, over 2 degrees.
     fn seen() -> Geometry {

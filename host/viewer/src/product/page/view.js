@@ -214,7 +214,7 @@ function notes() {
   const looked = Math.round(-map.getZoom()) <= MOST_LOOK;
   $("part-note").hidden = view.part === 1 || looked;
   $("part-note").textContent = "zoom in: parts of the aperture are of at most 4 x 4 pixels a cell";
-  if (view.part > 1 && looked) { $("part-note").hidden = false; $("part-note").textContent = "Of the image's spectrum, tile by tile: the line of sight is that of the tile's middle, edges are sharp."; }
+  if (view.part > 1 && looked) { $("part-note").hidden = false; $("part-note").textContent = "Of the image's spectrum, tile by tile, with sharp edges: near to what those pulses alone would show."; }
 }
 
 // The address is that of the view.
@@ -239,8 +239,9 @@ function fromAddress() {
   view.phase = number("p") === 1;
   if ([2, 3, 4, 8].includes(number("l"))) { view.part = number("l"); view.partAt = Math.min(100, Math.max(0, number("la") ?? 0)); }
   if (number("w") !== null) { view.swiped = true; $("swipe-at").value = number("w"); }
-  view.other = within(number("o")) ? number("o") : view.images.length > 1 ? 1 : -1;
-  const n = within(number("i")) ? number("i") : 0, [r, c, z] = ["r", "c", "z"].map(number);
+  const n = within(number("i")) ? number("i") : 0;
+  view.other = within(number("o")) ? number("o") : view.images.findIndex((about, i) => i !== n && alike(about, view.images[n]));
+  const [r, c, z] = ["r", "c", "z"].map(number);
   show(n, [r, c, z].includes(null) ? undefined : { centre: [r, c], zoom: Math.min(6, z) });
   $("part").value = String(view.part); part();
 }
