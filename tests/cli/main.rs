@@ -31,3 +31,4 @@ mod surface;
 mod tiles;
 mod track;
 mod usage;
+mod view;

@@ -29,6 +29,7 @@ pub mod cphd;
 pub mod found_track;
 #[cfg(any(feature = "gotcha", feature = "npz"))]
 mod frequencies;
+pub mod geojson;
 #[cfg(feature = "gotcha")]
 pub mod gotcha;
 pub mod input;

@@ -41,7 +41,7 @@ use subaperture_model::image::Image;
 pub use antennas::Antennas;
 pub use frame::frame_of;
 pub use growing::{Growing, Grown};
-pub use read::{OpenProduct, Pixels, ReadError, StoredProduct, open, read};
+pub use read::{OpenProduct, Pixels, ReadError, StoredProduct, open, open_unread, read, verify};
 
 const IMAGE: &str = "image.npy";
 const METADATA: &str = "image.json";

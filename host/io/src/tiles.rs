@@ -16,7 +16,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -325,6 +325,52 @@ impl TileStore {
         Ok(done)
     }
 
+    /// Whether a tile is whole, by its mark.
+    ///
+    /// # Panics
+    /// If there is no such tile.
+    pub fn has(&self, index: usize) -> bool {
+        self.mark(index).exists()
+    }
+
+    /// Pixels of every so manieth row and column of a tile, from `first` on, both counted within it: a glance, which reads these rows
+    /// alone and so cannot look at the tile's CRC-32.
+    ///
+    /// # Errors
+    /// [`StoreError`] if it cannot be read, or is too short.
+    ///
+    /// # Panics
+    /// If there is no such tile, or a step is zero.
+    pub fn glance(
+        &self,
+        index: usize,
+        first: [usize; 2],
+        steps: [usize; 2],
+    ) -> Result<Image, StoreError> {
+        let [rows, columns] = self.tiling.place(index);
+        let path = self.chunk(index);
+        let failed = |source| StoreError::Io {
+            path: path.clone(),
+            source,
+        };
+        let mut file = File::open(&path).map_err(failed)?;
+        let mut line = vec![0; 8 * columns.len()];
+        let mut image = Image {
+            rows: 0,
+            columns: (first[1]..columns.len()).step_by(steps[1]).len(),
+            pixels: Vec::new(),
+        };
+        for row in (first[0]..rows.len()).step_by(steps[0]) {
+            file.seek(SeekFrom::Start((8 * row * self.tiling.tile[1]) as u64))
+                .map_err(failed)?;
+            file.read_exact(&mut line).map_err(failed)?;
+            let values = line.chunks_exact(8).skip(first[1]).step_by(steps[1]);
+            image.pixels.extend(values.map(complex));
+            image.rows += 1;
+        }
+        Ok(image)
+    }
+
     /// Reads a tile, row-major.
     ///
     /// # Errors
@@ -359,9 +405,7 @@ impl TileStore {
             crc.update(&row_bytes);
             if row < rows.len() {
                 let values = row_bytes.chunks_exact(8).take(columns.len());
-                let number =
-                    |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-                pixels.extend(values.map(|z| Complex32::new(number(&z[..4]), number(&z[4..]))));
+                pixels.extend(values.map(complex));
             }
         }
         let crc32 = format!("{:08x}", crc.finalize());
@@ -408,6 +452,12 @@ impl TileStore {
         }
         Ok(window)
     }
+}
+
+/// A value of eight bytes.
+fn complex(bytes: &[u8]) -> Complex32 {
+    let number = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+    Complex32::new(number(&bytes[..4]), number(&bytes[4..]))
 }
 
 /// A part of a store's work that no other process is at.
@@ -522,6 +572,17 @@ mod tests {
             let (row, column) = (1 + i / 5, 2 + i % 5);
             assert_eq!(*z, Complex32::new(row as f32, column as f32 + 0.5));
         }
+        // A glance is of these rows and columns and no others, of tiles at the ends too.
+        assert!(again.has(3) && again.has(8));
+        let glance = again.glance(4, [1, 0], [2, 2]).unwrap();
+        assert_eq!((glance.rows, glance.columns), (1, 2));
+        let expected = [Complex32::new(3.0, 3.5), Complex32::new(3.0, 5.5)];
+        assert_eq!(glance.pixels, expected);
+        let glance = again.glance(8, [0, 0], [3, 3]).unwrap();
+        assert_eq!(
+            (glance.rows, glance.pixels),
+            (1, vec![Complex32::new(4.0, 6.5)])
+        );
         // Nothing is left beside.
         let names = fs::read_dir(product.join("image.zarr/c/1")).unwrap();
         assert_eq!(names.count(), 3);

@@ -34,6 +34,7 @@ mod grid;
 mod header;
 mod laid;
 mod nitf;
+mod plane;
 mod polynomial;
 mod read;
 mod sidd;
@@ -42,6 +43,7 @@ mod turned;
 mod write;
 
 pub use formed::{Formed, Placing};
+pub use plane::Plane;
 pub use read::{MOST_XML_BYTES, ReadError, SicdFile};
 pub use sidd::{Greys, Sidd};
 pub use turned::Turned;

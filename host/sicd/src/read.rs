@@ -20,6 +20,7 @@ use roxmltree::Document;
 use subaperture_io::xml::check_plain;
 use subaperture_model::image::{Image, Parts, PartsError, Place, bands};
 
+use crate::Plane;
 use crate::header::{FileHeader, ImageHeader, Samples};
 
 /// The longest XML that is read.
@@ -202,6 +203,11 @@ impl SicdFile {
     /// The metadata.
     pub fn xml(&self) -> &str {
         &self.xml
+    }
+
+    /// Where its pixels are; `None` where the metadata do not tell.
+    pub fn plane(&self) -> Option<Plane> {
+        Plane::of(&self.xml, self.size)
     }
 
     /// Samples of whole or parts of rows.

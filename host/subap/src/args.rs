@@ -15,6 +15,8 @@ mod tiled;
 mod track;
 mod tune;
 mod values;
+#[cfg(feature = "page")]
+mod view;
 mod watching;
 
 use std::path::PathBuf;
@@ -47,6 +49,8 @@ use values::{
     above_zero, any, error_bound, finite, from_zero, odd, output, place, positive, rectangle,
     setting, sign, size, threads, vector,
 };
+#[cfg(feature = "page")]
+pub(crate) use view::View;
 pub(crate) use watching::{Live, Watching};
 
 /// The whole command line.
@@ -151,6 +155,9 @@ pub(crate) enum Command {
     Quality(Quality),
     /// Draw an image's picture again, with other levels or colours
     Picture(Picture),
+    /// Look at images of any size in a browser of this machine
+    #[cfg(feature = "page")]
+    View(View),
     /// Capture a stepped-carrier radar's echoes by a radio, into a recording (SigMF)
     Capture(Capture),
     /// Capture, and form the image meanwhile, sweep by sweep

@@ -85,7 +85,7 @@
 //! | `onboard` | a processor on the platform: its plan, the serial link, its maps | `link` | `subaperture-core`, `serial2` |
 //! | `radio` | a stepped-carrier radar on a software-defined radio: the radio, a simulated one, capture, range profiles | `radio` | |
 //! | `live_capture` | the image of a capture, sweep by sweep as it comes | `radio` | |
-//! | `viewer` | a local web page of a capture as it runs | `viewer` | `axum`, `tokio` |
+//! | `viewer` | local web pages: images of any size, a capture as it runs | `viewer` | `axum`, `tokio` |
 //! | `radio::uhd` | a USRP by UHD, which is under GPL-3.0-or-later | `uhd` | the library UHD, linked |
 //!
 //! `default` is `cphd`, `gotcha`, `npz`, `recording`, `simulate`, `quality` and `plot`.

@@ -1,7 +1,8 @@
-//! A local web page: a capture as it runs, in any browser.
+//! Local web pages, for any browser: images of any size ([`product`]), and a capture as it runs.
 //!
 //! A part of [Subaperture](https://docs.rs/subaperture), radar image formation.
 //!
+//! # A capture
 //! ```text
 //! radio::live::Board <── asked ten times a second, a client ── Server (a thread) ── HTTP on loopback ──> the page
 //! ```
@@ -31,8 +32,11 @@
 #![forbid(unsafe_code)]
 
 mod connections;
+mod guard;
 pub mod host;
+mod level;
 mod message;
+pub mod product;
 mod routes;
 mod server;
 

@@ -5,6 +5,8 @@ use std::sync::Arc;
 use serde::Serialize;
 use subaperture_radio::live::{Level, Picture, Row, Status};
 
+use crate::level::tenths;
+
 /// An event.
 #[derive(Serialize)]
 pub(crate) struct Message<'a> {
@@ -172,15 +174,6 @@ impl TenthsOfDb {
     }
 }
 
-/// Tenths of dB; `i16::MIN` is none.
-fn tenths(db: f32) -> i16 {
-    match db.is_nan() {
-        true => i16::MIN,
-        // `as` saturates.
-        false => ((10.0 * db).round() as i16).max(-i16::MAX),
-    }
-}
-
 /// A picture's levels as they are sent.
 pub(crate) fn pixels(picture: &Picture) -> Vec<u8> {
     let bytes = |db: &f32| tenths(*db).to_le_bytes();
@@ -190,14 +183,6 @@ pub(crate) fn pixels(picture: &Picture) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn levels_are_tenths_of_db_and_what_is_none_says_so() {
-        assert_eq!(tenths(-12.34), -123);
-        assert_eq!(tenths(f32::NEG_INFINITY), -32767);
-        assert_eq!(tenths(1e9), i16::MAX);
-        assert_eq!(tenths(f32::NAN), i16::MIN);
-    }
 
     /// Silence has no level, and JSON no infinity.
     #[test]

@@ -6,44 +6,23 @@ use std::time::Duration;
 
 use axum::Router;
 use axum::body::{Body, Bytes};
-use axum::extract::{Request, State};
-use axum::http::header::{self, HeaderValue};
-use axum::http::{HeaderName, StatusCode};
-use axum::middleware::{Next, from_fn};
+use axum::extract::State;
+use axum::http::StatusCode;
+use axum::http::header;
+use axum::middleware::from_fn;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use futures_util::stream;
-use subaperture_plot::Colours;
 use tokio::time::{Instant, sleep};
 
 use crate::Board;
-use crate::host::may_ask;
+use crate::guard::{colours, file, guard};
 use crate::message::{Message, pixels};
 
 /// How often a client is told, at the most.
 const EVERY: Duration = Duration::from_millis(100);
 /// How often it is told that nothing has changed.
 const STILL_HERE: Duration = Duration::from_secs(5);
-
-/// Headers of every answer: nothing is loaded but from here, nobody frames it, nothing of a running capture is kept.
-const HEADERS: [(HeaderName, &str); 6] = [
-    (
-        header::CONTENT_SECURITY_POLICY,
-        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; \
-         base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-    ),
-    (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-    (header::REFERRER_POLICY, "no-referrer"),
-    (header::CACHE_CONTROL, "no-store"),
-    (
-        HeaderName::from_static("cross-origin-resource-policy"),
-        "same-origin",
-    ),
-    (
-        HeaderName::from_static("cross-origin-opener-policy"),
-        "same-origin",
-    ),
-];
 
 pub(crate) fn routes(board: Arc<Board>) -> Router {
     Router::new()
@@ -70,42 +49,6 @@ pub(crate) fn routes(board: Arc<Board>) -> Router {
         .route("/picture", get(picture))
         .with_state(board)
         .layer(from_fn(guard))
-}
-
-/// Serves those who mean this server.
-async fn guard(request: Request, next: Next) -> Response {
-    let host = request.headers().get(header::HOST);
-    let mut answer = match host
-        .and_then(|host| host.to_str().ok())
-        .is_some_and(may_ask)
-    {
-        true => next.run(request).await,
-        false => {
-            let what = "This page answers to localhost and to addresses in digits, as http://127.0.0.1:8080/, by no other name.\n";
-            (StatusCode::MISDIRECTED_REQUEST, what).into_response()
-        }
-    };
-    for (name, value) in HEADERS {
-        answer
-            .headers_mut()
-            .insert(name, HeaderValue::from_static(value));
-    }
-    answer
-}
-
-async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
-    ([(header::CONTENT_TYPE, kind)], text)
-}
-
-async fn colours() -> impl IntoResponse {
-    let maps = serde_json::json!({
-        "viridis": Colours::Viridis.table(),
-        "grey": Colours::Grey.table(),
-    });
-    (
-        [(header::CONTENT_TYPE, "application/json")],
-        maps.to_string(),
-    )
 }
 
 async fn picture(State(board): State<Arc<Board>>) -> Response {

@@ -5,10 +5,12 @@ use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::thread::{self, JoinHandle};
 
+use axum::Router;
 use tokio::sync::oneshot;
 
 use crate::Board;
 use crate::connections::{Bounded, MOST_CONNECTIONS};
+use crate::product::{Gallery, product_routes};
 use crate::routes::routes;
 
 /// Why there is no page.
@@ -44,6 +46,19 @@ impl Server {
     /// # Errors
     /// [`ServeError`], before anything is served.
     pub fn start(address: SocketAddr, board: Arc<Board>) -> Result<Self, ServeError> {
+        Self::serve(address, routes(board))
+    }
+
+    /// Serves images at an address; of port 0 the system chooses one.
+    ///
+    /// # Errors
+    /// [`ServeError`], before anything is served.
+    pub fn show(address: SocketAddr, gallery: Arc<Gallery>) -> Result<Self, ServeError> {
+        gallery.begin()?;
+        Self::serve(address, product_routes(gallery))
+    }
+
+    fn serve(address: SocketAddr, routes: Router) -> Result<Self, ServeError> {
         let fault = |source| ServeError::Listen { address, source };
         let listener = TcpListener::bind(address).map_err(fault)?;
         listener.set_nonblocking(true).map_err(fault)?;
@@ -56,7 +71,7 @@ impl Server {
         let serve = async move {
             let listener = tokio::net::TcpListener::from_std(listener)?;
             let listener = Bounded::new(listener, MOST_CONNECTIONS);
-            axum::serve(listener, routes(board)).await
+            axum::serve(listener, routes).await
         };
         let thread = thread::Builder::new()
             .name("page".to_owned())
@@ -67,7 +82,8 @@ impl Server {
                         _ = stopped => {}
                     }
                 });
-                // Clients that are still there are left: their tasks end with the runtime.
+                // Clients that are still there are left: their tasks end with the runtime, which waits for nothing that is being computed for them.
+                runtime.shutdown_background();
             })?;
         Ok(Self {
             address,

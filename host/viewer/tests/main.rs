@@ -3,4 +3,5 @@
 mod browser;
 mod driver;
 mod http;
+mod images;
 mod running;

@@ -23,6 +23,7 @@ mod recordings;
 mod repair;
 mod scratch;
 mod session;
+mod shapes;
 mod sicd;
 mod station;
 pub mod stuffing;
@@ -72,7 +73,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 24] = [
+pub static TARGETS: [Target; 25] = [
     Target {
         name: "plan",
         read: plans::plan,
@@ -266,6 +267,14 @@ pub static TARGETS: [Target; 24] = [
         repair: as_it_is,
         words: terrain::WORDS,
         most_bytes: budgeted,
+    },
+    Target {
+        name: "geojson",
+        read: shapes::geojson,
+        seeds: shapes::seeds,
+        repair: as_it_is,
+        words: shapes::WORDS,
+        most_bytes: in_proportion,
     },
 ];
 

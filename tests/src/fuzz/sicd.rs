@@ -90,6 +90,10 @@ pub(super) fn read(bytes: &[u8]) -> String {
         };
         let (rows, columns) = file.size();
         assert!(rows > 0 && columns > 0 && rows * columns <= bytes.len());
+        if let Some(plane) = file.plane() {
+            let corner = plane.grid.position_m(rows - 1, columns - 1);
+            assert!(plane.frame.to_ecf_m(corner).is_finite(), "{plane:?}");
+        }
         let mut count = 0;
         for place in file.places() {
             let part = file.window(&place).expect("what was there is there");

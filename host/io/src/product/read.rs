@@ -146,11 +146,34 @@ pub fn read(folder: &Path) -> Result<StoredProduct, ReadError> {
     })
 }
 
-/// Opens such a folder without reading its pixels, which may be more than memory holds.
+/// Opens such a folder without keeping its pixels, which may be more than memory holds.
 ///
 /// # Errors
 /// As [`read`]; of tiles, size and CRC-32 are looked at when they are read.
 pub fn open(folder: &Path) -> Result<OpenProduct, ReadError> {
+    open_how(folder, true)
+}
+
+/// [`open`] without reading an array's pixels at all, so that it is done at once however many they are: [`verify`] does the rest.
+///
+/// # Errors
+/// As [`open`], but for an array's CRC-32.
+pub fn open_unread(folder: &Path) -> Result<OpenProduct, ReadError> {
+    open_how(folder, false)
+}
+
+/// Reads all of an array in the folder of a product that was opened unread, for its size and CRC-32; of tiles there is nothing to do.
+///
+/// # Errors
+/// [`ReadError`] if it is not what the metadata say.
+pub fn verify(folder: &Path, metadata: &Value) -> Result<(), ReadError> {
+    match metadata["files"][tiles::NAME].is_null() {
+        true => open_image(folder, metadata, true).map(drop),
+        false => Ok(()),
+    }
+}
+
+fn open_how(folder: &Path, checked: bool) -> Result<OpenProduct, ReadError> {
     let path = folder.join(METADATA);
     let wrong = |what: String| ReadError::Metadata {
         path: path.clone(),
@@ -181,7 +204,7 @@ pub fn open(folder: &Path) -> Result<OpenProduct, ReadError> {
         return Err(wrong(fault.to_string()));
     }
     let pixels = match metadata["files"][tiles::NAME].is_null() {
-        true => Pixels::Array(open_image(folder, &metadata)?),
+        true => Pixels::Array(open_image(folder, &metadata, checked)?),
         false => Pixels::Tiles(open_tiles(folder)?),
     };
     let (rows, columns) = pixels.size();
@@ -198,15 +221,17 @@ pub fn open(folder: &Path) -> Result<OpenProduct, ReadError> {
     })
 }
 
-/// `image.npy`, checked.
-fn open_image(folder: &Path, metadata: &Value) -> Result<ImageFile, ReadError> {
+/// `image.npy`, checked if that is asked.
+fn open_image(folder: &Path, metadata: &Value, checked: bool) -> Result<ImageFile, ReadError> {
     // Opened once, so that what is checked is what is read, whatever is renamed into its place.
     let image = folder.join(IMAGE);
     let mut file = File::open(&image).map_err(|source| ReadError::Io {
         path: image.clone(),
         source,
     })?;
-    check(&mut file, &image, &metadata["files"][IMAGE])?;
+    if checked {
+        check(&mut file, &image, &metadata["files"][IMAGE])?;
+    }
     Ok(ImageFile::of(file, &image)?)
 }
 

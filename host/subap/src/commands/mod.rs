@@ -27,6 +27,8 @@ mod surface;
 mod track;
 mod tune;
 mod velocity;
+#[cfg(feature = "page")]
+mod view;
 
 use crate::args::Command;
 use crate::config::Session;
@@ -53,6 +55,8 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Autofocus(typed) => autofocus::run(session, &typed),
         Command::Navigation(typed) => navigation::run(session, &typed),
         Command::Picture(typed) => picture::run(session, &typed),
+        #[cfg(feature = "page")]
+        Command::View(typed) => view::run(session, &typed),
         Command::Capture(typed) => capture::run(session, &typed),
         Command::Live(typed) => live::run(session, &typed),
         Command::Radio(typed) => radio::run(session, &typed),

@@ -52,7 +52,7 @@ pub(super) fn open(path: &Path) -> anyhow::Result<Stored> {
             path,
         });
     }
-    if begins_with(&path, b"NITF") || begins_with(&path, b"NSIF") {
+    if is_nitf(&path) {
         return Ok(Stored {
             pixels: Box::new(SicdFile::open(&path)?),
             product: None,
@@ -72,7 +72,7 @@ pub(super) fn open(path: &Path) -> anyhow::Result<Stored> {
 }
 
 /// Whether a folder is of `subap velocity`, whose axes are no places.
-fn is_velocity_plane(folder: &Path) -> bool {
+pub(super) fn is_velocity_plane(folder: &Path) -> bool {
     // What cannot be read is told by who reads it next.
     let record = fs::read(folder.join("image.json")).unwrap_or_default();
     let record: Value = serde_json::from_slice(&record).unwrap_or_default();
@@ -89,6 +89,11 @@ pub(super) fn check_is_array(path: &Path) -> anyhow::Result<()> {
         );
     }
     Ok(())
+}
+
+/// Whether a file is NITF, as SICD is.
+pub(super) fn is_nitf(path: &Path) -> bool {
+    begins_with(path, b"NITF") || begins_with(path, b"NSIF")
 }
 
 /// Whether a file that can be read begins with these bytes.

@@ -1,0 +1,95 @@
+//! Where a SICD's pixels are, as far as its plane tells: the grid about the scene centre point, on the Earth.
+
+use glam::DVec3;
+use roxmltree::{Document, Node};
+use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
+
+/// The plane of an image: rows along its y axis, which is the file's `Row` direction, columns along its x axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Pixels, metres from the scene centre point.
+    pub grid: ImageGrid,
+    /// The scene centre point and the plane's axes.
+    pub frame: SceneFrame,
+    /// Cycles a pixel along columns that the aperture fills; none where that is not said, or is more than one.
+    pub column_band: Option<f64>,
+}
+
+impl Plane {
+    /// Of the XML of an image of these rows and columns; `None` where it does not tell, or tells what cannot be.
+    pub(crate) fn of(xml: &str, (rows, columns): (usize, usize)) -> Option<Self> {
+        let document = Document::parse(xml).ok()?;
+        let root = document.root_element();
+        let vector = |path: &[&str]| {
+            let node = descend(root, path)?;
+            let number = |name| number(descend(node, &[name])?);
+            Some(DVec3::new(number("X")?, number("Y")?, number("Z")?))
+        };
+        let value = |path: &[&str]| number(descend(root, path)?);
+        let first = |name| value(&["ImageData", name]).unwrap_or(0.0);
+        let axis = |way: &str, first: f64, count| {
+            let step = value(&["Grid", way, "SS"])?;
+            let centre = value(&["ImageData", "SCPPixel", way])?;
+            Some(Axis {
+                start: (first - centre) * step,
+                step,
+                count,
+            })
+        };
+        let grid = ImageGrid::horizontal(
+            axis("Col", first("FirstCol"), columns)?,
+            axis("Row", first("FirstRow"), rows)?,
+            0.0,
+        );
+        let frame = SceneFrame::Earth {
+            origin_ecf_m: vector(&["GeoData", "SCP", "ECF"])?,
+            x_axis_ecf: vector(&["Grid", "Col", "UVectECF"])?,
+            y_axis_ecf: vector(&["Grid", "Row", "UVectECF"])?,
+        };
+        let band = value(&["Grid", "Col", "ImpRespBW"]).map(|band| band * grid.columns.step);
+        (grid.fault().is_none() && frame.is_sound()).then_some(Self {
+            grid,
+            frame,
+            column_band: band.filter(|band| *band > 0.0 && *band <= 1.0),
+        })
+    }
+}
+
+fn descend<'a, 'b>(node: Node<'a, 'b>, path: &[&str]) -> Option<Node<'a, 'b>> {
+    path.iter().try_fold(node, |node, name| {
+        node.children()
+            .find(|child| child.tag_name().name() == *name)
+    })
+}
+
+fn number(node: Node<'_, '_>) -> Option<f64> {
+    let value: f64 = node.text()?.trim().parse().ok()?;
+    value.is_finite().then_some(value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const XML: &str = r#"<SICD xmlns="urn:SICD:1.3.0"><ImageData><FirstRow>10</FirstRow><FirstCol>0</FirstCol><SCPPixel><Row>30</Row><Col>5</Col></SCPPixel></ImageData>
+        <GeoData><SCP><ECF><X>6378137</X><Y>0</Y><Z>0</Z></ECF></SCP></GeoData>
+        <Grid><Row><UVectECF><X>0</X><Y>0</Y><Z>1</Z></UVectECF><SS>0.5</SS></Row><Col><UVectECF><X>0</X><Y>1</Y><Z>0</Z></UVectECF><SS>2</SS><ImpRespBW>0.4</ImpRespBW></Col></Grid></SICD>"#;
+
+    #[test]
+    fn pixels_lie_about_the_scene_centre_point() {
+        let plane = Plane::of(XML, (100, 50)).unwrap();
+        assert_eq!(plane.grid.position_m(20, 5), DVec3::ZERO);
+        let at = plane.frame.to_ecf_m(plane.grid.position_m(22, 6));
+        // Two rows of 0.5 m along z and a column of 2 m along y.
+        assert!(at.distance(DVec3::new(6_378_137.0, 2.0, 1.0)) < 1e-9);
+        assert_eq!(plane.column_band, Some(0.8));
+        for (from, to) in [
+            ("<SS>2</SS>", ""),
+            ("<SS>2</SS>", "<SS>-2</SS>"),
+            ("<Y>1</Y>", "<Y>2</Y>"),
+            ("6378137", "x"),
+        ] {
+            assert_eq!(Plane::of(&XML.replace(from, to), (100, 50)), None, "{from}");
+        }
+    }
+}

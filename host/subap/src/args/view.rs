@@ -1,0 +1,33 @@
+//! `subap view`.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use clap::{Args as Group, ValueHint};
+
+/// `subap view`.
+#[derive(Debug, Group)]
+#[command(
+    after_help = "The page's address is printed; Ctrl-C ends it. On the page, ? shows all keys. Its address after # is that of the view: keep it, and\n\
+    give the same --port again.\n\n\
+    Example:\n  \
+    subap view before after --layer detections.geojson --port 8080"
+)]
+pub(crate) struct View {
+    /// Images: folders of products, whole or still being formed in tiles, complex64 arrays (.npy) or anyone's SICD
+    #[arg(required = true, value_name = "IMAGE", value_hint = ValueHint::AnyPath)]
+    pub(crate) images: Vec<PathBuf>,
+
+    /// Draw shapes over the images: GeoJSON (longitude and latitude; metres in the scene frame where the image is not on the Earth), or a track (.csv); any
+    /// number of times
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(crate) layer: Vec<PathBuf>,
+
+    /// Serve the page at this port of 127.0.0.1 [default: any that is free]
+    #[arg(long, value_name = "PORT", conflicts_with = "listen")]
+    pub(crate) port: Option<u16>,
+
+    /// Serve the page at this address; on others than 127.0.0.1 and ::1 everybody who reaches it can look
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub(crate) listen: Option<SocketAddr>,
+}

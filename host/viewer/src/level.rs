@@ -1,0 +1,26 @@
+//! Levels as they are sent: tenths of a decibel in 16 bits.
+
+/// Of what has no level.
+pub(crate) const NONE: i16 = i16::MIN;
+
+/// Tenths of dB; of what is no number [`NONE`].
+pub(crate) fn tenths(db: f32) -> i16 {
+    match db.is_nan() {
+        true => NONE,
+        // `as` saturates.
+        false => ((10.0 * db).round() as i16).max(-i16::MAX),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_are_tenths_of_db_and_what_is_none_says_so() {
+        assert_eq!(tenths(-12.34), -123);
+        assert_eq!(tenths(f32::NEG_INFINITY), -32767);
+        assert_eq!(tenths(1e9), i16::MAX);
+        assert_eq!(tenths(f32::NAN), i16::MIN);
+    }
+}

@@ -1,0 +1,189 @@
+//! Shapes over an image: GeoJSON, and tracks.
+
+use glam::DVec3;
+use serde_json::{Value, json};
+use subaperture_io::geojson::{self, Feature, Kind, Position};
+use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
+
+use super::Product;
+
+/// Positions of a layer that are kept: more than a browser draws.
+const MOST_POSITIONS: usize = 200_000;
+
+/// Shapes with names.
+#[derive(Clone, Debug)]
+pub struct Layer {
+    /// What it is called.
+    pub(super) name: String,
+    features: Vec<Feature>,
+    /// Whether positions are metres in the scene frame whatever the frame is.
+    in_scene: bool,
+}
+
+impl Layer {
+    /// Of GeoJSON. Positions are longitude, latitude and height above the ellipsoid (that of the image's middle where they have none) over an image
+    /// that knows where on the Earth it is, metres in the scene frame over one that does not, and column and row over an array alone.
+    ///
+    /// # Errors
+    /// If there are more positions than can be drawn: how many.
+    pub fn of_features(name: String, features: Vec<Feature>) -> Result<Self, String> {
+        let shapes = features.iter().flat_map(|feature| &feature.shapes);
+        let count: usize = shapes.map(|shape| shape.positions.len()).sum();
+        if count > MOST_POSITIONS {
+            return Err(format!(
+                "{count} positions; {MOST_POSITIONS} are drawn at the most: leave out what is not to be seen"
+            ));
+        }
+        Ok(Self {
+            name,
+            features,
+            in_scene: false,
+        })
+    }
+
+    /// A way in the scene frame, thinned to what can be drawn.
+    pub fn of_track(name: String, positions_m: &[DVec3]) -> Self {
+        let every = positions_m.len().div_ceil(MOST_POSITIONS).max(1);
+        let kept = positions_m.iter().step_by(every);
+        let positions: Vec<Position> = kept.map(|p| ([p.x, p.y], Some(p.z))).collect();
+        let feature = Feature {
+            properties: vec![("track".to_owned(), name.clone())],
+            shapes: vec![geojson::Shape {
+                kind: Kind::Line,
+                positions,
+            }],
+        };
+        Self {
+            name,
+            features: vec![feature],
+            in_scene: true,
+        }
+    }
+
+    /// Its shapes in rows and columns of an image.
+    pub(super) fn over(&self, product: &Product) -> Value {
+        let features = self.features.iter().map(|feature| {
+            let shapes = feature.shapes.iter().map(|shape| {
+                let places = shape.positions.iter();
+                let places: Vec<[f64; 2]> = places.map(|p| self.place(product, p)).collect();
+                let kind = match shape.kind {
+                    Kind::Points => "points",
+                    Kind::Line => "line",
+                    Kind::Outline => "outline",
+                };
+                json!({ "kind": kind, "places": places })
+            });
+            let shapes: Vec<Value> = shapes.collect();
+            json!({ "properties": feature.properties, "shapes": shapes })
+        });
+        let features: Vec<Value> = features.collect();
+        json!({ "name": self.name, "features": features })
+    }
+
+    /// Row and column of a position, each with its fraction.
+    fn place(&self, product: &Product, ([a, b], c): &Position) -> [f64; 2] {
+        let Some(grid) = &product.grid else {
+            return [*b, *a];
+        };
+        let position = match product.frame {
+            SceneFrame::Earth { .. } if !self.in_scene => {
+                let geodetic = Geodetic {
+                    latitude_deg: *b,
+                    longitude_deg: *a,
+                    height_m: c.unwrap_or_else(|| middle_height_m(product, grid)),
+                };
+                product.frame.from_ecf_m(geodetic.to_ecf_m())
+            }
+            _ => DVec3::new(*a, *b, c.unwrap_or(grid.origin_m.z)),
+        };
+        let [row_value, column_value] = grid.coordinates(position);
+        [
+            (row_value - grid.rows.start) / grid.rows.step,
+            (column_value - grid.columns.start) / grid.columns.step,
+        ]
+    }
+}
+
+/// Height of the middle of an image above the ellipsoid.
+fn middle_height_m(product: &Product, grid: &ImageGrid) -> f64 {
+    let middle = match product.slant {
+        true => DVec3::ZERO,
+        false => grid.position_m(grid.rows.count / 2, grid.columns.count / 2),
+    };
+    let place = product.frame.geodetic(middle);
+    place.map_or(0.0, |place| place.height_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::product::Pixels;
+    use num_complex::Complex32;
+    use subaperture_model::image::Image;
+
+    fn product(grid: &str, frame: SceneFrame) -> Product {
+        let grid: ImageGrid = grid.parse().unwrap();
+        let image = Image {
+            rows: grid.rows.count,
+            columns: grid.columns.count,
+            pixels: vec![Complex32::ONE; grid.num_pixels() as usize],
+        };
+        Product {
+            grid: Some(grid),
+            frame,
+            ..Product::new("a".to_owned(), Pixels::whole(Box::new(image)))
+        }
+    }
+
+    fn places(layer: &Layer, product: &Product) -> Vec<[f64; 2]> {
+        let told = layer.over(product);
+        let places = told["features"][0]["shapes"][0]["places"]
+            .as_array()
+            .unwrap();
+        let number = |value: &Value, i: usize| value[i].as_f64().unwrap();
+        places
+            .iter()
+            .map(|p| [number(p, 0), number(p, 1)])
+            .collect()
+    }
+
+    /// A degree of latitude at 45 N is 111132 m by the ellipsoid's meridian (M = a (1 - e2) / (1 - e2 / 2)^(3/2) = 6367382 m), one of longitude 78847 m (N cos 45). Over 100 m
+    /// the tangent plane and the ellipsoid differ by 100^2 / 2R, a millimetre, and arcs from chords by less.
+    #[test]
+    fn degrees_become_rows_and_columns() {
+        let origin = Geodetic {
+            latitude_deg: 45.0,
+            longitude_deg: 10.0,
+            height_m: 300.0,
+        };
+        let frame = SceneFrame::east_north_up(&origin);
+        let shown = product("x=-200:200:2,y=-100:100:1,z=0", frame);
+        let e2: f64 = 6.694_379_990_14e-3;
+        let meridian = 6_378_137.0 * (1.0 - e2) / (1.0 - e2 / 2.0).powf(1.5) + 300.0;
+        let across = (6_378_137.0 / (1.0 - e2 / 2.0).sqrt() + 300.0) * 0.5f64.sqrt();
+        let north = 50.0 / meridian * 180.0 / std::f64::consts::PI;
+        let east = 30.0 / across * 180.0 / std::f64::consts::PI;
+        let text = format!(
+            r#"{{"type":"MultiPoint","coordinates":[[10,45,300],[{},{}]]}}"#,
+            10.0 + east,
+            45.0 + north
+        );
+        let features = geojson::parse(text.as_bytes()).unwrap();
+        let layer = Layer::of_features("l".to_owned(), features).unwrap();
+        let found = places(&layer, &shown);
+        let expected = [[100.0, 100.0], [150.0, 115.0]];
+        for (a, b) in found.iter().zip(expected) {
+            assert!(
+                (a[0] - b[0]).abs() < 0.01 && (a[1] - b[1]).abs() < 0.01,
+                "{found:?}"
+            );
+        }
+        // A track is metres over any image.
+        let track = Layer::of_track("t".to_owned(), &[DVec3::ZERO, DVec3::new(30.0, 50.0, 7.0)]);
+        assert_eq!(places(&track, &shown), expected);
+        let local = product("x=-200:200:2,y=-100:100:1,z=0", SceneFrame::Local);
+        let features = geojson::parse(br#"{"type":"Point","coordinates":[30,50]}"#).unwrap();
+        let layer = Layer::of_features("l".to_owned(), features).unwrap();
+        assert_eq!(places(&layer, &local), [[150.0, 115.0]]);
+    }
+}

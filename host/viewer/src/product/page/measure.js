@@ -1,0 +1,136 @@
+"use strict";
+// Distances, cuts along a line, and responses of points.
+const measured = { mode: null, from: null, group: L.layerGroup().addTo(map), curves: [] };
+const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+function mode(what) {
+  measured.mode = measured.mode === what ? null : what;
+  measured.from = null;
+  for (const each of ["cut", "point"]) $(each).setAttribute("aria-pressed", measured.mode === each);
+  map.getContainer().style.cursor = measured.mode ? "crosshair" : "";
+  if (measured.mode === "cut") tell("the line's first end: click, or Enter at the crosshair");
+  if (measured.mode === "point") tell("a point: click, or Enter at the crosshair");
+}
+function tell(text, isWrong) { $("told").textContent = text; $("told").classList.toggle("wrong", Boolean(isWrong)); }
+function clearAll() {
+  measured.group.clearLayers(); measured.curves = []; measured.from = null;
+  $("chart").hidden = $("numbers").hidden = true;
+  tell("");
+  if (measured.mode) mode(measured.mode);
+}
+
+// Row and column of the pixel at a place: pixel r covers r to r + 1.
+const pixelAt = (latlng) => [latlng.lat - 0.5, latlng.lng - 0.5];
+
+// Between two pixels: metres in the grid's plane where that is known.
+function distance(about, [a, b]) {
+  const pixels = Math.hypot(b[0] - a[0], b[1] - a[1]);
+  if (!about.steps_m) return [pixels, "px"];
+  if (!about.polar) return [Math.hypot((b[0] - a[0]) * about.steps_m[0], (b[1] - a[1]) * about.steps_m[1]), "m"];
+  const place = ([r, c]) => { const range = about.rows_axis[0] + r * about.rows_axis[1], angle = about.columns_axis[0] + c * about.columns_axis[1]; return [range * Math.cos(angle), range * Math.sin(angle)]; };
+  const [p, q] = [place(a), place(b)];
+  return [Math.hypot(q[0] - p[0], q[1] - p[1]), "m"];
+}
+
+async function pick(latlng) {
+  const about = image(), n = view.shown, at = pixelAt(latlng);
+  if (measured.mode === "cut") {
+    if (!measured.from) {
+      measured.group.clearLayers();
+      measured.from = [at, latlng];
+      L.circleMarker(latlng, { radius: 4, color: "#e69f00" }).addTo(measured.group);
+      tell("the other end");
+      return;
+    }
+    const [from, first] = measured.from;
+    measured.from = null;
+    L.polyline([first, latlng], { color: "#e69f00", weight: 2 }).addTo(measured.group);
+    const [length, unit] = distance(about, [from, at]);
+    const numbers = [...from, ...at].map((x) => x.toFixed(3));
+    tell(`${length.toPrecision(5)} ${unit} from row ${Math.round(from[0])}, column ${Math.round(from[1])} to row ${Math.round(at[0])}, column ${Math.round(at[1])}`);
+    try {
+      const cut = await (await fetch(`/cut/${n}/${numbers.join("/")}`)).json(), count = cut.levels_db.length;
+      measured.curves = [{ name: "cut", x: cut.levels_db.map((_, i) => i / (count - 1) * length), y: cut.levels_db }];
+      $("numbers").hidden = true;
+      chart(unit);
+    } catch { tell("the cut could not be read", true); }
+  } else if (measured.mode === "point") {
+    const [row, column] = at.map(Math.round);
+    if (row < 0 || column < 0 || row >= about.rows || column >= about.columns) return;
+    // What is within some pixels of the screen is meant, whatever the zoom.
+    const search = Math.min(64, Math.max(3, Math.round(8 / 2 ** map.getZoom())));
+    tell("measuring");
+    const answer = await fetch(`/point/${n}/${row}/${column}/${search}`).catch(() => null);
+    if (!answer?.ok) { tell(answer ? await answer.text() : "the server has gone", true); $("numbers").hidden = $("chart").hidden = true; return; }
+    response(await answer.json());
+  }
+}
+
+function response(found) {
+  measured.group.clearLayers();
+  L.circleMarker([found.row + 0.5, found.column + 0.5], { radius: 9, color: "#e69f00", fill: false }).addTo(measured.group);
+  tell(`row ${found.row.toFixed(2)}, column ${found.column.toFixed(2)}${found.in_pixels ? "" : `: x ${found.position_m[0].toFixed(3)} m, y ${found.position_m[1].toFixed(3)} m`}, ${found.level_db.toFixed(2)} dB`);
+  const axes = found.in_pixels ? { x: "columns", y: "rows" } : found.polar ? { x: "angle", y: "range" } : { x: "x", y: "y" };
+  const cuts = found.cuts.map((cut, i) => {
+    const turning = found.polar && cut.along === "x", unit = found.in_pixels ? "px" : turning ? "°" : "m", factor = turning ? 180 / Math.PI : 1;
+    return { ...cut, name: axes[cut.along] ?? cut.along, unit, factor, curve: found.curves[i] };
+  });
+  const head = $("numbers").tHead, body = $("numbers").tBodies[0];
+  const row = (kind, cells) => { const line = document.createElement("tr"); cells.forEach((text, i) => { const cell = document.createElement(i === 0 || kind === "th" ? "th" : "td"); cell.scope = i === 0 && kind !== "th" ? "row" : "col"; cell.textContent = text; line.append(cell); }); return line; };
+  head.replaceChildren(row("th", ["along", ...cuts.map((cut) => cut.name)]));
+  const db = (x) => (x === null || x === undefined ? "–" : `${x.toFixed(1)} dB`);
+  body.replaceChildren(
+    row("td", ["width, 3 dB", ...cuts.map((cut) => (cut.width_3db === null ? "–" : `${(cut.width_3db * cut.factor).toPrecision(3)} ${cut.unit}`))]),
+    row("td", ["highest side lobe", ...cuts.map((cut) => db(cut.null_rule.pslr_db))]),
+    row("td", ["side lobes' energy", ...cuts.map((cut) => db(cut.null_rule.islr_db))]));
+  $("numbers").hidden = false;
+  measured.curves = cuts.map((cut) => ({ name: `${cut.name} (${cut.unit})`, x: cut.curve.offsets.map((x) => x * cut.factor), y: cut.curve.levels_db }));
+  chart(cuts[0].unit);
+}
+
+// Round steps for an axis of about so many.
+function ticks(from, to, about) {
+  const rough = (to - from) / Math.max(1, about) || 1, power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= rough * 0.999), all = [];
+  for (let i = Math.ceil(from / step - 1e-9); i * step <= to + 1e-9 * step; i++) all.push(i * step);
+  return { all, digits: Math.max(0, -Math.floor(Math.log10(step) + 1e-9)) };
+}
+
+function chart(unit) {
+  const canvas = $("chart");
+  canvas.hidden = false;
+  const ratio = devicePixelRatio || 1, box = canvas.getBoundingClientRect();
+  canvas.width = Math.round(box.width * ratio); canvas.height = Math.round(box.height * ratio);
+  const ink = canvas.getContext("2d");
+  ink.setTransform(ratio, 0, 0, ratio, 0, 0);
+  ink.font = "11px system-ui, sans-serif";
+  const values = measured.curves.flatMap((curve) => curve.y.filter((y) => y !== null)), xs = measured.curves.flatMap((curve) => curve.x);
+  if (!values.length) { tell("nothing along the line"); return; }
+  const high = values.reduce((a, b) => Math.max(a, b)), low = Math.max(values.reduce((a, b) => Math.min(a, b)), high - 80) - 1, top = high + 1;
+  const [first, last] = [xs.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b))];
+  const edge = { left: 34, right: 8, top: 6, bottom: 20 }, wide = box.width - edge.left - edge.right, tall = box.height - edge.top - edge.bottom;
+  const x = (v) => edge.left + (v - first) / (last - first || 1) * wide, y = (v) => edge.top + (top - Math.max(low, v)) / (top - low) * tall;
+  ink.strokeStyle = css("--line"); ink.fillStyle = css("--faint");
+  ink.textAlign = "right"; ink.textBaseline = "middle";
+  for (const db of ticks(low, top, tall / 28).all) { ink.beginPath(); ink.moveTo(edge.left, y(db)); ink.lineTo(edge.left + wide, y(db)); ink.stroke(); ink.fillText(db.toFixed(0), edge.left - 4, y(db)); }
+  ink.textAlign = "center"; ink.textBaseline = "top";
+  const { all, digits } = ticks(first, last, wide / 70);
+  all.forEach((v, i) => ink.fillText(v.toFixed(digits) + (i === all.length - 1 && measured.curves.length === 1 ? ` ${unit}` : ""), Math.min(x(v), edge.left + wide - 14), box.height - edge.bottom + 5));
+  measured.curves.forEach((curve, n) => {
+    ink.strokeStyle = css(n ? "--other" : "--curve"); ink.lineWidth = 1.5; ink.setLineDash(n ? [5, 3] : []); ink.beginPath();
+    let down = false;
+    curve.y.forEach((level, i) => { if (level === null) { down = false; return; } down ? ink.lineTo(x(curve.x[i]), y(level)) : ink.moveTo(x(curve.x[i]), y(level)); down = true; });
+    ink.stroke();
+  });
+  ink.setLineDash([]); ink.lineWidth = 1;
+  if (measured.curves.length > 1) { ink.textAlign = "left"; measured.curves.forEach((curve, n) => { ink.fillStyle = css(n ? "--other" : "--curve"); ink.fillText(`${n ? "- -" : "—"} ${curve.name}`, edge.left + 4, edge.top + 2 + 13 * n); }); }
+  canvas.setAttribute("aria-label", `levels along ${measured.curves.map((curve) => curve.name).join(" and ")}, from ${low.toFixed(0)} to ${high.toFixed(1)} dB`);
+  document.body.dataset.chart = String(values.length);
+}
+
+on("cut", "click", () => mode("cut"));
+on("point", "click", () => mode("point"));
+on("clear", "click", clearAll);
+map.on("click", (event) => measured.mode && pick(event.latlng));
+Object.assign(KEYS, { d: () => mode("cut"), r: () => mode("point"), Escape: clearAll });
+map.getContainer().addEventListener("keydown", (event) => { if (event.key === "Enter" && measured.mode) { event.preventDefault(); pick(map.getCenter()); } });

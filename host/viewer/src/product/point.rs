@@ -1,0 +1,102 @@
+//! What is told of a pixel: its value, where it is, and the response of the point there.
+
+use glam::DVec3;
+use serde_json::{Value, json};
+use subaperture_model::geometry::{Geodetic, SceneFrame};
+use subaperture_model::image::{Parts, PartsError, power};
+use subaperture_quality::response::{Cut, ResponseError, Settings, Target, measure_in};
+
+use super::Product;
+
+/// Points of a cut that are sent.
+const MOST_POINTS: usize = 800;
+
+/// Value and place of a pixel.
+pub(super) fn value(product: &Product, [row, column]: [usize; 2]) -> Result<Value, PartsError> {
+    let pixel = product
+        .pixels
+        .window(&[row..row + 1, column..column + 1])?
+        .pixels[0];
+    let power = power(pixel);
+    let there = power > 0.0;
+    let mut told = json!({
+        "row": row,
+        "column": column,
+        "level_db": there.then(|| 10.0 * power.log10()),
+        "phase_deg": there.then(|| f64::from(pixel.im).atan2(pixel.re.into()).to_degrees()),
+    });
+    if let Some(grid) = product.grid {
+        let position = grid.position_m(row, column);
+        told["position_m"] = json!(position.to_array());
+        if grid.polar {
+            told["range_m"] = json!(grid.rows.at(row));
+            told["angle_deg"] = json!(grid.columns.at(column).to_degrees());
+        }
+        if let Some(place) = place(product, position) {
+            told["latitude_deg"] = json!(place.latitude_deg);
+            told["longitude_deg"] = json!(place.longitude_deg);
+            told["height_m"] = json!(place.height_m);
+        }
+    }
+    Ok(told)
+}
+
+/// Where a point of the grid's plane is on the Earth.
+fn place(product: &Product, position: DVec3) -> Option<Geodetic> {
+    let on_ground = match product.slant {
+        true => on_ground(product, position)?,
+        false => position,
+    };
+    product.frame.geodetic(on_ground)
+}
+
+/// Along the plane's normal to the height of the frame's origin: a curve of one range and one Doppler frequency leaves the plane of both so.
+fn on_ground(product: &Product, position: DVec3) -> Option<DVec3> {
+    let grid = product.grid?;
+    let normal = grid.x_axis.cross(grid.y_axis);
+    let SceneFrame::Earth { origin_ecf_m, .. } = product.frame else {
+        return None;
+    };
+    let [_, _, up] = Geodetic::from_ecf_m(origin_ecf_m).east_north_up();
+    let up = product.frame.direction_from_ecf(up);
+    let steep = normal.dot(up);
+    // A plane that stands upright meets the ground nowhere in particular.
+    (steep.abs() > 0.05).then(|| position - normal * (up.dot(position) / steep))
+}
+
+/// The response of the brightest point within some pixels of one.
+pub(super) fn response(
+    product: &Product,
+    [row, column]: [usize; 2],
+    search_px: usize,
+) -> Result<Value, ResponseError> {
+    let grid = product.any_grid();
+    let settings = Settings {
+        search_px,
+        carrier: product.carrier,
+        looks: product.looks.as_ref(),
+        ..Settings::default()
+    };
+    let target = Target::Near {
+        column_value: grid.columns.at(column),
+        row_value: grid.rows.at(row),
+    };
+    let found = measure_in(&product.pixels, &grid, target, &settings)?;
+    let mut told = serde_json::to_value(&found).unwrap_or_default();
+    let curves: Vec<Value> = found.cuts.iter().map(curve).collect();
+    told["curves"] = json!(curves);
+    told["in_pixels"] = json!(product.grid.is_none());
+    told["polar"] = json!(grid.polar);
+    Ok(told)
+}
+
+/// A cut's curve, thinned.
+fn curve(cut: &Cut) -> Value {
+    let every = cut.offsets.len().div_ceil(MOST_POINTS).max(1);
+    let offsets: Vec<f64> = cut.offsets.iter().step_by(every).copied().collect();
+    let levels = cut.powers.iter().step_by(every);
+    let levels: Vec<Option<f64>> = levels
+        .map(|&power| (power > 0.0).then(|| 10.0 * power.log10()))
+        .collect();
+    json!({ "offsets": offsets, "levels_db": levels })
+}

@@ -1,0 +1,223 @@
+//! What is answered of images.
+
+use std::sync::Arc;
+
+use axum::Router;
+use axum::extract::{Path, State};
+use axum::http::{StatusCode, header};
+use axum::middleware::from_fn;
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use serde_json::Value;
+use subaperture_model::image::PartsError;
+
+use super::shown::Shown;
+use super::tile::encode;
+use super::{Gallery, cut, look, point};
+use crate::guard::{colours, file, guard};
+
+type All = State<Arc<Gallery>>;
+
+/// Pixels around a place that are searched for the brightest, at the most.
+const MOST_SEARCHED: usize = 64;
+
+const STYLE: &str = "text/css; charset=utf-8";
+const SCRIPT: &str = "text/javascript; charset=utf-8";
+
+pub(crate) fn product_routes(gallery: Arc<Gallery>) -> Router {
+    let page = include_str!("page/index.html");
+    let licences = include_str!("page/leaflet/LICENSE");
+    Router::new()
+        .route("/", get(move || file("text/html; charset=utf-8", page)))
+        .route(
+            "/view.css",
+            get(|| file(STYLE, include_str!("page/view.css"))),
+        )
+        .route(
+            "/view.js",
+            get(|| file(SCRIPT, include_str!("page/view.js"))),
+        )
+        .route(
+            "/measure.js",
+            get(|| file(SCRIPT, include_str!("page/measure.js"))),
+        )
+        .route(
+            "/leaflet.css",
+            get(|| file(STYLE, include_str!("page/leaflet/leaflet.css"))),
+        )
+        .route(
+            "/leaflet.js",
+            get(|| file(SCRIPT, include_str!("page/leaflet/leaflet.js"))),
+        )
+        .route(
+            "/licences",
+            get(move || file("text/plain; charset=utf-8", licences)),
+        )
+        .route("/favicon.ico", get(|| async { StatusCode::NO_CONTENT }))
+        .route("/colours", get(colours))
+        .route("/state", get(state))
+        .route("/tile/{image}/{level}/{row}/{column}", get(tile))
+        .route("/phase/{image}/{row}/{column}", get(phase))
+        .route(
+            "/look/{image}/{from}/{to}/{level}/{row}/{column}",
+            get(part),
+        )
+        .route("/value/{image}/{row}/{column}", get(value))
+        .route(
+            "/cut/{image}/{row}/{column}/{to_row}/{to_column}",
+            get(along),
+        )
+        .route("/point/{image}/{row}/{column}/{search}", get(response))
+        .route("/layer/{layer}/{image}", get(layer))
+        .with_state(gallery)
+        .layer(from_fn(guard))
+}
+
+/// What a request comes to.
+enum Answer {
+    Bytes(Vec<u8>),
+    Json(Value),
+    /// There is no such thing.
+    None,
+    /// It cannot be had of this image, and why.
+    Refused(String),
+}
+
+impl From<Option<Vec<u8>>> for Answer {
+    fn from(bytes: Option<Vec<u8>>) -> Self {
+        bytes.map_or(Self::None, Self::Bytes)
+    }
+}
+
+impl IntoResponse for Answer {
+    fn into_response(self) -> Response {
+        match self {
+            Self::Bytes(bytes) => {
+                ([(header::CONTENT_TYPE, "application/octet-stream")], bytes).into_response()
+            }
+            Self::Json(value) => {
+                let kind = [(header::CONTENT_TYPE, "application/json")];
+                (kind, value.to_string()).into_response()
+            }
+            Self::None => {
+                (StatusCode::NOT_FOUND, "There is no such image or tile.\n").into_response()
+            }
+            Self::Refused(why) => (StatusCode::UNPROCESSABLE_ENTITY, why).into_response(),
+        }
+    }
+}
+
+/// Computes beside the thread that answers, no more at once than may be.
+async fn compute(
+    gallery: Arc<Gallery>,
+    image: usize,
+    work: impl FnOnce(&Gallery, &Shown) -> Result<Answer, PartsError> + Send + 'static,
+) -> Response {
+    let Ok(place) = Arc::clone(&gallery.computing).acquire_owned().await else {
+        return StatusCode::SERVICE_UNAVAILABLE.into_response();
+    };
+    let done = tokio::task::spawn_blocking(move || {
+        let _place = place;
+        match gallery.shown.get(image) {
+            Some(shown) => work(&gallery, shown),
+            None => Ok(Answer::None),
+        }
+    });
+    match done.await {
+        Ok(Ok(answer)) => answer.into_response(),
+        Ok(Err(error)) => (StatusCode::INTERNAL_SERVER_ERROR, error.to_string()).into_response(),
+        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
+}
+
+async fn state(State(all): All) -> impl IntoResponse {
+    Answer::Json(all.state())
+}
+
+async fn tile(
+    State(all): All,
+    Path((image, level, row, column)): Path<(usize, u32, usize, usize)>,
+) -> Response {
+    let work = move |_: &Gallery, shown: &Shown| Ok(shown.tile(level, [row, column])?.into());
+    compute(all, image, work).await
+}
+
+async fn phase(
+    State(all): All,
+    Path((image, row, column)): Path<(usize, usize, usize)>,
+) -> Response {
+    let work = move |_: &Gallery, shown: &Shown| Ok(shown.phases([row, column])?.into());
+    compute(all, image, work).await
+}
+
+async fn part(
+    State(all): All,
+    Path((image, from, to, level, row, column)): Path<(usize, u16, u16, u32, usize, usize)>,
+) -> Response {
+    if from >= to || to > 1000 {
+        return Answer::None.into_response();
+    }
+    let part = [from, to].map(|thousandths| f64::from(thousandths) / 1000.0);
+    let work = move |_: &Gallery, shown: &Shown| {
+        let product = &shown.product;
+        let Some(aperture) = &product.aperture else {
+            return Ok(Answer::None);
+        };
+        let (pixels, grid) = (&product.pixels, product.any_grid());
+        let found = look::powers(pixels, &grid, aperture, part, (level, [row, column]))?;
+        Ok(found.map(|(place, powers)| encode(&place, &powers)).into())
+    };
+    compute(all, image, work).await
+}
+
+async fn value(
+    State(all): All,
+    Path((image, row, column)): Path<(usize, usize, usize)>,
+) -> Response {
+    let work = move |_: &Gallery, shown: &Shown| match row < shown.size[0] && column < shown.size[1]
+    {
+        true => point::value(&shown.product, [row, column]).map(Answer::Json),
+        false => Ok(Answer::None),
+    };
+    compute(all, image, work).await
+}
+
+async fn along(
+    State(all): All,
+    Path((image, row, column, to_row, to_column)): Path<(usize, f64, f64, f64, f64)>,
+) -> Response {
+    let ends = [[row, column], [to_row, to_column]];
+    let near = ends.iter().flatten().all(|x| x.abs() <= 1e9);
+    let work = move |_: &Gallery, shown: &Shown| match near {
+        true => cut::along(&shown.product.pixels, ends).map(Answer::Json),
+        false => Ok(Answer::None),
+    };
+    compute(all, image, work).await
+}
+
+async fn response(
+    State(all): All,
+    Path((image, row, column, search)): Path<(usize, usize, usize, usize)>,
+) -> Response {
+    let work = move |_: &Gallery, shown: &Shown| {
+        if row >= shown.size[0] || column >= shown.size[1] {
+            return Ok(Answer::None);
+        }
+        let found = point::response(&shown.product, [row, column], search.min(MOST_SEARCHED));
+        Ok(match found {
+            Ok(found) => Answer::Json(found),
+            Err(error) => Answer::Refused(error.to_string()),
+        })
+    };
+    compute(all, image, work).await
+}
+
+async fn layer(State(all): All, Path((layer, image)): Path<(usize, usize)>) -> Response {
+    let work = move |all: &Gallery, shown: &Shown| {
+        let found = all.layers.get(layer);
+        Ok(found.map_or(Answer::None, |layer| {
+            Answer::Json(layer.over(&shown.product))
+        }))
+    };
+    compute(all, image, work).await
+}

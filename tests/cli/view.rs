@@ -1,0 +1,270 @@
+//! `subap view`: what it takes and refuses, what it answers, and how it ends. The page itself is tested in `host/viewer/tests/images.rs`.
+
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+use subaperture_tests::subap::{command, listing, run};
+
+/// A page that is served, killed if a test fails.
+struct Served {
+    child: Child,
+    address: String,
+}
+
+impl Served {
+    fn begin(folder: &Path, line: &str) -> Self {
+        let mut child = command(folder, line.split_whitespace())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut url = String::new();
+        let mut lines = BufReader::new(child.stdout.take().unwrap());
+        lines.read_line(&mut url).unwrap();
+        let address = url.trim().strip_prefix("http://").unwrap_or_default();
+        let address = address.trim_end_matches('/').to_owned();
+        Self { child, address }
+    }
+
+    fn ask(&self, path: &str) -> String {
+        let mut stream = TcpStream::connect(&self.address).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(20)))
+            .unwrap();
+        write!(
+            stream,
+            "GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n",
+            self.address
+        )
+        .unwrap();
+        let mut all = Vec::new();
+        stream.read_to_end(&mut all).unwrap();
+        let end = all.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
+        String::from_utf8_lossy(&all[end + 4..]).into_owned()
+    }
+
+    fn state(&self) -> Value {
+        serde_json::from_str(&self.ask("/state")).unwrap()
+    }
+
+    fn settled(&self) -> Value {
+        let begun = Instant::now();
+        loop {
+            let state = self.state();
+            let images = state["images"].as_array().unwrap();
+            if images.iter().all(|image| image["settled"] == true) {
+                return state;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(60), "{state}");
+            std::thread::sleep(Duration::from_millis(30));
+        }
+    }
+
+    /// By a signal; how it ended, and how long that took.
+    fn end(mut self, signal: &str) -> (Option<i32>, Duration) {
+        let begun = Instant::now();
+        let id = self.child.id().to_string();
+        let sent = Command::new("kill").args([signal, &id]).status().unwrap();
+        assert!(sent.success());
+        (self.child.wait().unwrap().code(), begun.elapsed())
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A product of few pixels, and layers.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    run(at, "simulate --preset table-4-1 -o table.cphd").succeeded();
+    run(
+        at,
+        "focus table.cphd --grid x=-6:6:0.1,y=-5:5:0.1 --out image",
+    )
+    .succeeded();
+    fs::write(
+        at.join("track.csv"),
+        "time_s,x_m,y_m,z_m\n0,0,0,0\n1,2,3,0\n",
+    )
+    .unwrap();
+    fs::write(
+        at.join("marks.geojson"),
+        r#"{"type":"Point","coordinates":[0,0]}"#,
+    )
+    .unwrap();
+    folder
+}
+
+#[test]
+fn a_product_is_served_with_its_layers_until_a_signal_comes() {
+    let folder = folder();
+    let at = folder.path();
+    let before = listing(at);
+    let line = "view image image/image.npy --layer track.csv --layer marks.geojson";
+    let served = Served::begin(at, line);
+    assert!(
+        served.address.starts_with("127.0.0.1:"),
+        "{}",
+        served.address
+    );
+    let state = served.settled();
+    let [product, array] = [0, 1].map(|i| &state["images"][i]);
+    assert_eq!(
+        (&product["rows"], &product["columns"]),
+        (&100.into(), &120.into())
+    );
+    assert_eq!(product["steps_m"], serde_json::json!([0.1, 0.1]));
+    assert_eq!(product["aperture"], true);
+    assert!(array["steps_m"].is_null() && array["fault"].is_null());
+    // The track begins at the scene's middle, row 50 and column 60, and goes 3 m up and 2 m to the right.
+    let track: Value = serde_json::from_str(&served.ask("/layer/0/0")).unwrap();
+    let places = &track["features"][0]["shapes"][0]["places"];
+    let place = |i: usize, k: usize| places[i][k].as_f64().unwrap();
+    for (i, expected) in [[50.0, 60.0], [80.0, 80.0]].into_iter().enumerate() {
+        assert!(
+            (place(i, 0) - expected[0]).abs() < 1e-6 && (place(i, 1) - expected[1]).abs() < 1e-6
+        );
+    }
+    // The point in the middle: a unit scatterer, as wide as the radar resolves.
+    let point: Value = serde_json::from_str(&served.ask("/point/0/50/60/4")).unwrap();
+    assert!(point["level_db"].as_f64().unwrap().abs() < 0.2, "{point}");
+    assert!(point["cuts"][0]["width_3db"].as_f64().unwrap() > 0.1);
+    for signal in ["-INT", "-TERM"] {
+        let served = Served::begin(at, "view image");
+        let (code, took) = served.end(signal);
+        // Within a second, as all that it is asked for ends; the machine may be busy.
+        assert!(
+            code == Some(0) && took < Duration::from_secs(3),
+            "{code:?} {took:?}"
+        );
+    }
+    assert_eq!(listing(at), before);
+}
+
+#[test]
+fn a_record_that_is_not_of_its_image_is_told_on_the_page() {
+    let folder = folder();
+    let path = folder.path().join("image/image.npy");
+    let mut bytes = fs::read(&path).unwrap();
+    bytes[5000] ^= 1;
+    fs::write(&path, bytes).unwrap();
+    let served = Served::begin(folder.path(), "view image");
+    let state = served.settled();
+    let fault = state["images"][0]["fault"].as_str().unwrap();
+    assert!(
+        fault.contains("CRC-32") && fault.contains("form it again"),
+        "{fault}"
+    );
+}
+
+/// A store that other processes fill: its plan tells where it is, and tiles are shown as they come.
+#[test]
+fn an_image_that_is_being_formed_in_tiles_is_shown() {
+    let folder = folder();
+    let at = folder.path();
+    run(
+        at,
+        "plan focus table.cphd --grid x=-20:20:0.1,y=-20:20:0.1 -o plan.json",
+    )
+    .succeeded();
+    run(at, "focus table.cphd --plan plan.json --tiles 1/2 -o grown").succeeded();
+    let served = Served::begin(at, "view grown");
+    let begun = Instant::now();
+    while served.state()["images"][0]["ready"] != true {
+        assert!(begun.elapsed() < Duration::from_secs(20));
+        std::thread::sleep(Duration::from_millis(30));
+    }
+    let image = &served.state()["images"][0];
+    assert_eq!(image["steps_m"], serde_json::json!([0.1, 0.1]));
+    let fraction = image["fraction"].as_f64().unwrap();
+    assert!(
+        image["settled"] == false && fraction > 0.2 && fraction < 0.8,
+        "{image}"
+    );
+    run(at, "focus table.cphd --plan plan.json --tiles 2/2 -o grown").succeeded();
+    let state = served.settled();
+    assert_eq!(state["images"][0]["fraction"].as_f64(), Some(1.0));
+}
+
+/// An image of 6000 x 6000 pixels, 288 MB, within little memory: 16 MiB and 1 a thread are the program's own by its account, 5 the overview's and the glance's,
+/// two requests of a few each; the rest is what the allocator keeps.
+#[cfg(target_os = "linux")]
+#[test]
+fn memory_does_not_follow_the_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let header = "{'descr': '<c8', 'fortran_order': False, 'shape': (6000, 6000), }";
+    let mut file = File::create(folder.path().join("large.npy")).unwrap();
+    file.write_all(b"\x93NUMPY\x01\x00\x76\x00").unwrap();
+    write!(file, "{header:<117}\n").unwrap();
+    file.set_len(128 + 8 * 6000 * 6000).unwrap();
+    drop(file);
+    let served = Served::begin(folder.path(), "view large.npy --memory 100M --threads 2");
+    served.settled();
+    for level in 0..=5 {
+        for at in 0..3 {
+            served.ask(&format!("/tile/0/{level}/{at}/{at}"));
+        }
+    }
+    served.ask("/cut/0/0/0/5999/5999");
+    let status = fs::read_to_string(format!("/proc/{}/status", served.child.id())).unwrap();
+    let line = status
+        .lines()
+        .find(|line| line.starts_with("VmHWM:"))
+        .unwrap();
+    let kib: u64 = line.split_whitespace().nth(1).unwrap().parse().unwrap();
+    println!("{kib} KiB at the most");
+    assert!(kib < 80 << 10, "{line}");
+}
+
+#[test]
+fn what_cannot_be_shown_is_refused() {
+    let folder = folder();
+    let at = folder.path();
+    fs::write(at.join("bad.geojson"), "{}").unwrap();
+    fs::write(at.join("bad.csv"), "time_s\n").unwrap();
+    fs::create_dir(at.join("empty")).unwrap();
+    for (line, code, parts) in [
+        ("view", 2, &["IMAGE"][..]),
+        ("view nowhere", 1, &["nowhere"]),
+        ("view empty", 1, &["empty", "image.json"]),
+        ("view table.cphd", 1, &["table.cphd", "no image"]),
+        (
+            "view image --layer nowhere.geojson",
+            1,
+            &["nowhere.geojson", "cannot read"],
+        ),
+        (
+            "view image --layer bad.geojson",
+            1,
+            &["bad.geojson", "no GeoJSON"],
+        ),
+        ("view image --layer bad.csv", 1, &["bad.csv, line 1"]),
+        ("view image --port 99999", 2, &["--port"]),
+        ("view image --port 1 --listen 127.0.0.1:1", 2, &["--listen"]),
+        (
+            "view image --listen 192.0.2.1:80",
+            1,
+            &["cannot listen at 192.0.2.1:80"],
+        ),
+    ] {
+        run(at, line).failed(code, parts);
+    }
+    // Two at one port: the second says so.
+    let served = Served::begin(at, "view image");
+    let port = served.address.rsplit_once(':').unwrap().1;
+    run(at, &format!("view image --port {port}")).failed(1, &["cannot listen", port]);
+    // As JSON.
+    let mut json = Served::begin(at, "view image --json");
+    assert!(json.address.is_empty(), "{}", json.address);
+    json.child.kill().unwrap();
+}
