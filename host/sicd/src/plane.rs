@@ -5,7 +5,7 @@ use roxmltree::{Document, Node};
 use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
 
 /// The plane of an image: rows along its y axis, which is the file's `Row` direction, columns along its x axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
     /// Pixels, metres from the scene centre point.
     pub grid: ImageGrid,

@@ -195,10 +195,11 @@ fn coarse_pixels_are_means_of_power() {
     let (row, column) = (raster.rows / 2, raster.columns / 2 + 2);
     let got = ortho.powers(&[row..row + 1, column..column + 1]).unwrap()[0];
     let parts = [1.0, 3.0, 5.0].map(|part| part / 6.0);
+    let (grid, frame) = (&grid, &frame);
     let powers = parts.iter().flat_map(|down| {
         parts.iter().map(move |along| {
             let at = raster.coordinates([row as f64 + down, column as f64 + along]);
-            exact(above(&grid, &frame, raster.projection.place(at))).norm_sqr()
+            exact(above(grid, frame, raster.projection.place(at))).norm_sqr()
         })
     });
     let expected = powers.sum::<f64>() / 9.0;

@@ -103,6 +103,7 @@ impl Product {
             count,
         };
         self.grid
+            .clone()
             .unwrap_or_else(|| ImageGrid::horizontal(axis(columns), axis(rows), 0.0))
     }
 }

@@ -25,7 +25,7 @@ pub(super) fn value(product: &Product, [row, column]: [usize; 2]) -> Result<Valu
         "level_db": there.then(|| 10.0 * power.log10()),
         "phase_deg": there.then(|| f64::from(pixel.im).atan2(pixel.re.into()).to_degrees()),
     });
-    if let Some(grid) = product.grid {
+    if let Some(grid) = &product.grid {
         let position = grid.position_m(row, column);
         told["position_m"] = json!(position.to_array());
         if grid.polar {
@@ -52,7 +52,7 @@ fn place(product: &Product, position: DVec3) -> Option<Geodetic> {
 
 /// Along the plane's normal to the height of the frame's origin: a curve of one range and one Doppler frequency leaves the plane of both so.
 fn on_ground(product: &Product, position: DVec3) -> Option<DVec3> {
-    let grid = product.grid?;
+    let grid = product.grid.as_ref()?;
     let normal = grid.x_axis.cross(grid.y_axis);
     let SceneFrame::Earth { origin_ecf_m, .. } = product.frame else {
         return None;

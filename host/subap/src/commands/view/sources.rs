@@ -58,7 +58,7 @@ fn product(name: String, folder: &Path) -> anyhow::Result<Product> {
     let seen = seen(record);
     let grid = stored.grid;
     let mut shown = Product::new(name, stored.pixels.into());
-    shown.grid = Some(grid);
+    shown.grid = Some(grid.clone());
     // What a record of another kind does not tell is not shown.
     shown.frame = stored_product::frame_of(record).unwrap_or(SceneFrame::Local);
     shown.carrier = seen.as_ref().map(Carrier::of);
