@@ -36,7 +36,7 @@ const OPTIONAL: [(&str, &[&str]); 22] = [
     ("subaperture-core", &["link"]),
     ("subaperture-sicd", &["sicd"]),
     ("subaperture-planner", &["planner"]),
-    ("subaperture-quality", &["quality", "autofocus"]),
+    ("subaperture-quality", &["quality", "autofocus", "viewer"]),
     ("subaperture-autofocus", &["autofocus"]),
     ("subaperture-maps", &["maps"]),
     ("subaperture-motion", &["motion"]),
