@@ -139,6 +139,9 @@ fn a_product_is_served_with_its_layers_until_a_signal_comes() {
     let point: Value = serde_json::from_str(&served.ask("/point/0/50/60/4")).unwrap();
     assert!(point["level_db"].as_f64().unwrap().abs() < 0.2, "{point}");
     assert!(point["cuts"][0]["width_3db"].as_f64().unwrap() > 0.1);
+    // Of the aperture, a half: all cells of the image have a level.
+    let half = served.ask("/look/0/0/500/0/0/0");
+    assert!(half.len() > 100_000 && served.ask("/look/1/0/500/0/0/0").contains("no such"));
     for signal in ["-INT", "-TERM"] {
         let served = Served::begin(at, "view image");
         let (code, took) = served.end(signal);

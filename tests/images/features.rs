@@ -40,7 +40,7 @@ const OPTIONAL: [(&str, &[&str]); 25] = [
     ("subaperture-terrain", &["terrain"]),
     ("tiff", &["terrain"]),
     ("subaperture-planner", &["planner"]),
-    ("subaperture-quality", &["quality", "autofocus"]),
+    ("subaperture-quality", &["quality", "autofocus", "viewer"]),
     ("subaperture-autofocus", &["autofocus"]),
     ("subaperture-maps", &["maps"]),
     ("subaperture-motion", &["motion"]),

@@ -22,8 +22,8 @@
 //!
 //! # Bounds
 //! A first look at every so manieth pixel is there at once. The overview, planes of mean power from the third level on or as fine as memory allows,
-//! is made in one pass by one thread: a twelfth of a byte a pixel. Finer tiles are computed of at most `256 * 2^k` rows and columns, 1 MiB at a
-//! time, as many at once as there are threads; who asks meanwhile waits. Of an image in tiles 48 MiB of them are kept.
+//! is made in one pass by one thread: a twelfth of a byte a pixel. Finer tiles are computed of their pixels, at most 2048 x 2048, 1 MiB at a
+//! time (those of a part of the aperture of 1152 x 1152 at once, 21 MB; the response of a point that is thousands of pixels wide up to 170 MB), as many at once as there are threads; who asks meanwhile waits. Of an image in tiles 48 MiB of them are kept.
 //! Connections are bounded as those of a capture's page.
 
 mod cut;

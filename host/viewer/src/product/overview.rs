@@ -121,8 +121,27 @@ impl Overview {
         }
     }
 
-    /// Mean powers of a place of a level that is kept, row-major.
-    pub(super) fn powers(&self, level: u32, [rows, columns]: &Place) -> Vec<f64> {
+    /// Mean powers of a place of a level, row-major: of a level finer than those that are kept those of the cells around it.
+    pub(super) fn powers(&self, level: u32, place: &Place) -> Vec<f64> {
+        let missing = self.finest.saturating_sub(level);
+        let around = |i: usize| place[i].start >> missing..((place[i].end - 1) >> missing) + 1;
+        let kept = self.kept(level + missing, &[around(0), around(1)]);
+        if missing == 0 {
+            return kept;
+        }
+        let [first, across] = [around(0).start, around(1).start];
+        let width = around(1).len();
+        let cell = |row: usize, column: usize| {
+            kept[((row >> missing) - first) * width + (column >> missing) - across]
+        };
+        let rows = place[0].clone();
+        rows.flat_map(|row| place[1].clone().map(move |column| (row, column)))
+            .map(|(row, column)| cell(row, column))
+            .collect()
+    }
+
+    /// Those of a level that is kept.
+    fn kept(&self, level: u32, [rows, columns]: &Place) -> Vec<f64> {
         let plane = &self.planes[(level - self.finest) as usize];
         let mut powers = Vec::with_capacity(rows.len() * columns.len());
         for row in rows.clone() {
@@ -240,6 +259,16 @@ mod tests {
                     "{level} {row} {column}"
                 );
             }
+        }
+        // With room for the last level alone, its cells stand for those of the level before.
+        let mut little = Overview::new(size, 40_000);
+        little.add(&[0..2300, 0..4100], &image);
+        assert_eq!(little.finest(), 5);
+        let place = [3..72, 100..129];
+        for (i, power) in little.powers(4, &place).into_iter().enumerate() {
+            let (row, column) = (3 + i / 29, 100 + i % 29);
+            let expected = mean(&image, 5, row / 2, column / 2);
+            assert!((power / expected - 1.0).abs() < 1e-5, "{row} {column}");
         }
         assert_eq!(
             overview.small(150).len(),

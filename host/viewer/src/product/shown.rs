@@ -13,6 +13,9 @@ use super::tile::{cells, encode, glanced, phases, powers};
 /// Least and most dB between black and white, and how far below the median black lies, as `subaperture_plot` has them.
 const SPANS_DB: [f64; 2] = [40.0, 60.0];
 const BELOW_MEDIAN_DB: f64 = 6.0;
+/// The coarsest level whose cells are computed of pixels when they are asked for, 2048 x 2048 of them for a tile: where memory keeps none of the next levels, cells of the
+/// finest that is kept stand for theirs.
+const COARSEST_COMPUTED: u32 = 3;
 /// Rows and columns of what the scale is of.
 const SCALE_SIDE: usize = 512;
 
@@ -126,7 +129,7 @@ impl Shown {
         };
         let overview = self.overview.read().unwrap_or_else(PoisonError::into_inner);
         let ready = self.state().ready;
-        let cells = if level < overview.finest() {
+        let cells = if level < overview.finest() && level <= COARSEST_COMPUTED {
             drop(overview);
             powers(&self.product.pixels, level, &place)?
         } else if ready {

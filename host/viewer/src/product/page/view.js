@@ -111,7 +111,9 @@ function layerOf(n) {
   plane.on("tileunload", ({ tile }) => tile.abort?.abort());
   return plane;
 }
-const alike = (a, b) => a.rows === b.rows && a.columns === b.columns;
+// Whether pixels of one size lie on one another, and at the same places as far as both know theirs.
+const alike = (a, b) => ["rows", "columns", "right", "up"].every((key) => a[key] === b[key])
+  && (!a.steps_m || !b.steps_m || ["rows_axis", "columns_axis", "steps_m"].every((key) => String(a[key]) === String(b[key])));
 
 // Shows an image, where it was if the one before was as large.
 function show(n, from) {
@@ -143,7 +145,7 @@ function beside(n) {
   const fits = n >= 0 && n !== view.shown && alike(view.images[n], image());
   $("compare").hidden = !fits;
   $("unlike").hidden = n < 0 || n === view.shown || fits;
-  if (!$("unlike").hidden) $("unlike").textContent = "These images differ in rows or columns: form both on one grid to compare them.";
+  if (!$("unlike").hidden) $("unlike").textContent = "These images are on different grids: form both on one to compare them.";
   $("other").value = String(n);
   if (!fits) { view.swiped = false; swipe(); return; }
   planes.other = layerOf(n).addTo(map);
@@ -314,7 +316,7 @@ async function poll() {
     if (fault) wrong(`${fault.name}: ${fault.fault}`);
     else {
       document.body.dataset.state = now.settled ? "ready" : "reading";
-      $("state").textContent = now.settled ? `${now.rows} x ${now.columns} pixels` : `${now.rows} x ${now.columns} pixels, overview ${Math.floor(100 * now.fraction)} %`;
+      $("state").textContent = now.settled ? `${now.rows} x ${now.columns} pixels` : `${now.rows} x ${now.columns} pixels, overview ${Math.floor(100 * now.fraction)} % there`;
     }
     const settled = view.images.every((about) => about.settled);
     wait = view.top === null ? 60 : settled ? 3000 : 400;
