@@ -106,3 +106,98 @@ fn reflectors_are_projected_by_the_images_own_fields() {
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{text}{errors}");
 }
+
+/// What the air adds to the path between a point and the satellite, metres: N exp(-h / 7.35 km) summed along the line, whose height over the curved
+/// Earth is its height over the plane and the square of what it goes along it over twice the Earth's radius.
+fn extra_m(refractivity: f64, point: DVec3, satellite: DVec3) -> f64 {
+    let line = satellite - point;
+    let (sine, cosine2) = (
+        line.z / line.length(),
+        1.0 - (line.z / line.length()).powi(2),
+    );
+    let (count, end_m) = (100_000, 250e3);
+    let step_m = end_m / f64::from(count);
+    let mut sum = 0.0;
+    for i in 0..count {
+        let s = (f64::from(i) + 0.5) * step_m;
+        let height_m = ORIGIN[2] + point.z + s * sine + s * s * cosine2 / (2.0 * 6.371e6);
+        sum += (-height_m / 7350.0).exp() * step_m;
+    }
+    1e-6 * refractivity * sum
+}
+
+/// A recording through a vacuum, from which the air's delay is taken, shows what it would have shown nearer: by as much as makes paths to the first and the last place of
+/// the satellite shorter by the air's.
+#[test]
+fn the_air_that_is_taken_away_is_what_the_profile_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let point = DVec3::new(-4.0, 6.0, 0.0);
+    fs::write(at.join("a.toml"), scenario(point)).unwrap();
+    run(at, "simulate a.toml -o a.cphd").succeeded();
+    let grid = "--grid x=-12:6:0.1,y=-6:14:0.05 --surface slant";
+    let brightest = |name: &str| {
+        let record = fs::read(at.join(name).join("image.json")).unwrap();
+        let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
+        let place: [f64; 3] =
+            serde_json::from_value(record["brightest"]["position_m"].clone()).unwrap();
+        let axis = |key: &str| -> DVec3 {
+            let axis: [f64; 3] = serde_json::from_value(record["grid"][key].clone()).unwrap();
+            axis.into()
+        };
+        (DVec3::from(place), [axis("x_axis"), axis("y_axis")])
+    };
+    run(at, &format!("focus a.cphd {grid} --out vacuum")).succeeded();
+    let (vacuum_m, [x, y]) = brightest("vacuum");
+    let satellite = |pulse: f64| {
+        DVec3::new(180e3, -480e3, 350e3) + DVec3::X * (7500.0 * 12.5e-3 * (pulse - 99.5))
+    };
+    for (name, air, refractivity) in [
+        ("mean", "exponential", 313.0),
+        ("thick", "exponential:400", 400.0),
+        ("none", "exponential:0", 0.0),
+    ] {
+        let line = format!("focus a.cphd {grid} --troposphere {air} --out {name}");
+        let ran = run(at, &line);
+        ran.succeeded();
+        let (found_m, _) = brightest(name);
+        // Two equations for what it moves by along x and y.
+        let [[a, b, e], [c, d, f]] = [0.0, 199.0].map(|pulse| {
+            let from = satellite(pulse);
+            let sight = (point - from).normalize();
+            [
+                sight.dot(x),
+                sight.dot(y),
+                -extra_m(refractivity, point, from),
+            ]
+        });
+        let determinant = a * d - b * c;
+        let expected = [(e * d - b * f) / determinant, (a * f - e * c) / determinant];
+        let moved = found_m - vacuum_m;
+        let measured = [moved.dot(x), moved.dot(y)];
+        println!("{name}: {measured:.2?} m, {expected:.2?} expected");
+        // Half a pixel of either image; along x responses are 0.35 m wide and slant.
+        assert!(
+            (measured[0] - expected[0]).abs() <= 0.11,
+            "{measured:?} {expected:?}"
+        );
+        assert!(
+            (measured[1] - expected[1]).abs() <= 0.06,
+            "{measured:?} {expected:?}"
+        );
+        assert!(refractivity == 0.0 || expected[1] < -3.0, "{expected:?}");
+    }
+    // Tiles by a plan, to the same bits, if the plan's recording is given as it was planned.
+    let plan = format!("plan focus a.cphd {grid} --troposphere exponential -o plan.json");
+    run(at, &plan).succeeded();
+    run(at, "focus a.cphd --plan plan.json --out other").failed(1, &["the plan was made for"]);
+    run(
+        at,
+        "focus a.cphd --plan plan.json --troposphere exponential --out tiles",
+    )
+    .succeeded();
+    let [whole, tiles] =
+        ["mean", "tiles"].map(|n| subaperture::io::product::read(&at.join(n)).unwrap());
+    assert!(whole.image.pixels == tiles.image.pixels);
+    run(at, "focus a.cphd --troposphere thick --out never").failed(2, &["exponential:313"]);
+}

@@ -40,7 +40,6 @@
 use num_complex::Complex64;
 
 use super::budget::Budget;
-use super::former::check_surface;
 use super::sampled::{Probes, Sampled, TileRecord};
 use super::{
     Aim, Decision, FormError, Formed, ImageFormer, Reason, Remedy, Task, Tile, Work, rounding,
@@ -272,7 +271,7 @@ fn attempt<F: ImageFormer + ?Sized>(
     form: impl FnOnce(&Decision, &Work, &mut [Tile]) -> Result<(), FormError>,
 ) -> Result<Attempt, FormError> {
     task.check()?;
-    check_surface(former, task.grid)?;
+    super::check_surface(former, task.grid)?;
     let aim = task.aim();
     let swept = swept(former, &aim, asked)?;
     let probes = Probes::new(aim, asked.bound_db.unwrap_or(f64::NEG_INFINITY));
@@ -356,7 +355,7 @@ pub(super) fn keep_planned<F: ImageFormer + ?Sized>(
     misses: Misses,
 ) -> Result<Formed, FormError> {
     task.check()?;
-    check_surface(former, task.grid)?;
+    super::check_surface(former, task.grid)?;
     let asked = former.asked(misses);
     let (tile, decision) = whole(former, task, &asked, task.history, opened(former, task))?;
     let planned_db = decision.planned_db;

@@ -20,7 +20,7 @@ use num_complex::Complex32;
 use super::accuracy::{self, Asked, Misses};
 use super::cost::Cost;
 use super::patch::{PatchSize, Rectangle};
-use super::{FormError, Formed, Means, Reason, Remedy, Task};
+use super::{FormError, Formed, Means, Task};
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::monitor::Monitor;
 use subaperture_model::phase_history::{Collection, PhaseHistory, Weights};
@@ -252,28 +252,6 @@ pub trait ImageFormer: Send + Sync {
     /// The same former, planning for an error of `error_db`; `None` if it has no way to make its errors smaller.
     fn planning_for(&self, _error_db: f64) -> Option<Box<dyn ImageFormer>> {
         None
-    }
-}
-
-/// Refuses pixels on a surface for a former that takes planes.
-///
-/// # Errors
-/// [`FormError::Unsuited`].
-pub(crate) fn check_surface<F: ImageFormer + ?Sized>(
-    former: &F,
-    grid: &ImageGrid,
-) -> Result<(), FormError> {
-    match &grid.relief {
-        Some(relief) if !former.follows_relief() => {
-            let why = format!(
-                "pixels lie on {}, and {} forms those of a plane",
-                relief.surface(),
-                former.name()
-            );
-            let remedies = [Remedy::OtherFormer(&["bp", "exact"])];
-            Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)))
-        }
-        _ => Ok(()),
     }
 }
 

@@ -135,6 +135,25 @@ fn check(collection: &Collection, grid: &ImageGrid) -> Result<(), FormError> {
     }
 }
 
+/// Refuses pixels on a surface for a former that takes planes.
+///
+/// # Errors
+/// [`FormError::Unsuited`].
+fn check_surface<F: ImageFormer + ?Sized>(former: &F, grid: &ImageGrid) -> Result<(), FormError> {
+    match &grid.relief {
+        Some(relief) if !former.follows_relief() => {
+            let why = format!(
+                "pixels lie on {}, and {} forms those of a plane",
+                relief.surface(),
+                former.name()
+            );
+            let remedies = [Remedy::OtherFormer(&["bp", "exact"])];
+            Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn check_not_empty(collection: &Collection, grid: &ImageGrid) -> Result<(), FormError> {
     let what = if collection.pulses.is_empty() {
         "the collection holds no pulses"

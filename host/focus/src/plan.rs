@@ -18,7 +18,6 @@ use serde::{Deserialize, Serialize};
 
 use super::accuracy::{self, Asked, Judgement, Misses};
 use super::cost::Cost;
-use super::former::check_surface;
 use super::patch::{PatchSize, Rectangle};
 use super::sampled::{Probes, Sampled, TileRecord};
 use super::time_model::{TimeModel, TimeModelError};
@@ -236,7 +235,7 @@ impl Plan {
             collection, grid, ..
         } = request;
         super::check(collection, grid)?;
-        check_surface(former, grid)?;
+        super::check_surface(former, grid)?;
         let weights = Weights::new(collection, request.fast, request.slow);
         let aim = Aim {
             collection,
@@ -376,7 +375,7 @@ impl Plan {
             });
         }
         let former = formers::former(&self.former, &self.settings)?;
-        check_surface(&*former, &self.grid)?;
+        super::check_surface(&*former, &self.grid)?;
         let aim = Aim {
             collection,
             grid: &self.grid,

@@ -15,7 +15,7 @@ use tiff::tags::Tag;
 
 use crate::geokeys::GeoTags;
 use crate::raster::{Extent, Raster, check_memory};
-use crate::{Region, TerrainError};
+use crate::{Region, TerrainError, directory};
 
 /// GDAL's own metadata, XML.
 const GDAL_METADATA: Tag = Tag::Unknown(42112);
@@ -57,14 +57,15 @@ struct Open {
 }
 
 impl Open {
-    fn new(file: File, allowed_bytes: u64) -> Result<Self, String> {
+    fn new(mut file: File, allowed_bytes: u64) -> Result<Self, String> {
+        directory::check(&mut file, allowed_bytes)?;
         let failed = |error: tiff::TiffError| format!("it is no TIFF that can be read: {error}");
         let mut limits = Limits::default();
         // Of the bytes allowed, what is packed and what is unpacked beside the heights.
         let most = usize::try_from((allowed_bytes / 4).min(LARGEST_CHUNK)).unwrap_or(usize::MAX);
         limits.decoding_buffer_size = most;
         limits.intermediate_buffer_size = most;
-        limits.ifd_value_size = most;
+        limits.ifd_value_size = most / 4;
         let mut decoder = Decoder::new(BufReader::new(file))
             .map_err(failed)?
             .with_limits(limits);

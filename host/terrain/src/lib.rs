@@ -17,6 +17,7 @@
 //! **Neglected.** A relief has one height over a place: no overhangs, no bridges. Between posts of a model, heights are bilinear.
 #![forbid(unsafe_code)]
 
+mod directory;
 mod error;
 mod geokeys;
 mod geotiff;

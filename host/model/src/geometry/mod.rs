@@ -6,6 +6,7 @@ mod geodetic;
 mod grid;
 mod relief;
 mod scene_axes;
+mod troposphere;
 mod utm;
 
 pub use axis::{Axis, GridError};
@@ -14,4 +15,5 @@ pub use geodetic::Geodetic;
 pub use grid::{Extent, ImageGrid};
 pub use relief::Relief;
 pub use scene_axes::SceneAxis;
+pub use troposphere::Troposphere;
 pub use utm::{Utm, UtmError, Zone};

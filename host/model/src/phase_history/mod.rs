@@ -18,6 +18,7 @@ mod order;
 pub mod physical;
 mod stretch;
 mod sweep;
+mod through_air;
 mod track_error;
 mod weights;
 
@@ -39,6 +40,7 @@ pub use on_track::OnTrack;
 use order::ranks_by_angle;
 pub use stretch::Stretch;
 pub use sweep::{PathTerms, Sweep};
+pub use through_air::ThroughAir;
 pub use track_error::TrackError;
 pub use weights::Weights;
 

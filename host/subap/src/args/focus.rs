@@ -28,7 +28,7 @@ pub(crate) struct Focus {
 
     /// Form the image from a module's maps, and from no recording
     #[arg(long, value_name = "MAPS", value_hint = ValueHint::FilePath, conflicts_with_all = [
-        "paths", "channel", "channels", "set", "velocity", "surface", "geoid", "track", "phase", "window", "slow_window", "scratch", "check", "portable",
+        "paths", "channel", "channels", "set", "velocity", "surface", "geoid", "troposphere", "track", "phase", "window", "slow_window", "scratch", "check", "portable",
         "model"
     ])]
     pub(crate) from_maps: Option<PathBuf>,

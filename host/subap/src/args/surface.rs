@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args as Group, ValueHint};
+use subaperture::geometry::Troposphere;
 use subaperture::terrain::Geoid;
 use subaperture::units::Dimension;
 
@@ -23,6 +24,38 @@ pub(crate) struct Surfacing {
     /// an elevation model is [default: nothing, heights are taken as above the ellipsoid]
     #[arg(long, value_name = "M|FILE", value_hint = ValueHint::FilePath, value_parser = geoid(), allow_hyphen_values = true)]
     pub(crate) geoid: Option<GeoidSource>,
+
+    /// Take the air's delay away, of an exponential profile with N parts in a million of refractivity at sea level [default of N: 313], as it is from the
+    /// recording's reference point
+    #[arg(long, value_name = "none|exponential[:N]", default_value = "none", value_parser = troposphere)]
+    pub(crate) troposphere: Air,
+}
+
+/// The troposphere, if it is taken away.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Air(pub(crate) Option<Troposphere>);
+
+impl fmt::Display for Air {
+    /// As it is typed.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            None => f.write_str("none"),
+            Some(air) => write!(f, "exponential:{}", air.refractivity),
+        }
+    }
+}
+
+fn troposphere(text: &str) -> Result<Air, String> {
+    let refractivity = match text.split_once(':') {
+        None if text == "none" => return Ok(Air(None)),
+        None if text == "exponential" => Some(Troposphere::MEAN_REFRACTIVITY),
+        Some(("exponential", number)) => number.parse().ok(),
+        _ => None,
+    };
+    match refractivity.filter(|n| (0.0..=1000.0).contains(n)) {
+        Some(refractivity) => Ok(Air(Some(Troposphere { refractivity }))),
+        None => Err("give none, exponential, or exponential:N with 0 to 1000 parts in a million at sea level (as exponential:313)".to_owned()),
+    }
 }
 
 /// What surface.

@@ -26,6 +26,7 @@ use subaperture::planner::forecast::cost;
 use subaperture::resolution::survey::Survey;
 
 use crate::args::{Focus, TrackSource};
+use crate::commands::air::Recorded;
 use crate::commands::forming::{self, Forming};
 use crate::commands::surface;
 use crate::config::Session;
@@ -62,10 +63,12 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         None => session.open(&typed.input)?,
         Some(track) => on_track::open(session, &typed.input, track, &typed.logs)?,
     };
-    let corrected = corrected::corrected(typed, &recorded)?;
+    let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
+    let recorded = air.history();
+    let corrected = corrected::corrected(typed, recorded)?;
     let recorded: &dyn PhaseHistory = match &corrected {
         Some(corrected) => corrected,
-        None => &recorded,
+        None => recorded,
     };
     let survey = forming::survey(recorded)?;
     let moving = moving(typed, recorded)?;
@@ -81,6 +84,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         start,
     };
     let grid = job.grid()?;
+    air.tell(session, &grid);
     room(typed, &grid)?;
     session.note(1, || {
         let (columns, rows) = (grid.columns.count, grid.rows.count);

@@ -1,5 +1,6 @@
 //! One file a command.
 
+mod air;
 mod autofocus;
 mod capture;
 mod compare;

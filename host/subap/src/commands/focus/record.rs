@@ -108,6 +108,10 @@ pub(super) fn settings(typed: &Focus, former: &str, resolved: &Map<String, Value
             let geoid = image.surfacing.geoid.as_ref();
             json!(geoid.map(ToString::to_string))
         }),
+        (
+            "troposphere",
+            json!(image.surfacing.troposphere.to_string()),
+        ),
         ("allow_error", json!(image.allow_error)),
         ("velocity_m_s", json!(typed.velocity.map(|v| v.to_array()))),
         ("track", {

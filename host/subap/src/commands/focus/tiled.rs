@@ -33,6 +33,7 @@ use subaperture::phase_history::{PhaseHistory, Weights};
 use super::deliver::Whole;
 use super::{Job, check, record, with_advice};
 use crate::args::{Focus, Imaging, Part};
+use crate::commands::air::Recorded;
 use crate::commands::forming;
 use crate::config::Session;
 use crate::failure::Usage;
@@ -48,8 +49,10 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let claims = claim(session, typed)?;
     let own = claims.filter(|_| typed.tiled.plan.is_none());
     let recorded = session.open(&typed.input)?;
-    let survey = forming::survey(&recorded)?;
-    let moving = super::moving(typed, &recorded)?;
+    let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
+    let recorded = air.history();
+    let survey = forming::survey(recorded)?;
+    let moving = super::moving(typed, recorded)?;
     let model = forming::time_model(&typed.image)?;
     let job = Job {
         means: typed.image.means(model.as_ref()),
@@ -57,7 +60,7 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         typed,
         history: match &moving {
             Some(moving) => moving,
-            None => &recorded,
+            None => recorded,
         },
         survey: &survey,
         start,

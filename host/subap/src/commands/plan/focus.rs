@@ -7,6 +7,7 @@ use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
 
 use crate::args::{Part, PlanFocus};
+use crate::commands::air::Recorded;
 use crate::commands::focus::tiled;
 use crate::commands::{forming, surface};
 use crate::config::Session;
@@ -19,10 +20,13 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     claims.file(&typed.out, Kind::Record)?;
     let model = forming::time_model(&typed.image)?;
     let means = typed.image.means(model.as_ref());
-    let history = session.open(&typed.input)?;
-    let survey = forming::survey(&history)?;
-    let grid = surface::grid(session, &typed.image, &history, &survey)?;
-    let plan = tiled::plan_image(session, &typed.image, &history, &grid, means)?;
+    let recorded = session.open(&typed.input)?;
+    let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
+    let history = air.history();
+    let survey = forming::survey(history)?;
+    let grid = surface::grid(session, &typed.image, history, &survey)?;
+    air.tell(session, &grid);
+    let plan = tiled::plan_image(session, &typed.image, history, &grid, means)?;
     let text_of_plan = plan.to_text();
     write_atomically(&typed.out, text_of_plan.len() as u64, |file| {
         file.write_all(text_of_plan.as_bytes())

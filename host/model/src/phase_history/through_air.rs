@@ -1,0 +1,128 @@
+//! A recording as it would be in a vacuum: the air's extra paths taken away.
+
+use std::ops::Range;
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use super::{Channel, Collection, InputFile, PhaseHistory, ReadError};
+use crate::geometry::{ImageGrid, Troposphere};
+
+/// A phase history whose phases are compensated for the troposphere too: the same samples, and reference paths that are shorter by what the air makes of the pulse's reference
+/// point. Recorded reference paths are taken as geometric ones, as CPHD has them.
+///
+/// Neglected is how much the extra path of other places differs from that of the reference point ([`Self::left_m`]).
+///
+/// Memory: a copy of the geometry, 240 bytes a pulse.
+pub struct ThroughAir<'a> {
+    history: Box<dyn PhaseHistory + 'a>,
+    collection: Collection,
+    air: Troposphere,
+}
+
+impl<'a> ThroughAir<'a> {
+    /// `history` less the delays of `air`.
+    ///
+    /// # Errors
+    /// [`ReadError::Mismatch`] if the recording does not say where on the Earth it was.
+    pub fn new(history: Box<dyn PhaseHistory + 'a>, air: Troposphere) -> Result<Self, ReadError> {
+        let mut collection = history.collection().clone();
+        for pulse in &mut collection.pulses {
+            let legs = [pulse.transmitter_m, pulse.receiver_m];
+            let extra = |antenna| air.extra_path_m(&collection.frame, pulse.reference_m, antenna);
+            let extra_m = match legs[0] == legs[1] {
+                true => extra(legs[0]).map(|leg| 2.0 * leg),
+                false => extra(legs[0]).zip(extra(legs[1])).map(|(a, b)| a + b),
+            };
+            let Some(extra_m) = extra_m else {
+                return Err(ReadError::Mismatch(format!(
+                    "{}: the recording does not say where on the Earth it was, so that nothing is known of the air on its paths",
+                    collection.name
+                )));
+            };
+            // The samples are late by so much more than their reference says.
+            pulse.reference_path_m -= extra_m;
+        }
+        Ok(Self {
+            history,
+            collection,
+            air,
+        })
+    }
+
+    /// Two-way extra path of the middle pulse's reference point, metres.
+    pub fn extra_path_m(&self) -> f64 {
+        let middle = self.collection.pulses.len() / 2;
+        let recorded = self.history.collection().pulses.get(middle);
+        let own = self.collection.pulses.get(middle);
+        match recorded.zip(own) {
+            Some((recorded, own)) => recorded.reference_path_m - own.reference_path_m,
+            None => 0.0,
+        }
+    }
+
+    /// The most by which the two-way extra path at the corners of a grid differs from what is taken away, in the first, the middle and the last pulse, metres.
+    pub fn left_m(&self, grid: &ImageGrid) -> f64 {
+        let last = self.collection.pulses.len().saturating_sub(1);
+        let (rows, columns) = (grid.rows.count - 1, grid.columns.count - 1);
+        let corners = [[0, 0], [0, columns], [rows, 0], [rows, columns]];
+        let mut most = 0.0f64;
+        for n in [0, last / 2, last] {
+            let pulses = [&self.history.collection().pulses, &self.collection.pulses];
+            let [Some(recorded), Some(own)] = pulses.map(|pulses| pulses.get(n)) else {
+                continue;
+            };
+            let taken_m = recorded.reference_path_m - own.reference_path_m;
+            for [row, column] in corners {
+                let place = grid.position_m(row, column);
+                let leg = |antenna: DVec3| {
+                    let extra = self
+                        .air
+                        .extra_path_m(&self.collection.frame, place, antenna);
+                    extra.unwrap_or(0.0)
+                };
+                let there_m = leg(own.transmitter_m) + leg(own.receiver_m);
+                most = most.max((there_m - taken_m).abs());
+            }
+        }
+        most
+    }
+}
+
+impl PhaseHistory for ThroughAir<'_> {
+    fn collection(&self) -> &Collection {
+        &self.collection
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        self.history.read(pulses, samples)
+    }
+
+    fn at_hand(&self, pulses: Range<usize>) -> Option<&[Complex32]> {
+        self.history.at_hand(pulses)
+    }
+
+    fn true_antennas(&self) -> Option<&[[DVec3; 2]]> {
+        self.history.true_antennas()
+    }
+
+    fn start_ns(&self) -> Option<i64> {
+        self.history.start_ns()
+    }
+
+    fn channels(&self) -> Vec<Channel> {
+        self.history.channels()
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.history.warnings()
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.history.held_bytes() + size_of_val(self.collection.pulses.as_slice()) as u64
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        self.history.inputs()
+    }
+}

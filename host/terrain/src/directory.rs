@@ -1,0 +1,87 @@
+//! The first directory of a TIFF, looked at before anything is taken of it: a tag that claims more values than the file has bytes would be given their memory first.
+
+use std::io::{self, Read, Seek, SeekFrom};
+
+/// Memory of a value once it is read, bytes: what a tag of so many values may take is checked by it.
+const VALUE_BYTES: u64 = 64;
+
+/// Most tags of a directory.
+const MOST_TAGS: u64 = 4096;
+
+/// Whether tags are within the file and within a bound of memory; the file is left at its beginning.
+pub(crate) fn check<R: Read + Seek>(file: &mut R, allowed_bytes: u64) -> Result<(), String> {
+    let checked = checked(file, allowed_bytes)
+        .unwrap_or_else(|error| Err(format!("its directory cannot be read: {error}")));
+    file.rewind().map_err(|error| error.to_string())?;
+    checked
+}
+
+fn checked<R: Read + Seek>(file: &mut R, allowed_bytes: u64) -> io::Result<Result<(), String>> {
+    let end = file.seek(SeekFrom::End(0))?;
+    file.rewind()?;
+    let mut start = [0; 8];
+    file.read_exact(&mut start)?;
+    let little = match &start[..2] {
+        b"II" => true,
+        b"MM" => false,
+        _ => return Ok(Err("it does not begin as a TIFF does".to_owned())),
+    };
+    let mut numbers = Numbers { file, little };
+    let big = match numbers.of(&start[2..4]) {
+        42 => false,
+        43 => true,
+        _ => return Ok(Err("it does not begin as a TIFF does".to_owned())),
+    };
+    let directory = match big {
+        false => numbers.of(&start[4..8]),
+        true => numbers.read(8)?,
+    };
+    numbers.file.seek(SeekFrom::Start(directory))?;
+    let count = numbers.read(if big { 8 } else { 2 })?;
+    if count > MOST_TAGS {
+        return Ok(Err(format!("its directory has {count} tags")));
+    }
+    for _ in 0..count {
+        let tag = numbers.read(2)?;
+        let kind = numbers.read(2)?;
+        let word = if big { 8 } else { 4 };
+        let values = numbers.read(word)?;
+        let place = numbers.read(word)?;
+        let size = match kind {
+            3 | 8 => 2,
+            4 | 9 | 11 | 13 => 4,
+            5 | 10 | 12 | 16..=18 => 8,
+            _ => 1,
+        };
+        let bytes = values.saturating_mul(size);
+        let beyond = bytes > word as u64 && place.saturating_add(bytes) > end;
+        if beyond || values.saturating_mul(VALUE_BYTES) > allowed_bytes {
+            return Ok(Err(format!(
+                "its tag {tag} claims {values} values, more than there is of the file or of memory: it is cut short or damaged"
+            )));
+        }
+    }
+    Ok(Ok(()))
+}
+
+/// Numbers of a file in its order of bytes.
+struct Numbers<'a, R> {
+    file: &'a mut R,
+    little: bool,
+}
+
+impl<R: Read> Numbers<'_, R> {
+    fn of(&self, bytes: &[u8]) -> u64 {
+        let fold = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
+        match self.little {
+            true => bytes.iter().rev().fold(0, fold),
+            false => bytes.iter().fold(0, fold),
+        }
+    }
+
+    fn read(&mut self, bytes: usize) -> io::Result<u64> {
+        let mut own = [0; 8];
+        self.file.read_exact(&mut own[..bytes])?;
+        Ok(self.of(&own[..bytes]))
+    }
+}
