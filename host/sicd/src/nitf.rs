@@ -4,7 +4,7 @@ use subaperture_io::ours::NITF_MARK;
 use subaperture_model::geometry::Geodetic;
 
 use crate::dates::digits;
-use crate::{describe, sidd};
+use crate::describe;
 
 /// Bytes of a segment's samples at the most.
 const MOST_BYTES: u64 = 9_999_999_998;
@@ -16,6 +16,9 @@ const MOST_SEGMENTS: u64 = 999;
 const IMAGE_HEADER: u64 = 499;
 const BAND_HEADER: u64 = 13;
 const XML_HEADER: u64 = 973;
+
+/// The namespace of SIDD's XML.
+pub(crate) const SIDD_NAMESPACE: &str = "urn:SIDD:3.0.0";
 
 /// What a file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,7 +50,7 @@ impl Product {
     fn schema(self) -> [&'static str; 2] {
         match self {
             Self::Sicd => ["1.3.0", describe::NAMESPACE],
-            Self::Sidd => ["3.0", sidd::NAMESPACE],
+            Self::Sidd => ["3.0", SIDD_NAMESPACE],
         }
     }
 

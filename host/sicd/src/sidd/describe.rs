@@ -12,9 +12,7 @@ use crate::dates::iso;
 use crate::describe::{corners, polarizations, valid_data};
 use crate::formed::Formed;
 use crate::laid::Laid;
-
-/// The schema's namespace.
-pub(crate) const NAMESPACE: &str = "urn:SIDD:3.0.0";
+use crate::nitf::SIDD_NAMESPACE;
 
 /// Those of types that it shares with SICD, and of classification.
 const OTHERS: &str = "xmlns:sicommon=\"urn:SICommon:1.0\" xmlns:ism=\"urn:us:gov:ic:ism:13\"";
@@ -24,14 +22,18 @@ const SHARED: [&str; 2] = ["sicommon:Lat", "sicommon:Lon"];
 
 pub(super) fn document(formed: &Formed, laid: &Laid, greys: &Greys, created_ns: i64) -> String {
     let mut w = Writer::new();
-    w.element("SIDD", &format!("xmlns=\"{NAMESPACE}\" {OTHERS}"), |w| {
-        creation(w, formed, created_ns);
-        display(w, greys);
-        geography(w, laid);
-        measurement(w, laid);
-        exploitation(w, formed, laid);
-        processing(w, formed, laid, greys);
-    });
+    w.element(
+        "SIDD",
+        &format!("xmlns=\"{SIDD_NAMESPACE}\" {OTHERS}"),
+        |w| {
+            creation(w, formed, created_ns);
+            display(w, greys);
+            geography(w, laid);
+            measurement(w, laid);
+            exploitation(w, formed, laid);
+            processing(w, formed, laid, greys);
+        },
+    );
     w.finish()
 }
 

@@ -17,8 +17,6 @@ use crate::laid::Laid;
 use crate::nitf::Product;
 use crate::write::Written;
 
-pub(crate) use describe::NAMESPACE;
-
 /// How power becomes grey.
 #[derive(Clone, Copy)]
 pub struct Greys<'a> {
