@@ -1,5 +1,7 @@
 //! Pixels on a surface: the formers that follow reliefs against the exact sum, phase included; the others refuse.
 
+use crate::track_scene::scene;
+use glam::DVec3;
 use num_complex::Complex32;
 use subaperture::focus::exact::Exact;
 use subaperture::focus::formers::{FORMERS, former};
@@ -10,17 +12,36 @@ use subaperture::geometry::{Axis, ImageGrid, Relief};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
 use subaperture::signal::window::Window;
-use subaperture::simulate::{Noise, Preset, Simulated, Variation};
+use subaperture::simulate::{Noise, Scatterer, Simulated};
 use subaperture_tests::error_db;
 
-fn history() -> Simulated {
-    Preset::Table41.simulate(&Variation {
-        noise: Some(Noise {
-            power_db: -20.0,
-            seed: 11,
-        }),
-        ..Variation::default()
-    })
+/// A bent track 1.2 km up and 1.5 km aside, from which heights are seen as well as ranges; scatterers up to 20 m above and below the plane.
+fn history(num_pulses: usize) -> Simulated {
+    let antennas = |n: f64| {
+        let part = n * 500.0 / num_pulses as f64;
+        let at = DVec3::new(
+            0.35 * part,
+            -1500.0 + 2e-4 * part * part,
+            1200.0 + 0.01 * part,
+        );
+        (at, at)
+    };
+    let plain = scene(num_pulses, (9.5e9, 1.1e6, 256), antennas, 40.0);
+    let raised = plain
+        .scatterers()
+        .iter()
+        .zip(0..)
+        .map(|(own, i)| Scatterer {
+            position_m: own.position_m + DVec3::Z * (f64::from(i) * 4.0 - 20.0),
+            ..*own
+        });
+    let noise = Noise {
+        // So strong that no pixel is dark, and formers err as they plan.
+        power_db: 20.0,
+        seed: 11,
+    };
+    let raised = raised.collect();
+    Simulated::new(plain.collection().clone(), raised, Some(noise))
 }
 
 /// A rough surface over the plane: hills of so many metres and steps of a quarter of that, at nodes 3.7 m apart that no pixel knows of.
@@ -58,7 +79,7 @@ fn of(name: &str, error_db: f64) -> Box<dyn ImageFormer> {
 
 #[test]
 fn formers_keep_their_bounds_on_surfaces() {
-    let history = history();
+    let history = history(500);
     let weights = Weights::new(history.collection(), Window::Hamming, Window::default());
     for grid in [
         on_hills("x=-40:40:1.9,y=-38:40:1.7", 1.5),
@@ -114,10 +135,65 @@ fn formers_keep_their_bounds_on_surfaces() {
     }
 }
 
+/// Patches within patches, whose histories are halved: a fine image, of which every 13th pixel is compared with the exact sum's there.
+#[test]
+fn patches_within_patches_hold_the_surface() {
+    const EVERY: usize = 13;
+    let history = history(3000);
+    let weights = Weights::new(history.collection(), Window::None, Window::None);
+    for height_m in [2.0, 25.0] {
+        let fine = on_hills("x=-46:46:0.2,y=-40:40:0.16", height_m);
+        let every = |axis: Axis| Axis {
+            step: axis.step * EVERY as f64,
+            count: axis.count.div_ceil(EVERY),
+            ..axis
+        };
+        let coarse = ImageGrid {
+            rows: every(fine.rows),
+            columns: every(fine.columns),
+            ..fine.clone()
+        };
+        let task = Task {
+            history: &history,
+            grid: &fine,
+            weights: &weights,
+            memory_bytes: 2 << 30,
+            monitor: &Silent,
+            means: Default::default(),
+        };
+        let exact = Exact
+            .form(&Task {
+                grid: &coarse,
+                ..task
+            })
+            .unwrap()
+            .image;
+        for bound_db in [-50.0, -75.0] {
+            let formed = of("ffbp", bound_db).form(&task).unwrap();
+            let mut picked = exact.clone();
+            for (i, pixel) in picked.pixels.iter_mut().enumerate() {
+                let (row, column) = (i / exact.columns, i % exact.columns);
+                *pixel = formed.image.pixels[EVERY * (row * formed.image.columns + column)];
+            }
+            let measured_db = error_db(&picked, &exact);
+            println!(
+                "{height_m} m: {bound_db} dB asked, {measured_db:.1} dB measured; {:?}",
+                formed.settings
+            );
+            assert!(measured_db <= bound_db, "{measured_db}");
+            assert!(
+                formed.settings["levels"].as_u64() > Some(1),
+                "{:?}",
+                formed.settings
+            );
+        }
+    }
+}
+
 /// Tiles of a plan that went through text, with other threads and sizes, have the bits of the whole.
 #[test]
 fn tiles_on_surfaces_are_parts_of_the_whole() {
-    let history = history();
+    let history = history(500);
     let grid = on_hills("x=-40:37.4:1.09,y=-38:39.9:1.47", 12.0);
     for name in ["exact", "bp", "ffbp", "auto"] {
         let own = former(name, &serde_json::json!({})).unwrap();
