@@ -60,7 +60,7 @@ fn reflectors_are_projected_by_the_images_own_fields() {
         fs::write(at.join(format!("{name}.toml")), scenario(local)).unwrap();
         let line = format!("simulate {name}.toml -o {name}.cphd --reference-surface hae");
         run(at, &line).succeeded();
-        let file = Cphd::open(&at.join(format!("{name}.cphd")), None, 1 << 28).unwrap();
+        let file = Cphd::open(at.join(format!("{name}.cphd")), None, 1 << 28).unwrap();
         assert_eq!(file.info().surface, ReferenceSurface::Hae);
         list += &format!("{}\n", at.join(format!("{name}.cphd")).display());
         // A level plane 3 m below the reflector, into which it is laid over; and the slant plane.

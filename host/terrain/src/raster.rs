@@ -33,7 +33,7 @@ impl Extent {
         let range = |i: usize, count: usize| {
             let first = (low[i] - AROUND).floor().max(0.0);
             let end = (high[i] + AROUND).ceil().min(count as f64);
-            (first < end).then(|| first as usize..end as usize)
+            (first < end).then_some(first as usize..end as usize)
         };
         Some([range(0, self.rows)?, range(1, self.columns)?])
     }

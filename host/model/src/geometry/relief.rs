@@ -78,7 +78,10 @@ impl Relief {
                 heights_m.len()
             )));
         }
-        if let Some(at) = heights_m.iter().position(|h| !(h.abs() <= HIGHEST_M)) {
+        if let Some(at) = heights_m
+            .iter()
+            .position(|h| h.is_nan() || h.abs() > HIGHEST_M)
+        {
             return Err(GridError(format!(
                 "the surface's height at node {} of row {} is {}: numbers of at most {HIGHEST_M:e} m are possible",
                 at % columns.count,
