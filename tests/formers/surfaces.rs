@@ -1,8 +1,10 @@
 //! Pixels on a surface: the formers that follow reliefs against the exact sum, phase included; the others refuse.
 
+use std::f64::consts::TAU;
+
 use crate::track_scene::scene;
 use glam::DVec3;
-use num_complex::Complex32;
+use num_complex::{Complex32, Complex64};
 use subaperture::focus::exact::Exact;
 use subaperture::focus::formers::{FORMERS, former};
 use subaperture::focus::patch::PatchSize;
@@ -11,6 +13,7 @@ use subaperture::focus::{ImageFormer, Misses, Plan, SCRATCH_BYTES, Task, Work};
 use subaperture::geometry::{Axis, ImageGrid, Relief};
 use subaperture::monitor::Silent;
 use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::quality::response::{Carrier, Settings, Target, measure};
 use subaperture::signal::window::Window;
 use subaperture::simulate::{Noise, Scatterer, Simulated};
 use subaperture_tests::error_db;
@@ -188,6 +191,65 @@ fn patches_within_patches_hold_the_surface() {
             );
         }
     }
+}
+
+/// A point on a slope of hills, of which the phase turns unevenly: measured where it stands, as strong as it is, with its phase there.
+#[test]
+fn a_point_on_a_slope_is_measured_where_it_stands() {
+    let axis = Axis {
+        start: -30.0,
+        step: 0.25,
+        count: 241,
+    };
+    let heights_m = (0..axis.count * axis.count).map(|i| {
+        let (x, y) = (axis.at(i % axis.count), axis.at(i / axis.count));
+        5.0 * (x / 11.0).sin() * (y / 9.0).cos() + 0.3 * y
+    });
+    let hills = Relief::new("hills", [axis, axis], heights_m.collect(), 0.0).unwrap();
+    let (x, y) = (3.31, -4.17);
+    let place = DVec3::new(x, y, hills.height_m(x, y));
+    let [_, slope] = hills.slopes(x, y);
+    assert!(slope.abs() > 0.3, "{slope}");
+    let point = Scatterer {
+        position_m: place,
+        amplitude: Complex64::from_polar(1.0, 0.5),
+    };
+    let history = Simulated::new(history(500).collection().clone(), vec![point], None);
+    let weights = Weights::new(history.collection(), Window::default(), Window::default());
+    let grid = "x=-3:9.6:0.06,y=-14:6:0.15"
+        .parse::<ImageGrid>()
+        .unwrap()
+        .on(hills);
+    let task = Task {
+        history: &history,
+        grid: &grid,
+        weights: &weights,
+        memory_bytes: 1 << 30,
+        monitor: &Silent,
+        means: Default::default(),
+    };
+    let image = Exact.form(&task).unwrap().image;
+    // The band's middle, and the antenna in the middle of the pulses.
+    let wavelength_m = 299_792_458.0 / (9.5e9 + 127.5 * 1.1e6);
+    let antenna = DVec3::new(0.0, -1500.0, 1200.0);
+    let settings = Settings {
+        carrier: Some(Carrier::new(antenna, wavelength_m)),
+        ..Settings::default()
+    };
+    let response = measure(&image, &grid, Target::Brightest, &settings).unwrap();
+    let found = DVec3::from(response.position_m);
+    let off = found - place;
+    println!(
+        "{off:.4} m off, {:.4} dB, {:.4} rad",
+        response.level_db, response.phase_rad
+    );
+    // Cells are 0.2 m by 0.6 m and more; where the slope changes over one, a hundredth of it.
+    assert!(off.x.abs() < 0.004 && off.y.abs() < 0.01, "{off}");
+    assert!(response.level_db.abs() < 0.03, "{}", response.level_db);
+    let wanted =
+        0.5 + 2.0 * TAU / wavelength_m * (found.distance(antenna) - place.distance(antenna));
+    let apart = Complex64::cis(response.phase_rad - wanted).arg();
+    assert!(apart.abs() < 0.05, "{} {wanted}", response.phase_rad);
 }
 
 /// Tiles of a plan that went through text, with other threads and sizes, have the bits of the whole.
