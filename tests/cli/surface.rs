@@ -202,7 +202,7 @@ fn a_reflector_on_a_hill_lands_where_it_stands() {
 
     // What SICD cannot say is refused, what other formers cannot form too.
     run(at, "export dem --format sicd -o dem.nitf").failed(1, &["plane"]);
-    for former in ["pfa", "omega-k", "rda", "ffbp", "rdbp"] {
+    for former in ["pfa", "omega-k", "rda", "rdbp"] {
         let line = format!(
             "focus hill.cphd --grid {} --surface dem:ground --algorithm {former} --out {former}",
             grid(true_m)

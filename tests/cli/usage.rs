@@ -96,6 +96,22 @@ fn wrong_usage_exits_with_2_and_names_the_option() {
             vec!["--memory", "512M"],
         ),
         ("focus a.mat --out d -q -v", vec!["--quiet", "--verbose"]),
+        (
+            "focus a.mat --out d --surface dem",
+            vec!["--surface", "dem:FILE"],
+        ),
+        (
+            "focus a.mat --out d --surface hae --geoid 43",
+            vec!["--geoid", "--surface dem:FILE"],
+        ),
+        (
+            "focus a.mat --out d --troposphere 400",
+            vec!["--troposphere", "exponential:313"],
+        ),
+        (
+            "simulate --preset table-4-1 -o f --reference-surface round",
+            vec!["--reference-surface", "hae"],
+        ),
         ("info", vec!["INPUT"]),
         (
             "simulate --preset table-9 -o f",

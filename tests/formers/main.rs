@@ -19,6 +19,7 @@ mod random;
 mod random_case;
 mod stages;
 mod strip_scene;
+mod surfaces;
 mod sweep_motion;
 mod tiles;
 mod track_scene;

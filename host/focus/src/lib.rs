@@ -147,7 +147,7 @@ fn check_surface<F: ImageFormer + ?Sized>(former: &F, grid: &ImageGrid) -> Resul
                 relief.surface(),
                 former.name()
             );
-            let remedies = [Remedy::OtherFormer(&["bp", "exact"])];
+            let remedies = [Remedy::OtherFormer(&["auto", "bp", "ffbp"])];
             Err(FormError::Unsuited(Reason::new(why).helped_by(&remedies)))
         }
         _ => Ok(()),

@@ -26,6 +26,9 @@ use crate::{Ground, TerrainError};
 /// Error of nodes over the smaller of a pixel's sides, at which they are no longer made finer.
 const OF_A_PIXEL: f64 = 0.05;
 
+/// Nodes that are finer by less are not worth another look.
+const LITTLE_FINER: f64 = 0.9;
+
 /// Nodes a side, at first.
 const FIRST: usize = 5;
 
@@ -109,8 +112,12 @@ pub fn relief(
         let heights_m = over.nodes(&axes, monitor)?;
         let nodes = Relief::new(surface.name(), axes, heights_m, 0.0)?;
         let error_m = over.error_m(&nodes, monitor)?;
-        let finer_m = 0.5 * step_m;
-        if error_m <= OF_A_PIXEL * pixel_m || !fits(count(finer_m)) {
+        // Half as far apart, or as near as there may be nodes for.
+        let mut finer_m = 0.5 * step_m;
+        while !fits(count(finer_m)) {
+            finer_m *= 1.02;
+        }
+        if error_m <= OF_A_PIXEL * pixel_m || finer_m > LITTLE_FINER * step_m {
             let heights_m = nodes.heights_m().to_vec();
             return Ok(Relief::new(surface.name(), axes, heights_m, error_m)?);
         }

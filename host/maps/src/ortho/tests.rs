@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 
 use subaperture_model::SPEED_OF_LIGHT_M_S;
-use subaperture_model::geometry::Geodetic;
+use subaperture_model::geometry::{Geodetic, Relief};
 use subaperture_model::image::Image;
 use subaperture_resolution::support::RecordedLooks;
 use subaperture_signal::window::Window;
@@ -91,11 +91,31 @@ fn image(grid: &ImageGrid) -> Image {
     }
 }
 
-/// The point of a grid's plane straight above or below a place of the map: by halving heights, of which the plane's is one.
+/// The same grid on hills of half a metre, 8 m from top to top, whose nodes are so fine that nothing is seen of them.
+fn on_hills(text: &str) -> ImageGrid {
+    let axis = subaperture_model::geometry::Axis {
+        start: -6.0,
+        step: 0.05,
+        count: 241,
+    };
+    let heights_m = (0..axis.count * axis.count).map(|i| {
+        let (x, y) = (axis.at(i % axis.count), axis.at(i / axis.count));
+        0.5 * (0.8 * x).sin() * (0.8 * y).cos()
+    });
+    let relief = Relief::new("hills", [axis, axis], heights_m.collect(), 0.0).unwrap();
+    text.parse::<ImageGrid>().unwrap().on(relief)
+}
+
+/// The point of a grid's surface straight above or below a place of the map: by halving heights, of which the surface's is one.
 fn above(grid: &ImageGrid, frame: &SceneFrame, place: Geodetic) -> DVec3 {
     let normal = grid.x_axis.cross(grid.y_axis);
     let point = |height_m| frame.from_ecf_m(Geodetic { height_m, ..place }.to_ecf_m());
-    let side = |height_m| (point(height_m) - grid.origin_m).dot(normal) > 0.0;
+    let side = |height_m| {
+        let from = point(height_m) - grid.origin_m;
+        let (x, y) = (from.dot(grid.x_axis), from.dot(grid.y_axis));
+        let relief_m = grid.relief.as_ref().map_or(0.0, |r| r.height_m(x, y));
+        from.dot(normal) > relief_m
+    };
     let (mut low, mut high) = (-1000.0, 1000.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
@@ -108,17 +128,19 @@ fn above(grid: &ImageGrid, frame: &SceneFrame, place: Geodetic) -> DVec3 {
 }
 
 /// Relative RMS difference, dB, from the sum at the map's pixels, of those well on the image.
-fn error_db(text: &str, projection: fn(&Geodetic) -> Result<Projection, MapError>) -> [f64; 2] {
-    let grid: ImageGrid = text.parse().unwrap();
+fn error_db(
+    grid: &ImageGrid,
+    projection: fn(&Geodetic) -> Result<Projection, MapError>,
+) -> [f64; 2] {
     let (frame, looks) = (frame(), looks());
-    let image = image(&grid);
+    let image = image(grid);
     let source = Source {
         pixels: &image,
-        grid: &grid,
+        grid,
         frame: &frame,
         looks: &looks,
     };
-    let raster = Raster::covering(&grid, &frame, projection, None).unwrap();
+    let raster = Raster::covering(grid, &frame, projection, None).unwrap();
     let ortho = Ortho::new(source, raster).unwrap();
     let place = [0..raster.rows, 0..raster.columns];
     let got = ortho.complex(&place).unwrap();
@@ -126,7 +148,7 @@ fn error_db(text: &str, projection: fn(&Geodetic) -> Result<Projection, MapError
     for (i, z) in got.into_iter().enumerate().step_by(7) {
         let (row, column) = (i / raster.columns, i % raster.columns);
         let at = raster.coordinates([row as f64 + 0.5, column as f64 + 0.5]);
-        let point = above(&grid, &frame, raster.projection.place(at));
+        let point = above(grid, &frame, raster.projection.place(at));
         let [row_value, mut column_value] = grid.coordinates(point);
         if grid.polar && column_value < 0.0 {
             column_value += TAU;
@@ -154,15 +176,21 @@ fn values_on_the_map_are_those_of_the_sum_there() {
     let utm: fn(&Geodetic) -> Result<Projection, MapError> = Projection::utm;
     let geographic: fn(&Geodetic) -> Result<Projection, MapError> =
         |place| Ok(Projection::geographic(place));
+    let plane = |text: &str| text.parse::<ImageGrid>().unwrap();
     for (grid, projection) in [
-        ("x=-5:5:0.14,y=-5:5:0.13,z=0", utm),
-        ("x=-5:5:0.14,y=-5:5:0.13,z=0", geographic),
-        ("x=-5:5:0.12,y=-5:5:0.12,z=1,pitch=8,roll=-5", utm),
+        (plane("x=-5:5:0.14,y=-5:5:0.13,z=0"), utm),
+        (plane("x=-5:5:0.14,y=-5:5:0.13,z=0"), geographic),
+        (plane("x=-5:5:0.12,y=-5:5:0.12,z=1,pitch=8,roll=-5"), utm),
         // Around a pole 20 m away, its angles across the half turn.
-        ("r=15:25:0.14,theta=165:195:0.35,cx=20", utm),
+        (plane("r=15:25:0.14,theta=165:195:0.35,cx=20"), utm),
+        (on_hills("x=-5:5:0.12,y=-5:5:0.12,z=0"), utm),
+        (
+            on_hills("x=-5:5:0.11,y=-5:5:0.11,z=1,pitch=8,roll=-5"),
+            geographic,
+        ),
     ] {
-        let [error_db, planned_db] = error_db(grid, projection);
-        println!("{grid}: {error_db:.1} dB, planned {planned_db:.1} dB");
+        let [error_db, planned_db] = error_db(&grid, projection);
+        println!("{error_db:.1} dB, planned {planned_db:.1} dB");
         // The plan is for a spectrum that fills its rectangle; this one fills a part of it, whose edges weigh more: 3 dB for that. Pixels
         // and the phase taken off and put back are float32, some 1e-7 each: -120 dB.
         assert!(planned_db < -60.0, "{planned_db}");

@@ -137,6 +137,28 @@ impl Relief {
         })
     }
 
+    /// Between which heights it lies over a rectangle of the plane, metres: those of all nodes that bear on it.
+    pub fn range_over_m(&self, x_m: [f64; 2], y_m: [f64; 2]) -> [f64; 2] {
+        let nodes = &*self.0;
+        let ends = |axis: &Axis, values: [f64; 2]| {
+            let node = |value: f64| {
+                let at = (value - axis.start) / axis.step;
+                at.max(0.0).min((axis.count - 1) as f64)
+            };
+            let (first, last) = (node(values[0]).floor(), node(values[1]).ceil());
+            first as usize..last as usize + 1
+        };
+        let (columns, rows) = (ends(&nodes.columns, x_m), ends(&nodes.rows, y_m));
+        let mut range_m = [f64::INFINITY, f64::NEG_INFINITY];
+        for row in rows {
+            let line = &nodes.heights_m[row * nodes.columns.count..][columns.clone()];
+            for &height_m in line {
+                range_m = [range_m[0].min(height_m), range_m[1].max(height_m)];
+            }
+        }
+        range_m
+    }
+
     /// Height over the plane at a place of it, metres.
     #[inline]
     pub fn height_m(&self, x_m: f64, y_m: f64) -> f64 {

@@ -6,6 +6,7 @@ use num_complex::{Complex32, Complex64};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, Parts};
 
+use super::carrier::Carrier;
 use super::checks::{check_peak, check_sampling, check_shape};
 use super::chip::Chip;
 use super::error::unreadable;
@@ -24,6 +25,64 @@ pub fn measure(
     settings: &Settings<'_>,
 ) -> Result<Response, ResponseError> {
     check_shape(image, grid)?;
+    match (settings.carrier, &grid.relief) {
+        (Some(carrier), Some(_)) => measure_on_surface(image, grid, target, settings, &carrier),
+        _ => measure_even(image, grid, target, settings),
+    }
+}
+
+/// The same of an image whose pixels lie on a surface, over which the phase turns as unevenly as the surface rises and falls: what its heights add to the
+/// phase is taken away, so that the rest turns as in the plane, and put back where the peak is found.
+fn measure_on_surface(
+    image: &Image,
+    grid: &ImageGrid,
+    target: Target,
+    settings: &Settings<'_>,
+    carrier: &Carrier,
+) -> Result<Response, ResponseError> {
+    if let Some(looks) = settings.looks {
+        check_sampling(looks, grid, brightest_in(image, grid, target, settings)?)?;
+    }
+    let flat = grid.flat();
+    let added_rad = |row_value: f64, column_value: f64| {
+        let [on, under] = [grid, &flat].map(|grid| {
+            let point = grid.point_m(row_value, column_value);
+            2.0 * point.distance(carrier.antenna_m) / carrier.wavelength_m
+        });
+        std::f64::consts::TAU * (on - under).fract()
+    };
+    let mut level = image.clone();
+    for (i, pixel) in level.pixels.iter_mut().enumerate() {
+        let (row, column) = (i / image.columns, i % image.columns);
+        let turned = added_rad(grid.rows.at(row), grid.columns.at(column));
+        let turned = Complex64::new(pixel.re.into(), pixel.im.into()) * Complex64::cis(-turned);
+        *pixel = Complex32::new(turned.re as f32, turned.im as f32);
+    }
+    let settings = Settings {
+        looks: None,
+        ..*settings
+    };
+    let mut response = measure_even(&level, &flat, target, &settings)?;
+    let (row_value, column_value) = (response.row_value, response.column_value);
+    response.position_m = grid.point_m(row_value, column_value).to_array();
+    let phase = response.phase_rad + added_rad(row_value, column_value);
+    response.phase_rad = Complex64::cis(phase).arg();
+    let turns = [grid, &flat].map(|grid| carrier.turn(grid, row_value, column_value));
+    if let [Some(on), Some(under)] = turns {
+        for i in 0..2 {
+            response.turn[i] += on[i] - under[i];
+        }
+    }
+    Ok(response)
+}
+
+/// The same where the phase turns evenly.
+fn measure_even(
+    image: &Image,
+    grid: &ImageGrid,
+    target: Target,
+    settings: &Settings<'_>,
+) -> Result<Response, ResponseError> {
     let (row, column) = brightest_in(image, grid, target, settings)?;
     if let Some(looks) = settings.looks {
         check_sampling(looks, grid, (row, column))?;

@@ -17,7 +17,7 @@ use crate::messages;
 const SHARE: u64 = 2;
 
 /// Error of a surface's nodes, of a pixel, from which on it is told.
-const TOLD: f64 = 0.5;
+const TOLD: f64 = 1.0;
 
 /// Refuses what cannot be, before anything is read.
 pub(crate) fn check(typed: &Imaging) -> anyhow::Result<()> {
@@ -108,7 +108,7 @@ fn lay(
     match plane.polar || relief.error_m() <= TOLD * pixel_m {
         true => session.note(1, || said),
         false => messages::warning(format!(
-            "{said}: more than half a pixel; a smaller grid has finer nodes"
+            "{said}: more than a pixel; a smaller grid has finer nodes"
         )),
     }
     Ok(plane.on(relief))

@@ -2,8 +2,8 @@
 //!
 //! Each of [`CANDIDATES`] plans the image within the same bound; of those that keep it that one forms it which takes the least time by the
 //! time model. That is [`crate::ffbp`] wherever it takes the collection: an image too small to be factorised is one patch of its own, backprojected
-//! at the rate of plain backprojection. [`crate::bp`] forms what `ffbp` refuses: bounds beyond its kernels, antennas that move while a pulse
-//! lasts, where each sample is to be taken at its own moment, and pixels on a surface that is no plane. Patches of one level ([`crate::rdbp`]) are no candidate: on every case that was
+//! at the rate of plain backprojection. [`crate::bp`] forms what `ffbp` refuses: bounds beyond its kernels, and antennas that move while a pulse
+//! lasts, where each sample is to be taken at its own moment. Patches of one level ([`crate::rdbp`]) are no candidate: on every case that was
 //! measured they took longer than `ffbp`, and planning them takes longer than forming a small image.
 //!
 //! Plans of the default time model are the same on every machine, and so is this choice. The choice is part of the plan, and the record's settings
@@ -106,9 +106,7 @@ impl ImageFormer for Auto {
         let mut best: Option<(Decision, &'static str)> = None;
         let mut refusal = None;
         for former in self.candidates() {
-            let left_out = sweeps && !former.follows_sweeps()
-                || aim.grid.relief.is_some() && !former.follows_relief();
-            if left_out {
+            if sweeps && !former.follows_sweeps() {
                 continue;
             }
             match former.decide(aim, asked, monitor) {

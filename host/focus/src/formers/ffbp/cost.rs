@@ -174,7 +174,11 @@ impl<'a> Way<'a> {
             .expect("a leaf has pixels");
         let bins_m = axes.step_hz.abs() / SPEED_OF_LIGHT_M_S * length as f64;
         let margin = Pieces::margin_for(&raster(self.aim.grid, &rectangle), bins_m);
-        let layout = tile_layout(length, self.own, margin).unwrap_or_else(|| points_layout(length));
+        let layout = match self.aim.grid.relief {
+            None => tile_layout(length, self.own, margin),
+            Some(_) => None,
+        };
+        let layout = layout.unwrap_or_else(|| points_layout(length));
         // Along whichever side fits better.
         let along = |a: usize, b: usize| (a.div_ceil(GROUP) * b) as f64;
         let groups = along(rows, columns).min(along(columns, rows));
@@ -205,11 +209,15 @@ impl<'a> Way<'a> {
 
     fn leaves_ns(&self) -> f64 {
         let model = self.aim.means.model;
-        let [length, pieces, groups, _] = self.leaf();
+        let [length, pieces, groups, pixels] = self.leaf();
+        let imaged_ns = match self.aim.grid.relief {
+            None => model.leaf_group_ns * groups,
+            Some(_) => model.point_ns * pixels,
+        };
         let pulse = model.leaf_pulse_ns
             + model.transform(length)
             + model.leaf_piece_ns * pieces
-            + model.leaf_group_ns * groups;
+            + imaged_ns;
         self.patches(0) * self.pulses(&self.last) * pulse
     }
 

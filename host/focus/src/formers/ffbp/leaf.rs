@@ -110,8 +110,8 @@ impl Leaf {
         let raster = raster(grid, &rectangle);
         let bins_m = (turns_m * length as f64).abs();
         let highest_hz = axes.highest_hz();
-        let by_tiles =
-            !grid.polar && path_tile::arithmetic(highest_hz, bins_m, false) <= shares.arithmetic;
+        let by_tiles = grid.is_raster()
+            && path_tile::arithmetic(highest_hz, bins_m, false) <= shares.arithmetic;
         let own = history.centre == rectangle.centre_m(grid);
         // Places are for those pulses only that no tile will do for.
         points.clear();

@@ -122,6 +122,10 @@ impl ImageFormer for FastFactorised {
         Some(self.error_db)
     }
 
+    fn follows_relief(&self) -> bool {
+        true
+    }
+
     fn planning_for(&self, error_db: f64) -> Option<Box<dyn ImageFormer>> {
         Some(Box::new(Self { error_db }))
     }

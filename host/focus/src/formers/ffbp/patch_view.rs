@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::thinned::Antennas;
 use crate::patch::Rectangle;
-use subaperture_model::geometry::ImageGrid;
+use subaperture_model::geometry::{Axis, ImageGrid};
 
 /// Allowance for what lies between the places at which paths are looked at.
 pub(super) const MARGIN: f64 = 1.05;
@@ -24,7 +24,8 @@ pub(super) fn path_m([transmitter, receiver]: &Antennas, point: DVec3) -> f64 {
 /// A rectangle as the antennas see it.
 pub(super) struct Patch {
     pub(super) centre: DVec3,
-    pub(super) corners: [DVec3; 4],
+    /// Four in the grid's plane; on a surface the eight of a box over them that holds it, for paths are convex there as in a plane.
+    pub(super) corners: Vec<DVec3>,
     /// Farthest from the centre that a pixel lies, metres.
     pub(super) radius_m: f64,
     /// Whether it is a parallelogram, or so small a sector that it nearly is.
@@ -33,18 +34,29 @@ pub(super) struct Patch {
 
 impl Patch {
     pub(super) fn new(grid: &ImageGrid, rectangle: Rectangle) -> Self {
-        let point = |(row, column)| rectangle.point_m(grid, row, column);
+        let plane = grid.flat();
+        let point = |(row, column)| rectangle.point_m(&plane, row, column);
         let centre = rectangle.centre_m(grid);
-        let sides = [(0.0, 0.5), (0.5, 0.0), (0.5, 1.0), (1.0, 0.5)].map(point);
-        let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)].map(point);
+        let sides = [(0.0, 0.5), (0.5, 0.0), (0.5, 1.0), (1.0, 0.5)];
+        let corners = [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)];
+        let [sides, corners] = [sides, corners].map(|all| {
+            let feet = all.map(point);
+            match heights_m(grid, &rectangle) {
+                None => feet.to_vec(),
+                Some(heights) => heights
+                    .iter()
+                    .flat_map(|&height| feet.map(|foot| foot + grid.normal() * height))
+                    .collect(),
+            }
+        });
         let farthest = corners.iter().chain(&sides).map(|p| p.distance(centre));
         let span_rad = rectangle.size.columns as f64 * grid.columns.step.abs();
         let flat = !grid.polar || span_rad <= WIDEST_SECTOR_RAD;
         let mut radius_m = farthest.fold(0.0, f64::max);
         if !flat {
             // A sector lies within its outer radius of the pole.
-            let outer_m = corners.map(|p| p.distance(grid.origin_m));
-            let outer_m = outer_m.into_iter().fold(0.0, f64::max);
+            let outer_m = corners.iter().map(|p| p.distance(grid.origin_m));
+            let outer_m = outer_m.fold(0.0, f64::max);
             radius_m = outer_m + centre.distance(grid.origin_m);
         }
         Self {
@@ -56,10 +68,10 @@ impl Patch {
     }
 
     /// Paths from one pulse to the corners against that to the centre, metres.
-    pub(super) fn offsets_m(&self, antennas: &Antennas) -> [f64; 4] {
+    pub(super) fn offsets_m(&self, antennas: &Antennas) -> impl Iterator<Item = f64> {
         let centre_m = path_m(antennas, self.centre);
-        self.corners
-            .map(|corner| path_m(antennas, corner) - centre_m)
+        let corners = self.corners.iter();
+        corners.map(move |&corner| path_m(antennas, corner) - centre_m)
     }
 
     /// Largest difference of paths from one pulse to a pixel and to the centre, metres.
@@ -71,7 +83,7 @@ impl Patch {
         }
         let slope = |antenna: DVec3| (self.centre - antenna).normalize_or_zero();
         let slope = slope(antennas[0]) + slope(antennas[1]);
-        let offsets_m = self.offsets_m(antennas).into_iter().zip(&self.corners);
+        let offsets_m = self.offsets_m(antennas).zip(&self.corners);
         let depths_m =
             offsets_m.map(|(above_m, corner)| above_m.max(-slope.dot(*corner - self.centre)));
         (depths_m.fold(0.0, f64::max) * MARGIN).min(most_m)
@@ -81,4 +93,17 @@ impl Patch {
         let transmitter_m = transmitter.distance(self.centre);
         transmitter_m.min(receiver.distance(self.centre))
     }
+}
+
+/// Between which heights over the grid's plane the surface of a rectangle lies, metres; none of a plane.
+fn heights_m(grid: &ImageGrid, rectangle: &Rectangle) -> Option<[f64; 2]> {
+    let relief = grid.relief.as_ref()?;
+    if grid.polar {
+        return Some(relief.range_m());
+    }
+    let ends =
+        |axis: &Axis, first: usize, count: usize| [axis.at(first), axis.at(first + count - 1)];
+    let x_m = ends(&grid.columns, rectangle.column, rectangle.size.columns);
+    let y_m = ends(&grid.rows, rectangle.row, rectangle.size.rows);
+    Some(relief.range_over_m(x_m, y_m))
 }

@@ -7,8 +7,8 @@
 //! allowed, or where antennas are too rough for a patch of this size ([`super::thinned`]), pulses stay as they are, for this patch.
 //!
 //! Over frequency it is a tone, of `step (path_p - path_q) / c` cycles a sample: paths are convex in `p`, so over a
-//! patch of a plane they lie between the tangent at its centre and the largest at its corners, and the kernel's error is
-//! that of its band.
+//! patch of a plane, or the box that holds one of a surface, they lie between the tangent at its centre and the largest at its corners, and the kernel's
+//! error is that of its band.
 //!
 //! A patch as large as half its distance from the antennas is seen in all directions: its pulses are not halved.
 
@@ -179,7 +179,7 @@ impl<'a> Refiner<'a> {
         let (mut rate_m, mut fastest) = (0.0f64, patch.corners[0]);
         for n in looked_at() {
             let [early, late] = [n, n + 1].map(|n| patch.offsets_m(&kept[n]));
-            for ((early, late), &corner) in early.iter().zip(late).zip(&patch.corners) {
+            for ((early, late), &corner) in early.zip(late).zip(&patch.corners) {
                 if (late - early).abs() > rate_m {
                     (rate_m, fastest) = ((late - early).abs(), corner);
                 }
