@@ -319,7 +319,7 @@ async function poll() {
       $("state").textContent = now.settled ? `${now.rows} x ${now.columns} pixels` : `${now.rows} x ${now.columns} pixels, overview ${Math.floor(100 * now.fraction)} % there`;
     }
     const settled = view.images.every((about) => about.settled);
-    wait = view.top === null ? 60 : settled ? 3000 : 400;
+    wait = now.revision === 0 ? 60 : settled ? 3000 : 400;
   } catch {
     document.body.dataset.state = "lost"; $("state").textContent = "the server has gone";
   }
