@@ -208,7 +208,7 @@ fn memory_does_not_follow_the_image() {
     let header = "{'descr': '<c8', 'fortran_order': False, 'shape': (6000, 6000), }";
     let mut file = File::create(folder.path().join("large.npy")).unwrap();
     file.write_all(b"\x93NUMPY\x01\x00\x76\x00").unwrap();
-    write!(file, "{header:<117}\n").unwrap();
+    writeln!(file, "{header:<117}").unwrap();
     file.set_len(128 + 8 * 6000 * 6000).unwrap();
     drop(file);
     let served = Served::begin(folder.path(), "view large.npy --memory 100M --threads 2");
