@@ -357,10 +357,12 @@ on("phase", "click", phase);
 on("part", "change", () => { view.part = +$("part").value; part(); });
 on("part-at", "input", () => { view.partAt = +$("part-at").value; part(); });
 on("keys", "click", () => { $("help").hidden = !$("help").hidden; $("keys").setAttribute("aria-expanded", !$("help").hidden); });
+// Whether the crosshair is seen: the map has the keyboard.
+const byKeys = () => map.getContainer().matches(":focus-visible");
 map.on("mousemove", (event) => readout(event.latlng));
-map.on("move zoom resize", () => { swipe(); if (document.activeElement === map.getContainer()) readout(map.getCenter()); });
+map.on("move zoom resize", () => { swipe(); if (byKeys()) readout(map.getCenter()); });
 map.on("moveend zoomend", () => { notes(); keepAddress(); });
-map.getContainer().addEventListener("focus", () => view.placed && readout(map.getCenter()));
+map.getContainer().addEventListener("focus", () => view.placed && byKeys() && readout(map.getCenter()));
 addEventListener("hashchange", () => { if (view.images.length) fromAddress(); });
 
 const KEYS = {
