@@ -1,4 +1,4 @@
-//! Images by HTTP and in a browser, each against values that are written out here.
+//! Images by HTTP, each answer against values that are written out here.
 
 use std::f64::consts::TAU;
 use std::io::{Read, Write};
@@ -6,19 +6,14 @@ use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use glam::DVec3;
 use num_complex::Complex32;
 use serde_json::{Value, json};
-use subaperture_io::geojson;
-use subaperture_io::npy::ImageFile;
 use subaperture_io::tiles::TileStore;
 use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
 use subaperture_model::image::{Image, Parts, Tiling};
 use subaperture_viewer::Server;
 use subaperture_viewer::product::{Bounds, Gallery, Layer, Pixels, Product, TILE};
 use tempfile::TempDir;
-
-use crate::driver::Browser;
 
 const NONE: i16 = i16::MIN;
 const BOUNDS: Bounds = Bounds {
@@ -27,9 +22,9 @@ const BOUNDS: Bounds = Bounds {
 };
 
 /// A smooth ramp of 40 dB across with a phase that turns along rows, and a bright pixel.
-const ROWS: usize = 2100;
-const COLUMNS: usize = 2600;
-const BRIGHT: [usize; 2] = [1500, 700];
+pub(crate) const ROWS: usize = 2100;
+pub(crate) const COLUMNS: usize = 2600;
+pub(crate) const BRIGHT: [usize; 2] = [1500, 700];
 
 fn value(row: usize, column: usize) -> Complex32 {
     if [row, column] == BRIGHT {
@@ -41,7 +36,7 @@ fn value(row: usize, column: usize) -> Complex32 {
     Complex32::new((amplitude * cos) as f32, (amplitude * sin) as f32)
 }
 
-fn image(rows: usize, columns: usize) -> Image {
+pub(crate) fn image(rows: usize, columns: usize) -> Image {
     Image {
         rows,
         columns,
@@ -52,7 +47,7 @@ fn image(rows: usize, columns: usize) -> Image {
 }
 
 /// One at 45 N, 10 E, x east and y north, 0.5 m a pixel.
-fn on_earth() -> Product {
+pub(crate) fn on_earth() -> Product {
     let origin = Geodetic {
         latitude_deg: 45.0,
         longitude_deg: 10.0,
@@ -68,7 +63,7 @@ fn on_earth() -> Product {
     product
 }
 
-fn serve(products: Vec<Product>, layers: Vec<Layer>) -> Server {
+pub(crate) fn serve(products: Vec<Product>, layers: Vec<Layer>) -> Server {
     let gallery = Arc::new(Gallery::new(products, layers, BOUNDS));
     Server::show(([127, 0, 0, 1], 0).into(), gallery).unwrap()
 }
@@ -329,225 +324,4 @@ fn what_is_damaged_is_told() {
             .0
             .starts_with("http/1.1 200")
     );
-}
-
-/// Resident memory of this process at its most, bytes.
-#[cfg(target_os = "linux")]
-fn peak_bytes() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap();
-    let line = status
-        .lines()
-        .find(|line| line.starts_with("VmHWM:"))
-        .unwrap();
-    let kib: u64 = line.split_whitespace().nth(1).unwrap().parse().unwrap();
-    kib << 10
-}
-
-/// Writes an image of 6000 x 6000, 288 MB, of which a band is ever in memory.
-fn large(path: &std::path::Path) {
-    const SIDE: usize = 6000;
-    let header = format!("{{'descr': '<c8', 'fortran_order': False, 'shape': ({SIDE}, {SIDE}), }}");
-    let padded = format!("{header:<117}\n");
-    let mut file = std::io::BufWriter::new(std::fs::File::create(path).unwrap());
-    file.write_all(b"\x93NUMPY\x01\x00\x76\x00").unwrap();
-    file.write_all(padded.as_bytes()).unwrap();
-    for row in 0..SIDE {
-        for column in 0..SIDE {
-            let z = Complex32::new(1.0 + (row % 100) as f32, (column / 60) as f32);
-            file.write_all(&z.re.to_le_bytes()).unwrap();
-            file.write_all(&z.im.to_le_bytes()).unwrap();
-        }
-    }
-    file.flush().unwrap();
-}
-
-/// A large image in a browser: the first picture in a second, levels, pan and zoom, all within memory that has nothing to do with the image's.
-#[test]
-fn a_large_image_is_there_at_once_and_takes_little_memory() {
-    let folder = TempDir::new().unwrap();
-    let path = folder.path().join("large.npy");
-    large(&path);
-    let Some(browser) = Browser::start(1280, 900) else {
-        println!("skipped: chromium or chromedriver not found");
-        return;
-    };
-    #[cfg(target_os = "linux")]
-    let before = peak_bytes();
-    let open = || {
-        Product::new(
-            "large".to_owned(),
-            Pixels::whole(Box::new(ImageFile::open(&path).unwrap())),
-        )
-    };
-    let begun = Instant::now();
-    let server = serve(vec![open()], Vec::new());
-    browser.open(&server.url());
-    browser.wait("view.painted > 3");
-    let first = begun.elapsed();
-    println!("first picture after {first:?}");
-    // A quarter of a second on two processors; other tests run beside.
-    assert!(first < Duration::from_secs(4), "{first:?}");
-    browser.wait("document.body.dataset.state === 'ready' && view.drawn === view.wanted");
-    for zoom in [-4, -3, -2, -1, 0, 2] {
-        browser.run(&format!(
-            "map.setView([3000, 3000], {zoom}, {{ animate: false }}); return 1"
-        ));
-        for _ in 0..3 {
-            browser.run("map.panBy([400, 250], { animate: false }); return 1");
-            browser.wait("view.drawn === view.wanted");
-        }
-    }
-    // What is under the crosshair is the pixel there: row 3000, column 3000 at the middle of the map.
-    browser.run("map.setView([3000.5, 3000.5], 0, { animate: false }); map.getContainer().focus(); readout(map.getCenter()); return 1");
-    browser.wait("document.getElementById('level').textContent.includes('dB')");
-    assert!(browser.text("where").contains("row 3000, column 3000"));
-    let level = 10.0 * (1.0f64 + 50.0 * 50.0).log10();
-    assert!(
-        browser.text("level").starts_with(&format!("{level:.1} dB")),
-        "{}",
-        browser.text("level")
-    );
-    #[cfg(target_os = "linux")]
-    {
-        // The overview takes 36 M / 64 cells of 4 bytes and a third more, 3 MB; the glance 500 x 500 pixels, 2 MB; two tiles at a time 2 MB each; the rest is the
-        // server's and the allocator's. Other tests of this process may run meanwhile, each with images of 44 MB. The image itself is 288 MB.
-        let more = peak_bytes().saturating_sub(before);
-        println!("{} MiB more at the most", more >> 20);
-        assert!(more < 200 << 20, "{more}");
-    }
-}
-
-/// Two images with a layer: blink, swipe, levels, phase, measurements, the address, small screens.
-#[test]
-fn the_page_shows_compares_and_measures() {
-    let Some(browser) = Browser::start(1280, 900) else {
-        println!("skipped: chromium or chromedriver not found");
-        return;
-    };
-    let text = br#"{"type":"Feature","properties":{"name":"<i>mark</i>"},"geometry":{"type":"Point","coordinates":[10,45]}}"#;
-    let layers = vec![
-        Layer::of_features("marks".to_owned(), geojson::parse(text).unwrap()).unwrap(),
-        Layer::of_track(
-            "way".to_owned(),
-            &[DVec3::ZERO, DVec3::new(100.0, 100.0, 50.0)],
-        ),
-    ];
-    let mut other = on_earth();
-    other.name = "other".to_owned();
-    let mut turned = image(ROWS, COLUMNS);
-    turned.pixels.reverse();
-    other.pixels = Pixels::whole(Box::new(turned));
-    let server = serve(vec![on_earth(), other], layers);
-    browser.open(&server.url());
-    browser.wait(
-        "document.body.dataset.state === 'ready' && view.painted > 3 && view.drawn === view.wanted",
-    );
-    // Names are text, never markup.
-    assert_eq!(browser.text("name"), "earth <b>");
-    browser.wait("document.body.dataset.layers === '2'");
-    // The colour at a place of an image, as painted, by row and column.
-    let colour = |plane: &str, row: usize, column: usize| {
-        browser.run(&format!(
-            "let found = null; planes.{plane}.each((c) => {{ const s = 2 ** c.level, n = 256, r = Math.floor({row} / s) - c.at[0] * n, k = Math.floor({column} / s) - c.at[1] * n; \
-             if (r >= 0 && k >= 0 && r < n && k < n) found = Array.from(c.getContext('2d').getImageData(k, n - 1 - r, 1, 1).data); }}); return found"
-        ))
-    };
-    // White is 0 dB and black 40 dB below: a quarter of the way along is 10 dB below white, three quarters of 255.
-    browser.run("choose(0, 40); return 1");
-    let [first, quarter] =
-        [20, COLUMNS / 4].map(|column| colour("shown", 300, column)[0].as_f64().unwrap());
-    // Cells of level 2 are 0.06 dB wide, tenths of dB half a grey.
-    assert!(
-        (first - 253.0).abs() <= 2.0 && (quarter - 191.0).abs() <= 2.0,
-        "{first} {quarter}"
-    );
-    browser.press("]");
-    browser.wait("document.getElementById('top-text').textContent === '1 dB'");
-    assert!(colour("shown", 300, COLUMNS / 4)[0].as_f64().unwrap() < quarter - 4.0);
-    browser.press("c");
-    browser.wait("view.map === 'viridis'");
-    let purple = colour("shown", 300, COLUMNS - 30);
-    assert!(purple[2].as_f64() > purple[1].as_f64(), "{purple}");
-    browser.press("c");
-    // The other image is the first one turned by half a turn: its bright side is the right one.
-    browser.press("b");
-    browser.wait("view.blinked && document.getElementById('name').textContent === 'other'");
-    browser.wait("view.drawn === view.wanted");
-    let right = colour("other", 300, COLUMNS - 30)[0].as_f64().unwrap();
-    assert!(right > 240.0, "{right}");
-    browser.press("b");
-    browser.press("s");
-    browser.wait("view.swiped && planes.other.getContainer().style.clip.startsWith('rect')");
-    // The point response of the bright pixel, from a place some pixels off.
-    browser.run("mode('point'); return 1");
-    browser.run(&format!(
-        "pick(L.latLng({}.5, {}.5)); return 1",
-        BRIGHT[0] + 2,
-        BRIGHT[1] - 2
-    ));
-    browser.wait("!document.getElementById('numbers').hidden && document.body.dataset.chart");
-    let measured = browser.text("told");
-    assert!(
-        measured.contains(&format!("row {}.00, column {}.00", BRIGHT[0], BRIGHT[1]))
-            && measured.contains("40.00 dB"),
-        "{measured}"
-    );
-    // A distance: 300 rows and 400 columns of 0.5 m are 250 m.
-    browser
-        .run("mode('cut'); pick(L.latLng(100.5, 100.5)); pick(L.latLng(400.5, 500.5)); return 1");
-    browser.wait("document.getElementById('told').textContent.startsWith('250.00 m')");
-    browser.wait("measured.curves.length === 1 && measured.curves[0].y.length === 401");
-    keep(&browser, "images");
-    // Phase, at a pixel a pixel: eight rows a turn.
-    browser.press("1");
-    browser.press("p");
-    browser.wait("view.phase && map.getZoom() === 0 && view.drawn === view.wanted");
-    browser.wait("(() => { let all = true, any = false; planes.shown.each((c) => { if (c.level === 0) { any = true; all = all && !!c.phases; } }); return all && any; })()");
-    let [row, column] = ["lat", "lng"].map(|key| {
-        let number = browser.run(&format!("return Math.floor(map.getCenter().{key})"));
-        number.as_u64().unwrap() as usize
-    });
-    assert_eq!(
-        colour("shown", row, column),
-        colour("shown", row + 8, column)
-    );
-    assert_ne!(
-        colour("shown", row, column),
-        colour("shown", row + 4, column)
-    );
-    // The address is that of the view: another page with it is the same.
-    browser.wait("location.hash.includes('p=1') && location.hash.includes('t=1')");
-    let shown = "return [view.top, view.span, view.phase, map.getZoom(), map.getCenter().lat.toFixed(1), view.swiped]";
-    let before = browser.run(shown);
-    let hash = browser
-        .run("return location.hash")
-        .as_str()
-        .unwrap()
-        .to_owned();
-    browser.open("about:blank");
-    browser.open(&format!("{}{hash}", server.url()));
-    browser.wait("view.painted > 3 && view.drawn === view.wanted");
-    assert_eq!(browser.run(shown), before);
-    // Everything that can be pressed has a name, and a small dark screen is wide enough.
-    let unnamed = "return [...document.querySelectorAll('button, select, input, canvas[role], #map')].filter((e) => !(e.textContent.trim() || e.getAttribute('aria-label') || e.labels?.length)).map((e) => e.id)";
-    assert_eq!(browser.run(unnamed), json!([]));
-    let dark = json!({ "features": [{ "name": "prefers-color-scheme", "value": "dark" }] });
-    browser.command("Emulation.setEmulatedMedia", &dark);
-    let small = json!({ "width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": true });
-    browser.command("Emulation.setDeviceMetricsOverride", &small);
-    browser.press("?");
-    browser.wait("!document.getElementById('help').hidden");
-    let wide = browser.run("return document.documentElement.scrollWidth");
-    assert!(wide.as_f64().unwrap() <= 390.0, "{wide}");
-    keep(&browser, "images-small");
-    assert_eq!(
-        browser.run("return performance.getEntriesByType('resource').every((e) => e.name.startsWith(location.origin))"),
-        true
-    );
-}
-
-fn keep(browser: &Browser, name: &str) {
-    if let Ok(folder) = std::env::var("SUBAPERTURE_SCREENSHOTS") {
-        std::fs::write(format!("{folder}/{name}.base64"), browser.screenshot()).unwrap();
-    }
 }

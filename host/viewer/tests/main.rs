@@ -4,4 +4,5 @@ mod browser;
 mod driver;
 mod http;
 mod images;
+mod images_page;
 mod running;

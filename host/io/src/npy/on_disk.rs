@@ -12,6 +12,9 @@ use super::{NpyError, image_shape};
 use crate::input::Stamp;
 use subaperture_model::image::{Image, Parts, PartsError, Place, bands};
 
+/// Bytes that are read at a time.
+const READ_BYTES: usize = 1 << 16;
+
 /// A complex64 image in an open file.
 #[derive(Debug)]
 pub struct ImageFile {
@@ -97,19 +100,18 @@ impl ImageFile {
         let whole_rows = columns.len() == self.columns;
         let runs = if whole_rows { 1 } else { rows.len() };
         let run = if whole_rows { count } else { columns.len() };
+        let mut bytes = vec![0; (8 * run).clamp(8, READ_BYTES)];
         for i in 0..runs {
             let first = (rows.start + i) * self.columns + columns.start;
             file.seek(SeekFrom::Start(self.start + 8 * first as u64))
                 .map_err(io)?;
-            let mut reader = BufReader::new(&mut *file).take(8 * run as u64);
-            for _ in 0..run {
-                let mut z = [0; 8];
-                reader.read_exact(&mut z).map_err(io)?;
-                let [a, b, c, d, e, f, g, h] = z;
-                pixels.push(Complex32::new(
-                    f32::from_le_bytes([a, b, c, d]),
-                    f32::from_le_bytes([e, f, g, h]),
-                ));
+            let mut left = run;
+            while left > 0 {
+                let some = left.min(bytes.len() / 8);
+                let bytes = &mut bytes[..8 * some];
+                file.read_exact(bytes).map_err(io)?;
+                pixels.extend(bytes.as_chunks().0.iter().map(value));
+                left -= some;
             }
         }
         if let Some(how) = self.stamp.difference(&file).map_err(io)? {
@@ -123,6 +125,14 @@ impl ImageFile {
             pixels,
         })
     }
+}
+
+/// A value of eight bytes.
+fn value(&[a, b, c, d, e, f, g, h]: &[u8; 8]) -> Complex32 {
+    Complex32::new(
+        f32::from_le_bytes([a, b, c, d]),
+        f32::from_le_bytes([e, f, g, h]),
+    )
 }
 
 impl Parts for ImageFile {
@@ -157,6 +167,17 @@ mod tests {
         assert_eq!(file.size(), (5, 4));
         assert_eq!(file.read().unwrap(), image);
         for place in [[1..4, 1..3], [0..5, 0..4], [4..5, 3..4], [2..4, 0..4]] {
+            assert_eq!(file.window(&place).unwrap(), image.window(&place).unwrap());
+        }
+        // Rows longer than what is read at a time, and not a multiple of it.
+        let image = Image {
+            rows: 3,
+            columns: 20_001,
+            pixels: (0..60_003).map(|i| Complex32::new(i as f32, 0.5)).collect(),
+        };
+        super::super::write(&path, &image).unwrap();
+        let file = ImageFile::open(&path).unwrap();
+        for place in [[0..3, 0..20_001], [1..3, 7..16_500], [2..3, 1..8193]] {
             assert_eq!(file.window(&place).unwrap(), image.window(&place).unwrap());
         }
     }

@@ -64,6 +64,14 @@ fn on_ground(product: &Product, position: DVec3) -> Option<DVec3> {
     (steep.abs() > 0.05).then(|| position - normal * (up.dot(position) / steep))
 }
 
+/// Angle in the grid's plane, from x towards y, from a point to where it was seen from; none from straight above.
+fn line_of_sight_rad(product: &Product, position: DVec3) -> Option<f64> {
+    let grid = product.grid.filter(|grid| !grid.polar)?;
+    let sight = product.carrier?.antenna_m - position;
+    let (x, y) = (sight.dot(grid.x_axis), sight.dot(grid.y_axis));
+    (libm::hypot(x, y) > 1e-3 * sight.length()).then(|| libm::atan2(y, x))
+}
+
 /// The response of the brightest point within some pixels of one.
 pub(super) fn response(
     product: &Product,
@@ -71,8 +79,10 @@ pub(super) fn response(
     search_px: usize,
 ) -> Result<Value, ResponseError> {
     let grid = product.any_grid();
+    let position = grid.position_m(row, column);
     let settings = Settings {
         search_px,
+        line_of_sight_rad: line_of_sight_rad(product, position),
         carrier: product.carrier,
         looks: product.looks.as_ref(),
         ..Settings::default()

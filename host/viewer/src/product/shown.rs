@@ -24,8 +24,8 @@ const SCALE_SIDE: usize = 512;
 pub(super) struct State {
     /// Changes with what is shown.
     pub(super) revision: u64,
-    /// Part of the pixels that the overview has.
-    pub(super) fraction: f64,
+    /// Pixels that the overview has.
+    pub(super) taken: usize,
     /// Whether tiles are of the overview.
     pub(super) ready: bool,
     /// Whether nothing will change any more.
@@ -90,7 +90,6 @@ impl Shown {
         if places.is_empty() {
             return Ok(true);
         }
-        let all = (self.size[0] * self.size[1]) as f64;
         for place in &places {
             if stop() {
                 return Ok(false);
@@ -102,8 +101,7 @@ impl Shown {
                 .unwrap_or_else(PoisonError::into_inner);
             overview.add(place, &part);
             drop(overview);
-            let mut state = self.state();
-            state.fraction += (place[0].len() * place[1].len()) as f64 / all;
+            self.state().taken += place[0].len() * place[1].len();
         }
         let mut overview = self
             .overview
@@ -186,7 +184,7 @@ impl Shown {
             "on_earth": product.frame != subaperture_model::geometry::SceneFrame::Local,
             "aperture": product.aperture.is_some(),
             "revision": state.revision,
-            "fraction": state.fraction.min(1.0),
+            "fraction": state.taken as f64 / (self.size[0] * self.size[1]) as f64,
             "ready": state.ready,
             "settled": state.settled,
             "scale": state.scale,

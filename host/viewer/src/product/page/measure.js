@@ -71,9 +71,11 @@ function response(found) {
   L.circleMarker([found.row + 0.5, found.column + 0.5], { radius: 9, color: "#e69f00", fill: false }).addTo(measured.group);
   tell(`row ${found.row.toFixed(2)}, column ${found.column.toFixed(2)}${found.in_pixels ? "" : `: x ${found.position_m[0].toFixed(3)} m, y ${found.position_m[1].toFixed(3)} m`}, ${found.level_db.toFixed(2)} dB`);
   const axes = found.in_pixels ? { x: "columns", y: "rows" } : found.polar ? { x: "angle", y: "range" } : { x: "x", y: "y" };
-  const cuts = found.cuts.map((cut, i) => {
+  // Along and across the line of sight where that is known, else along the grid.
+  const sighted = found.cuts.some((cut) => cut.along === "range");
+  const cuts = found.cuts.map((cut, i) => ({ ...cut, curve: found.curves[i] })).filter((cut) => !sighted || ["range", "cross-range"].includes(cut.along)).map((cut) => {
     const turning = found.polar && cut.along === "x", unit = found.in_pixels ? "px" : turning ? "°" : "m", factor = turning ? 180 / Math.PI : 1;
-    return { ...cut, name: axes[cut.along] ?? cut.along, unit, factor, curve: found.curves[i] };
+    return { ...cut, name: axes[cut.along] ?? cut.along.replace("-", " "), unit, factor };
   });
   const head = $("numbers").tHead, body = $("numbers").tBodies[0];
   const row = (kind, cells) => { const line = document.createElement("tr"); cells.forEach((text, i) => { const cell = document.createElement(i === 0 || kind === "th" ? "th" : "td"); cell.scope = i === 0 && kind !== "th" ? "row" : "col"; cell.textContent = text; line.append(cell); }); return line; };

@@ -319,7 +319,7 @@ async function poll() {
       $("state").textContent = now.settled ? `${now.rows} x ${now.columns} pixels` : `${now.rows} x ${now.columns} pixels, overview ${Math.floor(100 * now.fraction)} % there`;
     }
     const settled = view.images.every((about) => about.settled);
-    wait = view.top === null ? 60 : settled ? 3000 : 400;
+    wait = now.revision === 0 ? 60 : settled ? 3000 : 400;
   } catch {
     document.body.dataset.state = "lost"; $("state").textContent = "the server has gone";
   }
@@ -357,10 +357,12 @@ on("phase", "click", phase);
 on("part", "change", () => { view.part = +$("part").value; part(); });
 on("part-at", "input", () => { view.partAt = +$("part-at").value; part(); });
 on("keys", "click", () => { $("help").hidden = !$("help").hidden; $("keys").setAttribute("aria-expanded", !$("help").hidden); });
+// Whether the crosshair is seen: the map has the keyboard.
+const byKeys = () => map.getContainer().matches(":focus-visible");
 map.on("mousemove", (event) => readout(event.latlng));
-map.on("move zoom resize", () => { swipe(); if (document.activeElement === map.getContainer()) readout(map.getCenter()); });
+map.on("move zoom resize", () => { swipe(); if (byKeys()) readout(map.getCenter()); });
 map.on("moveend zoomend", () => { notes(); keepAddress(); });
-map.getContainer().addEventListener("focus", () => view.placed && readout(map.getCenter()));
+map.getContainer().addEventListener("focus", () => view.placed && byKeys() && readout(map.getCenter()));
 addEventListener("hashchange", () => { if (view.images.length) fromAddress(); });
 
 const KEYS = {
