@@ -66,7 +66,7 @@ fn on_ground(product: &Product, position: DVec3) -> Option<DVec3> {
 
 /// Angle in the grid's plane, from x towards y, from a point to where it was seen from; none from straight above.
 fn line_of_sight_rad(product: &Product, position: DVec3) -> Option<f64> {
-    let grid = product.grid.filter(|grid| !grid.polar)?;
+    let grid = product.grid.as_ref().filter(|grid| !grid.polar)?;
     let sight = product.carrier?.antenna_m - position;
     let (x, y) = (sight.dot(grid.x_axis), sight.dot(grid.y_axis));
     (libm::hypot(x, y) > 1e-3 * sight.length()).then(|| libm::atan2(y, x))
