@@ -43,14 +43,16 @@ const CORE: [(&str, &str); 8] = [
 
 /// The library with some of its features, such that each is there without each other one that it does not bring: what the command,
 /// which names all of them, never builds.
-const LIBRARY: [&str; 9] = [
+const LIBRARY: [&str; 11] = [
     "",
     "gotcha,npz,link,motion,navigation",
-    "simulate,plot,planner,motion,radio",
+    "simulate,planner,motion,radio,terrain",
     "cphd,autofocus,link",
-    "cphd,gotcha,plot,maps,sicd",
-    "hdf5,quality,planner,sicd,terrain",
-    "simulate,autofocus,navigation,maps",
+    "cphd,gotcha,plot,sicd,terrain",
+    "npz,quality,planner,sicd",
+    "simulate,plot,autofocus,navigation",
+    "hdf5",
+    "maps",
     "uhd",
     "viewer",
 ];
