@@ -29,10 +29,10 @@ const PARABOLA: f64 = STEP * STEP * (0.5 - HALF_SQUARE / 28.0);
 /// Mean of the magnitude of `1 + j x`.
 const COARSE_MAGNITUDE: f64 = 1.0 + HALF_SQUARE / 6.0;
 
-/// Cosines and sines at the places, finely and coarsely.
-static TABLES: LazyLock<[[[f32; PLACES]; 2]; 2]> = LazyLock::new(|| {
+/// Cosines and sines at the places of the first quarter, finely and coarsely.
+static TABLES: LazyLock<[[[f32; PLACES / 4]; 2]; 2]> = LazyLock::new(|| {
     [1.0, COARSE_MAGNITUDE].map(|magnitude| {
-        let [mut cos, mut sin] = [[0.0; PLACES]; 2];
+        let [mut cos, mut sin] = [[0.0; PLACES / 4]; 2];
         for (place, (cos, sin)) in cos.iter_mut().zip(&mut sin).enumerate() {
             let (s, c) = libm::sincos(STEP * place as f64);
             (*cos, *sin) = ((c / magnitude) as f32, (s / magnitude) as f32);
@@ -50,8 +50,7 @@ pub(crate) const ROUND_F64: f64 = 6_755_399_441_055_744.0;
 /// Phasors by the table.
 #[derive(Clone, Copy)]
 pub(crate) struct Table<L: Lanes> {
-    cos: L::Wide,
-    sin: L::Wide,
+    circle: L::Circle,
     round: L::Numbers,
     line: L::Numbers,
     parabola: L::Numbers,
@@ -64,10 +63,8 @@ impl<L: Lanes> Table<L> {
 
     #[inline(always)]
     pub(crate) fn new(lanes: L, coarse: bool) -> Self {
-        let [cos, sin] = &TABLES[usize::from(coarse)];
         Self {
-            cos: lanes.wide(cos),
-            sin: lanes.wide(sin),
+            circle: lanes.circle(&TABLES[usize::from(coarse)]),
             round: lanes.splat(ROUND),
             line: lanes.splat(if coarse { STEP as f32 } else { LINE as f32 }),
             parabola: lanes.splat((PARABOLA / (LINE * LINE)) as f32),
@@ -90,8 +87,7 @@ impl<L: Lanes> Table<L> {
         [pattern, left]: [L::Numbers; 2],
     ) -> [L::Numbers; 2] {
         let x = lanes.mul(left, self.line);
-        let mut cos = lanes.of_wide(self.cos, pattern);
-        let mut sin = lanes.of_wide(self.sin, pattern);
+        let [mut cos, mut sin] = lanes.of_circle(self.circle, pattern);
         let [across, along] = [sin, cos];
         if !COARSE {
             let shrunk = lanes.neg_mul_add(lanes.mul(x, x), self.parabola, self.one);

@@ -49,7 +49,10 @@ impl Lanes for Avx2 {
     type Numbers = __m256;
     type Narrow = [__m256; 2];
     type Wide = [__m256; 4];
+    type Short = __m256;
+    type Circle = [__m256; 2];
     const COUNT: usize = 8;
+    const LIKES_SHORT: bool = true;
 
     #[inline(always)]
     fn splat(self, x: f32) -> __m256 {
@@ -127,6 +130,36 @@ impl Lanes for Avx2 {
             let (low, high) = (self.of_16([a, b], at), self.of_16([c, d], at));
             let upper = _mm256_castsi256_ps(_mm256_slli_epi32::<27>(at));
             _mm256_blendv_ps(low, high, upper)
+        }
+    }
+    #[inline(always)]
+    fn short(self, values: &[f32; 8]) -> __m256 {
+        self.load(values)
+    }
+    #[inline(always)]
+    fn of_short(self, values: __m256, at: __m256) -> __m256 {
+        // SAFETY: as above; the permutation takes the lowest 3 bits of an index.
+        unsafe { _mm256_permutevar8x32_ps(values, _mm256_castps_si256(at)) }
+    }
+    #[inline(always)]
+    fn circle(self, quarter: &[[f32; 8]; 2]) -> [__m256; 2] {
+        [self.load(&quarter[0]), self.load(&quarter[1])]
+    }
+    #[inline(always)]
+    fn of_circle(self, circle: [__m256; 2], at: __m256) -> [__m256; 2] {
+        let [cos, sin] = circle.map(|part| self.of_short(part, at));
+        // SAFETY: as above.
+        unsafe {
+            let at = _mm256_castps_si256(at);
+            // Their signs are bit 3 of the place, an odd number of quarters, and bit 4, two of them.
+            let odd = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(at));
+            let two = _mm256_castsi256_ps(_mm256_slli_epi32::<27>(at));
+            let sign = _mm256_set1_ps(-0.0);
+            let of_cos = _mm256_and_ps(_mm256_xor_ps(odd, two), sign);
+            [
+                _mm256_xor_ps(_mm256_blendv_ps(cos, sin, odd), of_cos),
+                _mm256_xor_ps(_mm256_blendv_ps(sin, cos, odd), _mm256_and_ps(two, sign)),
+            ]
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Kernel, Lanes};
+use super::{Kernel, Lanes, whole_circle};
 
 /// Proof that F, BW, DQ and VL are there.
 #[derive(Clone, Copy)]
@@ -39,6 +39,8 @@ impl Lanes for Avx512 {
     type Numbers = __m512;
     type Narrow = __m512;
     type Wide = [__m512; 2];
+    type Short = __m512;
+    type Circle = [[__m512; 2]; 2];
     const COUNT: usize = 16;
 
     #[inline(always)]
@@ -112,5 +114,22 @@ impl Lanes for Avx512 {
     fn of_wide(self, [low, high]: [__m512; 2], at: __m512) -> __m512 {
         // SAFETY: as above; the permutation takes the lowest 5 bits of an index.
         unsafe { _mm512_permutex2var_ps(low, _mm512_castps_si512(at), high) }
+    }
+    #[inline(always)]
+    fn short(self, values: &[f32; 8]) -> __m512 {
+        // SAFETY: as above; 8 numbers are there. Twice, so that it does not matter what bit 3 of an index is.
+        unsafe { _mm512_broadcast_f32x8(_mm256_loadu_ps(values.as_ptr())) }
+    }
+    #[inline(always)]
+    fn of_short(self, values: __m512, at: __m512) -> __m512 {
+        self.of_narrow(values, at)
+    }
+    #[inline(always)]
+    fn circle(self, quarter: &[[f32; 8]; 2]) -> [[__m512; 2]; 2] {
+        whole_circle(quarter).map(|part| self.wide(&part))
+    }
+    #[inline(always)]
+    fn of_circle(self, circle: [[__m512; 2]; 2], at: __m512) -> [__m512; 2] {
+        circle.map(|part| self.of_wide(part, at))
     }
 }

@@ -54,7 +54,10 @@ impl Lanes for Neon {
     type Numbers = float32x4_t;
     type Narrow = uint8x16x4_t;
     type Wide = [uint8x16x4_t; 2];
+    type Short = uint8x16x2_t;
+    type Circle = [uint8x16x2_t; 2];
     const COUNT: usize = 4;
+    const LIKES_SHORT: bool = true;
 
     #[inline(always)]
     fn splat(self, x: f32) -> float32x4_t {
@@ -127,6 +130,38 @@ impl Lanes for Neon {
             let values = vqtbl4q_u8(low, at);
             let at = vsubq_u8(at, vdupq_n_u8(64));
             vreinterpretq_f32_u8(vqtbx4q_u8(values, high, at))
+        }
+    }
+    #[inline(always)]
+    fn short(self, values: &[f32; 8]) -> uint8x16x2_t {
+        // SAFETY: as above; 32 bytes are 8 numbers.
+        unsafe { vld1q_u8_x2(values.as_ptr().cast()) }
+    }
+    #[inline(always)]
+    fn of_short(self, values: uint8x16x2_t, at: float32x4_t) -> float32x4_t {
+        let at = self.bytes(at, 7);
+        // SAFETY: as above.
+        unsafe { vreinterpretq_f32_u8(vqtbl2q_u8(values, at)) }
+    }
+    #[inline(always)]
+    fn circle(self, quarter: &[[f32; 8]; 2]) -> [uint8x16x2_t; 2] {
+        [self.short(&quarter[0]), self.short(&quarter[1])]
+    }
+    #[inline(always)]
+    fn of_circle(self, circle: [uint8x16x2_t; 2], at: float32x4_t) -> [float32x4_t; 2] {
+        let [cos, sin] = circle.map(|part| self.of_short(part, at));
+        // SAFETY: as above.
+        unsafe {
+            let (cos, sin) = (vreinterpretq_u32_f32(cos), vreinterpretq_u32_f32(sin));
+            let at = vreinterpretq_u32_f32(at);
+            // Bit 3 of the place: an odd number of quarters. Bit 4: two of them.
+            let (odd, two) = (vshlq_n_u32::<28>(at), vshlq_n_u32::<27>(at));
+            let swapped = vtstq_u32(odd, vdupq_n_u32(1 << 31));
+            let sign = vdupq_n_u32(1 << 31);
+            let of_cos = vandq_u32(veorq_u32(odd, two), sign);
+            let cosine = veorq_u32(vbslq_u32(swapped, sin, cos), of_cos);
+            let sine = veorq_u32(vbslq_u32(swapped, cos, sin), vandq_u32(two, sign));
+            [vreinterpretq_f32_u32(cosine), vreinterpretq_f32_u32(sine)]
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Plain Rust: what the others are held to.
 
-use super::Lanes;
+use super::{Lanes, on_circle};
 
 const COUNT: usize = 4;
 
@@ -17,6 +17,8 @@ impl Lanes for Portable {
     type Numbers = [f32; COUNT];
     type Narrow = [f32; 16];
     type Wide = [f32; 32];
+    type Short = [f32; 8];
+    type Circle = [[f32; 8]; 2];
     const COUNT: usize = COUNT;
     const LOOKS_UP: bool = false;
 
@@ -71,5 +73,22 @@ impl Lanes for Portable {
     #[inline(always)]
     fn of_wide(self, values: [f32; 32], at: Self::Numbers) -> Self::Numbers {
         each(|i| values[(at[i].to_bits() & 31) as usize])
+    }
+    #[inline(always)]
+    fn short(self, values: &[f32; 8]) -> [f32; 8] {
+        *values
+    }
+    #[inline(always)]
+    fn of_short(self, values: [f32; 8], at: Self::Numbers) -> Self::Numbers {
+        each(|i| values[(at[i].to_bits() & 7) as usize])
+    }
+    #[inline(always)]
+    fn circle(self, quarter: &[[f32; 8]; 2]) -> [[f32; 8]; 2] {
+        *quarter
+    }
+    #[inline(always)]
+    fn of_circle(self, circle: [[f32; 8]; 2], at: Self::Numbers) -> [Self::Numbers; 2] {
+        let both = at.map(|at| on_circle(&circle, (at.to_bits() & 31) as usize));
+        [0, 1].map(|part| each(|i| both[i][part]))
     }
 }

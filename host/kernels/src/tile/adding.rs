@@ -3,10 +3,10 @@
 use std::marker::PhantomData;
 
 use super::expansion::Expansion;
-use super::groups::{Groups, Offsets, Rows, Sums};
+use super::groups::{Bend, Groups, Offsets, Rows, Sums};
 use super::pieces::Pieces;
 use super::pulse::TilePulse;
-use super::shape::Window;
+use super::shape::{SHORT_REACH, Window};
 use crate::lanes::{GROUP, Kernel, Lanes};
 use crate::phasor::{ROUND, Table};
 
@@ -18,6 +18,8 @@ pub(super) struct Add<'a> {
     pub(super) pieces: &'a [f32],
     pub(super) expansions: &'a [Expansion],
     pub(super) window: Window,
+    /// How fast paths change along the groups' axes at most, bins a pixel.
+    pub(super) slopes: [f64; 2],
     pub(super) tile: Groups,
     pub(super) rows: &'a mut Rows,
     pub(super) sums: &'a mut [Sums],
@@ -53,7 +55,11 @@ impl Add<'_> {
         } else {
             Window::Any
         };
-        match (window, self.tile.shape.along == GROUP) {
+        let shape = self.tile.shape;
+        let short = L::LIKES_SHORT && shape.part_reach(self.slopes, L::COUNT) <= SHORT_REACH;
+        match (window, shape.along == GROUP) {
+            (_, true) if short => self.add::<L, Short, PLANES, COARSE, true>(lanes),
+            (_, false) if short => self.add::<L, Short, PLANES, COARSE, false>(lanes),
             (Window::Narrow, true) => self.add::<L, Narrow, PLANES, COARSE, true>(lanes),
             (Window::Narrow, false) => self.add::<L, Narrow, PLANES, COARSE, false>(lanes),
             (Window::Wide, true) => self.add::<L, Wide, PLANES, COARSE, true>(lanes),
@@ -107,13 +113,20 @@ impl Add<'_> {
                     R::MIDDLE as f64,
                 );
                 let bend = match ROW {
-                    true => [0.0; GROUP],
-                    false => offsets.bend(expansion, i),
+                    true => Bend::NONE,
+                    false => Bend::new(expansion, i),
                 };
+                let bends: [f32; GROUP] =
+                    std::array::from_fn(|n| bend.at(offsets.along[n], offsets.across[n]));
                 for part in (0..GROUP).step_by(L::COUNT) {
+                    if R::SHORT {
+                        let [first, second] = offsets.middle(part..part + L::COUNT);
+                        let along = (!ROW).then_some(second);
+                        rows.of_part(first, along, bend.at(first, second));
+                    }
                     let first = lanes.load(&offsets.along[part..]);
                     let second = lanes.load(&offsets.across[part..]);
-                    let bend = lanes.load(&bend[part..]);
+                    let bend = lanes.load(&bends[part..]);
                     let group = Group::<L, R, PLANES, COARSE, ROW> {
                         lanes,
                         first,
@@ -126,6 +139,7 @@ impl Add<'_> {
                         reading: PhantomData,
                     };
                     match rows.run {
+                        _ if R::SHORT => group.add_short(&planes, rows, part, groups),
                         1 => group.add_column::<1>(&planes, rows, part, groups),
                         _ => group.add_column::<2>(&planes, rows, part, groups),
                     }
@@ -174,9 +188,9 @@ impl<L: Lanes, R: Reading, const PLANES: usize, const COARSE: bool, const ROW: b
         groups: &mut [Sums],
     ) {
         let whole = groups.len() / N * N;
-        let mut ahead = [self.place(rows, 0); N];
+        let mut ahead = [self.place(rows.place(0)); N];
         for (n, place) in ahead.iter_mut().enumerate().take(groups.len()) {
-            *place = self.place(rows, n);
+            *place = self.place(rows.place(n));
         }
         for (run, groups) in groups.chunks_mut(rows.run).enumerate() {
             let mut row = run * rows.run;
@@ -191,21 +205,44 @@ impl<L: Lanes, R: Reading, const PLANES: usize, const COARSE: bool, const ROW: b
                 // After the last there is none: it is found again.
                 let next = if row < whole { row } else { row - N };
                 for n in 0..N {
-                    ahead[n] = self.place(rows, next + n);
+                    ahead[n] = self.place(rows.place(next + n));
                     self.add(&mut step[n], part, &here[n], &values);
                 }
             }
             for last in steps.into_remainder() {
-                self.add(last, part, &self.place(rows, row), &values);
+                self.add(last, part, &self.place(rows.place(row)), &values);
                 row += 1;
             }
         }
     }
 
+    /// The same, each group from windows of its own.
     #[inline(always)]
-    fn place(&self, rows: &Rows, row: usize) -> Place<L> {
+    fn add_short(
+        &self,
+        planes: &[&[f32]; MOST_PLANES],
+        rows: &Rows,
+        part: usize,
+        groups: &mut [Sums],
+    ) {
         let lanes = self.lanes;
-        let [at, along, across] = rows.place(row);
+        for (sums, row) in groups.iter_mut().zip(rows.parts()) {
+            let place = self.place(row.place);
+            let place = Place {
+                pattern: lanes.add(place.pattern, lanes.splat(row.shift)),
+                ..place
+            };
+            let mut values = [R::window(lanes, planes[0], row.first); MOST_PLANES];
+            for p in 1..2 * PLANES {
+                values[p] = R::window(lanes, planes[p], row.first);
+            }
+            self.add(sums, part, &place, &values);
+        }
+    }
+
+    #[inline(always)]
+    fn place(&self, [at, along, across]: [f32; 3]) -> Place<L> {
+        let lanes = self.lanes;
         let (at, along) = (lanes.splat(at), lanes.splat(along));
         let across = lanes.splat(across);
         let t = match ROW {
@@ -263,15 +300,35 @@ impl<L: Lanes, R: Reading, const PLANES: usize, const COARSE: bool, const ROW: b
 trait Reading {
     /// The window's middle, from its first piece.
     const MIDDLE: u32;
+    /// Whether each part of a group that is worked on at once has a window of its own.
+    const SHORT: bool = false;
     /// A window, ready to be looked up.
     type Values<'a, L: Lanes>: Copy;
     fn window<'a, L: Lanes>(lanes: L, plane: &'a [f32], base: u32) -> Self::Values<'a, L>;
     fn look_up<L: Lanes>(lanes: L, values: Self::Values<'_, L>, pattern: L::Numbers) -> L::Numbers;
 }
 
+struct Short;
 struct Narrow;
 struct Wide;
 struct Any;
+
+impl Reading for Short {
+    const MIDDLE: u32 = 4;
+    const SHORT: bool = true;
+    type Values<'a, L: Lanes> = L::Short;
+
+    #[inline(always)]
+    fn window<L: Lanes>(lanes: L, plane: &[f32], base: u32) -> L::Short {
+        let base = base as usize;
+        lanes.short(plane[base..base + 8].try_into().expect("8 pieces"))
+    }
+
+    #[inline(always)]
+    fn look_up<L: Lanes>(lanes: L, values: L::Short, pattern: L::Numbers) -> L::Numbers {
+        lanes.of_short(values, pattern)
+    }
+}
 
 impl Reading for Narrow {
     const MIDDLE: u32 = 8;

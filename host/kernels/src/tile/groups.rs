@@ -5,7 +5,7 @@ use num_complex::Complex32;
 use super::expansion::Expansion;
 use super::shape::Shape;
 use crate::lanes::{GROUP, Kernel, Lanes};
-use crate::phasor::ROUND_F64;
+use crate::phasor::{ROUND, ROUND_F64};
 
 /// Those of a group's pixels, in cache lines of their own.
 #[derive(Clone, Copy)]
@@ -38,6 +38,17 @@ pub(super) struct Rows {
     along: Vec<f32>,
     /// Change across it; of a row of 16 half the change of the change along it.
     across: Vec<f32>,
+    /// Of the part of a group that is worked on at once: the first of the 8 pieces that it reads from, and by how much places are to be
+    /// shifted to count from there ([`Self::of_part`]).
+    short: Vec<u32>,
+    shift: Vec<f32>,
+}
+
+/// What the places of a group's pixels follow from, and the 8 pieces of a part of it.
+pub(super) struct RowPart {
+    pub(super) place: [f32; 3],
+    pub(super) first: u32,
+    pub(super) shift: f32,
 }
 
 /// A tile in groups of one shape, column by column of groups.
@@ -135,8 +146,35 @@ impl Rows {
             self.run_middle.extend(run.iter().map(|_| middle));
         }
         self.base.resize(count, 0);
-        for values in [&mut self.at, &mut self.along, &mut self.across] {
+        self.short.resize(count, 0);
+        for values in [
+            &mut self.at,
+            &mut self.along,
+            &mut self.across,
+            &mut self.shift,
+        ] {
             values.resize(count, 0.0);
+        }
+    }
+
+    /// Of the part of each group whose middle lies at `first` and `second` from the group's: 8 pieces about the place of that middle, `bend`
+    /// beside what is linear. Of a row of 16 `second` is none.
+    ///
+    /// The shift is added after rounding: halves are rounded to even numbers, whichever piece is counted from.
+    #[inline(always)]
+    pub(super) fn of_part(&mut self, first: f32, second: Option<f32>, bend: f32) {
+        let count = self.base.len();
+        let (at, along) = (&self.at[..count], &self.along[..count]);
+        let (across, base) = (&self.across[..count], &self.base[..count]);
+        let (short, shift) = (&mut self.short[..count], &mut self.shift[..count]);
+        for row in 0..count {
+            let place = match second {
+                None => at[row] + first * (along[row] + first * across[row]),
+                Some(second) => at[row] + bend + first * along[row] + second * across[row],
+            };
+            let pattern = place + ROUND;
+            shift[row] = ROUND - pattern;
+            short[row] = base[row].wrapping_add(pattern.to_bits().wrapping_sub(ROUND.to_bits()));
         }
     }
 
@@ -144,6 +182,20 @@ impl Rows {
     #[inline(always)]
     pub(super) fn place(&self, row: usize) -> [f32; 3] {
         [self.at[row], self.along[row], self.across[row]]
+    }
+
+    /// Of all rows, with the parts that were asked for last.
+    #[inline(always)]
+    pub(super) fn parts(&self) -> impl Iterator<Item = RowPart> {
+        let places = self.at.iter().zip(&self.along).zip(&self.across);
+        let shorts = self.short.iter().zip(&self.shift);
+        places
+            .zip(shorts)
+            .map(|(((at, along), across), (first, shift))| RowPart {
+                place: [*at, *along, *across],
+                first: *first,
+                shift: *shift,
+            })
     }
 
     /// For the groups whose middles are `i` pixels along, where the tile's middle has `place` among the pieces.
@@ -219,16 +271,36 @@ impl Offsets {
         }
     }
 
-    /// Terms of second degree `i` pixels along from the tile's middle.
+    /// The middle of the pixels in some lanes.
+    pub(super) fn middle(&self, lanes: std::ops::Range<usize>) -> [f32; 2] {
+        let count = lanes.len() as f32;
+        [&self.along, &self.across]
+            .map(|offsets| offsets[lanes.clone()].iter().sum::<f32>() / count)
+    }
+}
+
+/// Terms of second degree within the groups of a column, which rows of 16 have in their changes.
+#[derive(Clone, Copy)]
+pub(super) struct Bend([f32; 3]);
+
+impl Bend {
+    pub(super) const NONE: Self = Self([0.0; 3]);
+
+    /// `i` pixels along from the tile's middle.
     #[inline(always)]
-    pub(super) fn bend(&self, e: &Expansion, i: f64) -> [f32; GROUP] {
+    pub(super) fn new(e: &Expansion, i: f64) -> Self {
         let ([c20, c11, c02], [c30, c21, c12, _]) = (e.second, e.third);
-        let a = (c20 + 3.0 * c30 * i) as f32;
-        let b = (c11 + 2.0 * c21 * i) as f32;
-        let c = (c02 + c12 * i) as f32;
-        std::array::from_fn(|lane| {
-            let (x, y) = (self.along[lane], self.across[lane]);
-            a * (x * x) + b * (x * y) + c * (y * y)
-        })
+        Self([
+            (c20 + 3.0 * c30 * i) as f32,
+            (c11 + 2.0 * c21 * i) as f32,
+            (c02 + c12 * i) as f32,
+        ])
+    }
+
+    /// At a place from the group's middle.
+    #[inline(always)]
+    pub(super) fn at(&self, x: f32, y: f32) -> f32 {
+        let [a, b, c] = self.0;
+        a * (x * x) + b * (x * y) + c * (y * y)
     }
 }

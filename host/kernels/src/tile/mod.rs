@@ -9,7 +9,8 @@
 //!   16 pixels; within the group of second degree, in float32, relative to the group's own bin;
 //! - **profiles** are pieces of polynomials with their carrier ([`Pieces`]), so that the phase of a pixel is that within its bin;
 //! - **values** of a group's pixels lie in a window of 16 or 32 bins, which is loaded whole and looked up in registers. For that, a
-//!   group is 16 x 1, 8 x 2 or 4 x 4 pixels (`shape`), along rows or columns, whichever looks across the beam.
+//!   group is 16 x 1, 8 x 2 or 4 x 4 pixels (`shape`), along rows or columns, whichever looks across the beam. Where registers hold fewer
+//!   than 16 numbers, each part of a group reads from 8 bins of its own, if these hold it.
 //!
 //! **Error** beside the profile's spline: what the polynomials leave out ([`TileScratch::look`]); float32 of places
 //! within a window ([`PLACE_RMS`], bins, whose phase is `2 pi kappa` times that); the phasor's polynomials ([`PHASOR_RMS`]); sums in

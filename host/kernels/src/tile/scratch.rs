@@ -17,6 +17,8 @@ pub struct TileScratch {
     window: Window,
     /// Groups that share a window.
     run: usize,
+    /// How fast paths change along the groups' axes at most, bins a pixel.
+    slopes: [f64; 2],
     tile: Groups,
     sums: Vec<Sums>,
     rows: Rows,
@@ -37,8 +39,10 @@ impl TileScratch {
                 .map(|pulse| Expansion::new(&pulse.antennas, raster, pulse.turns_m * bins)),
         );
         let sides = [raster.columns, raster.rows];
-        let (shape, window, run) = Shape::of(steepest(self.expansions.iter(), sides));
+        let steepest = steepest(self.expansions.iter(), sides);
+        let (shape, window, run) = Shape::of(steepest);
         (self.window, self.run) = (window, run);
+        self.slopes = shape.slopes(steepest);
         self.tile = Groups::new(shape, sides);
         if shape.transposed {
             self.expansions.iter_mut().for_each(|e| *e = e.transposed());
@@ -101,6 +105,7 @@ impl TileScratch {
             pieces,
             expansions: &self.expansions,
             window: self.window,
+            slopes: self.slopes,
             tile,
             rows: &mut self.rows,
             sums: &mut self.sums,

@@ -19,6 +19,10 @@ pub(super) struct Shape {
 /// Groups that share a window, at most: more would save nothing.
 const MOST_RUN: usize = 16;
 
+/// Bins that pixels may lie from the middle of those that are worked on at once, so that 8 bins hold them, less the half that the middle is
+/// rounded by.
+pub(super) const SHORT_REACH: f64 = 2.9;
+
 /// Bins that a group of 16 pixels reads from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -68,21 +72,30 @@ impl Shape {
         [self.along, self.across()].map(|count| (count - 1) as f64 / 2.0)
     }
 
+    /// Bins that a pixel may lie from the middle of the `lanes` pixels of a group that are worked on at once, where paths change at
+    /// most by so many bins along the shape's axes.
+    pub(super) fn part_reach(&self, slopes: [f64; 2], lanes: usize) -> f64 {
+        let along = lanes.min(self.along);
+        let half = [along, lanes / along].map(|count| (count - 1) as f64 / 2.0);
+        half[0] * slopes[0] + half[1] * slopes[1]
+    }
+
+    /// Changes of paths a column and a row, along the shape's axes.
+    pub(super) fn slopes(&self, steepest: [f64; 2]) -> [f64; 2] {
+        match self.transposed {
+            false => steepest,
+            true => [steepest[1], steepest[0]],
+        }
+    }
+
     /// The shape of the least work for pulses whose paths change at most by so many bins a column and a row; the window
     /// that it needs, and how many groups, one beside another across, can share one.
     pub(super) fn of(steepest: [f64; 2]) -> (Self, Window, usize) {
-        let slopes = |shape: &Self| match shape.transposed {
-            false => steepest,
-            true => [steepest[1], steepest[0]],
-        };
-        let reach = |shape: &Self| {
-            let ([i, j], [along, across]) = (slopes(shape), shape.half());
-            along * i + across * j
-        };
+        let reach = |shape: &Self| shape.part_reach(shape.slopes(steepest), GROUP);
         for window in [Window::Narrow, Window::Wide] {
             if let Some(shape) = Self::ALL.iter().find(|s| reach(s) <= window.reach()) {
                 let left = window.reach() - reach(shape);
-                let each = slopes(shape)[1] * shape.across() as f64;
+                let each = shape.slopes(steepest)[1] * shape.across() as f64;
                 let run = (1.0 + 2.0 * left / each.max(1e-3)) as usize;
                 // They are worked on two by two.
                 let run = if run > 1 { run.min(MOST_RUN) & !1 } else { 1 };
