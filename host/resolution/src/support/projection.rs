@@ -19,6 +19,8 @@ const CHAINS: usize = 8;
 const FINE: usize = 16;
 /// Cells within which the response must fall to half its power.
 const MOST_CELLS: usize = 512;
+/// Looks at a response for a width, beyond those that find its cell.
+const MOST_TRIES: usize = 60;
 /// Half-power width of an even band, in cells: twice where `sinc^2` is a half.
 const EVEN_WIDTH: f64 = 0.885_892_941_378_904_6;
 
@@ -54,6 +56,7 @@ impl Projection {
         if fast.is_empty() || span <= 1e-9 * low.abs().max(high.abs()) {
             return None;
         }
+        let bins_a_cycle = BINS as f64 / span;
         let mut bins = vec![0.0; BINS + 1];
         for ([from, to], weight) in segments {
             if weight == 0.0 {
@@ -62,7 +65,7 @@ impl Projection {
             let cell = (to - from) / fast.len() as f64;
             for (k, fast) in fast.iter().enumerate() {
                 let frequency = from + (k as f64 + 0.5) * cell;
-                let place = ((frequency - low) / span * BINS as f64).clamp(0.0, BINS as f64);
+                let place = ((frequency - low) * bins_a_cycle).clamp(0.0, BINS as f64);
                 let bin = (place as usize).min(BINS - 1);
                 let part = place - bin as f64;
                 bins[bin] += weight * fast * (1.0 - part);
@@ -123,15 +126,9 @@ impl Projection {
             let step = 1.0 / (self.extent() * FINE as f64);
             let below =
                 (1..=MOST_CELLS * FINE).find(|&i| self.power(i as f64 * step) < 0.5)? as f64;
-            let (mut low, mut high) = ((below - 1.0) * step, below * step);
-            for _ in 0..40 {
-                let middle = low.midpoint(high);
-                match self.power(middle) > 0.5 {
-                    true => low = middle,
-                    false => high = middle,
-                }
-            }
-            Some(low + high)
+            let above = |s_m: f64| self.power(s_m) - 0.5;
+            let half = crossing(above, (below - 1.0) * step, below * step);
+            Some(2.0 * half)
         })
     }
 
@@ -146,6 +143,33 @@ impl Projection {
         let cell_m = self.resolution_m()?;
         expected_of(&|s| self.power(s), cell_m, span_m, main_lobe_widths)
     }
+}
+
+/// Where `f`, positive at `low` and not at `high`, crosses zero: straight lines between both ends, of which one that stays counts
+/// half as much each time (the Illinois rule), some eight looks where halving takes forty.
+fn crossing(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+    let (mut at_low, mut at_high) = (f(low), f(high));
+    let mut last = 0.0;
+    for _ in 0..MOST_TRIES {
+        if at_high == 0.0 || high - low <= 1e-14 * high {
+            return high;
+        }
+        let middle = (low * at_high - high * at_low) / (at_high - at_low);
+        let at_middle = f(middle);
+        if at_middle > 0.0 {
+            (low, at_low) = (middle, at_middle);
+            at_high *= if last > 0.0 { 0.5 } else { 1.0 };
+        } else {
+            (high, at_high) = (middle, at_middle);
+            at_low *= if last < 0.0 { 0.5 } else { 1.0 };
+        }
+        last = at_middle;
+        // Nearer it cannot be told.
+        if at_middle.abs() < 1e-14 {
+            return middle;
+        }
+    }
+    low.midpoint(high)
 }
 
 fn sinc(x: f64) -> f64 {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::{Look, Looks, MOST_CELLS, Share, representatives};
+use super::{Look, Looks, MOST_CELLS, Projection, Share, representatives};
 use subaperture_model::phase_history::Collection;
 use subaperture_signal::window::Window;
 
@@ -35,21 +35,25 @@ impl RecordedLooks {
     pub fn of(collection: &Collection, place_m: DVec3, axes: [DVec3; 2]) -> Option<Self> {
         let all = Looks::new(collection, Window::None, Window::None);
         let directions = all.at(place_m).range_and_cross(axes);
-        let whole = directions.map(|direction| all.at(place_m).along(direction));
+        let support = all.at(place_m);
+        // Places and magnitudes of the response of all; `None` where it is not resolved.
+        let magnitudes = |whole: &Projection| {
+            let cell_m = whole.resolution_m()?;
+            let places_m = (1..=(REACH_CELLS * 4.0) as usize).map(|i| i as f64 / 4.0 * cell_m);
+            let each = places_m.map(|s_m| (s_m, whole.power(s_m).sqrt()));
+            Some(each.collect::<Vec<_>>())
+        };
+        let whole = directions.map(|direction| support.along(direction).map(|w| magnitudes(&w)));
         let alike = |few: &Looks| {
             directions.iter().zip(&whole).all(|(&direction, whole)| {
                 let few = few.at(place_m).along(direction);
                 let (Some(whole), Some(few)) = (whole, &few) else {
                     return whole.is_none() && few.is_none();
                 };
-                let Some(cell_m) = whole.resolution_m() else {
-                    return false;
+                let near = |&(s_m, magnitude): &(f64, f64)| {
+                    (magnitude - few.power(s_m).sqrt()).abs() < TOLERANCE
                 };
-                (1..=(REACH_CELLS * 4.0) as usize).all(|i| {
-                    let s_m = i as f64 / 4.0 * cell_m;
-                    let off = whole.power(s_m).sqrt() - few.power(s_m).sqrt();
-                    off.abs() < TOLERANCE
-                })
+                whole.as_ref().is_some_and(|whole| whole.iter().all(near))
             })
         };
         let count = collection.pulses.len();

@@ -19,7 +19,7 @@ pub mod default_grid;
 use glam::DVec3;
 use serde::Serialize;
 
-use crate::support::{Looks, path_gradient};
+use crate::support::{Looks, Projection, Support, path_gradient};
 use aperture::Aperture;
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::{Extent, Geodetic, SceneFrame};
@@ -134,23 +134,25 @@ pub struct Widths {
     pub cross_range_m: Option<f64>,
 }
 
+/// The support projected on the middle pulse's line of sight, on range and on cross-range.
+type Views = [Option<Projection>; 3];
+
+fn views(support: &Support, (line_of_sight, range, cross): (Option<DVec3>, DVec3, DVec3)) -> Views {
+    let along = |direction| support.along(direction);
+    [line_of_sight.and_then(along), along(range), along(cross)]
+}
+
 impl Widths {
-    /// Of the response at `centre` along line of sight, range and cross-range.
-    fn of(
-        collection: &Collection,
-        window: Window,
-        centre: DVec3,
-        (line_of_sight, range, cross): (Option<DVec3>, DVec3, DVec3),
-        slant_range_m: f64,
-    ) -> Self {
-        let looks = Looks::new(collection, window, window);
-        let support = looks.at(centre);
-        let width =
-            |direction: DVec3| resolved(support.along(direction)?.width_3db_m(), slant_range_m);
+    /// Of the response along each of these.
+    fn of(views: &Views, slant_range_m: f64) -> Self {
+        let [slant_range_m, range_m, cross_range_m] = views.each_ref().map(|view| {
+            let width_m = view.as_ref()?.width_3db_m();
+            resolved(width_m, slant_range_m)
+        });
         Self {
-            slant_range_m: line_of_sight.and_then(width),
-            range_m: width(range),
-            cross_range_m: width(cross),
+            slant_range_m,
+            range_m,
+            cross_range_m,
         }
     }
 }
@@ -205,9 +207,12 @@ impl Survey {
         let gradient = path_gradient(middle.transmitter_m, middle.receiver_m, centre);
         let [range, cross] = support.range_and_cross([DVec3::X, DVec3::Y]);
         let resolved = |width_m| resolved(width_m, slant_range_m);
-        let resolution = |direction| resolved(support.along(direction)?.resolution_m());
+        let resolution = |view: &Option<Projection>| resolved(view.as_ref()?.resolution_m());
         let directions = (gradient.try_normalize(), range, cross);
-        let widths = |window| Widths::of(collection, window, centre, directions, slant_range_m);
+        let plain = views(&support, directions);
+        let windowed = Looks::new(collection, Window::default(), Window::default());
+        let windowed = views(&windowed.at(centre), directions);
+        let [_, in_range, across] = &plain;
         let aperture = Aperture::of(pulses, centre);
         let velocity = velocity_direction(pulses);
         let to_antenna = -line_of_sight;
@@ -225,10 +230,10 @@ impl Survey {
             wavelength_m: SPEED_OF_LIGHT_M_S / (lowest_hz.midpoint(highest_hz)),
             slant_range_resolution_m: SPEED_OF_LIGHT_M_S
                 / (bandwidth_hz * positive(gradient.length()).unwrap_or(2.0)),
-            range_resolution_m: resolution(range),
-            cross_range_resolution_m: resolution(cross),
-            half_power: widths(Window::None),
-            half_power_windowed: widths(Window::default()),
+            range_resolution_m: resolution(in_range),
+            cross_range_resolution_m: resolution(across),
+            half_power: Widths::of(&plain, slant_range_m),
+            half_power_windowed: Widths::of(&windowed, slant_range_m),
             unambiguous_slant_range_m: SPEED_OF_LIGHT_M_S / (2.0 * first.step_hz),
             unambiguous_range_m: aperture::unambiguous_range_m(middle, centre),
             unambiguous_cross_range_m: aperture::unambiguous_cross_m(
@@ -253,7 +258,7 @@ impl Survey {
                 .to_degrees(),
             origin: geodetic_origin(&collection.frame),
             declared_extent_m: collection.extent.map(|e| [e.x_m, e.y_m]),
-            axis_resolution_m: [DVec3::X, DVec3::Y].map(resolution),
+            axis_resolution_m: [DVec3::X, DVec3::Y].map(|axis| resolution(&support.along(axis))),
             nyquist_step_m: [None; 2],
         };
         if let Ok(extent) = survey.extent() {
