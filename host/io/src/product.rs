@@ -28,7 +28,9 @@ pub mod record;
 
 use std::fs;
 use std::io::{self, Write};
+use std::panic::resume_unwind;
 use std::path::Path;
+use std::thread;
 
 use serde_json::{Value, json};
 
@@ -145,6 +147,39 @@ impl Product<'_> {
         let image = staged.write(IMAGE, |out| npy::write_to(out, self.image))?;
         finish(staged, folder, image, self.metadata, self.quicklook)
     }
+}
+
+/// Writes an image in memory, the record that `describe` makes and the picture that `draw` makes into `folder`, as [`Product::write`]
+/// does; gives the record back. The image is written, and forced to the disk, and described while the picture is drawn.
+///
+/// # Errors
+/// As [`Product::write`]; that of `draw`, with nothing left behind.
+///
+/// # Panics
+/// If what `describe` makes is not an object.
+pub fn write_drawing<E: From<WriteError>>(
+    folder: &Path,
+    image: &Image,
+    describe: impl Fn() -> Value + Sync,
+    draw: impl FnOnce() -> Result<Vec<u8>, E>,
+) -> Result<Value, E> {
+    let staged = Staged::begin(folder, npy::file_bytes(image.pixels.len() as u64))?;
+    let write = || {
+        let written = staged.write(IMAGE, |out| npy::write_to(out, image));
+        (written, describe())
+    };
+    let ((written, metadata), drawn) = thread::scope(|scope| {
+        let writing = thread::Builder::new().spawn_scoped(scope, write);
+        let drawn = draw();
+        let written = match writing {
+            Ok(writing) => writing.join().unwrap_or_else(|panic| resume_unwind(panic)),
+            // One after the other, where there is no other thread.
+            Err(_) => write(),
+        };
+        (written, drawn)
+    });
+    finish(staged, folder, written?, &metadata, &drawn?)?;
+    Ok(metadata)
 }
 
 /// Writes record and picture beside a staged image, of whose file `image` tells, and moves all of them into place. A picture

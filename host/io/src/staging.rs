@@ -19,6 +19,9 @@ use super::input::checksum;
 use super::place::Place;
 use super::unfinished::{self, Thing};
 
+/// What is handed to the system at once: as much as stays in the cache between what makes it, its CRC-32 and its copy.
+const AT_ONCE_BYTES: usize = 1 << 16;
+
 /// Files on their way into a folder. Gone when dropped, unless committed.
 #[derive(Debug)]
 pub(super) struct Staged {
@@ -80,11 +83,14 @@ impl Staged {
     pub(super) fn create(&self, name: &str) -> Result<StagedFile, WriteError> {
         let file = File::create_new(self.staging.0.join(name));
         Ok(StagedFile {
-            out: BufWriter::new(Checked {
-                file: file.map_err(|source| self.failed(name, source))?,
-                bytes: 0,
-                crc: crc32fast::Hasher::new(),
-            }),
+            out: BufWriter::with_capacity(
+                AT_ONCE_BYTES,
+                Checked {
+                    file: file.map_err(|source| self.failed(name, source))?,
+                    bytes: 0,
+                    crc: crc32fast::Hasher::new(),
+                },
+            ),
         })
     }
 

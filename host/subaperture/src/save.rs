@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use crate::FocusedImage;
 use subaperture_io::atomic::WriteError;
 use subaperture_io::claim::Claims;
+use subaperture_io::product;
 use subaperture_io::product::record::{Picture, Record};
-use subaperture_io::product::{self, Product};
 #[cfg(feature = "plot")]
 use subaperture_plot::{Panel, PlotError};
 
@@ -36,12 +36,8 @@ impl FocusedImage {
         let inputs: Vec<&Path> = self.inputs.iter().map(|file| file.path.as_path()).collect();
         let mut claims = Claims::new(&inputs, false);
         claims.folder(folder, product::NAMES)?;
-        Ok(Product {
-            image: &self.image,
-            metadata: &self.record(),
-            quicklook: &self.drawn()?,
-        }
-        .write(folder)?)
+        product::write_drawing(folder, &self.image, || self.record(), || self.drawn())?;
+        Ok(())
     }
 
     /// What the recording can show, and which of its channels the image is of.

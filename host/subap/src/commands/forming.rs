@@ -135,12 +135,7 @@ pub(crate) fn write(
     panel: &Panel,
     metadata: &Value,
 ) -> anyhow::Result<()> {
-    let quicklook = plot::quicklook_within(panel, session.memory.picture_bytes)?;
-    Product {
-        image,
-        metadata,
-        quicklook: &quicklook,
-    }
-    .write(out)?;
+    let draw = || Ok(plot::quicklook_within(panel, session.memory.picture_bytes)?);
+    product::write_drawing::<anyhow::Error>(out, image, || metadata.clone(), draw)?;
     Ok(())
 }

@@ -1,8 +1,10 @@
 //! A whole image is written beside its record and its picture, and told of, wherever its pixels lie.
 
+use std::path::Path;
+
 use serde_json::Value;
 use subaperture::image::{Image, Parts};
-use subaperture::io::product::{Grown, Product, TiledProduct};
+use subaperture::io::product::{self, Grown, Product, TiledProduct};
 use subaperture::io::tiles::{self, TileStore};
 use subaperture::plot::{self, Panel, Source};
 
@@ -35,6 +37,36 @@ impl Whole<'_> {
     }
 }
 
+impl Whole<'_> {
+    /// Writes what lies beside the pixels; gives the record back.
+    fn write_beside(
+        self,
+        out: &Path,
+        mut metadata: Value,
+        quicklook: &[u8],
+    ) -> anyhow::Result<Value> {
+        match self {
+            Self::Memory(image) => Product {
+                image,
+                metadata: &metadata,
+                quicklook,
+            }
+            .write(out)?,
+            Self::Array(grown) => grown.write(&metadata, quicklook)?,
+            Self::Tiles(store) => {
+                metadata["image"]["file"] = tiles::NAME.into();
+                TiledProduct {
+                    store,
+                    metadata: &metadata,
+                    quicklook,
+                }
+                .write(out)?;
+            }
+        }
+        Ok(metadata)
+    }
+}
+
 /// Writes the folder and says so.
 pub(super) fn deliver(
     session: &Session,
@@ -51,27 +83,19 @@ pub(super) fn deliver(
         orientation: record.orientation,
         ..Panel::new(image.source(), record.grid, title)
     };
-    let quicklook = &plot::quicklook_within(&panel, session.memory.picture_bytes)?;
-    let mut metadata = record.to_json(title);
-    if let Whole::Tiles(_) = image {
-        metadata["image"]["file"] = tiles::NAME.into();
-    }
-    let (out, about) = (&typed.out, &metadata);
-    match image {
-        Whole::Memory(image) => Product {
-            image,
-            metadata: about,
-            quicklook,
-        }
-        .write(out)?,
-        Whole::Array(grown) => grown.write(about, quicklook)?,
-        Whole::Tiles(store) => TiledProduct {
-            store,
-            metadata: about,
-            quicklook,
-        }
-        .write(out)?,
-    }
+    let draw = || {
+        Ok(plot::quicklook_within(
+            &panel,
+            session.memory.picture_bytes,
+        )?)
+    };
+    let out = &typed.out;
+    let metadata = if let Whole::Memory(image) = &image {
+        product::write_drawing::<anyhow::Error>(out, image, || record.to_json(title), draw)?
+    } else {
+        let quicklook = &draw()?;
+        image.write_beside(out, record.to_json(title), quicklook)?
+    };
     writing.finish();
     tell(session, typed, record, metadata)
 }

@@ -85,7 +85,7 @@ pub(super) fn run(session: &Session, typed: &Focus, path: &Path) -> anyhow::Resu
         grid: &grid,
         frame: &run.frame,
         collection: about(&maps),
-        support: None,
+        seen: None,
         antennas: None,
         inputs: &[maps.input()?],
         check: None,

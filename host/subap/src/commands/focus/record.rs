@@ -2,11 +2,12 @@
 
 use std::time::Duration;
 
+use glam::DVec3;
 use serde_json::{Map, Value, json};
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::io::product::Antennas;
 use subaperture::io::product::record::{self, Brightest};
-use subaperture::phase_history::InputFile;
+use subaperture::phase_history::{Collection, InputFile};
 use subaperture::plot::Orientation;
 use subaperture::resolution::support::RecordedLooks;
 
@@ -26,8 +27,8 @@ pub(super) struct Record<'a> {
     pub(super) frame: &'a SceneFrame,
     /// What is known of the recording or the maps.
     pub(super) collection: Value,
-    /// Pulses that stand for the recording's; of maps there are none.
-    pub(super) support: Option<RecordedLooks>,
+    /// The recording, of which a few pulses stand for all, and the middle of the grid; of maps there is none.
+    pub(super) seen: Option<(&'a Collection, DVec3)>,
     /// When and where the antennas were; of maps it is not known.
     pub(super) antennas: Option<Antennas>,
     pub(super) inputs: &'a [InputFile],
@@ -62,7 +63,7 @@ impl<'a> Record<'a> {
             grid,
             frame: &collection.frame,
             collection: forming::about(job.survey, job.history)?,
-            support: RecordedLooks::of(collection, middle_m, [grid.x_axis, grid.y_axis]),
+            seen: Some((collection, middle_m)),
             antennas: Some(Antennas::of(job.history)),
             inputs,
             check: about.check,
@@ -72,8 +73,11 @@ impl<'a> Record<'a> {
         })
     }
 
-    /// The record as JSON; `title` is the picture's.
+    /// The record as JSON; `title` is the picture's. Which pulses stand for all is found here, where the picture is drawn meanwhile.
     pub(super) fn to_json(&self, title: &str) -> Value {
+        let axes = [self.grid.x_axis, self.grid.y_axis];
+        let seen = self.seen;
+        let support = seen.and_then(|(all, middle_m)| RecordedLooks::of(all, middle_m, axes));
         record::Record {
             run: record_of_run(self.session, self.taken),
             command_line: json!(command_line()),
@@ -81,7 +85,7 @@ impl<'a> Record<'a> {
             frame: self.frame,
             settings: self.settings.clone(),
             collection: self.collection.clone(),
-            support: json!(self.support),
+            support: json!(support),
             antennas: json!(self.antennas.as_ref().map(Antennas::to_json)),
             inputs: self.inputs,
             brightest: self.peak,
