@@ -442,8 +442,8 @@ fn doppler_product(bencher: Bencher, of: &In<usize>) {
 }
 
 /// A pulse's samples along a slanted line of a raster, by as many taps.
-#[divan::bench(consts = [4, 6, 8], max_time = LONGEST_S)]
-fn spreading<const W: usize>(bencher: Bencher) {
+#[divan::bench(consts = [4, 6, 8], args = each(&[""]), max_time = LONGEST_S)]
+fn spreading<const W: usize>(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     const COLUMNS: usize = 1024;
     const ROWS: usize = 512;
     let kernel = KaiserBessel::new(W);
@@ -452,7 +452,7 @@ fn spreading<const W: usize>(bencher: Bencher) {
         start: [100.3, 10.7],
         step: [0.31, 0.97],
     };
-    let mut cells = vec![Complex32::ZERO; ROWS * COLUMNS];
+    let mut cells = vec![0.0; 2 * ROWS * COLUMNS];
     bencher
         .counter(ItemsCount::new(samples.len()))
         .bench_local(|| {
@@ -461,7 +461,7 @@ fn spreading<const W: usize>(bencher: Bencher) {
                 columns: COLUMNS,
                 cells: &mut cells,
             };
-            band.spread::<W>(&kernel, &line, &samples);
+            band.spread::<W>(instructions, &kernel, &line, &samples);
         });
 }
 

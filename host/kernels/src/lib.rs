@@ -41,6 +41,7 @@ mod phasor;
 pub mod power;
 pub mod reading;
 pub mod spreading;
+mod taps;
 pub mod tile;
 #[cfg(test)]
 mod trial;

@@ -17,7 +17,8 @@ use subaperture_signal::kaiser_bessel::KaiserBessel;
 
 use crate::lanes::{GROUP, Instructions, Kernel, Lanes};
 use crate::paths::Line;
-use crate::phasor::{Polynomials, ROUND, ROUND_F64};
+use crate::phasor::{Polynomials, ROUND};
+use crate::taps::{below, nearest, weights};
 
 /// Lines read at a time: other instructions cannot be entered for a few at no cost.
 const RUN: usize = 4 * GROUP;
@@ -115,19 +116,6 @@ impl<const W: usize> Map<'_, W> {
     }
 }
 
-/// The nearest whole number, of those below 2^51.
-#[inline(always)]
-fn nearest(x: f64) -> f64 {
-    (x + ROUND_F64) - ROUND_F64
-}
-
-/// The largest whole number that is not larger.
-#[inline(always)]
-fn below(x: f64) -> f64 {
-    let near = nearest(x);
-    if near > x { near - 1.0 } else { near }
-}
-
 /// What some lines read, real and imaginary parts, and which of them lie beyond the map.
 struct Read {
     values: [[f32; RUN]; 2],
@@ -188,29 +176,6 @@ impl Places {
         }
         places
     }
-}
-
-/// The weights of a kernel's taps at some places.
-#[inline(always)]
-fn weights<L: Lanes, const W: usize>(
-    lanes: L,
-    kernel: &KaiserBessel,
-    u: L::Numbers,
-) -> [L::Numbers; W] {
-    let mut weights = [lanes.splat(0.0); W];
-    let square = lanes.mul(u, u);
-    for (tap, [even, odd]) in kernel.polynomials()[..W / 2].iter().enumerate() {
-        let mut sums = [lanes.splat(0.0); 2];
-        for (sum, terms) in sums.iter_mut().zip([even, odd]) {
-            let [a, b, c, d] = *terms;
-            *sum = lanes.mul_add(square, lanes.splat(d), lanes.splat(c));
-            *sum = lanes.mul_add(square, *sum, lanes.splat(b));
-            *sum = lanes.mul_add(square, *sum, lanes.splat(a));
-        }
-        weights[tap] = lanes.mul_add(u, sums[1], sums[0]);
-        weights[W - 1 - tap] = lanes.neg_mul_add(u, sums[1], sums[0]);
-    }
-    weights
 }
 
 /// The numbers of a group of lines, the first of which is `first`.

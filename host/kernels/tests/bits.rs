@@ -10,6 +10,7 @@ use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::map::{Map, row_length};
 use subaperture_kernels::paths::Line;
 use subaperture_kernels::power::power;
+use subaperture_kernels::spreading::{self, Band};
 use subaperture_kernels::tile::DEGREES;
 use subaperture_signal::kaiser_bessel::KaiserBessel;
 use subaperture_signal::scaled_dft::Shape;
@@ -108,6 +109,34 @@ fn of_sums() {
             sum.wide(&narrow_sums(instructions, &samples, &narrow, &steps));
             sum.add(power(instructions, &samples, &narrow).to_bits());
         }
+    });
+}
+
+/// Lines of samples in all directions, in bands.
+#[test]
+fn of_spreading() {
+    const W: usize = 6;
+    const COLUMNS: usize = 41;
+    let kernel = KaiserBessel::new(W);
+    held("spreading", 0x2C7A_B1CF_B25A_50D7, |instructions, sum| {
+        let mut numbers = Numbers::new(15);
+        let mut raster = vec![0.0; 2 * 60 * COLUMNS];
+        for _ in 0..9 {
+            let samples = numbers.samples(70);
+            let line = spreading::Line {
+                start: [30.0 + 25.0 * numbers.signed(), 20.0 + numbers.signed()],
+                step: [0; 2].map(|_| 0.2 * numbers.signed()),
+            };
+            for (band, cells) in raster.chunks_mut(2 * 17 * COLUMNS).enumerate() {
+                let mut band = Band {
+                    first_row: 17 * band,
+                    columns: COLUMNS,
+                    cells,
+                };
+                band.spread::<W>(instructions, &kernel, &line, &samples);
+            }
+        }
+        raster.iter().for_each(|x| sum.add(x.to_bits().into()));
     });
 }
 

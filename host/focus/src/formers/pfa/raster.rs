@@ -21,6 +21,7 @@ use subaperture_fft::Transforms;
 use super::plane::{self, Extent};
 use crate::budget::Budget;
 use crate::{FormError, Reason, Remedy};
+use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::reading::weighted;
 use subaperture_kernels::spreading::{Band, Line};
 use subaperture_model::monitor::{Monitor, during};
@@ -148,7 +149,8 @@ pub(super) struct Raster<const W: usize> {
     kernel: KaiserBessel,
     rows: RasterAxis,
     columns: RasterAxis,
-    values: Vec<Complex32>,
+    /// Row by row, real and imaginary parts.
+    values: Vec<f32>,
 }
 
 impl<const W: usize> Raster<W> {
@@ -171,7 +173,7 @@ impl<const W: usize> Raster<W> {
             kernel: KaiserBessel::new(W),
             rows,
             columns,
-            values: vec![Complex32::ZERO; rows.count * columns.count],
+            values: vec![0.0; 2 * rows.count * columns.count],
         })
     }
 
@@ -189,8 +191,9 @@ impl<const W: usize> Raster<W> {
             step: [track.step.x * rows.cells, track.step.y * columns.cells],
         };
         let lines: Vec<Line> = tracks.iter().map(line).collect();
+        let instructions = Instructions::best();
         self.values
-            .par_chunks_mut(ROWS_A_TASK * columns.count)
+            .par_chunks_mut(2 * ROWS_A_TASK * columns.count)
             .enumerate()
             .for_each(|(task, cells)| {
                 let _spreading = during(monitor, SPREADING);
@@ -200,7 +203,7 @@ impl<const W: usize> Raster<W> {
                     cells,
                 };
                 for (line, pulse) in lines.iter().zip(samples.chunks_exact(num_samples)) {
-                    band.spread::<W>(kernel, line, pulse);
+                    band.spread::<W>(instructions, kernel, line, pulse);
                 }
             });
     }
@@ -219,7 +222,7 @@ impl<const W: usize> Raster<W> {
         let (row_emphasis, column_emphasis) = (rows.emphasis(&kernel), columns.emphasis(&kernel));
         let mut half = vec![Complex32::ZERO; rows.count * kept_columns];
         half.par_chunks_exact_mut(kept_columns)
-            .zip(values.par_chunks_exact(columns.count))
+            .zip(values.par_chunks_exact(2 * columns.count))
             .zip(&row_emphasis)
             .for_each_init(
                 || {
@@ -230,9 +233,10 @@ impl<const W: usize> Raster<W> {
                 |(buffer, _), ((out, row), row_weight)| {
                     let (line, scratch) = buffer.split_at_mut(columns.length);
                     line.fill(Complex32::ZERO);
-                    for (i, (z, w)) in row.iter().zip(&column_emphasis).enumerate() {
+                    let (cells, _) = row.as_chunks();
+                    for (i, ([re, im], w)) in cells.iter().zip(&column_emphasis).enumerate() {
                         line[(i + columns.length - columns.count / 2) % columns.length] =
-                            z * (w * row_weight);
+                            Complex32::new(*re, *im) * (w * row_weight);
                     }
                     fft.process_with_scratch(line, scratch);
                     for (b, z) in out.iter_mut().enumerate() {

@@ -1,0 +1,42 @@
+//! The taps of a Kaiser-Bessel kernel around places between elements.
+
+use subaperture_signal::kaiser_bessel::KaiserBessel;
+
+use crate::lanes::Lanes;
+use crate::phasor::ROUND_F64;
+
+/// The nearest whole number, of those below 2^51.
+#[inline(always)]
+pub(crate) fn nearest(x: f64) -> f64 {
+    (x + ROUND_F64) - ROUND_F64
+}
+
+/// The largest whole number that is not larger.
+#[inline(always)]
+pub(crate) fn below(x: f64) -> f64 {
+    let near = nearest(x);
+    if near > x { near - 1.0 } else { near }
+}
+
+/// The weights of a kernel's taps at some places: `u` from the element before, less a half.
+#[inline(always)]
+pub(crate) fn weights<L: Lanes, const W: usize>(
+    lanes: L,
+    kernel: &KaiserBessel,
+    u: L::Numbers,
+) -> [L::Numbers; W] {
+    let mut weights = [lanes.splat(0.0); W];
+    let square = lanes.mul(u, u);
+    for (tap, [even, odd]) in kernel.polynomials()[..W / 2].iter().enumerate() {
+        let mut sums = [lanes.splat(0.0); 2];
+        for (sum, terms) in sums.iter_mut().zip([even, odd]) {
+            let [a, b, c, d] = *terms;
+            *sum = lanes.mul_add(square, lanes.splat(d), lanes.splat(c));
+            *sum = lanes.mul_add(square, *sum, lanes.splat(b));
+            *sum = lanes.mul_add(square, *sum, lanes.splat(a));
+        }
+        weights[tap] = lanes.mul_add(u, sums[1], sums[0]);
+        weights[W - 1 - tap] = lanes.neg_mul_add(u, sums[1], sums[0]);
+    }
+    weights
+}
