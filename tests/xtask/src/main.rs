@@ -33,7 +33,8 @@ Usage: cargo xtask COMMAND
   uhd        the radio's binding to UHD, against a library that stands in for it; needs libuhd-dev
   long       the tests that take minutes each, which 'test' leaves out
   firmware   the firmware under QEMU against the host, and the bits of core and kernels on other machines
-  miri       what is unsafe in the kernels under Miri, in AVX2 and NEON; needs a nightly Rust with it
+  miri       what is unsafe in the kernels under Miri, in AVX2, AVX-512 and NEON, and all of them under
+             AddressSanitizer; needs a nightly Rust with Miri
   fuzz TARGET SECONDS
              fuzz a reader, guided by coverage; needs a nightly Rust and a C++ compiler
   bench      measure image formers: time, error, memory, beside others and against
@@ -90,6 +91,7 @@ fn main() -> ExitCode {
         ["miri"] => {
             if prerequisites::nightly_has("miri") {
                 checks::miri(&mut runner);
+                checks::address_sanitizer(&mut runner);
                 Ok(())
             } else {
                 Err("Miri is needed: run\n    rustup toolchain install nightly --component miri,rust-src".to_owned())
