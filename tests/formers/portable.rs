@@ -25,7 +25,7 @@ const IMAGES: [(&str, &str, u64); 8] = [
         0xd2d3_2b0b_6f66_29ac,
     ),
     ("ffbp", "{}", 0xcb25_c851_a5c9_2df4),
-    ("pfa", "{}", 0x2daf_de38_4921_baa2),
+    ("pfa", "{}", 0x12f6_7502_6221_8fc6),
     ("omega-k", "{}", 0xdcb7_24c9_9fab_ce38),
     ("rda", "{}", 0xb35e_1eeb_f90c_1c1c),
 ];
