@@ -76,6 +76,28 @@ impl Arrangement {
         let antennas = antennas.ok_or(ArrangementError::NoPulses)?;
         let first = channels.channel(0).collection().pulses.first();
         let first = first.ok_or(ArrangementError::NoPulses)?;
+        let names: Vec<String> = channels.about().map(|about| about.name.clone()).collect();
+        Self::of_antennas(first, &antennas, |channel| names[channel].clone())
+    }
+
+    /// That of pulses of one moment, one of each channel.
+    ///
+    /// # Errors
+    /// [`ArrangementError`]; channels are called by their numbers.
+    pub fn of_pulses(pulses: &[Pulse]) -> Result<Self, ArrangementError> {
+        let first = pulses.first().ok_or(ArrangementError::NoPulses)?;
+        let each = pulses.iter();
+        let antennas: Vec<[DVec3; 2]> = each
+            .map(|pulse| [pulse.transmitter_m, pulse.receiver_m])
+            .collect();
+        Self::of_antennas(first, &antennas, |channel| channel.to_string())
+    }
+
+    fn of_antennas(
+        first: &Pulse,
+        antennas: &[[DVec3; 2]],
+        name: impl Fn(usize) -> String,
+    ) -> Result<Self, ArrangementError> {
         let (mut transmitters, mut receivers) = (Vec::new(), Vec::new());
         let of_channels: Vec<[usize; 2]> = antennas
             .iter()
@@ -88,9 +110,8 @@ impl Arrangement {
             .collect();
         for (i, pair) in of_channels.iter().enumerate() {
             if let Some(j) = of_channels[..i].iter().position(|other| other == pair) {
-                let name = |c: usize| channels.about().nth(c).map(|about| about.name.clone());
                 return Err(ArrangementError::Twice {
-                    names: [j, i].map(|c| name(c).unwrap_or_default()),
+                    names: [j, i].map(name),
                 });
             }
         }

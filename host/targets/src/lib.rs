@@ -17,6 +17,7 @@
 //! | [`follow`] | the same target over pulses | |
 //! | [`see()`] | these one after another, over a recording in blocks | 7.4 |
 //! | [`recover()`] | the track, laid upon the recorded positions | 7.4 |
+//! | [`live`] | the same pulse by pulse, while the radar moves | |
 //! | [`fault`] | what is wrong with a recording, and what can be trusted | |
 #![forbid(unsafe_code)]
 
@@ -25,6 +26,7 @@ pub mod cfar;
 pub mod echo;
 pub mod fault;
 pub mod follow;
+pub mod live;
 mod profile;
 mod recover;
 mod see;

@@ -27,6 +27,7 @@ use subaperture_signal::phase::phasor;
 pub(crate) const STRIDE: usize = 4;
 
 /// Makes profiles of one band.
+#[derive(Clone)]
 pub(crate) struct Profiler {
     pub(crate) band: Band,
     /// Over frequency.

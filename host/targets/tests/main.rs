@@ -3,6 +3,7 @@
 mod echoes;
 mod faults;
 mod images;
+mod live;
 mod noise;
 mod scene;
 mod tracks;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::DVec2;
+use glam::{DQuat, DVec2, DVec3};
 use subaperture_model::monitor::Silent;
 use subaperture_targets::{Recovered, Settings, recover};
 
@@ -70,15 +70,18 @@ fn middle_m(radar: &Radar, truth: &Truth) -> DVec2 {
 
 /// How far the poses are from the truth when laid upon it by turn and shift: RMS of place, metres, and of heading, radians.
 pub(crate) fn off(found: &Recovered, radar: &Radar, truth: &[Truth]) -> [f64; 2] {
-    let pairs: Vec<(DVec2, DVec2)> = found
-        .moments
+    let each = found.moments.iter();
+    let poses: Vec<_> = each
+        .map(|moment| (moment.pulse, moment.position_m, moment.attitude))
+        .collect();
+    off_by(&poses, radar, truth)
+}
+
+/// The same of pulses' numbers, places and attitudes.
+pub(crate) fn off_by(poses: &[(usize, DVec3, DQuat)], radar: &Radar, truth: &[Truth]) -> [f64; 2] {
+    let pairs: Vec<(DVec2, DVec2)> = poses
         .iter()
-        .map(|moment| {
-            (
-                moment.position_m.truncate(),
-                middle_m(radar, &truth[moment.pulse]),
-            )
-        })
+        .map(|(pulse, at_m, _)| (at_m.truncate(), middle_m(radar, &truth[*pulse])))
         .collect();
     let count = pairs.len() as f64;
     let mean_got = pairs.iter().map(|pair| pair.0).sum::<DVec2>() / count;
@@ -93,13 +96,12 @@ pub(crate) fn off(found: &Recovered, radar: &Radar, truth: &[Truth]) -> [f64; 2]
         .iter()
         .map(|(got, wanted)| (turn.rotate(*got - mean_got) + mean_wanted).distance_squared(*wanted))
         .sum();
-    let headings: f64 = found
-        .moments
+    let headings: f64 = poses
         .iter()
-        .map(|moment| {
-            let x = moment.attitude * glam::DVec3::X;
+        .map(|(pulse, _, attitude)| {
+            let x = *attitude * DVec3::X;
             let got = x.y.atan2(x.x) + cross.atan2(dot);
-            (got - truth[moment.pulse].heading_rad).powi(2)
+            (got - truth[*pulse].heading_rad).powi(2)
         })
         .sum();
     [(squares / count).sqrt(), (headings / count).sqrt()]

@@ -4,10 +4,8 @@ use std::collections::HashMap;
 
 use subaperture_motion::{Array, MotionError, Pose, Sighting, Track, Tracker, track};
 
-use crate::see::{Seen, TargetsError};
+use crate::see::{Seen, TargetsError, WINDOW};
 
-/// Pulses that motion looks at again.
-const WINDOW: usize = 10;
 /// Targets whose places are found, those seen most often: a pulse's time grows with the cube of their number.
 const MOST_SOLVED: usize = 48;
 /// Pulses in which a target has to be told of: its place is three numbers more to find, and fewer pulses say nothing of the others.

@@ -2,7 +2,7 @@
 
 use num_complex::{Complex32, Complex64};
 use subaperture_model::monitor::Monitor;
-use subaperture_model::phase_history::{Channels, ReadError};
+use subaperture_model::phase_history::{Channels, Pulse, ReadError};
 
 use super::health::{Health, Looked};
 use super::lost::{Lost, Unreadable, turns};
@@ -22,31 +22,44 @@ const BESIDE: usize = 16;
 const BLOCK_BYTES: usize = 4 << 20;
 
 /// Finds targets in pulses of so many channels.
-pub(super) struct Looker<'s> {
-    profiler: &'s Profiler,
-    settings: &'s Settings,
+pub(crate) struct Looker {
+    profiler: Profiler,
+    settings: Settings,
     detector: Detector,
     /// Highest side lobe of the window, as a ratio of powers, and a little.
     lobe: f64,
+    /// Of an echo that is told of, in every channel, as a ratio of powers.
+    least_snr: f64,
 }
 
-impl<'s> Looker<'s> {
-    pub(super) fn new(
-        profiler: &'s Profiler,
-        settings: &'s Settings,
+impl Looker {
+    pub(crate) fn new(
+        profiler: Profiler,
+        settings: &Settings,
         channels: usize,
     ) -> Result<Self, TargetsError> {
         let detector = Detector::new(settings.cfar, channels, profiler.stride(), &profiler.window);
         Ok(Self {
+            lobe: 2.0 * highest_lobe(&profiler),
             profiler,
-            settings,
+            settings: settings.clone(),
             detector: detector.map_err(TargetsError::Settings)?,
-            lobe: 2.0 * highest_lobe(profiler),
+            least_snr: libm::exp10(0.1 * settings.least_snr_db),
         })
     }
 
+    /// Whether all channels hear it above noise.
+    pub(crate) fn is_heard(&self, echo: &Echo) -> bool {
+        echo.snr.iter().all(|snr| *snr >= self.least_snr)
+    }
+
+    /// Samples of a channel as they would be had the recording compensated nothing.
+    pub(crate) fn uncompensated(&self, pulse: &Pulse, samples: &[Complex32]) -> Vec<Complex64> {
+        self.profiler.uncompensated(pulse, samples)
+    }
+
     /// Targets, strongest first, and what the search counted.
-    fn find(&self, samples: &Echoes) -> (Vec<Echo>, Search) {
+    pub(crate) fn find(&self, samples: &Echoes) -> (Vec<Echo>, Search) {
         let each = samples.iter().map(|samples| self.profiler.power(samples));
         let power = each
             .reduce(|mut sum, own| {
@@ -58,7 +71,7 @@ impl<'s> Looker<'s> {
         let mut search = self.detector.search(&power, self.lobe * strongest);
         // Those beyond the searched ranges are taken away with the others.
         search.peaks.truncate(self.settings.most_targets + BESIDE);
-        let mut found = echoes(self.profiler, &self.detector, samples, &search.peaks);
+        let mut found = echoes(&self.profiler, &self.detector, samples, &search.peaks);
         // What lies at an end may be the flank of a target beyond.
         let cell_m = 0.5 * self.profiler.cell_m();
         let mut peaks = search.peaks.iter();
@@ -138,13 +151,12 @@ impl<'s> Looker<'s> {
         let mut unreadable = Unreadable::default();
         let mut lost = Lost::new(channels.len());
         let mut most = 0f64;
-        let least_snr = libm::exp10(0.1 * self.settings.least_snr_db);
         let pulse_bytes = channels.len() * self.profiler.band.count * size_of::<Complex32>();
         let block = (BLOCK_BYTES / pulse_bytes).clamp(1, 256);
         let mut take = |n: usize, echoes: Option<&Echoes>| {
             let (mut found, search) = echoes.map_or_else(Default::default, |e| self.find(e));
             most = most.max(search.most);
-            found.retain(|echo| lost.take(echo, least_snr));
+            found.retain(|echo| lost.take(echo, self.least_snr));
             for echo in &mut found {
                 echo.phases_rad = order.iter().map(|&c| echo.phases_rad[c]).collect();
             }

@@ -15,7 +15,11 @@ use crate::echo::Echo;
 use crate::fault::Fault;
 use crate::follow::{Event, Follow};
 use crate::profile::Profiler;
-use looker::Looker;
+
+pub(crate) use looker::Looker;
+
+/// Pulses that motion looks at again.
+pub(crate) const WINDOW: usize = 10;
 
 /// How targets are found.
 #[derive(Clone, Debug, PartialEq)]
@@ -155,8 +159,8 @@ pub fn see(
     if num_pulses == 0 {
         return Err(ArrangementError::NoPulses.into());
     }
-    let profiler = profiler(&channels, settings)?;
-    let everyone = Looker::new(&profiler, settings, channels.len())?;
+    let profiler = profiler_of(&channels, settings)?;
+    let everyone = Looker::new(profiler.clone(), settings, channels.len())?;
     let looked = everyone.look(&channels, monitor)?;
     let mut faults = looked.saturated(&channels);
     if looked.most_power() == 0.0 {
@@ -181,14 +185,14 @@ pub fn see(
         (arrangement, _) => arrangement?,
     };
     Tracker::new(arrangement.array(middle_hz), 2).map_err(TargetsError::Array)?;
-    let looker = Looker::new(&profiler, settings, channels.len())?;
+    let looker = Looker::new(profiler, settings, channels.len())?;
     let mut seen = looker.follow(&channels, arrangement, monitor)?;
     faults.append(&mut seen.faults);
     seen.faults = faults;
     Ok(seen)
 }
 
-fn profiler(channels: &Channels, settings: &Settings) -> Result<Profiler, TargetsError> {
+fn profiler_of(channels: &Channels, settings: &Settings) -> Result<Profiler, TargetsError> {
     let first = channels.channel(0).collection();
     let band = first.band().ok_or(TargetsError::Band)?;
     let alike = |history: &dyn PhaseHistory| {
@@ -204,6 +208,18 @@ fn profiler(channels: &Channels, settings: &Settings) -> Result<Profiler, Target
     if !channels.iter().all(|(_, history)| alike(history)) {
         return Err(TargetsError::Band);
     }
+    profiler(band, first.pulses[0].reference_path_m, settings)
+}
+
+/// That of a band, whose first pulse is referred to this path.
+///
+/// # Errors
+/// Too few samples; settings that cannot be.
+pub(crate) fn profiler(
+    band: Band,
+    reference_path_m: f64,
+    settings: &Settings,
+) -> Result<Profiler, TargetsError> {
     if band.count < 8 {
         return Err(TargetsError::Samples(band.count));
     }
@@ -222,7 +238,7 @@ fn profiler(channels: &Channels, settings: &Settings) -> Result<Profiler, Target
     Ok(Profiler::new(
         band,
         settings.window.weights(band.count),
-        first.pulses[0].reference_path_m,
+        reference_path_m,
         settings.ranges_m,
     ))
 }
