@@ -14,7 +14,7 @@
 //! side of the carrier, by slips of sign in (5.2) and (5.3).
 //!
 //! Rules for steps that are not whole: blocks of a step with lost samples are left out of its mean; a step of which less than half came, a late
-//! one, and one whose reference was unsteady by more than 0.3, is left out. Carriers left out are filled by [`gaps`], as long as no more than a third are
+//! one, and one whose reference was unsteady by more than 0.3, is left out. Carriers left out, and those in bands that the plan avoids, are filled by [`gaps`], as long as no more than a third are
 //! missing; with more there is no profile.
 //!
 //! A target that moves with `v` towards the radar is displaced by `f v T / B`, its sweep lasting `T` for the band `B`. Where the radar's track is known,

@@ -32,11 +32,12 @@ pub struct Steps {
 impl Steps {
     /// No step of a sweep yet.
     pub fn empty(setup: &Setup) -> Self {
+        let band = setup.band();
         Self {
-            start_hz: setup.start_hz + setup.sample_rate_hz / setup.period as f64,
-            step_hz: setup.step_hz,
-            mixed: vec![None; setup.steps],
-            times_s: vec![0.0; setup.steps],
+            start_hz: band.start_hz,
+            step_hz: band.step_hz,
+            mixed: vec![None; band.count],
+            times_s: vec![0.0; band.count],
         }
     }
 

@@ -76,6 +76,12 @@ impl Factor {
         x.iter().all(|v| v.is_finite()).then_some(x)
     }
 
+    /// The logarithm of the matrix's determinant.
+    pub fn log_determinant(&self) -> f64 {
+        let diagonal = (0..self.size).map(|i| self.lower[i * self.size + i]);
+        2.0 * diagonal.map(libm::log).sum::<f64>()
+    }
+
     /// The inverse, row by row.
     pub fn inverse(&self) -> Vec<f64> {
         let n = self.size;
