@@ -150,6 +150,11 @@ impl<T: Transceiver> Transceiver for Faulty<T> {
         self.radio.sensors()
     }
 
+    fn gps_locked(&mut self) -> Result<Option<bool>, RadioError> {
+        self.here()?;
+        self.radio.gps_locked()
+    }
+
     fn events(&mut self, events: &mut Vec<Event>) {
         self.radio.events(events);
         events.append(&mut self.events);

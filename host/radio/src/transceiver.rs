@@ -285,6 +285,14 @@ pub trait Transceiver: Send {
     /// [`RadioError::Gone`].
     fn sensors(&mut self) -> Result<Sensors, RadioError>;
 
+    /// Whether a GPS-disciplined oscillator within has found its satellites; `None` where there is none. It listens to what that says, which may take a second.
+    ///
+    /// # Errors
+    /// [`RadioError::Gone`].
+    fn gps_locked(&mut self) -> Result<Option<bool>, RadioError> {
+        Ok(None)
+    }
+
     /// Moves what went wrong since the last call to the end of `events`.
     fn events(&mut self, events: &mut Vec<Event>);
 }

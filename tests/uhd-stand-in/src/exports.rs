@@ -219,7 +219,7 @@ export! {
     }
     fn uhd_usrp_set_clock_source(h: *mut Shared, source: *const c_char, _board: usize) {
         drop(device(h)?);
-        if text(source)? == "gpsdo" {
+        if text(source)? == "gpsdo" && !scene::has_gpsdo() {
             return Err(wrong("no GPSDO"));
         }
     }
@@ -229,6 +229,9 @@ export! {
     }
     fn uhd_usrp_set_time_unknown_pps(h: *mut Shared, _full: i64, _frac: f64) {
         drop(device(h)?);
+        if scene::has_gpsdo() {
+            return Ok(());
+        }
         let said = "RuntimeError: Board 0 may not be getting a PPS signal!\nNo PPS detected within the time interval.";
         refuse((ERROR_RUNTIME, said.to_owned()))?;
     }
@@ -247,7 +250,16 @@ export! {
     fn uhd_usrp_get_master_clock_rate(h: *mut Shared, _board: usize, out: *mut f64) {
         *at(out)? = device(h)?.set()?.master_clock_hz;
     }
+    fn uhd_usrp_get_mboard_sensor_names(h: *mut Shared, _board: usize, names: *mut *mut Vec<String>) {
+        drop(device(h)?);
+        let all = if scene::has_gpsdo() { &["gps_locked", "gps_time", "ref_locked"][..] } else { &["ref_locked"] };
+        *at(*at(names)?)? = all.iter().map(|&name| name.to_owned()).collect();
+    }
     fn uhd_usrp_get_mboard_sensor(h: *mut Shared, name: *const c_char, _board: usize, value: *mut *mut f64) {
+        if text(name)? == "gps_locked" && scene::has_gpsdo() {
+            *at(*at(value)?)? = 1.0;
+            return Ok(());
+        }
         if text(name)? != "ref_locked" {
             return Err((41, "LookupError: no such sensor".to_owned()));
         }

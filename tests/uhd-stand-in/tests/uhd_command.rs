@@ -172,6 +172,16 @@ fn radios_are_listed_and_probed() {
     let told: Value = serde_json::from_str(&probed.stdout).unwrap();
     assert_eq!(told["set"]["sample_rate_hz"], 1e6);
     assert_eq!(told["set"]["temperature_c"], 31.5);
+    assert_eq!(told["set"]["gps_locked"], Value::Null);
+    // One with an oscillator that follows the satellites, which the other refuses to take its clock from.
+    let clock = "radio probe uhd.toml --set radio.clock=gpsdo --set radio.pps=gpsdo";
+    let with = ran(&folder, "gpsdo", clock);
+    assert_eq!(with.code, Some(0));
+    for line in ["GPS            locked", "reference      locked"] {
+        assert!(with.stdout.contains(line), "{}", with.stdout);
+    }
+    let without = ran(&folder, "", clock);
+    assert!(without.stderr.contains("no GPSDO"), "{}", without.stderr);
 }
 
 /// UHD's own error of a device without firmware, as the stand-in gives it.

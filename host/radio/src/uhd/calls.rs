@@ -2,7 +2,7 @@
 //!
 //! Every handle is made by UHD and freed once, when it is dropped; nothing here hands out a pointer.
 
-use std::ffi::c_char;
+use std::ffi::{CStr, c_char};
 use std::ptr::null_mut;
 
 use super::errors::{driver_error, name};
@@ -319,12 +319,30 @@ impl Usrp {
         value.is_true()
     }
 
+    pub(super) fn board_sensors(&self) -> Result<Vec<String>, RadioError> {
+        let mut names = Strings::new()?;
+        call!(uhd_usrp_get_mboard_sensor_names(
+            self.0,
+            BOARD,
+            &mut names.0
+        ))?;
+        names.read()
+    }
+
     pub(super) fn reference_locked(&self) -> Result<bool, RadioError> {
+        self.is_on_board(c"ref_locked")
+    }
+
+    /// Of a GPS-disciplined oscillator; waits for what that says.
+    pub(super) fn gps_locked(&self) -> Result<bool, RadioError> {
+        self.is_on_board(c"gps_locked")
+    }
+
+    fn is_on_board(&self, name: &CStr) -> Result<bool, RadioError> {
         let mut value = Sensor::new()?;
-        let name = c"ref_locked".as_ptr();
         call!(uhd_usrp_get_mboard_sensor(
             self.0,
-            name,
+            name.as_ptr(),
             BOARD,
             &mut value.0
         ))?;

@@ -130,6 +130,7 @@ declare! {
     fn uhd_usrp_clear_command_time(h: Usrp, mboard: usize);
     fn uhd_usrp_set_master_clock_rate(h: Usrp, rate: f64, mboard: usize);
     fn uhd_usrp_get_master_clock_rate(h: Usrp, mboard: usize, rate: *mut f64);
+    fn uhd_usrp_get_mboard_sensor_names(h: Usrp, mboard: usize, names: *mut Strings);
     fn uhd_usrp_get_mboard_sensor(h: Usrp, name: *const c_char, mboard: usize, value: *mut Sensor);
 
     fn uhd_usrp_set_rx_subdev_spec(h: Usrp, spec: Subdevice, mboard: usize);

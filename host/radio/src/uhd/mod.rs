@@ -132,6 +132,7 @@ pub struct UhdRadio {
     about: About,
     wire: Wire,
     has_temperature: bool,
+    has_gps: bool,
     configuration: Option<Configuration>,
     tuned: [bool; 2],
     gone: Option<String>,
@@ -171,7 +172,7 @@ impl UhdRadio {
             // UHD's C interface does not tell the others.
             ..Ranges::b210()
         };
-        let sensors = usrp.receive_sensors()?;
+        let (sensors, on_board) = (usrp.receive_sensors()?, usrp.board_sensors()?);
         Ok(Self {
             streams: None,
             about: About {
@@ -182,6 +183,7 @@ impl UhdRadio {
             usrp,
             wire: options.wire,
             has_temperature: sensors.iter().any(|name| name == "temp"),
+            has_gps: on_board.iter().any(|name| name == "gps_locked"),
             configuration: None,
             tuned: [false; 2],
             gone: None,
@@ -358,6 +360,10 @@ impl Transceiver for UhdRadio {
                     .transpose()?,
             })
         })
+    }
+
+    fn gps_locked(&mut self) -> Result<Option<bool>, RadioError> {
+        self.here(|radio| radio.has_gps.then(|| radio.usrp.gps_locked()).transpose())
     }
 
     fn events(&mut self, events: &mut Vec<Event>) {

@@ -52,11 +52,18 @@ fn list(_session: &Session, _serial: Option<&str>) -> anyhow::Result<()> {
     Err(RadioError::Driver(subaperture::radio::NO_UHD.to_owned()).into())
 }
 
+/// What a radio was set to, and what it says of itself.
+struct Set {
+    set: Configuration,
+    sensors: Sensors,
+    gps_locked: Option<bool>,
+}
+
 /// What a radio is, and what it came to with an experiment's settings.
 struct Probed {
     about: About,
     /// What it was set to and what it says of itself; else what of the plan does not suit it.
-    set: Result<(Configuration, Sensors), RadioError>,
+    set: Result<Set, RadioError>,
 }
 
 fn probe(session: &Session, typed: &Probe) -> anyhow::Result<()> {
@@ -77,13 +84,17 @@ fn probe(session: &Session, typed: &Probe) -> anyhow::Result<()> {
 }
 
 /// Sets a radio as the plan has it, tunes it to the first carrier, and looks at its sensors.
-fn set(radio: &mut dyn Transceiver, plan: &Plan) -> Result<(Configuration, Sensors), RadioError> {
+fn set(radio: &mut dyn Transceiver, plan: &Plan) -> Result<Set, RadioError> {
     plan.check(&radio.about().ranges)?;
     let set = radio.configure(&plan.radio)?;
     for side in [Side::Transmit, Side::Receive] {
         radio.tune(side, plan.start_hz, None)?;
     }
-    Ok((set, radio.sensors()?))
+    Ok(Set {
+        set,
+        sensors: radio.sensors()?,
+        gps_locked: radio.gps_locked()?,
+    })
 }
 
 impl Probed {
@@ -107,7 +118,12 @@ impl Probed {
             ("transmits at", ranges.transmit_antennas.join(", ")),
             ("receives at", ranges.receive_antennas.join(", ")),
         ];
-        let Ok((set, sensors)) = &self.set else {
+        let Ok(Set {
+            set,
+            sensors,
+            gps_locked,
+        }) = &self.set
+        else {
             return facts;
         };
         facts.push((
@@ -134,6 +150,9 @@ impl Probed {
         if let Some(reference) = sensors.reference_locked {
             facts.push(("reference", locked(reference).to_owned()));
         }
+        if let Some(satellites) = *gps_locked {
+            facts.push(("GPS", locked(satellites).to_owned()));
+        }
         if let Some(celsius) = sensors.temperature_c {
             facts.push(("temperature", format!("{celsius} degrees Celsius")));
         }
@@ -147,7 +166,8 @@ impl Probed {
             ranges,
         } = &self.about;
         let range = |range: &Range| json!([range.from, range.to]);
-        let set = self.set.as_ref().ok().map(|(set, sensors)| {
+        let set = self.set.as_ref().ok().map(|all| {
+            let (set, sensors) = (&all.set, &all.sensors);
             json!({
                 "master_clock_hz": set.master_clock_hz,
                 "sample_rate_hz": set.sample_rate_hz,
@@ -157,6 +177,7 @@ impl Probed {
                 "transmit_locked": sensors.transmit_locked,
                 "receive_locked": sensors.receive_locked,
                 "reference_locked": sensors.reference_locked,
+                "gps_locked": all.gps_locked,
                 "temperature_c": sensors.temperature_c,
             })
         });
