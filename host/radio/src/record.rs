@@ -1,6 +1,6 @@
 //! A radio whose every burst is recorded, around any radio: also those that a capture throws away while it settles.
 //!
-//! Steps of the recording are bursts, sweeps as many retunes as there are carriers; carriers are those that the receivers were tuned to. The recording is closed by
+//! Steps of the recording are bursts; a sweep ends where a carrier is tuned to that it has had; carriers are those that the receivers were tuned to. The recording is closed by
 //! [`Recorder::finish`]; of one that is dropped, its journal tells the steps ([`crate::sigmf`]). All bursts have as many samples.
 
 use crate::error::RadioError;
@@ -17,8 +17,9 @@ pub struct Recorder<T> {
     setup: Setup,
     gain_db: [f64; 2],
     carrier_hz: f64,
-    /// Retunes of the receivers.
-    tunes: u64,
+    sweep: u64,
+    /// Carriers that it has had.
+    had: Vec<bool>,
 }
 
 impl<T: Transceiver> Recorder<T> {
@@ -29,9 +30,16 @@ impl<T: Transceiver> Recorder<T> {
             carrier_hz: setup.start_hz,
             radio,
             writer,
+            sweep: 0,
+            had: vec![false; setup.steps],
             setup,
-            tunes: 0,
         }
+    }
+
+    /// Of the carrier that the receivers are tuned to, among those of the plan.
+    fn place(&self) -> usize {
+        let place = ((self.carrier_hz - self.setup.start_hz) / self.setup.step_hz).round();
+        (place.max(0.0) as usize).min(self.setup.steps.saturating_sub(1))
     }
 
     /// Closes the recording; the radio goes on.
@@ -63,7 +71,12 @@ impl<T: Transceiver> Transceiver for Recorder<T> {
         let tuned_hz = self.radio.tune(side, carrier_hz, at_s)?;
         if side == Side::Receive {
             self.carrier_hz = tuned_hz;
-            self.tunes += 1;
+            let place = self.place();
+            if self.had[place] {
+                self.sweep += 1;
+                self.had.fill(false);
+            }
+            self.had[place] = true;
         }
         Ok(tuned_hz)
     }
@@ -75,11 +88,10 @@ impl<T: Transceiver> Transceiver for Recorder<T> {
     ) -> Result<Received, RadioError> {
         let [reference, echo] = receive;
         let received = self.radio.burst(burst, [&mut *reference, &mut *echo])?;
-        let place = ((self.carrier_hz - self.setup.start_hz) / self.setup.step_hz).round();
         let samples = reference.len();
         let step = Step {
-            sweep: self.tunes.saturating_sub(1) / self.setup.steps as u64,
-            step: (place.max(0.0) as usize).min(self.setup.steps - 1),
+            sweep: self.sweep,
+            step: self.place(),
             gain_db: self.gain_db,
             ..Step::received(&self.setup, &received, samples, self.carrier_hz)
         };
@@ -90,6 +102,10 @@ impl<T: Transceiver> Transceiver for Recorder<T> {
 
     fn sensors(&mut self) -> Result<Sensors, RadioError> {
         self.radio.sensors()
+    }
+
+    fn gps_locked(&mut self) -> Result<Option<bool>, RadioError> {
+        self.radio.gps_locked()
     }
 
     fn events(&mut self, events: &mut Vec<Event>) {

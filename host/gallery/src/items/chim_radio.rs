@@ -71,6 +71,7 @@ fn steps() -> plan::Plan {
         start_hz: 1.1e9,
         stop_hz: 1.3e9,
         steps: 50,
+        avoid: Vec::new(),
         order: plan::Order::Up,
         dwell_s: 1e-3,
         tone_hz: 125e3,

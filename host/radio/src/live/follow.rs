@@ -78,6 +78,8 @@ pub struct Follower {
     index: Option<u64>,
     steps: Steps,
     taken: Vec<bool>,
+    /// Those that the plan leaves out.
+    avoided: Vec<bool>,
     levels: [Vec<Level>; 2],
     flagged: [usize; 5],
     began_s: f64,
@@ -112,6 +114,7 @@ impl Follower {
             calibrated,
             ..Status::default()
         };
+        let avoided: Vec<bool> = (0..setup.steps).map(|n| plan.avoids(n)).collect();
         let follower = Self {
             columns: view.columns,
             window: view.window,
@@ -124,7 +127,8 @@ impl Follower {
             index: None,
             steps: Steps::empty(setup),
             empty: Steps::empty(setup),
-            taken: vec![false; setup.steps],
+            taken: avoided.clone(),
+            avoided,
             levels: Default::default(),
             flagged: [0; 5],
             began_s: 0.0,
@@ -215,7 +219,7 @@ impl Follower {
             status.disk_lasts_s = self.free_bytes.map(lasts_s).filter(|s| s.is_finite());
         };
         board.show_sweep(change, row);
-        self.taken.fill(false);
+        self.taken.copy_from_slice(&self.avoided);
         self.levels.iter_mut().for_each(Vec::clear);
         self.flagged = [0; 5];
         Some(LiveSweep {

@@ -54,6 +54,12 @@ pub(crate) static PLAN: Section = Section {
             "Carriers a sweep: ranges repeat after this many times the resolution.",
         ),
         Key::new(
+            "avoid",
+            Kind::Rows(&[Dimension::Frequency, Dimension::Frequency], 1),
+            Need::Optional("[\"1.164 GHz, 1.188 GHz\"]"),
+            "Bands in which nothing is sent, each from and to: carriers whose step reaches into one are left out, up to a third, and profiles fill them.",
+        ),
+        Key::new(
             "order",
             Kind::Choice(&["up", "down", "up-down", "shuffled"]),
             Need::Default("\"up\""),
@@ -254,6 +260,12 @@ pub(crate) fn plan(top: &Values) -> Result<Plan, Vec<Found>> {
             "the stop has to be above the start: exchange them, and say order = \"down\"",
         )]);
     }
+    let avoid = plan.optional_rows("avoid").unwrap_or_default();
+    let avoid: Vec<(f64, f64)> = avoid.iter().map(|row| (row[0], row[1])).collect();
+    if avoid.iter().any(|(from_hz, to_hz)| to_hz <= from_hz) {
+        let what = "a band to avoid is from and to, and to is above from";
+        return Err(vec![plan.fault("avoid", what)]);
+    }
     let seed = plan.count("seed");
     let reference = match plan.text("reference") {
         "leakage" => Reference::Leakage,
@@ -280,6 +292,7 @@ pub(crate) fn plan(top: &Values) -> Result<Plan, Vec<Found>> {
         start_hz,
         stop_hz,
         steps: plan.count("steps") as usize,
+        avoid,
         order: match plan.text("order") {
             "down" => Order::Down,
             "up-down" => Order::UpDown,

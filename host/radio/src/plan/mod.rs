@@ -4,6 +4,9 @@
 //! last. So the resolution is `c / (2 (stop - start))` and ranges repeat after `c N / (2 (stop - start))`, exactly: Chim 2018, 5.6, with
 //! 1.1 to 1.3 GHz in 50 steps has 0.75 m and 37.47 m, by steps of 4 MHz.
 //!
+//! Steps are even, and uneven where bands are left out ([`Plan::avoid`]) or carriers did not come: what is missing is filled by [`crate::profile::gaps`]. A synthesiser comes within hertz of any carrier,
+//! so that nothing else makes steps uneven; a radio that is off by more than a thousandth of a step is refused ([`crate::capture`]).
+//!
 //! The text is TOML; [`reference()`] prints every key.
 
 pub(crate) mod keys;
@@ -47,6 +50,8 @@ pub struct Plan {
     pub stop_hz: f64,
     /// Carriers a sweep.
     pub steps: usize,
+    /// Bands in which nothing is sent, from and to, hertz: carriers whose step reaches into one are left out.
+    pub avoid: Vec<(f64, f64)>,
     /// Their order.
     pub order: Order,
     /// Time of a recorded burst, seconds.
@@ -100,6 +105,20 @@ impl Plan {
         self.start_hz + n as f64 * self.step_hz()
     }
 
+    /// Whether carrier `n` is left out.
+    pub fn avoids(&self, n: usize) -> bool {
+        let (from_hz, to_hz) = (self.carrier_hz(n), self.carrier_hz(n + 1));
+        // A tone may be above its step.
+        let to_hz = to_hz.max(from_hz + self.tone_hz);
+        let within = |band: &(f64, f64)| band.0 < to_hz && from_hz < band.1;
+        self.avoid.iter().any(within)
+    }
+
+    /// Carriers of a sweep that are taken.
+    pub fn carriers_taken(&self) -> usize {
+        (0..self.steps).filter(|&n| !self.avoids(n)).count()
+    }
+
     /// Range resolution, metres.
     pub fn resolution_m(&self) -> f64 {
         SPEED_OF_LIGHT_M_S / (2.0 * (self.stop_hz - self.start_hz))
@@ -126,12 +145,13 @@ impl Plan {
     /// command and dwells, once.
     pub fn sweep_s(&self, ranges: &Ranges) -> f64 {
         let burst_s = self.samples() as f64 / self.radio.sample_rate_hz;
-        self.steps as f64 * (2.0 * ranges.retune_s + self.lead_s + burst_s)
+        self.carriers_taken() as f64 * (2.0 * ranges.retune_s + self.lead_s + burst_s)
     }
 
     /// Bytes a second on disk, at the most.
     pub fn bytes_a_second(&self, ranges: &Ranges) -> f64 {
-        8.0 * self.steps as f64 * self.samples() as f64 / self.sweep_s(ranges).max(self.pri_s)
+        let samples = self.carriers_taken() as f64 * self.samples() as f64;
+        8.0 * samples / self.sweep_s(ranges).max(self.pri_s)
     }
 
     /// The carriers of a sweep in their order.
@@ -151,6 +171,7 @@ impl Plan {
                 }
             }
         }
+        all.retain(|&n| !self.avoids(n));
         all
     }
 
@@ -169,6 +190,14 @@ impl Plan {
         ranges
             .carrier_hz
             .check("the last carrier", self.carrier_hz(self.steps - 1), "Hz")?;
+        let taken = self.carriers_taken();
+        if 3 * taken < 2 * self.steps {
+            return say(format!(
+                "{} of {} carriers are in bands to avoid, and a profile needs two of three: avoid less, or move the start and the stop",
+                self.steps - taken,
+                self.steps
+            ));
+        }
         self.radio.check(ranges)?;
         let periods = self.radio.sample_rate_hz / self.tone_hz;
         if (periods - periods.round()).abs() > 1e-9 * periods || !(3.0..=65536.0).contains(&periods)
@@ -274,6 +303,26 @@ mod tests {
         assert_eq!((back.carriers(0)[0], back.carriers(1)[0]), (0, 49));
     }
 
+    /// Steps of 4 MHz: those from 1.164 and to 1.188 GHz are six, and the one whose tone is beyond its step, none here; 1.2205 GHz is in one.
+    #[test]
+    fn bands_to_avoid_are_left_out_in_every_order() {
+        let avoid = "avoid = [\"1.164 GHz, 1.188 GHz\", \"1220.5 MHz, 1220.6 MHz\"]\n";
+        for order in ["up", "shuffled"] {
+            let plan = of(&format!("{CHIM}order = \"{order}\"\n{avoid}")).unwrap();
+            plan.check(&Ranges::b210()).unwrap();
+            let mut carriers = plan.carriers(1);
+            carriers.sort_unstable();
+            let kept = (0..50).filter(|n| !(16..22).contains(n) && *n != 30);
+            assert!(carriers.into_iter().eq(kept));
+            assert_eq!(plan.carriers_taken(), 43);
+        }
+        let wrong = of(&format!("{CHIM}avoid = [\"1.2 GHz, 1.1 GHz\"]\n")).unwrap_err();
+        assert!(
+            wrong.contains("plan.toml:5") && wrong.contains("to is above from"),
+            "{wrong}"
+        );
+    }
+
     #[test]
     fn plans_that_a_radio_cannot_do_are_refused_with_the_reason() {
         let refused = |more: &str, words: &str| {
@@ -282,6 +331,10 @@ mod tests {
             assert!(error.contains(words), "{more}: {error}");
         };
         refused("tone = \"130 kHz\"\n", "whole number");
+        refused(
+            "avoid = [\"1.15 GHz, 1.23 GHz\"]\n",
+            "21 of 50 carriers are in bands to avoid",
+        );
         // No text says so, but a program can.
         let mut endless = of(CHIM).unwrap();
         endless.dwell_s = 1e300;

@@ -87,7 +87,7 @@ fn captured(
 
 /// How far it is; of an endless capture how many sweeps there are.
 fn show(plan: &Plan, progress: &Progress, shown: Receiver<LiveStep>) {
-    let steps = plan.steps as f64;
+    let steps = plan.carriers_taken() as f64;
     let (mut sweep, mut taken) = (None, 0u32);
     for step in shown {
         if sweep != Some(step.sweep) {
@@ -123,7 +123,7 @@ fn rehearse(session: &Session, plan: &Plan, out: &Path) -> anyhow::Result<()> {
         return text::say_json(
             "forecast",
             json!({
-                "work": format!("{} sweeps of {} steps", plan.sweeps, plan.steps),
+                "work": format!("{} sweeps of {} steps", plan.sweeps, plan.carriers_taken()),
                 "resolution_m": plan.resolution_m(),
                 "unambiguous_m": plan.unambiguous_m(),
                 "sweep_s": sweep_s,
@@ -162,12 +162,16 @@ fn rehearse(session: &Session, plan: &Plan, out: &Path) -> anyhow::Result<()> {
 }
 
 fn carriers(plan: &Plan) -> String {
-    format!(
+    let all = format!(
         "{} from {}, {} apart",
         plan.steps,
         text::hertz(plan.start_hz),
         text::hertz(plan.step_hz())
-    )
+    );
+    match plan.steps - plan.carriers_taken() {
+        0 => all,
+        avoided => format!("{all}, {avoided} of them avoided"),
+    }
 }
 
 const FLAGS: [&str; 5] = [
@@ -278,7 +282,7 @@ pub(super) fn record(plan: &Plan, summary: &Summary, out: &Path) -> Value {
     json!({
         "recording": meta(out).display().to_string(),
         "ended": ended(summary),
-        "carriers": { "start_hz": plan.start_hz, "step_hz": plan.step_hz(), "count": plan.steps },
+        "carriers": { "start_hz": plan.start_hz, "step_hz": plan.step_hz(), "count": plan.steps, "taken": plan.carriers_taken() },
         "steps": summary.steps,
         "bursts": summary.bursts,
         "flagged": named(summary.flagged, FLAGS),
