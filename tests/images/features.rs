@@ -43,8 +43,8 @@ const OPTIONAL: [(&str, &[&str]); 25] = [
     ("subaperture-quality", &["quality", "autofocus", "viewer"]),
     ("subaperture-autofocus", &["autofocus"]),
     ("subaperture-maps", &["maps"]),
-    ("subaperture-motion", &["motion"]),
-    ("subaperture-targets", &["motion"]),
+    ("subaperture-motion", &["motion", "radio", "uhd", "viewer"]),
+    ("subaperture-targets", &["motion", "radio", "uhd", "viewer"]),
     (
         "subaperture-navigation",
         &[

@@ -84,7 +84,7 @@
 //! | `terrain` | surfaces of the Earth to focus on: elevation models (SRTM HGT, GeoTIFF), heights above the ellipsoid | `terrain` | `tiff` |
 //! | `onboard` | a processor on the platform: its plan, the serial link, its maps | `link` | `subaperture-core`, `serial2` |
 //! | `radio` | a stepped-carrier radar on a software-defined radio: the radio, a simulated one, capture, range profiles | `radio` | |
-//! | `live_capture` | the image of a capture, sweep by sweep as it comes | `radio` | |
+//! | `live_capture` | the image of a capture, sweep by sweep as it comes, on a known way or as its echoes tell | `radio`, which brings `motion` | |
 //! | `viewer` | local web pages: images of any size, a capture as it runs | `viewer` | `axum`, `tokio` |
 //! | `radio::uhd` | a USRP by UHD, which is under GPL-3.0-or-later | `uhd` | the library UHD, linked |
 //!

@@ -1,16 +1,18 @@
 //! Experiments to start from: what `subap capture --example NAME` prints.
 
 /// Name and text of every example.
-const EXAMPLES: [(&str, &str); 5] = [
+const EXAMPLES: [(&str, &str); 7] = [
     ("thesis", include_str!("examples/thesis.toml")),
     ("thesis-scene", include_str!("examples/thesis-scene.toml")),
     ("rail", include_str!("examples/rail.toml")),
     ("rail-scene", include_str!("examples/rail-scene.toml")),
+    ("walk", include_str!("examples/walk.toml")),
+    ("walk-scene", include_str!("examples/walk-scene.toml")),
     ("b210", include_str!("examples/b210.toml")),
 ];
 
 /// The names of the examples.
-pub fn names() -> [&'static str; 5] {
+pub fn names() -> [&'static str; 7] {
     EXAMPLES.map(|(name, _)| name)
 }
 

@@ -219,6 +219,10 @@ pub(super) fn build(description: &Description) -> Result<Experiment, Vec<Found>>
         let what = "the leakage is the reference, so it is above 0";
         return Err(vec![device.fault("leakage", what)]);
     }
+    let live = match top.optional_section("live") {
+        Some(values) => Some(live::build(values, folder, plan.reference)?),
+        None => None,
+    };
     let built = Experiment {
         device: match device.text("kind") {
             "uhd" => Device::Uhd(Usrp {
@@ -237,10 +241,7 @@ pub(super) fn build(description: &Description) -> Result<Experiment, Vec<Found>>
         faults: top.optional_section("faults").map(faults),
         recording: path(files, "recording"),
         calibration: path(files, "calibration"),
-        live: match top.optional_section("live") {
-            Some(values) => Some(live::build(values, folder)?),
-            None => None,
-        },
+        live,
     };
     debug_assert_eq!(top.not_taken(), Vec::<String>::new(), "keys never read");
     Ok(built)

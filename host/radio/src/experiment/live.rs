@@ -10,6 +10,7 @@ use subaperture_model::geometry::ImageGrid;
 use subaperture_model::track::Linear;
 use subaperture_model::units::Dimension;
 
+use crate::antennas::Reference;
 use crate::history::{HistoryError, Track};
 
 /// What is imaged, and from where.
@@ -39,13 +40,18 @@ pub enum Way {
         /// Seconds.
         at_s: f64,
     },
+    /// As its echoes tell, from this place on; its axes are the scene's then.
+    Echoes {
+        /// Metres in the scene frame.
+        start_m: DVec3,
+    },
 }
 
 impl Way {
     /// The track.
     ///
     /// # Errors
-    /// If its file cannot be read, or is none.
+    /// If its file cannot be read, or is none; if it is to be found of the echoes.
     pub fn track(&self) -> Result<Track, HistoryError> {
         match self {
             Self::File(path, zero_s) => Track::read(path, *zero_s),
@@ -62,6 +68,9 @@ impl Way {
                 span_s: (f64::NEG_INFINITY, f64::INFINITY),
                 zero_s: *at_s,
             }),
+            Self::Echoes { .. } => Err(HistoryError::Track(
+                "nobody knows the way before its echoes are heard".to_owned(),
+            )),
         }
     }
 }
@@ -71,7 +80,7 @@ pub(super) static LIVE: Section = Section {
     presence: Presence::Optional,
     when: &[],
     selector: "",
-    doc: "What subap live images while it captures, and how the antennas move: by a file, or on a rail.",
+    doc: "What subap live images while it captures, and how the antennas move: by a file, on a rail, or as their echoes tell.",
     keys: &[
         Key::new(
             "grid",
@@ -89,13 +98,20 @@ pub(super) static LIVE: Section = Section {
             "position",
             Kind::Vector(Dimension::Length),
             Need::Optional("\"-2.5, 0, 1 m\""),
-            "Where the body is at the time zero.",
+            "Where the body is at the time zero; with echoes at first, without it at the origin.",
         ),
         Key::new(
             "velocity",
             Kind::Vector(Dimension::Speed),
             Need::Optional("\"0.1, 0, 0 m/s\""),
             "Its velocity; it looks to where it goes, antennas are placed so.",
+        ),
+        Key::new(
+            "echoes",
+            Kind::Flag,
+            Need::Default("false"),
+            "Whether nobody knows the way and it is found of the echoes of two receivers (MPGA), the leakage as the reference: x is forward at first. Two reflectors and more have to \
+             be seen, and a sweep taken at least every quarter of a wavelength.",
         ),
         Key::new(
             "zero",
@@ -118,7 +134,11 @@ pub(super) static LIVE: Section = Section {
     ],
 };
 
-pub(super) fn build(values: &Values, folder: &Path) -> Result<Live, Vec<Found>> {
+pub(super) fn build(
+    values: &Values,
+    folder: &Path,
+    reference: Reference,
+) -> Result<Live, Vec<Found>> {
     let grid: ImageGrid = values
         .text("grid")
         .parse()
@@ -131,15 +151,24 @@ pub(super) fn build(values: &Values, folder: &Path) -> Result<Live, Vec<Found>> 
     let file = values.optional_text("track");
     let position_m = values.optional_vector("position");
     let velocity_m_s = values.optional_vector("velocity");
+    let echoes = values.flag("echoes");
+    if echoes && reference != Reference::Leakage {
+        let what = "a way is found of the echoes of two receivers: plan.reference is \"leakage\", and [antennas] says where they are";
+        return Err(vec![values.fault("echoes", what)]);
+    }
     let way = match (file, position_m, velocity_m_s) {
-        (Some(file), None, None) => Way::File(folder.join(file), zero_s),
-        (None, Some(position_m), Some(velocity_m_s)) => Way::Rail {
+        (None, start_m, None) if echoes => Way::Echoes {
+            start_m: start_m.unwrap_or_default(),
+        },
+        (Some(file), None, None) if !echoes => Way::File(folder.join(file), zero_s),
+        (None, Some(position_m), Some(velocity_m_s)) if !echoes => Way::Rail {
             position_m,
             velocity_m_s,
             at_s: zero_s,
         },
         _ => {
-            let what = "say how the body moves: a track, or position and velocity";
+            let what =
+                "say how the body moves: a track, or position and velocity, or echoes = true";
             return Err(vec![values.fault("track", what)]);
         }
     };

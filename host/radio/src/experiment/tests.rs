@@ -42,7 +42,7 @@ fn every_example_is_what_it_says() {
         let ranges = crate::transceiver::Ranges::b210();
         experiment.plan.check(&ranges).unwrap();
         assert_eq!(matches!(experiment.device, Device::Uhd(_)), name == "b210");
-        assert_eq!(experiment.live.is_some(), name == "rail");
+        assert_eq!(experiment.live.is_some(), ["rail", "walk"].contains(&name));
     }
 }
 
@@ -62,6 +62,28 @@ fn a_live_image_has_a_grid_and_one_way_to_move() {
     // A second after it was there.
     let pose = live.way.track().unwrap().pose(3.0);
     assert_eq!(pose.position_m.to_array(), [1.5, 2.0, 3.0]);
+    // Or nobody knows how: of two receivers by the leakage.
+    let by_echoes = |reference: &str, lines: &str| {
+        let antennas = "[antennas]\ntransmitter = \"0, 0, 0 m\"\nreceiver_0 = \"0.2, 0, 0 m\"\nreceiver_1 = \"0.3, 0, 0 m\"\n";
+        of(&format!(
+            "{PLAN}reference = \"{reference}\"\n{antennas}{rest}{grid}echoes = true\n{lines}"
+        ))
+    };
+    let live = by_echoes("leakage", "position = \"1, 2, 3 m\"\n")
+        .unwrap()
+        .live
+        .unwrap();
+    let start_m = glam::DVec3::new(1.0, 2.0, 3.0);
+    assert_eq!(live.way, Way::Echoes { start_m });
+    assert!(live.way.track().unwrap_err().to_string().contains("echoes"));
+    for (refused, told) in [
+        (by_echoes("loopback", ""), "plan.reference is \"leakage\""),
+        (by_echoes("leakage", "track = \"t.csv\"\n"), "echoes = true"),
+        (by_echoes("leakage", rail), "echoes = true"),
+    ] {
+        let refused = refused.unwrap_err();
+        assert!(refused.contains(told), "{refused}");
+    }
     for (wrong, told) in [
         (
             format!("{grid}{rail}track = \"t.csv\"\n"),

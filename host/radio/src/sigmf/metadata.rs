@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
+use subaperture_model::phase_history::Band;
+
 use crate::antennas::{Antennas, Reference};
 use crate::transceiver::Received;
 
@@ -46,6 +48,17 @@ pub struct Setup {
     /// Where the antennas are, if the plan said so.
     #[serde(default)]
     pub antennas: Option<Antennas>,
+}
+
+impl Setup {
+    /// Frequencies of what a sweep comes to: carriers, each with the tone.
+    pub fn band(&self) -> Band {
+        Band {
+            start_hz: self.start_hz + self.sample_rate_hz / self.period as f64,
+            step_hz: self.step_hz,
+            count: self.steps,
+        }
+    }
 }
 
 /// Why a step is not as good as others.

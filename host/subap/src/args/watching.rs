@@ -37,8 +37,9 @@ impl Watching {
 /// `subap live`.
 #[derive(Debug, Group)]
 #[command(
-    after_help = "The experiment's section [live] says which pixels, and how the antennas move: a track file, or a rail at constant\n\
-    speed. See subap capture --keys, and subap capture --example rail with rail-scene.\n\n\
+    after_help = "The experiment's section [live] says which pixels, and how the antennas move: a track file, a rail at constant\n\
+    speed, or as the echoes of two receivers tell where nobody knows (MPGA). See subap capture --keys, and subap capture\n\
+    --example rail with rail-scene, or walk with walk-scene.\n\n\
     Ctrl-C ends it; what was recorded and imaged by then is whole (exit status 130, or 0 where plan.sweeps = 0)."
 )]
 pub(crate) struct Live {

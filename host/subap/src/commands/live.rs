@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use subaperture::focus::live::Settings;
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::npy;
-use subaperture::live_capture::{Imaging, Place};
+use subaperture::live_capture::{Echoes, Found, Imaging, Place, Way};
 use subaperture::plot::{Panel, quicklook_within};
 use subaperture::radio::experiment::{self, Experiment};
 use subaperture::radio::live::Follower;
@@ -71,8 +71,14 @@ fn imaging(
             "two receivers whose antennas have no places: give the experiment a section [antennas]";
         return Err(Usage(what.to_owned()).into());
     }
+    let way = match &live.way {
+        experiment::Way::Echoes { start_m } => {
+            Way::Echoes(Echoes::new(setup.band(), follower.reach_m(), *start_m))
+        }
+        told => Way::Track(told.track()?),
+    };
     let place = Place {
-        track: live.way.track()?,
+        way,
         antennas: setup.antennas.unwrap_or_default(),
         reference_m: live.reference_m,
         receivers,
@@ -110,6 +116,9 @@ fn report(
             watched.skipped
         ));
     }
+    if let Some(way) = imaging.found() {
+        doubt(&way);
+    }
     if let Some(folder) = &typed.image {
         save(session, imaging, &plan.name, folder)?;
     }
@@ -129,6 +138,15 @@ fn report(
         "image",
         format!("{} sweeps, error below {error_db:.1} dB", imaging.taken()),
     )];
+    if let Some(way) = imaging.found() {
+        facts.push((
+            "way",
+            format!(
+                "{:.2} m by {} targets' echoes; x is forward at first",
+                way.length_m, way.going.targets
+            ),
+        ));
+    }
     if let Some(peak) = imaging.image().peak() {
         let place = imaging.live().grid().position_m(peak.row, peak.column);
         facts.push(("brightest", format!("x {:.2}, y {:.2} m", place.x, place.y)));
@@ -137,6 +155,23 @@ fn report(
         facts.push(("written to", folder.display().to_string()));
     }
     Ok(text::say(text::facts(&facts).join("\n"))?)
+}
+
+/// What makes a way doubtful that was found of echoes.
+fn doubt(way: &Found) {
+    let going = &way.going;
+    if going.blind > 0 {
+        messages::warning(format!(
+            "{} sweeps do not tell where they were taken: fewer than two targets are seen in them, or too near to each other in range",
+            going.blind
+        ));
+    }
+    if going.doubtful > 0 {
+        messages::warning(format!(
+            "in {} sweeps phases are near half a turn from what was expected: from there on the way may be off by half wavelengths; move slower, or take sweeps faster (fewer steps, a              shorter dwell)",
+            going.doubtful
+        ));
+    }
 }
 
 fn told(imaging: &Imaging, skipped: u64) -> Value {
@@ -151,6 +186,12 @@ fn told(imaging: &Imaging, skipped: u64) -> Value {
         "skipped": skipped,
         "predicted_error_db": imaging.live().accuracy().predicted_db(),
         "brightest": brightest,
+        "way": imaging.found().map(|way| json!({
+            "length_m": way.length_m,
+            "targets": way.going.targets,
+            "blind": way.going.blind,
+            "doubtful": way.going.doubtful,
+        })),
     })
 }
 

@@ -198,10 +198,11 @@ fn image(mut imaging: Option<&mut Imaging>, board: &Board, sweeps: Receiver<Live
             shown = Some(Instant::now());
         }
     }
-    if let Some(imaging) = imaging
-        && imaging.taken() > 0
-    {
-        board.show_picture(imaging.picture());
+    if let Some(imaging) = imaging {
+        imaging.finish();
+        if imaging.taken() > 0 {
+            board.show_picture(imaging.picture());
+        }
     }
 }
 

@@ -9,7 +9,13 @@
 //! A sweep of which too little came, or that the track does not know, is left out and counted, as is one
 //! of which the error would be above the bound: long sweeps of a radar that moves fast are hard on float32.
 //!
-//! Cost: a push a sweep and receiver; memory: [`Live::held_bytes`] and a pulse. `tests/recordings/live_capture.rs` holds it against the recording.
+//! Where nobody knows the way it is found of the echoes ([`Way::Echoes`], [`targets::live`](crate::targets::live)): a sweep then waits for its place, some twenty sweeps, and is imaged when
+//! that is known; the image is in the axes that the body has at first. What is imaged while it moves is not looked at again, and so is not quite as sharp as what
+//! [`recover`](crate::targets::recover()) makes of the recording.
+//!
+//! Cost: a push a sweep and receiver; memory: [`Live::held_bytes`], a pulse, and what waits. `tests/cli/live.rs` holds it against the recording.
+
+mod walk;
 
 use subaperture_focus::live::{Live, LiveError, Settings};
 use subaperture_model::geometry::{Extent, ImageGrid, SceneFrame};
@@ -17,14 +23,18 @@ use subaperture_model::image::{Image, power};
 use subaperture_radio::Antennas;
 use subaperture_radio::history::{HistoryError, Placement, Track};
 use subaperture_radio::live::{LiveSweep, MOST_PIXELS, Picture};
+use subaperture_radio::profile::Sweep;
+use subaperture_targets::TargetsError;
 
 use glam::DVec3;
+
+pub use walk::{Echoes, Found};
+use walk::{Known, Walk};
 
 /// An image that grows with a capture.
 pub struct Imaging {
     live: Live,
-    track: Track,
-    antennas: Antennas,
+    places: Places,
     reference_m: DVec3,
     extent: Option<Extent>,
     receivers: &'static [usize],
@@ -34,11 +44,26 @@ pub struct Imaging {
     why: Option<String>,
 }
 
+/// How the body that carries the antennas moves.
+#[derive(Debug)]
+pub enum Way {
+    /// On a track.
+    Track(Track),
+    /// As its echoes tell.
+    Echoes(Echoes),
+}
+
+/// A way, with the antennas on the body that it is of.
+enum Places {
+    Known(Track, Antennas),
+    Found(Box<Walk>),
+}
+
 /// Where a capture's antennas are, and which echoes there are.
 #[derive(Debug)]
 pub struct Place {
-    /// The track of the body that carries them.
-    pub track: Track,
+    /// How the body that carries them moves.
+    pub way: Way,
     /// Where they are on it.
     pub antennas: Antennas,
     /// What phases are referred to, metres; the grid's middle if `None`.
@@ -74,10 +99,17 @@ impl Imaging {
             let what = "places of antennas and the reference point are finite numbers";
             return Err(HistoryError::Track(what.to_owned()).into());
         }
+        let places = match place.way {
+            Way::Track(track) => Places::Known(track, place.antennas),
+            Way::Echoes(echoes) => {
+                let (receivers, reach_m) = (place.receivers, place.reach_m);
+                let walk = Walk::new(&echoes, place.antennas, receivers, reference_m, reach_m)?;
+                Places::Found(Box::new(walk))
+            }
+        };
         Ok(Self {
             live,
-            track: place.track,
-            antennas: place.antennas,
+            places,
             reference_m,
             extent: extent(grid),
             receivers: place.receivers,
@@ -88,41 +120,101 @@ impl Imaging {
         })
     }
 
-    /// Adds a sweep. One that is of no use, or whose error would be above the bound, is counted as left out, and the image is as it was.
+    /// Adds a sweep, or has it wait for its place. One that is of no use, or whose error would be above the bound, is counted as left out, and the image is as it was.
     pub fn take(&mut self, sweep: &LiveSweep) {
-        match self.push(sweep) {
-            Ok(()) => self.taken += 1,
-            Err(why) => {
-                self.left_out += 1;
-                self.why = Some(why);
+        if sweep.receivers.is_empty() {
+            let why = sweep.why.clone();
+            self.leave_out(1, why.unwrap_or_else(|| "too little of it came".to_owned()));
+            return;
+        }
+        match &mut self.places {
+            Places::Known(track, antennas) => {
+                let placement = Placement {
+                    track: Some(track),
+                    antennas: Some(*antennas),
+                    reference_m: self.reference_m,
+                    extent: self.extent,
+                    frame: SceneFrame::Local,
+                };
+                let done = push(
+                    &mut self.live,
+                    &placement,
+                    self.receivers,
+                    self.reach_m,
+                    &sweep.receivers,
+                );
+                self.count(done);
+            }
+            Places::Found(walk) => {
+                match walk.take(&sweep.receivers) {
+                    Ok(0) => {}
+                    Ok(given_up) => self.leave_out(given_up, NO_PLACE.to_owned()),
+                    Err(error) => self.leave_out(1, error.to_string()),
+                }
+                self.image_known(false);
             }
         }
     }
 
-    fn push(&mut self, sweep: &LiveSweep) -> Result<(), String> {
+    /// Images what waits still for its place, when no more come; what has none is left out.
+    pub fn finish(&mut self) {
+        let Places::Found(walk) = &mut self.places else {
+            return;
+        };
+        walk.finish();
+        self.image_known(true);
+        let Places::Found(walk) = &mut self.places else {
+            return;
+        };
+        let without = walk.give_up();
+        if without > 0 {
+            self.leave_out(without, NO_PLACE.to_owned());
+        }
+    }
+
+    /// Images the sweeps whose place is known by now.
+    fn image_known(&mut self, no_more_come: bool) {
+        let Places::Found(walk) = &mut self.places else {
+            return;
+        };
+        let antennas = walk.antennas();
+        let Known { track, sweeps } = match walk.known(no_more_come) {
+            Ok(Some(known)) => known,
+            Ok(None) => return,
+            Err(error) => return self.leave_out(1, error.to_string()),
+        };
         let placement = Placement {
-            track: Some(&self.track),
-            antennas: Some(self.antennas),
+            track: Some(&track),
+            antennas: Some(antennas),
             reference_m: self.reference_m,
             extent: self.extent,
             frame: SceneFrame::Local,
         };
-        let pulses: Result<Vec<_>, HistoryError> = self
-            .receivers
-            .iter()
-            .zip(&sweep.receivers)
-            .map(|(&receiver, of_receiver)| placement.pulse(of_receiver, receiver, self.reach_m))
-            .collect();
-        let pulses = pulses.map_err(|error| error.to_string())?;
-        if pulses.is_empty() {
-            let why = sweep.why.clone();
-            return Err(why.unwrap_or_else(|| "too little of it came".to_owned()));
+        for sweep in sweeps {
+            let (live, receivers) = (&mut self.live, self.receivers);
+            let done = push(live, &placement, receivers, self.reach_m, &sweep);
+            self.count(done);
         }
-        // Receivers are alike: what refuses one refuses the first.
-        pulses
-            .iter()
-            .try_for_each(|(pulse, samples)| self.live.push(pulse, samples))
-            .map_err(|error| error.to_string())
+    }
+
+    fn count(&mut self, done: Result<(), String>) {
+        match done {
+            Ok(()) => self.taken += 1,
+            Err(why) => self.leave_out(1, why),
+        }
+    }
+
+    fn leave_out(&mut self, sweeps: u64, why: String) {
+        self.left_out += sweeps;
+        self.why = Some(why);
+    }
+
+    /// The way, where it is found of the echoes.
+    pub fn found(&self) -> Option<Found> {
+        match &self.places {
+            Places::Known(..) => None,
+            Places::Found(walk) => Some(walk.found()),
+        }
     }
 
     /// Sweeps that the image has been given.
@@ -173,6 +265,29 @@ impl Imaging {
     }
 }
 
+/// Why a sweep has no place.
+const NO_PLACE: &str = "its echoes do not tell where it was taken: two targets at the least have to be seen, in different directions";
+
+/// Adds a sweep of some receivers.
+fn push(
+    live: &mut Live,
+    placement: &Placement,
+    receivers: &[usize],
+    reach_m: f64,
+    of_receivers: &[Sweep],
+) -> Result<(), String> {
+    let each = receivers.iter().zip(of_receivers);
+    let pulses: Result<Vec<_>, HistoryError> = each
+        .map(|(&receiver, sweep)| placement.pulse(sweep, receiver, reach_m))
+        .collect();
+    let pulses = pulses.map_err(|error| error.to_string())?;
+    // Receivers are alike: what refuses one refuses the first.
+    pulses
+        .iter()
+        .try_for_each(|(pulse, samples)| live.push(pulse, samples))
+        .map_err(|error| error.to_string())
+}
+
 /// The part of the scene that a grid's corners enclose; none of a polar one, whose edges are no straight lines.
 fn extent(grid: &ImageGrid) -> Option<Extent> {
     if grid.polar {
@@ -207,4 +322,7 @@ pub enum ImagingError {
     /// Where the antennas are.
     #[error(transparent)]
     Place(#[from] HistoryError),
+    /// Their way is not to be found of what they hear.
+    #[error(transparent)]
+    Way(#[from] TargetsError),
 }

@@ -1,0 +1,244 @@
+//! Sweeps whose place is told by their echoes, a while after they came.
+
+use std::collections::VecDeque;
+
+use glam::DVec3;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::geometry::SceneFrame;
+use subaperture_model::phase_history::{Band, Pulse, Sweep as AtOnce};
+use subaperture_model::track::{Fix, SampledTrack};
+use subaperture_radio::Antennas;
+use subaperture_radio::history::{HistoryError, Placement, Track};
+use subaperture_radio::profile::Sweep;
+use subaperture_targets::cfar::{Cfar, Level};
+use subaperture_targets::live::{Going, Live};
+use subaperture_targets::{Settings, TargetsError};
+
+/// How a body's way is found of what its antennas hear.
+#[derive(Clone, Debug)]
+pub struct Echoes {
+    /// Frequencies of a sweep, the tone's part included.
+    pub band: Band,
+    /// How targets are found.
+    pub settings: Settings,
+    /// Where the body is at first, metres; its axes are the scene's then.
+    pub start_m: DVec3,
+}
+
+impl Echoes {
+    /// As it suits a stepped-carrier radar that hears no farther than `reach_m`: such a profile has some tens of cells, in which training cells are few and up to half of them
+    /// may be other targets; what is nearer than three cells is the leakage's.
+    pub fn new(band: Band, reach_m: f64, start_m: DVec3) -> Self {
+        let cell_m = 0.5 * SPEED_OF_LIGHT_M_S / band.bandwidth_hz();
+        let settings = Settings {
+            ranges_m: Some((3.0 * cell_m, reach_m)),
+            cfar: Cfar {
+                guard: 2,
+                training: 8,
+                level: Level::Ordered(0.45),
+                ..Cfar::default()
+            },
+            ..Settings::default()
+        };
+        Self {
+            band,
+            settings,
+            start_m,
+        }
+    }
+}
+
+/// A way that is found of echoes, as far as it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Found {
+    /// From place to place, metres.
+    pub length_m: f64,
+    /// Sweeps that wait for their place.
+    pub waiting: u64,
+    /// How well it goes.
+    pub going: Going,
+}
+
+/// Sweeps that may wait for a place beside those that are within the lag: what nothing is seen in has none until something is.
+const MOST_BLIND: usize = 64;
+/// Fixes that a track is laid through: what is farther off moves a spline by less than a part in a thousand of its knot for every five.
+const FIXES: usize = 48;
+
+/// A way that is found of echoes, and sweeps that wait for it.
+pub(super) struct Walk {
+    live: Live,
+    /// As the plan has them, and as they are on the body that is located.
+    antennas: [Antennas; 2],
+    receivers: &'static [usize],
+    start_m: DVec3,
+    /// Metres in the body's axes at first.
+    reference_m: DVec3,
+    reach_m: f64,
+    waiting: VecDeque<Waiting>,
+    pushed: usize,
+    fixes: VecDeque<Fix>,
+    length_m: f64,
+}
+
+/// A sweep that waits.
+struct Waiting {
+    pulse: usize,
+    time_s: f64,
+    ends_s: f64,
+    of_receivers: Vec<Sweep>,
+}
+
+/// Sweeps whose place is known by now.
+pub(super) struct Known {
+    pub(super) track: Track,
+    pub(super) sweeps: Vec<Vec<Sweep>>,
+}
+
+impl Walk {
+    pub(super) fn new(
+        echoes: &Echoes,
+        antennas: Antennas,
+        receivers: &'static [usize],
+        reference_m: DVec3,
+        reach_m: f64,
+    ) -> Result<Self, TargetsError> {
+        let reference_m = reference_m - echoes.start_m;
+        let first = |receiver: &usize| {
+            let [transmitter_m, receiver_m] =
+                [antennas.transmitter_m, antennas.receivers_m[*receiver]];
+            Pulse {
+                time_s: 0.0,
+                transmitter_m,
+                receiver_m,
+                reference_m,
+                reference_path_m: transmitter_m.distance(reference_m)
+                    + receiver_m.distance(reference_m),
+                start_hz: echoes.band.start_hz,
+                step_hz: echoes.band.step_hz,
+                sweep: AtOnce::AT_ONCE,
+            }
+        };
+        let first: Vec<Pulse> = receivers.iter().map(first).collect();
+        let live = Live::new(&first, echoes.band.count, &echoes.settings)?;
+        let own = live.arrangement();
+        // An array has two receivers at the least, so these are both of the radio's, in their order.
+        let located = Antennas {
+            transmitter_m: own.transmitters_m[0],
+            receivers_m: [0, 1].map(|i| own.receivers_m[own.of_channels[i][1]]),
+        };
+        Ok(Self {
+            live,
+            antennas: [antennas, located],
+            receivers,
+            start_m: echoes.start_m,
+            reference_m,
+            reach_m,
+            waiting: VecDeque::new(),
+            pushed: 0,
+            fixes: VecDeque::new(),
+            length_m: 0.0,
+        })
+    }
+
+    /// Where the antennas are on the body that the tracks of [`Known`] are of.
+    pub(super) fn antennas(&self) -> Antennas {
+        self.antennas[1]
+    }
+
+    /// The way as far as it is known.
+    pub(super) fn found(&self) -> Found {
+        Found {
+            length_m: self.length_m,
+            waiting: self.waiting.len() as u64,
+            going: self.live.going(),
+        }
+    }
+
+    /// Takes a sweep; how many are given up, for nothing has told their place for too long.
+    pub(super) fn take(&mut self, of_receivers: &[Sweep]) -> Result<u64, HistoryError> {
+        let standing = Placement {
+            track: None,
+            antennas: Some(self.antennas[0]),
+            reference_m: self.reference_m,
+            extent: None,
+            frame: SceneFrame::Local,
+        };
+        let each = self.receivers.iter().zip(of_receivers);
+        let pulses: Result<Vec<_>, HistoryError> = each
+            .map(|(&receiver, sweep)| standing.pulse(sweep, receiver, self.reach_m))
+            .collect();
+        let pulses = pulses?;
+        let ends_s = of_receivers.iter().flat_map(Sweep::moments);
+        self.waiting.push_back(Waiting {
+            pulse: self.pushed,
+            time_s: pulses[0].0.time_s,
+            ends_s: ends_s.fold(f64::NEG_INFINITY, |last_s, (_, at_s)| last_s.max(at_s)),
+            of_receivers: of_receivers.to_vec(),
+        });
+        self.pushed += 1;
+        for located in self.live.push(&pulses) {
+            self.learn(located.pulse, located.position_m, located.attitude);
+        }
+        let most = self.live.lag() + MOST_BLIND;
+        let given_up = self.waiting.len().saturating_sub(most);
+        self.waiting.drain(..given_up);
+        Ok(given_up as u64)
+    }
+
+    /// What waits still, when no more come.
+    pub(super) fn finish(&mut self) {
+        for located in self.live.finish() {
+            self.learn(located.pulse, located.position_m, located.attitude);
+        }
+    }
+
+    fn learn(&mut self, pulse: usize, position_m: DVec3, attitude: glam::DQuat) {
+        let Some(own) = self.waiting.iter().find(|own| own.pulse == pulse) else {
+            return;
+        };
+        let last = self.fixes.back();
+        if last.is_some_and(|last| last.time_s >= own.time_s) {
+            return;
+        }
+        let fix = Fix {
+            time_s: own.time_s,
+            position_m: self.start_m + position_m,
+            attitude: Some(attitude),
+        };
+        self.length_m += last.map_or(0.0, |last| last.position_m.distance(fix.position_m));
+        self.fixes.push_back(fix);
+        if self.fixes.len() > FIXES {
+            self.fixes.pop_front();
+        }
+    }
+
+    /// Sweeps that end before the last fix but one, before the last if no more come: beyond it a spline still moves.
+    pub(super) fn known(&mut self, no_more_come: bool) -> Result<Option<Known>, HistoryError> {
+        let beyond = if no_more_come { 1 } else { 2 };
+        let until = self.fixes.len().checked_sub(beyond);
+        let (Some(until), true) = (until, self.fixes.len() > 1) else {
+            return Ok(None);
+        };
+        let until_s = self.fixes[until].time_s;
+        let count = self.waiting.partition_point(|own| own.ends_s <= until_s);
+        if count == 0 {
+            return Ok(None);
+        }
+        let sweeps = self.waiting.drain(..count).map(|own| own.of_receivers);
+        let sweeps = sweeps.collect();
+        let fixes = self.fixes.make_contiguous();
+        let poses =
+            SampledTrack::new(fixes).map_err(|error| HistoryError::Track(error.to_string()))?;
+        let track = Track {
+            poses: Box::new(poses),
+            span_s: (fixes[0].time_s, fixes[fixes.len() - 1].time_s),
+            zero_s: 0.0,
+        };
+        Ok(Some(Known { track, sweeps }))
+    }
+
+    /// Lets go of all that waits: how many sweeps that is.
+    pub(super) fn give_up(&mut self) -> u64 {
+        self.waiting.drain(..).count() as u64
+    }
+}
