@@ -36,6 +36,50 @@ impl ImageFormat {
             _ => None,
         }
     }
+
+    /// As it is typed.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Sicd => "sicd",
+            Self::Sidd => "sidd",
+            Self::Cog => "cog",
+            Self::Kmz => "kmz",
+            Self::Png => "png",
+        }
+    }
+
+    /// What a product of it is called in the image's folder, where image.png is the picture.
+    pub(crate) fn file_name(self) -> &'static str {
+        match self {
+            Self::Sicd => "sicd.nitf",
+            Self::Sidd => "sidd.nitf",
+            Self::Cog => "map.tif",
+            Self::Kmz => "map.kmz",
+            Self::Png => "map.png",
+        }
+    }
+
+    /// Whether it says where on the Earth the image is, and has to.
+    pub(crate) fn is_of_the_earth(self) -> bool {
+        match self {
+            Self::Sicd | Self::Sidd | Self::Cog | Self::Kmz | Self::Png => true,
+        }
+    }
+}
+
+/// Formats in which an image is written beside itself by who forms it.
+#[derive(Debug, Group)]
+#[command(next_help_heading = "Products")]
+pub(crate) struct Producing {
+    /// Write the image in these formats too, as subap export does: beside it, as sicd.nitf, sidd.nitf, map.tif (cog), map.kmz and
+    /// map.png
+    #[arg(long, value_enum, value_name = "FORMAT[,FORMAT]", value_delimiter = ',', conflicts_with_all = ["from_maps", "plan"])]
+    pub(crate) product: Vec<ImageFormat>,
+
+    /// Where on the Earth the scene's origin is, of these products: degrees north and east, metres above the WGS 84 ellipsoid (x is
+    /// then east and y north) [default: what the recording says]
+    #[arg(long, value_name = "LAT,LON[,HEIGHT]", allow_hyphen_values = true, requires = "product", value_parser = geodetic)]
+    pub(crate) place: Option<Geodetic>,
 }
 
 /// `subap export`.

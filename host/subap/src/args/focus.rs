@@ -13,7 +13,7 @@ use super::formers::{self, FormerOptions};
 use super::logs::Logs;
 use super::track::{TrackSource, track_source};
 use super::values::{any, axis, error_bound, output, positive, scratch_size, vector};
-use super::{Input, Look, Rehearsal, Surfacing, Tiled, Writing};
+use super::{Input, Look, Producing, Rehearsal, Surfacing, Tiled, Writing};
 
 /// `subap focus`.
 #[derive(Debug, Group)]
@@ -69,6 +69,9 @@ pub(crate) struct Focus {
 
     #[command(flatten)]
     pub(crate) look: Look,
+
+    #[command(flatten)]
+    pub(crate) producing: Producing,
 
     #[command(flatten)]
     pub(crate) writing: Writing,

@@ -1,15 +1,22 @@
-//! `subap export`: an image in a format that other programs read.
+//! `subap export`: an image in a format that other programs read. And products: the same formats, written beside an image by whoever
+//! has formed it.
 
 mod maps;
 mod sicd;
 mod sidd;
 
-use anyhow::bail;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use serde_json::{Value, json};
+use subaperture::geometry::{Geodetic, SceneFrame};
+use subaperture::io::claim::Claims;
 
 use super::stored;
-use crate::args::{Export, ImageFormat};
+use crate::args::{Export, ImageFormat, Mapping, Writing};
 use crate::config::Session;
 use crate::failure::Usage;
+use crate::text;
 use maps::MapFormat;
 
 /// Reads a product and writes it.
@@ -27,11 +34,170 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
             typed.image.display()
         );
     };
-    match format {
-        ImageFormat::Sicd => sicd::run(session, typed, folder),
-        ImageFormat::Sidd => sidd::run(session, typed, folder),
-        ImageFormat::Cog => maps::run(session, typed, MapFormat::Cog, folder),
-        ImageFormat::Kmz => maps::run(session, typed, MapFormat::Kmz, folder),
-        ImageFormat::Png => maps::run(session, typed, MapFormat::Png, folder),
+    let export = One {
+        image: &typed.image,
+        folder,
+        format,
+        out: &typed.out,
+        place: typed.place,
+        speed_m_s: typed.speed,
+        maps: typed.maps,
+        writing: typed.writing,
+    };
+    export.check()?;
+    let mut claims = session.claims(&typed.writing, &[folder]);
+    export.claim(&mut claims)?;
+    let written = export.write(session)?;
+    if session.json() {
+        return text::say_json(written.name, written.about);
+    }
+    if session.tells() {
+        text::say(written.line)?;
+    }
+    Ok(())
+}
+
+/// An image as one file.
+struct One<'a> {
+    /// As the user calls it.
+    image: &'a Path,
+    /// Where it lies.
+    folder: &'a Path,
+    format: ImageFormat,
+    out: &'a Path,
+    place: Option<Geodetic>,
+    speed_m_s: Option<f64>,
+    maps: Mapping,
+    writing: Writing,
+}
+
+/// What was written.
+struct Written {
+    /// Of its record.
+    name: &'static str,
+    about: Value,
+    /// For people.
+    line: String,
+}
+
+impl Written {
+    /// A file of the image's own pixels.
+    fn file(out: &Path, bytes: u64) -> Self {
+        let path = out.display().to_string();
+        Self {
+            name: "export",
+            about: json!({ "path": path, "bytes": bytes }),
+            line: path,
+        }
+    }
+}
+
+impl One<'_> {
+    /// Refuses options that are not of the format.
+    fn check(&self) -> Result<(), Usage> {
+        match self.format {
+            ImageFormat::Sicd => sicd::check(self),
+            ImageFormat::Sidd => sidd::check(self),
+            ImageFormat::Cog | ImageFormat::Kmz | ImageFormat::Png => {
+                maps::check(self, MapFormat::of(self.format))
+            }
+        }
+    }
+
+    /// Claims all that is going to be written.
+    fn claim(&self, claims: &mut Claims) -> anyhow::Result<()> {
+        match self.format {
+            ImageFormat::Sicd | ImageFormat::Sidd => sicd::claim(self, claims),
+            ImageFormat::Cog | ImageFormat::Kmz | ImageFormat::Png => {
+                maps::claim(self, MapFormat::of(self.format), claims)
+            }
+        }
+    }
+
+    /// Writes it, complete or not at all.
+    fn write(&self, session: &Session) -> anyhow::Result<Written> {
+        match self.format {
+            ImageFormat::Sicd => sicd::write(session, self),
+            ImageFormat::Sidd => sidd::write(session, self),
+            ImageFormat::Cog | ImageFormat::Kmz | ImageFormat::Png => {
+                maps::write(session, self, MapFormat::of(self.format))
+            }
+        }
+    }
+}
+
+/// Formats of an image that is formed by the same run, written into its folder each under a name of its own.
+pub(crate) struct Products<'a> {
+    /// The image's.
+    pub(crate) folder: &'a Path,
+    pub(crate) formats: &'a [ImageFormat],
+    /// Where on the Earth the scene's origin is, where the recording does not say.
+    pub(crate) place: Option<Geodetic>,
+    pub(crate) writing: Writing,
+}
+
+impl Products<'_> {
+    /// Claims all files, before there is an image; `inputs` are what the run reads. Held until the run's end.
+    pub(crate) fn claim<P: AsRef<Path>>(
+        &self,
+        session: &Session,
+        inputs: &[P],
+    ) -> anyhow::Result<Claims> {
+        let mut claims = session.claims(&self.writing, inputs);
+        for (n, &format) in self.formats.iter().enumerate() {
+            if self.formats[..n].contains(&format) {
+                let what = format!("--product {}: it is named twice", format.name());
+                return Err(Usage(what).into());
+            }
+            self.with(format, |one| {
+                one.check()?;
+                one.claim(&mut claims)
+            })?;
+        }
+        Ok(claims)
+    }
+
+    /// Refuses what the image of a scene in this frame cannot be written as, before it is formed.
+    pub(crate) fn check_place(&self, frame: &SceneFrame) -> anyhow::Result<()> {
+        if self.place.is_some() || !matches!(frame, SceneFrame::Local) {
+            return Ok(());
+        }
+        match self.formats.iter().find(|format| format.is_of_the_earth()) {
+            Some(format) => bail!(
+                "--product {}: the recording ties its scene to no place on the Earth: give --place LAT,LON[,HEIGHT] of the scene's origin",
+                format.name()
+            ),
+            None => Ok(()),
+        }
+    }
+
+    /// Writes all of them of the image that is there now; their paths.
+    pub(crate) fn write(&self, session: &Session) -> anyhow::Result<Vec<PathBuf>> {
+        let one = |&format: &ImageFormat| {
+            self.with(format, |one| {
+                one.write(session)
+                    .with_context(|| format!("{} is there, but not its {}", self.folder.display(), format.name()))?;
+                Ok(one.out.to_owned())
+            })
+        };
+        self.formats.iter().map(one).collect()
+    }
+
+    /// One of them.
+    fn with<T>(
+        &self,
+        format: ImageFormat,
+        work: impl FnOnce(&One) -> anyhow::Result<T>,
+    ) -> anyhow::Result<T> {
+        work(&One {
+            image: self.folder,
+            folder: self.folder,
+            format,
+            out: &self.folder.join(format.file_name()),
+            place: self.place,
+            speed_m_s: None,
+            maps: Mapping::default(),
+            writing: self.writing,
+        })
     }
 }

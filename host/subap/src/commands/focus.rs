@@ -27,6 +27,7 @@ use subaperture::resolution::survey::Survey;
 
 use crate::args::{Focus, TrackSource};
 use crate::commands::air::Recorded;
+use crate::commands::export::Products;
 use crate::commands::forming::{self, Forming};
 use crate::commands::surface;
 use crate::config::Session;
@@ -58,6 +59,8 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         room(typed, grid)?;
     }
     let _claims = forming::claim(session, &typed.writing, &typed.input.paths, &typed.out, 0)?;
+    let products = products(typed);
+    let _products = products.claim(session, &typed.input.paths)?;
 
     let recorded = match &typed.track {
         None => session.open(&typed.input)?,
@@ -65,6 +68,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     };
     let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
     let recorded = air.history();
+    products.check_place(&recorded.collection().frame)?;
     let corrected = corrected::corrected(typed, recorded)?;
     let recorded: &dyn PhaseHistory = match &corrected {
         Some(corrected) => corrected,
@@ -115,6 +119,16 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         about,
         deliver::Whole::Memory(&formed.image),
     )
+}
+
+/// What else the image is to be written as.
+fn products(typed: &Focus) -> Products<'_> {
+    Products {
+        folder: &typed.out,
+        formats: &typed.producing.product,
+        place: typed.producing.place,
+        writing: typed.writing,
+    }
 }
 
 /// Checks that the image can be written.

@@ -6,16 +6,18 @@ use std::time::{Duration, SystemTime};
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use subaperture::geometry::SceneFrame;
+use subaperture::io::claim::Claims;
 use subaperture::io::ours::Kind;
 use subaperture::io::product::{self, OpenProduct};
 use subaperture::maps::{self, Levels, MapError, Ortho, Projection, Raster, Source, cog::Layout};
 use subaperture::resolution::support::{Looks, RecordedLooks};
 use subaperture::signal::window::Window;
 
-use crate::args::{Export, MapLayout, MapProjection, RemapName};
+use super::{One, Written};
+use crate::args::{ImageFormat, MapLayout, MapProjection, RemapName};
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{log, messages, text};
+use crate::{log, messages};
 
 /// Formats of maps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,49 +30,72 @@ pub(super) enum MapFormat {
     Png,
 }
 
-/// What was typed, once it makes sense together.
+impl MapFormat {
+    /// That of a format of images.
+    pub(super) fn of(format: ImageFormat) -> Self {
+        match format {
+            ImageFormat::Cog => Self::Cog,
+            ImageFormat::Kmz => Self::Kmz,
+            _ => Self::Png,
+        }
+    }
+
+    /// The files beside a map.
+    fn beside(self, out: &Path) -> Vec<PathBuf> {
+        match self {
+            Self::Cog => vec![out.with_extension("json")],
+            Self::Png => maps::picture::beside(out).into(),
+            Self::Kmz => Vec::new(),
+        }
+    }
+}
+
+/// What was asked for, once it makes sense together.
 struct Wanted<'a> {
-    typed: &'a Export,
-    folder: &'a Path,
+    one: &'a One<'a>,
     format: MapFormat,
     layout: MapLayout,
     projection: MapProjection,
     remap: RemapName,
 }
 
-/// Reads a product and writes its map.
-pub(super) fn run(
-    session: &Session,
-    typed: &Export,
-    format: MapFormat,
-    folder: &Path,
-) -> anyhow::Result<()> {
-    let wanted = Wanted::of(typed, format, folder)?;
-    let beside = wanted.beside();
-    let mut claims = session.claims(&typed.writing, &[folder]);
-    let kind = match wanted.format {
+/// Refuses options that make no sense together.
+pub(super) fn check(one: &One, format: MapFormat) -> Result<(), Usage> {
+    Wanted::of(one, format).map(|_| ())
+}
+
+/// Claims the map and the files beside it.
+pub(super) fn claim(one: &One, format: MapFormat, claims: &mut Claims) -> anyhow::Result<()> {
+    let kind = match format {
         MapFormat::Png => Kind::Picture,
         _ => Kind::Map,
     };
     // Files beside a picture of ours are its own, though they have no room for a mark.
-    let replaced = typed.out.exists();
-    claims.file(&typed.out, kind)?;
-    for path in &beside {
-        if wanted.format == MapFormat::Cog {
+    let replaced = one.out.exists();
+    claims.file(one.out, kind)?;
+    for path in &format.beside(one.out) {
+        if format == MapFormat::Cog {
             claims.file(path, Kind::Item)?;
             continue;
         }
-        if path.exists() && !replaced && !typed.writing.force {
+        if path.exists() && !replaced && !one.writing.force {
             bail!(
                 "{}: it lies where a file beside {} is to be: move it, or give --force",
                 path.display(),
-                typed.out.display()
+                one.out.display()
             );
         }
         claims.unmarked(path)?;
     }
+    Ok(())
+}
+
+/// Reads a product and writes its map.
+pub(super) fn write(session: &Session, one: &One, format: MapFormat) -> anyhow::Result<Written> {
+    let wanted = Wanted::of(one, format)?;
+    let folder = one.folder;
     let stored = product::open(folder)?;
-    let frame = frame(typed, &stored)?;
+    let frame = frame(one, &stored)?;
     let looks = looks(&stored.metadata).ok_or(MapError::Unseen)?;
     let source = Source {
         pixels: &stored.pixels,
@@ -85,8 +110,8 @@ pub(super) fn run(
         };
         Raster::covering(&stored.grid, &frame, projection, pixel_m)
     };
-    let mut raster = covering(typed.maps.pixel)?;
-    if let Some(looks) = typed.maps.looks {
+    let mut raster = covering(one.maps.pixel)?;
+    if let Some(looks) = one.maps.looks {
         raster = covering(Some(raster.pixel_m * looks as f64))?;
     }
     let ortho = Ortho::new(source, raster)?;
@@ -100,18 +125,18 @@ pub(super) fn run(
         ));
     }
     wanted.write(session, &stored.metadata, &ortho)?;
-    wanted.say(session, &ortho, &beside)
+    Ok(wanted.written(&ortho))
 }
 
 /// Errors above this are worth a warning.
 const WORTH_SAYING_DB: f64 = -40.0;
 
 impl<'a> Wanted<'a> {
-    fn of(typed: &'a Export, format: MapFormat, folder: &'a Path) -> Result<Self, Usage> {
-        let maps = &typed.maps;
+    fn of(one: &'a One<'a>, format: MapFormat) -> Result<Self, Usage> {
+        let maps = &one.maps;
         let is_map = format == MapFormat::Cog;
         let wrong = |what: &str| Err(Usage(what.to_owned()));
-        if typed.speed.is_some() {
+        if one.speed_m_s.is_some() {
             return wrong("--speed is of --format sicd: leave it out");
         }
         if maps.layout.is_some() && !is_map {
@@ -137,8 +162,7 @@ impl<'a> Wanted<'a> {
             (_, given) => given.unwrap_or(MapProjection::Utm),
         };
         Ok(Self {
-            typed,
-            folder,
+            one,
             format,
             layout,
             projection,
@@ -149,33 +173,22 @@ impl<'a> Wanted<'a> {
         })
     }
 
-    /// The files beside the map.
-    fn beside(&self) -> Vec<PathBuf> {
-        let out = &self.typed.out;
-        match self.format {
-            MapFormat::Cog => vec![out.with_extension("json")],
-            MapFormat::Png => maps::picture::beside(out).into(),
-            MapFormat::Kmz => Vec::new(),
-        }
-    }
-
     fn write(&self, session: &Session, metadata: &Value, ortho: &Ortho) -> anyhow::Result<()> {
-        let typed = self.typed;
-        let out = &typed.out;
+        let One { image, out, .. } = *self.one;
         let levels = || {
             let reading = session.progress("reading levels");
             let levels = Levels::of(
                 ortho.pixels(),
                 self.remap.into(),
-                typed.maps.top,
-                typed.maps.span,
+                self.one.maps.top,
+                self.one.maps.span,
             )?;
             reading.finish();
             Ok::<_, MapError>(levels)
         };
         let title = match metadata["picture"]["title"].as_str() {
             Some(title) => title.to_owned(),
-            None => typed.image.display().to_string(),
+            None => image.display().to_string(),
         };
         match self.format {
             MapFormat::Kmz => {
@@ -223,52 +236,49 @@ impl<'a> Wanted<'a> {
             return Ok((log::utc(start), "when the recording began"));
         }
         // The record is written last.
-        let record = std::fs::metadata(self.folder.join("image.json"));
+        let record = std::fs::metadata(self.one.folder.join("image.json"));
         let formed = record.and_then(|about| about.modified());
         let formed = formed.context("cannot tell when the image was formed")?;
         let meaning = "when the image was formed: its record does not say when it was recorded";
         Ok((log::utc(formed), meaning))
     }
 
-    fn say(&self, session: &Session, ortho: &Ortho, beside: &[PathBuf]) -> anyhow::Result<()> {
+    fn written(&self, ortho: &Ortho) -> Written {
         let path = |path: &Path| path.display().to_string();
+        let out = self.one.out;
+        let beside = self.format.beside(out);
         let raster = ortho.raster();
-        if session.json() {
-            return text::say_json(
-                "map",
-                json!({
-                    "path": path(&self.typed.out),
-                    "beside": beside.iter().map(|p| path(p)).collect::<Vec<_>>(),
-                    "epsg": raster.projection.epsg(),
-                    "rows": raster.rows,
-                    "columns": raster.columns,
-                    "pixel_m": raster.pixel_m,
-                    "pixels_averaged": ortho.averaged(),
-                    "oversampling": ortho.oversampling(),
-                    "resampling_error_db": ortho.error_db(),
-                }),
-            );
-        }
-        if session.tells() {
-            text::say(format!(
+        Written {
+            name: "map",
+            about: json!({
+                "path": path(out),
+                "beside": beside.iter().map(|p| path(p)).collect::<Vec<_>>(),
+                "epsg": raster.projection.epsg(),
+                "rows": raster.rows,
+                "columns": raster.columns,
+                "pixel_m": raster.pixel_m,
+                "pixels_averaged": ortho.averaged(),
+                "oversampling": ortho.oversampling(),
+                "resampling_error_db": ortho.error_db(),
+            }),
+            line: format!(
                 "{}: {} x {} pixels of {}, EPSG:{}",
-                path(&self.typed.out),
+                path(out),
                 raster.rows,
                 raster.columns,
                 subaperture::quantity::metres(raster.pixel_m),
                 raster.projection.epsg()
-            ))?;
+            ),
         }
-        Ok(())
     }
 }
 
 /// Where the scene is.
-fn frame(typed: &Export, stored: &OpenProduct) -> anyhow::Result<SceneFrame> {
-    if let Some(origin) = &typed.place {
+fn frame(one: &One, stored: &OpenProduct) -> anyhow::Result<SceneFrame> {
+    if let Some(origin) = &one.place {
         return Ok(SceneFrame::east_north_up(origin));
     }
-    let image = typed.image.display();
+    let image = one.image.display();
     match product::frame_of(&stored.metadata) {
         Ok(SceneFrame::Local) => bail!(
             "{image}: its recording ties it to no place on the Earth: give --place LAT,LON[,HEIGHT] of the scene's origin"

@@ -1,53 +1,54 @@
 //! An image as SICD.
 
-use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use serde_json::json;
+use subaperture::io::claim::Claims;
 use subaperture::io::ours::Kind;
 use subaperture::io::product;
 use subaperture::sicd::{Formed, Placing, Sicd, SicdError};
 
-use crate::args::Export;
+use super::{One, Written};
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{interrupt, messages, text};
+use crate::{interrupt, messages};
+
+/// Refuses options of maps.
+pub(super) fn check(one: &One) -> Result<(), Usage> {
+    match one.maps.is_given() {
+        true => Err(Usage(
+            "--projection, --pixel, --looks, --layout, --remap, --top and --span are of maps, and --format sicd has the image's own pixels: leave them out".to_owned(),
+        )),
+        false => Ok(()),
+    }
+}
+
+/// Claims the file.
+pub(super) fn claim(one: &One, claims: &mut Claims) -> anyhow::Result<()> {
+    Ok(claims.file(one.out, Kind::Sicd)?)
+}
 
 /// Reads a product and writes it.
-pub(super) fn run(session: &Session, typed: &Export, folder: &Path) -> anyhow::Result<()> {
-    if typed.maps.is_given() {
-        let what = "--projection, --pixel, --looks, --layout, --remap, --top and --span are of maps, and --format sicd has the image's own pixels: leave them out";
-        return Err(Usage(what.to_owned()).into());
-    }
-    let mut claims = session.claims(&typed.writing, &[folder]);
-    claims.file(&typed.out, Kind::Sicd)?;
-    let stored = product::open(folder)?;
+pub(super) fn write(session: &Session, one: &One) -> anyhow::Result<Written> {
+    let stored = product::open(one.folder)?;
     let sicd = Formed::of_record(&stored.grid, &stored.metadata)
-        .and_then(|formed| Sicd::new(&formed, &placing(typed), now_ns()))
+        .and_then(|formed| Sicd::new(&formed, &placing(one), now_ns()))
         .map_err(with_advice)?;
     for sentence in sicd.told() {
         messages::warning(sentence);
     }
     let writing = session.progress("writing");
-    let wrote = sicd.write(&typed.out, &stored.pixels, &writing);
+    let wrote = sicd.write(one.out, &stored.pixels, &writing);
     interrupt::check()?;
     wrote.map_err(with_advice)?;
     writing.finish();
-    let path = typed.out.display().to_string();
-    if session.json() {
-        return text::say_json("export", json!({ "path": path, "bytes": sicd.bytes() }));
-    }
-    if session.tells() {
-        text::say(path)?;
-    }
-    Ok(())
+    Ok(Written::file(one.out, sicd.bytes()))
 }
 
 /// Where and when what the recording does not say is taken to be.
-pub(super) fn placing(typed: &Export) -> Placing {
+pub(super) fn placing(one: &One) -> Placing {
     Placing {
-        origin: typed.place,
-        speed_m_s: typed.speed.unwrap_or(Placing::default().speed_m_s),
+        origin: one.place,
+        speed_m_s: one.speed_m_s.unwrap_or(Placing::default().speed_m_s),
         ..Placing::default()
     }
 }

@@ -1,6 +1,6 @@
 //! A whole image is written beside its record and its picture, and told of, wherever its pixels lie.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use subaperture::image::{Image, Parts};
@@ -97,7 +97,8 @@ pub(super) fn deliver(
         image.write_beside(out, record.to_json(title), quicklook)?
     };
     writing.finish();
-    tell(session, typed, record, metadata)
+    let products = super::products(typed).write(session)?;
+    tell(session, typed, record, metadata, &products)
 }
 
 /// Says what was written.
@@ -106,9 +107,14 @@ fn tell(
     typed: &Focus,
     record: &Record,
     mut metadata: Value,
+    products: &[PathBuf],
 ) -> anyhow::Result<()> {
     if session.json() {
         metadata["folder"] = typed.out.display().to_string().into();
+        if !products.is_empty() {
+            let paths = products.iter().map(|path| path.display().to_string());
+            metadata["products"] = paths.collect::<Vec<_>>().into();
+        }
         return text::say_json("image", metadata);
     }
     if !session.tells() {
@@ -132,5 +138,8 @@ fn tell(
         }
         None => "no brightest point: the image is zero".to_owned(),
     })?;
+    for path in products {
+        text::say(path.display().to_string())?;
+    }
     Ok(())
 }

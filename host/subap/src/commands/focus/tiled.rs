@@ -48,9 +48,12 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     // Processes that carry out a plan side by side share the folder; only who makes the record has to have it alone.
     let claims = claim(session, typed)?;
     let own = claims.filter(|_| typed.tiled.plan.is_none());
+    let products = super::products(typed);
+    let _products = products.claim(session, &typed.input.paths)?;
     let recorded = session.open(&typed.input)?;
     let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
     let recorded = air.history();
+    products.check_place(&recorded.collection().frame)?;
     let survey = forming::survey(recorded)?;
     let moving = super::moving(typed, recorded)?;
     let model = forming::time_model(&typed.image)?;
