@@ -1,4 +1,4 @@
-//! The file header: a line with the version, then `KEY := value` lines up to form feed, newline.
+//! The file header: a line with the format and its version, then `KEY := value` lines up to form feed, newline. CRSD has the same.
 
 use std::collections::BTreeMap;
 
@@ -13,9 +13,9 @@ const MAX_HEADER_BYTES: u64 = 1 << 16;
 
 /// A run of bytes that lies within the file.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Block {
-    pub(super) offset: u64,
-    pub(super) size: u64,
+pub(crate) struct Block {
+    pub(crate) offset: u64,
+    pub(crate) size: u64,
 }
 
 /// What a reader needs of the header.
@@ -32,48 +32,48 @@ pub(super) struct Header {
 impl Header {
     /// Reads the header and checks that every block it names lies within the file.
     pub(super) fn read(source: &Source) -> Result<Self, ReadError> {
-        let mut bytes = vec![0; source.len().min(MAX_HEADER_BYTES) as usize];
-        source.read_at(0, &mut bytes)?;
+        let bytes = first_bytes(source)?;
         Self::parse(&bytes, source.len()).map_err(|what| source.malformed(what))
     }
 
     /// `bytes` are the first of a file of `file_len`.
     fn parse(bytes: &[u8], file_len: u64) -> Result<Self, String> {
-        let text = header_text(bytes)?;
-        let version = version(text)?;
-        let keys = keys(text)?;
-        let places = Places {
-            keys: &keys,
-            header_len: (text.len() + SECTION_END.len()) as u64,
-            file_len,
-        };
+        let lines = Lines::of(bytes, file_len, "CPHD", "CPHD/1.1.0")?;
+        let version = version(lines.first)?;
         // Not read, so it may be empty; but a file cut within it is still cut.
-        let no_support = keys
-            .get("SUPPORT_BLOCK_SIZE")
+        let no_support = lines
+            .value("SUPPORT_BLOCK_SIZE")
             .is_some_and(|s| s.parse() == Ok(0));
-        if keys.contains_key("SUPPORT_BLOCK_BYTE_OFFSET") && !no_support {
-            places.block("SUPPORT")?;
+        if lines.value("SUPPORT_BLOCK_BYTE_OFFSET").is_some() && !no_support {
+            lines.block("SUPPORT")?;
         }
         Ok(Self {
             version: version.to_owned(),
-            classification: keys.get("CLASSIFICATION").map(|&v| v.to_owned()),
-            release_info: keys.get("RELEASE_INFO").map(|&v| v.to_owned()),
-            xml: places.block("XML")?,
-            pvp: places.block("PVP")?,
-            signal: places.block("SIGNAL")?,
+            classification: lines.value("CLASSIFICATION").map(str::to_owned),
+            release_info: lines.value("RELEASE_INFO").map(str::to_owned),
+            xml: lines.block("XML")?,
+            pvp: lines.block("PVP")?,
+            signal: lines.block("SIGNAL")?,
         })
     }
 }
 
-/// The header's text, without what ends it.
-fn header_text(bytes: &[u8]) -> Result<&str, String> {
+/// The bytes that a header lies in.
+pub(crate) fn first_bytes(source: &Source) -> Result<Vec<u8>, ReadError> {
+    let mut bytes = vec![0; source.len().min(MAX_HEADER_BYTES) as usize];
+    source.read_at(0, &mut bytes)?;
+    Ok(bytes)
+}
+
+/// The header's text, without what ends it, of a file of this format, which begins as `example` does.
+fn header_text<'h>(bytes: &'h [u8], format: &str, example: &str) -> Result<&'h str, String> {
     if bytes.is_empty() {
         return Err("the file is empty; copy it again".to_owned());
     }
-    if !bytes.starts_with(b"CPHD/") {
+    if !bytes.starts_with(format.as_bytes()) {
         let seen: Vec<u8> = bytes[..bytes.len().min(16)].to_vec();
         return Err(format!(
-            "byte 0: a CPHD file starts with 'CPHD/1.1.0', this one with '{}'",
+            "byte 0: a {format} file starts with '{example}', this one with '{}'",
             seen.escape_ascii()
         ));
     }
@@ -83,7 +83,7 @@ fn header_text(bytes: &[u8]) -> Result<&str, String> {
         .ok_or_else(|| {
             format!(
                 "byte 0: no end of the header (form feed, newline) within {} bytes: the file \
-                 is cut short or not CPHD; copy it again",
+                 is cut short or not {format}; copy it again",
                 bytes.len()
             )
         })?;
@@ -92,13 +92,8 @@ fn header_text(bytes: &[u8]) -> Result<&str, String> {
 }
 
 /// The version of the first line, if it is one of those read here.
-fn version(text: &str) -> Result<&str, String> {
-    let mut lines = text.split('\n');
-    let version = lines
-        .next()
-        .and_then(|l| l.strip_prefix("CPHD/"))
-        .unwrap_or_default()
-        .trim();
+fn version(first_line: &str) -> Result<&str, String> {
+    let version = first_line.strip_prefix("CPHD/").unwrap_or_default().trim();
     let known = |series: &str| {
         version
             .strip_prefix(series)
@@ -133,25 +128,47 @@ fn keys(text: &str) -> Result<BTreeMap<&str, &str>, String> {
     Ok(keys)
 }
 
-/// Where blocks lie by the header's keys, and between what they may.
-struct Places<'h> {
-    keys: &'h BTreeMap<&'h str, &'h str>,
+/// A header's lines: where blocks lie by its keys, and between what they may.
+pub(crate) struct Lines<'h> {
+    /// The format and its version.
+    pub(crate) first: &'h str,
+    keys: BTreeMap<&'h str, &'h str>,
     header_len: u64,
     file_len: u64,
 }
 
-impl Places<'_> {
+impl<'h> Lines<'h> {
+    /// `bytes` are the first of a file of `file_len`, whose format begins its first line, as in `example`.
+    pub(crate) fn of(
+        bytes: &'h [u8],
+        file_len: u64,
+        format: &str,
+        example: &str,
+    ) -> Result<Self, String> {
+        let text = header_text(bytes, format, example)?;
+        Ok(Self {
+            first: text.split('\n').next().unwrap_or_default(),
+            keys: keys(text)?,
+            header_len: (text.len() + SECTION_END.len()) as u64,
+            file_len,
+        })
+    }
+
+    /// What a key says.
+    pub(crate) fn value(&self, key: &str) -> Option<&'h str> {
+        self.keys.get(key).copied()
+    }
+
     fn number(&self, key: &str) -> Result<u64, String> {
         let text = self
-            .keys
-            .get(key)
+            .value(key)
             .ok_or_else(|| format!("header: no {key}; the file cannot be read without"))?;
         text.parse()
             .map_err(|_| format!("header: {key} is '{text}', not a number of bytes"))
     }
 
     /// The block of this name, if it lies between the header and the end of the file.
-    fn block(&self, name: &str) -> Result<Block, String> {
+    pub(crate) fn block(&self, name: &str) -> Result<Block, String> {
         let Self {
             header_len,
             file_len,

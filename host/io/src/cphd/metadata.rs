@@ -216,7 +216,7 @@ fn sgn(global: &Element) -> Result<Sgn, MetadataError> {
     }
 }
 
-fn signal_format(data: &Element) -> Result<SignalFormat, MetadataError> {
+pub(crate) fn signal_format(data: &Element) -> Result<SignalFormat, MetadataError> {
     let format = data.child("SignalArrayFormat")?;
     match &*format.text() {
         "CI2" => Ok(SignalFormat::Ci2),
@@ -287,7 +287,10 @@ fn channel_info(
 /// a file written by this crate reads back to the same frame.
 const AXIS_TOLERANCE: f64 = 1e-6;
 
-fn scene_frame(scene: &Element) -> Result<(SceneFrame, Geodetic, ReferenceSurface), MetadataError> {
+/// The scene frame of `SceneCoordinates`, the IARP and the kind of surface.
+pub(crate) fn scene_frame(
+    scene: &Element,
+) -> Result<(SceneFrame, Geodetic, ReferenceSurface), MetadataError> {
     let iarp_node = scene.child("IARP")?.child("ECF")?;
     let origin = iarp_node.xyz()?;
     let iarp = Geodetic::from_ecf_m(origin);
@@ -332,7 +335,8 @@ fn scene_frame(scene: &Element) -> Result<(SceneFrame, Geodetic, ReferenceSurfac
     Ok((frame, iarp, kind))
 }
 
-fn image_area(area: &Element) -> Result<Extent, MetadataError> {
+/// The rectangle of `ImageArea`.
+pub(crate) fn image_area(area: &Element) -> Result<Extent, MetadataError> {
     let (x1, y1) = area.child("X1Y1")?.pair("X", "Y")?;
     let (x2, y2) = area.child("X2Y2")?.pair("X", "Y")?;
     if x1 < x2 && y1 < y2 {

@@ -98,22 +98,23 @@
 
 mod conventions;
 mod describe;
-mod header;
+pub(crate) mod header;
 mod image_area;
-mod metadata;
-mod preamble;
+pub(crate) mod metadata;
+pub(crate) mod preamble;
 mod prepare;
 mod pvp;
 mod read;
+pub(crate) mod record;
 mod reference_geometry;
 mod signal;
-mod source;
-mod start;
+pub(crate) mod source;
+pub(crate) mod start;
 mod toa;
 mod vectors;
 mod write;
 mod write_options;
-mod xml;
+pub(crate) mod xml;
 
 pub use conventions::{Domain, Polarization, Sgn, SignalFormat};
 pub use metadata::{ChannelInfo, CphdInfo, ReferenceSurface};

@@ -61,6 +61,16 @@ fn read_xml(
     block: Block,
     memory_bytes: u64,
 ) -> Result<(CphdInfo, Result<Layout, MetadataError>), ReadError> {
+    let xml = read_text(source, block, memory_bytes)?;
+    metadata::parse(&xml).map_err(|e| source.malformed(in_xml(&e, block.offset)))
+}
+
+/// The XML block, of which what is made may take no more than `memory_bytes`.
+pub(crate) fn read_text(
+    source: &Source,
+    block: Block,
+    memory_bytes: u64,
+) -> Result<String, ReadError> {
     if block.size > MAX_XML_BYTES {
         return Err(source.malformed(format!(
             "header: XML_BLOCK_SIZE {} is more than the {MAX_XML_BYTES} bytes read here: the \
@@ -71,16 +81,15 @@ fn read_xml(
     source.check_memory(block.size * MEMORY_PER_XML_BYTE, memory_bytes)?;
     let mut bytes = vec![0; block.size as usize];
     source.read_at(block.offset, &mut bytes)?;
-    let xml = std::str::from_utf8(&bytes).map_err(|e| {
+    String::from_utf8(bytes).map_err(|e| {
         source.malformed(format!(
             "byte {}: the XML block is not UTF-8 text; copy the file again",
-            block.offset + e.valid_up_to() as u64
+            block.offset + e.utf8_error().valid_up_to() as u64
         ))
-    })?;
-    metadata::parse(xml).map_err(|e| source.malformed(in_xml(&e, block.offset)))
+    })
 }
 
 /// An error of the XML with the place of its block.
-pub(super) fn in_xml(error: &MetadataError, offset: u64) -> String {
+pub(crate) fn in_xml(error: &MetadataError, offset: u64) -> String {
     format!("{error} (XML block at byte {offset})")
 }

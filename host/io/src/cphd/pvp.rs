@@ -4,15 +4,9 @@
 use glam::DVec3;
 
 use super::conventions::Domain;
+use super::record::{Field, INTEGER, POSITION, SCALAR, Words, record_width};
 use super::xml::{Element, MetadataError};
 use crate::xml::Writer;
-
-/// A parameter's place in the record.
-#[derive(Clone, Copy, Debug)]
-struct Field {
-    name: &'static str,
-    byte: usize,
-}
 
 /// Places of the parameters that this reader uses.
 #[derive(Clone, Debug)]
@@ -54,42 +48,14 @@ pub(super) struct Vector {
     pub(super) true_antennas: Option<[DVec3; 2]>,
 }
 
-/// Some thousand times the size of a record of all the standard's parameters.
-const MAX_RECORD_BYTES: u64 = 1 << 20;
-
-const SCALAR: &str = "F8";
-const POSITION: &str = "X=F8;Y=F8;Z=F8;";
-const INTEGER: &str = "I8";
-
 /// Names of the added parameters (`AddedPVP`) that hold the true positions, ECF, metres.
 const TRUE_ANTENNAS: [&str; 2] = ["TxPosTrue", "RcvPosTrue"];
 
 impl Layout {
     pub(super) fn parse(pvp: &Element, num_bytes: &Element) -> Result<Self, MetadataError> {
-        let bytes = num_bytes.count()?;
-        if bytes == 0 || bytes % 8 != 0 || bytes > MAX_RECORD_BYTES {
-            return Err(num_bytes.fault(format!(
-                "{bytes} is not a positive multiple of 8 up to {MAX_RECORD_BYTES}"
-            )));
-        }
+        let bytes = record_width(num_bytes)?;
         let place = |node: &Element, name: &'static str, format: &str| {
-            let words = if format == POSITION { 3 } else { 1 };
-            let found = node.child("Format")?;
-            if found.text().trim_end_matches(';') != format.trim_end_matches(';') {
-                return Err(found.fault(format!("'{}' is not {format}", found.text())));
-            }
-            let offset = node.child("Offset")?;
-            let word = offset.count()?;
-            let end = word.checked_add(words).and_then(|end| end.checked_mul(8));
-            match end.and_then(|end| usize::try_from(end).ok()) {
-                Some(end) if end as u64 <= bytes => Ok(Field {
-                    name,
-                    byte: end - words as usize * 8,
-                }),
-                _ => Err(offset.fault(format!(
-                    "word {word} lies outside the record of {bytes} bytes (CPHD/Data/NumBytesPVP)"
-                ))),
-            }
+            Field::parse(node, name, format, bytes, "CPHD/Data/NumBytesPVP")
         };
         let field = |name: &'static str, format: &str| -> Result<Option<Field>, MetadataError> {
             let node = pvp.optional(name);
@@ -145,24 +111,14 @@ impl Layout {
         record: &[u8],
         domain: Domain,
     ) -> Result<Vector, String> {
-        let fault = |field: Field, what: String| {
-            format!("vector {index}: {} {what}; repair or drop it", field.name)
+        let record = Words {
+            kind: "vector",
+            index,
+            bytes: record,
         };
-        let finite = |field: Field, word: usize| -> Result<f64, String> {
-            let value = f64::from_be_bytes(word_at(record, field.byte + 8 * word));
-            if value.is_finite() {
-                Ok(value)
-            } else {
-                Err(fault(field, format!("is {value}, not a finite number")))
-            }
-        };
-        let position = |field| -> Result<DVec3, String> {
-            Ok(DVec3::new(
-                finite(field, 0)?,
-                finite(field, 1)?,
-                finite(field, 2)?,
-            ))
-        };
+        let fault = |field: Field, what: String| record.fault(field, what);
+        let finite = |field: Field, word: usize| record.finite(field, word);
+        let position = |field| record.position(field);
         let vector = Vector {
             tx_time: finite(self.tx_time, 0)?,
             tx_pos: position(self.tx_pos)?,
@@ -171,7 +127,7 @@ impl Layout {
             sweep: match self.sweep {
                 // Zero says that it is not given, NaN that it is not known.
                 Some((velocities, rate)) => {
-                    let rate = f64::from_be_bytes(word_at(record, rate.byte));
+                    let rate = record.number(rate);
                     if rate.is_finite() && rate != 0.0 {
                         let [transmitter, receiver] = velocities;
                         Some(([position(transmitter)?, position(receiver)?], rate))
@@ -186,9 +142,7 @@ impl Layout {
             sc0: finite(self.sc0, 0)?,
             scss: finite(self.scss, 0)?,
             amp_sf: self.amp_sf.map(|f| finite(f, 0)).transpose()?,
-            signal: self
-                .signal
-                .map(|f| i64::from_be_bytes(word_at(record, f.byte))),
+            signal: self.signal.map(|f| record.integer(f)),
             true_antennas: match self.true_antennas {
                 Some([transmitter, receiver]) => {
                     Some([position(transmitter)?, position(receiver)?])
@@ -210,12 +164,6 @@ impl Layout {
         }
         Ok(vector)
     }
-}
-
-fn word_at(record: &[u8], byte: usize) -> [u8; 8] {
-    let mut word = [0; 8];
-    word.copy_from_slice(&record[byte..byte + 8]);
-    word
 }
 
 /// All parameters of a vector to be written.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use glam::DVec3;
 use num_complex::Complex32;
@@ -75,8 +75,6 @@ struct Container {
     header: Header,
     info: CphdInfo,
     layout: Layout,
-    /// CRC-32 of the whole file, once somebody asked.
-    checksum: OnceLock<u32>,
 }
 
 impl Container {
@@ -94,30 +92,12 @@ impl Container {
             header,
             info,
             layout,
-            checksum: OnceLock::new(),
         })
     }
 
     fn check_readable(&self) -> Result<(), ReadError> {
         check_readable(&self.info, &self.layout, &self.header)
             .map_err(|what| self.source.malformed(what))
-    }
-
-    /// CRC-32 of the whole file.
-    fn checksum(&self) -> Result<u32, ReadError> {
-        if let Some(&known) = self.checksum.get() {
-            return Ok(known);
-        }
-        let mut hasher = crc32fast::Hasher::new();
-        let mut bytes = vec![0; CHUNK_BYTES];
-        let mut at = 0;
-        while at < self.source.len() {
-            let count = (self.source.len() - at).min(CHUNK_BYTES as u64) as usize;
-            self.source.read_at(at, &mut bytes[..count])?;
-            hasher.update(&bytes[..count]);
-            at += count as u64;
-        }
-        Ok(*self.checksum.get_or_init(|| hasher.finalize()))
     }
 }
 
@@ -205,7 +185,8 @@ impl Cphd {
         vectors
             .reserve(num_vectors, layout)
             .map_err(|_| too_large())?;
-        read_records(source, pvp_offset, num_vectors, layout, |index, record| {
+        let width = usize::try_from(layout.num_bytes).map_err(|_| too_large())?;
+        source.read_records("PVP", pvp_offset, num_vectors, width, |index, record| {
             let vector = layout.decode(index, record, info.domain)?;
             vectors.push(index, &vector)
         })?;
@@ -258,17 +239,13 @@ impl Cphd {
 
     /// Reads stored samples, as they are but for the format, from flat index `first` on.
     fn read_stored(&self, first: usize, samples: &mut [Complex32]) -> Result<(), ReadError> {
-        let (source, format) = (&self.container.source, self.info().signal_format);
-        let width = format.sample_bytes();
-        let chunk = CHUNK_BYTES / width;
-        let mut bytes = vec![0; samples.len().min(chunk) * width];
-        for (i, part) in samples.chunks_mut(chunk).enumerate() {
-            let bytes = &mut bytes[..part.len() * width];
-            let at = (first + i * chunk) as u64 * width as u64;
-            source.read_at(self.signal_offset + at, bytes)?;
-            format.decode(bytes, part);
-        }
-        Ok(())
+        let source = &self.container.source;
+        source.read_samples(
+            self.info().signal_format,
+            self.signal_offset,
+            first,
+            samples,
+        )
     }
 
     /// Scales, conjugates and checks stored vectors from `first` on.
@@ -341,15 +318,7 @@ impl PhaseHistory for Cphd {
     }
 
     fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
-        let source = &self.container.source;
-        let checksum = self.container.checksum()?;
-        // What was read of it in the meantime is what this checksum is of, or it is an error.
-        source.check_unchanged()?;
-        Ok(vec![InputFile {
-            path: source.path().to_owned(),
-            bytes: source.len(),
-            crc32: format!("{checksum:08x}"),
-        }])
+        Ok(vec![self.container.source.input()?])
     }
 }
 
@@ -422,36 +391,6 @@ fn check_extent(
         signal_size,
         signal,
     )
-}
-
-/// Reads PVP records in chunks and hands each to `take`.
-fn read_records(
-    source: &Source,
-    offset: u64,
-    count: usize,
-    layout: &Layout,
-    mut take: impl FnMut(u64, &[u8]) -> Result<(), String>,
-) -> Result<(), ReadError> {
-    let width = usize::try_from(layout.num_bytes)
-        .map_err(|_| source.malformed("XML: CPHD/Data/NumBytesPVP is too large"))?;
-    let at_once = (CHUNK_BYTES / width).max(1);
-    let mut bytes = vec![0; width * at_once.min(count)];
-    let mut index = 0;
-    while index < count {
-        let n = at_once.min(count - index);
-        let at = offset + index as u64 * layout.num_bytes;
-        source.read_at(at, &mut bytes[..n * width])?;
-        for record in bytes[..n * width].chunks_exact(width) {
-            take(index as u64, record).map_err(|what| {
-                source.malformed(format!(
-                    "{what} (PVP at byte {})",
-                    offset + index as u64 * layout.num_bytes
-                ))
-            })?;
-            index += 1;
-        }
-    }
-    Ok(())
 }
 
 /// CoreName, or else the file's name; with the channel where there are several.

@@ -15,7 +15,7 @@ impl SignalFormat {
     }
 
     /// Decodes as many samples as `samples` holds. Integers are exact in float32.
-    pub(super) fn decode(self, bytes: &[u8], samples: &mut [Complex32]) {
+    pub(crate) fn decode(self, bytes: &[u8], samples: &mut [Complex32]) {
         debug_assert_eq!(bytes.len(), samples.len() * self.sample_bytes());
         let pairs = samples.iter_mut();
         match self {

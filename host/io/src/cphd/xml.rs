@@ -5,40 +5,40 @@ use std::borrow::Cow;
 use glam::DVec3;
 use roxmltree::Node;
 
-/// What is wrong with the XML of a CPHD file, and in which element.
+/// What is wrong with the XML of a CPHD or CRSD file, and in which element.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("XML: {0}")]
-pub struct MetadataError(pub(super) String);
+pub struct MetadataError(pub(crate) String);
 
 /// An element and its path from the root, such as `CPHD/Global/SGN`.
-pub(super) struct Element<'a, 'i> {
+pub(crate) struct Element<'a, 'i> {
     node: Node<'a, 'i>,
     path: String,
 }
 
 impl<'a, 'i> Element<'a, 'i> {
-    pub(super) fn root(node: Node<'a, 'i>) -> Self {
+    pub(crate) fn root(node: Node<'a, 'i>) -> Self {
         Self {
             path: node.tag_name().name().to_owned(),
             node,
         }
     }
 
-    pub(super) fn name(&self) -> &'a str {
+    pub(crate) fn name(&self) -> &'a str {
         self.node.tag_name().name()
     }
 
-    pub(super) fn namespace(&self) -> &'a str {
+    pub(crate) fn namespace(&self) -> &'a str {
         self.node.tag_name().namespace().unwrap_or_default()
     }
 
     /// An error about this element.
-    pub(super) fn fault(&self, what: impl std::fmt::Display) -> MetadataError {
+    pub(crate) fn fault(&self, what: impl std::fmt::Display) -> MetadataError {
         MetadataError(format!("{}: {what}", self.path))
     }
 
     /// Children of this name, whatever their namespace.
-    pub(super) fn children(&self, name: &'static str) -> impl Iterator<Item = Self> + use<'a, 'i> {
+    pub(crate) fn children(&self, name: &'static str) -> impl Iterator<Item = Self> + use<'a, 'i> {
         let path = format!("{}/{name}", self.path);
         self.node
             .children()
@@ -49,18 +49,18 @@ impl<'a, 'i> Element<'a, 'i> {
             })
     }
 
-    pub(super) fn optional(&self, name: &'static str) -> Option<Self> {
+    pub(crate) fn optional(&self, name: &'static str) -> Option<Self> {
         self.children(name).next()
     }
 
-    pub(super) fn child(&self, name: &'static str) -> Result<Self, MetadataError> {
+    pub(crate) fn child(&self, name: &'static str) -> Result<Self, MetadataError> {
         self.optional(name)
             .ok_or_else(|| self.fault(format!("no element {name}; the standard requires it")))
     }
 
     /// The text, without white space around it. Comments and processing instructions are no part of
     /// it, so it may come in several pieces.
-    pub(super) fn text(&self) -> Cow<'a, str> {
+    pub(crate) fn text(&self) -> Cow<'a, str> {
         let mut pieces = self.node.children().filter(Node::is_text);
         let first = pieces.next().and_then(|n| n.text()).unwrap_or_default();
         let rest: String = pieces.filter_map(|n| n.text()).collect();
@@ -70,7 +70,7 @@ impl<'a, 'i> Element<'a, 'i> {
         Cow::Owned(format!("{first}{rest}").trim().to_owned())
     }
 
-    pub(super) fn optional_text(&self, name: &'static str) -> Option<String> {
+    pub(crate) fn optional_text(&self, name: &'static str) -> Option<String> {
         self.optional(name).map(|e| e.text().into_owned())
     }
 
@@ -82,7 +82,7 @@ impl<'a, 'i> Element<'a, 'i> {
         Ok(self.text())
     }
 
-    pub(super) fn number(&self) -> Result<f64, MetadataError> {
+    pub(crate) fn number(&self) -> Result<f64, MetadataError> {
         let text = self.only_text()?;
         text.parse::<f64>()
             .ok()
@@ -90,13 +90,13 @@ impl<'a, 'i> Element<'a, 'i> {
             .ok_or_else(|| self.fault(format!("'{text}' is not a finite number")))
     }
 
-    pub(super) fn count(&self) -> Result<u64, MetadataError> {
+    pub(crate) fn count(&self) -> Result<u64, MetadataError> {
         let text = self.only_text()?;
         text.parse()
             .map_err(|_| self.fault(format!("'{text}' is not a count from 0 to 2^64 - 1")))
     }
 
-    pub(super) fn xyz(&self) -> Result<DVec3, MetadataError> {
+    pub(crate) fn xyz(&self) -> Result<DVec3, MetadataError> {
         Ok(DVec3::new(
             self.child("X")?.number()?,
             self.child("Y")?.number()?,
@@ -104,7 +104,7 @@ impl<'a, 'i> Element<'a, 'i> {
         ))
     }
 
-    pub(super) fn pair(
+    pub(crate) fn pair(
         &self,
         first: &'static str,
         second: &'static str,
