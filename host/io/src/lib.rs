@@ -9,7 +9,7 @@
 //!
 //! | feature | adds | dependencies |
 //! |---|---|---|
-//! | `cphd` | CPHD 1.x, read and written: `cphd` | `roxmltree` |
+//! | `cphd` | CPHD 1.x, read and written: `cphd`; CRSD 1.0, read: `crsd` | `roxmltree`, `subaperture-receive` |
 //! | `gotcha` | AFRL's GOTCHA files (MATLAB 5): `gotcha` | `flate2` |
 //! | `npz` | arrays in NumPy's archives ([`npy::Array::read`]), and phase history of them: `arrays` | `zip`, `flate2` |
 //! | `hdf5` | phase history of arrays in HDF5 too (brings `npz`) | `hdf5-pure`, `flate2` |
@@ -25,6 +25,8 @@ pub mod atomic;
 pub mod claim;
 #[cfg(feature = "cphd")]
 pub mod cphd;
+#[cfg(feature = "cphd")]
+pub mod crsd;
 #[cfg(feature = "recording")]
 pub mod found_track;
 #[cfg(any(feature = "gotcha", feature = "npz"))]

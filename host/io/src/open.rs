@@ -9,6 +9,8 @@ use std::path::Path;
 use super::arrays;
 #[cfg(feature = "cphd")]
 use super::cphd;
+#[cfg(feature = "cphd")]
+use super::crsd;
 #[cfg(feature = "gotcha")]
 use super::gotcha;
 #[cfg(feature = "recording")]
@@ -18,7 +20,8 @@ use subaperture_model::phase_history::{
 };
 
 const CPHD_MAGIC: &[u8] = b"CPHD/1.";
-const SUPPORTED: &str = "CPHD 1.x and GOTCHA (MATLAB 5) files are read, arrays of phase history (.npz, HDF5), and descriptions of raw recordings (.toml)";
+const CRSD_MAGIC: &[u8] = b"CRSD";
+const SUPPORTED: &str = "CPHD 1.x, CRSD 1.0 and GOTCHA (MATLAB 5) files are read, arrays of phase history (.npz, HDF5), and descriptions of raw recordings (.toml)";
 const ARCHIVE_MAGIC: &[u8] = b"PK\x03\x04";
 const HDF5_MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
 
@@ -26,7 +29,7 @@ const HDF5_MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
     /// One channel of a recording that has several, by its name or its number from 1. If `None`, the reference channel of
-    /// a CPHD, the first of arrays, and of a described recording the pulses of all, in the order of time.
+    /// a CPHD or CRSD, the first of arrays, and of a described recording the pulses of all, in the order of time.
     pub channel: Option<&'a str>,
     /// Bytes that all recordings opened together may hold in memory.
     pub memory_bytes: u64,
@@ -62,6 +65,7 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn PhaseHistory>, Rea
             None => open_gotcha(path, options),
         },
         Format::Cphd => open_cphd(path, options),
+        Format::Crsd => open_crsd(path, options),
         Format::Arrays => {
             let channels = array_channels(path, options)?;
             one(channels, options.channel.unwrap_or("1"))
@@ -92,6 +96,7 @@ pub fn open_channels<S: AsRef<str>>(
     let all = match format(path, options)? {
         Format::Gotcha => Channels::new(vec![(Channel::new("1"), open_gotcha(path, options)?)])?,
         Format::Cphd => return cphd_channels(path, channels, options),
+        Format::Crsd => return crsd_channels(path, channels, options),
         Format::Arrays => array_channels(path, options)?,
         Format::Described => described_channels(path, options)?,
     };
@@ -105,6 +110,7 @@ pub fn open_channels<S: AsRef<str>>(
 enum Format {
     Gotcha,
     Cphd,
+    Crsd,
     Arrays,
     Described,
 }
@@ -134,6 +140,9 @@ fn format(path: &Path, options: &Options) -> Result<Format, ReadError> {
     }
     if start.starts_with(CPHD_MAGIC) {
         return Ok(Format::Cphd);
+    }
+    if start.starts_with(CRSD_MAGIC) {
+        return Ok(Format::Crsd);
     }
     if start.starts_with(ARCHIVE_MAGIC) || start.starts_with(HDF5_MAGIC) {
         return Ok(Format::Arrays);
@@ -178,6 +187,36 @@ fn cphd_channels<S: AsRef<str>>(
         (about, Box::new(channel) as Box<dyn PhaseHistory>)
     });
     Ok(Channels::new(beside.collect())?)
+}
+
+#[cfg(feature = "cphd")]
+fn open_crsd(path: &Path, options: &Options) -> Opened {
+    let opened = crsd::Crsd::open(path, options.channel, options.memory_bytes)?;
+    Ok(Box::new(opened))
+}
+
+#[cfg(feature = "cphd")]
+fn crsd_channels<S: AsRef<str>>(
+    path: &Path,
+    channels: Option<&[S]>,
+    options: &Options,
+) -> OpenedChannels {
+    let opened = crsd::Crsd::open_channels(path, channels, options.memory_bytes)?;
+    let beside = opened.into_iter().map(|channel| {
+        let about = channel.channel().about();
+        (about, Box::new(channel) as Box<dyn PhaseHistory>)
+    });
+    Ok(Channels::new(beside.collect())?)
+}
+
+#[cfg(not(feature = "cphd"))]
+fn open_crsd(path: &Path, _: &Options) -> Opened {
+    Err(is_off(path, "a CRSD file", "cphd"))
+}
+
+#[cfg(not(feature = "cphd"))]
+fn crsd_channels<S: AsRef<str>>(path: &Path, _: Option<&[S]>, _: &Options) -> OpenedChannels {
+    Err(is_off(path, "a CRSD file", "cphd"))
 }
 
 #[cfg(not(feature = "cphd"))]
@@ -327,7 +366,7 @@ fn read_start(path: &Path) -> std::io::Result<Vec<u8>> {
 
 /// What a file of no supported format looks like, and what to do with it.
 fn describe(start: &[u8]) -> &'static str {
-    let known: [(&[u8], &str); 7] = [
+    let known: [(&[u8], &str); 6] = [
         (
             b"MATLAB 7.3 MAT-file",
             "a MATLAB 7.3 (HDF5) file: load it in MATLAB and save it again with -v7",
@@ -337,7 +376,6 @@ fn describe(start: &[u8]) -> &'static str {
             "CPHD of a version before 1: convert it to CPHD 1.1",
         ),
         (b"CPHD", "CPHD of an unknown version"),
-        (b"CRSD", "a CRSD file: convert it to CPHD 1.1"),
         (
             b"NITF",
             "a NITF file (SICD or SIDD): an image already, not phase history",

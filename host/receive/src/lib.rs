@@ -30,7 +30,8 @@
 //! the track at three moments of the sweep. Uncompensated, a sweep of rate `chirp` would shift a scatterer's
 //! delay by `(rate_p - rate_ref) centre_hz / chirp`, the coupling of range and Doppler: with 1 m/s of difference,
 //! 77 GHz and 30 MHz/us 1.3 mm.
-//! [`Compressed`] takes a pulse as short: it neglects the Doppler phase over the pulse's length.
+//! [`Compressed`] takes a pulse as short: it neglects the Doppler phase over the pulse's length, unless it is told how fast the
+//! antennas were ([`Compressed::moving`]).
 #![forbid(unsafe_code)]
 
 mod background;
@@ -119,6 +120,15 @@ pub trait Echoes: Sync + Send {
     fn antennas_m(&self, pulse: usize, _after_s: f64) -> [DVec3; 2] {
         let pulse = &self.collection().pulses[pulse];
         [pulse.transmitter_m, pulse.receiver_m]
+    }
+
+    /// Delay of sample 0 after the start of this pulse, seconds, where the waveform is a pulse: the waveform's own, unless the
+    /// receiver's windows move from pulse to pulse.
+    fn window_start_s(&self, _pulse: usize) -> f64 {
+        match self.collection().waveform {
+            Waveform::Pulsed { window_start_s, .. } => window_start_s,
+            _ => 0.0,
+        }
     }
 
     /// Where transmitter and receiver truly were, as

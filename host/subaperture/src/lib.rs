@@ -5,7 +5,7 @@
 //!
 #![doc = concat!("```no_run\n", include_str!("../examples/read_and_focus.rs"), "```")]
 //!
-//! [`open()`] reads CPHD, AFRL's GOTCHA files and raw samples described in TOML; [`scene_grid`] is a grid that suits what
+//! [`open()`] reads CPHD, CRSD, AFRL's GOTCHA files and raw samples described in TOML; [`scene_grid`] is a grid that suits what
 //! was recorded, and any other is written as text or made of numbers ([`geometry::ImageGrid`]). [`Focus::focus`] takes
 //! defaults for all the rest; [`Focusing`] has them: windows, memory, progress, what to do where the bound is missed. The
 //! image comes with its grid, frame, band and settings ([`FocusedImage`]).
@@ -66,7 +66,7 @@
 //! | [`resolution`] | what a collection can show: widths, sampling, a grid | | |
 //! | [`signal`] | windows, transforms, kernels | | |
 //! | [`io`] | files: recordings in, images out | | `fs4`, `serde_json` |
-//! | `io::cphd` | CPHD 1.x | `cphd` | `roxmltree` |
+//! | `io::cphd`, `io::crsd` | CPHD 1.x; CRSD 1.0, read | `cphd` | `roxmltree` |
 //! | `io::gotcha` | AFRL's GOTCHA files (MATLAB 5) | `gotcha` | `flate2` |
 //! | [`io::npy`], `io::arrays` | arrays in NumPy's archives, too, and phase history of them | `npz` | `zip` |
 //! | `io::arrays` | phase history of arrays in HDF5 | `hdf5` | `hdf5-pure` |

@@ -26,6 +26,13 @@ pub(crate) struct Field {
     byte: usize,
 }
 
+impl Field {
+    /// The parameter.
+    pub(crate) fn name(&self) -> &'static str {
+        self.name
+    }
+}
+
 /// The length of a record, bytes.
 pub(crate) fn record_width(num_bytes: &Element) -> Result<u64, MetadataError> {
     let bytes = num_bytes.count()?;

@@ -1,0 +1,257 @@
+//! Vectors as echoes of a pulse at baseband.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use glam::DVec3;
+use num_complex::Complex32;
+
+use super::metadata::CrsdInfo;
+use super::pulses::{Sent, Wave};
+use super::vectors::Received;
+use crate::cphd::SignalFormat;
+use crate::cphd::source::Source;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::phase_history::{InputFile, ReadError};
+use subaperture_model::radar::{PulseShape, Waveform};
+use subaperture_receive::{EchoCollection, EchoPulse, Echoes};
+use subaperture_signal::phase::{narrow, phasor, widen};
+
+/// How a vector's samples become those of an echo.
+#[derive(Clone, Copy, Debug)]
+struct Turn {
+    /// Number of the vector in the file.
+    vector: usize,
+    scale: f64,
+    /// Turns of sample 0, and from sample to sample.
+    turns: f64,
+    turns_a_sample: f64,
+    window_start_s: f64,
+    /// Transmitter's and receiver's, in the scene frame.
+    velocities_m_s: [DVec3; 2],
+}
+
+/// Bytes that are kept of a vector.
+pub(super) const KEPT_BYTES: u64 = (size_of::<Turn>() + size_of::<EchoPulse>()) as u64;
+
+/// Where a channel's samples lie.
+#[derive(Clone)]
+pub(super) struct Stored {
+    pub(super) source: Arc<Source>,
+    pub(super) format: SignalFormat,
+    pub(super) offset: u64,
+    pub(super) num_samples: usize,
+    pub(super) sample_rate_hz: f64,
+}
+
+/// Echoes of a channel.
+#[derive(Clone)]
+pub(super) struct Vectors {
+    stored: Stored,
+    collection: EchoCollection,
+    turns: Vec<Turn>,
+    /// What all pulses are.
+    wave: Option<Wave>,
+    /// Frequencies that were both sent and received, of all vectors.
+    band_hz: [f64; 2],
+}
+
+impl Vectors {
+    /// None read yet.
+    pub(super) fn to_be_read(info: &CrsdInfo, stored: Stored, name: String) -> Self {
+        Self {
+            collection: EchoCollection {
+                name,
+                // Known with the first vector.
+                waveform: Waveform::Pulsed {
+                    centre_hz: 0.0,
+                    sample_rate_hz: stored.sample_rate_hz,
+                    num_samples: stored.num_samples,
+                    window_start_s: 0.0,
+                    shape: PulseShape::Lfm {
+                        bandwidth_hz: 0.0,
+                        duration_s: 0.0,
+                        rising: true,
+                    },
+                },
+                pulses: Vec::new(),
+                frame: info.frame,
+                extent: Some(info.image_area),
+                timed: true,
+            },
+            stored,
+            turns: Vec::new(),
+            wave: None,
+            band_hz: [f64::NEG_INFINITY, f64::INFINITY],
+        }
+    }
+
+    /// Makes room for `count` vectors and no more.
+    pub(super) fn reserve(&mut self, count: usize) -> Result<(), std::collections::TryReserveError> {
+        self.turns.try_reserve_exact(count)?;
+        self.collection.pulses.try_reserve_exact(count)
+    }
+
+    /// Takes vector `index`, an echo of `sent`.
+    pub(super) fn push(
+        &mut self,
+        index: u64,
+        sent: &Sent,
+        received: &Received,
+        reference_m: DVec3,
+    ) -> Result<(), String> {
+        let fault = |what: String| Err(format!("vector {index}: {what}"));
+        let wave = *self.wave.get_or_insert(sent.wave);
+        if !sent.wave.is_as(&wave) {
+            let [first, this] = [wave, sent.wave].map(|wave| {
+                let Wave {
+                    centre_hz,
+                    chirp_hz_s,
+                    length_s,
+                } = wave;
+                format!("{centre_hz:?} Hz, {chirp_hz_s:?} Hz/s and {length_s:?} s")
+            });
+            return fault(format!(
+                "its pulse's FxFreq0, FxRate and TXmt are {this} and the first one's {first}; pulses that change are not read: convert \
+                 the file to CPHD 1.1 with its producer's tool"
+            ));
+        }
+        let rate_hz = self.stored.sample_rate_hz;
+        let length = sent.wave.length_s * rate_hz;
+        if length > self.stored.num_samples as f64 {
+            return fault(format!(
+                "its pulse lasts {length:.0} samples, and a vector has {}: no echo is in it whole",
+                self.stored.num_samples
+            ));
+        }
+        let half_hz = 0.5 * rate_hz;
+        let seen_hz = [received.reference_hz - half_hz, received.reference_hz + half_hz];
+        for band_hz in [sent.band_hz, received.band_hz, seen_hz] {
+            self.band_hz[0] = self.band_hz[0].max(band_hz[0]);
+            self.band_hz[1] = self.band_hz[1].min(band_hz[1]);
+        }
+        // Whole seconds apart, so that no digit is lost.
+        let after_s = (received.start.0 as f64 - sent.time.0 as f64) + (received.start.1 - sent.time.1);
+        let Wave {
+            centre_hz,
+            chirp_hz_s,
+            length_s,
+        } = wave;
+        let frame = &self.collection.frame;
+        let [transmitter_m, at_start_m] =
+            [sent.position, received.position].map(|position| frame.from_ecf_m(position));
+        let velocities_m_s =
+            [sent.velocity, received.velocity].map(|velocity| frame.direction_from_ecf(velocity));
+        if !velocities_m_s.iter().all(|v| v.length() < 0.01 * SPEED_OF_LIGHT_M_S) {
+            return fault("TxVel or RcvVel is beyond all measure; repair or drop it".to_owned());
+        }
+        let receiver_m = arrival_m(
+            [transmitter_m, at_start_m, reference_m],
+            velocities_m_s[1],
+            after_s,
+        );
+        self.turns.push(Turn {
+            vector: index as usize,
+            scale: received.scale,
+            turns: received.phase - sent.phase - centre_hz * after_s
+                - chirp_hz_s * length_s * length_s / 8.0,
+            turns_a_sample: (received.reference_hz - centre_hz) / rate_hz,
+            window_start_s: after_s + 0.5 * length_s,
+            velocities_m_s,
+        });
+        self.collection.pulses.push(EchoPulse {
+            time_s: sent.time.0 as f64 + sent.time.1,
+            transmitter_m,
+            receiver_m,
+            reference_m,
+            reference_path_m: transmitter_m.distance(reference_m) + receiver_m.distance(reference_m),
+        });
+        Ok(())
+    }
+
+    /// States the waveform, once all vectors are there; what of its band can be used, about its centre.
+    pub(super) fn finish(&mut self) -> Option<[f64; 2]> {
+        let wave = self.wave?;
+        self.collection.waveform = Waveform::Pulsed {
+            centre_hz: wave.centre_hz,
+            sample_rate_hz: self.stored.sample_rate_hz,
+            num_samples: self.stored.num_samples,
+            window_start_s: self.turns[0].window_start_s,
+            shape: PulseShape::Lfm {
+                bandwidth_hz: (wave.chirp_hz_s * wave.length_s).abs(),
+                duration_s: wave.length_s,
+                rising: wave.chirp_hz_s > 0.0,
+            },
+        };
+        Some(self.band_hz.map(|edge| edge - wave.centre_hz))
+    }
+
+    /// Transmitter's and receiver's velocities in the scene frame, of every echo.
+    pub(super) fn velocities_m_s(&self) -> Vec<[DVec3; 2]> {
+        self.turns.iter().map(|turn| turn.velocities_m_s).collect()
+    }
+
+    /// Reads vectors of the file that lie one after another.
+    fn read_run(&self, turns: &[Turn], samples: &mut [Complex32]) -> Result<(), ReadError> {
+        let stored = &self.stored;
+        let width = stored.num_samples;
+        let first = turns[0].vector * width;
+        stored
+            .source
+            .read_samples(stored.format, stored.offset, first, samples)?;
+        for (turn, vector) in turns.iter().zip(samples.chunks_exact_mut(width)) {
+            if turn.scale == 0.0 {
+                vector.fill(Complex32::ZERO);
+                continue;
+            }
+            for (i, z) in vector.iter_mut().enumerate() {
+                let turned = phasor(turn.turns + i as f64 * turn.turns_a_sample);
+                *z = narrow(widen(*z) * turned * turn.scale);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where the receiver is when the echo of a point arrives: of the places of transmitter, receiver at its window's start, which is
+/// `after_s` after the pulse, and point.
+fn arrival_m([transmitter_m, at_start_m, point_m]: [DVec3; 3], velocity_m_s: DVec3, after_s: f64) -> DVec3 {
+    let mut receiver_m = at_start_m;
+    // Each step brings it nearer by the velocity over light's, a hundredth at the most.
+    for _ in 0..8 {
+        let path_m = transmitter_m.distance(point_m) + receiver_m.distance(point_m);
+        receiver_m = at_start_m + velocity_m_s * (path_m / SPEED_OF_LIGHT_M_S - after_s);
+    }
+    receiver_m
+}
+
+impl Echoes for Vectors {
+    fn collection(&self) -> &EchoCollection {
+        &self.collection
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        let width = self.stored.num_samples;
+        let turns = &self.turns[pulses];
+        assert_eq!(samples.len(), turns.len() * width);
+        let mut rest = samples;
+        for run in turns.chunk_by(|a, b| b.vector == a.vector + 1) {
+            let (part, others) = rest.split_at_mut(run.len() * width);
+            self.read_run(run, part)?;
+            rest = others;
+        }
+        Ok(())
+    }
+
+    fn window_start_s(&self, pulse: usize) -> f64 {
+        self.turns[pulse].window_start_s
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.turns.len() as u64 * KEPT_BYTES
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        Ok(vec![self.stored.source.input()?])
+    }
+}

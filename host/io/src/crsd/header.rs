@@ -1,0 +1,112 @@
+//! The header: which of three kinds a file is, and where its blocks lie.
+
+use crate::cphd::header::{Block, Lines, first_bytes};
+use crate::cphd::source::Source;
+use subaperture_model::phase_history::ReadError;
+
+/// Kinds of files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Transmitted pulses and their echoes.
+    Sar,
+    /// Transmitted pulses alone.
+    Transmit,
+    /// What was received, without the pulses that it is of.
+    Receive,
+}
+
+impl Kind {
+    /// That of a root element's or header's name.
+    pub(super) fn of(name: &str) -> Option<Self> {
+        match name {
+            "CRSDsar" => Some(Self::Sar),
+            "CRSDtx" => Some(Self::Transmit),
+            "CRSDrcv" => Some(Self::Receive),
+            _ => None,
+        }
+    }
+
+    /// Refuses what cannot be imaged.
+    pub(super) fn check(self) -> Result<(), String> {
+        match self {
+            Self::Sar => Ok(()),
+            Self::Transmit => Err(
+                "CRSDtx holds transmitted pulses and no echoes, of which no image can be formed: the CRSDsar of the same collection is wanted"
+                    .to_owned(),
+            ),
+            Self::Receive => Err(
+                "CRSDrcv holds what was received and not the pulses that it is of, so that no image can be formed: the CRSDsar of the same collection is wanted"
+                    .to_owned(),
+            ),
+        }
+    }
+}
+
+/// What a reader needs of the header of a `CRSDsar`.
+#[derive(Debug)]
+pub(super) struct Header {
+    pub(super) version: String,
+    pub(super) xml: Block,
+    pub(super) ppp: Block,
+    pub(super) pvp: Block,
+    pub(super) signal: Block,
+}
+
+impl Header {
+    /// Reads the header and checks that every block it names lies within the file.
+    pub(super) fn read(source: &Source) -> Result<Self, ReadError> {
+        let bytes = first_bytes(source)?;
+        Self::parse(&bytes, source.len()).map_err(|what| source.malformed(what))
+    }
+
+    /// `bytes` are the first of a file of `file_len`.
+    fn parse(bytes: &[u8], file_len: u64) -> Result<Self, String> {
+        let lines = Lines::of(bytes, file_len, "CRSD", "CRSDsar/1.0")?;
+        let (name, version) = lines.first.split_once('/').unwrap_or((lines.first, ""));
+        let version = version.trim();
+        let kind = Kind::of(name).ok_or_else(|| {
+            format!("byte 0: '{name}' is none of CRSDsar, CRSDtx and CRSDrcv: CRSD of a version before 1 is not read")
+        })?;
+        if !(version == "1.0" || version.starts_with("1.0.")) {
+            return Err(format!(
+                "byte 0: version '{version}' is not the one that is read here: 1.0"
+            ));
+        }
+        kind.check()?;
+        // Not read; but a file cut within it is still cut.
+        lines.block("SUPPORT")?;
+        Ok(Self {
+            version: version.to_owned(),
+            xml: lines.block("XML")?,
+            ppp: lines.block("PPP")?,
+            pvp: lines.block("PVP")?,
+            signal: lines.block("SIGNAL")?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const REST: &str = "/1.0\nXML_BLOCK_SIZE := 4\nXML_BLOCK_BYTE_OFFSET := 400\nSUPPORT_BLOCK_SIZE := 8\nSUPPORT_BLOCK_BYTE_OFFSET := 406\n\
+        PPP_BLOCK_SIZE := 8\nPPP_BLOCK_BYTE_OFFSET := 414\nPVP_BLOCK_SIZE := 8\nPVP_BLOCK_BYTE_OFFSET := 422\nSIGNAL_BLOCK_SIZE := 8\n\
+        SIGNAL_BLOCK_BYTE_OFFSET := 430\nCLASSIFICATION := U\nRELEASE_INFO := U\n\x0c\n";
+
+    #[test]
+    fn only_what_has_pulses_and_echoes_is_read() {
+        let parse = |name: &str, len| Header::parse(format!("{name}{REST}").as_bytes(), len);
+        let header = parse("CRSDsar", 438).unwrap();
+        assert_eq!((header.version.as_str(), header.signal.offset), ("1.0", 430));
+        assert!(parse("CRSDsar", 437).unwrap_err().contains("cut short"));
+        for (name, word) in [
+            ("CRSDtx", "no echoes"),
+            ("CRSDrcv", "not the pulses"),
+            ("CRSD", "before 1"),
+            ("CPHD", "CRSD file starts"),
+        ] {
+            let told = parse(name, 438).unwrap_err();
+            assert!(told.contains(word), "{name}: {told}");
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! What the XML says, as far as image formation and its record need it.
+
+use std::collections::HashMap;
+
+use super::header::Kind;
+use super::pulses;
+use super::vectors;
+use crate::cphd::SignalFormat;
+use crate::cphd::metadata::{image_area, scene_frame, signal_format};
+use crate::cphd::xml::{Element, MetadataError};
+use crate::xml::check_plain;
+use glam::DVec3;
+use subaperture_model::geometry::{Extent, SceneFrame};
+use subaperture_model::phase_history::{Channel, ChannelError, which_channel};
+
+/// One channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CrsdChannel {
+    /// `ChId`.
+    pub id: String,
+    /// Number of vectors.
+    pub num_vectors: u64,
+    /// Samples in each vector.
+    pub num_samples: u64,
+    /// Transmitted polarisation.
+    pub tx_polarization: Option<String>,
+    /// Received polarisation.
+    pub rcv_polarization: Option<String>,
+    /// Complex samples a second.
+    pub sample_rate_hz: f64,
+    /// The transmit sequence whose pulses it is of.
+    pub tx_id: String,
+    /// Bytes from the beginning of the PVP block.
+    pub(super) pvp_offset: u64,
+    /// Bytes from the beginning of the signal block.
+    pub(super) signal_offset: u64,
+    /// The transmit sequence, by its place in the list.
+    pub(super) sequence: usize,
+}
+
+impl CrsdChannel {
+    /// What the channel is.
+    pub fn about(&self) -> Channel {
+        Channel::new(self.id.clone())
+            .polarized(self.tx_polarization.clone(), self.rcv_polarization.clone())
+    }
+}
+
+/// A transmit sequence.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sequence {
+    pub(super) id: String,
+    pub(super) num_pulses: u64,
+    /// Bytes from the beginning of the PPP block.
+    pub(super) offset: u64,
+}
+
+/// The metadata of a `CRSDsar` file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CrsdInfo {
+    /// Version, such as `1.0`.
+    pub version: String,
+    /// `ProductName`.
+    pub product_name: Option<String>,
+    /// Name of the transmitting platform.
+    pub transmitter_name: Option<String>,
+    /// Name of the receiving platform.
+    pub receiver_name: Option<String>,
+    /// `MONOSTATIC` or `BISTATIC`.
+    pub collect_type: Option<String>,
+    /// `SPOTLIGHT`, `STRIPMAP` or `DYNAMIC STRIPMAP`.
+    pub mode_type: Option<String>,
+    /// Date and time to which all times refer, ISO 8601.
+    pub collection_start: Option<String>,
+    /// Scene frame: origin at the IARP, x and y along `uIAX` and `uIAY`.
+    pub frame: SceneFrame,
+    /// Image area in the scene frame.
+    pub image_area: Extent,
+    /// The reference point, metres in the scene frame.
+    pub reference_m: DVec3,
+    /// Storage format of samples.
+    pub signal_format: SignalFormat,
+    /// Identifier of the reference channel.
+    pub ref_channel: String,
+    /// All channels, in the order of the file.
+    pub channels: Vec<CrsdChannel>,
+    pub(super) compression: Option<String>,
+    pub(super) waveform: String,
+    pub(super) sequences: Vec<Sequence>,
+}
+
+impl CrsdInfo {
+    /// The place of the channel of that identifier, or where there is none, of that number, from 1; of the reference
+    /// channel for `None`.
+    pub(super) fn channel(&self, id: Option<&str>) -> Result<usize, String> {
+        let names: Vec<&str> = self.channels.iter().map(|c| c.id.as_str()).collect();
+        let wanted = id.unwrap_or(&self.ref_channel);
+        let found = match id {
+            Some(id) => which_channel(&names, id),
+            None => names
+                .iter()
+                .position(|name| *name == wanted)
+                .ok_or_else(|| ChannelError::Unknown {
+                    wanted: wanted.to_owned(),
+                    names: names.iter().map(|name| (*name).to_owned()).collect(),
+                }),
+        };
+        found.map_err(|error| error.to_string())
+    }
+}
+
+/// The metadata, and where each parameter of pulses and vectors lies.
+pub(super) struct Parsed {
+    pub(super) info: CrsdInfo,
+    pub(super) pulses: pulses::Layout,
+    pub(super) vectors: vectors::Layout,
+}
+
+/// Parses the XML block.
+pub(super) fn parse(xml: &str, version: &str) -> Result<Parsed, MetadataError> {
+    check_plain(xml).map_err(MetadataError)?;
+    let document = roxmltree::Document::parse(xml)
+        .map_err(|e| MetadataError(format!("not well formed: {e}; copy the file again")))?;
+    let root = Element::root(document.root_element());
+    if Kind::of(root.name()) != Some(Kind::Sar) {
+        return Err(root.fault("the root element of a CRSDsar file is CRSDsar"));
+    }
+    let scene = root.child("SceneCoordinates")?;
+    let (frame, _, _) = scene_frame(&scene)?;
+    let data = root.child("Data")?;
+    let (sent, received) = (data.child("Transmit")?, data.child("Receive")?);
+    let sequences = sent
+        .children("TxSequence")
+        .map(|entry| {
+            Ok(Sequence {
+                id: entry.child("TxId")?.text().into_owned(),
+                num_pulses: entry.child("NumPulses")?.count()?,
+                offset: entry.child("PPPArrayByteOffset")?.count()?,
+            })
+        })
+        .collect::<Result<Vec<_>, MetadataError>>()?;
+    let channel_node = root.child("Channel")?;
+    let named = Named::of(&channel_node, &sequences);
+    let channels = received
+        .children("Channel")
+        .map(|entry| channel(&entry, &channel_node, &named))
+        .collect::<Result<Vec<_>, _>>()?;
+    if channels.is_empty() {
+        return Err(received.fault("no element Channel: the file holds no echoes"));
+    }
+    let text_in = |outer: &'static str, inner: &'static str| {
+        root.optional(outer)
+            .and_then(|node| node.optional_text(inner))
+    };
+    let mode = root
+        .optional("SARInfo")
+        .and_then(|info| info.optional("RadarMode"));
+    let compression = received.optional("SignalCompression");
+    let reference = root.child("ReferenceGeometry")?.child("RefPoint")?;
+    let info = CrsdInfo {
+        version: version.to_owned(),
+        product_name: text_in("ProductInfo", "ProductName"),
+        transmitter_name: text_in("TransmitInfo", "SensorName"),
+        receiver_name: text_in("ReceiveInfo", "SensorName"),
+        collect_type: text_in("SARInfo", "CollectType"),
+        mode_type: mode.and_then(|mode| mode.optional_text("ModeType")),
+        collection_start: text_in("Global", "CollectionRefTime"),
+        frame,
+        image_area: image_area(&scene.child("ImageArea")?)?,
+        reference_m: frame.from_ecf_m(reference.child("ECF")?.xyz()?),
+        signal_format: signal_format(&received)?,
+        ref_channel: channel_node.child("RefChId")?.text().into_owned(),
+        channels,
+        compression: compression
+            .map(|node| node.optional_text("Identifier").unwrap_or_default()),
+        waveform: root
+            .child("TxSequence")?
+            .child("TxWFType")?
+            .text()
+            .into_owned(),
+        sequences,
+    };
+    Ok(Parsed {
+        info,
+        pulses: pulses::Layout::parse(&root.child("PPP")?, &sent.child("NumBytesPPP")?)?,
+        vectors: vectors::Layout::parse(&root.child("PVP")?, &received.child("NumBytesPVP")?)?,
+    })
+}
+
+/// What channels refer to by name: a search for every one of them would be quadratic in their number.
+struct Named<'s, 'a, 'i> {
+    /// The first of each identifier.
+    parameters: HashMap<String, Element<'a, 'i>>,
+    sequences: HashMap<&'s str, usize>,
+}
+
+impl<'s, 'a, 'i> Named<'s, 'a, 'i> {
+    fn of(channels: &Element<'a, 'i>, sequences: &'s [Sequence]) -> Self {
+        let mut parameters = HashMap::new();
+        for entry in channels.children("Parameters") {
+            if let Some(id) = entry.optional_text("Identifier") {
+                parameters.entry(id).or_insert(entry);
+            }
+        }
+        let numbered = sequences.iter().enumerate();
+        Self {
+            parameters,
+            sequences: numbered.map(|(n, sequence)| (sequence.id.as_str(), n)).collect(),
+        }
+    }
+}
+
+fn channel(
+    entry: &Element,
+    all: &Element,
+    named: &Named,
+) -> Result<CrsdChannel, MetadataError> {
+    let id = entry.child("ChId")?.text().into_owned();
+    let parameters = named
+        .parameters
+        .get(&id)
+        .ok_or_else(|| all.fault(format!("no Parameters of the channel '{id}'")))?;
+    let polarization = |node: Option<Element>| node.and_then(|p| p.optional_text("PolarizationID"));
+    let imaging = parameters.child("SARImage")?;
+    let tx = imaging.child("TxId")?;
+    let tx_id = tx.text().into_owned();
+    let sequence = *named
+        .sequences
+        .get(tx_id.as_str())
+        .ok_or_else(|| tx.fault(format!("there is no transmit sequence '{tx_id}'")))?;
+    let positive = |name| -> Result<u64, MetadataError> {
+        let element = entry.child(name)?;
+        match element.count()? {
+            0 => Err(element.fault("0: the channel is empty")),
+            n => Ok(n),
+        }
+    };
+    let rate = parameters.child("Fs")?;
+    let sample_rate_hz = rate.number()?;
+    if sample_rate_hz <= 0.0 {
+        return Err(rate.fault(format!("{sample_rate_hz:?} Hz is no sampling rate")));
+    }
+    Ok(CrsdChannel {
+        num_vectors: positive("NumVectors")?,
+        num_samples: positive("NumSamples")?,
+        tx_polarization: polarization(imaging.optional("TxPolarization")),
+        rcv_polarization: polarization(parameters.optional("RcvPolarization")),
+        sample_rate_hz,
+        tx_id,
+        pvp_offset: entry.child("PVPArrayByteOffset")?.count()?,
+        signal_offset: entry.child("SignalArrayByteOffset")?.count()?,
+        sequence,
+        id,
+    })
+}

@@ -1,0 +1,320 @@
+//! CRSD files as phase history, read on demand.
+
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+use num_complex::Complex32;
+
+use super::echoes::{KEPT_BYTES, Stored, Vectors};
+use super::header::Header;
+use super::metadata::{CrsdChannel, CrsdInfo, Parsed, Sequence, parse};
+use super::pulses::Sent;
+use super::{pulses, vectors};
+use crate::cphd::header::Block;
+use crate::cphd::preamble::{in_xml, read_text};
+use crate::cphd::source::{CHUNK_BYTES, Source};
+use crate::cphd::start;
+use subaperture_model::phase_history::{
+    Channel, ChannelError, Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite,
+    which_channel,
+};
+use subaperture_receive::{Compressed, Filter};
+
+/// Bytes a sample of the plan that transforms a vector, and of one vector being transformed, as for CPHD.
+const TRANSFORM_BYTES: u64 = 2 * 8 * 16;
+
+/// One channel of a `CRSDsar` file as phase history: its echoes, each divided by the spectrum of its pulse.
+///
+/// Opening reads the header, the XML, the pulses of the channel's transmit sequence and the channel's vectors; samples are read when
+/// asked for, so one `Crsd` can be read from many threads. Memory: the [`Collection`], about 300 bytes a vector, and the plan of the
+/// transform, about 256 bytes for each sample of one vector.
+pub struct Crsd {
+    container: Arc<Container>,
+    channel: usize,
+    compressed: Compressed<Vectors>,
+    held_bytes: u64,
+}
+
+/// What the channels of a file share.
+struct Container {
+    source: Arc<Source>,
+    header: Header,
+    info: CrsdInfo,
+    pulses: pulses::Layout,
+    vectors: vectors::Layout,
+}
+
+impl CrsdInfo {
+    /// Reads the header and the XML of a `CRSDsar` file, and nothing else.
+    ///
+    /// # Errors
+    /// [`ReadError::Io`]; [`ReadError::Malformed`] if it is not CRSD, is of another kind, is cut short, or the XML lacks what
+    /// [`CrsdInfo`] needs.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, ReadError> {
+        Ok(Container::open(path.as_ref(), u64::MAX)?.info)
+    }
+}
+
+impl Container {
+    fn open(path: &Path, memory_bytes: u64) -> Result<Self, ReadError> {
+        let source = Source::open(path)?;
+        let header = Header::read(&source)?;
+        let xml = read_text(&source, header.xml, memory_bytes)?;
+        let Parsed {
+            info,
+            pulses,
+            vectors,
+        } = parse(&xml, &header.version)
+            .map_err(|e| source.malformed(in_xml(&e, header.xml.offset)))?;
+        Ok(Self {
+            source: Arc::new(source),
+            header,
+            info,
+            pulses,
+            vectors,
+        })
+    }
+
+    /// Checks that what the file holds is what can be read, and lies within its blocks.
+    fn check(&self) -> Result<(), ReadError> {
+        self.fault().map_or(Ok(()), |what| Err(self.source.malformed(what)))
+    }
+
+    fn fault(&self) -> Option<String> {
+        let info = &self.info;
+        if let Some(name) = &info.compression {
+            return Some(format!(
+                "the signal arrays are compressed ('{name}'); only uncompressed CI2, CI4 and CF8 are read: decompress the file with its \
+                 producer's tool"
+            ));
+        }
+        if info.waveform != "LFM" {
+            return Some(format!(
+                "its pulses are '{}' (TxSequence/TxWFType); only linear frequency modulation, 'LFM', is read: convert the file to CPHD 1.1 with \
+                 its producer's tool",
+                info.waveform
+            ));
+        }
+        let outside = |what: &str, named: &str, offset: u64, bytes: Option<u64>, block: &Block| {
+            let end = bytes.and_then(|bytes| offset.checked_add(bytes));
+            (!end.is_some_and(|end| end <= block.size)).then(|| {
+                format!(
+                    "the {what} of '{named}' do not fit their block of {} bytes at byte {}; the XML is damaged",
+                    block.size, block.offset
+                )
+            })
+        };
+        let header = &self.header;
+        let of_sequence = |Sequence {
+                               id,
+                               num_pulses,
+                               offset,
+                           }: &Sequence| {
+            let bytes = num_pulses.checked_mul(self.pulses.num_bytes);
+            outside("pulses (PPP)", id, *offset, bytes, &header.ppp)
+        };
+        let of_channel = |channel: &CrsdChannel| {
+            let vectors = channel.num_vectors;
+            let records = vectors.checked_mul(self.vectors.num_bytes);
+            let samples = vectors
+                .checked_mul(channel.num_samples)
+                .and_then(|n| n.checked_mul(info.signal_format.sample_bytes() as u64));
+            outside("vectors (PVP)", &channel.id, channel.pvp_offset, records, &header.pvp).or_else(
+                || outside("samples", &channel.id, channel.signal_offset, samples, &header.signal),
+            )
+        };
+        let sequences = info.sequences.iter().find_map(of_sequence);
+        sequences.or_else(|| info.channels.iter().find_map(of_channel))
+    }
+
+    /// The pulses of a sequence.
+    fn sent(&self, sequence: &Sequence) -> Result<Vec<Sent>, ReadError> {
+        let too_large = || self.too_large(&sequence.id);
+        let count = usize::try_from(sequence.num_pulses).map_err(|_| too_large())?;
+        let mut sent = Vec::new();
+        sent.try_reserve_exact(count).map_err(|_| too_large())?;
+        let width = self.pulses.num_bytes as usize;
+        let offset = self.header.ppp.offset + sequence.offset;
+        self.source
+            .read_records("PPP", offset, count, width, |index, record| {
+                sent.push(self.pulses.decode(index, record)?);
+                Ok(())
+            })?;
+        Ok(sent)
+    }
+
+    fn too_large(&self, name: &str) -> ReadError {
+        self.source.malformed(format!("'{name}' is too large"))
+    }
+}
+
+impl Crsd {
+    /// Opens channel `channel`, or the file's reference channel, holding at most `memory_bytes`.
+    ///
+    /// # Errors
+    /// [`ReadError::Io`] if the file cannot be read, [`ReadError::Malformed`] if it is not `CRSDsar`, is cut short, lacks what is needed,
+    /// is of a kind that the [module](super) names as not read, or has no such channel; the text says where. [`ReadError::Memory`] before
+    /// more is taken than allowed.
+    pub fn open(
+        path: impl AsRef<Path>,
+        channel: Option<&str>,
+        memory_bytes: u64,
+    ) -> Result<Self, ReadError> {
+        let container = Container::open(path.as_ref(), memory_bytes)?;
+        let chosen = container.info.channel(channel);
+        let chosen = chosen.map_err(|what| container.source.malformed(what))?;
+        container.check()?;
+        Self::of(Arc::new(container), chosen, memory_bytes)
+    }
+
+    /// Opens these channels, each by its identifier or its number from 1, or all, side by side: the file is opened once.
+    /// Together they hold at most `memory_bytes`.
+    ///
+    /// # Errors
+    /// As [`Self::open`]; [`ReadError::Channels`] if the file has no such channel.
+    pub fn open_channels<S: AsRef<str>>(
+        path: impl AsRef<Path>,
+        channels: Option<&[S]>,
+        memory_bytes: u64,
+    ) -> Result<Vec<Self>, ReadError> {
+        let container = Arc::new(Container::open(path.as_ref(), memory_bytes)?);
+        let infos = &container.info.channels;
+        let chosen: Vec<usize> = match channels {
+            None => (0..infos.len()).collect(),
+            Some(wanted) => {
+                let names: Vec<&str> = infos.iter().map(|info| info.id.as_str()).collect();
+                let places = wanted.iter().map(|id| which_channel(&names, id.as_ref()));
+                places.collect::<Result<_, ChannelError>>()?
+            }
+        };
+        container.check()?;
+        let mut left_bytes = memory_bytes;
+        let mut opened = Vec::new();
+        for channel in chosen {
+            let next = Self::of(Arc::clone(&container), channel, left_bytes)?;
+            left_bytes -= next.held_bytes;
+            opened.push(next);
+        }
+        Ok(opened)
+    }
+
+    fn of(container: Arc<Container>, channel: usize, memory_bytes: u64) -> Result<Self, ReadError> {
+        let (source, info) = (&container.source, &container.info);
+        let chosen = &info.channels[channel];
+        let sequence = &info.sequences[chosen.sequence];
+        let too_large = || container.too_large(&chosen.id);
+        let num_samples = usize::try_from(chosen.num_samples).map_err(|_| too_large())?;
+        let num_vectors = usize::try_from(chosen.num_vectors).map_err(|_| too_large())?;
+        let held_bytes = (chosen.num_vectors)
+            .saturating_mul(KEPT_BYTES + size_of::<Pulse>() as u64)
+            .saturating_add(chosen.num_samples.saturating_mul(TRANSFORM_BYTES));
+        let pulses_bytes = sequence.num_pulses.saturating_mul(size_of::<Sent>() as u64);
+        let opening_bytes = pulses_bytes.saturating_add(CHUNK_BYTES as u64);
+        source.check_memory(held_bytes.saturating_add(opening_bytes), memory_bytes)?;
+
+        let sent = container.sent(sequence)?;
+        let stored = Stored {
+            source: Arc::clone(source),
+            format: info.signal_format,
+            offset: container.header.signal.offset + chosen.signal_offset,
+            num_samples,
+            sample_rate_hz: chosen.sample_rate_hz,
+        };
+        let mut echoes = Vectors::to_be_read(info, stored, name(info, chosen, source.path()));
+        echoes.reserve(num_vectors).map_err(|_| too_large())?;
+        let layout = &container.vectors;
+        let offset = container.header.pvp.offset + chosen.pvp_offset;
+        let width = layout.num_bytes as usize;
+        source.read_records("PVP", offset, num_vectors, width, |index, record| {
+            let Some(received) = layout.decode(index, record)? else {
+                return Ok(());
+            };
+            let pulse = usize::try_from(received.pulse).ok();
+            let Some(sent) = pulse.and_then(|pulse| sent.get(pulse)) else {
+                return Err(format!(
+                    "vector {index}: TxPulseIndex is {}, and '{}' has {} pulses",
+                    received.pulse,
+                    sequence.id,
+                    sent.len()
+                ));
+            };
+            echoes.push(index, sent, &received, info.reference_m)
+        })?;
+        let Some(band_hz) = echoes.finish() else {
+            return Err(source.malformed(format!(
+                "channel '{}' has no vector that is an echo of a pulse (TxPulseIndex, SIGNAL)",
+                chosen.id
+            )));
+        };
+        let velocities_m_s = echoes.velocities_m_s();
+        let compressed = Compressed::within(echoes, Filter::Inverse, band_hz)
+            .map_err(|error| source.malformed(error.what))?
+            .moving(|n| velocities_m_s[n]);
+        let collection = compressed.collection();
+        for (n, pulse) in collection.pulses.iter().enumerate() {
+            if let Some(what) = pulse.fault(collection.num_samples) {
+                return Err(source.malformed(format!(
+                    "echo {n} of channel '{}': {what} (positions, times or frequencies of its pulse and vector)",
+                    chosen.id
+                )));
+            }
+        }
+        Ok(Self {
+            channel,
+            compressed,
+            held_bytes,
+            container,
+        })
+    }
+
+    /// The metadata of the file.
+    pub fn info(&self) -> &CrsdInfo {
+        &self.container.info
+    }
+
+    /// The channel that was opened.
+    pub fn channel(&self) -> &CrsdChannel {
+        &self.info().channels[self.channel]
+    }
+}
+
+/// The product's name, or else the file's; with the channel where there are several.
+fn name(info: &CrsdInfo, channel: &CrsdChannel, path: &Path) -> String {
+    let file = || path.file_name().map(|n| n.to_string_lossy().into_owned());
+    let name = info.product_name.clone().filter(|n| !n.is_empty());
+    let name = name.or_else(file).unwrap_or_default();
+    match info.channels.len() {
+        1 => name,
+        _ => format!("{name} channel {}", channel.id),
+    }
+}
+
+impl PhaseHistory for Crsd {
+    fn collection(&self) -> &Collection {
+        self.compressed.collection()
+    }
+
+    fn read(&self, pulses: Range<usize>, samples: &mut [Complex32]) -> Result<(), ReadError> {
+        let first = pulses.start;
+        self.compressed.read(pulses, samples)?;
+        let width = self.collection().num_samples;
+        check_finite(&self.container.source.name(), first, width, samples)
+    }
+
+    fn start_ns(&self) -> Option<i64> {
+        start::nanoseconds(self.info().collection_start.as_deref()?)
+    }
+
+    fn channels(&self) -> Vec<Channel> {
+        vec![self.channel().about()]
+    }
+
+    fn held_bytes(&self) -> u64 {
+        self.held_bytes
+    }
+
+    fn inputs(&self) -> Result<Vec<InputFile>, ReadError> {
+        Ok(vec![self.container.source.input()?])
+    }
+}

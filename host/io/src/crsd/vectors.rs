@@ -1,0 +1,112 @@
+//! Per-vector parameters: what was received.
+
+use glam::DVec3;
+
+use crate::cphd::record::{
+    Field, INTEGER, POSITION, SCALAR, WHOLE_AND_FRACTION, Words, record_width,
+};
+use crate::cphd::xml::{Element, MetadataError};
+
+/// Places of the parameters that this reader uses.
+#[derive(Clone, Debug)]
+pub(super) struct Layout {
+    /// Length of a record, bytes.
+    pub(super) num_bytes: u64,
+    start: Field,
+    position: Field,
+    velocity: Field,
+    frcv1: Field,
+    frcv2: Field,
+    phase: Field,
+    frequency: Field,
+    offset: Field,
+    rate: Field,
+    signal: Field,
+    scale: Field,
+    pulse: Field,
+}
+
+/// One vector.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Received {
+    /// Whole seconds and their fraction of sample 0.
+    pub(super) start: (i64, f64),
+    /// ECF, metres, then.
+    pub(super) position: DVec3,
+    pub(super) velocity: DVec3,
+    pub(super) band_hz: [f64; 2],
+    /// Turns of the reference signal at sample 0, less whole ones.
+    pub(super) phase: f64,
+    pub(super) reference_hz: f64,
+    /// By what samples are to be multiplied; 0 where there is no signal.
+    pub(super) scale: f64,
+    /// The pulse that it is of.
+    pub(super) pulse: u64,
+}
+
+impl Layout {
+    pub(super) fn parse(pvp: &Element, num_bytes: &Element) -> Result<Self, MetadataError> {
+        let bytes = record_width(num_bytes)?;
+        let field = |name: &'static str, format| {
+            Field::parse(&pvp.child(name)?, name, format, bytes, "Data/Receive/NumBytesPVP")
+        };
+        Ok(Self {
+            num_bytes: bytes,
+            start: field("RcvStart", WHOLE_AND_FRACTION)?,
+            position: field("RcvPos", POSITION)?,
+            velocity: field("RcvVel", POSITION)?,
+            frcv1: field("FRCV1", SCALAR)?,
+            frcv2: field("FRCV2", SCALAR)?,
+            phase: field("RefPhi0", WHOLE_AND_FRACTION)?,
+            frequency: field("RefFreq", SCALAR)?,
+            offset: field("DFIC0", SCALAR)?,
+            rate: field("FICRate", SCALAR)?,
+            signal: field("SIGNAL", INTEGER)?,
+            scale: field("AmpSF", SCALAR)?,
+            pulse: field("TxPulseIndex", INTEGER)?,
+        })
+    }
+
+    /// Vector `index` of its record; `None` if it is no echo of a pulse: of noise, or of calibration.
+    pub(super) fn decode(&self, index: u64, bytes: &[u8]) -> Result<Option<Received>, String> {
+        let record = Words {
+            kind: "vector",
+            index,
+            bytes,
+        };
+        let signal = record.integer(self.signal);
+        let Ok(pulse) = u64::try_from(record.integer(self.pulse)) else {
+            return Ok(None);
+        };
+        if signal > 1 {
+            return Ok(None);
+        }
+        let scalar = |field| record.finite(field, 0);
+        let received = Received {
+            start: record.whole_and_fraction(self.start)?,
+            position: record.position(self.position)?,
+            velocity: record.position(self.velocity)?,
+            band_hz: [scalar(self.frcv1)?, scalar(self.frcv2)?],
+            phase: record.whole_and_fraction(self.phase)?.1,
+            reference_hz: scalar(self.frequency)?,
+            scale: match signal {
+                0 => 0.0,
+                _ => scalar(self.scale)?,
+            },
+            pulse,
+        };
+        for (field, value) in [(self.offset, scalar(self.offset)?), (self.rate, scalar(self.rate)?)] {
+            if value != 0.0 {
+                return Err(format!(
+                    "vector {index}: {} is {value:?}: the received band moves with time, as of a receiver that de-chirps, which is not read: \
+                     convert the file to CPHD 1.1 with its producer's tool",
+                    field.name()
+                ));
+            }
+        }
+        if received.band_hz[0] >= received.band_hz[1] {
+            return Err(record.fault(self.frcv1, "is not below FRCV2"));
+        }
+        Ok(Some(received))
+    }
+}
