@@ -194,3 +194,115 @@ fn what_cannot_be_told_of_is_refused_with_a_word() {
     export("coarse", "").failed(1, &["where on the Earth", "--place"]);
     assert!(!at.join("out.nitf").exists());
 }
+
+/// Several images of one grid are one group of Zarr, which zarr and xarray open with the same samples; one that stands there is replaced if
+/// it is ours, and a folder that is none never.
+#[test]
+fn stacks_are_zarr_that_xarray_opens() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("space.toml"), SPACE).unwrap();
+    run(at, "simulate space.toml -o space.cphd").succeeded();
+    // Wider than a tile, so that tiles at the ends are filled up.
+    let grid = "--grid x=-10:11.2:0.04,y=-5:5:0.25 --slow-window none";
+    run(at, &format!("focus space.cphd {grid} --out one")).succeeded();
+    run(
+        at,
+        &format!("focus space.cphd {grid} --window none --tiled --out two"),
+    )
+    .succeeded();
+    run(
+        at,
+        "focus space.cphd --grid x=-5:5:0.5,y=-5:5:0.5 --out other",
+    )
+    .succeeded();
+    run(at, "export one two -o both.zarr").succeeded();
+    run(at, "export one two --json -o both.zarr").succeeded();
+    run(at, "export one --format zarr -o alone").succeeded();
+    let [one, two, both, alone] = ["one", "two", "both.zarr", "alone"].map(|name| at.join(name));
+    sarkit("zarr_check.py", &[both.clone(), one.clone(), two]);
+    sarkit("zarr_check.py", &[alone, one]);
+    // Nothing is left beside.
+    let hidden = fs::read_dir(at).unwrap().filter(|entry| {
+        let name = entry.as_ref().unwrap().file_name();
+        name.to_string_lossy().starts_with(".subap")
+    });
+    assert_eq!(hidden.count(), 0);
+
+    run(at, "export one other -o grids.zarr").failed(1, &["different grids", "one", "other"]);
+    assert!(!at.join("grids.zarr").exists());
+    run(at, "export one two -o both.nitf").failed(2, &["--format sicd", "--format zarr"]);
+    run(at, "export one --format zarr --looks 2 -o looks.zarr").failed(2, &["--looks", "zarr"]);
+    // Whatever is forced: an input, a folder of somebody's.
+    run(at, "export one --format zarr --force -o one").failed(1, &["one"]);
+    fs::create_dir(at.join("theirs")).unwrap();
+    fs::write(at.join("theirs/thesis.txt"), "all of it").unwrap();
+    run(at, "export one --format zarr --force -o theirs").failed(1, &["in the way"]);
+    assert!(at.join("theirs/thesis.txt").exists());
+    // Another's group is replaced if that is forced.
+    let description = both.join("zarr.json");
+    let text = fs::read_to_string(&description).unwrap();
+    fs::write(&description, text.replace("subaperture-stack", "another")).unwrap();
+    run(at, "export one -o both.zarr").failed(1, &["both.zarr", "--force"]);
+    run(at, "export one --force -o both.zarr").succeeded();
+}
+
+/// What `focus --product` writes is what `export` writes of the same image.
+#[test]
+fn products_are_written_beside_the_image_that_is_formed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("space.toml"), SPACE).unwrap();
+    run(at, "simulate space.toml -o space.cphd").succeeded();
+    let grid = "--grid x=-20:20:0.4,y=-16:16:0.25";
+    let names = [
+        "sicd.nitf",
+        "map.tif",
+        "map.json",
+        "map.kmz",
+        "map.png",
+        "map.pgw",
+        "stack.zarr",
+        "image.png",
+    ];
+    for (name, how) in [("whole", ""), ("tiles", "--tiled")] {
+        let formats = "--product sicd,cog,kmz,png,zarr";
+        run(
+            at,
+            &format!("focus space.cphd {grid} {how} {formats} --out {name}"),
+        )
+        .succeeded();
+        for product in names {
+            assert!(at.join(name).join(product).exists(), "{name}/{product}");
+        }
+        for (format, product) in [("cog", "map.tif"), ("png", "map.png")] {
+            run(
+                at,
+                &format!("export {name} --format {format} -o {name}-{product}"),
+            )
+            .succeeded();
+            let [beside, apart] = [format!("{name}/{product}"), format!("{name}-{product}")]
+                .map(|path| fs::read(at.join(path)).unwrap());
+            assert!(beside == apart, "{name}/{product}");
+        }
+    }
+    let json = run(
+        at,
+        &format!("focus space.cphd {grid} --product png --json --out whole"),
+    );
+    let told = json.succeeded();
+    assert!(told.contains("\"products\"") && told.contains("map.png"));
+    // What stands in the way is told before the work, and so is a scene without a place.
+    fs::write(at.join("tiles/map.kmz"), "somebody's").unwrap();
+    run(
+        at,
+        &format!("focus space.cphd {grid} --product kmz --out tiles"),
+    )
+    .failed(1, &["map.kmz", "--force"]);
+    run(
+        at,
+        &format!("focus space.cphd {grid} --product png,png --out twice"),
+    )
+    .failed(2, &["png", "twice"]);
+    assert!(!at.join("twice").exists());
+}

@@ -14,6 +14,7 @@ use super::atomic::WriteError;
 use super::input::same_path;
 use super::ours::{Kind, objection};
 use super::place::Place;
+use super::stack::is_group;
 
 /// The outputs of one run.
 #[derive(Debug)]
@@ -64,6 +65,40 @@ impl Claims {
     pub fn unmarked(&mut self, path: &Path) -> Result<(), WriteError> {
         let place = Place::of_file(path)?;
         self.check_input(path, &place.path)?;
+        self.hold(path, place, Vec::new())
+    }
+
+    /// Claims a folder that is written as a whole: a [stack](super::stack) of ours may stand there, or if that is forced anyone's group of
+    /// Zarr, and no input may lie in it. Any other folder is refused, forced or not: all in it would be gone.
+    ///
+    /// # Errors
+    /// [`WriteError`].
+    pub fn store(&mut self, path: &Path) -> Result<(), WriteError> {
+        let place = Place::of_folder(path)?;
+        let within = |input: &&PathBuf| {
+            fs::canonicalize(input).is_ok_and(|input| input.starts_with(&place.path))
+        };
+        if let Some(input) = self.inputs.iter().find(within) {
+            return Err(WriteError::IsInput {
+                path: path.to_owned(),
+                input: input.clone(),
+            });
+        }
+        if place.path.exists() {
+            let [is_zarr, is_ours] = is_group(&place.path);
+            if !is_zarr {
+                return Err(WriteError::Blocked {
+                    path: path.to_owned(),
+                    what: "a folder of that name is in the way",
+                });
+            }
+            if !is_ours && !self.forced {
+                return Err(WriteError::NotOurs {
+                    path: path.to_owned(),
+                    what: "it is no stack that subap wrote",
+                });
+            }
+        }
         self.hold(path, place, Vec::new())
     }
 

@@ -51,6 +51,7 @@ pub mod product;
 pub mod recorded_track;
 #[cfg(feature = "recording")]
 pub mod recording;
+pub mod stack;
 pub mod staging;
 pub mod tiles;
 #[cfg(feature = "recording")]

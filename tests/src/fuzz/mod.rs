@@ -15,6 +15,7 @@ mod array_recordings;
 mod arrays;
 mod captures;
 mod container;
+mod crsd;
 mod maps;
 mod mutate;
 mod plans;
@@ -73,7 +74,7 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 25] = [
+pub static TARGETS: [Target; 26] = [
     Target {
         name: "plan",
         read: plans::plan,
@@ -88,6 +89,14 @@ pub static TARGETS: [Target; 25] = [
         seeds: recordings::cphd_seeds,
         repair: repair::cphd,
         words: recordings::CPHD_WORDS,
+        most_bytes: budgeted,
+    },
+    Target {
+        name: "crsd",
+        read: crsd::read,
+        seeds: crsd::seeds,
+        repair: crsd::repair,
+        words: crsd::WORDS,
         most_bytes: budgeted,
     },
     Target {

@@ -1,4 +1,4 @@
-//! The Python of the tests: that of `SUBAPERTURE_PYTHON`, else `target/venv` with sarkit and rio-cogeo in it.
+//! The Python of the tests: that of `SUBAPERTURE_PYTHON`, else `target/venv` with sarkit, rio-cogeo, xarray and zarr in it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -43,7 +43,7 @@ pub(crate) fn named() -> Option<PathBuf> {
 }
 
 fn has_packages(python: &Path) -> Result<(), String> {
-    run(Command::new(python).args(["-c", "import sarkit, rio_cogeo"]))
+    run(Command::new(python).args(["-c", "import sarkit, rio_cogeo, xarray, zarr"]))
 }
 
 /// Makes the environment unless a finished one is there; returns its interpreter.

@@ -57,7 +57,7 @@ impl Fields {
             return Err(Fault::Malformed(format!(
                 "no phase history: it has no array 'samples', but {}; the arrays that are read are {}",
                 match strange.as_slice() {
-                    [] => "none".to_owned(),
+                    [] => "none at all (of HDF5 those of the root group are read)".to_owned(),
                     some => listed(some),
                 },
                 listed(&NAMES)

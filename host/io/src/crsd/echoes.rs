@@ -87,7 +87,10 @@ impl Vectors {
     }
 
     /// Makes room for `count` vectors and no more.
-    pub(super) fn reserve(&mut self, count: usize) -> Result<(), std::collections::TryReserveError> {
+    pub(super) fn reserve(
+        &mut self,
+        count: usize,
+    ) -> Result<(), std::collections::TryReserveError> {
         self.turns.try_reserve_exact(count)?;
         self.collection.pulses.try_reserve_exact(count)
     }
@@ -125,13 +128,17 @@ impl Vectors {
             ));
         }
         let half_hz = 0.5 * rate_hz;
-        let seen_hz = [received.reference_hz - half_hz, received.reference_hz + half_hz];
+        let seen_hz = [
+            received.reference_hz - half_hz,
+            received.reference_hz + half_hz,
+        ];
         for band_hz in [sent.band_hz, received.band_hz, seen_hz] {
             self.band_hz[0] = self.band_hz[0].max(band_hz[0]);
             self.band_hz[1] = self.band_hz[1].min(band_hz[1]);
         }
         // Whole seconds apart, so that no digit is lost.
-        let after_s = (received.start.0 as f64 - sent.time.0 as f64) + (received.start.1 - sent.time.1);
+        let after_s =
+            (received.start.0 as f64 - sent.time.0 as f64) + (received.start.1 - sent.time.1);
         let Wave {
             centre_hz,
             chirp_hz_s,
@@ -142,7 +149,10 @@ impl Vectors {
             [sent.position, received.position].map(|position| frame.from_ecf_m(position));
         let velocities_m_s =
             [sent.velocity, received.velocity].map(|velocity| frame.direction_from_ecf(velocity));
-        if !velocities_m_s.iter().all(|v| v.length() < 0.01 * SPEED_OF_LIGHT_M_S) {
+        if !velocities_m_s
+            .iter()
+            .all(|v| v.length() < 0.01 * SPEED_OF_LIGHT_M_S)
+        {
             return fault("TxVel or RcvVel is beyond all measure; repair or drop it".to_owned());
         }
         let receiver_m = arrival_m(
@@ -153,7 +163,9 @@ impl Vectors {
         self.turns.push(Turn {
             vector: index as usize,
             scale: received.scale,
-            turns: received.phase - sent.phase - centre_hz * after_s
+            turns: received.phase
+                - sent.phase
+                - centre_hz * after_s
                 - chirp_hz_s * length_s * length_s / 8.0,
             turns_a_sample: (received.reference_hz - centre_hz) / rate_hz,
             window_start_s: after_s + 0.5 * length_s,
@@ -164,7 +176,8 @@ impl Vectors {
             transmitter_m,
             receiver_m,
             reference_m,
-            reference_path_m: transmitter_m.distance(reference_m) + receiver_m.distance(reference_m),
+            reference_path_m: transmitter_m.distance(reference_m)
+                + receiver_m.distance(reference_m),
         });
         Ok(())
     }
@@ -215,7 +228,11 @@ impl Vectors {
 
 /// Where the receiver is when the echo of a point arrives: of the places of transmitter, receiver at its window's start, which is
 /// `after_s` after the pulse, and point.
-fn arrival_m([transmitter_m, at_start_m, point_m]: [DVec3; 3], velocity_m_s: DVec3, after_s: f64) -> DVec3 {
+fn arrival_m(
+    [transmitter_m, at_start_m, point_m]: [DVec3; 3],
+    velocity_m_s: DVec3,
+    after_s: f64,
+) -> DVec3 {
     let mut receiver_m = at_start_m;
     // Each step brings it nearer by the velocity over light's, a hundredth at the most.
     for _ in 0..8 {

@@ -97,7 +97,10 @@ mod tests {
     fn only_what_has_pulses_and_echoes_is_read() {
         let parse = |name: &str, len| Header::parse(format!("{name}{REST}").as_bytes(), len);
         let header = parse("CRSDsar", 438).unwrap();
-        assert_eq!((header.version.as_str(), header.signal.offset), ("1.0", 430));
+        assert_eq!(
+            (header.version.as_str(), header.signal.offset),
+            ("1.0", 430)
+        );
         assert!(parse("CRSDsar", 437).unwrap_err().contains("cut short"));
         for (name, word) in [
             ("CRSDtx", "no echoes"),

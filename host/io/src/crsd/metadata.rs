@@ -171,8 +171,7 @@ pub(super) fn parse(xml: &str, version: &str) -> Result<Parsed, MetadataError> {
         signal_format: signal_format(&received)?,
         ref_channel: channel_node.child("RefChId")?.text().into_owned(),
         channels,
-        compression: compression
-            .map(|node| node.optional_text("Identifier").unwrap_or_default()),
+        compression: compression.map(|node| node.optional_text("Identifier").unwrap_or_default()),
         waveform: root
             .child("TxSequence")?
             .child("TxWFType")?
@@ -205,16 +204,14 @@ impl<'s, 'a, 'i> Named<'s, 'a, 'i> {
         let numbered = sequences.iter().enumerate();
         Self {
             parameters,
-            sequences: numbered.map(|(n, sequence)| (sequence.id.as_str(), n)).collect(),
+            sequences: numbered
+                .map(|(n, sequence)| (sequence.id.as_str(), n))
+                .collect(),
         }
     }
 }
 
-fn channel(
-    entry: &Element,
-    all: &Element,
-    named: &Named,
-) -> Result<CrsdChannel, MetadataError> {
+fn channel(entry: &Element, all: &Element, named: &Named) -> Result<CrsdChannel, MetadataError> {
     let id = entry.child("ChId")?.text().into_owned();
     let parameters = named
         .parameters

@@ -48,7 +48,13 @@ impl Layout {
     pub(super) fn parse(ppp: &Element, num_bytes: &Element) -> Result<Self, MetadataError> {
         let bytes = record_width(num_bytes)?;
         let field = |name: &'static str, format| {
-            Field::parse(&ppp.child(name)?, name, format, bytes, "Data/Transmit/NumBytesPPP")
+            Field::parse(
+                &ppp.child(name)?,
+                name,
+                format,
+                bytes,
+                "Data/Transmit/NumBytesPPP",
+            )
         };
         Ok(Self {
             num_bytes: bytes,

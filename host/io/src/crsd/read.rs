@@ -78,7 +78,8 @@ impl Container {
 
     /// Checks that what the file holds is what can be read, and lies within its blocks.
     fn check(&self) -> Result<(), ReadError> {
-        self.fault().map_or(Ok(()), |what| Err(self.source.malformed(what)))
+        self.fault()
+            .map_or(Ok(()), |what| Err(self.source.malformed(what)))
     }
 
     fn fault(&self) -> Option<String> {
@@ -120,9 +121,22 @@ impl Container {
             let samples = vectors
                 .checked_mul(channel.num_samples)
                 .and_then(|n| n.checked_mul(info.signal_format.sample_bytes() as u64));
-            outside("vectors (PVP)", &channel.id, channel.pvp_offset, records, &header.pvp).or_else(
-                || outside("samples", &channel.id, channel.signal_offset, samples, &header.signal),
+            outside(
+                "vectors (PVP)",
+                &channel.id,
+                channel.pvp_offset,
+                records,
+                &header.pvp,
             )
+            .or_else(|| {
+                outside(
+                    "samples",
+                    &channel.id,
+                    channel.signal_offset,
+                    samples,
+                    &header.signal,
+                )
+            })
         };
         let sequences = info.sequences.iter().find_map(of_sequence);
         sequences.or_else(|| info.channels.iter().find_map(of_channel))

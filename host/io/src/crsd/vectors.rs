@@ -48,7 +48,13 @@ impl Layout {
     pub(super) fn parse(pvp: &Element, num_bytes: &Element) -> Result<Self, MetadataError> {
         let bytes = record_width(num_bytes)?;
         let field = |name: &'static str, format| {
-            Field::parse(&pvp.child(name)?, name, format, bytes, "Data/Receive/NumBytesPVP")
+            Field::parse(
+                &pvp.child(name)?,
+                name,
+                format,
+                bytes,
+                "Data/Receive/NumBytesPVP",
+            )
         };
         Ok(Self {
             num_bytes: bytes,
@@ -95,7 +101,10 @@ impl Layout {
             },
             pulse,
         };
-        for (field, value) in [(self.offset, scalar(self.offset)?), (self.rate, scalar(self.rate)?)] {
+        for (field, value) in [
+            (self.offset, scalar(self.offset)?),
+            (self.rate, scalar(self.rate)?),
+        ] {
             if value != 0.0 {
                 return Err(format!(
                     "vector {index}: {} is {value:?}: the received band moves with time, as of a receiver that de-chirps, which is not read: \

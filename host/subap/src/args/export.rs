@@ -22,6 +22,8 @@ pub(crate) enum ImageFormat {
     Kmz,
     /// A picture, north up, with a world file
     Png,
+    /// A Zarr group for xarray: several images of one grid, complex
+    Zarr,
 }
 
 impl ImageFormat {
@@ -33,6 +35,7 @@ impl ImageFormat {
             "tif" | "tiff" => Some(Self::Cog),
             "kmz" => Some(Self::Kmz),
             "png" => Some(Self::Png),
+            "zarr" => Some(Self::Zarr),
             _ => None,
         }
     }
@@ -45,6 +48,7 @@ impl ImageFormat {
             Self::Cog => "cog",
             Self::Kmz => "kmz",
             Self::Png => "png",
+            Self::Zarr => "zarr",
         }
     }
 
@@ -56,6 +60,7 @@ impl ImageFormat {
             Self::Cog => "map.tif",
             Self::Kmz => "map.kmz",
             Self::Png => "map.png",
+            Self::Zarr => "stack.zarr",
         }
     }
 
@@ -63,6 +68,7 @@ impl ImageFormat {
     pub(crate) fn is_of_the_earth(self) -> bool {
         match self {
             Self::Sicd | Self::Sidd | Self::Cog | Self::Kmz | Self::Png => true,
+            Self::Zarr => false,
         }
     }
 }
@@ -71,8 +77,8 @@ impl ImageFormat {
 #[derive(Debug, Group)]
 #[command(next_help_heading = "Products")]
 pub(crate) struct Producing {
-    /// Write the image in these formats too, as subap export does: beside it, as sicd.nitf, sidd.nitf, map.tif (cog), map.kmz and
-    /// map.png
+    /// Write the image in these formats too, as subap export does: beside it, as sicd.nitf, sidd.nitf, map.tif (cog), map.kmz,
+    /// map.png and stack.zarr
     #[arg(long, value_enum, value_name = "FORMAT[,FORMAT]", value_delimiter = ',', conflicts_with_all = ["from_maps", "plan"])]
     pub(crate) product: Vec<ImageFormat>,
 
@@ -85,15 +91,15 @@ pub(crate) struct Producing {
 /// `subap export`.
 #[derive(Debug, Group)]
 pub(crate) struct Export {
-    /// Folder of a product (image.json and image.npy), or its image.json
-    #[arg(value_name = "IMAGE", value_hint = ValueHint::DirPath)]
-    pub(crate) image: PathBuf,
+    /// Folder of a product (image.json and image.npy), or its image.json; several of one grid for --format zarr
+    #[arg(required = true, value_name = "IMAGE", value_hint = ValueHint::DirPath)]
+    pub(crate) images: Vec<PathBuf>,
 
-    /// Format to write [default: by FILE's ending: .nitf is SICD, .tif, .kmz or .png a map]
+    /// Format to write [default: by FILE's ending: .nitf is SICD, .tif, .kmz or .png a map, .zarr a stack]
     #[arg(long, value_enum)]
     pub(crate) format: Option<ImageFormat>,
 
-    /// File to write
+    /// File to write; of --format zarr a folder
     #[arg(long, short, value_name = "FILE", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
 

@@ -4,6 +4,7 @@
 mod maps;
 mod sicd;
 mod sidd;
+mod zarr;
 
 use std::path::{Path, PathBuf};
 
@@ -23,19 +24,31 @@ use maps::MapFormat;
 pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     let Some(format) = typed.format.or_else(|| ImageFormat::of(&typed.out)) else {
         let what = format!(
-            "{}: its ending names no format: give --format sicd, sidd, cog, kmz or png",
+            "{}: its ending names no format: give --format sicd, sidd, cog, kmz, png or zarr",
             typed.out.display()
         );
         return Err(Usage(what).into());
     };
-    let Some(folder) = stored::product_folder(&typed.image) else {
+    let [image, others @ ..] = typed.images.as_slice() else {
+        return Err(Usage("no image is named".to_owned()).into());
+    };
+    if !others.is_empty() && format != ImageFormat::Zarr {
+        let what = format!(
+            "--format {} is of one image, and {} are named: --format zarr takes several",
+            format.name(),
+            typed.images.len()
+        );
+        return Err(Usage(what).into());
+    }
+    let Some(folder) = stored::product_folder(image) else {
         bail!(
             "{}: no image: give the folder of a product (with image.json and image.npy)",
-            typed.image.display()
+            image.display()
         );
     };
     let export = One {
-        image: &typed.image,
+        image,
+        others,
         folder,
         format,
         out: &typed.out,
@@ -45,7 +58,7 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
         writing: typed.writing,
     };
     export.check()?;
-    let mut claims = session.claims(&typed.writing, &[folder]);
+    let mut claims = session.claims(&typed.writing, &typed.images);
     export.claim(&mut claims)?;
     let written = export.write(session)?;
     if session.json() {
@@ -57,10 +70,12 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// An image as one file.
+/// An image as one file, or with others as one stack.
 struct One<'a> {
     /// As the user calls it.
     image: &'a Path,
+    /// Those of its stack.
+    others: &'a [PathBuf],
     /// Where it lies.
     folder: &'a Path,
     format: ImageFormat,
@@ -101,6 +116,7 @@ impl One<'_> {
             ImageFormat::Cog | ImageFormat::Kmz | ImageFormat::Png => {
                 maps::check(self, MapFormat::of(self.format))
             }
+            ImageFormat::Zarr => zarr::check(self),
         }
     }
 
@@ -111,6 +127,7 @@ impl One<'_> {
             ImageFormat::Cog | ImageFormat::Kmz | ImageFormat::Png => {
                 maps::claim(self, MapFormat::of(self.format), claims)
             }
+            ImageFormat::Zarr => zarr::claim(self, claims),
         }
     }
 
@@ -122,6 +139,7 @@ impl One<'_> {
             ImageFormat::Cog | ImageFormat::Kmz | ImageFormat::Png => {
                 maps::write(session, self, MapFormat::of(self.format))
             }
+            ImageFormat::Zarr => zarr::write(session, self),
         }
     }
 }
@@ -175,8 +193,13 @@ impl Products<'_> {
     pub(crate) fn write(&self, session: &Session) -> anyhow::Result<Vec<PathBuf>> {
         let one = |&format: &ImageFormat| {
             self.with(format, |one| {
-                one.write(session)
-                    .with_context(|| format!("{} is there, but not its {}", self.folder.display(), format.name()))?;
+                one.write(session).with_context(|| {
+                    format!(
+                        "{} is there, but not its {}",
+                        self.folder.display(),
+                        format.name()
+                    )
+                })?;
                 Ok(one.out.to_owned())
             })
         };
@@ -191,6 +214,7 @@ impl Products<'_> {
     ) -> anyhow::Result<T> {
         work(&One {
             image: self.folder,
+            others: &[],
             folder: self.folder,
             format,
             out: &self.folder.join(format.file_name()),

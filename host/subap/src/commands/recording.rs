@@ -6,6 +6,13 @@ use subaperture::io::{arrays, recording};
 use crate::args::Recording;
 use crate::text;
 
+/// What is done with arrays once they are in a file.
+const FIRST_STEPS: &str = "
+First steps:
+  subap info mine.npz               what it holds, the resolution, and the grid of an image
+  subap focus mine.npz --out image  that image: image.npy, image.json and image.png
+  subap focus mine.h5 --channel 2 --grid x=-20:20:0.1,y=-20:20:0.1 --out image2";
+
 /// Prints what was asked for.
 pub(crate) fn run(typed: &Recording) -> anyhow::Result<()> {
     if typed.keys {
@@ -13,6 +20,7 @@ pub(crate) fn run(typed: &Recording) -> anyhow::Result<()> {
     }
     if typed.arrays {
         text::say(arrays::SCHEMA)?;
+        text::say(FIRST_STEPS)?;
     }
     if let Some(name) = &typed.example {
         text::say(recording::examples::text(name).context("--example: no such name")?)?;
