@@ -87,10 +87,19 @@ const HISTORY_DB: f64 = -31.9;
 /// range, see a fiftieth.
 const IMAGE_DB: f64 = HISTORY_DB - 17.0;
 
+/// From space two neglects of the model are more. The echo of a point whose path is 30 m longer than the reference's arrives 0.1 us later, when the
+/// receiver, which comes nearer by 750 m/s, has come on by 75 um: 0.0151 rad of 31.2 mm (`model::phase_history::Sweep` has it). And all phases
+/// turn by `(centre v / c)^2 / (2 chirp)`, `v` the path's 1.5 km/s, 2.5 THz/s: 0.0029 rad (`Compressed::moving`). Both at their most: -34.9 dB.
+const SPACE_IMAGE_DB: f64 = -34.9;
+
 #[test]
 fn points_of_a_script_are_where_they_stand() {
     let folder = written();
-    for (name, vectors) in [("plain", 64), ("falling", 65), ("spaceborne", 64)] {
+    for (name, vectors, image_db) in [
+        ("plain", 64, IMAGE_DB),
+        ("falling", 65, IMAGE_DB),
+        ("spaceborne", 64, SPACE_IMAGE_DB),
+    ] {
         let path = folder.path().join(format!("{name}.crsd"));
         let points = points(&path.with_extension("txt"));
         let history = open(&path, &Options::default()).unwrap();
@@ -126,7 +135,7 @@ fn points_of_a_script_are_where_they_stand() {
         let (seen, wanted) = (image(&*history), image(&ideal));
         let apart_db = difference_db(&seen.pixels, &wanted.pixels);
         println!("{name}: image {apart_db:.1} dB");
-        assert!(apart_db < IMAGE_DB, "{name}: {apart_db} dB");
+        assert!(apart_db < image_db, "{name}: {apart_db} dB");
         for (place, amplitude) in &points {
             let [column, row] = [place.x, place.y].map(|at| ((at + 36.0) / 0.5).round() as usize);
             // The brightest of 5 m around is the pixel of the point itself.

@@ -26,7 +26,9 @@
 //! # Motion
 //! `TxPos` is of `TxTime` and `RcvPos` of `RcvStart`: the receiver is carried on by `RcvVel` to the moment at which the echo of the reference
 //! point arrives. While a pulse lasts both antennas move on, by `TxVel` and `RcvVel`, and each frequency was sent at its own moment:
-//! [`Compressed::moving`](subaperture_receive::Compressed::moving).
+//! [`Compressed::moving`](subaperture_receive::Compressed::moving). Neglected is that the echo of another point arrives sooner or later than the
+//! reference point's, while the receiver moves: its path is off by the receiver's radial velocity over light's, times the difference of paths
+//! (750 m/s and 30 m: 75 um).
 //!
 //! # What is not read
 //! - Waveforms with phase modulation (`TxWFType` `XM`, `LFM w XM`), pulses that differ from one to the next in `FxFreq0`, `FxRate` or `TXmt`, and

@@ -91,7 +91,8 @@ pub(crate) struct Producing {
 /// `subap export`.
 #[derive(Debug, Group)]
 pub(crate) struct Export {
-    /// Folder of a product (image.json and image.npy), or its image.json; several of one grid for --format zarr
+    /// Folder of a product (image.json and image.npy), or its image.json; several of one grid for --format
+    /// zarr; anyone's SICD for --format png, which is then a picture of its own pixels
     #[arg(required = true, value_name = "IMAGE", value_hint = ValueHint::DirPath)]
     pub(crate) images: Vec<PathBuf>,
 

@@ -65,7 +65,7 @@ impl Look {
 /// `subap picture`.
 #[derive(Debug, Group)]
 pub(crate) struct Picture {
-    /// Folder of a product (image.json and image.npy), or its image.json
+    /// Folder of a product (image.json and image.npy), its image.json, or anyone's SICD
     #[arg(value_name = "IMAGE", value_hint = ValueHint::DirPath)]
     pub(crate) image: PathBuf,
 

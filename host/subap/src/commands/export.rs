@@ -12,9 +12,11 @@ use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use subaperture::geometry::{Geodetic, SceneFrame};
 use subaperture::io::claim::Claims;
+use subaperture::io::ours::Kind;
+use subaperture::plot::{Colours, Scale};
 
-use super::stored;
-use crate::args::{Export, ImageFormat, Mapping, Writing};
+use super::{picture, stored};
+use crate::args::{Export, ImageFormat, Mapping, RemapName, Writing};
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::text;
@@ -39,6 +41,9 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
             typed.images.len()
         );
         return Err(Usage(what).into());
+    }
+    if format == ImageFormat::Png && stored::is_nitf(image) {
+        return picture_of_sicd(session, typed, image);
     }
     let Some(folder) = stored::product_folder(image) else {
         bail!(
@@ -66,6 +71,46 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     }
     if session.tells() {
         text::say(written.line)?;
+    }
+    Ok(())
+}
+
+/// Writes anyone's SICD as a picture in its own pixels.
+fn picture_of_sicd(session: &Session, typed: &Export, image: &Path) -> anyhow::Result<()> {
+    let Mapping {
+        remap, top, span, ..
+    } = typed.maps;
+    let greys = Mapping {
+        remap,
+        top,
+        span,
+        ..Mapping::default()
+    };
+    if typed.maps != greys || typed.place.is_some() || typed.speed.is_some() {
+        let what = "--projection, --pixel, --looks, --layout, --place and --speed say nothing to a SICD's picture, which has its own pixels: leave \
+             them out";
+        return Err(Usage(what.to_owned()).into());
+    }
+    let scale = match (remap, top.or(span)) {
+        (Some(RemapName::Density), Some(_)) => {
+            let what = "--top and --span are of --remap db: leave them out";
+            return Err(Usage(what.to_owned()).into());
+        }
+        (Some(RemapName::Density) | None, None) => Scale::Density,
+        _ => Scale::FromData {
+            top_db: top,
+            span_db: span,
+        },
+    };
+    let mut claims = session.claims(&typed.writing, &[image]);
+    claims.file(&typed.out, Kind::Picture)?;
+    picture::of_sicd(session, image, &typed.out, scale, Colours::Grey)?;
+    let path = typed.out.display().to_string();
+    if session.json() {
+        return text::say_json("export", json!({ "path": path }));
+    }
+    if session.tells() {
+        text::say(path)?;
     }
     Ok(())
 }
