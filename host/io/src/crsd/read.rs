@@ -99,7 +99,7 @@ impl Container {
         }
         let outside = |what: &str, named: &str, offset: u64, bytes: Option<u64>, block: &Block| {
             let end = bytes.and_then(|bytes| offset.checked_add(bytes));
-            (!end.is_some_and(|end| end <= block.size)).then(|| {
+            end.is_none_or(|end| end > block.size).then(|| {
                 format!(
                     "the {what} of '{named}' do not fit their block of {} bytes at byte {}; the XML is damaged",
                     block.size, block.offset
