@@ -16,6 +16,16 @@ pub enum MapError {
         "the image's plane stands upright, so that a map sees it edge on: form the image on a plane that lies flatter"
     )]
     Upright,
+    /// The image's own metadata put a pixel nowhere.
+    #[error(
+        "the image's metadata put row {row:.1}, column {column:.1} nowhere on the Earth: its geometry contradicts itself, or its edge lies beyond the horizon"
+    )]
+    Nowhere {
+        /// Row, from 0.
+        row: f64,
+        /// Column, from 0.
+        column: f64,
+    },
     /// Nothing is known of the image's spectrum.
     #[error(
         "the image's record does not say from where it was seen (support), without which it cannot be read between pixels"

@@ -16,7 +16,7 @@
 //! | [`kmz`] | ground overlays for Google Earth, tiles for large maps |
 //! | [`picture`] | PNG with a world file |
 //!
-//! Places are those of the grid's plane, straight above or below the map's ([`Raster`]); UTM is exact to nanometres. Images are read in windows and written
+//! Places are those of the grid's plane, straight above or below the map's ([`Raster`]), or for images of others where their metadata say ([`Lying`]); UTM is exact to nanometres. Images are read in windows and written
 //! tile by tile: neither need fit in memory.
 #![forbid(unsafe_code)]
 
@@ -25,6 +25,7 @@ pub mod cog;
 mod error;
 pub mod kmz;
 mod levels;
+mod lying;
 mod ortho;
 pub mod picture;
 mod projection;
@@ -36,6 +37,7 @@ mod tiff;
 
 pub use error::MapError;
 pub use levels::{Levels, Remap};
+pub use lying::Lying;
 pub use ortho::{Ortho, Source};
 pub use projection::Projection;
 pub use raster::Raster;

@@ -8,9 +8,9 @@
 //! [`WindowedSinc::error`]; where 16 are too few, it is more. [`Ortho::error_db`] says it. Within the kernel's reach of the image's edge, zeros are read beyond
 //! it. **Cost** a pixel: 72 to 512 products with sums, and of the image the carrier once for each pixel read.
 
-use std::ops::Range;
+use std::f64::consts::TAU;
+use std::ops::{Mul, Range};
 
-use glam::DVec3;
 use num_complex::Complex32;
 use rayon::prelude::*;
 
@@ -21,7 +21,7 @@ use subaperture_signal::windowed_sinc::{TAPS, WindowedSinc};
 
 use crate::carrier::Carrier;
 use crate::surface::Surface;
-use crate::{MapError, Raster};
+use crate::{Lying, MapError, Raster};
 
 /// Parts of a patch's side.
 const PATCH: usize = 256;
@@ -48,10 +48,12 @@ pub struct Source<'a> {
 /// An image read on a raster.
 #[derive(Debug)]
 pub struct Ortho<'a> {
-    pub(crate) source: Source<'a>,
+    pixels: &'a dyn Parts,
     pub(crate) raster: Raster,
-    surface: Surface,
-    carrier: Carrier,
+    pub(crate) surface: Surface<'a>,
+    spectrum: Spectrum<'a>,
+    /// Half of what the spectrum fills, cycles a row and a column.
+    band: [f64; 2],
     kernel: WindowedSinc,
     /// Parts of a pixel's side.
     fine: usize,
@@ -63,32 +65,54 @@ impl<'a> Ortho<'a> {
     /// # Errors
     /// [`MapError`].
     pub fn new(source: Source<'a>, raster: Raster) -> Result<Self, MapError> {
-        let surface = Surface::new(source.grid, source.frame)?;
+        let surface = Surface::of_grid(source.grid, source.frame)?;
         let carrier = Carrier::of(source.grid, source.looks)?;
-        let band = carrier.band[0].max(carrier.band[1]);
+        let band = carrier.band;
+        let spectrum = Spectrum::Carried(carrier, source.grid);
+        Ok(Self::of(source.pixels, surface, spectrum, band, raster))
+    }
+
+    /// The same of an image whose pixels lie as its own metadata say; complex values are then those of its samples between pixels, whatever their phase refers to.
+    pub fn told(pixels: &'a dyn Parts, lying: &'a dyn Lying, raster: Raster) -> Self {
+        let (rows, columns) = pixels.size();
+        let surface = Surface::Told(lying, [rows, columns]);
+        // Wider ones leave no kernel anything to do.
+        let band = lying.widths().map(|width| (0.5 * width).clamp(0.0, 0.499));
+        Self::of(pixels, surface, Spectrum::Told(lying), band, raster)
+    }
+
+    fn of(
+        pixels: &'a dyn Parts,
+        surface: Surface<'a>,
+        spectrum: Spectrum<'a>,
+        band: [f64; 2],
+        raster: Raster,
+    ) -> Self {
+        let wider = band[0].max(band[1]);
         let kernel = TAPS
             .into_iter()
-            .map(|taps| WindowedSinc::new(taps, band))
-            .find(|kernel| error_of(kernel, carrier.band) < ERROR)
-            .unwrap_or_else(|| WindowedSinc::new(TAPS[TAPS.len() - 1], band));
-        Ok(Self {
+            .map(|taps| WindowedSinc::new(taps, wider))
+            .find(|kernel| error_of(kernel, band) < ERROR)
+            .unwrap_or_else(|| WindowedSinc::new(TAPS[TAPS.len() - 1], wider));
+        Self {
             fine: raster.fine(&surface) as usize,
-            source,
+            pixels,
             raster,
             surface,
-            carrier,
+            spectrum,
+            band,
             kernel,
-        })
+        }
     }
 
     /// Relative RMS error of complex values, dB, for an image that fills its band.
     pub fn error_db(&self) -> f64 {
-        20.0 * libm::log10(error_of(&self.kernel, self.carrier.band))
+        20.0 * libm::log10(error_of(&self.kernel, self.band))
     }
 
     /// By how much rows and columns of the image are finer than its band needs.
     pub fn oversampling(&self) -> [f64; 2] {
-        self.carrier.band.map(|band| 0.5 / band)
+        self.band.map(|band| 0.5 / band)
     }
 
     /// Values of the image, averaged in one of the map's pixels.
@@ -98,7 +122,7 @@ impl<'a> Ortho<'a> {
 
     /// The image.
     pub fn pixels(&self) -> &'a dyn Parts {
-        self.source.pixels
+        self.pixels
     }
 
     /// The raster.
@@ -249,7 +273,7 @@ impl<'a> Ortho<'a> {
 
     /// What of the image is needed for these places, if any of them is on it.
     fn window(&self, traced: &[Traced]) -> Option<Place> {
-        let counts = [self.source.grid.rows.count, self.source.grid.columns.count];
+        let counts = self.surface.counts();
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for Traced { pixel, .. } in traced.iter().filter(|traced| inside(traced.pixel, counts)) {
             for i in 0..2 {
@@ -271,30 +295,30 @@ impl<'a> Ortho<'a> {
     /// Values at these places, of which this window of the image has all that lie on it.
     fn read(&self, traced: &[Traced], window: &Place) -> Result<Vec<Complex32>, MapError> {
         // What is shared by threads; the image's file is not.
-        let (grid, surface) = (self.source.grid, &self.surface);
-        let (carrier, kernel) = (&self.carrier, &self.kernel);
-        let mut image = self
-            .source
-            .pixels
-            .window(window)
-            .map_err(MapError::Parts)?
-            .pixels;
+        let (surface, spectrum, kernel) = (&self.surface, &self.spectrum, &self.kernel);
+        let mut image = self.pixels.window(window).map_err(MapError::Parts)?.pixels;
         let [rows, columns] = window;
-        image
-            .par_chunks_mut(columns.len())
-            .zip(rows.clone())
-            .for_each(|(line, row)| {
-                for (z, column) in line.iter_mut().zip(columns.clone()) {
-                    let point = grid.position_m(row, column);
-                    *z *= carrier.at(point, [row as f64, column as f64]).conj();
-                }
-            });
-        let counts = [grid.rows.count, grid.columns.count];
+        if let Spectrum::Carried(carrier, grid) = spectrum {
+            image
+                .par_chunks_mut(columns.len())
+                .zip(rows.clone())
+                .for_each(|(line, row)| {
+                    for (z, column) in line.iter_mut().zip(columns.clone()) {
+                        let point = grid.position_m(row, column);
+                        *z *= carrier.at(point, [row as f64, column as f64]).conj();
+                    }
+                });
+        }
+        let counts = surface.counts();
         let values = |traced: &Traced| {
             if !inside(traced.pixel, counts) {
                 return NOTHING;
             }
             let local = [0, 1].map(|i| traced.pixel[i] - window[i].start as f64);
+            let turns = match spectrum {
+                Spectrum::Carried(..) => None,
+                Spectrum::Told(lying) => Some(lying.middle(traced.pixel)),
+            };
             let read = match kernel.taps() {
                 6 => interpolate::<6>,
                 8 => interpolate::<8>,
@@ -303,12 +327,25 @@ impl<'a> Ortho<'a> {
                 14 => interpolate::<14>,
                 _ => interpolate::<16>,
             };
-            let value = read(kernel, &image, columns.len(), local);
-            let point: DVec3 = surface.point_m(traced.plane);
-            value * carrier.at(point, traced.pixel)
+            let value = read(kernel, &image, columns.len(), local, turns);
+            match (spectrum, surface) {
+                (Spectrum::Carried(carrier, _), Surface::Grid(own)) => {
+                    value * carrier.at(own.point_m(traced.plane), traced.pixel)
+                }
+                _ => value,
+            }
         };
         Ok(traced.par_iter().with_min_len(256).map(values).collect())
     }
+}
+
+/// Where an image's spectrum is.
+#[derive(Debug)]
+enum Spectrum<'a> {
+    /// About a carrier, of an image on this grid.
+    Carried(Carrier, &'a ImageGrid),
+    /// Where the image's metadata say.
+    Told(&'a dyn Lying),
 }
 
 /// What takes the values of a patch.
@@ -343,20 +380,47 @@ fn error_of(kernel: &WindowedSinc, band: [f64; 2]) -> f64 {
     libm::hypot(rows, columns)
 }
 
-/// The value at a row and column of these pixels, beyond which are zeros.
+/// The value at a row and column of these pixels, beyond which are zeros; of samples that turn by so many cycles a row and a column.
 #[inline]
 fn interpolate<const W: usize>(
     kernel: &WindowedSinc,
     image: &[Complex32],
     columns: usize,
-    [row, column]: [f64; 2],
+    at: [f64; 2],
+    turns: Option<[f64; 2]>,
 ) -> Complex32 {
-    let rows = (image.len() / columns) as isize;
-    let (row_floor, column_floor) = (row.floor(), column.floor());
-    let down = kernel.weights::<W>((row - row_floor) as f32);
-    let along = kernel.weights::<W>((column - column_floor) as f32);
+    let parts = at.map(|x| x - x.floor());
+    let weights = parts.map(|part| kernel.weights::<W>(part as f32));
     let reach = W as isize / 2 - 1;
-    let (first_row, first_column) = (row_floor as isize - reach, column_floor as isize - reach);
+    let first = at.map(|x| x.floor() as isize - reach);
+    match turns {
+        None => sum(image, columns, first, weights),
+        Some(turns) => {
+            let turned = [0, 1].map(|axis| {
+                std::array::from_fn::<_, W, _>(|k| {
+                    let away = parts[axis] + (reach - k as isize) as f64;
+                    let turn = turns[axis] * away;
+                    let (sin, cos) = libm::sincos(TAU * (turn - turn.floor()));
+                    Complex32::new(cos as f32, sin as f32) * weights[axis][k]
+                })
+            });
+            sum(image, columns, first, turned)
+        }
+    }
+}
+
+/// The weighed sum of `W` rows and columns of these pixels from `first` on, beyond which are zeros.
+#[inline]
+fn sum<const W: usize, T: Copy>(
+    image: &[Complex32],
+    columns: usize,
+    [first_row, first_column]: [isize; 2],
+    [down, along]: [[T; W]; 2],
+) -> Complex32
+where
+    Complex32: Mul<T, Output = Complex32>,
+{
+    let rows = (image.len() / columns) as isize;
     let mut sum = Complex32::ZERO;
     for (i, weight) in down.into_iter().enumerate() {
         let row = first_row + i as isize;

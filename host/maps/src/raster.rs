@@ -3,7 +3,7 @@
 use subaperture_model::geometry::{Geodetic, ImageGrid, SceneFrame};
 
 use crate::surface::Surface;
-use crate::{MapError, Projection};
+use crate::{Lying, MapError, Projection};
 
 /// Most pixels of a side.
 const MOST: f64 = (1u64 << 30) as f64;
@@ -42,10 +42,30 @@ impl Raster {
         projection: impl FnOnce(&Geodetic) -> Result<Projection, MapError>,
         pixel_m: Option<f64>,
     ) -> Result<Self, MapError> {
-        let surface = Surface::new(grid, frame)?;
+        Self::around(&Surface::of_grid(grid, frame)?, projection, pixel_m)
+    }
+
+    /// The raster that covers an image whose pixels lie as its metadata say, of so many rows and columns; as [`Self::covering`].
+    ///
+    /// # Errors
+    /// [`MapError`].
+    pub fn covering_told(
+        lying: &dyn Lying,
+        (rows, columns): (usize, usize),
+        projection: impl FnOnce(&Geodetic) -> Result<Projection, MapError>,
+        pixel_m: Option<f64>,
+    ) -> Result<Self, MapError> {
+        Self::around(&Surface::Told(lying, [rows, columns]), projection, pixel_m)
+    }
+
+    fn around(
+        surface: &Surface,
+        projection: impl FnOnce(&Geodetic) -> Result<Projection, MapError>,
+        pixel_m: Option<f64>,
+    ) -> Result<Self, MapError> {
         let centre = surface.centre()?;
         let projection = projection(&centre)?;
-        let pixel_m = pixel_m.unwrap_or_else(|| Self::own_pixel_m(&surface));
+        let pixel_m = pixel_m.unwrap_or_else(|| Self::own_pixel_m(surface));
         let step = projection.metres(&centre).map(|metres| pixel_m / metres);
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for place in surface.whole_outline()? {
@@ -75,7 +95,7 @@ impl Raster {
             columns: count[0] as usize,
             pixel_m,
         };
-        match raster.fine(&surface) <= MOST_FINE {
+        match raster.fine(surface) <= MOST_FINE {
             true => Ok(raster),
             false => Err(size(
                 "a pixel may cover 1024 of the image's a side at the most: give smaller ones",

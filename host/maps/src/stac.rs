@@ -9,7 +9,6 @@ use subaperture_io::atomic::write_atomically;
 use subaperture_io::ours::ITEM_SCHEMA;
 
 use crate::cog::Layout;
-use crate::surface::Surface;
 use crate::{MapError, Ortho};
 
 /// Places along each side of an image in its outline.
@@ -47,7 +46,7 @@ pub fn write(
 
 fn item(map: &Path, ortho: &Ortho, layout: Layout, about: &About) -> Result<Value, MapError> {
     let raster = ortho.raster();
-    let outline = Surface::new(ortho.source.grid, ortho.source.frame)?.outline(SIDE_PLACES)?;
+    let outline = ortho.surface.outline(SIDE_PLACES)?;
     let mut ring: Vec<[f64; 2]> = outline
         .iter()
         .map(|place| [place.longitude_deg, place.latitude_deg])

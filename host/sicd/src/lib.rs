@@ -19,7 +19,7 @@
 //!
 //! **SIDD.** [`Sidd`] is the same image detected: bytes of grey on the same plane, as version 3.0.
 //!
-//! **Reading.** [`SicdFile`] reads anyone's, part by part.
+//! **Reading.** [`SicdFile`] reads anyone's, part by part; [`Projection`] tells where on the Earth its pixels are.
 //!
 //! **Cost** that of reading the image and writing it once, in strips of [`STRIP_PIXELS`]; images over 10 GB are parted in segments.
 //!
@@ -27,23 +27,28 @@
 #![forbid(unsafe_code)]
 
 mod aperture;
+mod band;
 mod dates;
 mod describe;
 mod formed;
 mod grid;
 mod header;
 mod laid;
+mod lookup;
 mod nitf;
 mod plane;
 mod polynomial;
+mod projection;
 mod read;
 mod sidd;
 mod spectrum;
 mod turned;
 mod write;
 
+pub use band::Band;
 pub use formed::{Formed, Placing};
 pub use plane::Plane;
+pub use projection::{Projection, ProjectionError};
 pub use read::{MOST_XML_BYTES, ReadError, SicdFile};
 pub use sidd::{Greys, Sidd};
 pub use turned::Turned;

@@ -1,8 +1,9 @@
 //! Where a SICD's pixels are, as far as its plane tells: the grid about the scene centre point, on the Earth.
 
-use glam::DVec3;
-use roxmltree::{Document, Node};
+use roxmltree::Document;
 use subaperture_model::geometry::{Axis, ImageGrid, SceneFrame};
+
+use crate::lookup::Lookup;
 
 /// The plane of an image: rows along its y axis, which is the file's `Row` direction, columns along its x axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,13 +20,8 @@ impl Plane {
     /// Of the XML of an image of these rows and columns; `None` where it does not tell, or tells what cannot be.
     pub(crate) fn of(xml: &str, (rows, columns): (usize, usize)) -> Option<Self> {
         let document = Document::parse(xml).ok()?;
-        let root = document.root_element();
-        let vector = |path: &[&str]| {
-            let node = descend(root, path)?;
-            let number = |name| number(descend(node, &[name])?);
-            Some(DVec3::new(number("X")?, number("Y")?, number("Z")?))
-        };
-        let value = |path: &[&str]| number(descend(root, path)?);
+        let root = Lookup::of(document.root_element());
+        let value = |path: &[&str]| root.number(path);
         let first = |name| value(&["ImageData", name]).unwrap_or(0.0);
         let axis = |way: &str, first: f64, count| {
             let step = value(&["Grid", way, "SS"])?;
@@ -42,9 +38,9 @@ impl Plane {
             0.0,
         );
         let frame = SceneFrame::Earth {
-            origin_ecf_m: vector(&["GeoData", "SCP", "ECF"])?,
-            x_axis_ecf: vector(&["Grid", "Col", "UVectECF"])?,
-            y_axis_ecf: vector(&["Grid", "Row", "UVectECF"])?,
+            origin_ecf_m: root.vector(&["GeoData", "SCP", "ECF"])?,
+            x_axis_ecf: root.vector(&["Grid", "Col", "UVectECF"])?,
+            y_axis_ecf: root.vector(&["Grid", "Row", "UVectECF"])?,
         };
         let band = value(&["Grid", "Col", "ImpRespBW"]).map(|band| band * grid.columns.step);
         (grid.fault().is_none() && frame.is_sound()).then_some(Self {
@@ -55,20 +51,10 @@ impl Plane {
     }
 }
 
-fn descend<'a, 'b>(node: Node<'a, 'b>, path: &[&str]) -> Option<Node<'a, 'b>> {
-    path.iter().try_fold(node, |node, name| {
-        node.children()
-            .find(|child| child.tag_name().name() == *name)
-    })
-}
-
-fn number(node: Node<'_, '_>) -> Option<f64> {
-    let value: f64 = node.text()?.trim().parse().ok()?;
-    value.is_finite().then_some(value)
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     const XML: &str = r#"<SICD xmlns="urn:SICD:1.3.0"><ImageData><FirstRow>10</FirstRow><FirstCol>0</FirstCol><SCPPixel><Row>30</Row><Col>5</Col></SCPPixel></ImageData>

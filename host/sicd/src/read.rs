@@ -20,8 +20,8 @@ use roxmltree::Document;
 use subaperture_io::xml::check_plain;
 use subaperture_model::image::{Image, Parts, PartsError, Place, bands};
 
-use crate::Plane;
 use crate::header::{FileHeader, ImageHeader, Samples};
+use crate::{Band, Plane, Projection};
 
 /// The longest XML that is read.
 pub const MOST_XML_BYTES: u64 = 16 << 20;
@@ -208,6 +208,22 @@ impl SicdFile {
     /// Where its pixels are; `None` where the metadata do not tell.
     pub fn plane(&self) -> Option<Plane> {
         Plane::of(&self.xml, self.size)
+    }
+
+    /// Where on the Earth its pixels are seen.
+    ///
+    /// # Errors
+    /// [`ReadError::Format`]: what the metadata lack.
+    pub fn projection(&self) -> Result<Projection, ReadError> {
+        Projection::of(&self.xml).map_err(|error| ReadError::Format {
+            path: self.path.clone(),
+            what: error.to_string(),
+        })
+    }
+
+    /// Where its spectrum is; `None` where the metadata do not tell.
+    pub fn band(&self) -> Option<Band> {
+        Band::of(&self.xml)
     }
 
     /// Samples of whole or parts of rows.

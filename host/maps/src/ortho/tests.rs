@@ -1,7 +1,6 @@
 //! Against the defining sum at the map's own pixels, phase included.
 
-use std::f64::consts::TAU;
-
+use glam::DVec3;
 use num_complex::Complex64;
 
 use subaperture_model::SPEED_OF_LIGHT_M_S;
