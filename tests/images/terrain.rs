@@ -172,6 +172,95 @@ fn hgt_files_of_a_folder_meet_at_their_edges() {
     assert!(short.to_string().contains("5 bytes"), "{short}");
 }
 
+/// A raster whose pixels are areas, so that files side by side share no posts.
+fn areas(size: [usize; 2], origin: [f64; 2], steps: [f64; 2]) -> GeoTiff {
+    GeoTiff {
+        size,
+        origin,
+        steps,
+        points: false,
+        epsg: 4326,
+        tile: None,
+        strip_rows: 16,
+        void: None,
+        deflate: false,
+    }
+}
+
+/// As Copernicus' model has them: files of a degree with as many posts, and fewer columns north of 50 degrees. Between the last posts of one and the first of the next there is ground.
+#[test]
+fn files_that_share_no_posts_leave_no_gap() {
+    let folder = tempfile::tempdir().unwrap();
+    let height = |latitude: f64, longitude: f64| {
+        200.0 + 7.0 * (latitude - 50.0) * 60.0 - 5.0 * (longitude - 7.0) * 60.0
+    };
+    for (name, [west, north], columns) in [
+        ("a.tif", [6.0, 50.0], 120),
+        ("b.tif", [7.0, 50.0], 120),
+        ("c.tif", [6.0, 51.0], 80),
+        ("d.tif", [7.0, 51.0], 80),
+    ] {
+        let steps = [1.0 / f64::from(columns), 1.0 / 120.0];
+        let file = areas([columns as usize, 120], [west, north], steps);
+        let bytes = file.bytes(|column, row| {
+            let latitude = north - (row as f64 + 0.5) * steps[1];
+            height(latitude, west + (column as f64 + 0.5) * steps[0]) as f32
+        });
+        write(folder.path(), name, &bytes);
+    }
+    let region = region([49.99, 50.01], [6.98, 7.02]);
+    let ground = Ground::open(folder.path(), &Geoid::None, &region, MEMORY).unwrap();
+    for (latitude, longitude) in [
+        (49.9951, 7.0001),
+        (49.9999, 6.99),
+        (50.0, 7.0),
+        (50.003, 6.9989),
+        (50.0002, 7.013),
+        (50.0049, 7.0003),
+    ] {
+        let found = ground.height_m(latitude, longitude).unwrap();
+        let expected = height(latitude, longitude);
+        // Posts are float32, at 200 m.
+        assert!(
+            (found - expected).abs() < 1e-3,
+            "{latitude} {longitude}: {found} {expected}"
+        );
+    }
+    // A file alone ends where it ends.
+    let alone = Ground::open(&folder.path().join("a.tif"), &Geoid::None, &region, MEMORY).unwrap();
+    assert!(alone.height_m(49.9951, 6.9957).is_ok() && alone.height_m(49.9951, 7.0).is_err());
+}
+
+/// A model of the whole Earth, whose last column lies beside its first; and scenes over a pole.
+#[test]
+fn models_of_the_earth_have_no_seam_and_no_pole_is_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    // A degree a post, from -180 degrees on; as high as is the sine of the longitude.
+    let file = areas([360, 180], [-180.5, 90.0], [1.0, 1.0]);
+    let wave = |longitude: f64| 50.0 * longitude.to_radians().sin();
+    let bytes = file.bytes(|column, _| wave(column as f64 - 180.0) as f32);
+    let path = write(folder.path(), "earth.tif", &bytes);
+    for ([west, east], longitude) in [([179.3, 179.6], 179.5), ([179.9, 180.2], -179.85)] {
+        let region = region([10.0, 10.3], [west, east]);
+        let ground = Ground::open(&path, &Geoid::None, &region, MEMORY).unwrap();
+        let found = ground.height_m(10.1, longitude).unwrap();
+        // Near 180 degrees the sine is a line: to its cube over 6.
+        assert!((found - wave(longitude)).abs() < 1e-3, "{found}");
+    }
+    let frame = SceneFrame::east_north_up(&Geodetic {
+        latitude_deg: -89.97,
+        longitude_deg: 60.0,
+        height_m: 0.0,
+    });
+    // The pole is 3.4 km from the origin.
+    let grid: ImageGrid = "x=-5000:5000:100,y=-5000:5000:100".parse().unwrap();
+    let region = Region::of(&grid, &frame).unwrap();
+    assert_eq!(region.latitudes_deg[0], -90.0);
+    assert!(region.latitudes_deg[1] < -89.8, "{region:?}");
+    let [west, east] = region.longitudes_deg;
+    assert_eq!(east - west, 360.0);
+}
+
 /// On both sides of 180 degrees: files of one side are found from the other.
 #[test]
 fn the_date_line_is_no_edge() {

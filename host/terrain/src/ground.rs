@@ -85,10 +85,7 @@ impl Ground {
     /// # Errors
     /// [`TerrainError::Void`], [`TerrainError::NoUndulation`].
     pub fn height_m(&self, latitude_deg: f64, longitude_deg: f64) -> Result<f64, TerrainError> {
-        let found = |rasters: &[Raster]| {
-            let mut all = rasters.iter();
-            all.find_map(|raster| raster.at(latitude_deg, longitude_deg))
-        };
+        let found = |rasters: &[Raster]| height_of(rasters, latitude_deg, longitude_deg);
         let height = found(&self.rasters).ok_or_else(|| TerrainError::Void {
             surface: self.name.clone(),
             latitude_deg,
@@ -113,6 +110,18 @@ impl Ground {
             .map(|raster| raster.step_m(latitude_deg));
         steps.fold(f64::INFINITY, f64::min)
     }
+}
+
+/// The height at a place in the first raster that has it; or between the last posts of one and the first of its neighbours, as models whose files share no posts have it.
+fn height_of(rasters: &[Raster], latitude_deg: f64, longitude_deg: f64) -> Option<f64> {
+    let within = |latitude, longitude| {
+        let mut all = rasters.iter();
+        all.find_map(|raster| raster.at(latitude, longitude))
+    };
+    within(latitude_deg, longitude_deg).or_else(|| {
+        let mut all = rasters.iter();
+        all.find_map(|raster| raster.at_edge(latitude_deg, longitude_deg, within))
+    })
 }
 
 /// A path's last part.

@@ -49,6 +49,30 @@ impl Lattice {
         Some([row, column])
     }
 
+    /// Latitude and longitude, degrees, of a row and column. The inverse of [`Self::at`].
+    pub(crate) fn place(&self, [row, column]: [f64; 2]) -> [f64; 2] {
+        let north = self.origin[1] + row * self.steps[0];
+        let east = self.origin[0] + column * self.steps[1];
+        match self.projection {
+            Projection::Geographic => [north, east],
+            Projection::Utm(zone) => {
+                let there = Utm {
+                    zone,
+                    easting_m: east,
+                    northing_m: north,
+                };
+                let place = there.to_geodetic(0.0);
+                [place.latitude_deg, place.longitude_deg]
+            }
+        }
+    }
+
+    /// Whether so many columns go around the Earth, but for less than the next.
+    pub(crate) fn goes_around(&self, columns: usize) -> bool {
+        let turn = columns as f64 * self.steps[1].abs();
+        self.projection == Projection::Geographic && turn > 360.0 - 0.5 * self.steps[1].abs()
+    }
+
     /// Metres between posts, about: the smaller of both ways, at this latitude.
     pub(crate) fn step_m(&self, latitude_deg: f64) -> f64 {
         /// Metres a degree of latitude.

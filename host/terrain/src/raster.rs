@@ -35,7 +35,13 @@ impl Extent {
             let end = (high[i] + AROUND).ceil().min(count as f64);
             (first < end).then_some(first as usize..end as usize)
         };
-        Some([range(0, self.rows)?, range(1, self.columns)?])
+        // What goes around the Earth has its first column beside its last.
+        let at_an_end = low[1] < AROUND || high[1] + AROUND > self.columns as f64;
+        let columns = match at_an_end && self.lattice.goes_around(self.columns) {
+            true => 0..self.columns,
+            false => range(1, self.columns)?,
+        };
+        Some([range(0, self.rows)?, columns])
     }
 }
 
@@ -96,22 +102,38 @@ impl Raster {
         if !within {
             return None;
         }
+        // On a post to a rounding no other counts.
+        let on_post = |x: f64| match (x - x.round()).abs() < EDGE {
+            true => x.round(),
+            false => x,
+        };
         let (row, column) = (row.clamp(0.0, last[0]), column.clamp(0.0, last[1]));
-        let (i, j) = (row as usize, column as usize);
-        let (v, u) = (row - i as f64, column - j as f64);
-        let mut sum = 0.0;
-        for (di, w) in [(0, 1.0 - v), (1, v)] {
-            for (dj, weight) in [(0, w * (1.0 - u)), (1, w * u)] {
-                if weight > 0.0 {
-                    let height = self.heights[(i + di) * self.columns + j + dj];
-                    if height.is_nan() {
-                        return None;
-                    }
-                    sum += weight * f64::from(height);
-                }
-            }
+        bilinear([row, column].map(on_post), |i, j| {
+            let height = self.heights[i * self.columns + j];
+            (!height.is_nan()).then_some(f64::from(height))
+        })
+    }
+
+    /// The height at a place between this raster's posts and others beyond its outermost, as `post` tells them by latitude and longitude; none where the place is beyond those.
+    pub(crate) fn at_edge(
+        &self,
+        latitude_deg: f64,
+        longitude_deg: f64,
+        post: impl Fn(f64, f64) -> Option<f64>,
+    ) -> Option<f64> {
+        let [row, column] = self.lattice.at(latitude_deg, longitude_deg)?;
+        let first = self.first.map(|n| n as f64 - 1.0);
+        let count = [self.rows, self.columns].map(|n| n as f64 + 1.0);
+        let (row, column) = (row - first[0], column - first[1]);
+        if !(row >= 0.0 && column >= 0.0 && row < count[0] && column < count[1]) {
+            return None;
         }
-        Some(sum)
+        bilinear([row, column], |i, j| {
+            let [latitude, longitude] = self
+                .lattice
+                .place([first[0] + i as f64, first[1] + j as f64]);
+            post(latitude, longitude)
+        })
     }
 
     /// Bytes held.
@@ -123,4 +145,19 @@ impl Raster {
     pub(crate) fn step_m(&self, latitude_deg: f64) -> f64 {
         self.lattice.step_m(latitude_deg)
     }
+}
+
+/// Between four posts, of which those that weigh nothing are not asked; none where one has none.
+fn bilinear([row, column]: [f64; 2], post: impl Fn(usize, usize) -> Option<f64>) -> Option<f64> {
+    let (i, j) = (row as usize, column as usize);
+    let (v, u) = (row - i as f64, column - j as f64);
+    let mut sum = 0.0;
+    for (di, w) in [(0, 1.0 - v), (1, v)] {
+        for (dj, weight) in [(0, w * (1.0 - u)), (1, w * u)] {
+            if weight > 0.0 {
+                sum += weight * post(i + di, j + dj)?;
+            }
+        }
+    }
+    Some(sum)
 }

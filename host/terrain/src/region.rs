@@ -81,6 +81,16 @@ impl Region {
                 *high = high.max(value + MARGIN_DEG);
             }
         }
+        // Only what holds a pole lies on more than half of all meridians.
+        let [west, east] = region.longitudes_deg;
+        if east - west > 180.0 {
+            region.longitudes_deg = [first - 180.0, first + 180.0];
+            let [south, north] = &mut region.latitudes_deg;
+            match *north + *south > 0.0 {
+                true => *north = 90.0,
+                false => *south = -90.0,
+            }
+        }
         region
     }
 
