@@ -21,6 +21,7 @@ use subaperture_io::xml::check_plain;
 use subaperture_model::image::{Image, Parts, PartsError, Place, bands};
 
 use crate::header::{FileHeader, ImageHeader, Samples};
+use crate::lookup::Lookup;
 use crate::{Band, Plane, Projection};
 
 /// The longest XML that is read.
@@ -195,6 +196,11 @@ impl SicdFile {
         })
     }
 
+    /// Where it was opened.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// The standard's version, such as `1.3.0`.
     pub fn version(&self) -> &str {
         &self.version
@@ -203,6 +209,35 @@ impl SicdFile {
     /// The metadata.
     pub fn xml(&self) -> &str {
         &self.xml
+    }
+
+    /// What its collector called it, `CoreName`.
+    pub fn name(&self) -> Option<String> {
+        self.told(&["CollectionInfo", "CoreName"])
+    }
+
+    /// When its collection began, as RFC 3339 has it; `None` where the metadata tell no such moment.
+    pub fn start(&self) -> Option<String> {
+        let text = self.told(&["Timeline", "CollectStart"])?;
+        let (moment, fraction) = text.trim_end_matches('Z').split_at_checked(19)?;
+        let like = |c: char, pattern: char| match pattern {
+            '0' => c.is_ascii_digit(),
+            other => c == other,
+        };
+        let sound = moment
+            .chars()
+            .zip("0000-00-00T00:00:00".chars())
+            .all(|(c, pattern)| like(c, pattern));
+        let digits = fraction.strip_prefix('.').unwrap_or(fraction);
+        (sound && digits.bytes().all(|b| b.is_ascii_digit()))
+            .then(|| format!("{moment}{fraction}Z"))
+    }
+
+    /// A text of the metadata that is there and not empty.
+    fn told(&self, path: &[&str]) -> Option<String> {
+        let document = Document::parse(&self.xml).ok()?;
+        let text = Lookup::of(document.root_element()).text(path)?.to_owned();
+        (!text.is_empty()).then_some(text)
     }
 
     /// Where its pixels are; `None` where the metadata do not tell.

@@ -97,6 +97,8 @@ mod focused;
 mod focusing;
 #[cfg(feature = "radio")]
 pub mod live_capture;
+#[cfg(all(feature = "maps", feature = "sicd"))]
+pub mod on_map;
 #[cfg(all(feature = "motion", feature = "navigation"))]
 pub mod one_track;
 pub mod prelude;

@@ -7,7 +7,7 @@ use subaperture::units::Dimension;
 use super::values::{above_zero, any, positive};
 
 /// How an image is shown on a map.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Group)]
+#[derive(Clone, Copy, Debug, Default, Group)]
 #[command(next_help_heading = "Maps")]
 pub(crate) struct Mapping {
     /// What the map's coordinates are: UTM, or longitude and latitude [default: utm; of a KMZ geographic]

@@ -12,11 +12,9 @@ use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use subaperture::geometry::{Geodetic, SceneFrame};
 use subaperture::io::claim::Claims;
-use subaperture::io::ours::Kind;
-use subaperture::plot::{Colours, Scale};
 
-use super::{picture, stored};
-use crate::args::{Export, ImageFormat, Mapping, RemapName, Writing};
+use super::stored;
+use crate::args::{Export, ImageFormat, Mapping, Writing};
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::text;
@@ -42,14 +40,16 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
         );
         return Err(Usage(what).into());
     }
-    if format == ImageFormat::Png && stored::is_nitf(image) {
-        return picture_of_sicd(session, typed, image);
-    }
-    let Some(folder) = stored::product_folder(image) else {
-        bail!(
-            "{}: no image: give the folder of a product (with image.json and image.npy)",
+    let folder = match stored::product_folder(image) {
+        Some(folder) => folder,
+        None if stored::is_nitf(image) => {
+            check_sicd(typed, image, format)?;
+            image
+        }
+        None => bail!(
+            "{}: no image: give the folder of a product (with image.json and image.npy), or a SICD",
             image.display()
-        );
+        ),
     };
     let export = One {
         image,
@@ -75,44 +75,24 @@ pub(crate) fn run(session: &Session, typed: &Export) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes anyone's SICD as a picture in its own pixels.
-fn picture_of_sicd(session: &Session, typed: &Export, image: &Path) -> anyhow::Result<()> {
-    let Mapping {
-        remap, top, span, ..
-    } = typed.maps;
-    let greys = Mapping {
-        remap,
-        top,
-        span,
-        ..Mapping::default()
-    };
-    if typed.maps != greys || typed.place.is_some() || typed.speed.is_some() {
-        let what = "--projection, --pixel, --looks, --layout, --place and --speed say nothing to a SICD's picture, which has its own pixels: leave \
-             them out";
-        return Err(Usage(what.to_owned()).into());
+/// Refuses what a SICD, which is anyone's, is not written as.
+fn check_sicd(typed: &Export, image: &Path, format: ImageFormat) -> Result<(), Usage> {
+    let image = image.display();
+    if !matches!(
+        format,
+        ImageFormat::Cog | ImageFormat::Kmz | ImageFormat::Png
+    ) {
+        return Err(Usage(format!(
+            "{image} is a SICD, of which maps are made (--format cog, kmz or png): --format {} is of images that subap formed",
+            format.name()
+        )));
     }
-    let scale = match (remap, top.or(span)) {
-        (Some(RemapName::Density), Some(_)) => {
-            let what = "--top and --span are of --remap db: leave them out";
-            return Err(Usage(what.to_owned()).into());
-        }
-        (Some(RemapName::Density) | None, None) => Scale::Density,
-        _ => Scale::FromData {
-            top_db: top,
-            span_db: span,
-        },
-    };
-    let mut claims = session.claims(&typed.writing, &[image]);
-    claims.file(&typed.out, Kind::Picture)?;
-    picture::of_sicd(session, image, &typed.out, scale, Colours::Grey)?;
-    let path = typed.out.display().to_string();
-    if session.json() {
-        return text::say_json("export", json!({ "path": path }));
+    match typed.place.is_some() {
+        true => Err(Usage(format!(
+            "{image} says itself where on the Earth it is: leave --place out"
+        ))),
+        false => Ok(()),
     }
-    if session.tells() {
-        text::say(path)?;
-    }
-    Ok(())
 }
 
 /// An image as one file, or with others as one stack.
@@ -121,7 +101,7 @@ struct One<'a> {
     image: &'a Path,
     /// Those of its stack.
     others: &'a [PathBuf],
-    /// Where it lies.
+    /// Where it lies: a product's folder, or a SICD's file.
     folder: &'a Path,
     format: ImageFormat,
     out: &'a Path,

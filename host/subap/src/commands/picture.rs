@@ -71,7 +71,7 @@ fn say(session: &Session, out: &Path) -> anyhow::Result<()> {
 }
 
 /// Writes the picture of anyone's SICD, in its own pixels, the first row on top as such files are looked at.
-pub(super) fn of_sicd(
+fn of_sicd(
     session: &Session,
     image: &Path,
     out: &Path,

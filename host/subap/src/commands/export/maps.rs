@@ -5,16 +5,20 @@ use std::time::{Duration, SystemTime};
 
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
-use subaperture::geometry::SceneFrame;
+use subaperture::geometry::{Geodetic, SceneFrame};
+use subaperture::image::Parts;
 use subaperture::io::claim::Claims;
 use subaperture::io::ours::Kind;
 use subaperture::io::product::{self, OpenProduct};
 use subaperture::maps::{self, Levels, MapError, Ortho, Projection, Raster, Source, cog::Layout};
+use subaperture::on_map::SicdOnMap;
 use subaperture::resolution::support::{Looks, RecordedLooks};
+use subaperture::sicd::SicdFile;
 use subaperture::signal::window::Window;
 
 use super::{One, Written};
 use crate::args::{ImageFormat, MapLayout, MapProjection, RemapName};
+use crate::commands::stored;
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::{log, messages};
@@ -90,11 +94,13 @@ pub(super) fn claim(one: &One, format: MapFormat, claims: &mut Claims) -> anyhow
     Ok(())
 }
 
-/// Reads a product and writes its map.
+/// Reads a product or a SICD and writes its map.
 pub(super) fn write(session: &Session, one: &One, format: MapFormat) -> anyhow::Result<Written> {
     let wanted = Wanted::of(one, format)?;
-    let folder = one.folder;
-    let stored = product::open(folder)?;
+    if stored::is_nitf(one.folder) {
+        return write_sicd(session, &wanted);
+    }
+    let stored = product::open(one.folder)?;
     let frame = frame(one, &stored)?;
     let looks = looks(&stored.metadata).ok_or(MapError::Unseen)?;
     let source = Source {
@@ -103,29 +109,74 @@ pub(super) fn write(session: &Session, one: &One, format: MapFormat) -> anyhow::
         frame: &frame,
         looks: &looks,
     };
-    let covering = |pixel_m| {
-        let projection = |centre: &_| match wanted.projection {
-            MapProjection::Utm => Projection::utm(centre),
-            MapProjection::Geographic => Ok(Projection::geographic(centre)),
-        };
+    let raster = wanted.raster(|projection, pixel_m| {
         Raster::covering(&stored.grid, &frame, projection, pixel_m)
-    };
-    let mut raster = covering(one.maps.pixel)?;
-    if let Some(looks) = one.maps.looks {
-        raster = covering(Some(raster.pixel_m * looks as f64))?;
-    }
+    })?;
     let ortho = Ortho::new(source, raster)?;
-    if ortho.error_db() > WORTH_SAYING_DB {
-        messages::warning(format!(
-            "reading the image between its pixels leaves an error of {:.0} dB, for they are only {:.2} and {:.2} times as fine as its \
-             band needs: form it on a finer grid for less",
-            ortho.error_db(),
-            ortho.oversampling()[0],
-            ortho.oversampling()[1]
-        ));
+    wanted.write(session, &About::of_record(one, &stored.metadata), &ortho)
+}
+
+/// Reads anyone's SICD and writes its map.
+fn write_sicd(session: &Session, wanted: &Wanted) -> anyhow::Result<Written> {
+    let file = SicdFile::open(wanted.one.folder)?;
+    let lying = SicdOnMap::new(&file)?;
+    session.note(1, || {
+        format!(
+            "what the image shows is taken to stand {:.1} m above the ellipsoid, as its scene centre point does",
+            lying.height_m()
+        )
+    });
+    let raster = wanted.raster(|projection, pixel_m| {
+        Raster::covering_told(&lying, file.size(), projection, pixel_m)
+    })?;
+    let ortho = Ortho::told(&file, &lying, raster);
+    let about = About {
+        title: file
+            .name()
+            .unwrap_or_else(|| wanted.one.image.display().to_string()),
+        recorded: file.start(),
+        file: wanted.one.folder.to_owned(),
+    };
+    wanted.write(session, &about, &ortho)
+}
+
+/// What is said of an image beside its pixels.
+struct About {
+    title: String,
+    /// When its recording began, RFC 3339.
+    recorded: Option<String>,
+    /// Whose time is when it was formed.
+    file: PathBuf,
+}
+
+impl About {
+    fn of_record(one: &One, metadata: &Value) -> Self {
+        let title = metadata["picture"]["title"].as_str();
+        let start = metadata["antennas"]["start_ns"].as_i64().map(|start_ns| {
+            let from_1970 = Duration::from_nanos(start_ns.unsigned_abs());
+            log::utc(match start_ns < 0 {
+                true => SystemTime::UNIX_EPOCH - from_1970,
+                false => SystemTime::UNIX_EPOCH + from_1970,
+            })
+        });
+        Self {
+            title: title.map_or_else(|| one.image.display().to_string(), str::to_owned),
+            recorded: start,
+            // The record is written last.
+            file: one.folder.join("image.json"),
+        }
     }
-    wanted.write(session, &stored.metadata, &ortho)?;
-    Ok(wanted.written(&ortho))
+
+    /// When the recording began, or when the image was formed; and which of them.
+    fn datetime(&self) -> anyhow::Result<(String, &'static str)> {
+        if let Some(start) = &self.recorded {
+            return Ok((start.clone(), "when the recording began"));
+        }
+        let formed = std::fs::metadata(&self.file).and_then(|about| about.modified());
+        let formed = formed.context("cannot tell when the image was formed")?;
+        let meaning = "when the image was formed: its record does not say when it was recorded";
+        Ok((log::utc(formed), meaning))
+    }
 }
 
 /// Errors above this are worth a warning.
@@ -173,8 +224,36 @@ impl<'a> Wanted<'a> {
         })
     }
 
-    fn write(&self, session: &Session, metadata: &Value, ortho: &Ortho) -> anyhow::Result<()> {
-        let One { image, out, .. } = *self.one;
+    /// The map's pixels, as `covering` lays them over the image.
+    fn raster(
+        &self,
+        covering: impl Fn(Projecting, Option<f64>) -> Result<Raster, MapError>,
+    ) -> Result<Raster, MapError> {
+        let own = |pixel_m| {
+            let projection: Projecting = match self.projection {
+                MapProjection::Utm => Projection::utm,
+                MapProjection::Geographic => |centre| Ok(Projection::geographic(centre)),
+            };
+            covering(projection, pixel_m)
+        };
+        let raster = own(self.one.maps.pixel)?;
+        match self.one.maps.looks {
+            Some(looks) => own(Some(raster.pixel_m * looks as f64)),
+            None => Ok(raster),
+        }
+    }
+
+    fn write(&self, session: &Session, about: &About, ortho: &Ortho) -> anyhow::Result<Written> {
+        if ortho.error_db() > WORTH_SAYING_DB {
+            messages::warning(format!(
+                "reading the image between its pixels leaves an error of {:.0} dB, for they are only {:.2} and {:.2} times as fine as its \
+                 band needs: form it on a finer grid for less",
+                ortho.error_db(),
+                ortho.oversampling()[0],
+                ortho.oversampling()[1]
+            ));
+        }
+        let out = self.one.out;
         let levels = || {
             let reading = session.progress("reading levels");
             let levels = Levels::of(
@@ -186,15 +265,12 @@ impl<'a> Wanted<'a> {
             reading.finish();
             Ok::<_, MapError>(levels)
         };
-        let title = match metadata["picture"]["title"].as_str() {
-            Some(title) => title.to_owned(),
-            None => image.display().to_string(),
-        };
+        let title = &about.title;
         match self.format {
             MapFormat::Kmz => {
                 let levels = levels()?;
                 let progress = session.progress("writing");
-                maps::kmz::write(out, ortho, levels, &title, &progress)?;
+                maps::kmz::write(out, ortho, levels, title, &progress)?;
                 progress.finish();
             }
             MapFormat::Png => {
@@ -210,37 +286,19 @@ impl<'a> Wanted<'a> {
                     MapLayout::Complex => Layout::Complex,
                 };
                 let progress = session.progress("writing");
-                maps::cog::write(out, ortho, layout, &title, &progress)?;
+                maps::cog::write(out, ortho, layout, title, &progress)?;
                 progress.finish();
                 let id = out.file_stem().unwrap_or_default().to_string_lossy();
-                let (datetime, meaning) = self.datetime(metadata)?;
-                let about = maps::stac::About {
+                let (datetime, meaning) = about.datetime()?;
+                let item = maps::stac::About {
                     id: &id,
                     datetime: &datetime,
                     properties: json!({ "title": title, "subaperture:datetime": meaning }),
                 };
-                maps::stac::write(&out.with_extension("json"), out, ortho, layout, &about)?;
+                maps::stac::write(&out.with_extension("json"), out, ortho, layout, &item)?;
             }
         }
-        Ok(())
-    }
-
-    /// When the recording began, or when the image was formed; and which of them.
-    fn datetime(&self, metadata: &Value) -> anyhow::Result<(String, &'static str)> {
-        if let Some(start_ns) = metadata["antennas"]["start_ns"].as_i64() {
-            let from_1970 = Duration::from_nanos(start_ns.unsigned_abs());
-            let start = match start_ns < 0 {
-                true => SystemTime::UNIX_EPOCH - from_1970,
-                false => SystemTime::UNIX_EPOCH + from_1970,
-            };
-            return Ok((log::utc(start), "when the recording began"));
-        }
-        // The record is written last.
-        let record = std::fs::metadata(self.one.folder.join("image.json"));
-        let formed = record.and_then(|about| about.modified());
-        let formed = formed.context("cannot tell when the image was formed")?;
-        let meaning = "when the image was formed: its record does not say when it was recorded";
-        Ok((log::utc(formed), meaning))
+        Ok(self.written(ortho))
     }
 
     fn written(&self, ortho: &Ortho) -> Written {
@@ -272,6 +330,9 @@ impl<'a> Wanted<'a> {
         }
     }
 }
+
+/// The projection of a map by the middle of its image.
+type Projecting = fn(&Geodetic) -> Result<Projection, MapError>;
 
 /// Where the scene is.
 fn frame(one: &One, stored: &OpenProduct) -> anyhow::Result<SceneFrame> {

@@ -1,0 +1,85 @@
+//! Anyone's SICD on the map.
+
+use subaperture_maps::Lying;
+use subaperture_model::geometry::Geodetic;
+use subaperture_sicd::{Band, Projection, ReadError, SicdFile};
+
+/// Where the pixels of a SICD are on the Earth: what each shows is taken to stand as high above the ellipsoid as the scene centre point. What stands `h` higher appears on the map where
+/// it does in the image, about `h` over the tangent of the grazing angle nearer to the radar.
+///
+/// [`subaperture_maps::Ortho::told`] reads the image by it.
+#[derive(Clone, Debug)]
+pub struct SicdOnMap {
+    projection: Projection,
+    band: Band,
+    height_m: f64,
+    steps_m: [f64; 2],
+}
+
+impl SicdOnMap {
+    /// Of a file.
+    ///
+    /// # Errors
+    /// [`ReadError::Format`]: its metadata put its pixels nowhere.
+    pub fn new(file: &SicdFile) -> Result<Self, ReadError> {
+        let projection = file.projection()?;
+        let wrong = |what: &str| ReadError::Format {
+            path: file.path().to_owned(),
+            what: what.to_owned(),
+        };
+        let band = file
+            .band()
+            .ok_or_else(|| wrong("XML: no spacing of its samples (Grid/Row/SS, Grid/Col/SS)"))?;
+        let height_m = projection.scp().height_m;
+        let [row_m, column_m] = projection.spacings_m();
+        let at = |along_m| {
+            let place = projection.on_height(along_m, height_m);
+            place.map(|place| place.to_ecf_m())
+        };
+        let places = (at([0.0; 2]), at([row_m, 0.0]), at([0.0, column_m]));
+        let (Some(centre), Some(down), Some(across)) = places else {
+            return Err(wrong("its pixels about the scene centre point are nowhere"));
+        };
+        Ok(Self {
+            steps_m: [down, across].map(|next| next.distance(centre)),
+            projection,
+            band,
+            height_m,
+        })
+    }
+
+    /// How high above the ellipsoid all is taken to stand, metres.
+    pub fn height_m(&self) -> f64 {
+        self.height_m
+    }
+}
+
+impl Lying for SicdOnMap {
+    fn place(&self, pixel: [f64; 2]) -> Option<Geodetic> {
+        let along_m = self.projection.along_of(pixel);
+        self.projection.on_height(along_m, self.height_m)
+    }
+
+    fn pixel(&self, place: &Geodetic) -> Option<[f64; 2]> {
+        let ground = Geodetic {
+            height_m: self.height_m,
+            ..*place
+        };
+        let along_m = self.projection.along_m(ground.to_ecf_m())?;
+        Some(self.projection.pixel_of(along_m))
+    }
+
+    fn steps_m(&self) -> [f64; 2] {
+        self.steps_m
+    }
+
+    fn middle(&self, pixel: [f64; 2]) -> [f64; 2] {
+        // Where the metadata are no numbers the spectrum is taken to lie about zero.
+        let along_m = self.projection.along_of(pixel);
+        self.band.middle(along_m).unwrap_or_default()
+    }
+
+    fn widths(&self) -> [f64; 2] {
+        self.band.widths()
+    }
+}
