@@ -6,7 +6,7 @@ use std::process::Command;
 
 use subaperture::image::Parts;
 use subaperture::io::npy;
-use subaperture::sicd::SicdFile;
+use subaperture::sicd::{Projection, SicdFile};
 use subaperture_tests::subap::run;
 
 /// Three points seen from 600 km by a satellite of the X band that looks ahead, in a frame of the Earth whose axes are turned.
@@ -73,16 +73,20 @@ fn images_are_sicd_that_sarkit_reads_and_projects() {
         let [file, image] = [format!("{name}.nitf"), name.to_owned()].map(|n| at.join(n));
         list += &format!("{}\t{}\n", file.display(), image.display());
     }
-    let mut others = vec![at.join("fine.nitf")];
-    for name in ["sicd_50x50.nitf", "cropped_sicd_110.nitf"] {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("../../shared/data/sicd")
-            .join(name);
-        match path.exists() {
-            true => others.push(path),
-            false => println!("skipped: {} not found", path.display()),
+    let recorded = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../shared/data/gotcha/data_3dsar_pass1_az001_HH.mat");
+    match recorded.exists() {
+        true => {
+            run(at, &format!("focus {} --out gotcha", recorded.display())).succeeded();
+            let line = "export gotcha -o gotcha.nitf --place 39.78,-84.09,240";
+            run(at, line).succeeded();
+            let [file, image] = ["gotcha.nitf", "gotcha"].map(|name| at.join(name));
+            list += &format!("{}\t{}\n", file.display(), image.display());
         }
+        false => println!("skipped: {} not found", recorded.display()),
     }
+    let mut others = vec![at.join("fine.nitf")];
+    others.extend(real());
     for (n, path) in others.iter().enumerate() {
         let read = SicdFile::open(path).unwrap();
         let (rows, columns) = read.size();
@@ -143,6 +147,152 @@ fn detected_images_are_sidd_that_sarkit_reads_and_places() {
     run(at, "quality density.nitf").failed(1, &["density.nitf", "SICD"]);
 }
 
+/// Real SICDs, if they are at hand.
+fn real() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/sicd");
+    let paths = ["sicd_50x50.nitf", "cropped_sicd_110.nitf"].map(|name| folder.join(name));
+    let (there, missing): (Vec<_>, Vec<_>) = paths.into_iter().partition(|path| path.exists());
+    for path in missing {
+        println!("skipped: {} not found", path.display());
+    }
+    there
+}
+
+/// The metadata of an image with those of another kind of grid in place of its plane's, as far as projection asks: an aperture of two seconds at a distance of `range_m`,
+/// `cosine` of the Doppler cone angle and metres a second.
+fn of_kind(xml: &str, kind: &str, [range_m, cosine, speed_m_s]: [f64; 3]) -> String {
+    let line = |name: &str, coefficients: &[f64]| {
+        let all: String = coefficients
+            .iter()
+            .enumerate()
+            .map(|(k, c)| format!("<Coef exponent1=\"{k}\">{c:e}</Coef>"))
+            .collect();
+        format!(
+            "<{name} order1=\"{}\">{all}</{name}>",
+            coefficients.len() - 1
+        )
+    };
+    let sine = (1.0 - cosine * cosine).sqrt();
+    let turning = speed_m_s * sine / range_m;
+    let (grid, former, block) = match kind {
+        "PFA" => {
+            let angle = line("PolarAngPoly", &[-turning, turning, 0.01 * turning]);
+            let scale = line("SpatialFreqSFPoly", &[1.0, -0.07, 0.4]);
+            ("RGAZIM", "PFA", format!("<PFA>{angle}{scale}</PFA>"))
+        }
+        "RGAZCOMP" => {
+            let scale = sine / range_m;
+            let block = format!("<RgAzComp><AzSF>{scale:e}</AzSF></RgAzComp>");
+            ("RGAZIM", "RGAZCOMP", block)
+        }
+        _ => {
+            // Seen ahead it is nearest later; rows move that by what the antenna takes along them.
+            let later = range_m * cosine / speed_m_s;
+            let time = line("TimeCAPoly", &[1.0 + later, 1.0 / speed_m_s, 1e-14]);
+            let rate = "<DRateSFPoly order1=\"1\" order2=\"1\"><Coef exponent1=\"0\" exponent2=\"0\">0.98</Coef><Coef exponent1=\"1\" exponent2=\"0\">1e-8</Coef>\
+                        <Coef exponent1=\"1\" exponent2=\"1\">1e-13</Coef></DRateSFPoly>";
+            let closest = format!("<R_CA_SCP>{}</R_CA_SCP>", range_m * sine);
+            let block = format!("<RMA><INCA>{time}{closest}{rate}</INCA></RMA>");
+            ("RGZERO", "RMA", block)
+        }
+    };
+    xml.replace("<Type>PLANE</Type>", &format!("<Type>{grid}</Type>"))
+        .replace(
+            "<ImageFormAlgo>OTHER<",
+            &format!("<ImageFormAlgo>{former}<"),
+        )
+        .replace("</SICD>", &format!("{block}</SICD>"))
+}
+
+/// Metadata of every kind of grid tell the places that sarkit's tell, and maps of SICDs show what is there: those of ours as those of the products that they were made of.
+#[test]
+fn anyones_sicd_lies_where_sarkit_projects_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    fs::write(at.join("space.toml"), SPACE).unwrap();
+    run(at, "simulate space.toml -o space.cphd").succeeded();
+    let grid = "--grid x=-20:20:0.4,y=-16:16:0.25";
+    run(at, &format!("focus space.cphd {grid} --out level")).succeeded();
+    run(at, "export level -o level.nitf").succeeded();
+    run(
+        at,
+        &format!("focus space.cphd {grid} --surface slant --out slant"),
+    )
+    .succeeded();
+    run(at, "export slant -o slant.nitf").succeeded();
+    let mut list = String::new();
+    let put = |name: String, xml: String| {
+        let found = Projection::of(&xml).unwrap();
+        let height_m = found.scp().height_m;
+        let mut places = Vec::new();
+        for n in 0..25u8 {
+            let along_m = [n / 5, n % 5].map(|k| 400.0 * (f64::from(k) - 2.0));
+            let height_m = height_m + 15.0 * f64::from(n % 3);
+            let place = found.on_height(along_m, height_m).unwrap();
+            let back = found.along_m(place.to_ecf_m()).unwrap();
+            assert!(
+                (0..2).all(|k| (back[k] - along_m[k]).abs() < 1e-4),
+                "{name}"
+            );
+            places.push(serde_json::json!({
+                "along_m": along_m,
+                "height_m": height_m,
+                "latitude_deg": place.latitude_deg,
+                "longitude_deg": place.longitude_deg,
+            }));
+        }
+        let told = serde_json::json!({ "name": name, "xml": xml, "places": places });
+        let path = at.join(format!("{name}.places"));
+        fs::write(&path, told.to_string()).unwrap();
+        format!("places\t{}\n", path.display())
+    };
+    let own = SicdFile::open(&at.join("slant.nitf")).unwrap();
+    list += &put("plane".to_owned(), own.xml().to_owned());
+    for kind in ["PFA", "RGAZCOMP", "INCA"] {
+        let geometry = [683e3, 0.15, 7500.0];
+        list += &put(kind.to_owned(), of_kind(own.xml(), kind, geometry));
+    }
+    for (n, path) in real().into_iter().enumerate() {
+        let file = SicdFile::open(&path).unwrap();
+        list += &put(format!("real{n}"), file.xml().to_owned());
+        let map = format!("real{n}.tif");
+        let line = format!("export {} -o {map} --layout amplitude", path.display());
+        run(at, &line).succeeded();
+        list += &format!("peak\t{}\t{}\n", at.join(map).display(), path.display());
+    }
+    for name in ["level", "slant"] {
+        let line = format!("export {name}.nitf -o {name}.tif --layout amplitude");
+        run(at, &line).succeeded();
+        let [map, sicd] = ["tif", "nitf"].map(|end| at.join(format!("{name}.{end}")));
+        list += &format!("peak\t{}\t{}\n", map.display(), sicd.display());
+    }
+    for (image, map) in [("level", "product.tif"), ("level.nitf", "sicd.tif")] {
+        let line = format!("export {image} -o {map} --layout amplitude --pixel 20cm");
+        run(at, &line).succeeded();
+    }
+    let [product, sicd] = ["product.tif", "sicd.tif"].map(|name| at.join(name));
+    list += &format!("same\t{}\t{}\n", product.display(), sicd.display());
+    fs::write(at.join("list.txt"), list).unwrap();
+    sarkit("sicd_map_check.py", &[at.join("list.txt")]);
+    let item = fs::read(at.join("sicd.json")).unwrap();
+    let item: serde_json::Value = serde_json::from_slice(&item).unwrap();
+    assert_eq!(item["properties"]["title"], "space & time");
+    run(at, "export level.nitf -o level.kmz").succeeded();
+    run(at, "export level.nitf -o level.png").succeeded();
+    run(at, "export level.nitf --format sidd -o sidd.nitf").failed(2, &["level.nitf", "SICD"]);
+    run(at, "export level.nitf -o a.tif --place 52,4").failed(2, &["--place", "leave"]);
+    // What it lacks is told.
+    for (from, to, wanted) in [
+        ("<Type>PLANE<", "<Type>PLAIN<", "'PLAIN'"),
+        ("MONOSTATIC", "BISTATIC", "bistatic"),
+        ("ARPPoly", "ARPPolx", "Position/ARPPoly"),
+        ("<SS>", "<SS>-", "not positive"),
+    ] {
+        let error = Projection::of(&own.xml().replace(from, to)).unwrap_err();
+        assert!(error.to_string().contains(wanted), "{error}");
+    }
+}
+
 /// The XML is the last of a file, so that what is cut off is missed whatever it is.
 #[test]
 fn a_sicd_that_is_cut_short_says_so_wherever_it_is_cut() {
@@ -153,19 +303,24 @@ fn a_sicd_that_is_cut_short_says_so_wherever_it_is_cut() {
     let grid = "--grid x=-2:2:0.4,y=-2:2:0.25 --window none --slow-window none";
     run(at, &format!("focus space.cphd {grid} --out small")).succeeded();
     run(at, "export small --format sicd -o whole.nitf").succeeded();
-    let whole = fs::read(at.join("whole.nitf")).unwrap();
-    let cut = at.join("cut.nitf");
-    let mut file = fs::File::create(&cut).unwrap();
-    std::io::Write::write_all(&mut file, &whole).unwrap();
     let read = |path: &Path| SicdFile::open(path).map_err(|error| error.to_string());
-    assert_eq!(read(&cut).unwrap().version(), "1.3.0");
-    for length in (0..whole.len()).rev() {
-        file.set_len(length as u64).unwrap();
-        let error = read(&cut).unwrap_err();
-        assert!(
-            error.contains("cut.nitf: ") && error.contains("cut short"),
-            "{length}: {error}"
-        );
+    let own = at.join("whole.nitf");
+    assert_eq!(read(&own).unwrap().version(), "1.3.0");
+    let cut = at.join("cut.nitf");
+    for path in [own].into_iter().chain(real()) {
+        let whole = fs::read(&path).unwrap();
+        fs::write(&cut, &whole).unwrap();
+        read(&cut).unwrap();
+        let file = fs::File::options().write(true).open(&cut).unwrap();
+        for length in (0..whole.len()).rev() {
+            file.set_len(length as u64).unwrap();
+            let error = read(&cut).unwrap_err();
+            assert!(
+                error.contains("cut.nitf: ") && error.contains("cut short"),
+                "{} at {length}: {error}",
+                path.display()
+            );
+        }
     }
 }
 

@@ -47,9 +47,14 @@ pub fn write(
 fn item(map: &Path, ortho: &Ortho, layout: Layout, about: &About) -> Result<Value, MapError> {
     let raster = ortho.raster();
     let outline = ortho.surface.outline(SIDE_PLACES)?;
+    let first_deg = outline[0].longitude_deg;
+    // The nearest way around the Earth from the first, so that the ring closes wherever it lies.
     let mut ring: Vec<[f64; 2]> = outline
         .iter()
-        .map(|place| [place.longitude_deg, place.latitude_deg])
+        .map(|place| {
+            let away = (place.longitude_deg - first_deg + 180.0).rem_euclid(360.0) - 180.0;
+            [first_deg + away, place.latitude_deg]
+        })
         .collect();
     // Counter-clockwise, as GeoJSON has it, whichever way the image's axes run.
     let area: f64 = (0..ring.len())
@@ -61,14 +66,7 @@ fn item(map: &Path, ortho: &Ortho, layout: Layout, about: &About) -> Result<Valu
     if area > 0.0 {
         ring.reverse();
     }
-    ring.push(ring[0]);
-    let bounds = [0, 1, 2, 3].map(|i| {
-        let all = ring.iter().map(|place| place[i % 2]);
-        match i < 2 {
-            true => all.fold(f64::INFINITY, f64::min),
-            false => all.fold(f64::NEG_INFINITY, f64::max),
-        }
-    });
+    let (geometry, bounds) = on_the_globe(&ring);
     let mut properties = about.properties.clone();
     let own = json!({
         "datetime": about.datetime,
@@ -93,7 +91,7 @@ fn item(map: &Path, ortho: &Ortho, layout: Layout, about: &About) -> Result<Valu
             "https://stac-extensions.github.io/raster/v1.1.0/schema.json",
         ],
         "id": about.id,
-        "geometry": { "type": "Polygon", "coordinates": [ring] },
+        "geometry": geometry,
         "bbox": bounds,
         "properties": properties,
         "links": [],
@@ -106,4 +104,106 @@ fn item(map: &Path, ortho: &Ortho, layout: Layout, about: &About) -> Result<Valu
             },
         },
     }))
+}
+
+/// Geometry and box of a ring of longitudes and latitudes, which may lie across the antimeridian: then it is cut there, and its box has its west east of its east (RFC 7946, 3.1.9
+/// and 5.2).
+fn on_the_globe(ring: &[[f64; 2]]) -> (Value, [f64; 4]) {
+    let extent = |axis: usize| {
+        let values = ring.iter().map(|place| place[axis]);
+        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
+            [low.min(x), high.max(x)]
+        })
+    };
+    let ([west, east], [south, north]) = (extent(0), extent(1));
+    let closed = |mut ring: Vec<[f64; 2]>| {
+        ring.extend(ring.first().copied());
+        ring
+    };
+    let line_deg = match (west < -180.0, east > 180.0) {
+        (false, false) => {
+            let geometry = json!({ "type": "Polygon", "coordinates": [closed(ring.to_vec())] });
+            return (geometry, [west, south, east, north]);
+        }
+        (true, _) => -180.0,
+        (false, true) => 180.0,
+    };
+    // What lies beyond has longitudes of the other sign.
+    let shift = |by: f64, part: Vec<[f64; 2]>| {
+        let moved = part.into_iter().map(|[x, y]| [x + by, y]);
+        closed(moved.collect())
+    };
+    let [to_west, to_east] = match line_deg > 0.0 {
+        true => [0.0, -360.0],
+        false => [360.0, 0.0],
+    };
+    let parts = [
+        [shift(to_west, cut(ring, line_deg, -1.0))],
+        [shift(to_east, cut(ring, line_deg, 1.0))],
+    ];
+    let geometry = json!({ "type": "MultiPolygon", "coordinates": parts });
+    (geometry, [west + to_west, south, east + to_east, north])
+}
+
+/// The part of a convex ring that lies west (`side` -1) or east (1) of a meridian.
+fn cut(ring: &[[f64; 2]], meridian_deg: f64, side: f64) -> Vec<[f64; 2]> {
+    let mut part = Vec::with_capacity(ring.len() + 2);
+    for (i, &[x, y]) in ring.iter().enumerate() {
+        let [next_x, next_y] = ring[(i + 1) % ring.len()];
+        let (here, there) = (side * (x - meridian_deg), side * (next_x - meridian_deg));
+        if here >= 0.0 {
+            part.push([x, y]);
+        }
+        if here * there < 0.0 {
+            let share = here / (here - there);
+            part.push([meridian_deg, y + share * (next_y - y)]);
+        }
+    }
+    part
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rings_across_the_antimeridian_are_cut_there() {
+        let square = |west: f64| {
+            [
+                [west, 10.0],
+                [west + 2.0, 10.0],
+                [west + 2.0, 12.0],
+                [west, 12.0],
+            ]
+        };
+        let (geometry, bounds) = on_the_globe(&square(100.0));
+        assert_eq!(geometry["type"], "Polygon");
+        assert_eq!(geometry["coordinates"][0][4], json!([100.0, 10.0]));
+        assert_eq!(bounds, [100.0, 10.0, 102.0, 12.0]);
+        // Told from either side it is the same: half a degree west of the antimeridian, one and a half east.
+        for west in [179.5, -180.5] {
+            let (geometry, bounds) = on_the_globe(&square(west));
+            assert_eq!(bounds, [179.5, 10.0, -178.5, 12.0]);
+            let coordinates = json!([
+                [[
+                    [179.5, 10.0],
+                    [180.0, 10.0],
+                    [180.0, 12.0],
+                    [179.5, 12.0],
+                    [179.5, 10.0]
+                ]],
+                [[
+                    [-180.0, 10.0],
+                    [-178.5, 10.0],
+                    [-178.5, 12.0],
+                    [-180.0, 12.0],
+                    [-180.0, 10.0]
+                ]],
+            ]);
+            assert_eq!(
+                geometry,
+                json!({ "type": "MultiPolygon", "coordinates": coordinates })
+            );
+        }
+    }
 }

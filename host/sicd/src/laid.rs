@@ -6,8 +6,9 @@ use crate::SicdError;
 use crate::aperture::{Aperture, Scpcoa};
 use crate::formed::{Formed, Placing};
 use crate::grid::Placed;
-use crate::nitf::{About, Headers, Product, Segment, segments};
+use crate::nitf::{About, Product, Segment, segments};
 use crate::spectrum::Spectrum;
+use crate::write::Written;
 
 /// An image laid on the Earth.
 pub(crate) struct Laid {
@@ -46,14 +47,14 @@ impl Laid {
         })
     }
 
-    /// How the image is parted in a file, and the file's headers.
-    pub(crate) fn headers(
-        &self,
+    /// The file of an image with this XML, but for its pixels: how they are parted in it, and its headers.
+    pub(crate) fn written(
+        self,
+        formed: &Formed,
         product: Product,
-        name: &str,
         created_ns: i64,
-        xml: &str,
-    ) -> Result<(Vec<Segment>, Headers), SicdError> {
+        xml: String,
+    ) -> Result<Written, SicdError> {
         let [rows, columns] = self.placed.size.map(|count| count as u64);
         let too_large = || {
             SicdError::Unsuited(format!(
@@ -64,7 +65,7 @@ impl Laid {
         let of_segments = corners_of(&segments, rows, &self.corners);
         let about = About {
             product,
-            name,
+            name: &formed.name,
             start_ns: self.aperture.start_ns,
             created_ns,
             columns,
@@ -74,7 +75,14 @@ impl Laid {
             xml_bytes: xml.len() as u64,
         };
         let headers = about.headers().ok_or_else(too_large)?;
-        Ok((segments, headers))
+        Ok(Written {
+            turned: self.placed.turned,
+            image: (formed.grid.rows.count, formed.grid.columns.count),
+            xml,
+            segments,
+            headers,
+            told: self.aperture.told,
+        })
     }
 }
 

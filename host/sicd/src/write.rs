@@ -21,10 +21,7 @@ pub const STRIP_PIXELS: usize = 1 << 20;
 
 /// A SICD but for its samples.
 #[derive(Clone, Debug)]
-pub struct Sicd {
-    file: Written,
-    told: Vec<String>,
-}
+pub struct Sicd(Written);
 
 impl Sicd {
     /// What is told of an image; `created_ns` is now, nanoseconds since the beginning of 1970.
@@ -43,37 +40,32 @@ impl Sicd {
             created_ns,
         }
         .document();
-        let (segments, headers) = laid.headers(Product::Sicd, &formed.name, created_ns, &xml)?;
-        Ok(Self {
-            told: laid.aperture.told,
-            file: Written {
-                turned: laid.placed.turned,
-                image: (formed.grid.rows.count, formed.grid.columns.count),
-                xml,
-                segments,
-                headers,
-            },
-        })
+        Ok(Self(laid.written(
+            formed,
+            Product::Sicd,
+            created_ns,
+            xml,
+        )?))
     }
 
     /// The metadata.
     pub fn xml(&self) -> &str {
-        &self.file.xml
+        &self.0.xml
     }
 
     /// How rows and columns lie on the image's.
     pub fn turned(&self) -> Turned {
-        self.file.turned
+        self.0.turned
     }
 
     /// What was assumed, in sentences: it stands in the file, too.
     pub fn told(&self) -> &[String] {
-        &self.told
+        &self.0.told
     }
 
     /// Bytes of the file.
     pub fn bytes(&self) -> u64 {
-        self.file.headers.bytes
+        self.0.headers.bytes
     }
 
     /// Writes the file, complete or not at all, reading the image in strips.
@@ -89,7 +81,7 @@ impl Sicd {
         image: &dyn Parts,
         monitor: &dyn Monitor,
     ) -> Result<(), SicdError> {
-        self.file.write(path, image, monitor, |pixels, bytes| {
+        self.0.write(path, image, monitor, |pixels, bytes| {
             for z in pixels {
                 bytes.extend(z.re.to_be_bytes());
                 bytes.extend(z.im.to_be_bytes());
@@ -107,6 +99,8 @@ pub(crate) struct Written {
     pub(crate) image: (usize, usize),
     pub(crate) segments: Vec<Segment>,
     pub(crate) headers: Headers,
+    /// What was assumed, in sentences.
+    pub(crate) told: Vec<String>,
 }
 
 impl Written {

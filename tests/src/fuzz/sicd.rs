@@ -19,6 +19,12 @@ pub(super) const WORDS: &[&str] = &[
     "XML_DATA_CONTENT",
     "urn:SICD:1.1.0",
     "RE32F_IM32F",
+    "RGAZIM",
+    "RGZERO",
+    "<PolarAngPoly><Coef exponent1=\"40\">1e99</Coef></PolarAngPoly>",
+    "exponent1=\"999999999\"",
+    "e308",
+    "-1",
     "RE16I_IM16I",
     "AMP8I_PHS8I",
     "<AmpTable size=\"256\">",
@@ -94,6 +100,24 @@ pub(super) fn read(bytes: &[u8]) -> String {
             let corner = plane.grid.position_m(rows - 1, columns - 1);
             assert!(plane.frame.to_ecf_m(corner).is_finite(), "{plane:?}");
         }
+        if let Ok(projection) = file.projection() {
+            let ends = [[0.0; 2], [rows, columns].map(|count| count as f64)];
+            for pixel in ends {
+                let along_m = projection.along_of(pixel);
+                if let Some(place) = projection.on_height(along_m, projection.scp().height_m) {
+                    let point = place.to_ecf_m();
+                    assert!(point.is_finite(), "{place:?}");
+                    let back = projection.along_m(point);
+                    assert!(back.is_none_or(|b| b.iter().all(|x| x.is_finite())));
+                }
+            }
+        }
+        if let Some(band) = file.band() {
+            assert!(band.widths().iter().all(|w| *w > 0.0 && *w <= 1.0));
+            let middle = band.middle([rows as f64, -(columns as f64)]);
+            assert!(middle.is_none_or(|k| k.iter().all(|k| k.is_finite())));
+        }
+        let _ = (file.name(), file.start());
         let mut count = 0;
         for place in file.places() {
             let part = file.window(&place).expect("what was there is there");

@@ -30,10 +30,7 @@ pub struct Greys<'a> {
 
 /// A SIDD but for its pixels.
 #[derive(Clone, Debug)]
-pub struct Sidd {
-    file: Written,
-    told: Vec<String>,
-}
+pub struct Sidd(Written);
 
 impl Sidd {
     /// What is told of an image; `created_ns` is now, nanoseconds since the beginning of 1970.
@@ -48,32 +45,27 @@ impl Sidd {
     ) -> Result<Self, SicdError> {
         let laid = Laid::new(formed, placing)?;
         let xml = describe::document(formed, &laid, greys, created_ns);
-        let (segments, headers) = laid.headers(Product::Sidd, &formed.name, created_ns, &xml)?;
-        Ok(Self {
-            told: laid.aperture.told,
-            file: Written {
-                turned: laid.placed.turned,
-                image: (formed.grid.rows.count, formed.grid.columns.count),
-                xml,
-                segments,
-                headers,
-            },
-        })
+        Ok(Self(laid.written(
+            formed,
+            Product::Sidd,
+            created_ns,
+            xml,
+        )?))
     }
 
     /// The metadata.
     pub fn xml(&self) -> &str {
-        &self.file.xml
+        &self.0.xml
     }
 
     /// What was assumed, in sentences: it stands in the file, too.
     pub fn told(&self) -> &[String] {
-        &self.told
+        &self.0.told
     }
 
     /// Bytes of the file.
     pub fn bytes(&self) -> u64 {
-        self.file.headers.bytes
+        self.0.headers.bytes
     }
 
     /// Writes the file, complete or not at all, reading the image in strips.
@@ -90,7 +82,7 @@ impl Sidd {
         greys: &Greys,
         monitor: &dyn Monitor,
     ) -> Result<(), SicdError> {
-        self.file.write(path, image, monitor, |pixels, bytes| {
+        self.0.write(path, image, monitor, |pixels, bytes| {
             bytes.extend(pixels.iter().map(|&z| (greys.of)(power(z) as f32)));
         })
     }
