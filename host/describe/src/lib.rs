@@ -1,4 +1,4 @@
-//! Texts that describe something, a scenario or a recording: TOML whose quantities carry their units.
+//! Texts that describe something, a scenario, a recording or a job: TOML whose quantities carry their units.
 //!
 //! A part of [Subaperture](https://docs.rs/subaperture), radar image formation: the crate `subaperture`
 //! has it as its module `describe`.

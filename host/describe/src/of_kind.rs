@@ -14,7 +14,8 @@ pub(super) fn value(key: &Key, node: &Node) -> Result<Value, Found> {
     match key.kind {
         Kind::Text | Kind::Path => some_text(key, node),
         Kind::Paths => texts(key, node),
-        Kind::Choice(words) => choice(key, node, words),
+        Kind::Choice(words) => choice(key, node, words).map(Value::Text),
+        Kind::Choices(words) => choices(key, node, words).map(Value::Texts),
         Kind::Flag => match node.raw {
             Raw::Flag(flag) => Ok(Value::Flag(flag)),
             _ => Err(wrong(key, node, "true or false")),
@@ -105,9 +106,9 @@ fn texts(key: &Key, node: &Node) -> Result<Value, Found> {
 }
 
 /// One of the words that there are.
-fn choice(key: &Key, node: &Node, words: &[&str]) -> Result<Value, Found> {
+fn choice(key: &Key, node: &Node, words: &[&str]) -> Result<String, Found> {
     match &node.raw {
-        Raw::Text(text) if words.contains(&text.as_str()) => Ok(Value::Text(text.clone())),
+        Raw::Text(text) if words.contains(&text.as_str()) => Ok(text.clone()),
         Raw::Text(text) => {
             let meant = nearest(text, words.iter().copied())
                 .map(|word| format!(" (did you mean \"{word}\"?)"))
@@ -122,6 +123,15 @@ fn choice(key: &Key, node: &Node, words: &[&str]) -> Result<Value, Found> {
             ))
         }
         _ => Err(wrong(key, node, "a word in quotes")),
+    }
+}
+
+/// One of the words that there are, or several.
+fn choices(key: &Key, node: &Node, words: &[&str]) -> Result<Vec<String>, Found> {
+    match &node.raw {
+        Raw::Array(items) => items.iter().map(|item| choice(key, item, words)).collect(),
+        Raw::Text(_) => Ok(vec![choice(key, node, words)?]),
+        _ => Err(wrong(key, node, "a word in quotes, or an array of them,")),
     }
 }
 

@@ -65,6 +65,8 @@ pub enum Kind {
     Paths,
     /// One of these words.
     Choice(&'static [&'static str]),
+    /// One of these words, or an array of them.
+    Choices(&'static [&'static str]),
     /// `true` or `false`.
     Flag,
     /// A whole number within these bounds.
@@ -144,6 +146,7 @@ impl Kind {
                 .map(|word| format!("\"{word}\""))
                 .collect::<Vec<_>>()
                 .join(", "),
+            Self::Choices(words) => format!("one or an array of {}", Self::Choice(words).words()),
             Self::Flag => "true or false".to_owned(),
             Self::Count(from, u64::MAX) => format!("whole number, {from} or more"),
             Self::Count(from, to) => format!("whole number, {from} to {to}"),

@@ -129,6 +129,11 @@ impl Values {
         }
     }
 
+    /// All texts of an array, or the one, if it is given.
+    pub fn optional_texts(&self, key: &str) -> Option<&[String]> {
+        self.given(key).map(|_| self.texts(key))
+    }
+
     /// Whether a key says true.
     pub fn flag(&self, key: &str) -> bool {
         matches!(self.value(key), Value::Flag(true))

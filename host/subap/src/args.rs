@@ -10,6 +10,7 @@ mod maps;
 mod navigation;
 mod plan;
 mod radio;
+mod run;
 mod surface;
 mod tiled;
 mod track;
@@ -39,6 +40,7 @@ pub(crate) use maps::{MapLayout, MapProjection, Mapping, RemapName};
 pub(crate) use navigation::Navigation;
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
 pub(crate) use radio::{Calibrate, Capture, Convert, Probe, Profile, Radio, RadioTask};
+pub(crate) use run::Run;
 use subaperture::units::Dimension;
 pub(crate) use surface::{SurfaceKind, Surfacing};
 pub(crate) use tiled::{Part, Tiled};
@@ -168,6 +170,8 @@ pub(crate) enum Command {
     Profile(Profile),
     /// Write an image in a format that other programs read
     Export(Export),
+    /// Do a whole job of one text: focus, check, measure, export, report; and again what has changed since
+    Run(Run),
     /// Plan a pass of a radar, or a module that makes its maps
     Plan(Plan),
     /// Simulate the thesis's Table 4.1, focus it in every way, and show errors and pictures

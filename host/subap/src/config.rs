@@ -26,6 +26,7 @@ pub(crate) const DEFAULT_MAPS_ERROR_DB: f64 = -66.0;
 pub(crate) const OTHER_GRID: &str = "give --grid for another part or for all of it";
 
 /// Settings that every command shares.
+#[derive(Clone, Copy)]
 pub(crate) struct Session {
     /// Threads at work.
     pub(crate) threads: usize,
@@ -36,6 +37,7 @@ pub(crate) struct Session {
     verbosity: u8,
     quiet: bool,
     json: bool,
+    silent: bool,
 }
 
 impl Session {
@@ -69,6 +71,7 @@ impl Session {
             verbosity: global.verbose,
             quiet: global.quiet,
             json: global.json,
+            silent: false,
         };
         messages::begin(json!({
             "command_line": command_line(),
@@ -128,12 +131,20 @@ impl Session {
 
     /// Whether results are to be printed as JSON.
     pub(crate) fn json(&self) -> bool {
-        self.json
+        self.json && !self.silent
     }
 
     /// Whether to say in a line or two what was written, which is no result that was asked for.
     pub(crate) fn tells(&self) -> bool {
-        !(self.quiet || self.json)
+        !(self.quiet || self.json || self.silent)
+    }
+
+    /// The same for a part of a command's work that prints no results of its own.
+    pub(crate) fn silent(&self) -> Self {
+        Self {
+            silent: true,
+            ..*self
+        }
     }
 
     /// The grid that suits a collection; says what it leaves out, and what repeats in it.

@@ -32,6 +32,11 @@ pub(crate) struct Interrupted;
 #[error("interrupted; every file in {0} is whole, but some are missing or of an earlier run")]
 pub(crate) struct InterruptedAmidFiles(pub(crate) String);
 
+/// [`Interrupted`], with all stages of a job that were done, and the tiles of the one that was not.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted; what was done is in {0}, and the same command goes on from there")]
+pub(crate) struct InterruptedJob(pub(crate) String);
+
 /// [`Interrupted`], with the maps received so far in their file.
 #[derive(Debug, thiserror::Error)]
 #[error("interrupted; the {maps} maps received so far are in {path}")]
@@ -59,6 +64,7 @@ pub(crate) fn exit_status(done: anyhow::Result<()>) -> u8 {
         return DONE;
     }
     if error.is::<InterruptedAmidFiles>()
+        || error.is::<InterruptedJob>()
         || error.is::<InterruptedWithMaps>()
         || error.is::<InterruptedWithSteps>()
     {

@@ -28,6 +28,8 @@ static TOLD: Mutex<Told> = Mutex::new(Told {
     quiet: false,
     verbosity: 0,
     warnings: Vec::new(),
+    said: Vec::new(),
+    part_missed: false,
     bound_is_missed: false,
     bar: None,
     log: None,
@@ -38,8 +40,12 @@ struct Told {
     begun: Option<Instant>,
     quiet: bool,
     verbosity: u8,
-    /// Every warning once, in the order of their coming.
+    /// Every warning of this part of the work once, in the order of their coming.
     warnings: Vec<String>,
+    /// Every warning that was shown.
+    said: Vec<String>,
+    /// Whether a result of this part of the work missed its bound.
+    part_missed: bool,
     bound_is_missed: bool,
     /// The bar on the screen, which makes room for lines.
     bar: Option<WeakProgressBar>,
@@ -98,18 +104,22 @@ pub(crate) fn error(text: &str) {
 /// What the user has to know of a result that is not all it seems; said once, and kept for the records.
 pub(crate) fn warning(text: impl Into<String>) {
     let (mut told, text) = (told(), text.into());
-    if told.warnings.contains(&text) {
-        return;
+    if !told.said.contains(&text) {
+        told.print(&format!("warning: {text}"));
+        told.log("warning", &text, Value::Null);
+        told.said.push(text.clone());
     }
-    told.print(&format!("warning: {text}"));
-    told.log("warning", &text, Value::Null);
-    told.warnings.push(text);
+    if !told.warnings.contains(&text) {
+        told.warnings.push(text);
+    }
 }
 
 /// A warning that a result misses the bound asked for: done all the same, and told by the exit status.
 pub(crate) fn bound_missed(text: impl Into<String>) {
     warning(text);
-    told().bound_is_missed = true;
+    let mut told = told();
+    told.bound_is_missed = true;
+    told.part_missed = true;
 }
 
 /// What may be good to know.
@@ -188,9 +198,29 @@ pub(crate) fn timing(work: &str, elapsed: Duration) {
     told().log("timing", &text, more);
 }
 
-/// Every warning so far.
+/// Every warning so far, of this part of the work.
 pub(crate) fn warnings() -> Vec<String> {
     told().warnings.clone()
+}
+
+/// What there is to know of a part of the work.
+pub(crate) struct Part {
+    pub(crate) warnings: Vec<String>,
+    pub(crate) bound_missed: bool,
+}
+
+/// Ends a part of the work, whose warnings are not the next one's: what there is to know of it.
+pub(crate) fn part() -> Part {
+    let mut told = told();
+    Part {
+        warnings: std::mem::take(&mut told.warnings),
+        bound_missed: std::mem::take(&mut told.part_missed),
+    }
+}
+
+/// Takes these for the warnings of this part of the work, and shows none again.
+pub(crate) fn keep(warnings: Vec<String>) {
+    told().warnings = warnings;
 }
 
 /// Whether a result missed its bound.

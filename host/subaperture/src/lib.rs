@@ -71,6 +71,7 @@
 //! | [`io::npy`], `io::arrays` | arrays in NumPy's archives, too, and phase history of them | `npz` | `zip` |
 //! | `io::arrays` | phase history of arrays in HDF5 | `hdf5` | `hdf5-pure` |
 //! | `io::recording`, `describe`, `receive` | raw recordings described in TOML, and what they need to be phase history | `recording` | `toml` |
+//! | `job` | a whole job as one text: which stages stand, and what is to be done again | `recording` | |
 //! | `simulate` | scenes, tracks and receivers, and what a radar records of them | `simulate` | `rand_chacha`, `rand_distr`, `png` |
 //! | `quality` | measures of images: responses, statistics, coherence | `quality` | |
 //! | `plot` | pictures of images and curves | `plot` | `png`, `ab_glyph`, `dejavu` |
@@ -95,6 +96,8 @@
 
 mod focused;
 mod focusing;
+#[cfg(feature = "recording")]
+pub mod job;
 #[cfg(feature = "radio")]
 pub mod live_capture;
 #[cfg(all(feature = "maps", feature = "sicd"))]

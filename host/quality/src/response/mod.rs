@@ -46,6 +46,7 @@ mod error;
 mod measurement;
 mod search;
 mod size;
+mod strongest;
 
 use subaperture_model::geometry::ImageGrid;
 use subaperture_model::image::Image;
@@ -56,6 +57,7 @@ pub use cut::{Cut, Direction, SPAN_WIDTHS};
 pub use error::ResponseError;
 pub use measurement::{measure, measure_in};
 pub use search::brightest_in;
+pub use strongest::{Strongest, strongest};
 pub use subaperture_resolution::theory::SideLobes;
 
 /// Samples of a chip's picture and of its cuts a pixel.

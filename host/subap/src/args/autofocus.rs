@@ -94,6 +94,17 @@ pub(crate) struct Autofocus {
     pub(crate) rehearsal: Rehearsal,
 }
 
+impl Autofocus {
+    /// Whether a track is found, and not phases.
+    pub(crate) fn finds_track(&self) -> bool {
+        match self.method {
+            Way::MpgaImage => true,
+            Way::Sharpness => self.unknown == Unknown::Track,
+            Way::Pga | Way::MapDrift => false,
+        }
+    }
+}
+
 /// Methods of autofocus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Way {

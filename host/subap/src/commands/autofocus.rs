@@ -17,7 +17,7 @@ use subaperture::io::atomic::write_atomically;
 use subaperture::io::claim::Claims;
 use subaperture::io::ours::{Kind, TEXT_MARK};
 use subaperture::io::phase_csv;
-use subaperture::phase_history::{Collection, PhaseHistory};
+use subaperture::phase_history::{Collection, Joined, PhaseHistory};
 use subaperture::planner::forecast::{cost, forecast_of};
 use subaperture::plot::{self, Panel, Scale};
 
@@ -33,6 +33,30 @@ const SPAN_DB: f64 = 60.0;
 /// Sharpens, says what was gained, and writes what it was gained by.
 pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
     let start = Instant::now();
+    let Some((found, history)) = sharpened(session, typed)? else {
+        return Ok(());
+    };
+    if session.json() {
+        return text::say_json(
+            "autofocus",
+            record(session, typed, &history, &found, start)?,
+        );
+    }
+    report(session, typed, &found, start)
+}
+
+/// Sharpens, writes what was gained by what, and prints nothing: what would be printed as JSON.
+pub(crate) fn found(session: &Session, typed: &Autofocus) -> anyhow::Result<Value> {
+    let start = Instant::now();
+    let (found, history) = sharpened(session, typed)?.expect("it is no rehearsal");
+    record(session, typed, &history, &found, start)
+}
+
+/// What was found of which recording; `None` if it was only to be said what that takes.
+fn sharpened(
+    session: &Session,
+    typed: &Autofocus,
+) -> anyhow::Result<Option<(Sharpened, Joined)>> {
     let former = typed.former.former()?;
     if let Some(grid) = &typed.grid {
         session.check_grid(grid, 4)?;
@@ -45,7 +69,7 @@ pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
     };
     session.check_grid(&grid, 4)?;
     if ahead(session, typed, &history, &grid, &*former)? {
-        return Ok(());
+        return Ok(None);
     }
     let progress = session.progress("autofocus");
     let subject = Subject {
@@ -90,13 +114,7 @@ pub(crate) fn run(session: &Session, typed: &Autofocus) -> anyhow::Result<()> {
         ];
         put(path, &plot::panels(&panels, 2)?)?;
     }
-    if session.json() {
-        return text::say_json(
-            "autofocus",
-            record(session, typed, &history, &found, start)?,
-        );
-    }
-    report(session, typed, &found, start)
+    Ok(Some((found, history)))
 }
 
 /// Claims what is to be written. Held until the command's end.
@@ -189,12 +207,7 @@ fn name(typed: &Autofocus) -> &'static str {
 fn correction(typed: &Autofocus, history: &dyn PhaseHistory, found: &Sharpened) -> Correction {
     let pulses = history.collection().pulses.len();
     found.correction.clone().unwrap_or_else(|| {
-        let track = match typed.method {
-            Way::MpgaImage => true,
-            Way::Sharpness => typed.unknown == subaperture::autofocus::Unknown::Track,
-            Way::Pga | Way::MapDrift => false,
-        };
-        match track {
+        match typed.finds_track() {
             true => Correction::Track {
                 displacement_m: vec![Default::default(); pulses],
             },

@@ -19,8 +19,8 @@ use subaperture::focus::{FormError, Formed, ImageFormer, Means, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::WriteError;
 use subaperture::io::input::checksum;
-use subaperture::io::product::Product;
 use subaperture::io::product::record::Brightest;
+use subaperture::io::product::{self, Product};
 use subaperture::phase_history::{InputFile, PhaseHistory};
 use subaperture::planner::forecast::cost;
 use subaperture::resolution::survey::Survey;
@@ -119,6 +119,47 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         about,
         deliver::Whole::Memory(&formed.image),
     )
+}
+
+/// The recordings that are typed, as the image is formed of them: on a track, without the air's delay, corrected, seen from what moves.
+fn with_history<T>(
+    session: &Session,
+    typed: &Focus,
+    act: impl FnOnce(&dyn PhaseHistory) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    let recorded = match &typed.track {
+        None => session.open(&typed.input)?,
+        Some(track) => on_track::open(session, &typed.input, track, &typed.logs)?,
+    };
+    let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
+    let corrected = corrected::corrected(typed, air.history())?;
+    let recorded: &dyn PhaseHistory = match &corrected {
+        Some(corrected) => corrected,
+        None => air.history(),
+    };
+    match moving(typed, recorded)? {
+        Some(moving) => act(&moving),
+        None => act(recorded),
+    }
+}
+
+/// The error of the image that is in its folder, on `count` of its pixels: as `--check` has it, with the bound.
+pub(crate) fn checked(session: &Session, typed: &Focus, count: usize) -> anyhow::Result<Value> {
+    with_history(session, typed, |history| {
+        let stored = product::open(&typed.out)?;
+        let progress = session.progress("checking");
+        let windows = [typed.image.window, typed.image.slow_window];
+        let means = typed.image.means(None);
+        let forming = Forming::new(session, history, &stored.grid, windows, means);
+        let task = forming.task(&progress);
+        let bound_db = typed.image.former.former()?.bound_db();
+        let plan = check::Plan::of_parts(&task, &stored.pixels, count)?;
+        let check = plan.against_exact(&task, &stored.pixels, bound_db)?;
+        progress.finish();
+        let mut told = serde_json::to_value(check)?;
+        told["bound_db"] = bound_db.into();
+        Ok(told)
+    })
 }
 
 /// What else the image is to be written as.

@@ -22,6 +22,7 @@ mod quality;
 mod radio;
 mod recording;
 mod reproduce;
+mod run;
 mod simulate;
 mod stored;
 mod surface;
@@ -63,6 +64,7 @@ pub(crate) fn run(session: &Session, command: Command) -> anyhow::Result<()> {
         Command::Radio(typed) => radio::run(session, &typed),
         Command::Profile(typed) => profile::run(session, &typed),
         Command::Export(typed) => export::run(session, &typed),
+        Command::Run(typed) => run::run(session, &typed),
         Command::Plan(typed) => plan::run(session, &typed),
         Command::Compare(typed) => compare::run(session, &typed),
         Command::Quality(typed) => quality::run(session, &typed),

@@ -5,21 +5,27 @@ mod pictures;
 mod source;
 mod theory;
 
+use std::path::Path;
+
 use anyhow::Context;
 use serde::Serialize;
+use serde_json::Value;
 use subaperture::geometry::Extent;
 use subaperture::image::Comparison;
+use subaperture::io::claim::Claims;
 use subaperture::quality::coherence::coherence;
 use subaperture::quality::difference::{PercentDifference, PercentSummary, percent_difference};
 use subaperture::quality::registration::{Offset, offset};
-use subaperture::quality::response::{Cut, Response, Settings, Target, measure_in};
+use subaperture::quality::response::{
+    Cut, Response, ResponseError, Settings, Target, measure_in, strongest,
+};
 use subaperture::quality::statistics::{Region, Statistics};
 use subaperture::quality::{PairError, PixelMap};
 
 use crate::args::Quality;
 use crate::config::Session;
 use crate::failure::Usage;
-use crate::{interrupt, text};
+use crate::{interrupt, messages, text};
 use from::From;
 use source::Source;
 use theory::{Basis, Theory};
@@ -114,10 +120,69 @@ pub(crate) fn run(session: &Session, typed: &Quality) -> anyhow::Result<()> {
                     .chain(&typed.from)
                     .collect::<Vec<_>>(),
             );
-            pictures::write(&mut claims, folder, &report, &source)
+            pictures::write(&mut claims, folder, &report, &source)?;
+            Ok(())
         }
         None => Ok(()),
     }
+}
+
+/// Measures the points that are typed, or the so many strongest, draws them into the folder `plots`, and prints nothing: what would be printed as
+/// JSON, and the names of the pictures.
+pub(crate) fn of_job(
+    session: &Session,
+    typed: &Quality,
+    strongest: usize,
+    plots: &Path,
+    claims: &mut Claims,
+) -> anyhow::Result<(Value, Vec<String>)> {
+    let measuring = session.progress("measuring");
+    let source = Source::open(&typed.image)?;
+    let basis = Basis::new(&source, typed.window);
+    let (settings, targets) = targets(typed, &source, &basis)?;
+    let points = match typed.at.is_empty() {
+        true => strongest_points(&source, &basis, strongest, &settings)?,
+        false => points(None, &source, &basis, targets, &settings)?,
+    };
+    interrupt::check()?;
+    let report = Report {
+        image: source.name.clone(),
+        window: basis.name(),
+        points,
+        statistics: statistics(typed, &source)?,
+        against: None,
+    };
+    let drawn = match report.points.is_empty() {
+        true => Vec::new(),
+        false => pictures::write(claims, plots, &report, &source)?,
+    };
+    measuring.finish();
+    Ok((serde_json::to_value(&report)?, drawn))
+}
+
+/// The strongest points, as many as there are.
+fn strongest_points(
+    source: &Source,
+    basis: &Basis,
+    count: usize,
+    settings: &Settings,
+) -> anyhow::Result<Vec<Point>> {
+    let found = match strongest(&*source.pixels, &source.grid, count, settings) {
+        Ok(found) => found.points,
+        // An image is worth its report even if its pixels tell no points.
+        Err(error @ (ResponseError::TooCoarse { .. } | ResponseError::Unsuited(_))) => {
+            messages::warning(format!("no points are measured: {error}"));
+            Vec::new()
+        }
+        Err(error) => return Err(source.explain(error)),
+    };
+    let points = found.into_iter().map(|response| Point {
+        theory: theory::of_cuts(basis, &response, &source.grid, basis.looks()),
+        theory_as_lit: Vec::new(),
+        formed: None,
+        response,
+    });
+    Ok(points.collect())
 }
 
 fn statistics(typed: &Quality, source: &Source) -> anyhow::Result<Statistics> {

@@ -71,6 +71,16 @@ impl Plan {
         }
     }
 
+    /// The same beside the largest part of an image that is read part by part.
+    pub(super) fn of_parts(task: &Task, image: &dyn Parts, count: usize) -> Result<Self, FormError> {
+        let pixels = image
+            .places()
+            .into_iter()
+            .map(|[rows, columns]| rows.len() * columns.len());
+        let part_bytes = 16 * pixels.max().unwrap_or(0) as u64;
+        Self::new(task, part_bytes, count)
+    }
+
     /// Forms the pixels by the exact sum, compares the task's `image` with them, and warns if the error is above `bound_db`.
     pub(super) fn against_exact(
         &self,

@@ -33,7 +33,6 @@ use subaperture::phase_history::{PhaseHistory, Weights};
 use super::deliver::Whole;
 use super::{Job, check, record, with_advice};
 use crate::args::{Focus, Imaging, Part};
-use crate::commands::air::Recorded;
 use crate::commands::forming;
 use crate::config::Session;
 use crate::failure::Usage;
@@ -50,21 +49,27 @@ pub(super) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
     let own = claims.filter(|_| typed.tiled.plan.is_none());
     let products = super::products(typed);
     let _products = products.claim(session, &typed.input.paths)?;
-    let recorded = session.open(&typed.input)?;
-    let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
-    let recorded = air.history();
-    products.check_place(&recorded.collection().frame)?;
-    let survey = forming::survey(recorded)?;
-    let moving = super::moving(typed, recorded)?;
+    super::with_history(session, typed, |history| {
+        products.check_place(&history.collection().frame)?;
+        formed(session, typed, history, own, start)
+    })
+}
+
+/// Forms what is missing of a recording's image.
+fn formed(
+    session: &Session,
+    typed: &Focus,
+    history: &dyn PhaseHistory,
+    own: Option<Claims>,
+    start: Instant,
+) -> anyhow::Result<()> {
+    let survey = forming::survey(history)?;
     let model = forming::time_model(&typed.image)?;
     let job = Job {
         means: typed.image.means(model.as_ref()),
         session,
         typed,
-        history: match &moving {
-            Some(moving) => moving,
-            None => recorded,
-        },
+        history,
         survey: &survey,
         start,
     };
@@ -505,12 +510,7 @@ impl<'a> Judged<'a> {
             monitor: &progress,
             means: Default::default(),
         };
-        let largest = image
-            .places()
-            .into_iter()
-            .map(|[rows, columns]| rows.len() * columns.len());
-        let part_bytes = 16 * largest.max().unwrap_or(0) as u64;
-        let checking = check::Plan::new(&task, part_bytes, count)?;
+        let checking = check::Plan::of_parts(&task, image, count)?;
         Ok(Some(checking.against_exact(
             &task,
             image,

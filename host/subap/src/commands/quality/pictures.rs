@@ -18,13 +18,13 @@ use crate::interrupt;
 /// What cuts are shown down to, dB.
 const FLOOR_DB: f64 = -60.0;
 
-/// Writes every picture into `folder`, which is made if need be; none if one may not be replaced.
+/// Writes every picture into `folder`, which is made if need be; none if one may not be replaced. Their names.
 pub(super) fn write(
     claims: &mut Claims,
     folder: &Path,
     report: &Report,
     source: &Source,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<String>> {
     let mut drawn: Vec<(String, Vec<u8>)> = Vec::new();
     let mut save = |name: String, bytes: Vec<u8>| {
         drawn.push((name, bytes));
@@ -86,13 +86,15 @@ pub(super) fn write(
         )?;
     }
     claims.folder(folder, drawn.iter().map(|(name, _)| name))?;
+    let mut names = Vec::with_capacity(drawn.len());
     for (name, bytes) in drawn {
         interrupt::check()?;
-        write_atomically(&folder.join(name), bytes.len() as u64, |file| {
+        write_atomically(&folder.join(&name), bytes.len() as u64, |file| {
             file.write_all(&bytes)
         })?;
+        names.push(name);
     }
-    Ok(())
+    Ok(names)
 }
 
 fn cut_chart(source: &Source, cut: &Cut, point: &Point, index: usize, place: &str) -> Chart {

@@ -1,0 +1,447 @@
+//! The report of a job: what was done and what came of it, on one page. All numbers are those of the records that stages left.
+
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+use std::time::{Instant, SystemTime};
+
+use anyhow::Context;
+use serde_json::{Value, json};
+use subaperture::io::atomic::write_atomically;
+use subaperture::job::{Basis, JobText, Made, State, Why, fingerprint, stamp};
+use subaperture::phase_history::InputFile;
+
+use super::Stood;
+use super::chain::{Link, REPORT, Stage};
+use super::options::{AUTOFOCUS_PNG, PICTURE_PNG, TRACK_PNG};
+use super::page::{Cells, Page, Row, escaped};
+use super::work::{AUTOFOCUS_JSON, CHECK_JSON, PLOTS, QUALITY_JSON, Worker};
+use crate::config::Session;
+use crate::{log, text};
+
+/// The page's file.
+pub(super) const NAME: &str = "report.html";
+
+/// Makes the report, unless nothing was done since.
+#[expect(clippy::too_many_arguments, reason = "a report is of everything")]
+pub(super) fn stage(
+    session: &Session,
+    worker: &Worker,
+    job: &JobText,
+    inputs: &[InputFile],
+    chain: &[Link],
+    state: &mut State,
+    all: &mut Vec<Stood>,
+    warnings: &[String],
+) -> anyhow::Result<()> {
+    let out = &worker.options.out;
+    let last = chain.last().expect("a job has stages");
+    let made: Vec<&Made> = chain.iter().filter_map(|l| state.made(l.name())).collect();
+    // Of all that is told: times, sizes, warnings.
+    let mut settings = job.settings(&["input", "track", "autofocus", "grid", "former", "check"]);
+    settings.extend(job.settings(&["picture", "quality", "products"]));
+    settings.insert("name".to_owned(), worker.options.name.clone().into());
+    let told = json!([made, warnings]).to_string();
+    let basis = Basis {
+        version: last.basis.version.clone(),
+        stage: REPORT.to_owned(),
+        settings,
+        files: last.basis.files.clone(),
+        after: [(last.name().to_owned(), fingerprint(told.as_bytes()))].into(),
+    };
+    let why = state.why(out, &basis, &[last.name()])?;
+    let Some(mut why) = why else {
+        if session.tells() {
+            text::say(format!("{REPORT:<10} stands"))?;
+        }
+        all.push(Stood {
+            name: REPORT,
+            why: None,
+            seconds: state.made(REPORT).map_or(0.0, |made| made.seconds),
+        });
+        return Ok(());
+    };
+    if let Why::After(_) = why {
+        why = Why::After("what was done".to_owned());
+    }
+    let begun = Instant::now();
+    let about = About {
+        session,
+        worker,
+        basis: &basis,
+        inputs,
+        chain,
+        state,
+        warnings,
+    };
+    let html = about.page()?;
+    state.forget(REPORT);
+    state.write(out)?;
+    write_atomically(&out.join(NAME), html.len() as u64, |file| {
+        file.write_all(html.as_bytes())
+    })?;
+    let seconds = begun.elapsed().as_secs_f64();
+    let output = stamp(&out.join(NAME), NAME)?;
+    state.finish(Made {
+        basis,
+        outputs: output.into_iter().collect(),
+        seconds,
+        resumed: false,
+        warnings: Vec::new(),
+        bound_missed: false,
+    });
+    state.write(out)?;
+    if session.tells() {
+        text::say(format!("{REPORT:<10} done in {} ({why})", text::duration(begun.elapsed())))?;
+    }
+    all.push(Stood {
+        name: REPORT,
+        why: Some(why),
+        seconds,
+    });
+    Ok(())
+}
+
+/// What a report is of.
+struct About<'a> {
+    session: &'a Session,
+    worker: &'a Worker<'a>,
+    basis: &'a Basis,
+    inputs: &'a [InputFile],
+    chain: &'a [Link],
+    state: &'a State,
+    warnings: &'a [String],
+}
+
+impl About<'_> {
+    fn out(&self) -> &Path {
+        &self.worker.options.out
+    }
+
+    fn has(&self, stage: Stage) -> bool {
+        self.chain.iter().any(|link| link.stage == stage)
+    }
+
+    fn record(&self, name: &str) -> anyhow::Result<Value> {
+        let path = self.out().join(name);
+        let named = || format!("cannot read {}", path.display());
+        let text = fs::read(&path).with_context(named)?;
+        serde_json::from_slice(&text).with_context(named)
+    }
+
+    fn picture(&self, name: &str) -> anyhow::Result<Vec<u8>> {
+        let path = self.out().join(name);
+        fs::read(&path).with_context(|| format!("cannot read {}", path.display()))
+    }
+
+    fn page(&self) -> anyhow::Result<String> {
+        let image = self.record("image.json")?;
+        let check = match self.has(Stage::Check) {
+            true => Some(self.record(CHECK_JSON)?),
+            false => None,
+        };
+        let quality = self.record(QUALITY_JSON)?;
+        let mut page = Page::new(&self.worker.options.name);
+        self.head(&mut page, &image, check.as_ref());
+        if !self.warnings.is_empty() {
+            page.section("warnings", "Warnings");
+            page.list(self.warnings);
+        }
+        page.section("image", "Image");
+        let title = image["picture"]["title"].as_str().unwrap_or("the image");
+        page.pictures(&[(self.picture(PICTURE_PNG)?, title.to_owned())]);
+        self.points(&mut page, &quality)?;
+        statistics(&mut page, &quality["statistics"]);
+        if let Some(check) = &check {
+            error(&mut page, &image, check);
+        }
+        if self.has(Stage::Autofocus) {
+            sharpened(&mut page, &self.record(AUTOFOCUS_JSON)?, self.picture(AUTOFOCUS_PNG)?);
+        }
+        if self.has(Stage::Track) {
+            page.section("track", "Track");
+            let caption = "the track found, over the recorded one".to_owned();
+            page.pictures(&[(self.picture(TRACK_PNG)?, caption)]);
+        }
+        self.products(&mut page);
+        self.times(&mut page);
+        self.settings(&mut page, &image);
+        Ok(page.finish())
+    }
+
+    fn head(&self, page: &mut Page, image: &Value, check: Option<&Value>) {
+        let now = log::utc(SystemTime::now());
+        let when = now.split('.').next().unwrap_or(&now).replace('T', " ");
+        page.paragraph(
+            "soft",
+            &escaped(&format!(
+                "Report of {when} UTC by subap {}: {}",
+                self.basis.version,
+                image["collection"]["name"].as_str().unwrap_or("a recording"),
+            )),
+        );
+        let (columns, rows) = (&image["grid"]["columns"], &image["grid"]["rows"]);
+        let length = |value: &Value| value.as_f64().map_or("none".to_owned(), subaperture::quantity::metres);
+        let mut facts = vec![
+            (
+                "Pixels",
+                format!("{} x {} ({} columns, {} rows)", columns["count"], rows["count"], columns["count"], rows["count"]),
+            ),
+            ("Pulses", image["collection"]["num_pulses"].to_string()),
+            ("Former", words(&image["settings"]["algorithm"])),
+            (
+                "Windows",
+                format!("{}; {} over slow time", words(&image["settings"]["window"]), words(&image["settings"]["slow_window"])),
+            ),
+        ];
+        if image["grid"]["kind"] == "cartesian" {
+            facts.insert(1, ("Distance of pixels", format!("{} x {}", length(&columns["step"]), length(&rows["step"]))));
+        }
+        let predicted = &image["settings"]["resolved"]["predicted_error_db"];
+        if predicted.is_number() {
+            facts.push(("Predicted error", decibels(predicted)));
+        }
+        if let Some(check) = check {
+            facts.push(("Measured error", decibels(&check["relative_to_image_db"])));
+        }
+        if let Some(level) = image["brightest"]["level_db"].as_f64() {
+            facts.push(("Brightest pixel", text::decibels(level)));
+        }
+        page.facts(&facts);
+    }
+
+    fn points(&self, page: &mut Page, quality: &Value) -> anyhow::Result<()> {
+        let points = quality["points"].as_array();
+        let Some(points) = points.filter(|points| !points.is_empty()) else {
+            return Ok(());
+        };
+        page.section("points", "Points");
+        page.paragraph(
+            "soft small",
+            "Each along two cuts through its peak. PSLR and ISLR count what lies outside the first minima; \
+             theory is of all pulses alike, without a beam.",
+        );
+        let mut rows: Vec<Row> = Vec::new();
+        for (i, point) in points.iter().enumerate() {
+            let response = &point["response"];
+            let place: Vec<String> = (0..3).map(|k| number(&response["position_m"][k], 3)).collect();
+            for (k, cut) in response["cuts"].as_array().into_iter().flatten().enumerate() {
+                let mut row = match k {
+                    0 => vec![
+                        (i + 1).to_string(),
+                        place.join(", "),
+                        decibels(&response["level_db"]),
+                        number(&json!(response["phase_rad"].as_f64().map(f64::to_degrees)), 1),
+                    ],
+                    _ => vec![String::new(); 4],
+                };
+                row.push(escaped(&words(&cut["along"])));
+                row.extend(figures(&cut["width_3db"], &cut["null_rule"]));
+                rows.push(("", row));
+                let theory = &point["theory"][k];
+                if !theory.is_null() && theory["in_cells"] != true {
+                    let mut row = vec![String::new(); 4];
+                    row.push("theory".to_owned());
+                    row.extend(figures(&theory["width_3db"], &theory["null_rule"]));
+                    rows.push(("theory", row));
+                }
+            }
+        }
+        let header = [
+            "", "x, y, z (m)", "level", "phase (deg)", "along", "3 dB width (m)", "PSLR (dB)", "ISLR (dB)",
+        ];
+        page.table(Cells::Numbers, &header, &rows);
+        let plots = self.state.made(Stage::Quality.name()).map_or(&[][..], |made| &made.outputs);
+        let mut pictures = Vec::new();
+        for output in plots {
+            let Some(name) = output.path.strip_prefix(&format!("{PLOTS}/")) else {
+                continue;
+            };
+            let caption = name.trim_end_matches(".png").replace('-', " ");
+            pictures.push((self.picture(&output.path)?, caption));
+        }
+        if !pictures.is_empty() {
+            page.pictures(&pictures);
+        }
+        Ok(())
+    }
+
+    fn products(&self, page: &mut Page) {
+        let Some(made) = self.state.made(Stage::Products.name()) else {
+            return;
+        };
+        page.section("products", "Products");
+        let rows: Vec<Row> = made
+            .outputs
+            .iter()
+            .map(|file| {
+                let cells = vec![
+                    format!("<code>{}</code>", escaped(&file.path)),
+                    text::bytes(file.bytes.into()),
+                    file.bytes.to_string(),
+                    format!("<code>{}</code>", file.crc32),
+                ];
+                ("", cells)
+            })
+            .collect();
+        page.table(Cells::Numbers, &["file", "size", "bytes", "CRC-32"], &rows);
+    }
+
+    fn times(&self, page: &mut Page) {
+        page.section("times", "Stages");
+        let mut sum_s = 0.0;
+        let mut rows: Vec<Row> = Vec::new();
+        for link in self.chain {
+            let Some(made) = self.state.made(link.name()) else {
+                continue;
+            };
+            sum_s += made.seconds;
+            rows.push((
+                "",
+                vec![
+                    link.name().to_owned(),
+                    seconds(made.seconds),
+                    match made.resumed {
+                        true => "gone on with; the time is the last run's".to_owned(),
+                        false => String::new(),
+                    },
+                ],
+            ));
+        }
+        rows.push(("theory", vec!["all".to_owned(), seconds(sum_s), String::new()]));
+        page.table(Cells::Words, &["stage", "time", ""], &rows);
+        let memory = text::bytes(self.session.memory.total_bytes.into());
+        let threads = self.session.threads;
+        page.paragraph(
+            "soft small",
+            &format!("Times on the clock. The last run had {threads} threads and {memory} of memory."),
+        );
+    }
+
+    fn settings(&self, page: &mut Page, image: &Value) {
+        page.section("settings", "Settings");
+        let rows: Vec<Row> = self
+            .basis
+            .settings
+            .iter()
+            .filter(|(key, _)| key.contains('.'))
+            .map(|(key, value)| {
+                let value = format!("<code>{}</code>", escaped(&words(value)));
+                ("", vec![format!("<code>{}</code>", escaped(key)), value])
+            })
+            .collect();
+        page.table(Cells::Words, &["key", "value (SI units, dB)"], &rows);
+        page.section("inputs", "Recordings");
+        let rows: Vec<Row> = self
+            .inputs
+            .iter()
+            .map(|input| {
+                let cells = vec![
+                    format!("<code>{}</code>", escaped(&input.path.display().to_string())),
+                    input.bytes.to_string(),
+                    format!("<code>{}</code>", input.crc32),
+                ];
+                ("", cells)
+            })
+            .collect();
+        page.table(Cells::Numbers, &["file", "bytes", "CRC-32"], &rows);
+        let resolved = image["settings"]["resolved"].as_object();
+        let rows: Vec<Row> = resolved
+            .into_iter()
+            .flatten()
+            .filter(|(_, value)| !value.is_object() && !value.is_array())
+            .map(|(key, value)| {
+                ("", vec![escaped(&key.replace('_', " ")), escaped(&words(value))])
+            })
+            .collect();
+        if !rows.is_empty() {
+            page.section("chosen", "What the former chose");
+            page.table(Cells::Words, &["", ""], &rows);
+        }
+    }
+}
+
+fn error(page: &mut Page, image: &Value, check: &Value) {
+    page.section("error", "Error against the exact sum");
+    let bound = image["settings"]["given"]["error_db"].as_f64();
+    let measured = check["relative_to_image_db"].as_f64();
+    let rows: Vec<Row> = vec![
+        ("", vec!["pixels compared".to_owned(), check["num_pixels"].to_string()]),
+        ("", vec!["of an average pixel's power".to_owned(), decibels(&check["relative_to_image_db"])]),
+        ("", vec!["of these pixels' power".to_owned(), decibels(&check["relative_rms_db"])]),
+        ("", vec!["predicted".to_owned(), decibels(&image["settings"]["resolved"]["predicted_error_db"])]),
+        ("", vec!["bound".to_owned(), decibels(&check["bound_db"])]),
+    ];
+    page.table(Cells::Numbers, &["relative RMS error, phase included", ""], &rows);
+    let bound = bound.or(check["bound_db"].as_f64());
+    match (measured, bound) {
+        (Some(measured), Some(bound)) if measured > bound => {
+            page.paragraph("bad", "The bound is missed.");
+        }
+        (Some(_), Some(_)) => page.paragraph("good", "The bound is kept."),
+        _ => {}
+    }
+}
+
+fn sharpened(page: &mut Page, found: &Value, picture: Vec<u8>) {
+    page.section("autofocus", "Autofocus");
+    let row = |name: &str, figures: &Value| -> Row {
+        let cells = vec![
+            name.to_owned(),
+            number(&figures["entropy"], 4),
+            number(&figures["contrast"], 4),
+            decibels(&figures["peak_db"]),
+        ];
+        ("", cells)
+    };
+    let rows = [row("before", &found["before"]), row("after", &found["after"])];
+    page.table(Cells::Numbers, &["", "entropy", "contrast", "peak"], &rows);
+    let rounds = found["rounds"].as_array().map_or(0, Vec::len);
+    let by = match (found["rms_phase_rad"].as_f64(), found["rms_displacement_m"].as_f64()) {
+        (Some(phase), _) => format!("phases of {phase:.3} rad rms were taken away"),
+        (None, Some(moved)) => format!("the track was moved by {} rms", text::metres(Some(moved))),
+        _ => "nothing was gained: the recording is best as it is".to_owned(),
+    };
+    let method = words(&found["method"]);
+    page.paragraph("", &escaped(&format!("By {method} in {rounds} rounds: {by}.")));
+    page.pictures(&[(picture, format!("before and after {method}"))]);
+}
+
+fn statistics(page: &mut Page, statistics: &Value) {
+    page.section("levels", "The image as a whole");
+    page.facts(&[
+        ("Mean level", decibels(&statistics["mean_level_db"])),
+        ("Median level", decibels(&statistics["median_level_db"])),
+        ("Peak level", decibels(&statistics["peak_level_db"])),
+        ("Entropy", format!("{} nats", number(&statistics["entropy"], 4))),
+        ("Contrast of power", number(&statistics["power_contrast"], 4)),
+        ("Contrast of amplitude", number(&statistics["amplitude_contrast"], 4)),
+    ]);
+}
+
+/// Width, PSLR and ISLR as cells.
+fn figures(width: &Value, rule: &Value) -> [String; 3] {
+    [number(width, 4), number(&rule["pslr_db"], 2), number(&rule["islr_db"], 2)]
+}
+
+fn number(value: &Value, digits: usize) -> String {
+    value.as_f64().map_or_else(|| "none".to_owned(), |v| format!("{v:.digits$}"))
+}
+
+fn decibels(value: &Value) -> String {
+    value.as_f64().map_or_else(|| "none".to_owned(), text::decibels)
+}
+
+/// JSON as words: texts without their quotes.
+fn words(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(values) => values.iter().map(words).collect::<Vec<_>>().join(", "),
+        value => value.to_string(),
+    }
+}
+
+/// Three digits.
+fn seconds(seconds: f64) -> String {
+    text::seconds(format!("{seconds:.2e}").parse().unwrap_or(seconds))
+}

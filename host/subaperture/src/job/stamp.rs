@@ -1,0 +1,101 @@
+//! By what a file, or a folder, is known again: its size and its CRC-32.
+
+use std::fs::{self, File};
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use subaperture_io::input::checksum;
+
+/// A file, or a folder as a whole.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FileStamp {
+    /// Where it is: of outputs within the job's folder.
+    pub path: String,
+    /// Its size; of a folder that of all files in it.
+    pub bytes: u64,
+    /// CRC-32 in hexadecimal; of a folder that of its files' names, sizes and CRC-32.
+    pub crc32: String,
+}
+
+/// The stamp of what is at `path`, called `called`; `None` if there is nothing. Hidden files of a folder are passed over: they are locks and leavings.
+///
+/// # Errors
+/// What the system says.
+pub fn stamp(path: &Path, called: &str) -> io::Result<Option<FileStamp>> {
+    let about = match fs::metadata(path) {
+        Ok(about) => about,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    let (bytes, crc32) = if about.is_dir() {
+        of_folder(path)?
+    } else {
+        checksum(&mut File::open(path)?)?
+    };
+    Ok(Some(FileStamp {
+        path: called.to_owned(),
+        bytes,
+        crc32,
+    }))
+}
+
+fn of_folder(root: &Path) -> io::Result<(u64, String)> {
+    let mut files = Vec::new();
+    let mut folders = vec![PathBuf::new()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(root.join(&folder))? {
+            let entry = entry?;
+            let name = entry.file_name();
+            if name.as_encoded_bytes().starts_with(b".") {
+                continue;
+            }
+            let within = folder.join(name);
+            if fs::metadata(root.join(&within))?.is_dir() {
+                folders.push(within);
+            } else {
+                files.push(within);
+            }
+        }
+    }
+    // A folder's order is the system's own.
+    files.sort();
+    let (mut bytes, mut all) = (0, String::new());
+    for file in files {
+        let (size, crc32) = checksum(&mut File::open(root.join(&file))?)?;
+        bytes += size;
+        all.push_str(&format!("{} {size} {crc32}\n", file.display()));
+    }
+    Ok((bytes, format!("{:08x}", crc32fast::hash(all.as_bytes()))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_known_by_what_is_in_it_and_a_folder_by_its_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        assert_eq!(stamp(&at.join("none"), "none").unwrap(), None);
+        fs::write(at.join("a"), b"123456789").unwrap();
+        let of_file = stamp(&at.join("a"), "a").unwrap().unwrap();
+        // The check value of CRC-32.
+        assert_eq!((of_file.bytes, of_file.crc32.as_str()), (9, "cbf43926"));
+
+        fs::create_dir_all(at.join("f/g")).unwrap();
+        fs::write(at.join("f/g/x"), b"1").unwrap();
+        fs::write(at.join("f/y"), b"22").unwrap();
+        let of = || stamp(&at.join("f"), "f").unwrap().unwrap();
+        let first = of();
+        assert_eq!(first.bytes, 3);
+        fs::write(at.join("f/.lock"), b"hidden").unwrap();
+        assert_eq!(of(), first);
+        fs::rename(at.join("f/y"), at.join("f/z")).unwrap();
+        let renamed = of();
+        assert_eq!(renamed.bytes, 3);
+        assert_ne!(renamed.crc32, first.crc32);
+        fs::write(at.join("f/z"), b"23").unwrap();
+        assert_ne!(of().crc32, renamed.crc32);
+    }
+}

@@ -1,0 +1,216 @@
+//! The text of a job: read, checked against the keys, and its settings as JSON.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value, json};
+use subaperture_describe::error::Found;
+use subaperture_describe::values::{self, Values};
+use subaperture_describe::{Description, DescriptionError};
+
+use super::keys::SCHEMA;
+
+/// Why there is no job.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum JobError {
+    /// The text cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// Its file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// It is wrong.
+    #[error(transparent)]
+    Description(#[from] DescriptionError),
+}
+
+/// A job's text and its values.
+#[derive(Clone, Debug)]
+pub struct JobText {
+    description: Description,
+    values: Values,
+}
+
+impl JobText {
+    /// Reads a text, with settings (key and value, as `former.error` and `-50 dB`) laid over it, which errors name as what `option` asked for.
+    ///
+    /// # Errors
+    /// If the file cannot be read; then everything that is wrong with its text.
+    pub fn read(
+        path: &Path,
+        option: &str,
+        settings: &[(String, String)],
+    ) -> Result<Self, JobError> {
+        let read = Description::read(path).map_err(|source| JobError::Read {
+            path: path.to_owned(),
+            source,
+        });
+        let mut description = read?;
+        for (key, value) in settings {
+            description.set(&SCHEMA, option, key, value)?;
+        }
+        Ok(Self::new(description)?)
+    }
+
+    /// The job of a description.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it, with its lines.
+    pub fn new(description: Description) -> Result<Self, DescriptionError> {
+        let resolved = description.resolve(&SCHEMA);
+        let values = resolved.map_err(|faults| description.explain(faults))?;
+        let job = Self {
+            description,
+            values,
+        };
+        match job.faults() {
+            faults if faults.is_empty() => Ok(job),
+            faults => Err(job.explain(faults)),
+        }
+    }
+
+    /// What no key alone makes wrong.
+    fn faults(&self) -> Vec<Found> {
+        let within = |name: &str| self.values.optional_section(name);
+        let mut faults = Vec::new();
+        if let (Some(_), Some(autofocus)) = (within("track"), within("autofocus")) {
+            let what = "autofocus is of the positions as recorded, and [track] replaces them: leave one of the two out";
+            faults.push(Found::new(&autofocus.at, what));
+        }
+        let input = self.values.section("input");
+        if input.optional_text("channel").is_some() && input.optional_text("channels").is_some() {
+            faults.push(input.fault("channels", "give either channel or channels, not both"));
+        }
+        faults
+    }
+
+    /// Everything that the text says, defaults filled in.
+    pub fn values(&self) -> &Values {
+        &self.values
+    }
+
+    /// A path of the text, from the text's folder.
+    pub fn path(&self, text: &str) -> PathBuf {
+        self.description.folder().join(text)
+    }
+
+    /// What is wrong, in words with its lines.
+    pub fn explain(&self, faults: Vec<Found>) -> DescriptionError {
+        self.description.explain(faults)
+    }
+
+    /// The settings of these sections, by key and with defaults, as `former.error`; none of a section that may be left out and is.
+    pub fn settings(&self, sections: &[&str]) -> Map<String, Value> {
+        let mut settings = Map::new();
+        for name in sections {
+            let Some(section) = self.values.optional_section(name) else {
+                continue;
+            };
+            for (key, given) in &section.keys {
+                settings.insert(format!("{name}.{key}"), as_json(&given.value));
+            }
+        }
+        settings
+    }
+}
+
+fn as_json(value: &values::Value) -> Value {
+    match value {
+        values::Value::Text(text) => json!(text),
+        values::Value::Texts(texts) => json!(texts),
+        values::Value::Flag(flag) => json!(flag),
+        values::Value::Count(count) => json!(count),
+        values::Value::Number(number) => json!(number),
+        values::Value::Numbers(numbers) => json!(numbers),
+        values::Value::Rows(rows) => json!(rows),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::job::EXAMPLE;
+
+    fn job(text: &str) -> Result<JobText, DescriptionError> {
+        JobText::new(Description::new("job.toml", text, "/data"))
+    }
+
+    #[test]
+    fn the_example_is_a_job_and_names_every_section_and_key() {
+        let job = job(EXAMPLE).unwrap();
+        assert_eq!(job.path("a.cphd"), Path::new("/data/a.cphd"));
+        for section in SCHEMA.sections {
+            let header = section.header();
+            assert!(
+                section.path.is_empty() || EXAMPLE.contains(&header),
+                "{header}"
+            );
+            for key in section.keys {
+                let named = EXAMPLE.lines().any(|line| {
+                    let line = line.trim_start_matches(['#', ' ']);
+                    line.strip_prefix(key.name)
+                        .is_some_and(|rest| rest.trim_start().starts_with('='))
+                });
+                assert!(named, "{header} {}", key.name);
+            }
+        }
+    }
+
+    #[test]
+    fn settings_have_their_defaults_and_leave_out_what_is_not_asked_for() {
+        let job = job("[input]\nfiles = \"a.cphd\"\n[former]\nerror = \"-40 dB\"\n").unwrap();
+        let settings = job.settings(&["former", "autofocus", "check"]);
+        assert_eq!(settings["former.error"], json!(-40.0));
+        assert_eq!(settings["former.algorithm"], json!("auto"));
+        assert_eq!(settings["check.pixels"], json!(64));
+        assert!(!settings.keys().any(|key| key.starts_with("autofocus")));
+    }
+
+    #[test]
+    fn what_is_wrong_is_shown() {
+        for (text, place, parts) in [
+            (
+                "[inptu]\nfiles = \"a\"\n",
+                "job.toml:1:2",
+                ["inptu", "did you mean 'input'"],
+            ),
+            (
+                "[input]\nfiles = \"a\"\n[former]\nalgorithm = \"ffpb\"\n",
+                "job.toml:4:13",
+                ["ffpb", "did you mean \"ffbp\""],
+            ),
+            (
+                "[input]\nfiles = \"a\"\n[products]\nformats = [\"sicd\", \"cogs\"]\n",
+                "job.toml:4:20",
+                ["cogs", "did you mean \"cog\""],
+            ),
+            (
+                "[input]\nfiles = \"a\"\n[former]\nerror = -40\n",
+                "job.toml:4:9",
+                ["error", "without a unit"],
+            ),
+            (
+                "[input]\nfiles = \"a\"\n[track]\nsource = \"mpga\"\n[autofocus]\n",
+                "job.toml:5:1",
+                ["as recorded", "leave one of the two out"],
+            ),
+            (
+                "[input]\nfiles = \"a\"\n[track]\nsource = \"mpga\"\nfile = \"t.csv\"\n",
+                "job.toml:5:1",
+                ["file", "says nothing"],
+            ),
+        ] {
+            let error = job(text).unwrap_err();
+            assert_eq!(error.faults[0].place, place, "{error}");
+            assert!(error.faults[0].excerpt.contains('^'), "{error}");
+            for part in parts {
+                assert!(error.faults[0].message.contains(part), "{part}: {error}");
+            }
+        }
+        let none = job("").unwrap_err().to_string();
+        assert!(none.contains("files"), "{none}");
+    }
+}
