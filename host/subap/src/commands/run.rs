@@ -15,6 +15,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use serde_json::{Value, json};
+use subaperture::geometry::SceneFrame;
 use subaperture::io::claim::Claims;
 use subaperture::job::{self, JobText, Made, State, Why, stamp};
 use subaperture::phase_history::{InputFile, PhaseHistory};
@@ -23,7 +24,7 @@ use crate::args::{Run, Writing};
 use crate::config::Session;
 use crate::failure::InterruptedJob;
 use crate::{interrupt, messages, text};
-use chain::{Link, REPORT};
+use chain::{Link, REPORT, Stage};
 use options::Options;
 use work::Worker;
 
@@ -44,7 +45,8 @@ pub(crate) fn run(session: &Session, typed: &Run) -> anyhow::Result<()> {
     options.focus.typed.image.former.former()?;
     if typed.rehearsal.dry_run {
         let state = State::read(&options.out)?;
-        let inputs = inputs(session, &options)?;
+        let (inputs, frame) = inputs(session, &options)?;
+        check_place(&job, &options, &frame)?;
         let chain = chain::chain(&job, &options, &inputs)?;
         return rehearsal::tell(session, &options, &chain, &state);
     }
@@ -86,7 +88,8 @@ fn whole(session: &Session, typed: &Run, job: &JobText, options: &Options) -> an
         ours,
     };
     worker.refuse_others()?;
-    let inputs = inputs(&silent, options)?;
+    let (inputs, frame) = inputs(&silent, options)?;
+    check_place(job, options, &frame)?;
     let reading = messages::part();
     let chain = chain::chain(job, options, &inputs)?;
     let names: Vec<&str> = chain.iter().map(Link::name).collect();
@@ -147,8 +150,26 @@ fn claim(
     Ok(claims)
 }
 
-/// Reads the recordings whole, for their sizes and checksums.
-fn inputs(session: &Session, options: &Options) -> anyhow::Result<Vec<InputFile>> {
+/// Refuses products that have no place on the Earth, where the recording is to be one's that has none.
+fn check_place(job: &JobText, options: &Options, frame: &SceneFrame) -> anyhow::Result<()> {
+    let mut formats = options.formats.iter();
+    let of_the_earth = formats.find(|format| format.is_of_the_earth());
+    match (of_the_earth, options.place, frame) {
+        (Some(format), None, SceneFrame::Local) => {
+            let products = job.values().section("products");
+            let what = format!(
+                "{} says where on the Earth an image is, and the recording ties its scene to no place there: say where its origin is, as \
+                 place = \"39.78, -84.08, 230\"",
+                format.name()
+            );
+            Err(job.explain(vec![products.fault("formats", what)]).into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Reads the recordings whole, for their sizes and checksums, and where the scene is.
+fn inputs(session: &Session, options: &Options) -> anyhow::Result<(Vec<InputFile>, SceneFrame)> {
     let history = session.open(&options.focus.typed.input)?;
     let checksums = session.progress("checksums");
     let inputs = history.inputs()?;
@@ -156,7 +177,7 @@ fn inputs(session: &Session, options: &Options) -> anyhow::Result<Vec<InputFile>
     if history.collection().pulses.is_empty() {
         anyhow::bail!("the input holds no pulses");
     }
-    Ok(inputs)
+    Ok((inputs, history.collection().frame.clone()))
 }
 
 /// Does a stage, unless it stands.
@@ -190,7 +211,8 @@ fn done(
         });
     };
     messages::note(&format!("{name}: {} ({why})", link.stage.what()));
-    if name == chain::Stage::Products.name()
+    // Their files have names that depend on what is asked for.
+    if matches!(link.stage, Stage::Products | Stage::Quality)
         && let Some(made) = state.made(name)
     {
         worker.sweep(&made.outputs.clone());
@@ -246,7 +268,7 @@ fn tell(
                 })
             })
             .collect();
-        let products = state.made(chain::Stage::Products.name());
+        let products = state.made(Stage::Products.name());
         return text::say_json(
             "run",
             json!({

@@ -128,7 +128,7 @@ pub(super) fn chain(
     }
     add(Stage::Picture, options.picture.settings.clone(), Vec::new());
     add(Stage::Quality, job.settings(&["quality"]), Vec::new());
-    if !options.products.is_empty() {
+    if !options.formats.is_empty() {
         add(Stage::Products, job.settings(&["products"]), Vec::new());
     }
     Ok(chain)

@@ -11,9 +11,10 @@ use clap::Parser;
 use serde_json::{Map, Value};
 use subaperture::describe::error::Found;
 use subaperture::describe::values::{Value as Given, Values};
+use subaperture::geometry::Geodetic;
 use subaperture::job::JobText;
 
-use crate::args::{self, Args, Command, TrackSource};
+use crate::args::{self, Args, Command, ImageFormat, TrackSource};
 
 /// A key, `section.key`, and the option that it is.
 type Keys = &'static [(&'static str, &'static str, &'static str)];
@@ -104,8 +105,8 @@ pub(super) struct Options {
     /// Strongest points that are measured.
     pub(super) points: u64,
     pub(super) quality: Box<args::Quality>,
-    /// Of each format.
-    pub(super) products: Vec<args::Export>,
+    pub(super) formats: Vec<ImageFormat>,
+    pub(super) place: Option<Geodetic>,
 }
 
 impl Options {
@@ -152,7 +153,7 @@ impl Options {
         let quality = typing.quality();
         let products = typing.products();
         match (focus, picture, quality, products) {
-            (Ok(focus), Ok(picture), Ok(quality), Ok(products)) if faults.is_empty() => {
+            (Ok(focus), Ok(picture), Ok(quality), Ok((formats, place))) if faults.is_empty() => {
                 Ok(Self {
                     name,
                     track,
@@ -162,7 +163,8 @@ impl Options {
                     picture,
                     points: top.section("quality").count("points"),
                     quality,
-                    products,
+                    formats,
+                    place,
                     out: out.clone(),
                 })
             }
@@ -313,31 +315,26 @@ impl Typing<'_> {
         Ok(told.typed)
     }
 
-    fn products(&self) -> Result<Vec<args::Export>, Vec<Found>> {
+    fn products(&self) -> Result<(Vec<ImageFormat>, Option<Geodetic>), Vec<Found>> {
         let products = self.job.values().section("products");
+        // Any name will do: only the place is taken from there.
+        let words = vec![self.out.into(), "--out".into(), self.in_folder("map.kmz")];
         let place: Keys = &[("products", "place", "place")];
-        let mut told: Vec<args::Export> = Vec::new();
+        let told = self.told("export", words, &[place], |command| match command {
+            Command::Export(typed) => Some(typed),
+            _ => None,
+        })?;
+        let mut formats = Vec::new();
         for name in products.optional_texts("formats").unwrap_or_default() {
-            let file = match &name[..] {
-                "sicd" => "sicd.nitf",
-                "sidd" => "sidd.nitf",
-                "cog" => "map.tif",
-                "kmz" => "map.kmz",
-                "png" => "map.png",
-                _ => "stack.zarr",
-            };
-            let mut words: Vec<OsString> = vec![self.out.into(), "--out".into()];
-            words.extend([self.in_folder(file), format!("--format={name}").into()]);
-            words.extend(self.force());
-            let one = self.told("export", words, &[place], |command| match command {
-                Command::Export(typed) => Some(typed),
-                _ => None,
+            let known = <ImageFormat as clap::ValueEnum>::from_str(name, false);
+            let format = known.map_err(|_| {
+                vec![products.fault("formats", format!("\"{name}\" is not written here yet"))]
             })?;
-            if told.iter().all(|other| other.format != one.typed.format) {
-                told.push(one.typed);
+            if !formats.contains(&format) {
+                formats.push(format);
             }
         }
-        Ok(told)
+        Ok((formats, told.typed.place))
     }
 
     /// What `command` is told by `words`, and by the keys of `tables` that are there.

@@ -26,7 +26,7 @@ th { color: var(--soft); font-weight: 600; font-size: .85rem } tr.theory td { co
 code { font: .9em ui-monospace, monospace }
 figure { margin: .8rem 0 } figure img { display: block; max-width: 100%; height: auto; background: #fff }
 .row { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(20rem, 100%), 1fr)); gap: 0 1rem }
-figcaption { font-size: .9rem; margin-top: .3rem }
+.row figure img { max-height: 22rem } figcaption { font-size: .9rem; margin-top: .3rem }
 ul { padding-left: 1.2rem; margin: .4rem 0 }
 @media print {
   :root { color-scheme: light; --ink: #000; --soft: #444; --paper: #fff; --raised: #fff; --line: #bbb; --good: #000; --bad: #000 }

@@ -198,7 +198,7 @@ impl Measured {
 
     fn takes(&self, stage: Stage, options: &Options) -> Takes {
         let pixels = self.pixels as f64;
-        let formats = options.products.iter().filter_map(|typed| typed.format);
+        let formats = options.formats.iter();
         match stage {
             Stage::Track => Takes::default(),
             Stage::Autofocus => Takes {
@@ -217,7 +217,7 @@ impl Measured {
             Stage::Picture | Stage::Quality => Takes::default(),
             Stage::Products => Takes {
                 seconds: None,
-                disk_bytes: Some(formats.map(|format| self.bytes(format)).sum()),
+                disk_bytes: Some(formats.map(|format| self.bytes(*format)).sum()),
             },
         }
     }

@@ -185,10 +185,10 @@ impl About<'_> {
         let mut facts = vec![
             (
                 "Pixels",
-                format!("{} x {} ({} columns, {} rows)", columns["count"], rows["count"], columns["count"], rows["count"]),
+                format!("{} x {}", columns["count"], rows["count"]),
             ),
             ("Pulses", image["collection"]["num_pulses"].to_string()),
-            ("Former", words(&image["settings"]["algorithm"])),
+            ("Former", former(image)),
             (
                 "Windows",
                 format!("{}; {} over slow time", words(&image["settings"]["window"]), words(&image["settings"]["slow_window"])),
@@ -257,8 +257,7 @@ impl About<'_> {
             let Some(name) = output.path.strip_prefix(&format!("{PLOTS}/")) else {
                 continue;
             };
-            let caption = name.trim_end_matches(".png").replace('-', " ");
-            pictures.push((self.picture(&output.path)?, caption));
+            pictures.push((self.picture(&output.path)?, caption(name)));
         }
         if !pictures.is_empty() {
             page.pictures(&pictures);
@@ -417,6 +416,27 @@ fn statistics(page: &mut Page, statistics: &Value) {
         ("Contrast of power", number(&statistics["power_contrast"], 4)),
         ("Contrast of amplitude", number(&statistics["amplitude_contrast"], 4)),
     ]);
+}
+
+/// The former, and which one it left the image to.
+fn former(image: &Value) -> String {
+    let asked = words(&image["settings"]["algorithm"]);
+    match image["settings"]["resolved"]["former"].as_str() {
+        Some(took) if took != asked => format!("{asked}: {took}"),
+        _ => asked,
+    }
+}
+
+/// What a picture of `point-2-x.png` shows.
+fn caption(name: &str) -> String {
+    let name = name.trim_end_matches(".png").trim_start_matches("point-");
+    match name.split_once('-') {
+        Some((number, "chip")) => format!("point {number}: its response"),
+        Some((number, along)) => {
+            format!("point {number}: cut along {}", along.replace('-', " "))
+        }
+        None => name.to_owned(),
+    }
 }
 
 /// Width, PSLR and ISLR as cells.

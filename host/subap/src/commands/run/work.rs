@@ -13,8 +13,9 @@ use subaperture::job::{FileStamp, State, Why, stamp};
 
 use super::chain::{Link, Stage};
 use super::options::{AUTOFOCUS_PNG, CORRECTION, Options, PICTURE_PNG, TRACK_CSV, TRACK_PNG};
-use crate::args;
-use crate::commands::{autofocus, export, focus, picture, quality, track};
+use crate::args::{self, ImageFormat};
+use crate::commands::export::Products;
+use crate::commands::{autofocus, focus, picture, quality, track};
 use crate::config::Session;
 
 /// The names of records that stages leave.
@@ -125,14 +126,23 @@ impl Worker<'_> {
     }
 
     fn products(&self) -> anyhow::Result<Vec<String>> {
-        let mut names = Vec::new();
-        for typed in &self.options.products {
-            for path in export::write(self.session, typed)? {
-                let name = path.strip_prefix(self.out()).unwrap_or(&path);
-                names.push(name.to_string_lossy().into_owned());
-            }
-        }
-        Ok(names)
+        let products = Products {
+            folder: self.out(),
+            formats: &self.options.formats,
+            place: self.options.place,
+            writing: self.writing,
+        };
+        let _claims = products.claim(self.session, &self.options.focus.typed.input.paths)?;
+        products.write(self.session)?;
+        let files = self.options.formats.iter().flat_map(|format| {
+            let beside: &[&str] = match format {
+                ImageFormat::Cog => &["map.json"],
+                ImageFormat::Png => &["map.pgw", "map.prj"],
+                _ => &[],
+            };
+            std::iter::once(format.file_name()).chain(beside.iter().copied())
+        });
+        Ok(files.map(str::to_owned).collect())
     }
 
     /// What products were left by an earlier run, by another image or of other formats, is not to be taken for this one's.
