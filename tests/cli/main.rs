@@ -5,6 +5,8 @@ mod bad_input;
 mod bench;
 mod capture;
 mod channels;
+#[path = "../../host/viewer/tests/driver.rs"]
+mod driver;
 mod echoes;
 mod export;
 mod json;
@@ -23,6 +25,7 @@ mod quality;
 mod rail_scan;
 mod recordings;
 mod results;
+mod run;
 mod simulate;
 mod sources;
 mod spaceborne;

@@ -1,4 +1,4 @@
-//! A browser without a screen, by the WebDriver protocol (W3C) over plain HTTP.
+//! A browser without a screen, by the WebDriver protocol (W3C) over plain HTTP. `tests/cli` looks at its page by it too.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -31,6 +31,7 @@ pub(crate) struct Browser {
     _profile: TempDir,
 }
 
+#[allow(dead_code, reason = "each who looks takes what it needs")]
 impl Browser {
     /// `None` where ChromeDriver or Chromium is not installed.
     pub(crate) fn start(width: u32, height: u32) -> Option<Self> {
@@ -67,7 +68,9 @@ impl Browser {
             .chain([folder.as_str(), &size])
             .collect();
         let options = json!({ "args": arguments, "binary": "/usr/bin/chromium" });
-        let asked = json!({ "capabilities": { "alwaysMatch": { "goog:chromeOptions": options } } });
+        let all =
+            json!({ "goog:chromeOptions": options, "goog:loggingPrefs": { "browser": "ALL" } });
+        let asked = json!({ "capabilities": { "alwaysMatch": all } });
         let session = browser.ask("POST", "/session", &asked);
         browser.session = session["sessionId"].as_str().unwrap().to_owned();
         Some(browser)
@@ -156,6 +159,12 @@ impl Browser {
             "/goog/cdp/execute",
             &json!({ "cmd": name, "params": parameters }),
         );
+    }
+
+    /// What the console has said since it was asked last: errors of scripts, and of what could not be loaded.
+    pub(crate) fn console(&self) -> Vec<Value> {
+        let said = self.of_session("/se/log", &json!({ "type": "browser" }));
+        said.as_array().unwrap().clone()
     }
 
     /// A picture of the window, PNG in base64.

@@ -16,6 +16,7 @@ mod arrays;
 mod captures;
 mod container;
 mod crsd;
+mod jobs;
 mod maps;
 mod mutate;
 mod plans;
@@ -74,7 +75,15 @@ fn in_proportion(input_bytes: usize) -> usize {
 }
 
 /// All of them.
-pub static TARGETS: [Target; 26] = [
+pub static TARGETS: [Target; 27] = [
+    Target {
+        name: "job",
+        read: jobs::job,
+        seeds: jobs::seeds,
+        repair: as_it_is,
+        words: jobs::WORDS,
+        most_bytes: in_proportion,
+    },
     Target {
         name: "plan",
         read: plans::plan,

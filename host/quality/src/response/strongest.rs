@@ -95,7 +95,10 @@ pub fn strongest(
         match measure_in(image, grid, target, settings) {
             Ok(response) => {
                 // The brightest near by may be a point that is known.
-                let at = [response.row.round() as usize, response.column.round() as usize];
+                let at = [
+                    response.row.round() as usize,
+                    response.column.round() as usize,
+                ];
                 if !taken.iter().any(|taken| taken.has(at[0], at[1])) {
                     taken.push(Taken::of(&response, grid));
                     found.points.push(response);

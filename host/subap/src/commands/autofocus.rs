@@ -53,10 +53,7 @@ pub(crate) fn found(session: &Session, typed: &Autofocus) -> anyhow::Result<Valu
 }
 
 /// What was found of which recording; `None` if it was only to be said what that takes.
-fn sharpened(
-    session: &Session,
-    typed: &Autofocus,
-) -> anyhow::Result<Option<(Sharpened, Joined)>> {
+fn sharpened(session: &Session, typed: &Autofocus) -> anyhow::Result<Option<(Sharpened, Joined)>> {
     let former = typed.former.former()?;
     if let Some(grid) = &typed.grid {
         session.check_grid(grid, 4)?;
@@ -206,16 +203,17 @@ fn name(typed: &Autofocus) -> &'static str {
 /// What was found; if nothing was gained, a correction by nothing of the kind that the method finds.
 fn correction(typed: &Autofocus, history: &dyn PhaseHistory, found: &Sharpened) -> Correction {
     let pulses = history.collection().pulses.len();
-    found.correction.clone().unwrap_or_else(|| {
-        match typed.finds_track() {
+    found
+        .correction
+        .clone()
+        .unwrap_or_else(|| match typed.finds_track() {
             true => Correction::Track {
                 displacement_m: vec![Default::default(); pulses],
             },
             false => Correction::Phase {
                 error_rad: vec![0.0; pulses],
             },
-        }
-    })
+        })
 }
 
 /// The file: phases of all pulses, or the track of the first channel, half way between its antennas.

@@ -102,7 +102,9 @@ fn whole(session: &Session, typed: &Run, job: &JobText, options: &Options) -> an
         interrupt::check()?;
     }
     let warnings = warnings(&reading.warnings, &chain, &state);
-    report::stage(session, &worker, job, &inputs, &chain, &mut state, &mut all, &warnings)?;
+    report::stage(
+        session, &worker, job, &inputs, &chain, &mut state, &mut all, &warnings,
+    )?;
     messages::keep(warnings);
     tell(session, options, &state, &all)
 }
@@ -223,8 +225,8 @@ fn done(
     interrupt::check()?;
     let stamps = outputs.iter().map(|output| {
         let path = out.join(output);
-        let stamped = stamp(&path, output)
-            .with_context(|| format!("cannot read {}", path.display()))?;
+        let stamped =
+            stamp(&path, output).with_context(|| format!("cannot read {}", path.display()))?;
         stamped.with_context(|| format!("{} is gone", path.display()))
     });
     let part = messages::part();
@@ -239,7 +241,10 @@ fn done(
     });
     state.write(out)?;
     if session.tells() {
-        text::say(format!("{name:<10} done in {} ({why})", text::duration(begun.elapsed())))?;
+        text::say(format!(
+            "{name:<10} done in {} ({why})",
+            text::duration(begun.elapsed())
+        ))?;
     }
     Ok(Stood {
         name,
@@ -249,12 +254,7 @@ fn done(
 }
 
 /// Says what is there.
-fn tell(
-    session: &Session,
-    options: &Options,
-    state: &State,
-    all: &[Stood],
-) -> anyhow::Result<()> {
+fn tell(session: &Session, options: &Options, state: &State, all: &[Stood]) -> anyhow::Result<()> {
     let page = options.out.join(report::NAME);
     if session.json() {
         let stages: Vec<Value> = all

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -16,6 +16,9 @@ use super::stamp::{FileStamp, stamp};
 pub const NAME: &str = "job.json";
 
 const SCHEMA: &str = "subaperture-job";
+
+/// Longest state that is read: thousands of outputs.
+const LONGEST_BYTES: u64 = 16 << 20;
 
 /// Changes that are told one by one.
 const MOST_TOLD: usize = 4;
@@ -143,6 +146,12 @@ impl fmt::Display for Why {
     }
 }
 
+/// Whether a path leads to something below where it starts.
+fn is_within(path: &str) -> bool {
+    let mut parts = Path::new(path).components();
+    !path.is_empty() && parts.all(|part| matches!(part, Component::Normal(_)))
+}
+
 /// Settings that differ.
 fn changes(was: &Map<String, Value>, is: &Map<String, Value>) -> Vec<Change> {
     let mut keys: Vec<&String> = was.keys().chain(is.keys()).collect();
@@ -180,22 +189,47 @@ impl State {
     /// [`StateError`].
     pub fn read(folder: &Path) -> Result<Self, StateError> {
         let path = folder.join(NAME);
-        let text = match std::fs::read(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Self::default()),
-            Err(source) => return Err(StateError::Io { path, source }),
+        let read = || {
+            if std::fs::metadata(&path)?.len() > LONGEST_BYTES {
+                return Err(io::Error::other("more than 16 MiB"));
+            }
+            std::fs::read(&path)
         };
-        let damaged = |what: String| StateError::Damaged {
-            path: path.clone(),
-            what,
-        };
-        let state: Self =
-            serde_json::from_slice(&text).map_err(|error| damaged(error.to_string()))?;
+        match read() {
+            Ok(text) => Self::of_text(&text).map_err(|what| StateError::Damaged { path, what }),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(Self::default()),
+            Err(source) => Err(StateError::Io { path, source }),
+        }
+    }
+
+    /// That which a text says.
+    ///
+    /// # Errors
+    /// In words, what is wrong with it.
+    pub fn of_text(text: &[u8]) -> Result<Self, String> {
+        let state: Self = serde_json::from_slice(text).map_err(|error| error.to_string())?;
         if state.schema != SCHEMA || state.schema_version != 1 {
             let (schema, version) = (&state.schema, state.schema_version);
-            return Err(damaged(format!("its schema is {schema} {version}")));
+            return Err(format!("its schema is {schema} {version}"));
+        }
+        // What a job removes of its own is never anything else.
+        let mut outputs = state.stages.values().flat_map(|made| &made.outputs);
+        if let Some(output) = outputs.find(|output| !is_within(&output.path)) {
+            return Err(format!("{} is not in the job's folder", output.path));
+        }
+        if let Some((name, made)) = state
+            .stages
+            .iter()
+            .find(|(n, made)| made.basis.stage != **n)
+        {
+            return Err(format!("{name} is {}", made.basis.stage));
         }
         Ok(state)
+    }
+
+    /// The state as text.
+    pub fn to_text(&self) -> String {
+        serde_json::to_string_pretty(self).expect("a state is JSON") + "\n"
     }
 
     /// Puts it into `folder`, in place of the one that is there.
@@ -203,7 +237,7 @@ impl State {
     /// # Errors
     /// [`WriteError`].
     pub fn write(&self, folder: &Path) -> Result<(), WriteError> {
-        let text = serde_json::to_string_pretty(self).expect("a state is JSON") + "\n";
+        let text = self.to_text();
         write_atomically(&folder.join(NAME), text.len() as u64, |file| {
             file.write_all(text.as_bytes())
         })
@@ -442,6 +476,17 @@ mod tests {
             fs::write(at.join(NAME), text).unwrap();
             let error = State::read(at).unwrap_err().to_string();
             assert!(error.contains("no state of a job"), "{text}: {error}");
+        }
+        // An output is never elsewhere.
+        for path in ["/etc/passwd", "../image", "a/../../b", ""] {
+            let (mut state, ..) = two(at);
+            let mut made = state.made("focus").unwrap().clone();
+            made.outputs[0].path = path.to_owned();
+            state.finish(made);
+            assert!(
+                State::of_text(state.to_text().as_bytes()).is_err(),
+                "{path}"
+            );
         }
         fs::remove_file(at.join(NAME)).unwrap();
         fs::create_dir(at.join(NAME)).unwrap();

@@ -72,7 +72,11 @@ impl Plan {
     }
 
     /// The same beside the largest part of an image that is read part by part.
-    pub(super) fn of_parts(task: &Task, image: &dyn Parts, count: usize) -> Result<Self, FormError> {
+    pub(super) fn of_parts(
+        task: &Task,
+        image: &dyn Parts,
+        count: usize,
+    ) -> Result<Self, FormError> {
         let pixels = image
             .places()
             .into_iter()

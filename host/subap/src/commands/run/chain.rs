@@ -88,7 +88,9 @@ pub(super) fn chain(
     let mut add = |stage: Stage, settings: Map<String, Value>, files: Vec<FileStamp>| {
         // Of those before, focus goes on from what it is told of, and all others from focus.
         let before: Vec<&'static str> = match stage {
-            Stage::Track | Stage::Autofocus | Stage::Focus => chain.iter().map(Link::name).collect(),
+            Stage::Track | Stage::Autofocus | Stage::Focus => {
+                chain.iter().map(Link::name).collect()
+            }
             _ => vec![Stage::Focus.name()],
         };
         let fingerprint = |name: &&'static str| {
@@ -111,15 +113,24 @@ pub(super) fn chain(
     };
     if let Some(track) = &options.track {
         let logs = track.typed.logs.navigation.iter();
-        let logs = logs.map(|path| beside(path)).collect::<Result<Vec<_>, _>>()?;
+        let logs = logs
+            .map(|path| beside(path))
+            .collect::<Result<Vec<_>, _>>()?;
         let files = recordings.iter().cloned().chain(logs).collect();
         add(Stage::Track, track.settings.clone(), files);
     }
     if let Some(autofocus) = &options.autofocus {
-        add(Stage::Autofocus, autofocus.settings.clone(), recordings.clone());
+        add(
+            Stage::Autofocus,
+            autofocus.settings.clone(),
+            recordings.clone(),
+        );
     }
     let mut files = recordings;
-    for path in read_by(&options.focus.typed, options.track.is_none() && options.autofocus.is_none()) {
+    for path in read_by(
+        &options.focus.typed,
+        options.track.is_none() && options.autofocus.is_none(),
+    ) {
         files.push(beside(path)?);
     }
     add(Stage::Focus, options.focus.settings.clone(), files);
@@ -140,7 +151,12 @@ fn read_by(typed: &args::Focus, given: bool) -> impl Iterator<Item = &Path> {
     let geoid = surfacing.geoid.as_ref().and_then(|geoid| geoid.file());
     let track = typed.track.as_ref().and_then(args::TrackSource::file);
     let track = track.filter(|_| given);
-    surfacing.surface.file().into_iter().chain(geoid).chain(track)
+    surfacing
+        .surface
+        .file()
+        .into_iter()
+        .chain(geoid)
+        .chain(track)
 }
 
 fn beside(path: &Path) -> anyhow::Result<FileStamp> {

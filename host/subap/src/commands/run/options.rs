@@ -125,7 +125,7 @@ impl Options {
             None => path.with_extension(""),
         };
         if top.optional_text("out").is_none() && out == path {
-            let what = "its file has no ending, by whose lack a folder could be called: say where all goes, as out = \"my-job\"";
+            let what = "this file's name has no ending, without which the folder could be called so: say how it is called, as out = \"my-job\"";
             return Err(vec![Found::new(&top.at, what)]);
         }
         let name = top.optional_text("name").map(str::to_owned);
@@ -169,17 +169,13 @@ impl Options {
                 })
             }
             (focus, picture, quality, products) => {
-                let found = [
-                    focus.err(),
-                    picture.err(),
-                    quality.err(),
-                    products.err(),
-                ];
+                let found = [focus.err(), picture.err(), quality.err(), products.err()];
                 faults.extend(found.into_iter().flatten().flatten());
                 // One key may be an option of several stages.
                 let mut told = Vec::<Found>::new();
                 for found in faults {
-                    let known = |other: &Found| other.at == found.at && other.message == found.message;
+                    let known =
+                        |other: &Found| other.at == found.at && other.message == found.message;
                     if !told.iter().any(known) {
                         told.push(found);
                     }
@@ -204,7 +200,10 @@ impl Typing<'_> {
 
     fn inputs(&self) -> Vec<OsString> {
         let files = self.job.values().section("input").texts("files");
-        files.iter().map(|file| self.job.path(file).into()).collect()
+        files
+            .iter()
+            .map(|file| self.job.path(file).into())
+            .collect()
     }
 
     fn in_folder(&self, name: &str) -> OsString {
@@ -235,7 +234,8 @@ impl Typing<'_> {
             Command::Track(typed) => Some(Box::new(typed)),
             _ => None,
         })?;
-        told.settings.insert("track.source".to_owned(), track.text("source").into());
+        told.settings
+            .insert("track.source".to_owned(), track.text("source").into());
         Ok(Some(told))
     }
 
@@ -275,7 +275,8 @@ impl Typing<'_> {
         let track = self.section("track");
         if let Some(track) = track {
             let source = track.text("source");
-            told.settings.insert("track.source".to_owned(), source.into());
+            told.settings
+                .insert("track.source".to_owned(), source.into());
             let path = match source {
                 "file" => self.job.path(track.text("file")),
                 _ => self.out.join(TRACK_CSV),

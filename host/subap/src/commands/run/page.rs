@@ -185,7 +185,10 @@ mod tests {
         // 1, 2, 3 in base 64: 000000 010000 001000 000011.
         assert!(html.contains("data:image/png;base64,AQID"));
         assert!(!html.contains("http") && !html.contains("url("));
-        assert_eq!(html.matches("<section").count(), html.matches("</section>").count());
+        assert_eq!(
+            html.matches("<section").count(),
+            html.matches("</section>").count()
+        );
         assert!(html.lines().next().unwrap().contains(TEXT_MARK));
     }
 }

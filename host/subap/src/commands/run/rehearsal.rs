@@ -49,7 +49,9 @@ pub(super) fn tell(
         .collect();
     let seconds: f64 = takes.iter().filter_map(|takes| takes.seconds).sum();
     let disk_bytes: u64 = takes.iter().filter_map(|takes| takes.disk_bytes).sum();
-    let memory_bytes = measured.as_ref().map_or(0, |measured| measured.memory_bytes);
+    let memory_bytes = measured
+        .as_ref()
+        .map_or(0, |measured| measured.memory_bytes);
     let free = free_bytes(&options.out);
     if session.json() {
         let stages: Vec<Value> = rows
@@ -83,7 +85,9 @@ pub(super) fn tell(
             None => ("stands".to_owned(), String::new()),
             Some(why) => ("to do".to_owned(), why.to_string()),
         };
-        let seconds = takes.seconds.map(|s| format!("about {}", text::seconds(rounded(s))));
+        let seconds = takes
+            .seconds
+            .map(|s| format!("about {}", text::seconds(rounded(s))));
         let disk = takes.disk_bytes.map(|bytes| text::bytes(bytes.into()));
         let unknown = |told: Option<String>| match (&why[..], told) {
             ("", _) => String::new(),
@@ -211,7 +215,9 @@ impl Measured {
                 disk_bytes: Some(8 * self.pixels),
             },
             Stage::Check => Takes {
-                seconds: self.exact_s.map(|all_s| all_s * options.check as f64 / pixels),
+                seconds: self
+                    .exact_s
+                    .map(|all_s| all_s * options.check as f64 / pixels),
                 disk_bytes: None,
             },
             Stage::Picture | Stage::Quality => Takes::default(),
@@ -231,4 +237,3 @@ impl Measured {
         }
     }
 }
-

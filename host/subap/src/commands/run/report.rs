@@ -92,7 +92,10 @@ pub(super) fn stage(
     });
     state.write(out)?;
     if session.tells() {
-        text::say(format!("{REPORT:<10} done in {} ({why})", text::duration(begun.elapsed())))?;
+        text::say(format!(
+            "{REPORT:<10} done in {} ({why})",
+            text::duration(begun.elapsed())
+        ))?;
     }
     all.push(Stood {
         name: REPORT,
@@ -156,7 +159,11 @@ impl About<'_> {
             error(&mut page, &image, check);
         }
         if self.has(Stage::Autofocus) {
-            sharpened(&mut page, &self.record(AUTOFOCUS_JSON)?, self.picture(AUTOFOCUS_PNG)?);
+            sharpened(
+                &mut page,
+                &self.record(AUTOFOCUS_JSON)?,
+                self.picture(AUTOFOCUS_PNG)?,
+            );
         }
         if self.has(Stage::Track) {
             page.section("track", "Track");
@@ -177,11 +184,17 @@ impl About<'_> {
             &escaped(&format!(
                 "Report of {when} UTC by subap {}: {}",
                 self.basis.version,
-                image["collection"]["name"].as_str().unwrap_or("a recording"),
+                image["collection"]["name"]
+                    .as_str()
+                    .unwrap_or("a recording"),
             )),
         );
         let (columns, rows) = (&image["grid"]["columns"], &image["grid"]["rows"]);
-        let length = |value: &Value| value.as_f64().map_or("none".to_owned(), subaperture::quantity::metres);
+        let length = |value: &Value| {
+            value
+                .as_f64()
+                .map_or("none".to_owned(), subaperture::quantity::metres)
+        };
         let mut facts = vec![
             (
                 "Pixels",
@@ -191,11 +204,21 @@ impl About<'_> {
             ("Former", former(image)),
             (
                 "Windows",
-                format!("{}; {} over slow time", words(&image["settings"]["window"]), words(&image["settings"]["slow_window"])),
+                format!(
+                    "{}; {} over slow time",
+                    words(&image["settings"]["window"]),
+                    words(&image["settings"]["slow_window"])
+                ),
             ),
         ];
         if image["grid"]["kind"] == "cartesian" {
-            facts.insert(1, ("Distance of pixels", format!("{} x {}", length(&columns["step"]), length(&rows["step"]))));
+            facts.insert(
+                1,
+                (
+                    "Distance of pixels",
+                    format!("{} x {}", length(&columns["step"]), length(&rows["step"])),
+                ),
+            );
         }
         let predicted = &image["settings"]["resolved"]["predicted_error_db"];
         if predicted.is_number() {
@@ -224,14 +247,24 @@ impl About<'_> {
         let mut rows: Vec<Row> = Vec::new();
         for (i, point) in points.iter().enumerate() {
             let response = &point["response"];
-            let place: Vec<String> = (0..3).map(|k| number(&response["position_m"][k], 3)).collect();
-            for (k, cut) in response["cuts"].as_array().into_iter().flatten().enumerate() {
+            let place: Vec<String> = (0..3)
+                .map(|k| number(&response["position_m"][k], 3))
+                .collect();
+            for (k, cut) in response["cuts"]
+                .as_array()
+                .into_iter()
+                .flatten()
+                .enumerate()
+            {
                 let mut row = match k {
                     0 => vec![
                         (i + 1).to_string(),
                         place.join(", "),
                         decibels(&response["level_db"]),
-                        number(&json!(response["phase_rad"].as_f64().map(f64::to_degrees)), 1),
+                        number(
+                            &json!(response["phase_rad"].as_f64().map(f64::to_degrees)),
+                            1,
+                        ),
                     ],
                     _ => vec![String::new(); 4],
                 };
@@ -248,10 +281,20 @@ impl About<'_> {
             }
         }
         let header = [
-            "", "x, y, z (m)", "level", "phase (deg)", "along", "3 dB width (m)", "PSLR (dB)", "ISLR (dB)",
+            "",
+            "x, y, z (m)",
+            "level",
+            "phase (deg)",
+            "along",
+            "3 dB width (m)",
+            "PSLR (dB)",
+            "ISLR (dB)",
         ];
         page.table(Cells::Numbers, &header, &rows);
-        let plots = self.state.made(Stage::Quality.name()).map_or(&[][..], |made| &made.outputs);
+        let plots = self
+            .state
+            .made(Stage::Quality.name())
+            .map_or(&[][..], |made| &made.outputs);
         let mut pictures = Vec::new();
         for output in plots {
             let Some(name) = output.path.strip_prefix(&format!("{PLOTS}/")) else {
@@ -307,13 +350,18 @@ impl About<'_> {
                 ],
             ));
         }
-        rows.push(("theory", vec!["all".to_owned(), seconds(sum_s), String::new()]));
+        rows.push((
+            "theory",
+            vec!["all".to_owned(), seconds(sum_s), String::new()],
+        ));
         page.table(Cells::Words, &["stage", "time", ""], &rows);
         let memory = text::bytes(self.session.memory.total_bytes.into());
         let threads = self.session.threads;
         page.paragraph(
             "soft small",
-            &format!("Times on the clock. The last run had {threads} threads and {memory} of memory."),
+            &format!(
+                "Times on the clock. The last run had {threads} threads and {memory} of memory."
+            ),
         );
     }
 
@@ -336,7 +384,10 @@ impl About<'_> {
             .iter()
             .map(|input| {
                 let cells = vec![
-                    format!("<code>{}</code>", escaped(&input.path.display().to_string())),
+                    format!(
+                        "<code>{}</code>",
+                        escaped(&input.path.display().to_string())
+                    ),
                     input.bytes.to_string(),
                     format!("<code>{}</code>", input.crc32),
                 ];
@@ -350,7 +401,10 @@ impl About<'_> {
             .flatten()
             .filter(|(_, value)| !value.is_object() && !value.is_array())
             .map(|(key, value)| {
-                ("", vec![escaped(&key.replace('_', " ")), escaped(&words(value))])
+                (
+                    "",
+                    vec![escaped(&key.replace('_', " ")), escaped(&words(value))],
+                )
             })
             .collect();
         if !rows.is_empty() {
@@ -365,13 +419,41 @@ fn error(page: &mut Page, image: &Value, check: &Value) {
     let bound = image["settings"]["given"]["error_db"].as_f64();
     let measured = check["relative_to_image_db"].as_f64();
     let rows: Vec<Row> = vec![
-        ("", vec!["pixels compared".to_owned(), check["num_pixels"].to_string()]),
-        ("", vec!["of an average pixel's power".to_owned(), decibels(&check["relative_to_image_db"])]),
-        ("", vec!["of these pixels' power".to_owned(), decibels(&check["relative_rms_db"])]),
-        ("", vec!["predicted".to_owned(), decibels(&image["settings"]["resolved"]["predicted_error_db"])]),
+        (
+            "",
+            vec![
+                "pixels compared".to_owned(),
+                check["num_pixels"].to_string(),
+            ],
+        ),
+        (
+            "",
+            vec![
+                "of an average pixel's power".to_owned(),
+                decibels(&check["relative_to_image_db"]),
+            ],
+        ),
+        (
+            "",
+            vec![
+                "of these pixels' power".to_owned(),
+                decibels(&check["relative_rms_db"]),
+            ],
+        ),
+        (
+            "",
+            vec![
+                "predicted".to_owned(),
+                decibels(&image["settings"]["resolved"]["predicted_error_db"]),
+            ],
+        ),
         ("", vec!["bound".to_owned(), decibels(&check["bound_db"])]),
     ];
-    page.table(Cells::Numbers, &["relative RMS error, phase included", ""], &rows);
+    page.table(
+        Cells::Numbers,
+        &["relative RMS error, phase included", ""],
+        &rows,
+    );
     let bound = bound.or(check["bound_db"].as_f64());
     match (measured, bound) {
         (Some(measured), Some(bound)) if measured > bound => {
@@ -393,16 +475,25 @@ fn sharpened(page: &mut Page, found: &Value, picture: Vec<u8>) {
         ];
         ("", cells)
     };
-    let rows = [row("before", &found["before"]), row("after", &found["after"])];
+    let rows = [
+        row("before", &found["before"]),
+        row("after", &found["after"]),
+    ];
     page.table(Cells::Numbers, &["", "entropy", "contrast", "peak"], &rows);
     let rounds = found["rounds"].as_array().map_or(0, Vec::len);
-    let by = match (found["rms_phase_rad"].as_f64(), found["rms_displacement_m"].as_f64()) {
+    let by = match (
+        found["rms_phase_rad"].as_f64(),
+        found["rms_displacement_m"].as_f64(),
+    ) {
         (Some(phase), _) => format!("phases of {phase:.3} rad rms were taken away"),
         (None, Some(moved)) => format!("the track was moved by {} rms", text::metres(Some(moved))),
         _ => "nothing was gained: the recording is best as it is".to_owned(),
     };
     let method = words(&found["method"]);
-    page.paragraph("", &escaped(&format!("By {method} in {rounds} rounds: {by}.")));
+    page.paragraph(
+        "",
+        &escaped(&format!("By {method} in {rounds} rounds: {by}.")),
+    );
     page.pictures(&[(picture, format!("before and after {method}"))]);
 }
 
@@ -412,9 +503,18 @@ fn statistics(page: &mut Page, statistics: &Value) {
         ("Mean level", decibels(&statistics["mean_level_db"])),
         ("Median level", decibels(&statistics["median_level_db"])),
         ("Peak level", decibels(&statistics["peak_level_db"])),
-        ("Entropy", format!("{} nats", number(&statistics["entropy"], 4))),
-        ("Contrast of power", number(&statistics["power_contrast"], 4)),
-        ("Contrast of amplitude", number(&statistics["amplitude_contrast"], 4)),
+        (
+            "Entropy",
+            format!("{} nats", number(&statistics["entropy"], 4)),
+        ),
+        (
+            "Contrast of power",
+            number(&statistics["power_contrast"], 4),
+        ),
+        (
+            "Contrast of amplitude",
+            number(&statistics["amplitude_contrast"], 4),
+        ),
     ]);
 }
 
@@ -441,15 +541,23 @@ fn caption(name: &str) -> String {
 
 /// Width, PSLR and ISLR as cells.
 fn figures(width: &Value, rule: &Value) -> [String; 3] {
-    [number(width, 4), number(&rule["pslr_db"], 2), number(&rule["islr_db"], 2)]
+    [
+        number(width, 4),
+        number(&rule["pslr_db"], 2),
+        number(&rule["islr_db"], 2),
+    ]
 }
 
 fn number(value: &Value, digits: usize) -> String {
-    value.as_f64().map_or_else(|| "none".to_owned(), |v| format!("{v:.digits$}"))
+    value
+        .as_f64()
+        .map_or_else(|| "none".to_owned(), |v| format!("{v:.digits$}"))
 }
 
 fn decibels(value: &Value) -> String {
-    value.as_f64().map_or_else(|| "none".to_owned(), text::decibels)
+    value
+        .as_f64()
+        .map_or_else(|| "none".to_owned(), text::decibels)
 }
 
 /// JSON as words: texts without their quotes.

@@ -91,7 +91,10 @@ impl Worker<'_> {
                 Ok(names(&[TRACK_CSV, TRACK_PNG]))
             }
             Stage::Autofocus => {
-                let told = options.autofocus.as_ref().expect("the chain has what is told");
+                let told = options
+                    .autofocus
+                    .as_ref()
+                    .expect("the chain has what is told");
                 let found = autofocus::found(self.session, &told.typed)?;
                 self.record(AUTOFOCUS_JSON, found)?;
                 Ok(names(&[CORRECTION, AUTOFOCUS_PNG, AUTOFOCUS_JSON]))
@@ -101,7 +104,8 @@ impl Worker<'_> {
                 Ok(names(&IMAGE))
             }
             Stage::Check => {
-                let check = focus::checked(self.session, &options.focus.typed, options.check as usize)?;
+                let check =
+                    focus::checked(self.session, &options.focus.typed, options.check as usize)?;
                 self.record(CHECK_JSON, json!(check))?;
                 Ok(names(&[CHECK_JSON]))
             }
@@ -118,11 +122,18 @@ impl Worker<'_> {
         let plots = self.out().join(PLOTS);
         let mut claims = self.claims();
         let points = self.options.points as usize;
-        let (report, drawn) =
-            quality::of_job(self.session, &self.options.quality, points, &plots, &mut claims)?;
+        let (report, drawn) = quality::of_job(
+            self.session,
+            &self.options.quality,
+            points,
+            &plots,
+            &mut claims,
+        )?;
         self.record(QUALITY_JSON, report)?;
         let drawn = drawn.into_iter().map(|name| format!("{PLOTS}/{name}"));
-        Ok(std::iter::once(QUALITY_JSON.to_owned()).chain(drawn).collect())
+        Ok(std::iter::once(QUALITY_JSON.to_owned())
+            .chain(drawn)
+            .collect())
     }
 
     fn products(&self) -> anyhow::Result<Vec<String>> {
@@ -162,7 +173,8 @@ impl Worker<'_> {
     }
 
     fn claims(&self) -> Claims {
-        self.session.claims(&self.writing, &self.options.focus.typed.input.paths)
+        self.session
+            .claims(&self.writing, &self.options.focus.typed.input.paths)
     }
 
     /// Writes a record of this name; `value` is an object with its schema.

@@ -1,0 +1,681 @@
+//! `subap run`: a job does all it says, once; what changes is done again with what follows and nothing else; killed, interrupted or on a full
+//! disk it goes on to the same bits; its report shows the numbers of its records, needs no network, and fits screens.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::Duration;
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use serde_json::{Value, json};
+use subaperture::io::product;
+use subaperture_tests::subap::{Ran, command, listing, run};
+use subaperture_tests::tiny_disk::TinyDisk;
+
+use crate::driver::Browser;
+
+/// Three points at a place of the Earth, seen under clutter too weak to matter.
+const SCENE: &str = r#"
+name = "three points"
+seed = 5
+
+[scene]
+x = "-30, 30 m"
+y = "-30, 30 m"
+reference = "0, 0, 0 m"
+
+[scene.origin]
+latitude = "40 deg"
+longitude = "-86 deg"
+
+[[scene.point]]
+position = "3, 4, 0 m"
+[[scene.point]]
+position = "-16, 12, 0 m"
+cross_section = "-6 dBsm"
+[[scene.point]]
+position = "14, -13, 0 m"
+cross_section = "-12 dBsm"
+
+[radar]
+kind = "ideal"
+pulses = 200
+pri = "6 ms"
+centre = "10 GHz"
+bandwidth = "150 MHz"
+samples = 128
+
+[platform]
+kind = "linear"
+position = "0, -4, 3 km"
+velocity = "100, 0, 0 m/s"
+at = "middle"
+"#;
+
+const JOB: &str = r#"name = "A <small> job"
+
+[input]
+files = "../a.cphd"
+
+[autofocus]
+grid = "x=-24:24:0.4,y=-24:24:0.4"
+rounds = 2
+
+[grid]
+pixels = "x=-30:30:0.2,y=-30:30:0.2"
+
+[former]
+algorithm = "bp"
+error = "-50 dB"
+window = "none"
+slow_window = "none"
+
+[quality]
+points = 3
+
+[products]
+formats = ["sicd", "sidd", "cog", "kmz", "png"]
+"#;
+
+/// What the formats of [`JOB`] leave.
+const PRODUCTS: [&str; 8] = [
+    "sicd.nitf",
+    "sidd.nitf",
+    "map.tif",
+    "map.json",
+    "map.kmz",
+    "map.png",
+    "map.pgw",
+    "map.prj",
+];
+
+/// A folder with the recording, and jobs in folders of it.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        fs::write(place.at().join("scene.toml"), SCENE).unwrap();
+        run(place.at(), "simulate scene.toml -o a.cphd").succeeded();
+        place
+    }
+
+    fn at(&self) -> &Path {
+        self.0.path()
+    }
+
+    /// A folder of this name with a job in it.
+    fn job(&self, name: &str, text: &str) -> PathBuf {
+        let folder = self.at().join(name);
+        fs::create_dir(&folder).unwrap();
+        fs::write(folder.join("job.toml"), text).unwrap();
+        folder
+    }
+}
+
+/// Names of the stages, and whether each was done.
+fn stages(ran: &Ran) -> Vec<(String, bool)> {
+    let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    let stages = told["stages"].as_array().unwrap().iter();
+    stages
+        .map(|stage| {
+            let name = stage["stage"].as_str().unwrap().to_owned();
+            (name, stage["done"].as_bool().unwrap())
+        })
+        .collect()
+}
+
+/// The stages that were done.
+fn done(ran: &Ran) -> Vec<String> {
+    let all = stages(ran).into_iter();
+    all.filter(|(_, done)| *done)
+        .map(|(name, _)| name)
+        .collect()
+}
+
+fn record(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+#[test]
+fn the_example_is_a_job_and_a_rehearsal_writes_nothing() {
+    let place = Place::new();
+    let at = place.at();
+    let example = run(at, "run --example");
+    fs::write(at.join("job.toml"), example.succeeded()).unwrap();
+    fs::rename(at.join("a.cphd"), at.join("recording.cphd")).unwrap();
+    let keys = run(at, "run --keys");
+    for header in [
+        "[input]",
+        "[track]",
+        "[autofocus]",
+        "[former]",
+        "[products]",
+    ] {
+        assert!(keys.succeeded().contains(header), "{header}");
+    }
+    let before = listing(at);
+    let told = run(at, "run job.toml --dry-run");
+    for part in [
+        "focus", "check", "picture", "quality", "products", "to do", "memory", "disk",
+    ] {
+        assert!(told.succeeded().contains(part), "{part}: {}", told.stdout);
+    }
+    let told = run(at, "run job.toml --dry-run --json");
+    let told: Value = serde_json::from_str(told.succeeded()).unwrap();
+    assert!(told["time_s"].as_f64().unwrap() > 0.0, "{told}");
+    assert!(told["memory_bytes"].as_u64().unwrap() > 1 << 20, "{told}");
+    assert_eq!(told["stages"].as_array().unwrap().len(), 5, "{told}");
+    assert_eq!(listing(at), before);
+}
+
+#[test]
+fn a_job_makes_all_it_says_and_its_report_shows_the_numbers_of_its_records() {
+    let place = Place::new();
+    let without = JOB.replace(
+        "[autofocus]\ngrid = \"x=-24:24:0.4,y=-24:24:0.4\"\nrounds = 2\n",
+        "",
+    );
+    let at = place.job("whole", &without);
+    let ran = run(&at, "run job.toml");
+    assert!(ran.succeeded().contains("job/report.html"));
+    let out = at.join("job");
+    for name in PRODUCTS
+        .iter()
+        .chain(&["report.html", "picture.png", "check.json", "image.json"])
+    {
+        assert!(out.join(name).is_file(), "{name}");
+    }
+    // The image and its check are those of subap focus.
+    let line = "focus ../a.cphd -a bp --error-db -50 --window none --slow-window none \
+                --grid x=-30:30:0.2,y=-30:30:0.2 --check 64 --out direct";
+    run(&at, line).succeeded();
+    let [own, direct] = ["job", "direct"].map(|name| product::read(&at.join(name)).unwrap());
+    assert_eq!(own.image.pixels, direct.image.pixels);
+    let (check, theirs) = (record(&out.join("check.json")), &direct.metadata["check"]);
+    for key in [
+        "num_pixels",
+        "relative_rms_db",
+        "relative_to_image_db",
+        "seed",
+    ] {
+        assert_eq!(check[key], theirs[key], "{key}");
+    }
+    let error_db = check["relative_to_image_db"].as_f64().unwrap();
+    assert!(error_db < -50.0, "{check}");
+    let html = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(html.contains(&format!("{error_db:.2} dB")), "{error_db}");
+
+    // Points are where they were put, and measured as by subap quality.
+    let points = record(&out.join("quality.json"));
+    let points = points["points"].as_array().unwrap();
+    let placed = [(3.0, 4.0), (-16.0, 12.0), (14.0, -13.0)];
+    assert_eq!(points.len(), placed.len());
+    for (point, (x, y)) in points.iter().zip(placed) {
+        let position = &point["response"]["position_m"];
+        let near = |k: usize, to: f64| (position[k].as_f64().unwrap() - to).abs() < 0.1;
+        assert!(near(0, x) && near(1, y), "{position}");
+        let measured = run(&at, &format!("quality job --json --at={x},{y}"));
+        let measured: Value = serde_json::from_str(measured.succeeded()).unwrap();
+        assert_eq!(measured["points"][0], *point);
+        for cut in measured["points"][0]["response"]["cuts"]
+            .as_array()
+            .unwrap()
+        {
+            let number = |value: &Value, digits: usize| {
+                let value = value.as_f64().unwrap();
+                format!("{value:.digits$}")
+            };
+            let row = format!(
+                "<td>{}</td><td>{}</td><td>{}</td><td>{}</td>",
+                cut["along"].as_str().unwrap(),
+                number(&cut["width_3db"], 4),
+                number(&cut["null_rule"]["pslr_db"], 2),
+                number(&cut["null_rule"]["islr_db"], 2)
+            );
+            assert!(html.contains(&row), "{row}");
+        }
+    }
+
+    // Products are those of subap export, told with their sizes and checksums.
+    run(&at, "export job --format kmz -o own.kmz").succeeded();
+    assert_eq!(
+        fs::read(at.join("own.kmz")).unwrap(),
+        fs::read(out.join("map.kmz")).unwrap()
+    );
+    for name in PRODUCTS {
+        let bytes = fs::read(out.join(name)).unwrap();
+        let told = format!(
+            "<td>{}</td><td><code>{:08x}</code></td>",
+            bytes.len(),
+            crc32fast::hash(&bytes)
+        );
+        assert!(html.contains(&told), "{name}");
+    }
+    assert!(html.contains("<h1>A &lt;small&gt; job</h1>"));
+    assert!(!html.contains("http") && !html.contains("<script"));
+
+    // Nothing is done twice.
+    let again = run(&at, "run job.toml --json");
+    assert_eq!(done(&again), [""; 0]);
+    assert_eq!(fs::read_to_string(out.join("report.html")).unwrap(), html);
+}
+
+#[test]
+fn a_change_redoes_what_follows_and_nothing_else() {
+    let place = Place::new();
+    let at = place.job("changed", JOB);
+    let all = [
+        "autofocus",
+        "focus",
+        "check",
+        "picture",
+        "quality",
+        "products",
+        "report",
+    ];
+    let first = run(&at, "run job.toml --json");
+    assert_eq!(done(&first), all);
+    let cases: [(&str, &[&str]); 8] = [
+        ("picture.remap=density", &["picture", "report"]),
+        ("quality.points=1", &["quality", "report"]),
+        ("check.pixels=32", &["check", "report"]),
+        ("name=other", &["report"]),
+        ("grid.pixels=x=-28:30:0.2,y=-30:30:0.2", &all[1..]),
+        ("former.allow_error=true", &all[1..]),
+        ("former.error=-45dB", &all),
+        ("autofocus.rounds=1", &all),
+    ];
+    let mut line = "run job.toml --json".to_owned();
+    for (set, expected) in cases {
+        line += &format!(" --set {set}");
+        let changed = run(&at, &line);
+        assert_eq!(done(&changed), expected, "{set}");
+        let told: Value = serde_json::from_str(&changed.stdout).unwrap();
+        let key = set.split_once('=').unwrap().0;
+        let why: Vec<&str> = told["stages"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter_map(|stage| stage["why"].as_str())
+            .collect();
+        assert!(why[0].starts_with(&format!("{key} was ")), "{why:?}");
+    }
+    assert!(at.join("job/quality/point-1-x.png").is_file());
+    assert!(
+        !at.join("job/quality/point-2-x.png").exists(),
+        "of an earlier run"
+    );
+
+    // An output that is lost is made again, alone; one that was changed, too.
+    fs::remove_file(at.join("job/map.kmz")).unwrap();
+    assert_eq!(done(&run(&at, &line)), ["products", "report"]);
+    let tile = at.join("job/image.zarr/c/0/0");
+    let image = fs::read(&tile).unwrap();
+    fs::write(&tile, vec![1; image.len()]).unwrap();
+    assert_eq!(done(&run(&at, &line)), ["focus", "report"]);
+    assert_eq!(fs::read(&tile).unwrap(), image);
+
+    // Fewer formats leave fewer files; a stage that is asked for no more goes with all it left.
+    line += " --set products.formats=cog --set check.pixels=0";
+    assert_eq!(done(&run(&at, &line)), ["products", "report"]);
+    for name in ["sicd.nitf", "map.kmz", "map.png", "map.prj", "check.json"] {
+        assert!(!at.join("job").join(name).exists(), "{name}");
+    }
+    assert!(at.join("job/map.tif").is_file());
+    // Another recording is another job.
+    run(
+        place.at(),
+        "simulate scene.toml --set seed=6 --set radar.pulses=198 -o a.cphd --force",
+    )
+    .succeeded();
+    let other = run(&at, &line);
+    assert_eq!(done(&other)[..2], ["autofocus", "focus"]);
+    assert!(
+        other.stdout.contains("files that it reads have changed"),
+        "{}",
+        other.stdout
+    );
+}
+
+#[test]
+fn what_is_wrong_is_shown_where_it_is_and_nothing_is_done() {
+    let place = Place::new();
+    let at = place.at();
+    let input = "[input]\nfiles = \"a.cphd\"\n";
+    for (text, parts) in [
+        (
+            "[input]\nfile = \"a.cphd\"\n",
+            &["job.toml:2:1", "did you mean 'files'", "^^^^"][..],
+        ),
+        (
+            &format!("{input}[former]\nalgoritm = \"bp\"\n"),
+            &["job.toml:4:1", "did you mean 'algorithm'"],
+        ),
+        (
+            &format!("{input}[former]\nwindow = \"blackman\"\n"),
+            &["job.toml:4:10", "window 'blackman'", "^^^^^^^^^^"],
+        ),
+        (
+            &format!("{input}[grid]\npixels = \"x=1\"\nsurface = \"sea\"\n"),
+            &["job.toml:4:10", "job.toml:5:11", "dem:FILE"],
+        ),
+        (
+            &format!("{input}[products]\nplace = \"north\"\n"),
+            &["job.toml:4:9", "latitude and longitude"],
+        ),
+        (
+            &format!("{input}[products]\nformats = [\"nitf\"]\n"),
+            &["job.toml:4:12", "'formats' has no \"nitf\""],
+        ),
+        (
+            &format!("{input}[track]\nsource = \"mpga\"\n[autofocus]\n"),
+            &["job.toml:5:1", "leave one of the two out"],
+        ),
+        ("[input\n", &["job.toml:1"]),
+    ] {
+        fs::write(at.join("job.toml"), text).unwrap();
+        let before = listing(at);
+        run(at, "run job.toml").failed(1, parts);
+        assert_eq!(listing(at), before, "{text}");
+    }
+    fs::write(at.join("job.toml"), input).unwrap();
+    run(at, "run job.toml --set former.eror=-40dB")
+        .failed(1, &["--set former.eror", "former.error"]);
+    run(at, "run none.toml").failed(1, &["cannot read none.toml"]);
+    run(at, "run").failed(2, &["JOB"]);
+    // Recordings that are not there, and one whose scene has no place.
+    let before = listing(at);
+    run(at, "run job.toml --set input.files=b.cphd").failed(1, &["b.cphd"]);
+    assert_eq!(listing(at), before);
+    let local = SCENE.replace(
+        "[scene.origin]\nlatitude = \"40 deg\"\nlongitude = \"-86 deg\"\n",
+        "",
+    );
+    fs::write(at.join("local.toml"), local).unwrap();
+    run(at, "simulate local.toml -o a.cphd --force").succeeded();
+    fs::write(
+        at.join("job.toml"),
+        format!("{input}[products]\nformats = \"kmz\"\n"),
+    )
+    .unwrap();
+    let before = listing(at);
+    run(at, "run job.toml").failed(1, &["job.toml:4:11", "place = "]);
+    assert_eq!(listing(at), before);
+}
+
+#[test]
+fn another_image_is_not_replaced() {
+    let place = Place::new();
+    let at = place.job("others", JOB);
+    run(
+        &at,
+        "focus ../a.cphd --tiled --grid x=-5:5:0.5,y=-5:5:0.5 --out job",
+    )
+    .succeeded();
+    let before = listing(&at);
+    run(&at, "run job.toml").failed(1, &["an image is there that is no job's"]);
+    assert_eq!(listing(&at), before);
+    run(&at, "run job.toml --force").succeeded();
+    // A state that is none is not guessed at.
+    fs::write(at.join("job/job.json"), "{\"schema\":\"subaperture-job\"").unwrap();
+    run(&at, "run job.toml").failed(1, &["job.json", "no state of a job"]);
+    // What somebody else put there stays.
+    fs::write(at.join("job/job.json"), "{}").unwrap();
+    run(&at, "run job.toml").failed(1, &["job.json"]);
+}
+
+/// Runs a job until it is at `stage`, and a part of the time that this takes further; kills it then. Whether it was alive.
+fn killed_at(at: &Path, stage: &str, after: Duration) -> bool {
+    let mut child = command(at, ["run", "job.toml"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let begins = format!("note: {stage}: ");
+    let mut lines = lines.map_while(Result::ok);
+    let met = lines.any(|line| line.starts_with(&begins));
+    sleep(after);
+    let alive = child.try_wait().unwrap().is_none();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    met && alive
+}
+
+/// Every file that is not hidden, by its name.
+fn files(root: &Path) -> BTreeMap<String, Vec<u8>> {
+    let within = |path: &Path| path.strip_prefix(root).unwrap().display().to_string();
+    listing(root)
+        .into_keys()
+        .filter(|path| path.is_file())
+        .map(|path| (within(&path), fs::read(&path).unwrap()))
+        .collect()
+}
+
+/// A record without times, and what else is of a run and not of its result.
+fn timeless(bytes: &[u8]) -> Value {
+    let mut record: Value = serde_json::from_slice(bytes).unwrap();
+    for key in ["run", "command_line"] {
+        record.as_object_mut().unwrap().remove(key);
+    }
+    record
+}
+
+/// Asserts that two folders hold the same job but for its times.
+fn same_job(a: &Path, b: &Path) {
+    let [ours, theirs] = [files(a), files(b)];
+    assert_eq!(
+        ours.keys().collect::<Vec<_>>(),
+        theirs.keys().collect::<Vec<_>>()
+    );
+    for (name, bytes) in &ours {
+        let other = &theirs[name];
+        match &name[..] {
+            // Of times alone.
+            "job.json" | "report.html" => {}
+            "image.json" | "autofocus.json" => {
+                assert_eq!(timeless(bytes), timeless(other), "{name}")
+            }
+            // They say when they were made, in digits.
+            "sicd.nitf" | "sidd.nitf" | "map.json" => {
+                assert_eq!(bytes.len(), other.len(), "{name}");
+                let differing = bytes.iter().zip(other).filter(|(a, b)| a != b);
+                let differing: Vec<_> = differing.collect();
+                assert!(differing.len() < 200, "{name}: {}", differing.len());
+                let digits = |(a, b): &(&u8, &u8)| a.is_ascii_digit() && b.is_ascii_digit();
+                assert!(differing.iter().all(digits), "{name}");
+            }
+            _ => assert!(bytes == other, "{name}"),
+        }
+    }
+}
+
+/// Kills a job in every stage that takes its time, twice in the longest, and where chance will have it; what is there in the end is what a run leaves
+/// that nobody disturbed.
+#[test]
+fn a_job_that_is_killed_goes_on_to_the_same_bits() {
+    let place = Place::new();
+    // Minutes of tiles are not needed: some tenths of a second of them.
+    let text = JOB.replace("0.2,y=-30:30:0.2\"", "0.1,y=-30:30:0.1\"");
+    let whole = place.job("whole", &text);
+    let ran = run(&whole, "run job.toml --json");
+    let told: Value = serde_json::from_str(ran.succeeded()).unwrap();
+    let takes: BTreeMap<String, f64> = told["stages"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|stage| {
+            (
+                stage["stage"].as_str().unwrap().to_owned(),
+                stage["seconds"].as_f64().unwrap(),
+            )
+        })
+        .collect();
+    let at = place.job("killed", &text);
+    let mut random = ChaCha8Rng::seed_from_u64(14);
+    let mut part = || f64::from(random.next_u32()) / 2f64.powi(32);
+    let mut killed = 0;
+    for stage in [
+        "autofocus",
+        "focus",
+        "focus",
+        "focus",
+        "check",
+        "picture",
+        "quality",
+        "products",
+        "products",
+    ] {
+        let after = Duration::from_secs_f64(takes[stage] * part());
+        killed += u32::from(killed_at(&at, stage, after));
+    }
+    println!("killed {killed} times of 9 within the stage that was waited for");
+    assert!(killed >= 5, "{killed}");
+    run(&at, "run job.toml").succeeded();
+    same_job(&whole.join("job"), &at.join("job"));
+    assert_eq!(done(&run(&at, "run job.toml --json")), [""; 0]);
+}
+
+#[test]
+fn ctrl_c_keeps_what_is_done_and_the_same_command_goes_on() {
+    let place = Place::new();
+    let at = place.job(
+        "stopped",
+        &JOB.replace("algorithm = \"bp\"", "algorithm = \"exact\"")
+            .replace("error = \"-50 dB\"\n", ""),
+    );
+    // Minutes of the exact sum.
+    let long = "run job.toml --set grid.pixels=x=-30:30:0.02,y=-30:30:0.02 --set autofocus.grid=x=-4:20:1,y=-4:20:1 --set autofocus.rounds=1";
+    let mut child = command(&at, long.split_whitespace())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    let mut told = String::new();
+    while !told.contains("note: focus: ") {
+        assert!(stderr.read_line(&mut told).unwrap() > 0, "{told}");
+    }
+    sleep(Duration::from_millis(300));
+    let sent = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(sent.unwrap().success());
+    stderr.read_to_string(&mut told).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{told}");
+    assert!(told.contains("interrupted"), "{told}");
+    let state = record(&at.join("job/job.json"));
+    assert_eq!(state["begun"]["stage"], "focus");
+    assert!(state["stages"]["autofocus"].is_object() && state["stages"]["focus"].is_null());
+    // What was done stands; another grid is another image.
+    let rest = "run job.toml --json --set grid.pixels=x=-6:12:0.3,y=-6:12:0.3 --set autofocus.grid=x=-4:20:1,y=-4:20:1 --set autofocus.rounds=1 \
+                --set products.formats=kmz --set quality.points=0";
+    let ran = run(&at, rest);
+    assert_eq!(stages(&ran)[0], ("autofocus".to_owned(), false));
+    assert_eq!(done(&ran)[0], "focus");
+}
+
+#[test]
+fn a_full_disk_is_told_and_nothing_is_left_in_part() {
+    let Some(disk) = TinyDisk::mount() else {
+        return;
+    };
+    let place = Place::new();
+    let at = place.job("full", JOB);
+    let line = format!(
+        "run job.toml --set out={}",
+        disk.path().join("job").display()
+    );
+    // 90 000 pixels take 720 kB.
+    run(&at, &line).failed(1, &["image.zarr", "bytes are needed"]);
+    let left = files(&disk.path().join("job"));
+    assert!(
+        !left.keys().any(|name| name.contains("image")),
+        "{:?}",
+        left.keys()
+    );
+    // An image that has room there is made; its report has none.
+    let small = format!(
+        "{line} --set grid.pixels=x=-8:8:0.4,y=-8:8:0.4 --set autofocus.grid=x=-8:8:0.4,y=-8:8:0.4"
+    );
+    let ran = run(&at, &small);
+    assert_eq!(ran.code, Some(1), "{ran:?}");
+    assert!(ran.stderr.contains("free some"), "{}", ran.stderr);
+    let left = files(&disk.path().join("job"));
+    assert!(
+        left.contains_key("image.json") && !left.contains_key("report.html"),
+        "{:?}",
+        left.keys()
+    );
+}
+
+/// The report in a browser that has no network: all there, nothing amiss, on wide and narrow screens, bright and dark.
+///
+/// `SUBAPERTURE_SCREENSHOTS=FOLDER` keeps pictures of it, base64 of PNG.
+#[test]
+fn the_report_needs_no_network_and_fits_screens() {
+    let place = Place::new();
+    let at = place.job("shown", JOB);
+    run(&at, "run job.toml").succeeded();
+    let Some(browser) = Browser::start(1280, 900) else {
+        println!("skipped: chromium or chromedriver not found");
+        return;
+    };
+    browser.command("Network.enable", &json!({}));
+    let offline =
+        json!({ "offline": true, "latency": 0, "downloadThroughput": 0, "uploadThroughput": 0 });
+    browser.command("Network.emulateNetworkConditions", &offline);
+    let page = at.join("job/report.html");
+    for (name, width, scheme) in [("wide", 1280, "light"), ("phone", 390, "dark")] {
+        let size =
+            json!({ "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600 });
+        browser.command("Emulation.setDeviceMetricsOverride", &size);
+        let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
+        browser.command("Emulation.setEmulatedMedia", &media);
+        browser.open(&format!("file://{}", page.display()));
+        browser.wait("document.readyState === 'complete'");
+        let whole =
+            "return [...document.images].filter(i => i.complete && i.naturalWidth > 100).length";
+        // The picture, three points with two cuts and a chip each, autofocus.
+        assert_eq!(browser.run(whole), 11, "{name}");
+        assert_eq!(browser.run("return document.images.length"), 11);
+        let asked = "return performance.getEntriesByType('resource').filter(e => !e.name.startsWith('data:')).length";
+        assert_eq!(browser.run(asked), 0, "{name}");
+        assert_eq!(
+            browser.run("return document.querySelector('h1').textContent"),
+            "A <small> job"
+        );
+        let wider =
+            "return document.documentElement.scrollWidth - document.documentElement.clientWidth";
+        assert_eq!(browser.run(wider), 0, "{name}: wider than the screen");
+        let paper = browser.run("return getComputedStyle(document.body).backgroundColor");
+        assert_eq!(
+            paper == "rgb(255, 255, 255)",
+            scheme == "light",
+            "{name}: {paper}"
+        );
+        let said = browser.console();
+        assert!(said.is_empty(), "{name}: {said:?}");
+        if let Ok(folder) = std::env::var("SUBAPERTURE_SCREENSHOTS") {
+            fs::write(
+                format!("{folder}/report-{name}.base64"),
+                browser.screenshot(),
+            )
+            .unwrap();
+        }
+    }
+    // A page that errs is seen to.
+    fs::write(
+        at.join("bad.html"),
+        "<img src=\"none.png\"><script>nothing()</script>",
+    )
+    .unwrap();
+    browser.open(&format!("file://{}", at.join("bad.html").display()));
+    browser.wait("document.readyState === 'complete'");
+    assert!(!browser.console().is_empty());
+}

@@ -1,0 +1,93 @@
+//! Jobs: their texts, and the states of their folders.
+
+use std::collections::BTreeMap;
+
+use subaperture::describe::Description;
+use subaperture::job::{Basis, EXAMPLE, FileStamp, JobText, Made, State};
+
+pub(super) const WORDS: &[&str] = &[
+    "[input]",
+    "files = ",
+    "[former]",
+    "algorithm = ",
+    "error = ",
+    " dB",
+    "[products]",
+    "formats = [",
+    "\"schema\"",
+    "\"outputs\"",
+    "\"path\"",
+    "../",
+    "null",
+];
+
+const SECTIONS: [&str; 9] = [
+    "input",
+    "track",
+    "autofocus",
+    "grid",
+    "former",
+    "check",
+    "picture",
+    "quality",
+    "products",
+];
+
+pub(super) fn seeds() -> Vec<Vec<u8>> {
+    let stamp = FileStamp {
+        path: "image.json".to_owned(),
+        bytes: 9,
+        crc32: "cbf43926".to_owned(),
+    };
+    let basis = Basis {
+        version: "1".to_owned(),
+        stage: "focus".to_owned(),
+        settings: Default::default(),
+        files: vec![stamp.clone()],
+        after: BTreeMap::from([("track".to_owned(), "ff".to_owned())]),
+    };
+    let mut state = State::default();
+    state.begin("focus", &basis.fingerprint());
+    let begun = state.to_text();
+    state.finish(Made {
+        basis,
+        outputs: vec![stamp],
+        seconds: 1.0,
+        resumed: false,
+        warnings: Vec::new(),
+        bound_missed: false,
+    });
+    let short = "[input]\nfiles = [\"a\", \"b\"]\n[track]\nsource = \"fused\"\nnavigation = \"log\"\nlever_arm = \"0, 0, 1 m\"\n";
+    [EXAMPLE, short, &begun, &state.to_text()]
+        .map(|text| text.as_bytes().to_vec())
+        .to_vec()
+}
+
+pub(super) fn job(bytes: &[u8]) -> String {
+    let state = match State::of_text(bytes) {
+        Ok(state) => {
+            let again = State::of_text(state.to_text().as_bytes());
+            assert_eq!(again.expect("what was written"), state);
+            "a state".to_owned()
+        }
+        Err(what) => what,
+    };
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return state;
+    };
+    match JobText::new(Description::new("input.toml", text, "/nowhere")) {
+        Ok(job) => {
+            let settings = job.settings(&SECTIONS);
+            // All are numbers, texts and flags that JSON has.
+            let text = serde_json::to_string(&settings).expect("settings are JSON");
+            let again: serde_json::Map<_, _> =
+                serde_json::from_str(&text).expect("what was written");
+            assert_eq!(again, settings);
+            format!("a job of {} settings", settings.len())
+        }
+        Err(error) => {
+            assert!(!error.faults.is_empty());
+            format!("{state}; {error}")
+        }
+    }
+}
