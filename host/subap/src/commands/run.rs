@@ -1,13 +1,14 @@
 //! `subap run`: a whole job of one text, stage by stage; what is done already stands.
 //!
 //! [`subaperture::job`] has the text, the chain's logic and the state; here stages are told what they are to do (`options`), what they depend on
-//! (`chain`), done (`work`), and their results put together (`report`, a page of its own by `page`).
+//! (`chain`), done (`work`), and their results put together (`report`, of `tables`, on a `page`).
 
 mod chain;
 mod options;
 mod page;
 mod rehearsal;
 mod report;
+mod tables;
 mod work;
 
 use std::path::Path;

@@ -15,6 +15,7 @@ use super::Stood;
 use super::chain::{Link, REPORT, Stage};
 use super::options::{AUTOFOCUS_PNG, PICTURE_PNG, TRACK_PNG};
 use super::page::{Cells, Page, Row, escaped};
+use super::tables::{self, decibels, seconds, words};
 use super::work::{AUTOFOCUS_JSON, CHECK_JSON, PLOTS, QUALITY_JSON, Worker};
 use crate::config::Session;
 use crate::{log, text};
@@ -153,13 +154,13 @@ impl About<'_> {
         page.section("image", "Image");
         let title = image["picture"]["title"].as_str().unwrap_or("the image");
         page.pictures(&[(self.picture(PICTURE_PNG)?, title.to_owned())]);
-        self.points(&mut page, &quality)?;
-        statistics(&mut page, &quality["statistics"]);
+        self.points(&mut page, &image, &quality)?;
+        tables::statistics(&mut page, &quality["statistics"]);
         if let Some(check) = &check {
-            error(&mut page, &image, check);
+            tables::error(&mut page, &image, check);
         }
         if self.has(Stage::Autofocus) {
-            sharpened(
+            tables::sharpened(
                 &mut page,
                 &self.record(AUTOFOCUS_JSON)?,
                 self.picture(AUTOFOCUS_PNG)?,
@@ -201,7 +202,7 @@ impl About<'_> {
                 format!("{} x {}", columns["count"], rows["count"]),
             ),
             ("Pulses", image["collection"]["num_pulses"].to_string()),
-            ("Former", former(image)),
+            ("Former", tables::former(image)),
             (
                 "Windows",
                 format!(
@@ -233,74 +234,18 @@ impl About<'_> {
         page.facts(&facts);
     }
 
-    fn points(&self, page: &mut Page, quality: &Value) -> anyhow::Result<()> {
+    fn points(&self, page: &mut Page, image: &Value, quality: &Value) -> anyhow::Result<()> {
         let points = quality["points"].as_array();
         let Some(points) = points.filter(|points| !points.is_empty()) else {
             return Ok(());
         };
-        page.section("points", "Points");
-        page.paragraph(
-            "soft small",
-            "Each along two cuts through its peak. PSLR and ISLR count what lies outside the first minima; \
-             theory is of all pulses alike, without a beam.",
-        );
-        let mut rows: Vec<Row> = Vec::new();
-        for (i, point) in points.iter().enumerate() {
-            let response = &point["response"];
-            let place: Vec<String> = (0..3)
-                .map(|k| number(&response["position_m"][k], 3))
-                .collect();
-            for (k, cut) in response["cuts"]
-                .as_array()
-                .into_iter()
-                .flatten()
-                .enumerate()
-            {
-                let mut row = match k {
-                    0 => vec![
-                        (i + 1).to_string(),
-                        place.join(", "),
-                        decibels(&response["level_db"]),
-                        number(
-                            &json!(response["phase_rad"].as_f64().map(f64::to_degrees)),
-                            1,
-                        ),
-                    ],
-                    _ => vec![String::new(); 4],
-                };
-                row.push(escaped(&words(&cut["along"])));
-                row.extend(figures(&cut["width_3db"], &cut["null_rule"]));
-                rows.push(("", row));
-                let theory = &point["theory"][k];
-                if !theory.is_null() && theory["in_cells"] != true {
-                    let mut row = vec![String::new(); 4];
-                    row.push("theory".to_owned());
-                    row.extend(figures(&theory["width_3db"], &theory["null_rule"]));
-                    rows.push(("theory", row));
-                }
-            }
-        }
-        let header = [
-            "",
-            "x, y, z (m)",
-            "level",
-            "phase (deg)",
-            "along",
-            "3 dB width (m)",
-            "PSLR (dB)",
-            "ISLR (dB)",
-        ];
-        page.table(Cells::Numbers, &header, &rows);
-        let plots = self
-            .state
-            .made(Stage::Quality.name())
-            .map_or(&[][..], |made| &made.outputs);
+        tables::points(page, points, image["grid"]["kind"] == "polar");
+        let made = self.state.made(Stage::Quality.name());
         let mut pictures = Vec::new();
-        for output in plots {
-            let Some(name) = output.path.strip_prefix(&format!("{PLOTS}/")) else {
-                continue;
-            };
-            pictures.push((self.picture(&output.path)?, caption(name)));
+        for output in made.map_or(&[][..], |made| &made.outputs) {
+            if let Some(name) = output.path.strip_prefix(&format!("{PLOTS}/")) {
+                pictures.push((self.picture(&output.path)?, tables::caption(name)));
+            }
         }
         if !pictures.is_empty() {
             page.pictures(&pictures);
@@ -412,164 +357,4 @@ impl About<'_> {
             page.table(Cells::Words, &["", ""], &rows);
         }
     }
-}
-
-fn error(page: &mut Page, image: &Value, check: &Value) {
-    page.section("error", "Error against the exact sum");
-    let bound = image["settings"]["given"]["error_db"].as_f64();
-    let measured = check["relative_to_image_db"].as_f64();
-    let rows: Vec<Row> = vec![
-        (
-            "",
-            vec![
-                "pixels compared".to_owned(),
-                check["num_pixels"].to_string(),
-            ],
-        ),
-        (
-            "",
-            vec![
-                "of an average pixel's power".to_owned(),
-                decibels(&check["relative_to_image_db"]),
-            ],
-        ),
-        (
-            "",
-            vec![
-                "of these pixels' power".to_owned(),
-                decibels(&check["relative_rms_db"]),
-            ],
-        ),
-        (
-            "",
-            vec![
-                "predicted".to_owned(),
-                decibels(&image["settings"]["resolved"]["predicted_error_db"]),
-            ],
-        ),
-        ("", vec!["bound".to_owned(), decibels(&check["bound_db"])]),
-    ];
-    page.table(
-        Cells::Numbers,
-        &["relative RMS error, phase included", ""],
-        &rows,
-    );
-    let bound = bound.or(check["bound_db"].as_f64());
-    match (measured, bound) {
-        (Some(measured), Some(bound)) if measured > bound => {
-            page.paragraph("bad", "The bound is missed.");
-        }
-        (Some(_), Some(_)) => page.paragraph("good", "The bound is kept."),
-        _ => {}
-    }
-}
-
-fn sharpened(page: &mut Page, found: &Value, picture: Vec<u8>) {
-    page.section("autofocus", "Autofocus");
-    let row = |name: &str, figures: &Value| -> Row {
-        let cells = vec![
-            name.to_owned(),
-            number(&figures["entropy"], 4),
-            number(&figures["contrast"], 4),
-            decibels(&figures["peak_db"]),
-        ];
-        ("", cells)
-    };
-    let rows = [
-        row("before", &found["before"]),
-        row("after", &found["after"]),
-    ];
-    page.table(Cells::Numbers, &["", "entropy", "contrast", "peak"], &rows);
-    let rounds = found["rounds"].as_array().map_or(0, Vec::len);
-    let by = match (
-        found["rms_phase_rad"].as_f64(),
-        found["rms_displacement_m"].as_f64(),
-    ) {
-        (Some(phase), _) => format!("phases of {phase:.3} rad rms were taken away"),
-        (None, Some(moved)) => format!("the track was moved by {} rms", text::metres(Some(moved))),
-        _ => "nothing was gained: the recording is best as it is".to_owned(),
-    };
-    let method = words(&found["method"]);
-    page.paragraph(
-        "",
-        &escaped(&format!("By {method} in {rounds} rounds: {by}.")),
-    );
-    page.pictures(&[(picture, format!("before and after {method}"))]);
-}
-
-fn statistics(page: &mut Page, statistics: &Value) {
-    page.section("levels", "The image as a whole");
-    page.facts(&[
-        ("Mean level", decibels(&statistics["mean_level_db"])),
-        ("Median level", decibels(&statistics["median_level_db"])),
-        ("Peak level", decibels(&statistics["peak_level_db"])),
-        (
-            "Entropy",
-            format!("{} nats", number(&statistics["entropy"], 4)),
-        ),
-        (
-            "Contrast of power",
-            number(&statistics["power_contrast"], 4),
-        ),
-        (
-            "Contrast of amplitude",
-            number(&statistics["amplitude_contrast"], 4),
-        ),
-    ]);
-}
-
-/// The former, and which one it left the image to.
-fn former(image: &Value) -> String {
-    let asked = words(&image["settings"]["algorithm"]);
-    match image["settings"]["resolved"]["former"].as_str() {
-        Some(took) if took != asked => format!("{asked}: {took}"),
-        _ => asked,
-    }
-}
-
-/// What a picture of `point-2-x.png` shows.
-fn caption(name: &str) -> String {
-    let name = name.trim_end_matches(".png").trim_start_matches("point-");
-    match name.split_once('-') {
-        Some((number, "chip")) => format!("point {number}: its response"),
-        Some((number, along)) => {
-            format!("point {number}: cut along {}", along.replace('-', " "))
-        }
-        None => name.to_owned(),
-    }
-}
-
-/// Width, PSLR and ISLR as cells.
-fn figures(width: &Value, rule: &Value) -> [String; 3] {
-    [
-        number(width, 4),
-        number(&rule["pslr_db"], 2),
-        number(&rule["islr_db"], 2),
-    ]
-}
-
-fn number(value: &Value, digits: usize) -> String {
-    value
-        .as_f64()
-        .map_or_else(|| "none".to_owned(), |v| format!("{v:.digits$}"))
-}
-
-fn decibels(value: &Value) -> String {
-    value
-        .as_f64()
-        .map_or_else(|| "none".to_owned(), text::decibels)
-}
-
-/// JSON as words: texts without their quotes.
-fn words(value: &Value) -> String {
-    match value {
-        Value::String(text) => text.clone(),
-        Value::Array(values) => values.iter().map(words).collect::<Vec<_>>().join(", "),
-        value => value.to_string(),
-    }
-}
-
-/// Three digits.
-fn seconds(seconds: f64) -> String {
-    text::seconds(format!("{seconds:.2e}").parse().unwrap_or(seconds))
 }
