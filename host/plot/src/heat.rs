@@ -2,7 +2,7 @@
 
 use super::canvas::Packing;
 use super::colours::{PALE, RED};
-use super::layout::{Sheet, page};
+use super::layout::{Drawn, Sheet, page};
 use super::raster::resample;
 use super::scale::Levels;
 use super::{Colours, PlotError, edges};
@@ -82,9 +82,10 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
             Colours::Viridis => PALE,
         },
         typical: levels,
+        key: Vec::new(),
         cells: Box::new(move |height, width| {
             let cells = resample(size, |i| f64::from(heat.values[i]), height, width);
-            Ok((cells, levels))
+            Ok(Drawn::Levels(cells, levels))
         }),
     };
     page(&[sheet], 1, super::LONGEST)?.into_png(Packing::Small)

@@ -37,6 +37,9 @@ const CAP: usize = 10;
 const ROUNDING: f64 = 1e-3;
 const BORDER: f32 = 3.0;
 const LEAST_SIDE: usize = 160;
+/// From one name of a key to the next; the most room that names take.
+const KEY_STEP: usize = 26;
+const MOST_KEY_PX: f32 = 200.0;
 
 /// Values and labels.
 type Ticks = Vec<(f64, String)>;
@@ -63,12 +66,21 @@ pub(super) struct Sheet<'a> {
     pub(super) absent: [u8; 3],
     /// Levels that the colour bar surely has room for.
     pub(super) typical: Levels,
+    /// Colours and what they stand for, where they are of something else than levels.
+    pub(super) key: Vec<(String, [u8; 3])>,
     pub(super) cells: Cells<'a>,
 }
 
-/// Makes the levels of `height x width` cells, row 0 first, and those of the darkest and brightest colour.
-pub(super) type Cells<'a> =
-    Box<dyn Fn(usize, usize) -> Result<(Vec<f64>, Levels), PartsError> + 'a>;
+/// Makes what is drawn of `height x width` cells, row 0 first.
+pub(super) type Cells<'a> = Box<dyn Fn(usize, usize) -> Result<Drawn, PartsError> + 'a>;
+
+/// What is drawn.
+pub(super) enum Drawn {
+    /// Levels of cells, and those of the darkest and brightest colour.
+    Levels(Vec<f64>, Levels),
+    /// Colours of cells, `None` of what is absent, and the levels of black and of full brightness where they are the same for all.
+    Painted(Vec<Option<[u8; 3]>>, Option<Levels>),
+}
 
 /// Where a panel's parts lie, in pixels.
 struct Plan {
@@ -104,7 +116,12 @@ impl Plan {
         let (low, high) = sheet.up;
         let up = ticks(low.min(high), low.max(high), (height / 60).max(2));
         let room = TO_LABEL as f32 + widest(&font, &up) + TEXT_GAP + LABEL_PX;
+        let small = Typeface::sans(NOTE_PX, false);
+        let names = sheet.key.iter().map(|(name, _)| small.width(name));
         let bar = widest(&font, &bar_ticks(sheet.typical, height));
+        let bar = names
+            .map(|width| width.min(MOST_KEY_PX))
+            .fold(bar, f32::max);
         Self {
             width,
             height,
@@ -202,28 +219,45 @@ fn draw(
         repeats(height, sheet.count.0),
         repeats(width, sheet.count.1),
     ];
-    let (cells, levels) = (sheet.cells)(height / down, width / along).map_err(PlotError::Parts)?;
+    let drawn = (sheet.cells)(height / down, width / along).map_err(PlotError::Parts)?;
     let mut capped = false;
     let mut colours = Vec::with_capacity(3 * width);
-    for (row, cells) in cells.chunks_exact(width / along).enumerate() {
+    let mut row_of = |row: usize, of: &mut dyn Iterator<Item = [u8; 3]>| {
         colours.clear();
-        for &cell in cells {
-            let level = (cell - levels.bottom) / (levels.top - levels.bottom);
-            // Zero power is minus infinity, and dark; only NaN is absent.
-            let colour = match level.is_nan() {
-                true => sheet.absent,
-                false if level > 1.0 + ROUNDING && levels.marks_above => {
-                    capped = true;
-                    sheet.colours.above()
-                }
-                false => sheet.colours.at(level),
-            };
+        for colour in of {
             (0..along).for_each(|_| colours.extend_from_slice(&colour));
         }
         for row in row * down..(row + 1) * down {
             canvas.put(x, y + height - 1 - row, &colours);
         }
-    }
+    };
+    let levels = match &drawn {
+        Drawn::Levels(cells, levels) => {
+            for (row, cells) in cells.chunks_exact(width / along).enumerate() {
+                let mut line = cells.iter().map(|cell| {
+                    let level = (cell - levels.bottom) / (levels.top - levels.bottom);
+                    // Zero power is minus infinity, and dark; only NaN is absent.
+                    match level.is_nan() {
+                        true => sheet.absent,
+                        false if level > 1.0 + ROUNDING && levels.marks_above => {
+                            capped = true;
+                            sheet.colours.above()
+                        }
+                        false => sheet.colours.at(level),
+                    }
+                });
+                row_of(row, &mut line);
+            }
+            Some(*levels)
+        }
+        Drawn::Painted(cells, levels) => {
+            for (row, cells) in cells.chunks_exact(width / along).enumerate() {
+                let mut line = cells.iter().map(|cell| cell.unwrap_or(sheet.absent));
+                row_of(row, &mut line);
+            }
+            *levels
+        }
+    };
     canvas.frame(x, y, width, height);
 
     let title = Typeface::sans(TITLE_PX, true);
@@ -237,7 +271,14 @@ fn draw(
     );
     axes(canvas, sheet, plan, (x, y));
     let bar_x = x + width + plan.gap;
-    colour_bar(canvas, sheet, levels, (bar_x, y), height);
+    let keys = (KEY_STEP * sheet.key.len()).min(height / 2);
+    if let Some(levels) = levels {
+        // The unit stands below the bar.
+        let above = if keys > 0 { keys + KEY_STEP } else { 0 };
+        let bar = height.saturating_sub(above).max(height / 3);
+        colour_bar(canvas, sheet, levels, (bar_x, y), bar);
+    }
+    key(canvas, sheet, (bar_x, y + height - keys), keys);
     if capped {
         // A triangle upon the bar.
         for row in 0..CAP {
@@ -255,6 +296,20 @@ fn draw(
         draw_arrow(canvas, arrow, at);
     }
     Ok(())
+}
+
+/// Colours and their names, one below the other; those that have no room are left out.
+fn key(canvas: &mut Canvas, sheet: &Sheet, (x, y): (usize, usize), height: usize) {
+    let small = Typeface::sans(NOTE_PX, false);
+    let side = BAR - 4;
+    for (i, (name, colour)) in sheet.key.iter().enumerate().take(height / KEY_STEP) {
+        let top = y + i * KEY_STEP + (KEY_STEP - side) / 2;
+        canvas.fill(x, top, BAR, side, *colour);
+        canvas.frame(x, top, BAR, side);
+        let name = small.fitted(name, MOST_KEY_PX);
+        let at = ((x + BAR + TO_LABEL) as f32, (top + side) as f32 - 4.0);
+        canvas.text(at.0, at.1, Anchor::Left, &small, &name);
+    }
 }
 
 /// The small print, to the right of the label across if it fits there.

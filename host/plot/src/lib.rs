@@ -12,6 +12,8 @@
 //! but never dropped; small ones are enlarged without interpolation. Pixels that are NaN or infinite
 //! are red.
 //!
+//! Colour tells of other images of the same grid, if asked ([`Paint`]): which part of the aperture saw a place, or how its polarisations differ.
+//!
 //! [`heat`] shows any real values over any two axes on a linear scale, [`lines`] draws curves, [`stacked`] several charts of them.
 //!
 //! Text is set in DejaVu Sans, which the program carries: no font need be installed.
@@ -19,6 +21,7 @@
 
 mod canvas;
 mod colours;
+mod composite;
 mod heat;
 mod layout;
 mod lines;
@@ -28,11 +31,12 @@ mod scale;
 mod ticks;
 
 use canvas::Packing;
-use layout::Sheet;
+use layout::{Drawn, Sheet};
 use subaperture_model::geometry::{Axis, ImageGrid};
 use subaperture_model::image::{Image, Parts, PartsError, power};
 
 pub use colours::Colours;
+pub use composite::{Channel, MOST_HUES, Paint};
 pub use heat::{Heat, heat};
 pub use lines::{Chart, Curve, Stroke, lines, stacked};
 pub use orientation::Orientation;
@@ -61,23 +65,31 @@ impl Source<'_> {
         }
     }
 
-    /// Powers on `height x width` cells.
-    fn powers(&self, height: usize, width: usize) -> Result<Vec<f64>, PartsError> {
+    /// Mean powers on `height x width` cells that cover the first `rows` and `columns`.
+    fn powers(
+        &self,
+        (rows, columns): (usize, usize),
+        height: usize,
+        width: usize,
+    ) -> Result<Vec<f64>, PartsError> {
         match self {
-            Self::Whole(image) => Ok(raster::resample(
-                self.size(),
-                |i| power(image.pixels[i]),
-                height,
-                width,
-            )),
+            Self::Whole(image) => {
+                let value =
+                    |i: usize| power(image.pixels[i / columns * image.columns + i % columns]);
+                Ok(raster::resample((rows, columns), value, height, width))
+            }
             Self::Parts(parts) => {
-                let mut reduced = raster::Reduced::new(self.size(), height, width);
+                let mut reduced = raster::Reduced::new((rows, columns), height, width);
                 for place in parts.places() {
+                    if place[0].start >= rows || place[1].start >= columns {
+                        continue;
+                    }
                     let window = parts.window(&place)?;
-                    let [rows, columns] = place;
-                    for (row, values) in rows.zip(window.pixels.chunks_exact(columns.len())) {
+                    let [down, across] = place;
+                    let lines = window.pixels.chunks_exact(across.len());
+                    for (row, values) in (down.start..down.end.min(rows)).zip(lines) {
                         let powers = values.iter().map(|&z| power(z));
-                        reduced.add(row, columns.start, powers);
+                        reduced.add(row, across.start, powers);
                     }
                 }
                 Ok(reduced.finish())
@@ -105,6 +117,12 @@ pub struct Panel<'a> {
     pub reference: &'static str,
     /// Directions to mark beside the picture.
     pub orientation: Orientation,
+    /// Rows and columns of pixels whose mean power is one pixel of what is shown, as many looks; what is left at the last row and column is not shown.
+    pub looks: [usize; 2],
+    /// Whether row 0 is the uppermost, as in SICD.
+    pub rows_down: bool,
+    /// What colours are of, if not of levels.
+    pub paint: Paint<'a>,
 }
 
 /// What is written along an axis: `offset + scale * coordinate` of the grid.
@@ -188,14 +206,53 @@ impl<'a> Panel<'a> {
             axes: ShownAxis::of_grid(grid),
             reference: "0 dB: a unit scatterer",
             orientation: Orientation::default(),
+            looks: [1, 1],
+            rows_down: false,
+            paint: Paint::Levels,
         }
     }
 
+    /// The grid of what is shown: that of boxes of so many looks.
+    pub fn shown_grid(&self) -> ImageGrid {
+        let boxes = |axis: &Axis, looks: usize| Axis {
+            start: axis.start + axis.step * (looks as f64 - 1.0) / 2.0,
+            step: axis.step * looks as f64,
+            count: axis.count / looks.max(1),
+        };
+        ImageGrid {
+            rows: boxes(&self.grid.rows, self.looks[0]),
+            columns: boxes(&self.grid.columns, self.looks[1]),
+            ..self.grid.clone()
+        }
+    }
+
+    /// Mean powers of an image on the panel's grid, on cells of what is shown: first of boxes, or of cells that are larger than they, then as often as cells repeat them.
+    fn powers(&self, image: &Source, height: usize, width: usize) -> Result<Vec<f64>, PartsError> {
+        let shown = self.shown_grid();
+        let count = (shown.rows.count, shown.columns.count);
+        let covered = (count.0 * self.looks[0], count.1 * self.looks[1]);
+        let (down, across) = (height.min(count.0), width.min(count.1));
+        let mut cells = image.powers(covered, down, across)?;
+        if (down, across) != (height, width) {
+            cells = raster::resample((down, across), |i| cells[i], height, width);
+        }
+        // Angles grow to the left.
+        if self.grid.polar {
+            cells.chunks_exact_mut(width).for_each(<[f64]>::reverse);
+        }
+        if self.rows_down {
+            let lines = cells.chunks_exact(width).rev();
+            cells = lines.flatten().copied().collect();
+        }
+        Ok(cells)
+    }
+
     fn sheet(&self) -> Sheet<'_> {
-        let (image, grid) = (self.image, self.grid);
+        let grid = self.shown_grid();
         let [across, up] = &self.axes;
         let length = |axis: &Axis| axis.count as f64 * axis.step.abs();
         let (first, last) = across.edges(&grid.columns);
+        let (lowest, highest) = up.edges(&grid.rows);
         Sheet {
             title: &self.title,
             count: (grid.rows.count, grid.columns.count),
@@ -203,32 +260,46 @@ impl<'a> Panel<'a> {
                 true => (last, first),
                 false => (first, last),
             },
-            up: up.edges(&grid.rows),
+            up: match self.rows_down {
+                true => (highest, lowest),
+                false => (lowest, highest),
+            },
             across_label: &across.label,
             up_label: &up.label,
             bar_label: "dB",
             note: self.reference,
-            arrows: self.orientation.arrows(grid),
+            arrows: self.orientation.arrows(&grid),
             proportions: match grid.polar {
                 true => (grid.columns.count as f64, grid.rows.count as f64),
                 false => (length(&grid.columns), length(&grid.rows)),
             },
-            colours: self.colours,
+            colours: match self.paint {
+                Paint::Levels => self.colours,
+                _ => Colours::Grey,
+            },
             absent: colours::RED,
             // Without the image's powers, which only matter to a scale from the data, whose labels,
             // whole decibels of three digits, fit the least room anyhow.
             typical: self.scale.levels(&[]),
-            cells: Box::new(move |height, width| {
-                let mut cells = image.powers(height, width)?;
+            key: self.paint.key(),
+            cells: Box::new(move |height, width| self.drawn(height, width)),
+        }
+    }
+
+    /// What cells show.
+    fn drawn(&self, height: usize, width: usize) -> Result<Drawn, PartsError> {
+        let powers = |image: &Source| self.powers(image, height, width);
+        match &self.paint {
+            Paint::Levels => {
+                let mut cells = powers(&self.image)?;
                 let levels = self.scale.levels(&cells);
                 for cell in &mut cells {
                     *cell = 10.0 * cell.log10();
                 }
-                if grid.polar {
-                    cells.chunks_exact_mut(width).for_each(<[f64]>::reverse);
-                }
-                Ok((cells, levels))
-            }),
+                Ok(Drawn::Levels(cells, levels))
+            }
+            Paint::Hues(parts) => composite::hues(&self.image, parts, self.scale, powers),
+            Paint::Channels(channels) => composite::channels(channels, self.scale, powers),
         }
     }
 }
@@ -273,7 +344,8 @@ pub fn quicklook(panel: &Panel) -> Result<Vec<u8>, PlotError> {
 /// # Errors
 /// [`PlotError`].
 pub fn quicklook_within(panel: &Panel, memory_bytes: u64) -> Result<Vec<u8>, PlotError> {
-    let side = ((memory_bytes / BYTES_A_CELL) as f64).sqrt() as usize;
+    let a_cell = BYTES_A_CELL + panel.paint.bytes_a_cell();
+    let side = ((memory_bytes / a_cell) as f64).sqrt() as usize;
     page(
         std::slice::from_ref(panel),
         1,
@@ -305,19 +377,32 @@ pub fn panels(panels: &[Panel], columns: usize) -> Result<Vec<u8>, PlotError> {
 
 fn page(panels: &[Panel], columns: usize, limit: usize) -> Result<Vec<u8>, PlotError> {
     for panel in panels {
-        let (rows, columns) = (panel.grid.rows.count, panel.grid.columns.count);
-        let (height, width) = panel.image.size();
-        let whole = match panel.image {
-            Source::Whole(image) => height.checked_mul(width) == Some(image.pixels.len()),
-            Source::Parts(_) => true,
+        let unsuited = |what: String| PlotError::Unsuited {
+            title: panel.title.clone(),
+            what,
         };
-        if (height, width) != (rows, columns) || !whole {
-            return Err(PlotError::Unsuited {
-                title: panel.title.clone(),
-                what: format!(
+        let (rows, columns) = (panel.grid.rows.count, panel.grid.columns.count);
+        for image in std::iter::once(&panel.image).chain(panel.paint.images()) {
+            let (height, width) = image.size();
+            let whole = match image {
+                Source::Whole(image) => height.checked_mul(width) == Some(image.pixels.len()),
+                Source::Parts(_) => true,
+            };
+            if (height, width) != (rows, columns) || !whole {
+                return Err(unsuited(format!(
                     "the image has {height} rows x {width} columns, the grid {rows} x {columns}"
-                ),
-            });
+                )));
+            }
+        }
+        if let Some(what) = panel.paint.fault() {
+            return Err(unsuited(what));
+        }
+        let [down, across] = panel.looks;
+        let fits = |looks: usize, count: usize| looks >= 1 && looks <= count.max(1);
+        if !(fits(down, rows) && fits(across, columns)) {
+            return Err(unsuited(format!(
+                "{down} x {across} looks are no part of {rows} rows x {columns} columns"
+            )));
         }
     }
     let empty = panels

@@ -42,6 +42,14 @@ pub(super) struct Levels {
     pub(super) marks_above: bool,
 }
 
+impl Levels {
+    /// How far from the darkest to the brightest a power lies, 0 to 1; `None` of what is no number.
+    pub(super) fn part_of(&self, power: f64) -> Option<f64> {
+        let part = (10.0 * power.log10() - self.bottom) / (self.top - self.bottom);
+        (!part.is_nan()).then(|| part.clamp(0.0, 1.0))
+    }
+}
+
 /// Density's lower limit, in mean magnitudes; its upper one, in lower ones; the part of the greys that lies below the lower one.
 const DENSITY: [f64; 3] = [0.8, 40.0, 30.0 / 255.0];
 

@@ -5,6 +5,8 @@
 //!
 //! - [`response`] measures a point's position, width, side lobes, magnitude and phase; [`subaperture_resolution::theory`] says
 //!   what a windowed band should give, and shares no code with the measurement.
+//! - [`aperture`] shows an image as parts of its aperture saw it.
+//! - [`polarisation`] sets images of several polarisations together.
 //! - [`statistics`] gives level, entropy, contrast and sharpness of an image or a part of it.
 //! - [`difference`], [`coherence`] and [`registration`] set one image against another, beside
 //!   [`subaperture_model::image::Comparison`], which gives the errors of a whole image.
@@ -13,8 +15,10 @@
 //! counted from 0, row before column.
 #![forbid(unsafe_code)]
 
+pub mod aperture;
 pub mod coherence;
 pub mod difference;
+pub mod polarisation;
 pub mod registration;
 pub mod response;
 pub mod statistics;
