@@ -14,14 +14,18 @@
 //!
 //! Memory: [`ScaledDft`]'s tables, the map and one row. Error: -130 dB or so (float32).
 
+use std::f64::consts::TAU;
+use std::ops::Range;
 use std::sync::Arc;
 
+use glam::DVec3;
 use num_complex::Complex32;
 use subaperture_fft as fft;
 use subaperture_fft::Fft;
-
-use subaperture_model::phase_history::Band;
+use subaperture_model::SPEED_OF_LIGHT_M_S;
+use subaperture_model::phase_history::{Band, PhaseHistory, ReadError};
 use subaperture_signal::scaled_dft::{ScaledDft, Shape};
+use subaperture_signal::window::Window;
 
 /// Makes maps of one shape.
 pub struct RangeDopplerMapper {
@@ -90,5 +94,156 @@ impl RangeDopplerMapper {
             // Bin 0 of the transform is path 0, which belongs in the middle.
             row.rotate_right(range_bins / 2);
         }
+    }
+}
+
+/// The map of a sub-CPI about a place, to be looked at.
+#[derive(Clone, Debug)]
+pub struct MapAbout {
+    /// Doppler bin by Doppler bin, range bins contiguous; the place is bin 0 of both.
+    pub values: Vec<Complex32>,
+    /// Bins on either side of the place: Doppler, range.
+    pub reaches: [usize; 2],
+    /// What a Doppler bin is, cycles a pulse; what a range bin is, metres of half the two-way path.
+    pub steps: [f64; 2],
+}
+
+/// Most bins on either side of a place that are kept of its map.
+const MOST_REACH: usize = 128;
+
+/// Most samples of a sub-CPI that are read to be looked at: 128 MiB.
+const MOST_SAMPLES: usize = 1 << 24;
+
+/// The map of `pulses` of a recording, each compensated to `centre_m` by its own antennas, through Hamming windows of both axes: twice as many Doppler bins as pulses, twice to four
+/// times as many range bins as frequencies, up to 128 on either side of the place. A unit scatterer there reads 1.
+///
+/// # Errors
+/// [`ReadError`] if the pulses cannot be read, do not share one band, or are more than can be looked at.
+///
+/// # Panics
+/// If there are no such pulses.
+pub fn map_about(
+    history: &dyn PhaseHistory,
+    pulses: Range<usize>,
+    centre_m: DVec3,
+) -> Result<MapAbout, ReadError> {
+    let collection = history.collection();
+    let unsuited = |what: &str| ReadError::Mismatch(what.to_owned());
+    let band = collection
+        .band()
+        .ok_or_else(|| unsuited("the frequency axis changes from pulse to pulse"))?;
+    let count = pulses.len() * band.count;
+    if count > MOST_SAMPLES {
+        return Err(unsuited(
+            "the sub-CPI has more samples than can be looked at",
+        ));
+    }
+    let mut samples = vec![Complex32::ZERO; count];
+    history.read(pulses.clone(), &mut samples)?;
+    let lines = samples.chunks_exact_mut(band.count);
+    for (pulse, line) in collection.pulses[pulses.clone()].iter().zip(lines) {
+        for (k, z) in line.iter_mut().enumerate() {
+            let after = k as f64 - (band.count / 2) as f64;
+            let path_m = pulse.relative_path_after_m(centre_m, after);
+            let turns = pulse.frequency_hz(k) * path_m / SPEED_OF_LIGHT_M_S;
+            let (sin, cos) = (TAU * (turns - turns.round())).sin_cos();
+            *z *= Complex32::new(cos as f32, sin as f32);
+        }
+    }
+    let weights = |count| Window::Hamming.weights(count);
+    let range_bins = (2 * band.count).next_power_of_two();
+    let doppler_bins = (2 * pulses.len()).max(3);
+    let (fast, slow) = (weights(band.count), weights(pulses.len()));
+    let mut mapper = RangeDopplerMapper::new(&band, &fast, &slow, range_bins, doppler_bins);
+    let mut map = vec![Complex32::ZERO; range_bins * doppler_bins];
+    mapper.map(&samples, &mut map);
+    let reaches = [doppler_bins, range_bins].map(|bins| ((bins - 1) / 2).min(MOST_REACH));
+    let kept = |bins: usize, reach: usize| bins / 2 - reach..bins / 2 + reach + 1;
+    let across = kept(range_bins, reaches[1]);
+    let values =
+        kept(doppler_bins, reaches[0]).flat_map(|d| &map[d * range_bins..][across.clone()]);
+    Ok(MapAbout {
+        values: values.copied().collect(),
+        reaches,
+        steps: [
+            1.0 / doppler_bins as f64,
+            SPEED_OF_LIGHT_M_S / (2.0 * range_bins as f64 * band.step_hz),
+        ],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use subaperture_model::geometry::SceneFrame;
+    use subaperture_model::phase_history::{Collection, InMemory, Pulse, Sweep};
+
+    /// A radar on a straight line sees a point whose path from the place looked at is `a + b u`, `u` in pulses from pulse `M/2`: by the equation it lies at the range
+    /// `a / 2` and at `-b f / c` cycles a pulse, and reads 1 there, less what half a bin off the peak of a Hamming window takes (of twice as many bins: a quarter of a bin of
+    /// the transform, 0.4 dB an axis).
+    #[test]
+    fn a_point_lies_where_its_path_says() {
+        let (count, frequencies) = (33, 64);
+        let (start_hz, step_hz) = (9.6e9, 2e6);
+        let (centre, point) = (DVec3::new(3.0, 4.0, 0.0), DVec3::new(12.0, 9.5, 0.0));
+        let pulses: Vec<Pulse> = (0..count)
+            .map(|n| {
+                let antenna_m = DVec3::new(f64::from(n) - 16.0, -2000.0, 1000.0);
+                let mut pulse = Pulse {
+                    time_s: f64::from(n) * 1e-3,
+                    transmitter_m: antenna_m,
+                    receiver_m: antenna_m,
+                    reference_m: DVec3::ZERO,
+                    reference_path_m: 0.0,
+                    start_hz,
+                    step_hz,
+                    sweep: Sweep::AT_ONCE,
+                };
+                pulse.reference_path_m = pulse.path_m(DVec3::ZERO);
+                pulse
+            })
+            .collect();
+        let sample = |pulse: &Pulse, k: usize| {
+            let turns = -pulse.frequency_hz(k) * pulse.relative_path_m(point) / SPEED_OF_LIGHT_M_S;
+            let (sin, cos) = (TAU * turns.fract()).sin_cos();
+            Complex32::new(cos as f32, sin as f32)
+        };
+        let samples = pulses
+            .iter()
+            .flat_map(|pulse| (0..frequencies).map(move |k| sample(pulse, k)));
+        let samples = samples.collect();
+        let path = |n: usize| pulses[n].path_m(point) - pulses[n].path_m(centre);
+        let (a, b) = (path(16), (path(32) - path(0)) / 32.0);
+        let band = Band {
+            start_hz,
+            step_hz,
+            count: frequencies,
+        };
+        let expected = [-b * band.centre_hz() / SPEED_OF_LIGHT_M_S, a / 2.0];
+        let collection = Collection {
+            name: "one".to_owned(),
+            pulses,
+            num_samples: frequencies,
+            frame: SceneFrame::Local,
+            extent: None,
+            timed: true,
+        };
+        let history = InMemory::new(collection, samples).unwrap();
+        let map = map_about(&history, 0..33, centre).unwrap();
+        let width = 2 * map.reaches[1] + 1;
+        assert_eq!(map.values.len(), (2 * map.reaches[0] + 1) * width);
+        let peak = (0..map.values.len())
+            .max_by(|&i, &j| map.values[i].norm().total_cmp(&map.values[j].norm()));
+        let peak = peak.unwrap();
+        let bins = [peak / width, peak % width];
+        for i in 0..2 {
+            let found = (bins[i] as f64 - map.reaches[i] as f64) * map.steps[i];
+            assert!(
+                (found - expected[i]).abs() <= 0.51 * map.steps[i],
+                "{i}: {found} {expected:?}"
+            );
+        }
+        let level_db = 20.0 * map.values[peak].norm().log10();
+        assert!((-0.9..0.1).contains(&level_db), "{level_db}");
     }
 }
