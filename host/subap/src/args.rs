@@ -20,7 +20,7 @@ mod values;
 mod view;
 mod watching;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args as Group, CommandFactory, Parser, Subcommand, ValueEnum, ValueHint};
 use glam::DVec3;
@@ -35,7 +35,7 @@ pub(crate) use autofocus::{Autofocus, Way};
 pub(crate) use export::{Export, ImageFormat, Producing};
 pub(crate) use focus::{Focus, Imaging, Velocity};
 pub(crate) use logs::Logs;
-pub(crate) use look::{Look, Picture};
+pub(crate) use look::{ColourMap, Look, Picture};
 pub(crate) use maps::{MapLayout, MapProjection, Mapping, RemapName};
 pub(crate) use navigation::Navigation;
 pub(crate) use plan::{Plan, PlanCalibrate, PlanFocus, PlanModule, PlanRadar, PlanTarget};
@@ -221,6 +221,16 @@ pub(crate) struct Input {
 }
 
 impl Input {
+    /// A recording and nothing else.
+    pub(crate) fn alone(path: &Path) -> Self {
+        Self {
+            paths: vec![path.to_owned()],
+            channel: None,
+            channels: None,
+            set: Vec::new(),
+        }
+    }
+
     /// Refuses the sum of several channels for `whom`, which takes one.
     pub(crate) fn refuse_several(&self, whom: &str) -> Result<(), Usage> {
         match self.channels {

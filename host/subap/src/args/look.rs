@@ -1,9 +1,10 @@
 //! How a picture looks: levels and colours.
 
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::{Args as Group, ValueEnum, ValueHint};
-use subaperture::plot::{Colours, Scale};
+use subaperture::plot::{Colours, MOST_HUES, Scale};
 use subaperture::units::Dimension;
 
 use super::RemapName;
@@ -65,17 +66,44 @@ impl Look {
 /// `subap picture`.
 #[derive(Debug, Group)]
 pub(crate) struct Picture {
-    /// Folder of a product (image.json and image.npy), its image.json, or anyone's SICD
-    #[arg(value_name = "IMAGE", value_hint = ValueHint::DirPath)]
-    pub(crate) image: PathBuf,
+    /// Image: the folder of a product, a complex64 array (.npy) or anyone's SICD. Two or three of one grid are the colours of one picture, each by its own levels: red, green and
+    /// blue (HH, HV, VV), of two magenta and green. Four are HH, HV, VH and VV, shown by Pauli's basis
+    #[arg(value_name = "IMAGE", required = true, num_args = 1..=4, value_hint = ValueHint::AnyPath)]
+    pub(crate) images: Vec<PathBuf>,
 
     /// PNG file to write
     #[arg(long, short, value_name = "PNG", value_hint = ValueHint::FilePath, value_parser = output())]
     pub(crate) out: PathBuf,
+
+    /// Average the power of so many pixels, rows by columns, as 3x3 or 4: less speckle, larger pixels, whose size the title tells
+    #[arg(long, value_name = "ROWSxCOLUMNS")]
+    pub(crate) looks: Option<Looks>,
+
+    /// Colour by sub-aperture: so many parts of the aperture, 2 to 12, of a hue each, red first; white where all see alike. Of the image's spectrum, no recording is read
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=MOST_HUES as i64), conflicts_with = "colours")]
+    pub(crate) sub_apertures: Option<u8>,
 
     #[command(flatten)]
     pub(crate) look: Look,
 
     #[command(flatten)]
     pub(crate) writing: super::Writing,
+}
+
+/// Rows and columns of pixels that are averaged.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Looks(pub(crate) [usize; 2]);
+
+impl FromStr for Looks {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (rows, columns) = text.split_once(['x', 'X']).unwrap_or((text, text));
+        let count = |text: &str| text.trim().parse().ok().filter(|count| *count >= 1);
+        let looks = count(rows).zip(count(columns));
+        let (rows, columns) = looks.ok_or_else(|| {
+            "give whole numbers of pixels, rows by columns, as 3x3, or one for both".to_owned()
+        })?;
+        Ok(Self([rows, columns]))
+    }
 }

@@ -23,6 +23,15 @@ pub(crate) struct View {
     #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
     pub(crate) layer: Vec<PathBuf>,
 
+    /// Show range-Doppler maps about a place of the image: those of a file of a module's maps, whose patches they are of, or made of the recording (CPHD, GOTCHA .mat, a
+    /// description) about the very place; any number of times
+    #[arg(long, value_name = "FILE", value_hint = ValueHint::FilePath)]
+    pub(crate) maps: Vec<PathBuf>,
+
+    /// Pulses of a sub-CPI of maps that are made of a recording
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = super::values::positive)]
+    pub(crate) sub_cpi: usize,
+
     /// Serve the page at this port of 127.0.0.1 [default: any that is free]
     #[arg(long, value_name = "PORT", conflicts_with = "listen")]
     pub(crate) port: Option<u16>,

@@ -1,157 +1,237 @@
 //! `subap picture`: an image's picture again, with other levels or colours, and nothing formed again.
 
 use std::io::Write;
-use std::path::Path;
 
-use anyhow::bail;
+use anyhow::{Context, bail};
 use glam::DVec3;
 use serde_json::{Value, json};
 use subaperture::geometry::{Axis, ImageGrid};
-use subaperture::image::{Image, Parts, PartsError, Place};
 use subaperture::io::atomic::write_atomically;
 use subaperture::io::ours::Kind;
-use subaperture::io::product;
-use subaperture::plot::{self, Colours, Orientation, Panel, Scale, ShownAxis, Source};
-use subaperture::sicd::SicdFile;
+use subaperture::plot::{self, Channel, Orientation, Paint, Panel, ShownAxis, Source};
+use subaperture::quality::aperture::{Aperture, AperturePart};
+use subaperture::quality::polarisation::{Sum, pauli};
 
-use super::stored;
-use crate::args::Picture;
+use super::stored::{self, Stored};
+use crate::args::{ColourMap, Picture};
 use crate::config::Session;
 use crate::text;
 
-/// Reads a product and writes its picture.
+/// Reads one image, or several of one grid, and writes the picture.
 pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
-    if stored::is_nitf(&typed.image) {
-        let (scale, colours) = (typed.look.scale(), typed.look.colours());
-        let mut claims = session.claims(&typed.writing, &[&typed.image]);
-        claims.file(&typed.out, Kind::Picture)?;
-        of_sicd(session, &typed.image, &typed.out, scale, colours)?;
-        return say(session, &typed.out);
-    }
-    let Some(folder) = stored::product_folder(&typed.image) else {
-        bail!(
-            "{}: no image: give the folder of a product (with image.json and image.npy), or a SICD",
-            typed.image.display()
-        );
-    };
-    let mut claims = session.claims(&typed.writing, &[folder]);
+    let inputs: Vec<_> = typed
+        .images
+        .iter()
+        .map(|path| stored::product_folder(path).unwrap_or(path))
+        .collect();
+    let mut claims = session.claims(&typed.writing, &inputs);
     claims.file(&typed.out, Kind::Picture)?;
     let drawing = session.progress("drawing");
-    let stored = product::open(folder)?;
-    let about = &stored.metadata["picture"];
-    let name = typed.image.display().to_string();
-    let title = about["title"].as_str().unwrap_or(&name);
-    let picture = plot::quicklook_within(
-        &Panel {
-            scale: typed.look.scale(),
-            colours: typed.look.colours(),
-            orientation: Orientation {
-                look: direction(&about["look"]),
-                north: direction(&about["north"]),
-            },
-            ..Panel::new(Source::Parts(&stored.pixels), &stored.grid, title)
-        },
-        session.memory.picture_bytes,
-    )?;
+    let mut images = Vec::with_capacity(typed.images.len());
+    for path in &typed.images {
+        images.push(Pictured::open(path)?);
+    }
+    let first = &images[0];
+    for other in &images[1..] {
+        other.stored.check_same_grid(&first.stored)?;
+        let [size, others] = [first, other].map(|image| image.stored.pixels.size());
+        if size != others {
+            bail!(
+                "{} has {} rows x {} columns, {} {} x {}: the colours of one picture are of images of one size",
+                first.stored.path.display(),
+                size.0,
+                size.1,
+                other.stored.path.display(),
+                others.0,
+                others.1
+            );
+        }
+    }
+    if images.len() > 1 && (typed.sub_apertures.is_some() || typed.look.colours != ColourMap::Grey)
+    {
+        bail!(
+            "several images are the colours of the picture themselves: leave --sub-apertures and --colours out, or give one image"
+        );
+    }
+    let parts = match typed.sub_apertures {
+        Some(count) => first.parts_of_aperture(count.into())?,
+        None => Vec::new(),
+    };
+    let basis = match &images[..] {
+        [hh, hv, vh, vv] => Some(pauli([hh, hv, vh, vv].map(|image| &*image.stored.pixels))),
+        _ => None,
+    };
+    let paint = match images.len() {
+        1 if parts.is_empty() => Paint::Levels,
+        1 => Paint::Hues(parts.iter().map(|part| Source::Parts(part)).collect()),
+        _ => Paint::Channels(channels(&images, basis.as_ref())),
+    };
+    let mut panel = Panel {
+        scale: typed.look.scale(),
+        colours: typed.look.colours(),
+        looks: typed.looks.map_or([1, 1], |looks| looks.0),
+        rows_down: first.rows_down,
+        paint,
+        ..Panel::new(
+            Source::Parts(&*first.stored.pixels),
+            &first.grid,
+            first.title(),
+        )
+    };
+    if let Some(axes) = &first.axes {
+        panel.axes = axes.clone();
+    }
+    let about = &first.about;
+    panel.orientation = Orientation {
+        look: direction(&about["look"]),
+        north: direction(&about["north"]),
+    };
+    let pixel = pixel(&panel, first.in_metres);
+    if typed.looks.is_some() {
+        let [down, across] = panel.looks;
+        panel.title = format!(
+            "{}, {down} x {across} looks, pixels of {pixel}",
+            panel.title
+        );
+    }
+    let picture = plot::quicklook_within(&panel, session.memory.picture_bytes)?;
     let bytes = picture.len() as u64;
     write_atomically(&typed.out, bytes, |file| file.write_all(&picture))?;
     drawing.finish();
-    say(session, &typed.out)
-}
-
-fn say(session: &Session, out: &Path) -> anyhow::Result<()> {
-    let path = out.display().to_string();
+    let path = typed.out.display().to_string();
     if session.json() {
-        return text::say_json("picture", json!({ "path": path }));
+        let [rows, columns] = panel.looks;
+        let shown = panel.shown_grid();
+        return text::say_json(
+            "picture",
+            json!({
+                "path": path,
+                "looks": [rows, columns],
+                "pixel": [shown.rows.step, shown.columns.step],
+            }),
+        );
     }
     if session.tells() {
-        text::say(path)?;
+        text::say(match typed.looks {
+            Some(_) => format!("{path}: pixels of {pixel}"),
+            None => path,
+        })?;
     }
     Ok(())
 }
 
-/// Writes the picture of anyone's SICD, in its own pixels, the first row on top as such files are looked at.
-fn of_sicd(
-    session: &Session,
-    image: &Path,
-    out: &Path,
-    scale: Scale,
-    colours: Colours,
-) -> anyhow::Result<()> {
-    let drawing = session.progress("drawing");
-    let file = SicdFile::open(image)?;
-    let (rows, columns) = file.size();
-    let (grid, unit) = match file.plane() {
-        Some(plane) => (plane.grid, "m"),
-        None => {
-            let pixels = |count| Axis {
-                start: 0.0,
-                step: 1.0,
-                count,
-            };
-            let grid = ImageGrid::horizontal(pixels(columns), pixels(rows), 0.0);
-            (grid, "pixels")
+/// An image as it is drawn.
+struct Pictured {
+    stored: Stored,
+    grid: ImageGrid,
+    aperture: Option<Aperture>,
+    rows_down: bool,
+    in_metres: bool,
+    /// Names of the axes, where they are not the grid's.
+    axes: Option<[ShownAxis; 2]>,
+    /// What the record says of its picture.
+    about: Value,
+}
+
+impl Pictured {
+    fn open(path: &std::path::Path) -> anyhow::Result<Self> {
+        let stored = stored::open(path)?;
+        if let Some((grid, record)) = &stored.product {
+            return Ok(Self {
+                grid: grid.clone(),
+                aperture: stored::aperture(record, grid),
+                rows_down: false,
+                in_metres: true,
+                axes: None,
+                about: record["picture"].clone(),
+                stored,
+            });
         }
-    };
-    let turned = ImageGrid {
-        rows: Axis {
-            start: -grid.rows.at(rows - 1),
-            ..grid.rows
-        },
-        ..grid
-    };
-    let down = RowsDown(&file);
-    let picture = plot::quicklook_within(
-        &Panel {
-            scale,
-            colours,
-            axes: [
-                ShownAxis::plain(format!("along rows ({unit})")),
-                ShownAxis {
-                    scale: -1.0,
-                    ..ShownAxis::plain(format!("along columns ({unit})"))
-                },
-            ],
-            reference: "0 dB: magnitude 1",
-            ..Panel::new(Source::Parts(&down), &turned, image.display().to_string())
-        },
-        session.memory.picture_bytes,
-    )?;
-    let bytes = picture.len() as u64;
-    write_atomically(out, bytes, |file| file.write_all(&picture))?;
-    drawing.finish();
-    Ok(())
-}
-
-/// An image, its last row first.
-#[derive(Debug)]
-struct RowsDown<'a>(&'a dyn Parts);
-
-impl RowsDown<'_> {
-    /// The same rows, counted from the other end.
-    fn turned(&self, [rows, columns]: &Place) -> Place {
-        let count = self.0.size().0;
-        [count - rows.end..count - rows.start, columns.clone()]
-    }
-}
-
-impl Parts for RowsDown<'_> {
-    fn size(&self) -> (usize, usize) {
-        self.0.size()
-    }
-
-    fn places(&self) -> Vec<Place> {
-        let places = self.0.places();
-        places.iter().map(|place| self.turned(place)).collect()
-    }
-
-    fn window(&self, place: &Place) -> Result<Image, PartsError> {
-        let image = self.0.window(&self.turned(place))?;
-        let rows = image.pixels.chunks_exact(image.columns).rev();
-        Ok(Image {
-            pixels: rows.flatten().copied().collect(),
-            ..image
+        let plain =
+            |[across, up]: [&str; 2]| Some([ShownAxis::plain(across), ShownAxis::plain(up)]);
+        if let Some(plane) = &stored.plane {
+            return Ok(Self {
+                grid: plane.grid.clone(),
+                aperture: plane.column_band.and_then(Aperture::columns),
+                rows_down: true,
+                in_metres: true,
+                axes: plain(["along rows (m)", "along columns (m)"]),
+                about: Value::Null,
+                stored,
+            });
+        }
+        let (rows, columns) = stored.pixels.size();
+        let axis = |count| Axis {
+            start: 0.0,
+            step: 1.0,
+            count,
+        };
+        Ok(Self {
+            grid: ImageGrid::horizontal(axis(columns), axis(rows), 0.0),
+            aperture: None,
+            rows_down: stored::is_nitf(path),
+            in_metres: false,
+            axes: plain(["column", "row"]),
+            about: Value::Null,
+            stored,
         })
+    }
+
+    fn title(&self) -> String {
+        let name = self.stored.path.display().to_string();
+        self.about["title"].as_str().map_or(name, str::to_owned)
+    }
+
+    /// Parts of its aperture, from one end to the other.
+    fn parts_of_aperture(&self, count: usize) -> anyhow::Result<Vec<AperturePart<'_>>> {
+        let aperture = self.aperture.as_ref().with_context(|| {
+            format!(
+                "{}: which part of the aperture saw what is not known: it takes the record of a collection of less than 90 degrees on a Cartesian grid, or a SICD that tells its \
+                 bandwidth",
+                self.stored.path.display()
+            )
+        })?;
+        let end = |k: usize| k as f64 / count as f64;
+        let part = |k| {
+            AperturePart::new(
+                &*self.stored.pixels,
+                &self.grid,
+                aperture,
+                [end(k), end(k + 1)],
+            )
+        };
+        Ok((0..count).map(part).collect())
+    }
+}
+
+/// Images that are colours: four of all polarisations by Pauli's basis, two or three as they are.
+fn channels<'a>(images: &'a [Pictured], basis: Option<&'a [(&str, Sum); 3]>) -> Vec<Channel<'a>> {
+    if let Some(basis) = basis {
+        let sums = basis.iter().map(|(name, sum)| Channel {
+            name: (*name).to_owned(),
+            image: Source::Parts(sum),
+        });
+        return sums.collect();
+    }
+    let each = images.iter().map(|image| {
+        let path = &image.stored.path;
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        Channel {
+            name: name.to_string_lossy().into_owned(),
+            image: Source::Parts(&*image.stored.pixels),
+        }
+    });
+    each.collect()
+}
+
+/// How large a pixel of what is shown is, rows before columns.
+fn pixel(panel: &Panel, in_metres: bool) -> String {
+    let grid = panel.shown_grid();
+    let [down, across] = [grid.rows.step.abs(), grid.columns.step.abs()];
+    match (in_metres, grid.polar) {
+        (false, _) => format!("{down} x {across} pixels"),
+        (true, true) => format!("{down:.4} m x {:.4} deg", across.to_degrees()),
+        (true, false) => format!("{down:.4} m x {across:.4} m"),
     }
 }
 

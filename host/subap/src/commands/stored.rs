@@ -5,12 +5,15 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use serde::Deserialize;
 use serde_json::Value;
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Parts;
 use subaperture::io::npy::ImageFile;
 use subaperture::io::product;
-use subaperture::sicd::SicdFile;
+use subaperture::quality::aperture::Aperture;
+use subaperture::quality::response::Geometry;
+use subaperture::sicd::{Plane, SicdFile};
 
 /// An image, and what is stored beside it.
 pub(super) struct Stored {
@@ -19,6 +22,14 @@ pub(super) struct Stored {
     pub(super) pixels: Box<dyn Parts>,
     /// Grid and record of a product.
     pub(super) product: Option<(ImageGrid, Value)>,
+    /// Where the pixels of a SICD are.
+    pub(super) plane: Option<Plane>,
+}
+
+/// By which frequencies parts of a product's aperture are told, of its record.
+pub(super) fn aperture(record: &Value, grid: &ImageGrid) -> Option<Aperture> {
+    let seen = Geometry::deserialize(&record["collection"]).ok()?;
+    Aperture::seen(&seen, grid)
 }
 
 /// The folder of the product that a path names: itself, or that of its `image.json`.
@@ -42,6 +53,7 @@ pub(super) fn open(path: &Path) -> anyhow::Result<Stored> {
             return Ok(Stored {
                 pixels: Box::new(ImageFile::open(&folder.join("image.npy"))?),
                 product: None,
+                plane: None,
                 path,
             });
         }
@@ -49,13 +61,16 @@ pub(super) fn open(path: &Path) -> anyhow::Result<Stored> {
         return Ok(Stored {
             pixels: Box::new(stored.pixels),
             product: Some((stored.grid, stored.metadata)),
+            plane: None,
             path,
         });
     }
     if is_nitf(&path) {
+        let file = SicdFile::open(&path)?;
         return Ok(Stored {
-            pixels: Box::new(SicdFile::open(&path)?),
             product: None,
+            plane: file.plane(),
+            pixels: Box::new(file),
             path,
         });
     }
@@ -67,6 +82,7 @@ pub(super) fn open(path: &Path) -> anyhow::Result<Stored> {
     Ok(Stored {
         pixels: Box::new(file),
         product: None,
+        plane: None,
         path,
     })
 }
@@ -97,7 +113,7 @@ pub(super) fn is_nitf(path: &Path) -> bool {
 }
 
 /// Whether a file that can be read begins with these bytes.
-fn begins_with<const N: usize>(path: &Path, bytes: &[u8; N]) -> bool {
+pub(super) fn begins_with<const N: usize>(path: &Path, bytes: &[u8; N]) -> bool {
     let mut start = [0; N];
     let read = File::open(path).and_then(|mut file| file.read_exact(&mut start));
     read.is_ok() && &start == bytes

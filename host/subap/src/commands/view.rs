@@ -1,5 +1,6 @@
 //! `subap view`: images in a browser of this machine.
 
+mod maps;
 mod sources;
 
 use std::net::{Ipv4Addr, SocketAddr};
@@ -37,6 +38,10 @@ pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
     for path in &typed.layer {
         layers.push(layer(path)?);
     }
+    let mut doppler = Vec::with_capacity(typed.maps.len());
+    for path in &typed.maps {
+        doppler.push(maps::open(session, path, typed.sub_cpi)?);
+    }
     let bounds = bounds(session, products.len() as u64);
     session.note(1, || {
         format!(
@@ -47,7 +52,7 @@ pub(crate) fn run(session: &Session, typed: &View) -> anyhow::Result<()> {
     });
     let here = SocketAddr::from((Ipv4Addr::LOCALHOST, typed.port.unwrap_or(0)));
     let address = typed.listen.unwrap_or(here);
-    let gallery = Arc::new(Gallery::new(products, layers, bounds));
+    let gallery = Arc::new(Gallery::new(products, layers, bounds).with_maps(doppler));
     let server = Server::show(address, gallery)?;
     let address = server.address();
     if !address.ip().is_loopback() {

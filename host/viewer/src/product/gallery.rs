@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use tokio::sync::Semaphore;
 
 use super::shown::Shown;
-use super::{Layer, Product};
+use super::{DopplerMaps, Layer, Product, doppler};
 
 /// How often an image that is still growing is looked at.
 const EVERY: Duration = Duration::from_millis(700);
@@ -28,6 +28,7 @@ pub struct Bounds {
 pub struct Gallery {
     pub(super) shown: Vec<Shown>,
     pub(super) layers: Vec<Layer>,
+    pub(super) maps: Vec<Box<dyn DopplerMaps>>,
     pub(super) computing: Arc<Semaphore>,
     begun: AtomicBool,
 }
@@ -49,9 +50,16 @@ impl Gallery {
                 .map(|product| Shown::new(product, each))
                 .collect(),
             layers,
+            maps: Vec::new(),
             computing: Arc::new(Semaphore::new(bounds.computing.max(1))),
             begun: AtomicBool::new(false),
         }
+    }
+
+    /// With range-Doppler maps beside the images.
+    pub fn with_maps(mut self, maps: Vec<Box<dyn DopplerMaps>>) -> Self {
+        self.maps = maps;
+        self
     }
 
     /// Starts the thread that reads, once. It ends when nobody has the gallery any more.
@@ -71,7 +79,9 @@ impl Gallery {
             .iter()
             .map(|layer| layer.name.as_str())
             .collect();
-        json!({ "images": images, "layers": layers })
+        let maps = self.maps.iter().map(|maps| doppler::about(&**maps));
+        let maps: Vec<Value> = maps.collect();
+        json!({ "images": images, "layers": layers, "maps": maps })
     }
 }
 

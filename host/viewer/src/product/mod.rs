@@ -7,15 +7,16 @@
 //!
 //! | path | what it is |
 //! |---|---|
-//! | `/`, `/view.css`, `/view.js`, `/leaflet.css`, `/leaflet.js`, `/licences` | the page |
+//! | `/`, `/view.css`, `/view.js`, `/measure.js`, `/doppler.js`, `/leaflet.css`, `/leaflet.js`, `/licences` | the page |
 //! | `/colours` | colour maps, JSON |
 //! | `/state` | what is shown, and how far its overview is, JSON |
 //! | `/tile/IMAGE/LEVEL/ROW/COLUMN` | 256 x 256 cells of `2^LEVEL` pixels a side: 16-bit tenths of dB of their mean power, little-endian, the lowest number where there is nothing |
 //! | `/phase/IMAGE/ROW/COLUMN` | phases of the pixels of such a tile of level 0: 256ths of a turn, a byte each |
-//! | `/look/IMAGE/FROM/TO/LEVEL/ROW/COLUMN` | a tile of a part of the aperture, in thousandths of it ([`look`]) |
+//! | `/look/IMAGE/FROM/TO/LEVEL/ROW/COLUMN` | a tile of a part of the aperture, in thousandths of it ([`subaperture_quality::aperture`]) |
 //! | `/value/IMAGE/ROW/COLUMN` | a pixel and where it is, JSON |
 //! | `/cut/IMAGE/ROW/COLUMN/ROW/COLUMN` | levels along a line, JSON |
 //! | `/point/IMAGE/ROW/COLUMN` | the response of the brightest point near a pixel, JSON |
+//! | `/doppler/MAPS/SUBCPI/IMAGE/ROW/COLUMN` | a range-Doppler map about a pixel's place, JSON |
 //! | `/layer/LAYER/IMAGE` | a layer's shapes in rows and columns of an image, JSON |
 //!
 //! Images are numbers from 0: no path of a file is ever part of a request. Nothing that a client asks changes anything.
@@ -23,13 +24,14 @@
 //! # Bounds
 //! A first look at every so manieth pixel is there at once. The overview, planes of mean power from the third level on or as fine as memory allows,
 //! is made in one pass by one thread: a twelfth of a byte a pixel. Finer tiles are computed of their pixels, at most 2048 x 2048, 1 MiB at a
-//! time (those of a part of the aperture of 1152 x 1152 at once, 21 MB; the response of a point that is thousands of pixels wide up to 170 MB), as many at once as there are threads; who asks meanwhile waits. Of an image in tiles 48 MiB of them are kept.
+//! time (those of a part of the aperture of 1152 x 1152 at once, 20 MB; the response of a point that is thousands of pixels wide up to 170 MB), as many at once as there are threads; who asks meanwhile waits. Of an image in tiles 48 MiB of them are kept.
 //! Connections are bounded as those of a capture's page.
 
 mod cut;
+mod doppler;
 mod gallery;
 mod layer;
-pub mod look;
+mod look;
 mod overview;
 mod pixels;
 mod point;
@@ -42,12 +44,13 @@ use subaperture_model::image::Parts;
 use subaperture_quality::response::Carrier;
 use subaperture_resolution::support::Looks;
 
+pub use doppler::{DopplerMap, DopplerMaps};
 pub use gallery::{Bounds, Gallery};
 pub use layer::Layer;
-pub use look::Aperture;
 pub use overview::TILE;
 pub use pixels::Pixels;
 pub(crate) use routes::product_routes;
+pub use subaperture_quality::aperture::Aperture;
 
 /// Reads all of an image's file, for what its record says of it; what is wrong.
 pub type Check = Box<dyn Fn() -> Result<(), String> + Send + Sync>;

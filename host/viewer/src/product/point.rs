@@ -32,13 +32,18 @@ pub(super) fn value(product: &Product, [row, column]: [usize; 2]) -> Result<Valu
             told["range_m"] = json!(grid.rows.at(row));
             told["angle_deg"] = json!(grid.columns.at(column).to_degrees());
         }
-        if let Some(place) = place(product, position) {
-            told["latitude_deg"] = json!(place.latitude_deg);
-            told["longitude_deg"] = json!(place.longitude_deg);
-            told["height_m"] = json!(place.height_m);
-        }
+        tell_place(&mut told, product, position);
     }
     Ok(told)
+}
+
+/// Adds where a point of the grid's plane is on the Earth, if that is known.
+fn tell_place(told: &mut Value, product: &Product, position: DVec3) {
+    if let Some(place) = place(product, position) {
+        told["latitude_deg"] = json!(place.latitude_deg);
+        told["longitude_deg"] = json!(place.longitude_deg);
+        told["height_m"] = json!(place.height_m);
+    }
 }
 
 /// Where a point of the grid's plane is on the Earth.
@@ -97,6 +102,9 @@ pub(super) fn response(
     told["curves"] = json!(curves);
     told["in_pixels"] = json!(product.grid.is_none());
     told["polar"] = json!(grid.polar);
+    if product.grid.is_some() {
+        tell_place(&mut told, product, found.position_m.into());
+    }
     Ok(told)
 }
 

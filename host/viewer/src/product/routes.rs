@@ -13,7 +13,7 @@ use subaperture_model::image::PartsError;
 
 use super::shown::Shown;
 use super::tile::encode;
-use super::{Gallery, cut, look, point};
+use super::{Gallery, cut, doppler, look, point};
 use crate::guard::{colours, file, guard};
 
 type All = State<Arc<Gallery>>;
@@ -42,6 +42,10 @@ pub(crate) fn product_routes(gallery: Arc<Gallery>) -> Router {
             get(|| file(SCRIPT, include_str!("page/measure.js"))),
         )
         .route(
+            "/doppler.js",
+            get(|| file(SCRIPT, include_str!("page/doppler.js"))),
+        )
+        .route(
             "/leaflet.css",
             get(|| file(STYLE, include_str!("page/leaflet/leaflet.css"))),
         )
@@ -68,6 +72,10 @@ pub(crate) fn product_routes(gallery: Arc<Gallery>) -> Router {
             get(along),
         )
         .route("/point/{image}/{row}/{column}/{search}", get(response))
+        .route(
+            "/doppler/{maps}/{sub_cpi}/{image}/{row}/{column}",
+            get(doppler_map),
+        )
         .route("/layer/{layer}/{image}", get(layer))
         .with_state(gallery)
         .layer(from_fn(guard))
@@ -218,6 +226,25 @@ async fn layer(State(all): All, Path((layer, image)): Path<(usize, usize)>) -> R
         Ok(found.map_or(Answer::None, |layer| {
             Answer::Json(layer.over(&shown.product))
         }))
+    };
+    compute(all, image, work).await
+}
+
+async fn doppler_map(
+    State(all): All,
+    Path((maps, sub_cpi, image, row, column)): Path<(usize, usize, usize, usize, usize)>,
+) -> Response {
+    let work = move |all: &Gallery, shown: &Shown| {
+        let maps = all.maps.get(maps).filter(|maps| sub_cpi < maps.sub_cpis());
+        let within = row < shown.size[0] && column < shown.size[1];
+        let Some(maps) = maps.filter(|_| within) else {
+            return Ok(Answer::None);
+        };
+        let found = doppler::map(&**maps, sub_cpi, &shown.product, [row, column]);
+        Ok(match found {
+            Ok(found) => Answer::Json(found),
+            Err(error) => Answer::Refused(error.to_string()),
+        })
     };
     compute(all, image, work).await
 }

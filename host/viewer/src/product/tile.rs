@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use subaperture_model::image::{Parts, PartsError, Place, power};
+use subaperture_model::image::{Image, Parts, PartsError, Place, power};
 
 use super::overview::{TILE, size_at};
 use super::pixels::{Glance, Pixels};
@@ -36,21 +36,30 @@ pub(super) fn powers(
         let last = (first + at_once).min(rows.end);
         let down = (first << level)..(last << level).min(all_rows);
         let band = pixels.window(&[down, across.clone()])?;
-        let lines: Vec<&[_]> = band.pixels.chunks_exact(across.len()).collect();
-        for cell_lines in lines.chunks(side) {
-            let mut sums = vec![0.0; columns.len()];
-            for line in cell_lines {
-                for (sum, run) in sums.iter_mut().zip(line.chunks(side)) {
-                    *sum += run.iter().map(|&z| power(z)).sum::<f64>();
-                }
-            }
-            powers.extend(sums.iter().enumerate().map(|(i, sum)| {
-                let width = (across.len() - i * side).min(side);
-                sum / (width * cell_lines.len()) as f64
-            }));
-        }
+        powers.extend(average(&band, level));
     }
     Ok(powers)
+}
+
+/// Mean powers of cells of a level, of the pixels of whole cells but for the last row and column of them.
+pub(super) fn average(pixels: &Image, level: u32) -> Vec<f64> {
+    let side = 1usize << level;
+    let across = pixels.columns.div_ceil(side);
+    let lines: Vec<&[_]> = pixels.pixels.chunks_exact(pixels.columns).collect();
+    let mut powers = Vec::with_capacity(pixels.rows.div_ceil(side) * across);
+    for cell_lines in lines.chunks(side) {
+        let mut sums = vec![0.0; across];
+        for line in cell_lines {
+            for (sum, run) in sums.iter_mut().zip(line.chunks(side)) {
+                *sum += run.iter().map(|&z| power(z)).sum::<f64>();
+            }
+        }
+        powers.extend(sums.iter().enumerate().map(|(i, sum)| {
+            let width = (pixels.columns - i * side).min(side);
+            sum / (width * cell_lines.len()) as f64
+        }));
+    }
+    powers
 }
 
 /// Powers of the pixels of a glance nearest to the middle of each cell.
@@ -111,7 +120,7 @@ mod tests {
     use super::*;
     use num_complex::Complex32;
     use subaperture_io::tiles::TileStore;
-    use subaperture_model::image::{Image, Tiling};
+    use subaperture_model::image::Tiling;
 
     fn value(row: usize, column: usize) -> Complex32 {
         let x = (row * 7919 + column * 104_729) % 65_537;

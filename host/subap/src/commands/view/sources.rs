@@ -4,7 +4,6 @@ use std::path::Path;
 
 use anyhow::bail;
 use serde::Deserialize;
-use serde_json::Value;
 use subaperture::focus::Plan;
 use subaperture::geometry::{ImageGrid, SceneFrame};
 use subaperture::image::Parts;
@@ -55,24 +54,20 @@ fn product(name: String, folder: &Path) -> anyhow::Result<Product> {
     let looks = looks
         .zip(window("window").zip(window("slow_window")))
         .and_then(|(looks, (fast, slow))| looks.looks(fast, slow));
-    let seen = seen(record);
+    let seen = Geometry::deserialize(&record["collection"]).ok();
     let grid = stored.grid;
     let mut shown = Product::new(name, stored.pixels.into());
     shown.grid = Some(grid.clone());
     // What a record of another kind does not tell is not shown.
     shown.frame = stored_product::frame_of(record).unwrap_or(SceneFrame::Local);
     shown.carrier = seen.as_ref().map(Carrier::of);
-    shown.aperture = seen.as_ref().and_then(|seen| Aperture::seen(seen, &grid));
+    shown.aperture = stored::aperture(record, &grid);
     shown.looks = looks;
     let (folder, record) = (folder.to_owned(), stored.metadata);
     shown.check = Some(Box::new(move || {
         stored_product::verify(&folder, &record).map_err(|error| error.to_string())
     }));
     Ok(shown)
-}
-
-fn seen(record: &Value) -> Option<Geometry> {
-    Geometry::deserialize(&record["collection"]).ok()
 }
 
 /// An image that is being formed in tiles, of which its plan alone tells where they are.

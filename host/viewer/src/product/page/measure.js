@@ -6,9 +6,10 @@ const css = (name) => getComputedStyle(document.documentElement).getPropertyValu
 function mode(what) {
   measured.mode = measured.mode === what ? null : what;
   measured.from = null;
-  for (const each of ["cut", "point"]) $(each).setAttribute("aria-pressed", measured.mode === each);
+  for (const each of ["cut", "point", "doppler"]) $(each).setAttribute("aria-pressed", measured.mode === each);
   map.getContainer().style.cursor = measured.mode ? "crosshair" : "";
   if (measured.mode === "cut") tell("the line's first end: click, or Enter at the crosshair");
+  if (measured.mode === "doppler") tell("the place of the map: click, or Enter at the crosshair");
   if (measured.mode === "point") tell("a point: click, or Enter at the crosshair");
 }
 function tell(text, isWrong) { $("told").textContent = text; $("told").classList.toggle("wrong", Boolean(isWrong)); }
@@ -53,7 +54,11 @@ async function pick(latlng) {
       measured.curves = [{ name: "cut", x: cut.levels_db.map((_, i) => i / (count - 1) * length), y: cut.levels_db }];
       $("numbers").hidden = true;
       chart(unit);
+      const ends = await Promise.all([from, at].map(async (end) => (await fetch(`/value/${n}/${end.map(Math.round).join("/")}`)).json().catch(() => ({}))));
+      if (ends.every((end) => end.latitude_deg !== undefined)) tell(`${$("told").textContent}: ${ends.map(degrees).join(" to ")}`);
     } catch { tell("the cut could not be read", true); }
+  } else if (measured.mode === "doppler") {
+    lookAt(at.map(Math.round));
   } else if (measured.mode === "point") {
     const [row, column] = at.map(Math.round);
     if (row < 0 || column < 0 || row >= about.rows || column >= about.columns) return;
@@ -69,7 +74,7 @@ async function pick(latlng) {
 function response(found) {
   measured.group.clearLayers();
   L.circleMarker([found.row + 0.5, found.column + 0.5], { radius: 9, color: "#e69f00", fill: false }).addTo(measured.group);
-  tell(`row ${found.row.toFixed(2)}, column ${found.column.toFixed(2)}${found.in_pixels ? "" : `: x ${found.position_m[0].toFixed(3)} m, y ${found.position_m[1].toFixed(3)} m`}, ${found.level_db.toFixed(2)} dB`);
+  tell(`row ${found.row.toFixed(2)}, column ${found.column.toFixed(2)}${found.in_pixels ? "" : `: x ${found.position_m[0].toFixed(3)} m, y ${found.position_m[1].toFixed(3)} m`}, ${found.level_db.toFixed(2)} dB${found.latitude_deg === undefined ? "" : `; ${degrees(found)}`}`);
   const axes = found.in_pixels ? { x: "columns", y: "rows" } : found.polar ? { x: "angle", y: "range" } : { x: "x", y: "y" };
   // Along and across the line of sight where that is known, else along the grid.
   const sighted = found.cuts.some((cut) => cut.along === "range");

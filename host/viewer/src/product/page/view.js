@@ -3,7 +3,7 @@
 const TILE = 256, NONE = -32768, MOST_KEPT = 500, MOST_LOOK = 2;
 const $ = (id) => document.getElementById(id);
 const view = {
-  images: [], layers: [], shown: 0, other: -1, blinked: false, swiped: false, maps: null, map: "grey",
+  images: [], layers: [], doppler: [], shown: 0, other: -1, blinked: false, swiped: false, maps: null, map: "grey",
   placed: false, top: null, span: null, own: false, phase: false, part: 1, partAt: 0, drawn: 0, wanted: 0, painted: 0,
 };
 // A colour map for phases: it begins where it ends, and its lightness alone tells quarters.
@@ -121,6 +121,7 @@ function show(n, from) {
   view.shown = n;
   for (const key of ["shown", "other"]) { planes[key]?.remove(); planes[key] = null; }
   if (!stays) {
+    forgetDoppler();
     map.options.crs = crsOf(about);
     map.options.minZoom = -about.levels - 2; map.options.maxZoom = 6;
     map.setMaxBounds(null);
@@ -228,6 +229,7 @@ function keepAddress() {
   if (view.own) Object.assign(words, { t: view.top, s: view.span });
   if (view.other >= 0) words.o = view.other;
   if (view.swiped) words.w = $("swipe-at").value;
+  if (doppler.at) words.d = [doppler.of, doppler.sub, ...doppler.at].join();
   if (view.phase) words.p = 1;
   if (view.part > 1) Object.assign(words, { l: view.part, la: view.partAt });
   clearTimeout(writing);
@@ -246,20 +248,27 @@ function fromAddress() {
   const [r, c, z] = ["r", "c", "z"].map(number);
   show(n, [r, c, z].includes(null) ? undefined : { centre: [r, c], zoom: Math.min(6, z) });
   $("part").value = String(view.part); part();
+  dopplerAt(words.get("d"));
 }
 
 // Layers: shapes in rows and columns, fetched once for each image.
-const shapes = { group: L.layerGroup().addTo(map), off: new Set() };
+const shapes = { group: L.layerGroup().addTo(map), off: new Set(), there: new Map(), latest: 0 };
 async function drawLayers() {
+  const number = ++shapes.latest;
   shapes.group.clearLayers();
   const n = view.shown, ink = ["#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7"];
   for (let i = 0; i < view.layers.length; i++) {
     if (shapes.off.has(i)) continue;
     const key = `${i}/${n}`;
-    try { shapes[key] ??= await (await fetch(`/layer/${key}`)).json(); } catch { continue; }
-    if (n !== view.shown || shapes.off.has(i)) return;
+    if (!shapes.there.has(key)) {
+      const answer = await fetch(`/layer/${key}`).catch(() => null);
+      if (!answer?.ok) continue;
+      shapes.there.set(key, await answer.json());
+    }
+    // A later drawing has begun meanwhile.
+    if (number !== shapes.latest) return;
     const colour = ink[i % ink.length];
-    for (const feature of shapes[key].features) for (const { kind, places } of feature.shapes) {
+    for (const feature of shapes.there.get(key).features) for (const { kind, places } of feature.shapes) {
       const at = places.map(([r, c]) => [r + 0.5, c + 0.5]), style = { color: colour, weight: 2, fillOpacity: 0.1 };
       const drawn = kind === "points" ? at.map((p) => L.circleMarker(p, { ...style, radius: 6 })) : [kind === "line" ? L.polyline(at, style) : L.polygon(at, style)];
       for (const one of drawn) {
@@ -272,31 +281,34 @@ async function drawLayers() {
 }
 
 // What is under the cursor: at once from the tile, then from the pixel.
-let asking = null, asked = null;
+let asking = false, asked = null, latest = null;
+const degrees = (at) => `${Math.abs(at.latitude_deg).toFixed(6)}° ${at.latitude_deg < 0 ? "S" : "N"}, ${Math.abs(at.longitude_deg).toFixed(6)}° ${at.longitude_deg < 0 ? "W" : "E"}`;
 const fixed = (x, n) => (x === null || x === undefined ? "–" : x.toFixed(n));
 async function readout(latlng) {
   const about = image(), [row, column] = [Math.floor(latlng.lat), Math.floor(latlng.lng)];
-  if (row < 0 || column < 0 || row >= about.rows || column >= about.columns) { $("where").textContent = " "; $("place").textContent = $("level").textContent = ""; return; }
+  if (row < 0 || column < 0 || row >= about.rows || column >= about.columns) { asked = latest = null; $("where").textContent = " "; $("place").textContent = $("level").textContent = ""; return; }
   $("where").textContent = `row ${row}, column ${column}`;
-  asked = [view.blinked ? view.other : view.shown, row, column];
+  asked = latest = [view.blinked ? view.other : view.shown, row, column];
   if (asking) return;
+  asking = true;
   while (asked) {
     const now = asked; asked = null;
     try {
-      asking = fetch(`/value/${now.join("/")}`);
-      const answer = await asking;
+      const answer = await fetch(`/value/${now.join("/")}`);
       if (!answer.ok) break;
       const pixel = await answer.json();
-      if (asked) continue;
+      // The cursor has gone elsewhere.
+      if (now !== latest) continue;
       const words = [];
       if (pixel.position_m) words.push(`x ${fixed(pixel.position_m[0], 2)} m, y ${fixed(pixel.position_m[1], 2)} m`);
       if (pixel.range_m !== undefined) words.push(`range ${fixed(pixel.range_m, 2)} m, ${fixed(pixel.angle_deg, 3)}°`);
-      if (pixel.latitude_deg !== undefined) words.push(`${Math.abs(pixel.latitude_deg).toFixed(6)}° ${pixel.latitude_deg < 0 ? "S" : "N"}, ${Math.abs(pixel.longitude_deg).toFixed(6)}° ${pixel.longitude_deg < 0 ? "W" : "E"}`);
+      if (pixel.latitude_deg !== undefined) words.push(degrees(pixel));
       $("where").textContent = `row ${pixel.row}, column ${pixel.column}`;
       $("place").textContent = words.map((word) => ` · ${word}`).join("");
       $("level").textContent = pixel.level_db === null ? "nothing" : `${fixed(pixel.level_db, 1)} dB, ${fixed(pixel.phase_deg, 0)}°`;
-    } catch { break; } finally { asking = null; }
+    } catch { break; }
   }
+  asking = false;
 }
 
 // How far things are; tiles are asked for again when they have become better.
@@ -306,7 +318,7 @@ async function poll() {
     const told = await (await fetch("/state")).json();
     const before = view.images;
     told.images.forEach((about, i) => { about.tile = before[i]?.tile; });
-    view.images = told.images; view.layers = told.layers;
+    view.images = told.images; view.layers = told.layers; view.doppler = told.maps;
     if (!before.length) begin();
     const changed = view.images.map((about, i) => before[i] && (about.revision !== before[i].revision));
     const now = image();
@@ -340,6 +352,7 @@ function begin() {
       $("layers").append(label);
     });
   }
+  beginDoppler();
   fromAddress();
 }
 
@@ -378,4 +391,6 @@ document.addEventListener("keydown", (event) => {
   if (what) { event.preventDefault(); what(); }
 });
 
-fetch("/colours").then((answer) => answer.json()).then((maps) => { view.maps = maps; poll(); }, () => { document.body.dataset.state = "lost"; });
+// The other scripts are there before anything begins.
+const loaded = new Promise((done) => addEventListener("DOMContentLoaded", done));
+Promise.all([fetch("/colours").then((answer) => answer.json()), loaded]).then(([maps]) => { view.maps = maps; poll(); }, () => { document.body.dataset.state = "lost"; });
