@@ -231,7 +231,7 @@ impl Measured {
     /// What a format takes: greys before they are deflated, with overviews, for maps, whose own raster is about as large.
     fn bytes(&self, format: ImageFormat) -> u64 {
         match format {
-            ImageFormat::Sicd => 8 * self.pixels,
+            ImageFormat::Sicd | ImageFormat::Zarr => 8 * self.pixels,
             ImageFormat::Sidd | ImageFormat::Png => self.pixels,
             ImageFormat::Cog | ImageFormat::Kmz => self.pixels * 4 / 3,
         }
