@@ -6,7 +6,7 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
-use subaperture::radio::sigmf::Recording;
+use subaperture::radio::sigmf::{Recording, Step};
 use subaperture_tests::subap::{Ran, command, listing, run};
 use subaperture_tests::tiny_disk::TinyDisk;
 use tempfile::TempDir;
@@ -134,6 +134,30 @@ fn an_experiment_is_captured_calibrated_shown_and_replayed() {
     let before = listing(at);
     run(at, "capture thesis.toml -o walk").failed(1, &["not written over"]);
     assert_eq!(listing(at), before);
+}
+
+/// Six carriers side by side are not sent: 24 MHz of 200. What fills them is good to more than the floor of what is told, 25 dB.
+#[test]
+fn a_band_to_avoid_is_not_sent_and_filled() {
+    let folder = examples();
+    let at = folder.path();
+    calibrate(at);
+    let words = [
+        "capture",
+        "thesis.toml",
+        "-o",
+        "avoiding",
+        "--set",
+        "plan.sweeps=1",
+        "--set",
+        "plan.avoid=[\"1.164 GHz, 1.188 GHz\"]",
+    ];
+    assert!(command(at, words).output().unwrap().status.success());
+    let recording = Recording::open(&at.join("avoiding")).unwrap();
+    assert_eq!(recording.steps().len(), 44);
+    let sent = |step: &Step| (1.164e9..1.188e9).contains(&(step.carrier_hz + 125e3));
+    assert!(!recording.steps().iter().any(sent));
+    assert_thesis(at, "avoiding.sigmf-meta", 0);
 }
 
 #[test]

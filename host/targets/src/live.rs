@@ -1,7 +1,7 @@
 //! A radar's own motion while it moves, by its echoes as they come.
 //!
 //! ```text
-//! pulse of each channel ─ profile, cfar, echo ─> follow: waits for `Follow::within` pulses ─> motion::Tracker: looks at the last ten again ─> Located
+//! pulse of each channel ─ profile, cfar, echo ─> follow: waits for `Follow::within` pulses ─> motion::Tracker: looks at the last forty again ─> Located
 //! ```
 //!
 //! It is what [`crate::recover()`] does with a whole recording, as far as that can be done before the rest has come. A pulse's place is told when it leaves the tracker's window,
@@ -25,7 +25,10 @@ use subaperture_motion::{Pose, Sighting, Tracker};
 use crate::arrangement::Arrangement;
 use crate::follow::{Event, Follower};
 use crate::profile::Echoes;
-use crate::see::{Looker, Settings, TargetsError, WINDOW, profiler};
+use crate::see::{Looker, Settings, TargetsError, profiler};
+
+/// Pulses that motion looks at again: a place is told once, so more than where all are solved together at the end.
+const WINDOW: usize = 40;
 
 /// Where a pulse was taken.
 #[derive(Clone, Copy, Debug, PartialEq)]

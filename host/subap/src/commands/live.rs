@@ -168,7 +168,7 @@ fn doubt(way: &Found) {
     }
     if going.doubtful > 0 {
         messages::warning(format!(
-            "in {} sweeps phases are near half a turn from what was expected: from there on the way may be off by half wavelengths; move slower, or take sweeps faster (fewer steps, a              shorter dwell)",
+            "in {} sweeps phases are near half a turn from what was expected: from there on the way may be off by half wavelengths; move slower, or take sweeps faster (fewer steps, a shorter dwell)",
             going.doubtful
         ));
     }
