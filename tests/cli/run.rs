@@ -13,6 +13,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde_json::{Value, json};
 use subaperture::io::product;
+use subaperture_tests::matlab;
 use subaperture_tests::subap::{Ran, command, listing, run};
 use subaperture_tests::tiny_disk::TinyDisk;
 
@@ -197,13 +198,11 @@ fn a_job_makes_all_it_says_and_its_report_shows_the_numbers_of_its_records() {
     let [own, direct] = ["job", "direct"].map(|name| product::read(&at.join(name)).unwrap());
     assert_eq!(own.image.pixels, direct.image.pixels);
     let (check, theirs) = (record(&out.join("check.json")), &direct.metadata["check"]);
-    for key in [
-        "num_pixels",
-        "relative_rms_db",
-        "relative_to_image_db",
-        "seed",
-    ] {
-        assert_eq!(check[key], theirs[key], "{key}");
+    assert_eq!(check["num_pixels"], theirs["num_pixels"]);
+    for key in ["relative_rms_db", "relative_to_image_db"] {
+        // The image's power is summed part by part, and parts are others: to the last digit.
+        let [own, theirs] = [&check[key], &theirs[key]].map(|value| value.as_f64().unwrap());
+        assert!((own - theirs).abs() < 1e-9, "{key}: {own} {theirs}");
     }
     let error_db = check["relative_to_image_db"].as_f64().unwrap();
     assert!(error_db < -50.0, "{check}");
@@ -392,17 +391,9 @@ fn what_is_wrong_is_shown_where_it_is_and_nothing_is_done() {
     let before = listing(at);
     run(at, "run job.toml --set input.files=b.cphd").failed(1, &["b.cphd"]);
     assert_eq!(listing(at), before);
-    let local = SCENE.replace(
-        "[scene.origin]\nlatitude = \"40 deg\"\nlongitude = \"-86 deg\"\n",
-        "",
-    );
-    fs::write(at.join("local.toml"), local).unwrap();
-    run(at, "simulate local.toml -o a.cphd --force").succeeded();
-    fs::write(
-        at.join("job.toml"),
-        format!("{input}[products]\nformats = \"kmz\"\n"),
-    )
-    .unwrap();
+    fs::write(at.join("a.mat"), matlab::gotcha(matlab::gotcha_fields())).unwrap();
+    let input = "[input]\nfiles = \"a.mat\"\n[products]\nformats = \"kmz\"\n";
+    fs::write(at.join("job.toml"), input).unwrap();
     let before = listing(at);
     run(at, "run job.toml").failed(1, &["job.toml:4:11", "place = "]);
     assert_eq!(listing(at), before);
@@ -520,22 +511,31 @@ fn a_job_that_is_killed_goes_on_to_the_same_bits() {
     let mut random = ChaCha8Rng::seed_from_u64(14);
     let mut part = || f64::from(random.next_u32()) / 2f64.powi(32);
     let mut killed = 0;
-    for stage in [
+    // Stages that take their time, the longest more than once; a kill that comes too late is not counted.
+    let stages = [
         "autofocus",
         "focus",
         "focus",
         "focus",
-        "check",
-        "picture",
         "quality",
         "products",
         "products",
-    ] {
-        let after = Duration::from_secs_f64(takes[stage] * part());
-        killed += u32::from(killed_at(&at, stage, after));
+    ];
+    for n in 0..40 {
+        let stage = stages[n % stages.len()];
+        let after = Duration::from_secs_f64(0.7 * takes[stage] * part());
+        if killed_at(&at, stage, after) {
+            killed += 1;
+            println!("killed in {stage} after {after:?}");
+        } else if at.join("job/report.html").exists() {
+            // Nothing is left to be killed at.
+            fs::remove_dir_all(at.join("job")).unwrap();
+        }
+        if killed == 8 {
+            break;
+        }
     }
-    println!("killed {killed} times of 9 within the stage that was waited for");
-    assert!(killed >= 5, "{killed}");
+    assert_eq!(killed, 8);
     run(&at, "run job.toml").succeeded();
     same_job(&whole.join("job"), &at.join("job"));
     assert_eq!(done(&run(&at, "run job.toml --json")), [""; 0]);
