@@ -180,7 +180,7 @@ fn inputs(session: &Session, options: &Options) -> anyhow::Result<(Vec<InputFile
     if history.collection().pulses.is_empty() {
         anyhow::bail!("the input holds no pulses");
     }
-    Ok((inputs, history.collection().frame.clone()))
+    Ok((inputs, history.collection().frame))
 }
 
 /// Does a stage, unless it stands.
