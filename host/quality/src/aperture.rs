@@ -33,6 +33,8 @@ const SIDE: usize = 512;
 #[derive(Clone, Debug)]
 pub struct Aperture {
     way: Way,
+    /// Weights along it, evenly spaced; empty where they are alike or not known.
+    weights: Vec<f64>,
 }
 
 #[derive(Clone, Debug)]
@@ -65,6 +67,7 @@ impl Aperture {
                 carrier: Carrier::of(seen),
                 width: 4.0 * libm::sin(angle / 2.0) / seen.wavelength_m,
             },
+            weights: Vec::new(),
         })
     }
 
@@ -72,7 +75,31 @@ impl Aperture {
     pub fn columns(width: f64) -> Option<Self> {
         (width > 0.0 && width <= 1.0).then_some(Self {
             way: Way::Columns { width },
+            weights: Vec::new(),
         })
+    }
+
+    /// Of pulses that were weighted so, evenly from one end to the other: parts are made as bright as they would be had all weighed alike.
+    pub fn weighted(mut self, weights: Vec<f64>) -> Self {
+        self.weights = weights;
+        self
+    }
+
+    /// What a part of a point that is seen evenly has in amplitude, of the whole.
+    fn share(&self, [from, to]: [f64; 2]) -> f64 {
+        let count = self.weights.len() as f64;
+        let total: f64 = self.weights.iter().sum();
+        // Each weight is of as much of the aperture, the first and last of those cut in part.
+        let parts = self.weights.iter().enumerate().map(|(i, weight)| {
+            let (first, last) = (i as f64 / count, (i + 1) as f64 / count);
+            weight * (to.min(last) - from.max(first)).max(0.0) * count
+        });
+        let share = parts.sum::<f64>() / total;
+        // Where nothing is known, or next to nothing was weighed, it is what the part is of the aperture.
+        match share > 1e-3 * (to - from) {
+            true => share,
+            false => to - from,
+        }
     }
 
     /// The aperture of a patch, from which the phase of its middle's paths is taken off where they are known.
@@ -157,7 +184,7 @@ pub fn parts_of(
     let inner: Place =
         [0, 1].map(|i| place[i].start - around[i].start..place[i].end - around[i].start);
     let show = |mut kept: Image, part: &[f64; 2]| {
-        keep(&mut kept, &band, *part);
+        keep(&mut kept, &band, *part, aperture.share(*part));
         transform(&mut kept, FftDirection::Inverse);
         kept.window(&inner)
     };
@@ -232,10 +259,10 @@ impl Parts for AperturePart<'_> {
 const NOT_KNOWN: &str = "which frequencies of the image are which part of the aperture is not known: it was seen from above, or its pixels are too coarse";
 
 /// Keeps the frequencies of a part of the aperture of a patch's spectrum, fractions from 0 to 1 of it.
-fn keep(patch: &mut Image, band: &Band, part: [f64; 2]) {
+fn keep(patch: &mut Image, band: &Band, part: [f64; 2], share: f64) {
     let size = [patch.rows, patch.columns];
     let count = (size[0] * size[1]) as f32;
-    let gain = 1.0 / (count * (part[1] - part[0]).max(1e-3) as f32);
+    let gain = 1.0 / (count * share.max(1e-3) as f32);
     // Bins of cycles a row and a column from the middle of the aperture, within half a cycle of it.
     let from_middle = |i: usize, k: usize| {
         let cycles = k as f64 / size[i] as f64 - band.centre[i];
@@ -388,6 +415,16 @@ mod tests {
             }
         }
         assert!(Aperture::columns(1.5).is_none());
+        // Weights 1, 3, 3, 1: a quarter of the outer ones is an eighth of all, the middle half three quarters.
+        let tapered = aperture.clone().weighted(vec![1.0, 3.0, 3.0, 1.0]);
+        for (part, share) in [
+            ([0.0, 0.25], 0.125),
+            ([0.25, 0.75], 0.75),
+            ([0.0, 0.125], 0.0625),
+        ] {
+            assert!((tapered.share(part) - share).abs() < 1e-12, "{part:?}");
+        }
+        assert_eq!(aperture.share([0.25, 0.5]), 0.25);
         // Several at once are the same as each alone, and places cover the image once.
         let parts = [[0.0, 0.3], [0.3, 1.0]];
         let place = [2..7, 20..150];

@@ -80,6 +80,8 @@ pub(crate) fn run(session: &Session, typed: &Picture) -> anyhow::Result<()> {
     };
     if let Some(axes) = &first.axes {
         panel.axes = axes.clone();
+        // Anyone's levels are of anything.
+        panel.reference = "";
     }
     let about = &first.about;
     panel.orientation = Orientation {

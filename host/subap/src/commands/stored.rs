@@ -14,6 +14,7 @@ use subaperture::io::product;
 use subaperture::quality::aperture::Aperture;
 use subaperture::quality::response::Geometry;
 use subaperture::sicd::{Plane, SicdFile};
+use subaperture::signal::window::Window;
 
 /// An image, and what is stored beside it.
 pub(super) struct Stored {
@@ -26,10 +27,16 @@ pub(super) struct Stored {
     pub(super) plane: Option<Plane>,
 }
 
+/// Weights along an aperture that tell how bright its parts are.
+const WEIGHTS: usize = 256;
+
 /// By which frequencies parts of a product's aperture are told, of its record.
 pub(super) fn aperture(record: &Value, grid: &ImageGrid) -> Option<Aperture> {
     let seen = Geometry::deserialize(&record["collection"]).ok()?;
-    Aperture::seen(&seen, grid)
+    let window = record["settings"]["slow_window"].as_str();
+    let window: Option<Window> = window.and_then(|text| text.parse().ok());
+    let weights = window.map_or_else(Vec::new, |window| window.weights(WEIGHTS));
+    Aperture::seen(&seen, grid).map(|aperture| aperture.weighted(weights))
 }
 
 /// The folder of the product that a path names: itself, or that of its `image.json`.

@@ -71,7 +71,7 @@ function drawDoppler() {
   const across = ticks(...ends[1], wide / 50);
   for (const v of across.all) ink.fillText(v.toFixed(across.digits), Math.min(edge.left + (v - ends[1][0]) / (ends[1][1] - ends[1][0]) * wide, edge.left + wide - 8), edge.top + tall + 4);
   ink.textAlign = "left";
-  ink.fillText(`across: range from the place, m; up: Doppler, ${told.timed ? "Hz" : "cycles a pulse"}`, 2, edge.top + tall + 18);
+  ink.fillText(`range (m), upwards Doppler (${told.timed ? "Hz" : "cycles a pulse"})`, 2, edge.top + tall + 18);
   const [x, y, z] = told.place_m.map((v) => v.toFixed(1)), times = told.timed ? `, ${told.time_s[0].toFixed(3)} to ${told.time_s[1].toFixed(3)} s` : "";
   tellDoppler(`about x ${x} m, y ${y} m, z ${z} m: ${told.pulses} pulses${times}; ${seen.length ? `peak ${(peak / 10).toFixed(1)} dB` : "nothing"}`);
   canvas.setAttribute("aria-label", `range-Doppler map, ${told.rows} Doppler bins by ${told.columns} range bins, ${$("doppler-told").textContent}`);
