@@ -20,6 +20,7 @@ mod messages;
 mod navigation;
 mod output;
 mod overwrite;
+mod picture;
 mod plan_radar;
 mod quality;
 mod rail_scan;

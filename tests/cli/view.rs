@@ -154,6 +154,43 @@ fn a_product_is_served_with_its_layers_until_a_signal_comes() {
     assert_eq!(listing(at), before);
 }
 
+/// The maps of a recording about the point in the middle: its peak is the bin of the place, and a unit scatterer reads 0 dB.
+#[test]
+fn range_doppler_maps_of_a_recording_are_shown() {
+    let folder = folder();
+    let served = Served::begin(folder.path(), "view image --maps table.cphd --sub-cpi 32");
+    let state = served.settled();
+    assert_eq!(state["maps"][0]["name"], "table.cphd");
+    let sub_cpis = state["maps"][0]["sub_cpis"].as_u64().unwrap();
+    assert!(sub_cpis >= 2, "{state}");
+    // Row and column of the largest level, from the place's bin, in the map's units, and that level.
+    let peak = |path: &str| {
+        let told: Value = serde_json::from_str(&served.ask(path)).unwrap();
+        let levels = told["levels"].as_array().unwrap();
+        let level = |i: &usize| levels[*i].as_i64().unwrap();
+        let at = (0..levels.len()).max_by_key(level).unwrap();
+        let columns = told["columns"].as_u64().unwrap() as usize;
+        assert_eq!(
+            levels.len(),
+            columns * told["rows"].as_u64().unwrap() as usize
+        );
+        let number = |key: &str, i: usize| told[key][i].as_f64().unwrap();
+        let axis = |i: usize, bin: usize| number("first", i) + bin as f64 * number("steps", i);
+        ([axis(0, at / columns), axis(1, at % columns)], level(&at))
+    };
+    let (place, level) = peak("/doppler/0/0/0/50/60");
+    // The other points of the scene are seen beside it: a few tenths of a decibel.
+    assert!(place[0].abs() < 1e-9 && place[1].abs() < 1e-9, "{place:?}");
+    assert!(level.abs() <= 10, "{level}");
+    for path in [
+        "/doppler/1/0/0/50/60",
+        "/doppler/0/99999/0/50/60",
+        "/doppler/0/0/0/100/0",
+    ] {
+        assert!(served.ask(path).contains("no such"), "{path}");
+    }
+}
+
 #[test]
 fn a_record_that_is_not_of_its_image_is_told_on_the_page() {
     let folder = folder();
@@ -252,6 +289,8 @@ fn what_cannot_be_shown_is_refused() {
             &["bad.geojson", "no GeoJSON"],
         ),
         ("view image --layer bad.csv", 1, &["bad.csv, line 1"]),
+        ("view image --maps nowhere.cphd", 1, &["nowhere.cphd"]),
+        ("view image --maps marks.geojson", 1, &["marks.geojson"]),
         ("view image --port 99999", 2, &["--port"]),
         ("view image --port 1 --listen 127.0.0.1:1", 2, &["--listen"]),
         (
