@@ -362,13 +362,13 @@ fn at_a_radars_rate_what_has_no_room_is_counted() {
 #[test]
 fn at_a_slow_rate_nothing_is_lost() {
     let settings = Settings {
-        rate_hz: Some(400.0),
+        rate_hz: Some(100.0),
         ..settings()
     };
     let (outcome, _) = session(Faults::default(), settings);
     assert!(matches!(outcome.ending, Ending::Complete), "{outcome:?}");
-    // 46 pulses, 2.5 ms apart.
-    assert!(outcome.counts.seconds > 0.11);
+    // 46 pulses, 10 ms apart.
+    assert!(outcome.counts.seconds > 0.44);
 }
 
 #[test]

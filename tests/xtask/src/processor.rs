@@ -5,18 +5,24 @@
 pub enum Of {
     /// This process, all its threads.
     Own,
+    /// The calling thread.
+    Thread,
     /// All that it started and that has ended.
     Children,
 }
 
 /// What they took of the processors so far, seconds, to a hundredth; `None` where the system does not say.
 pub fn seconds(of: Of) -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    let whose = match of {
+        Of::Thread => "thread-self",
+        Of::Own | Of::Children => "self",
+    };
+    let stat = std::fs::read_to_string(format!("/proc/{whose}/stat")).ok()?;
     // proc(5): in hundredths of a second, user's and system's, fields 14 and 15 of this process, then those of children. The second field is a name
     // in brackets.
     let (_, fields) = stat.rsplit_once(") ")?;
     let skipped = match of {
-        Of::Own => 11,
+        Of::Own | Of::Thread => 11,
         Of::Children => 13,
     };
     let mut ticks = fields.split(' ').skip(skipped).map(str::parse::<f64>);
@@ -39,6 +45,9 @@ mod tests {
         while seconds(Of::Own).unwrap() < own + 0.03 {
             sum = std::hint::black_box(sum + 1);
         }
+        // This thread had some of it, and nothing beside it.
+        let thread = seconds(Of::Thread).unwrap();
+        assert!(thread >= 0.02 && thread <= seconds(Of::Own).unwrap());
         // No other test of this program starts anything that ends.
         assert_eq!(seconds(Of::Children), Some(children));
     }
