@@ -71,7 +71,7 @@ impl<'a> Paint<'a> {
 
     /// Colours and what they stand for.
     pub(super) fn key(&self) -> Vec<(String, [u8; 3])> {
-        let bright = |colour: [f64; 3]| colour.map(|c| byte(c));
+        let bright = |colour: [f64; 3]| colour.map(byte);
         match self {
             Self::Levels => Vec::new(),
             Self::Hues(parts) => {
