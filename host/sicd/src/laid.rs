@@ -8,7 +8,7 @@ use crate::formed::{Formed, Placing};
 use crate::grid::Placed;
 use crate::nitf::{About, Product, Segment, segments};
 use crate::spectrum::Spectrum;
-use crate::write::Written;
+use crate::written::Written;
 
 /// An image laid on the Earth.
 pub(crate) struct Laid {

@@ -44,6 +44,7 @@ mod sidd;
 mod spectrum;
 mod turned;
 mod write;
+mod written;
 
 pub use band::Band;
 pub use formed::{Formed, Placing};
@@ -52,7 +53,8 @@ pub use projection::{Projection, ProjectionError};
 pub use read::{MOST_XML_BYTES, ReadError, SicdFile};
 pub use sidd::{Greys, Sidd};
 pub use turned::Turned;
-pub use write::{STRIP_PIXELS, Sicd};
+pub use write::Sicd;
+pub use written::STRIP_PIXELS;
 
 use subaperture_io::atomic::WriteError;
 use subaperture_model::image::PartsError;

@@ -15,7 +15,7 @@ use crate::SicdError;
 use crate::formed::{Formed, Placing};
 use crate::laid::Laid;
 use crate::nitf::Product;
-use crate::write::Written;
+use crate::written::Written;
 
 /// How power becomes grey.
 #[derive(Clone, Copy)]
