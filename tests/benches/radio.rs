@@ -16,6 +16,7 @@ use subaperture::radio::capture::{Ended, Queues, capture};
 use subaperture::radio::plan::Plan;
 use subaperture::radio::simulated::{Analogue, SimulatedRadio, Wiring};
 use subaperture::simulate::scenario::Scenario;
+use subaperture_xtask::processor::{self, Of};
 
 /// What has to be sustained, bytes a second.
 const NEEDED: f64 = 8.0 * 30.72e6;
@@ -53,20 +54,6 @@ const SCENE: &str = r#"
     position = "6.3, 0, 0 m"
 "#;
 
-/// Seconds of all threads' work so far; `None` where the system does not tell.
-fn processor_s() -> Option<f64> {
-    let text = fs::read_to_string("/proc/self/stat").ok()?;
-    // After the name, which may hold anything: the 12th and the 13th, in hundredths of a second.
-    let (_, rest) = text.rsplit_once(')')?;
-    let numbers: Vec<f64> = rest
-        .split_whitespace()
-        .skip(11)
-        .take(2)
-        .filter_map(|word| word.parse().ok())
-        .collect();
-    Some(numbers.iter().sum::<f64>() / 100.0)
-}
-
 fn main() {
     let description = Description::new("plan.toml", PLAN, ".");
     let plan = Plan::describe(&description).expect("the plan is right");
@@ -90,14 +77,16 @@ fn main() {
             radio = radio.in_real_time();
         }
         let path = folder.path().join("bench");
-        let (began, work_s) = (Instant::now(), processor_s());
+        let (began, work_s) = (Instant::now(), processor::seconds(Of::Own));
         let stop = AtomicBool::new(false);
         let summary =
             capture(&mut radio, &plan, &path, queues, None, &stop).expect("the capture begins");
         let took_s = began.elapsed().as_secs_f64();
         assert!(matches!(summary.ended, Ended::Done), "{summary:?}");
         assert_eq!((summary.lost_samples, summary.flagged), (0, [0; 5]));
-        let work_s = processor_s().zip(work_s).map(|(now, then)| now - then);
+        let work_s = processor::seconds(Of::Own)
+            .zip(work_s)
+            .map(|(now, then)| now - then);
         let bytes = bytes_of(&path);
         let rate = bytes / took_s;
         let shares = work_s.map_or("not known".to_owned(), |work_s| {

@@ -6,7 +6,9 @@ use std::process::Command;
 
 use subaperture::image::Parts;
 use subaperture::io::npy;
-use subaperture::sicd::{Projection, SicdFile};
+use subaperture::io::product;
+use subaperture::monitor::Silent;
+use subaperture::sicd::{Formed, Placing, Projection, Sicd, SicdFile};
 use subaperture_tests::subap::run;
 
 /// Three points seen from 600 km by a satellite of the X band that looks ahead, in a frame of the Earth whose axes are turned.
@@ -85,7 +87,18 @@ fn images_are_sicd_that_sarkit_reads_and_projects() {
         }
         false => println!("skipped: {} not found", recorded.display()),
     }
-    let mut others = vec![at.join("fine.nitf")];
+    // What an image over 10 GB is parted into, at a size that can be tested: ten rows and more a segment.
+    let stored = product::open(&at.join("fine")).unwrap();
+    let formed = Formed::of_record(&stored.grid, &stored.metadata).unwrap();
+    let sicd = Sicd::in_segments(&formed, &Placing::default(), 0, 10_000).unwrap();
+    let parted = at.join("parted.nitf");
+    sicd.write(&parted, &stored.pixels, &Silent).unwrap();
+    list += &format!("{}\t{}\n", parted.display(), at.join("fine").display());
+    let segments: usize = String::from_utf8_lossy(&fs::read(&parted).unwrap()[360..363])
+        .parse()
+        .unwrap();
+    assert!(segments > 5, "{segments}");
+    let mut others = vec![at.join("fine.nitf"), parted];
     others.extend(real());
     for (n, path) in others.iter().enumerate() {
         let read = SicdFile::open(path).unwrap();

@@ -444,7 +444,9 @@ fn files(root: &Path) -> BTreeMap<String, Vec<u8>> {
     listing(root)
         .into_keys()
         .filter(|path| path.is_file())
-        .map(|path| (within(&path), fs::read(&path).unwrap()))
+        .map(|path| (within(&path), path))
+        .filter(|(name, _)| !name.split('/').any(|part| part.starts_with('.')))
+        .map(|(name, path)| (name, fs::read(path).unwrap()))
         .collect()
 }
 

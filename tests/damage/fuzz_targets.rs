@@ -51,6 +51,6 @@ macro_rules! targets {
 }
 
 targets! {
-    plan cphd crsd matlab matlab_packed npy npz array_recordings picture maps product scenario recording arguments novatel navigation track_csv phase_csv motive
-    frames station session sigmf sicd terrain geojson job
+    job plan cphd crsd matlab matlab_packed npy npz array_recordings picture maps product scenario recording arguments novatel navigation track_csv phase_csv motive
+    frames station session sigmf sicd terrain geojson
 }

@@ -47,13 +47,14 @@ impl Laid {
         })
     }
 
-    /// The file of an image with this XML, but for its pixels: how they are parted in it, and its headers.
+    /// The file of an image with this XML, but for its pixels: how they are parted in it, in segments of so many bytes at the most, and its headers.
     pub(crate) fn written(
         self,
         formed: &Formed,
         product: Product,
         created_ns: i64,
         xml: String,
+        segment_bytes: u64,
     ) -> Result<Written, SicdError> {
         let [rows, columns] = self.placed.size.map(|count| count as u64);
         let too_large = || {
@@ -61,7 +62,8 @@ impl Laid {
                 "{rows} x {columns} pixels are more than a NITF file holds"
             ))
         };
-        let segments = segments(rows, columns, product.sample_bytes()).ok_or_else(too_large)?;
+        let segments = segments(rows, columns, product.sample_bytes(), segment_bytes);
+        let segments = segments.ok_or_else(too_large)?;
         let of_segments = corners_of(&segments, rows, &self.corners);
         let about = About {
             product,

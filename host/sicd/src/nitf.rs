@@ -7,7 +7,7 @@ use crate::dates::digits;
 use crate::describe;
 
 /// Bytes of a segment's samples at the most.
-const MOST_BYTES: u64 = 9_999_999_998;
+pub(crate) const MOST_BYTES: u64 = 9_999_999_998;
 /// Rows by which a segment may lie below the one before.
 const MOST_ROWS: u64 = 99_999;
 /// Segments that a header can list.
@@ -83,13 +83,20 @@ pub(crate) struct Segment {
     pub(crate) rows: u64,
 }
 
-/// How an image's rows are parted (SICD volume 2, 3.2.1); none of one that does not fit into a file.
-pub(crate) fn segments(rows: u64, columns: u64, sample_bytes: u64) -> Option<Vec<Segment>> {
+/// How an image's rows are parted (SICD volume 2, 3.2.1), each part of `most_bytes` and [`MOST_BYTES`] at the most; none of one that does
+/// not fit into a file.
+pub(crate) fn segments(
+    rows: u64,
+    columns: u64,
+    sample_bytes: u64,
+    most_bytes: u64,
+) -> Option<Vec<Segment>> {
+    let most_bytes = most_bytes.min(MOST_BYTES);
     let row_bytes = columns.checked_mul(sample_bytes)?;
-    if rows.checked_mul(row_bytes)? <= MOST_BYTES {
+    if rows.checked_mul(row_bytes)? <= most_bytes {
         return Some(vec![Segment { first: 0, rows }]);
     }
-    let each = (MOST_BYTES / row_bytes).min(MOST_ROWS);
+    let each = (most_bytes / row_bytes).min(MOST_ROWS);
     if each == 0 || rows.div_ceil(each) > MOST_SEGMENTS {
         return None;
     }
@@ -314,15 +321,18 @@ mod tests {
     /// The standard's example in volume 2, 3.2.1, and its edges: 10 000 columns of 8 bytes are 124 999 rows in 9 999 999 998 bytes, which the offset of five digits limits.
     #[test]
     fn large_images_are_parted() {
-        assert_eq!(segments(3, 5, 8), Some(vec![Segment { first: 0, rows: 3 }]));
-        let all = segments(250_000, 10_000, 8).unwrap();
+        assert_eq!(
+            segments(3, 5, 8, MOST_BYTES),
+            Some(vec![Segment { first: 0, rows: 3 }])
+        );
+        let all = segments(250_000, 10_000, 8, MOST_BYTES).unwrap();
         let rows: Vec<[u64; 2]> = all.iter().map(|s| [s.first, s.rows]).collect();
         assert_eq!(rows, [[0, 99_999], [99_999, 99_999], [199_998, 50_002]]);
-        let wide = segments(20_000, 100_000, 8).unwrap();
+        let wide = segments(20_000, 100_000, 8, MOST_BYTES).unwrap();
         assert_eq!(wide[0].rows, 12_499);
         assert_eq!(wide.iter().map(|s| s.rows).sum::<u64>(), 20_000);
-        assert_eq!(segments(10, 2_000_000_000, 8), None);
-        assert_eq!(segments(u64::MAX, 2, 8), None);
+        assert_eq!(segments(10, 2_000_000_000, 8, MOST_BYTES), None);
+        assert_eq!(segments(u64::MAX, 2, 8, MOST_BYTES), None);
     }
 
     #[test]

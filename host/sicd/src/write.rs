@@ -9,7 +9,7 @@ use crate::SicdError;
 use crate::describe::Told;
 use crate::formed::{Formed, Placing};
 use crate::laid::Laid;
-use crate::nitf::Product;
+use crate::nitf::{MOST_BYTES, Product};
 use crate::turned::Turned;
 use crate::written::Written;
 
@@ -23,6 +23,20 @@ impl Sicd {
     /// # Errors
     /// [`SicdError`].
     pub fn new(formed: &Formed, placing: &Placing, created_ns: i64) -> Result<Self, SicdError> {
+        Self::in_segments(formed, placing, created_ns, MOST_BYTES)
+    }
+
+    /// The same, of whose samples no segment of the file holds more than `segment_bytes`, for whoever cannot take as many as the standard allows at
+    /// once; those that it allows are the most in any case.
+    ///
+    /// # Errors
+    /// [`SicdError`], also where a row has more or 999 segments do not hold the image.
+    pub fn in_segments(
+        formed: &Formed,
+        placing: &Placing,
+        created_ns: i64,
+        segment_bytes: u64,
+    ) -> Result<Self, SicdError> {
         let laid = Laid::new(formed, placing)?;
         let xml = Told {
             formed,
@@ -39,6 +53,7 @@ impl Sicd {
             Product::Sicd,
             created_ns,
             xml,
+            segment_bytes,
         )?))
     }
 

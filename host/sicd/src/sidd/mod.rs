@@ -14,7 +14,7 @@ use subaperture_model::monitor::Monitor;
 use crate::SicdError;
 use crate::formed::{Formed, Placing};
 use crate::laid::Laid;
-use crate::nitf::Product;
+use crate::nitf::{MOST_BYTES, Product};
 use crate::written::Written;
 
 /// How power becomes grey.
@@ -50,6 +50,7 @@ impl Sidd {
             Product::Sidd,
             created_ns,
             xml,
+            MOST_BYTES,
         )?))
     }
 
