@@ -398,7 +398,7 @@ fn open_goes_by_content() {
             .err()
             .unwrap()
             .to_string();
-        for part in [part, "misnamed.cphd", "CPHD 1.x and GOTCHA"] {
+        for part in [part, "misnamed.cphd", "CPHD 1.x, CRSD 1.0 and GOTCHA"] {
             assert!(error.contains(part), "{error}");
         }
     }

@@ -105,7 +105,7 @@ fn profiles_are_the_sums_that_define_them() {
     assert!(off < BOUND_DB, "{off}");
 }
 
-/// The host reads the same counts from a recording, mixes and selects them by its own code, and transforms them, with missing carriers for nothing, as it does for echoes anywhere up to where ranges repeat.
+/// The host reads the same counts from a recording, mixes and selects them by its own code, and transforms them, here with missing carriers for nothing, as the core does, which fills none.
 #[test]
 fn profiles_are_those_of_the_host() {
     let scene = faulty(64, 1000, 256);
@@ -156,7 +156,7 @@ fn profiles_are_those_of_the_host() {
     let weights = scene.weights();
     let weighted = Sweep {
         values: (sweep.values.iter().zip(&weights))
-            .map(|(z, w)| z.map(|z| z * f64::from(*w) * 64.0))
+            .map(|(z, w)| Some(z.unwrap_or_default() * f64::from(*w) * 64.0))
             .collect(),
         ..sweep
     };

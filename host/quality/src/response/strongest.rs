@@ -2,7 +2,9 @@
 //!
 //! The image is read once, part by part, and of each cell of it the brightest pixel kept. These are measured from the brightest down, but
 //! those that lie where an already measured point's side lobes are looked for ([`super::SPAN_WIDTHS`] widths along both axes of the grid): there a
-//! point is not told from a side lobe. What is no point, or too near the border to be measured, is passed over.
+//! point is not told from a side lobe. Further out along these axes those are passed over that are no brighter than side lobes can be there:
+//! without a window these fall as `0.36 w / d` of the peak's amplitude, at `d` from a peak `w` wide at half its power, and 3.5 dB are allowed
+//! beside. What is no point, or too near the border to be measured, is passed over.
 //!
 //! Two points nearer to each other than that are told as the stronger one. Memory: a cell's brightest pixel, 24 bytes, of a million cells at the
 //! most, and a chip.
@@ -36,17 +38,31 @@ pub struct Strongest {
     pub passed_over: Vec<(usize, usize, ResponseError)>,
 }
 
+/// Of a peak's amplitude and its width at half its power, what side lobes of a band without a window reach, times the distance: `sin x / x`
+/// is 0.886 of a null's distance wide, and falls as `1 / x`; 1.5 times that.
+const SIDE_LOBES: f64 = 1.5 / (0.886 * std::f64::consts::PI);
+
 /// A rectangle of pixels in which no further point is looked for.
 struct Taken {
     row: f64,
     column: f64,
     half: [f64; 2],
+    /// Amplitude of a point times its widths along rows and columns, pixels; of what is no point 0.
+    lobes: [f64; 2],
 }
 
 impl Taken {
-    fn has(&self, row: usize, column: usize) -> bool {
-        (row as f64 - self.row).abs() <= self.half[0]
-            && (column as f64 - self.column).abs() <= self.half[1]
+    /// Whether a pixel of this power lies there, or may be a side lobe further out.
+    fn has(&self, row: usize, column: usize, power: f64) -> bool {
+        let off = [row as f64 - self.row, column as f64 - self.column].map(f64::abs);
+        let within = [off[0] <= self.half[0], off[1] <= self.half[1]];
+        let lobe = |i: usize| power.sqrt() * off[i] <= SIDE_LOBES * self.lobes[i];
+        match within {
+            [true, true] => true,
+            [false, true] => lobe(0),
+            [true, false] => lobe(1),
+            [false, false] => false,
+        }
     }
 
     /// Where the side lobes of a point are looked for.
@@ -60,6 +76,10 @@ impl Taken {
             row: response.row,
             column: response.column,
             half: [reach(1, grid.rows.step), reach(0, grid.columns.step)],
+            lobes: [(1, grid.rows.step), (0, grid.columns.step)].map(|(cut, step)| {
+                let width = response.cuts[cut].width_3db.unwrap_or(0.0);
+                10f64.powf(response.level_db / 20.0) * (width / step).abs()
+            }),
         }
     }
 }
@@ -80,11 +100,11 @@ pub fn strongest(
     };
     let mut taken: Vec<Taken> = Vec::new();
     let mut tries = TRIES * count;
-    for (_, row, column) in brightest_of_cells(image)? {
+    for (power, row, column) in brightest_of_cells(image)? {
         if found.points.len() == count || tries == 0 {
             break;
         }
-        if taken.iter().any(|taken| taken.has(row, column)) {
+        if taken.iter().any(|taken| taken.has(row, column, power)) {
             continue;
         }
         tries -= 1;
@@ -99,7 +119,8 @@ pub fn strongest(
                     response.row.round() as usize,
                     response.column.round() as usize,
                 ];
-                if !taken.iter().any(|taken| taken.has(at[0], at[1])) {
+                let power = 10f64.powf(response.level_db / 10.0);
+                if !taken.iter().any(|taken| taken.has(at[0], at[1], power)) {
                     taken.push(Taken::of(&response, grid));
                     found.points.push(response);
                 } else {
@@ -121,6 +142,7 @@ fn around(row: usize, column: usize) -> Taken {
         row: row as f64,
         column: column as f64,
         half: [APART_PX; 2],
+        lobes: [0.0; 2],
     }
 }
 

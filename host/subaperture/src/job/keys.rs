@@ -49,7 +49,7 @@ static INPUT: Section = Section {
             "files",
             Kind::Paths,
             Need::Required("\"recording.cphd\""),
-            "CPHD 1.x, GOTCHA .mat, arrays, or descriptions of raw recordings (.toml); several make one aperture, in this order.",
+            "The recordings: CPHD, CRSD, GOTCHA .mat, arrays, or descriptions of raw samples (.toml). Several make one aperture, in the order of time.",
         ),
         Key::new(
             "channel",
