@@ -1,6 +1,6 @@
 //! Carriers that are missing: of points first, of what these leave by least squares.
 //!
-//! The rule: echoes lie between 0 and a reach `R`. What of the response a few points explain is taken for them ([`points`], a CLEAN): a point is known at every carrier. What is left is taken for
+//! The rule: echoes lie between 0 and a reach `R`. What of the response a few points explain is taken for them (`points`, a CLEAN): a point is known at every carrier. What is left is taken for
 //! echoes alike strong on the mean at any range, with random phases, whose responses at two frequencies `d` apart have the covariance
 //!
 //! ```text
