@@ -42,11 +42,6 @@ pub(crate) fn experiment() -> Experiment {
         .expect("the scene is right")
 }
 
-/// Whether the device has a GPS-disciplined oscillator: told by `gpsdo` in place of faults.
-pub(crate) fn has_gpsdo() -> bool {
-    std::env::var(FAULTS).is_ok_and(|word| word == "gpsdo")
-}
-
 /// A radio with an AD9361's faults, and those of its cable: `faults` for some of each, `unplug` at the 20th burst, else none.
 pub(crate) fn radio<'a>(experiment: &'a Experiment, faults: &str) -> Faulty<SimulatedRadio<'a>> {
     let leakage = Coupled {

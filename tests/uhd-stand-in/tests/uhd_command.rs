@@ -177,7 +177,7 @@ fn radios_are_listed_and_probed() {
     let clock = "radio probe uhd.toml --set radio.clock=gpsdo --set radio.pps=gpsdo";
     let with = ran(&folder, "gpsdo", clock);
     assert_eq!(with.code, Some(0));
-    for line in ["GPS            locked", "reference      locked"] {
+    for line in ["GPS              locked", "reference        locked"] {
         assert!(with.stdout.contains(line), "{}", with.stdout);
     }
     let without = ran(&folder, "", clock);
