@@ -107,6 +107,7 @@ mod pvp;
 mod read;
 pub(crate) mod record;
 mod reference_geometry;
+pub(crate) mod side_by_side;
 mod signal;
 pub(crate) mod source;
 pub(crate) mod start;

@@ -13,13 +13,13 @@ use super::header::{Block, Header};
 use super::metadata::{ChannelInfo, CphdInfo};
 use super::preamble::{Preamble, in_xml};
 use super::pvp::Layout;
+use super::side_by_side;
 use super::source::{CHUNK_BYTES, Source};
 use super::start;
 use super::toa::{Bins, Transform};
 use super::vectors::Vectors;
 use subaperture_model::phase_history::{
-    Channel, ChannelError, Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite,
-    which_channel,
+    Channel, Collection, InputFile, PhaseHistory, Pulse, ReadError, check_finite,
 };
 
 /// Kept of a vector besides its [`Pulse`], at most: AmpSF, SIGNAL and a shift.
@@ -140,23 +140,11 @@ impl Cphd {
     ) -> Result<Vec<Self>, ReadError> {
         let container = Arc::new(Container::open(path.as_ref(), memory_bytes)?);
         let infos = &container.info.channels;
-        let chosen: Vec<usize> = match channels {
-            None => (0..infos.len()).collect(),
-            Some(wanted) => {
-                let names: Vec<&str> = infos.iter().map(|info| info.id.as_str()).collect();
-                let places = wanted.iter().map(|id| which_channel(&names, id.as_ref()));
-                places.collect::<Result<_, ChannelError>>()?
-            }
-        };
+        let ids: Vec<&str> = infos.iter().map(|info| info.id.as_str()).collect();
+        let chosen = side_by_side::chosen(&ids, channels)?;
         container.check_readable()?;
-        let mut left_bytes = memory_bytes;
-        let mut opened = Vec::new();
-        for channel in chosen {
-            let next = Self::of(Arc::clone(&container), channel, left_bytes)?;
-            left_bytes -= next.held_bytes;
-            opened.push(next);
-        }
-        Ok(opened)
+        let open = |channel, left_bytes| Self::of(Arc::clone(&container), channel, left_bytes);
+        side_by_side::opened(chosen, memory_bytes, open, |one| one.held_bytes)
     }
 
     fn of(container: Arc<Container>, channel: usize, memory_bytes: u64) -> Result<Self, ReadError> {
