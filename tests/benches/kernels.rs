@@ -22,7 +22,7 @@ use subaperture_kernels::map::{Map, row_length};
 use subaperture_kernels::paths::{self, Antennas, Points};
 use subaperture_kernels::power;
 use subaperture_kernels::spreading::{Band, Line};
-use subaperture_kernels::tile::{Carrier, Pieces, Raster, TilePulse, TileScratch, add_points};
+use subaperture_kernels::tile::{Pieces, Raster, TilePulse, TileScratch, add_points};
 
 /// Seconds for one line of the table.
 const LONGEST_S: f64 = 0.15;
@@ -104,34 +104,28 @@ fn points() -> Points {
 #[derive(Clone)]
 struct Tile {
     degree: usize,
-    coarse: bool,
     side: usize,
     turned_deg: f64,
 }
 
 impl fmt::Display for Tile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let phasors = if self.coarse { "coarse" } else { "fine" };
         let Self {
             degree,
             side,
             turned_deg,
             ..
         } = self;
-        write!(
-            f,
-            "degree {degree} {phasors} side {side} at {turned_deg} deg"
-        )
+        write!(f, "degree {degree} side {side} at {turned_deg} deg")
     }
 }
 
 fn tiles() -> Vec<In<Tile>> {
     let mut tiles = Vec::new();
-    for (degree, coarse) in [(2, true), (2, false), (3, true), (3, false)] {
+    for degree in [2, 3] {
         for (side, turned_deg) in [(64, 0.0), (32, 0.0), (16, 0.0), (64, 30.0), (64, 45.0)] {
             tiles.push(Tile {
                 degree,
-                coarse,
                 side,
                 turned_deg,
             });
@@ -145,13 +139,11 @@ fn tiles() -> Vec<In<Tile>> {
 fn tile(bencher: Bencher, tile: &In<Tile>) {
     let &In {
         instructions,
-        with:
-            Tile {
-                degree,
-                coarse,
-                side,
-                turned_deg,
-            },
+        with: Tile {
+            degree,
+            side,
+            turned_deg,
+        },
     } = tile;
     let raster = Raster {
         centre_m: [0.0; 3],
@@ -168,7 +160,7 @@ fn tile(bencher: Bencher, tile: &In<Tile>) {
     let pairs = PULSES * side * side;
     bencher.counter(ItemsCount::new(pairs)).bench_local(|| {
         scratch.look(BINS, &pulses, &raster);
-        scratch.add(instructions, &layout, coarse, &pulses, &pieces, &mut sums);
+        scratch.add(instructions, &layout, &pulses, &pieces, &mut sums);
     });
 }
 
@@ -182,12 +174,11 @@ fn pieces(
     }: &In<usize>,
 ) {
     let layout = Pieces::new(degree, BINS, 64);
-    let carrier = Carrier::new(&layout, CARRIER_CYCLES_M * BIN_M);
     let profile = vec![Complex32::ONE; BINS];
     let mut pieces = vec![0.0; layout.values()];
     bencher
         .counter(ItemsCount::new(BINS))
-        .bench_local(|| layout.make(instructions, &profile, &carrier, 1.0, &mut pieces));
+        .bench_local(|| layout.make(instructions, &profile, 1.0, &mut pieces));
 }
 
 /// A pulse at points anywhere.

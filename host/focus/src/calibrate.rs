@@ -18,7 +18,7 @@ use subaperture_kernels::horner;
 use subaperture_kernels::lanes::{GROUP, Instructions};
 use subaperture_kernels::paths::{Antennas, Points};
 use subaperture_kernels::reading::weighted;
-use subaperture_kernels::tile::{Carrier, Pieces, Raster, TilePulse, TileScratch, add_points};
+use subaperture_kernels::tile::{Pieces, Raster, TilePulse, TileScratch, add_points};
 use subaperture_signal::phase::phasor;
 use subaperture_signal::range_profile::RangeProfiler;
 use subaperture_signal::scaled_dft::{ScaledDft, Shape};
@@ -55,7 +55,6 @@ impl TimeModel {
             leaf_piece_ns: piece_ns,
             tile_pulse_ns: tiles * known.tile_pulse_ns,
             tile_group_ns: tiles * known.tile_group_ns,
-            coarse_group_ns: tiles * known.coarse_group_ns,
             narrow_plane_ns: tiles * known.narrow_plane_ns,
             wide_plane_ns: tiles * known.wide_plane_ns,
             scattered_plane_ns: tiles * known.scattered_plane_ns,
@@ -175,18 +174,17 @@ fn backprojection() -> (f64, f64, f64) {
     };
     let pulses: Vec<TilePulse> = (0..PULSES).map(pulse).collect();
     let layout = Pieces::new(DEGREE, BINS, Pieces::margin_for(&raster, 1.0 / bin_m));
-    let carrier = Carrier::new(&layout, pulses[0].cycles_a_bin);
     let profile = noise(BINS);
     let mut pieces = vec![0.0; PULSES * layout.values()];
     let own = &mut pieces[..layout.values()];
     let piece_ns = shortest_ns(layout.row(), || {
-        layout.make(instructions, &profile, &carrier, 1.0, own);
+        layout.make(instructions, &profile, 1.0, own);
     });
     let mut tile = TileScratch::default();
     let mut sums = vec![Complex32::ZERO; SIDE * SIDE];
     let took_ns = shortest_ns(PULSES, || {
         tile.look(BINS, &pulses, &raster);
-        tile.add(instructions, &layout, false, &pulses, &pieces, &mut sums);
+        tile.add(instructions, &layout, &pulses, &pieces, &mut sums);
     });
     let known = TimeModel::DEFAULT;
     let group_ns = known.tile_group_ns + known.narrow_plane_ns * (DEGREE + 1) as f64;

@@ -45,7 +45,7 @@ pub(crate) fn fits(
 }
 
 /// Relative RMS error of phasors and of places in float32, with profiles of at least so many bins a metre of path.
-pub(crate) fn arithmetic(highest_hz: f64, bins_m: f64, coarse: bool) -> f64 {
+pub(crate) fn arithmetic(highest_hz: f64, bins_m: f64) -> f64 {
     let turns = highest_hz / SPEED_OF_LIGHT_M_S * PLACE_RMS / bins_m;
-    libm::hypot(PHASOR_RMS[usize::from(coarse)], TAU * turns)
+    libm::hypot(PHASOR_RMS, TAU * turns)
 }

@@ -23,10 +23,8 @@ pub struct TimeModel {
     pub piece_ns: f64,
     /// Backprojection in tiles: of a pulse and tile,
     pub tile_pulse_ns: f64,
-    /// of a group of its pixels, by fine phasors,
+    /// of a group of its pixels,
     pub tile_group_ns: f64,
-    /// and by coarse ones;
-    pub coarse_group_ns: f64,
     /// of each of the group's coefficients, where bins lie side by side,
     pub narrow_plane_ns: f64,
     /// less so,
@@ -75,7 +73,7 @@ pub struct TimeModel {
 pub const TIMES_NS: RangeInclusive<f64> = 1e-6..=1e12;
 
 /// What the text of a model says of itself.
-pub const SCHEMA: &str = "subaperture-time-model-2";
+pub const SCHEMA: &str = "subaperture-time-model-3";
 
 /// Why there is no model.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -110,8 +108,7 @@ impl TimeModel {
         map_transform_ns: 0.7,
         piece_ns: 1.0,
         tile_pulse_ns: 110.0,
-        tile_group_ns: 5.5,
-        coarse_group_ns: 4.7,
+        tile_group_ns: 4.7,
         narrow_plane_ns: 1.1,
         wide_plane_ns: 1.6,
         scattered_plane_ns: 20.0,
@@ -224,7 +221,7 @@ mod tests {
         let text = model.to_text();
         assert_eq!(TimeModel::from_text(&text), Ok(model));
         for (from, to, told) in [
-            ("model-2", "model-7", "model-7"),
+            ("model-3", "model-7", "model-7"),
             ("point_ns", "pint_ns", "pint_ns"),
             ("0.30000000000000004", "-1.0", "point_ns"),
             ("0.30000000000000004", "null", "null"),

@@ -50,7 +50,7 @@ impl Lanes for Avx2 {
     type Narrow = [__m256; 2];
     type Wide = [__m256; 4];
     type Short = __m256;
-    type Circle = [__m256; 2];
+    type Quarter = __m256;
     const COUNT: usize = 8;
     const LIKES_SHORT: bool = true;
 
@@ -90,6 +90,11 @@ impl Lanes for Avx2 {
     fn mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
         // SAFETY: as above.
         unsafe { _mm256_fmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn mul_sub(self, a: __m256, b: __m256, c: __m256) -> __m256 {
+        // SAFETY: as above.
+        unsafe { _mm256_fmsub_ps(a, b, c) }
     }
     #[inline(always)]
     fn neg_mul_add(self, a: __m256, b: __m256, c: __m256) -> __m256 {
@@ -142,24 +147,16 @@ impl Lanes for Avx2 {
         unsafe { _mm256_permutevar8x32_ps(values, _mm256_castps_si256(at)) }
     }
     #[inline(always)]
-    fn circle(self, quarter: &[[f32; 8]; 2]) -> [__m256; 2] {
-        [self.load(&quarter[0]), self.load(&quarter[1])]
+    fn quarter(self, values: &[f32; 4]) -> __m256 {
+        // SAFETY: as above; 4 numbers are there.
+        unsafe {
+            let values = _mm_loadu_ps(values.as_ptr());
+            _mm256_set_m128(values, values)
+        }
     }
     #[inline(always)]
-    fn of_circle(self, circle: [__m256; 2], at: __m256) -> [__m256; 2] {
-        let [cos, sin] = circle.map(|part| self.of_short(part, at));
-        // SAFETY: as above.
-        unsafe {
-            let at = _mm256_castps_si256(at);
-            // Their signs are bit 3 of the place, an odd number of quarters, and bit 4, two of them.
-            let odd = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(at));
-            let two = _mm256_castsi256_ps(_mm256_slli_epi32::<27>(at));
-            let sign = _mm256_set1_ps(-0.0);
-            let of_cos = _mm256_and_ps(_mm256_xor_ps(odd, two), sign);
-            [
-                _mm256_xor_ps(_mm256_blendv_ps(cos, sin, odd), of_cos),
-                _mm256_xor_ps(_mm256_blendv_ps(sin, cos, odd), _mm256_and_ps(two, sign)),
-            ]
-        }
+    fn of_quarter(self, values: __m256, at: __m256) -> __m256 {
+        // SAFETY: as above; the permutation takes the lowest 2 bits of an index, within halves, which are alike.
+        unsafe { _mm256_permutevar_ps(values, _mm256_castps_si256(at)) }
     }
 }

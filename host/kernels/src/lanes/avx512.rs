@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Kernel, Lanes, whole_circle};
+use super::{Kernel, Lanes};
 
 /// Proof that F, BW, DQ and VL are there.
 #[derive(Clone, Copy)]
@@ -40,7 +40,7 @@ impl Lanes for Avx512 {
     type Narrow = __m512;
     type Wide = [__m512; 2];
     type Short = __m512;
-    type Circle = [[__m512; 2]; 2];
+    type Quarter = __m512;
     const COUNT: usize = 16;
 
     #[inline(always)]
@@ -79,6 +79,11 @@ impl Lanes for Avx512 {
     fn mul_add(self, a: __m512, b: __m512, c: __m512) -> __m512 {
         // SAFETY: as above.
         unsafe { _mm512_fmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn mul_sub(self, a: __m512, b: __m512, c: __m512) -> __m512 {
+        // SAFETY: as above.
+        unsafe { _mm512_fmsub_ps(a, b, c) }
     }
     #[inline(always)]
     fn neg_mul_add(self, a: __m512, b: __m512, c: __m512) -> __m512 {
@@ -125,11 +130,13 @@ impl Lanes for Avx512 {
         self.of_narrow(values, at)
     }
     #[inline(always)]
-    fn circle(self, quarter: &[[f32; 8]; 2]) -> [[__m512; 2]; 2] {
-        whole_circle(quarter).map(|part| self.wide(&part))
+    fn quarter(self, values: &[f32; 4]) -> __m512 {
+        // SAFETY: as above; 4 numbers are there.
+        unsafe { _mm512_broadcast_f32x4(_mm_loadu_ps(values.as_ptr())) }
     }
     #[inline(always)]
-    fn of_circle(self, circle: [[__m512; 2]; 2], at: __m512) -> [__m512; 2] {
-        circle.map(|part| self.of_wide(part, at))
+    fn of_quarter(self, values: __m512, at: __m512) -> __m512 {
+        // SAFETY: as above; the permutation takes the lowest 2 bits of an index, within quarters, which are alike.
+        unsafe { _mm512_permutevar_ps(values, _mm512_castps_si512(at)) }
     }
 }

@@ -38,13 +38,13 @@ pub(crate) trait Lanes: Copy {
     type Wide: Copy;
     /// 8 of them.
     type Short: Copy;
-    /// The eighth of a table of cosines and sines from which the rest of it follows, or all of it.
-    type Circle: Copy;
+    /// 4 of them.
+    type Quarter: Copy;
     /// How many: a divisor of [`GROUP`].
     const COUNT: usize;
     /// Whether values are looked up in registers.
     const LOOKS_UP: bool = true;
-    /// Whether 8 values for the lanes of one register are looked up with less work than 16 for all of a [`GROUP`].
+    /// Whether 4 or 8 values for the lanes of one register are looked up with less work than 16 for all of a [`GROUP`].
     const LIKES_SHORT: bool = false;
 
     /// The same number in all lanes.
@@ -58,6 +58,8 @@ pub(crate) trait Lanes: Copy {
     fn mul(self, a: Self::Numbers, b: Self::Numbers) -> Self::Numbers;
     /// `a b + c`, rounded once.
     fn mul_add(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers;
+    /// `a b - c`, rounded once.
+    fn mul_sub(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers;
     /// `c - a b`, rounded once.
     fn neg_mul_add(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers;
     /// The numbers at even places of `a` and then `b`, and those at odd places.
@@ -74,29 +76,10 @@ pub(crate) trait Lanes: Copy {
     fn short(self, values: &[f32; 8]) -> Self::Short;
     /// Of 8 values those that the lowest 3 bits of each lane's pattern count to.
     fn of_short(self, values: Self::Short, at: Self::Numbers) -> Self::Numbers;
-    /// A circle in 32 steps, of which the cosines and sines of the first 8 are given.
-    fn circle(self, quarter: &[[f32; 8]; 2]) -> Self::Circle;
-    /// Cosine and sine at the step that the lowest 5 bits of each lane's pattern count to: those of the first quarter, turned by
-    /// quarters ([`on_circle`]).
-    fn of_circle(self, circle: Self::Circle, at: Self::Numbers) -> [Self::Numbers; 2];
-}
-
-/// The circle at one of its 32 steps, of which the cosines and sines of the first 8 are given.
-#[inline(always)]
-pub(crate) fn on_circle([cos, sin]: &[[f32; 8]; 2], step: usize) -> [f32; 2] {
-    let (c, s) = (cos[step % 8], sin[step % 8]);
-    match step / 8 % 4 {
-        0 => [c, s],
-        1 => [-s, c],
-        2 => [-c, -s],
-        _ => [s, -c],
-    }
-}
-
-/// All of it.
-#[inline(always)]
-fn whole_circle(quarter: &[[f32; 8]; 2]) -> [[f32; 32]; 2] {
-    [0, 1].map(|part| std::array::from_fn(|step| on_circle(quarter, step)[part]))
+    /// 4 values, ready to be looked up.
+    fn quarter(self, values: &[f32; 4]) -> Self::Quarter;
+    /// Of 4 values those that the lowest 2 bits of each lane's pattern count to.
+    fn of_quarter(self, values: Self::Quarter, at: Self::Numbers) -> Self::Numbers;
 }
 
 /// A set of instructions that kernels are compiled for.

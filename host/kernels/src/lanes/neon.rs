@@ -55,7 +55,7 @@ impl Lanes for Neon {
     type Narrow = uint8x16x4_t;
     type Wide = [uint8x16x4_t; 2];
     type Short = uint8x16x2_t;
-    type Circle = [uint8x16x2_t; 2];
+    type Quarter = uint8x16_t;
     const COUNT: usize = 4;
     const LIKES_SHORT: bool = true;
 
@@ -95,6 +95,11 @@ impl Lanes for Neon {
     fn mul_add(self, a: float32x4_t, b: float32x4_t, c: float32x4_t) -> float32x4_t {
         // SAFETY: as above.
         unsafe { vfmaq_f32(c, a, b) }
+    }
+    #[inline(always)]
+    fn mul_sub(self, a: float32x4_t, b: float32x4_t, c: float32x4_t) -> float32x4_t {
+        // SAFETY: as above.
+        unsafe { vfmaq_f32(vnegq_f32(c), a, b) }
     }
     #[inline(always)]
     fn neg_mul_add(self, a: float32x4_t, b: float32x4_t, c: float32x4_t) -> float32x4_t {
@@ -144,24 +149,14 @@ impl Lanes for Neon {
         unsafe { vreinterpretq_f32_u8(vqtbl2q_u8(values, at)) }
     }
     #[inline(always)]
-    fn circle(self, quarter: &[[f32; 8]; 2]) -> [uint8x16x2_t; 2] {
-        [self.short(&quarter[0]), self.short(&quarter[1])]
+    fn quarter(self, values: &[f32; 4]) -> uint8x16_t {
+        // SAFETY: as above; 16 bytes are 4 numbers.
+        unsafe { vld1q_u8(values.as_ptr().cast()) }
     }
     #[inline(always)]
-    fn of_circle(self, circle: [uint8x16x2_t; 2], at: float32x4_t) -> [float32x4_t; 2] {
-        let [cos, sin] = circle.map(|part| self.of_short(part, at));
+    fn of_quarter(self, values: uint8x16_t, at: float32x4_t) -> float32x4_t {
+        let at = self.bytes(at, 3);
         // SAFETY: as above.
-        unsafe {
-            let (cos, sin) = (vreinterpretq_u32_f32(cos), vreinterpretq_u32_f32(sin));
-            let at = vreinterpretq_u32_f32(at);
-            // Bit 3 of the place: an odd number of quarters. Bit 4: two of them.
-            let (odd, two) = (vshlq_n_u32::<28>(at), vshlq_n_u32::<27>(at));
-            let swapped = vtstq_u32(odd, vdupq_n_u32(1 << 31));
-            let sign = vdupq_n_u32(1 << 31);
-            let of_cos = vandq_u32(veorq_u32(odd, two), sign);
-            let cosine = veorq_u32(vbslq_u32(swapped, sin, cos), of_cos);
-            let sine = veorq_u32(vbslq_u32(swapped, cos, sin), vandq_u32(two, sign));
-            [vreinterpretq_f32_u32(cosine), vreinterpretq_f32_u32(sine)]
-        }
+        unsafe { vreinterpretq_f32_u8(vqtbl1q_u8(values, at)) }
     }
 }

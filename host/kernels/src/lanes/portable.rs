@@ -1,6 +1,6 @@
 //! Plain Rust: what the others are held to.
 
-use super::{Lanes, on_circle};
+use super::Lanes;
 
 const COUNT: usize = 4;
 
@@ -18,7 +18,7 @@ impl Lanes for Portable {
     type Narrow = [f32; 16];
     type Wide = [f32; 32];
     type Short = [f32; 8];
-    type Circle = [[f32; 8]; 2];
+    type Quarter = [f32; 4];
     const COUNT: usize = COUNT;
     const LOOKS_UP: bool = false;
 
@@ -49,6 +49,10 @@ impl Lanes for Portable {
     #[inline(always)]
     fn mul_add(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers {
         each(|i| a[i].mul_add(b[i], c[i]))
+    }
+    #[inline(always)]
+    fn mul_sub(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers {
+        each(|i| a[i].mul_add(b[i], -c[i]))
     }
     #[inline(always)]
     fn neg_mul_add(self, a: Self::Numbers, b: Self::Numbers, c: Self::Numbers) -> Self::Numbers {
@@ -83,12 +87,11 @@ impl Lanes for Portable {
         each(|i| values[(at[i].to_bits() & 7) as usize])
     }
     #[inline(always)]
-    fn circle(self, quarter: &[[f32; 8]; 2]) -> [[f32; 8]; 2] {
-        *quarter
+    fn quarter(self, values: &[f32; 4]) -> [f32; 4] {
+        *values
     }
     #[inline(always)]
-    fn of_circle(self, circle: [[f32; 8]; 2], at: Self::Numbers) -> [Self::Numbers; 2] {
-        let both = at.map(|at| on_circle(&circle, (at.to_bits() & 31) as usize));
-        [0, 1].map(|part| each(|i| both[i][part]))
+    fn of_quarter(self, values: [f32; 4], at: Self::Numbers) -> Self::Numbers {
+        each(|i| values[(at[i].to_bits() & 3) as usize])
     }
 }

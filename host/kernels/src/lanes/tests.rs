@@ -61,15 +61,17 @@ enum Operation {
     Sub,
     Mul,
     MulAdd,
+    MulSub,
     NegMulAdd,
 }
 
 impl Operation {
-    const ALL: [Self; 5] = [
+    const ALL: [Self; 6] = [
         Self::Add,
         Self::Sub,
         Self::Mul,
         Self::MulAdd,
+        Self::MulSub,
         Self::NegMulAdd,
     ];
 
@@ -82,6 +84,7 @@ impl Operation {
             Self::Sub => a - b,
             Self::Mul => product as f32,
             Self::MulAdd => rounded_sum(product, c),
+            Self::MulSub => rounded_sum(product, -c),
             Self::NegMulAdd => rounded_sum(-product, c),
         }
     }
@@ -135,6 +138,7 @@ impl Kernel for Each<'_> {
                 Operation::Sub => lanes.sub(a, b),
                 Operation::Mul => lanes.mul(a, b),
                 Operation::MulAdd => lanes.mul_add(a, b, c),
+                Operation::MulSub => lanes.mul_sub(a, b, c),
                 Operation::NegMulAdd => lanes.neg_mul_add(a, b, c),
             };
             lanes.store(result, to);
@@ -180,15 +184,15 @@ struct Moved<'a> {
 }
 
 impl Kernel for Moved<'_> {
-    type Output = [Vec<f32>; 8];
+    type Output = [Vec<f32>; 7];
 
     #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) -> [Vec<f32>; 8] {
-        let mut moved: [Vec<f32>; 8] = Default::default();
+    fn run<L: Lanes>(self, lanes: L) -> [Vec<f32>; 7] {
+        let mut moved: [Vec<f32>; 7] = Default::default();
         let narrow = lanes.narrow(self.values[5..21].try_into().expect("16 values"));
         let wide = lanes.wide(self.values);
         let short = lanes.short(self.values[3..11].try_into().expect("8 values"));
-        let circle = lanes.circle(&quarter(self.values));
+        let quarter = lanes.quarter(self.values[7..11].try_into().expect("4 values"));
         for pair in self.numbers.chunks_exact(2 * GROUP) {
             let [mut even, mut odd] = [[0.0; GROUP]; 2];
             for i in (0..GROUP).step_by(L::COUNT) {
@@ -202,31 +206,23 @@ impl Kernel for Moved<'_> {
         }
         for part in self.numbers.chunks_exact(GROUP) {
             let [mut of_narrow, mut of_wide, mut splat] = [[0.0; GROUP]; 3];
-            let [mut of_short, mut cos, mut sin] = [[0.0; GROUP]; 3];
+            let [mut of_short, mut of_quarter] = [[0.0; GROUP]; 2];
             for i in (0..GROUP).step_by(L::COUNT) {
                 let at = lanes.load(&part[i..]);
                 lanes.store(lanes.of_narrow(narrow, at), &mut of_narrow[i..]);
                 lanes.store(lanes.of_wide(wide, at), &mut of_wide[i..]);
                 lanes.store(lanes.splat(part[0]), &mut splat[i..]);
                 lanes.store(lanes.of_short(short, at), &mut of_short[i..]);
-                let of_circle = lanes.of_circle(circle, at);
-                lanes.store(of_circle[0], &mut cos[i..]);
-                lanes.store(of_circle[1], &mut sin[i..]);
+                lanes.store(lanes.of_quarter(quarter, at), &mut of_quarter[i..]);
             }
             moved[2].extend(of_narrow);
             moved[3].extend(of_wide);
             moved[4].extend(splat);
             moved[5].extend(of_short);
-            moved[6].extend(cos);
-            moved[7].extend(sin);
+            moved[6].extend(of_quarter);
         }
         moved
     }
-}
-
-/// Two times 8 of the values, as if they were the cosines and sines of a quarter.
-fn quarter(values: &[f32; 32]) -> [[f32; 8]; 2] {
-    [7, 20].map(|first| values[first..first + 8].try_into().expect("8 values"))
 }
 
 #[test]
@@ -242,29 +238,7 @@ fn numbers_are_moved_bit_for_bit() {
     let halves = [0, 1].map(|first| places.iter().copied().skip(first).step_by(2).collect());
     let [even, odd]: [Vec<f32>; 2] = halves;
     let splat = (0..places.len()).map(|i| places[i - i % GROUP]).collect();
-    let [cos, sin] = quarter(values);
-    // By a quarter of a turn the cosine becomes the sine, and the sine the cosine with its sign turned.
-    let turned = |part: usize| {
-        let of = |place: &f32| {
-            let step = (place.to_bits() % 32) as usize;
-            let mut both = [cos[step % 8], sin[step % 8]];
-            for _ in 0..step / 8 {
-                both = [-both[1], both[0]];
-            }
-            both[part]
-        };
-        places.iter().map(of).collect()
-    };
-    let expected = [
-        even,
-        odd,
-        at(16, 5),
-        at(32, 0),
-        splat,
-        at(8, 3),
-        turned(0),
-        turned(1),
-    ];
+    let expected = [even, odd, at(16, 5), at(32, 0), splat, at(8, 3), at(4, 7)];
     let bits = |all: &Vec<f32>| all.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
     for instructions in all() {
         let got = instructions.run(Moved {

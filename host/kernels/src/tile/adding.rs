@@ -3,17 +3,18 @@
 use std::marker::PhantomData;
 
 use super::expansion::Expansion;
-use super::groups::{Bend, Groups, Offsets, Rows, Sums};
+use super::groups::{Groups, Offsets, Sums};
 use super::pieces::Pieces;
 use super::pulse::TilePulse;
-use super::shape::{SHORT_REACH, Window};
+use super::rows::{At, Run};
+use super::shape::{QUARTER_REACH, SHORT_REACH, Window};
+use super::turning::{TURNED, Turning};
 use crate::lanes::{GROUP, Kernel, Lanes};
-use crate::phasor::{ROUND, Table};
+use crate::phasor::Polynomials;
 
 /// What is compiled for each instruction set.
 pub(super) struct Add<'a> {
     pub(super) layout: &'a Pieces,
-    pub(super) coarse: bool,
     pub(super) pulses: &'a [TilePulse],
     pub(super) pieces: &'a [f32],
     pub(super) expansions: &'a [Expansion],
@@ -21,7 +22,9 @@ pub(super) struct Add<'a> {
     /// How fast paths change along the groups' axes at most, bins a pixel.
     pub(super) slopes: [f64; 2],
     pub(super) tile: Groups,
-    pub(super) rows: &'a mut Rows,
+    /// The runs of a column, and how many of their groups share a window.
+    pub(super) runs: &'a mut [Run],
+    pub(super) shared: usize,
     pub(super) sums: &'a mut [Sums],
 }
 
@@ -31,8 +34,8 @@ impl Kernel for Add<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         match self.layout.degree() {
-            2 => self.of_degree::<L, 3>(lanes),
-            3 => self.of_degree::<L, 4>(lanes),
+            2 => self.of_window::<L, 3>(lanes),
+            3 => self.of_window::<L, 4>(lanes),
             other => panic!("tiles are made of splines of degree 2 and 3, not {other}"),
         }
     }
@@ -40,15 +43,7 @@ impl Kernel for Add<'_> {
 
 impl Add<'_> {
     #[inline(always)]
-    fn of_degree<L: Lanes, const PLANES: usize>(self, lanes: L) {
-        match self.coarse {
-            true => self.of_window::<L, PLANES, true>(lanes),
-            false => self.of_window::<L, PLANES, false>(lanes),
-        }
-    }
-
-    #[inline(always)]
-    fn of_window<L: Lanes, const PLANES: usize, const COARSE: bool>(self, lanes: L) {
+    fn of_window<L: Lanes, const PLANES: usize>(self, lanes: L) {
         // Where nothing is looked up in registers a window is worth nothing.
         let window = if L::LOOKS_UP {
             self.window
@@ -56,39 +51,42 @@ impl Add<'_> {
             Window::Any
         };
         let shape = self.tile.shape;
-        let short = L::LIKES_SHORT && shape.part_reach(self.slopes, L::COUNT) <= SHORT_REACH;
+        let reach = match L::LIKES_SHORT {
+            true => shape.part_reach(self.slopes, L::COUNT),
+            false => f64::INFINITY,
+        };
+        let (quarter, short) = (reach <= QUARTER_REACH, reach <= SHORT_REACH);
         match (window, shape.along == GROUP) {
-            (_, true) if short => self.add::<L, Short, PLANES, COARSE, true>(lanes),
-            (_, false) if short => self.add::<L, Short, PLANES, COARSE, false>(lanes),
-            (Window::Narrow, true) => self.add::<L, Narrow, PLANES, COARSE, true>(lanes),
-            (Window::Narrow, false) => self.add::<L, Narrow, PLANES, COARSE, false>(lanes),
-            (Window::Wide, true) => self.add::<L, Wide, PLANES, COARSE, true>(lanes),
-            (Window::Wide, false) => self.add::<L, Wide, PLANES, COARSE, false>(lanes),
-            (Window::Any, true) => self.add::<L, Any, PLANES, COARSE, true>(lanes),
-            (Window::Any, false) => self.add::<L, Any, PLANES, COARSE, false>(lanes),
+            (_, true) if quarter => self.add::<L, Quarter, PLANES, true>(lanes),
+            (_, false) if quarter => self.add::<L, Quarter, PLANES, false>(lanes),
+            (_, true) if short => self.add::<L, Short, PLANES, true>(lanes),
+            (_, false) if short => self.add::<L, Short, PLANES, false>(lanes),
+            (Window::Narrow, true) => self.add::<L, Narrow, PLANES, true>(lanes),
+            (Window::Narrow, false) => self.add::<L, Narrow, PLANES, false>(lanes),
+            (Window::Wide, true) => self.add::<L, Wide, PLANES, true>(lanes),
+            (Window::Wide, false) => self.add::<L, Wide, PLANES, false>(lanes),
+            (Window::Any, true) => self.add::<L, Any, PLANES, true>(lanes),
+            (Window::Any, false) => self.add::<L, Any, PLANES, false>(lanes),
         }
     }
 
     #[inline(always)]
-    fn add<L: Lanes, R: Reading, const PLANES: usize, const COARSE: bool, const ROW: bool>(
-        self,
-        lanes: L,
-    ) {
+    fn add<L: Lanes, R: Reading, const PLANES: usize, const ROW: bool>(self, lanes: L) {
         let Self {
             layout,
             pulses,
             pieces,
             expansions,
             tile,
-            rows,
+            runs,
+            shared,
             sums,
             ..
         } = self;
         let shape = tile.shape;
         let (row, length) = (layout.row(), layout.length() as f64);
         let offsets = Offsets::new(shape);
-        let phasors = Table::new(lanes, COARSE);
-        let round = lanes.splat(ROUND + R::MIDDLE as f32);
+        let phasors = Polynomials::new(lanes);
         let down = tile.counts[1];
         // Sums of a column stay in the nearest cache while all pulses are added to them.
         for (column, groups) in sums.chunks_exact_mut(down).enumerate() {
@@ -101,47 +99,34 @@ impl Add<'_> {
                 });
                 // The turn in which the tile's middle lies, and where in it.
                 let turns = layout.turn(expansion.at);
-                let place = expansion.at - turns * length - layout.shift() - layout.first();
-                let turned = pulse.cycles_a_bin * length * turns;
-                let kappa = lanes.splat((pulse.cycles_a_bin * Table::<L>::A_TURN) as f32);
-                let turned = lanes.splat(((turned - turned.round()) * Table::<L>::A_TURN) as f32);
-                rows.of_column(
-                    expansion,
-                    place,
-                    i,
-                    ROW.then_some(offsets.line),
-                    R::MIDDLE as f64,
-                );
-                let bend = match ROW {
-                    true => Bend::NONE,
-                    false => Bend::new(expansion, i),
+                let first = turns * length + layout.shift() + layout.first();
+                let column = expansion.column(i, ROW.then_some(offsets.line));
+                let kappa = pulse.cycles_a_bin;
+                let at = At {
+                    place: expansion.at - first,
+                    turns: kappa * expansion.at,
+                    kappa,
                 };
-                let bends: [f32; GROUP] =
-                    std::array::from_fn(|n| bend.at(offsets.along[n], offsets.across[n]));
+                let middle = R::MIDDLE;
+                for run in &mut *runs {
+                    run.of_column(lanes, &phasors, &column, at, f64::from(middle), R::SHORT);
+                    run.set_out(lanes, &phasors, &column, kappa, &offsets);
+                }
                 for part in (0..GROUP).step_by(L::COUNT) {
-                    if R::SHORT {
-                        let [first, second] = offsets.middle(part..part + L::COUNT);
-                        let along = (!ROW).then_some(second);
-                        rows.of_part(first, along, bend.at(first, second));
-                    }
-                    let first = lanes.load(&offsets.along[part..]);
-                    let second = lanes.load(&offsets.across[part..]);
-                    let bend = lanes.load(&bends[part..]);
-                    let group = Group::<L, R, PLANES, COARSE, ROW> {
+                    let group = Group::<L, R, PLANES> {
                         lanes,
-                        first,
-                        second,
-                        bend,
-                        round,
-                        kappa,
-                        turned,
-                        phasors: &phasors,
+                        part,
                         reading: PhantomData,
                     };
-                    match rows.run {
-                        _ if R::SHORT => group.add_short(&planes, rows, part, groups),
-                        1 => group.add_column::<1>(&planes, rows, part, groups),
-                        _ => group.add_column::<2>(&planes, rows, part, groups),
+                    for (groups, run) in groups.chunks_mut(TURNED).zip(&mut *runs) {
+                        if R::SHORT {
+                            run.of_part(part, part + L::COUNT - 1, middle as f32);
+                            group.add_short(&planes, run, groups);
+                        } else if shared == 1 {
+                            group.add_run::<1>(&planes, run, shared, groups);
+                        } else {
+                            group.add_run::<2>(&planes, run, shared, groups);
+                        }
                     }
                 }
             }
@@ -150,15 +135,10 @@ impl Add<'_> {
 }
 
 /// What the groups of a column have in common.
-struct Group<'b, L: Lanes, R: Reading, const PLANES: usize, const COARSE: bool, const ROW: bool> {
+struct Group<L: Lanes, R: Reading, const PLANES: usize> {
     lanes: L,
-    first: L::Numbers,
-    second: L::Numbers,
-    bend: L::Numbers,
-    round: L::Numbers,
-    kappa: L::Numbers,
-    turned: L::Numbers,
-    phasors: &'b Table<L>,
+    /// The first of the lanes that are worked on.
+    part: usize,
     reading: PhantomData<R>,
 }
 
@@ -169,116 +149,97 @@ struct Place<L: Lanes> {
     pattern: L::Numbers,
     /// Where within them.
     within: L::Numbers,
-    /// Their phases.
-    phase: [L::Numbers; 2],
 }
 
-impl<L: Lanes, R: Reading, const PLANES: usize, const COARSE: bool, const ROW: bool>
-    Group<'_, L, R, PLANES, COARSE, ROW>
-{
-    /// Adds to the lanes from `part` of a column's groups, `N` at a time; runs are of whole `N`.
+impl<L: Lanes, R: Reading, const PLANES: usize> Group<L, R, PLANES> {
+    /// Adds to a run of groups, `N` at a time: those that share windows are whole `N`, but for the column's last.
     ///
     /// Places are found one step ahead: while one group waits for what it has looked up, the next ones' are worked on.
     #[inline(always)]
-    fn add_column<const N: usize>(
+    fn add_run<const N: usize>(
         &self,
         planes: &[&[f32]; MOST_PLANES],
-        rows: &Rows,
-        part: usize,
+        run: &Run,
+        shared: usize,
         groups: &mut [Sums],
     ) {
-        let whole = groups.len() / N * N;
-        let mut ahead = [self.place(rows.place(0)); N];
-        for (n, place) in ahead.iter_mut().enumerate().take(groups.len()) {
-            *place = self.place(rows.place(n));
+        let lanes = self.lanes;
+        let mut pixels = Turning::new(lanes, &run.start, self.part);
+        let mut ahead = [self.place(&mut pixels, run.at[0], run.round[0]); N];
+        for n in 1..N {
+            ahead[n] = self.place(&mut pixels, run.at[n], run.round[n]);
         }
-        for (run, groups) in groups.chunks_mut(rows.run).enumerate() {
-            let mut row = run * rows.run;
-            let mut values = [R::window(self.lanes, planes[0], rows.base[row]); MOST_PLANES];
+        for (window, groups) in groups.chunks_mut(shared).enumerate() {
+            let mut row = window * shared;
+            let mut values = [R::window(lanes, planes[0], run.base[row]); MOST_PLANES];
             for p in 1..2 * PLANES {
-                values[p] = R::window(self.lanes, planes[p], rows.base[row]);
+                values[p] = R::window(lanes, planes[p], run.base[row]);
             }
             let mut steps = groups.chunks_exact_mut(N);
             for step in &mut steps {
                 let here = ahead;
-                row += N;
-                // After the last there is none: it is found again.
-                let next = if row < whole { row } else { row - N };
                 for n in 0..N {
-                    ahead[n] = self.place(rows.place(next + n));
-                    self.add(&mut step[n], part, &here[n], &values);
+                    // Beyond the last, places are found that nobody looks at.
+                    let next = (row + N + n) % TURNED;
+                    ahead[n] = self.place(&mut pixels, run.at[next], run.round[next]);
+                    let turned = self.turned(&mut pixels, run, row + n);
+                    self.add_group(&mut step[n], &here[n], &values, turned);
                 }
+                row += N;
             }
-            for last in steps.into_remainder() {
-                self.add(last, part, &self.place(rows.place(row)), &values);
-                row += 1;
+            for (n, last) in steps.into_remainder().iter_mut().enumerate() {
+                let turned = self.turned(&mut pixels, run, row + n);
+                self.add_group(last, &ahead[n], &values, turned);
             }
         }
     }
 
     /// The same, each group from windows of its own.
     #[inline(always)]
-    fn add_short(
-        &self,
-        planes: &[&[f32]; MOST_PLANES],
-        rows: &Rows,
-        part: usize,
-        groups: &mut [Sums],
-    ) {
+    fn add_short(&self, planes: &[&[f32]; MOST_PLANES], run: &Run, groups: &mut [Sums]) {
         let lanes = self.lanes;
-        for (sums, row) in groups.iter_mut().zip(rows.parts()) {
-            let place = self.place(row.place);
-            let place = Place {
-                pattern: lanes.add(place.pattern, lanes.splat(row.shift)),
-                ..place
-            };
-            let mut values = [R::window(lanes, planes[0], row.first); MOST_PLANES];
+        let mut pixels = Turning::new(lanes, &run.start, self.part);
+        for (row, sums) in groups.iter_mut().enumerate().take(TURNED) {
+            let place = self.place(&mut pixels, run.at[row], run.part_round[row]);
+            let base = run.part_base[row];
+            let mut values = [R::window(lanes, planes[0], base); MOST_PLANES];
             for p in 1..2 * PLANES {
-                values[p] = R::window(lanes, planes[p], row.first);
+                values[p] = R::window(lanes, planes[p], base);
             }
-            self.add(sums, part, &place, &values);
+            let turned = self.turned(&mut pixels, run, row);
+            self.add_group(sums, &place, &values, turned);
         }
     }
 
+    /// Of the next group, whose middle's place is given, and what rounds places there.
     #[inline(always)]
-    fn place(&self, [at, along, across]: [f32; 3]) -> Place<L> {
+    fn place(&self, pixels: &mut Turning<L>, at: f32, round: f32) -> Place<L> {
         let lanes = self.lanes;
-        let (at, along) = (lanes.splat(at), lanes.splat(along));
-        let across = lanes.splat(across);
-        let t = match ROW {
-            true => {
-                let slope = lanes.mul_add(self.first, across, along);
-                lanes.mul_add(self.first, slope, at)
-            }
-            false => {
-                let t = lanes.mul_add(self.second, across, self.bend);
-                lanes.add(lanes.mul_add(self.first, along, t), at)
-            }
-        };
-        let pattern = lanes.add(t, self.round);
-        let within = lanes.sub(t, lanes.sub(pattern, self.round));
-        let phase = lanes.mul_add(within, self.kappa, self.turned);
+        let (t, round) = (pixels.place(lanes, at), lanes.splat(round));
+        let pattern = lanes.add(t, round);
         Place {
             pattern,
-            within,
-            phase: self.phasors.place(lanes, phase),
+            within: lanes.sub(t, lanes.sub(pattern, round)),
         }
     }
 
+    /// The carrier at the pixels of a group.
     #[inline(always)]
-    fn add(
+    fn turned(&self, pixels: &mut Turning<L>, run: &Run, row: usize) -> [L::Numbers; 2] {
+        let [cos, sin] = &run.turned;
+        pixels.turned(self.lanes, [cos[row], sin[row]])
+    }
+
+    #[inline(always)]
+    fn add_group(
         &self,
         sums: &mut Sums,
-        part: usize,
         place: &Place<L>,
         values: &[R::Values<'_, L>; MOST_PLANES],
+        [cos, sin]: [L::Numbers; 2],
     ) {
-        let lanes = self.lanes;
-        let Place {
-            pattern,
-            within,
-            phase,
-        } = *place;
+        let Self { lanes, part, .. } = *self;
+        let Place { pattern, within } = *place;
         let mut real = R::look_up(lanes, values[2 * PLANES - 2], pattern);
         let mut imaginary = R::look_up(lanes, values[2 * PLANES - 1], pattern);
         for k in (0..PLANES - 1).rev() {
@@ -287,7 +248,6 @@ impl<L: Lanes, R: Reading, const PLANES: usize, const COARSE: bool, const ROW: b
             let value = R::look_up(lanes, values[2 * k + 1], pattern);
             imaginary = lanes.mul_add(imaginary, within, value);
         }
-        let [cos, sin] = self.phasors.at::<COARSE>(lanes, phase);
         let Sums { re, im } = sums;
         let sum = lanes.mul_add(cos, real, lanes.load(&re[part..]));
         lanes.store(lanes.neg_mul_add(sin, imaginary, sum), &mut re[part..]);
@@ -308,10 +268,28 @@ trait Reading {
     fn look_up<L: Lanes>(lanes: L, values: Self::Values<'_, L>, pattern: L::Numbers) -> L::Numbers;
 }
 
+struct Quarter;
 struct Short;
 struct Narrow;
 struct Wide;
 struct Any;
+
+impl Reading for Quarter {
+    const MIDDLE: u32 = 2;
+    const SHORT: bool = true;
+    type Values<'a, L: Lanes> = L::Quarter;
+
+    #[inline(always)]
+    fn window<L: Lanes>(lanes: L, plane: &[f32], base: u32) -> L::Quarter {
+        let base = base as usize;
+        lanes.quarter(plane[base..base + 4].try_into().expect("4 pieces"))
+    }
+
+    #[inline(always)]
+    fn look_up<L: Lanes>(lanes: L, values: L::Quarter, pattern: L::Numbers) -> L::Numbers {
+        lanes.of_quarter(values, pattern)
+    }
+}
 
 impl Reading for Short {
     const MIDDLE: u32 = 4;

@@ -109,6 +109,19 @@ pub(super) struct Expansion {
     pub(super) third: [f64; 4],
 }
 
+/// The same along a column of groups: polynomials in `j`.
+#[derive(Clone, Copy)]
+pub(super) struct Column {
+    /// From the place of the tile's centre to those of groups' middles.
+    pub(super) place: [f64; 4],
+    /// Its change along a group.
+    pub(super) along: [f64; 3],
+    /// And across it; of a row of 16 half the change of the change along it.
+    pub(super) across: [f64; 3],
+    /// Of blocks, the terms of second degree within a group, which those rows have in their changes.
+    pub(super) bend: [f64; 3],
+}
+
 fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
@@ -149,6 +162,36 @@ impl Expansion {
             first: [self.first[1], self.first[0]],
             second: [self.second[2], self.second[1], self.second[0]],
             third: reversed(self.third),
+        }
+    }
+
+    /// Of the groups whose middles are `i` columns along; `line` is what of the cube of places along a row of 16 a straight line takes,
+    /// if they are such.
+    #[inline(always)]
+    pub(super) fn column(&self, i: f64, line: Option<f64>) -> Column {
+        let ([c10, c01], [c20, c11, c02], [c30, c21, c12, c03]) =
+            (self.first, self.second, self.third);
+        let place = [
+            i * (c10 + i * (c20 + i * c30)),
+            c01 + i * (c11 + i * c21),
+            c02 + i * c12,
+            c03,
+        ];
+        Column {
+            along: [
+                c10 + i * (2.0 * c20 + 3.0 * i * c30) + line.unwrap_or(0.0) * c30,
+                c11 + 2.0 * i * c21,
+                c12,
+            ],
+            across: match line {
+                Some(_) => [c20 + 3.0 * i * c30, c21, 0.0],
+                None => [place[1], 2.0 * place[2], 3.0 * c03],
+            },
+            bend: match line {
+                Some(_) => [0.0; 3],
+                None => [c20 + 3.0 * c30 * i, c11 + 2.0 * c21 * i, c02 + c12 * i],
+            },
+            place,
         }
     }
 

@@ -1,22 +1,19 @@
-//! A pulse's range profile as polynomials, a piece a bin, its carrier in it.
+//! A pulse's range profile as polynomials, a piece a bin.
 //!
 //! ```text
 //! value(t) = sum_i c[i] B(t - i),          B the cardinal B-spline of degree d, c of period L
 //!          = sum_k P_k[n] f^k,              t = n + f (+ 1/2 where d is odd), |f| <= 1/2
-//! Q_k[n]   = weight P_k[n] exp(+j 2 pi kappa (t - f))
+//! Q_k[n]   = weight P_k[n]
 //! ```
 //!
-//! so that `exp(j 2 pi kappa t) value(t) = exp(j 2 pi kappa f) sum_k Q_k[n] f^k`: whoever reads needs the phase within a bin alone, in
-//! float32 whatever the range. Pieces run from `-L/2 - margin` to `L/2 + margin`, so that a tile whose centre lies within a turn reads
-//! without wrapping; the carrier goes on past the turn's ends, where values repeat. Of a part of the range only its pieces are made
-//! ([`Pieces::over`], [`Pieces::around`]).
+//! Pieces run from `-L/2 - margin` to `L/2 + margin`, so that a tile whose centre lies within a turn reads without wrapping: values repeat
+//! past the turn's ends. Of a part of the range only its pieces are made ([`Pieces::over`], [`Pieces::around`]).
 //!
 //! Layout: planes of float32, `Q_0`'s real parts, its imaginary parts, `Q_1`'s, and so on.
 
-use std::f64::consts::TAU;
 use std::ops::Range;
 
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex32;
 
 use super::expansion::Raster;
 use crate::lanes::{Instructions, Kernel, Lanes};
@@ -25,7 +22,7 @@ use crate::lanes::{Instructions, Kernel, Lanes};
 pub const MOST_DEGREE: usize = 4;
 /// Taps of the highest.
 const MOST_TAPS: usize = MOST_DEGREE + 1;
-/// Pieces whose phasors are made together.
+/// Pieces that are made together.
 const RUN: usize = 64;
 
 /// The layout of a pulse's pieces.
@@ -135,59 +132,21 @@ impl Pieces {
     /// Makes the pieces of a profile, the spline's coefficients, into `pieces`.
     ///
     /// # Panics
-    /// If `profile` has not [`Self::length`] values, there is no room for [`Self::values`], or the carrier is another layout's.
+    /// If `profile` has not [`Self::length`] values, or there is no room for [`Self::values`].
     pub fn make(
         &self,
         instructions: Instructions,
         profile: &[Complex32],
-        carrier: &Carrier,
         weight: f32,
         pieces: &mut [f32],
     ) {
         assert!(profile.len() == self.length && pieces.len() == self.values());
-        assert_eq!(carrier.coarse.len(), self.row.div_ceil(RUN));
         instructions.run(Make {
             layout: self,
             profile,
-            carrier,
             weight,
             pieces,
         });
-    }
-}
-
-/// The carrier at the pieces of a layout.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Carrier {
-    cycles_a_bin: f64,
-    /// Within a run.
-    fine: [[f32; RUN]; 2],
-    /// At the beginning of each.
-    coarse: Vec<Complex64>,
-}
-
-impl Carrier {
-    /// Of so many cycles a bin.
-    pub fn new(layout: &Pieces, cycles_a_bin: f64) -> Self {
-        let [mut re, mut im] = [[0.0f32; RUN]; 2];
-        for (i, (re, im)) in re.iter_mut().zip(&mut im).enumerate() {
-            let z = phasor(cycles_a_bin * i as f64);
-            (*re, *im) = (z.re as f32, z.im as f32);
-        }
-        let first = layout.first() + layout.shift();
-        let starts = (0..layout.row).step_by(RUN);
-        Self {
-            cycles_a_bin,
-            fine: [re, im],
-            coarse: starts
-                .map(|start| phasor(cycles_a_bin * (first + start as f64)))
-                .collect(),
-        }
-    }
-
-    /// Cycles a bin.
-    pub fn cycles_a_bin(&self) -> f64 {
-        self.cycles_a_bin
     }
 }
 
@@ -211,16 +170,9 @@ fn taps(degree: usize) -> [[f32; MOST_TAPS]; MOST_TAPS] {
     taps
 }
 
-/// `exp(j 2 pi turns)` by arithmetic that is the same everywhere.
-fn phasor(turns: f64) -> Complex64 {
-    let (sin, cos) = libm::sincos(TAU * (turns - libm::round(turns)));
-    Complex64::new(cos, sin)
-}
-
 struct Make<'a> {
     layout: &'a Pieces,
     profile: &'a [Complex32],
-    carrier: &'a Carrier,
     weight: f32,
     pieces: &'a mut [f32],
 }
@@ -251,7 +203,6 @@ impl Make<'_> {
             taps,
             ..
         } = *self.layout;
-        let [fine_re, fine_im] = &self.carrier.fine;
         // The profile's place under the first piece's first tap.
         let under = first - (degree / 2) as i64;
         let mut place = under.rem_euclid(length as i64) as usize;
@@ -273,13 +224,6 @@ impl Make<'_> {
                 }
             }
             place = (place + RUN) % length;
-            let coarse = self.carrier.coarse[first / RUN] * f64::from(self.weight);
-            let (re, im) = (coarse.re as f32, coarse.im as f32);
-            let mut phasors = [[0.0f32; RUN]; 2];
-            for i in 0..RUN {
-                phasors[0][i] = re * fine_re[i] - im * fine_im[i];
-                phasors[1][i] = re * fine_im[i] + im * fine_re[i];
-            }
             for (k, taps) in taps[..TAPS].iter().enumerate() {
                 let mut sums = [[0.0f32; RUN]; 2];
                 for (sums, under) in sums.iter_mut().zip([&under_re, &under_im]) {
@@ -294,8 +238,8 @@ impl Make<'_> {
                 let real = &mut real[first..first + count];
                 let imaginary = &mut imaginary[first..first + count];
                 for i in 0..count {
-                    real[i] = sums[0][i] * phasors[0][i] - sums[1][i] * phasors[1][i];
-                    imaginary[i] = sums[0][i] * phasors[1][i] + sums[1][i] * phasors[0][i];
+                    real[i] = sums[0][i] * self.weight;
+                    imaginary[i] = sums[1][i] * self.weight;
                 }
             }
         }

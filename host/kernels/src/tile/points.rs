@@ -74,7 +74,7 @@ impl Kernel for AddPoints<'_> {
                     let place = at - turn * length - first;
                     let whole = (place + 0.5).floor();
                     let part = place - whole;
-                    let cycles = kappa * (part + turn * length);
+                    let cycles = kappa * at;
                     places[i] = whole as usize;
                     parts[i] = part as f32;
                     turns[i] = (cycles - cycles.round()) as f32;

@@ -9,6 +9,6 @@ pub struct TilePulse {
     pub antennas: Antennas,
     /// Turns of the profile a metre of path: the step of frequency over the speed of light.
     pub turns_m: f64,
-    /// Cycles of the carrier a bin of the profile, as its pieces were made with.
+    /// Cycles of the carrier a bin of the profile.
     pub cycles_a_bin: f64,
 }

@@ -4,9 +4,10 @@ use num_complex::Complex32;
 
 use super::adding::Add;
 use super::expansion::{Expansion, Raster, left_out_m};
-use super::groups::{Deliver, Groups, Rows, Sums};
+use super::groups::{Deliver, Groups, Sums};
 use super::pieces::Pieces;
 use super::pulse::TilePulse;
+use super::rows::{Run, runs};
 use super::shape::{Shape, Window, steepest};
 use crate::lanes::Instructions;
 
@@ -21,7 +22,7 @@ pub struct TileScratch {
     slopes: [f64; 2],
     tile: Groups,
     sums: Vec<Sums>,
-    rows: Rows,
+    runs: Vec<Run>,
 }
 
 impl TileScratch {
@@ -74,8 +75,8 @@ impl TileScratch {
         (self.window, self.tile.count())
     }
 
-    /// Adds the pulses that were looked at to the pixels of the tile, row by row. `pieces` are those of all pulses, laid out as `layout`;
-    /// phasors are as good as [`PHASOR_RMS`](super::PHASOR_RMS) says, `coarse` or not.
+    /// Adds the pulses that were looked at to the pixels of the tile, row by row. `pieces` are those of all pulses, laid out as
+    /// `layout`.
     ///
     /// The layout's margin must be [`Pieces::margin_for`] the tile at least.
     ///
@@ -85,7 +86,6 @@ impl TileScratch {
         &mut self,
         instructions: Instructions,
         layout: &Pieces,
-        coarse: bool,
         pulses: &[TilePulse],
         pieces: &[f32],
         sums: &mut [Complex32],
@@ -97,17 +97,17 @@ impl TileScratch {
         assert_eq!(pieces.len(), pulses.len() * layout.values());
         self.sums.clear();
         self.sums.resize(tile.count(), Sums::ZERO);
-        self.rows.resize(&tile, self.run);
+        runs(&tile, self.run, &mut self.runs);
         instructions.run(Add {
             layout,
-            coarse,
             pulses,
             pieces,
             expansions: &self.expansions,
             window: self.window,
             slopes: self.slopes,
             tile,
-            rows: &mut self.rows,
+            runs: &mut self.runs,
+            shared: self.run,
             sums: &mut self.sums,
         });
         instructions.run(Deliver {

@@ -5,6 +5,7 @@
 //! how fast their paths change over the tile.
 
 use super::expansion::Expansion;
+use super::turning::TURNED;
 use crate::lanes::GROUP;
 
 /// A group's pixels: so many along one axis of the tile, and as many rows of them as make 16.
@@ -19,9 +20,12 @@ pub(super) struct Shape {
 /// Groups that share a window, at most: more would save nothing.
 const MOST_RUN: usize = 16;
 
-/// Bins that pixels may lie from the middle of those that are worked on at once, so that 8 bins hold them, less the half that the middle is
+/// Bins that pixels may lie from the middle of those that are worked on at once, so that 8 bins hold them, less the one that the middle is
 /// rounded by.
 pub(super) const SHORT_REACH: f64 = 2.9;
+
+/// The same so that 4 bins hold them.
+pub(super) const QUARTER_REACH: f64 = 0.9;
 
 /// Bins that a group of 16 pixels reads from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,7 +41,7 @@ pub enum Window {
 }
 
 impl Window {
-    /// Bins that a pixel may lie from the middle of its group, less the half that the group's own place is rounded by.
+    /// Bins that a pixel may lie from the middle of its group, less the one that the middle is rounded by.
     pub(super) fn reach(self) -> f64 {
         match self {
             Self::Narrow => 6.9,
@@ -57,6 +61,10 @@ impl Shape {
         Self::new(4, false),
         Self::new(4, true),
     ];
+
+    /// A row of 16.
+    #[cfg(test)]
+    pub(super) const ROW: Self = Self::ALL[0];
 
     const fn new(along: usize, transposed: bool) -> Self {
         Self { along, transposed }
@@ -123,18 +131,23 @@ impl Shape {
     /// their places' error for each of its coefficients, whose magnitudes' errors add.
     ///
     /// With a group's middle `j` rows from the tile's, and a pixel at `a` and `b` from that: a row of 16 follows all but the part of
-    /// `a^3` that no straight line takes; a block loses `j (c21 a^2 + 2 c12 a b + 3 c03 b^2)` and the cubic form of `a` and `b`.
+    /// `a^3` that no straight line takes; a block loses `j (c21 a^2 + 2 c12 a b + 3 c03 b^2)` and the cubic form of `a` and `b`. Of
+    /// phases, runs of groups lose what of `j^2 (c12 a + 3 c03 b)` no straight line in `j` takes.
     pub(super) fn left_out(&self, rows: usize) -> [f64; 4] {
         let ([a2, a4, a6], [b2, b4, b6]) = (even_moments(self.along), even_moments(self.across()));
+        let [run2, run4, _] = even_moments(TURNED);
+        let pixels = self.across() as f64;
+        let bent = pixels * pixels * (run4 - run2 * run2).sqrt();
         if self.across() == 1 {
-            return [(a6 - a4 * a4 / a2).max(0.0).sqrt(), 0.0, 0.0, 0.0];
+            let cubed = (a6 - a4 * a4 / a2).max(0.0).sqrt();
+            return [cubed, 0.0, bent * a2.sqrt(), 0.0];
         }
         let j = rows as f64 / 12f64.sqrt();
         [
             a6.sqrt(),
             j * a4.sqrt() + (a4 * b2).sqrt(),
-            j * 2.0 * (a2 * b2).sqrt() + (a2 * b4).sqrt(),
-            j * 3.0 * b4.sqrt() + b6.sqrt(),
+            j * 2.0 * (a2 * b2).sqrt() + (a2 * b4).sqrt() + bent * a2.sqrt(),
+            j * 3.0 * b4.sqrt() + b6.sqrt() + bent * 3.0 * b2.sqrt(),
         ]
     }
 }
@@ -148,6 +161,6 @@ fn even_moments(count: usize) -> [f64; 3] {
     })
 }
 
-/// Root of the mean square error of a place, bins, where it is computed in float32: three roundings of numbers up to 16, 2.8e-7
-/// each, and that of the change along a group, which is taken 7.5 times.
+/// Root of the mean square error of a place, bins, where it is computed in float32: numbers up to 8, 1.4e-7 each, are rounded up to 16
+/// times on the way along a run.
 pub const PLACE_RMS: f64 = 6e-7;

@@ -53,12 +53,10 @@ impl Shares {
     /// Relative RMS error of the way that was chosen, beside interpolation.
     pub(super) fn of_way(&self, aim: &Aim, choices: &Choices) -> f64 {
         match choices.way {
-            Way::Tiles {
-                phase_rad, coarse, ..
-            } => {
+            Way::Tiles { phase_rad, .. } => {
                 let length =
                     RangeProfiler::length_for(aim.collection.num_samples, choices.oversampling);
-                libm::hypot(phase_rad, arithmetic(aim, length, coarse))
+                libm::hypot(phase_rad, arithmetic(aim, length))
             }
             _ => 0.0,
         }
@@ -99,9 +97,9 @@ fn bins_m(aim: &Aim, length: usize) -> impl Iterator<Item = f64> {
 }
 
 /// What float32 costs in tiles, with profiles of `length` bins.
-fn arithmetic(aim: &Aim, length: usize, coarse: bool) -> f64 {
+fn arithmetic(aim: &Aim, length: usize) -> f64 {
     let coarsest = bins_m(aim, length).fold(f64::INFINITY, f64::min);
-    path_tile::arithmetic(rounding::highest_hz(aim), coarsest, coarse)
+    path_tile::arithmetic(rounding::highest_hz(aim), coarsest)
 }
 
 /// A pulse for profiles of `length` bins.
@@ -216,16 +214,9 @@ impl Candidate {
         let highest_hz = rounding::highest_hz(aim);
         let pulses = spread(aim.collection.pulses.len(), PULSES_SEEN);
         let pulses: Vec<&Pulse> = pulses.map(|n| &aim.collection.pulses[n]).collect();
-        // The error of coarse phasors is a mean over phases: the carrier must turn within a bin.
-        let turns = aim
-            .collection
-            .pulses
-            .iter()
-            .map(|pulse| tile_pulse(aim, pulse, self.length).cycles_a_bin.abs());
-        let any = turns.fold(f64::INFINITY, f64::min) > 0.25;
-        let mut phasors = [true, false].into_iter().filter(|coarse| any || !coarse);
-        let coarse =
-            phasors.find(|&coarse| arithmetic(aim, self.length, coarse) <= shares.arithmetic)?;
+        if arithmetic(aim, self.length) > shares.arithmetic {
+            return None;
+        }
         let margin = margin(aim, side, self.length);
         if margin > LONGEST_MARGIN {
             return None;
@@ -249,7 +240,7 @@ impl Candidate {
                     true => {
                         let (window, groups) = look.grouping();
                         let pixels = (raster.rows * raster.columns) as f64;
-                        cost::tile_ns(model, self.degree, coarse, window, groups) / pixels
+                        cost::tile_ns(model, self.degree, window, groups) / pixels
                     }
                     false => self.pixel_ns,
                 };
@@ -261,7 +252,6 @@ impl Candidate {
             way: Way::Tiles {
                 side,
                 phase_rad: shares.tiles,
-                coarse,
             },
             pixel_ns: sum / (rectangles.len() * pulses.len()) as f64,
             ..*self

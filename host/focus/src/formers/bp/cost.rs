@@ -1,10 +1,10 @@
 //! What backprojection takes, with profiles of `L` bins read as splines of degree `d`.
 //!
 //! ```text
-//! a pixel and pulse: place 4, bin 3, spline 4 d, phasor 15, sum 8                                     30 + 4 d
+//! a pixel and pulse: place 2, bin 3, spline 4 d, phasor 10, sum 8                                     23 + 4 d
 //! by its own path:   path 11 and 14 of reducing it                                                    54 + 4 d
 //! with motion from sample to sample: path and rate 34, place 7, four values read 18, phasor 21, sum 8      88
-//! a profile: a transform of L, and of each piece 2 (d + 1)^2 operations of taps and 6 (d + 1) of its carrier
+//! a profile: a transform of L, and of each piece 2 (d + 1)^2 operations of taps and 2 (d + 1) of its weight
 //! ```
 //!
 //! With motion from sample to sample a pulse has a profile for each step of its blur. Profiles are made for any tile: they are what
@@ -18,7 +18,7 @@ use crate::{Aim, TimeModel};
 use subaperture_kernels::tile::{Pieces, Window};
 
 /// Operations a pixel and pulse in a tile, and by its own path; both less those of the spline.
-const TILE: f64 = 30.0;
+const TILE: f64 = 23.0;
 const POINT: f64 = 54.0;
 /// Those with motion from sample to sample.
 const BLURRED: f64 = 88.0;
@@ -28,23 +28,13 @@ pub(super) const PROFILES: &str = "profiles";
 pub(super) const PIXELS: &str = "pixels";
 
 /// Nanoseconds of a pulse on a tile of so many groups.
-pub(super) fn tile_ns(
-    model: &TimeModel,
-    degree: usize,
-    coarse: bool,
-    window: Window,
-    groups: usize,
-) -> f64 {
-    let group = match coarse {
-        true => model.coarse_group_ns,
-        false => model.tile_group_ns,
-    };
+pub(super) fn tile_ns(model: &TimeModel, degree: usize, window: Window, groups: usize) -> f64 {
     let plane = match window {
         Window::Narrow => model.narrow_plane_ns,
         Window::Wide => model.wide_plane_ns,
         _ => model.scattered_plane_ns,
     };
-    model.tile_pulse_ns + groups as f64 * (group + plane * (degree as f64 + 1.0))
+    model.tile_pulse_ns + groups as f64 * (model.tile_group_ns + plane * (degree as f64 + 1.0))
 }
 
 /// Nanoseconds of a pulse's profile and so many pieces of it.
@@ -76,7 +66,7 @@ pub(super) fn cost(
         way => {
             let row = pieces.row();
             let profile_ns = profile_ns(model, choices.degree, pieces.length(), row);
-            let piece = 2.0 * (d + 1.0) * (d + 1.0) + 6.0 * (d + 1.0);
+            let piece = 2.0 * (d + 1.0) * (d + 1.0) + 2.0 * (d + 1.0);
             let pixel = match way {
                 Way::Points => POINT,
                 _ => TILE,

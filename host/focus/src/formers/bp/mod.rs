@@ -179,13 +179,8 @@ pub(crate) struct Choices {
 enum Way {
     /// Each by itself.
     Points,
-    /// By polynomials over tiles of so many pixels a side, where they turn terms by no more than this RMS phase; phasors are
-    /// coarse or not.
-    Tiles {
-        side: usize,
-        phase_rad: f64,
-        coarse: bool,
-    },
+    /// By polynomials over tiles of so many pixels a side, where they turn terms by no more than this RMS phase.
+    Tiles { side: usize, phase_rad: f64 },
     /// Each by itself, with its rate: samples are taken one after another in motion.
     Blurs(Blurs),
 }

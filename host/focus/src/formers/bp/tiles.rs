@@ -16,7 +16,7 @@ use crate::read_ahead::{blocks_of, read_ahead};
 use crate::{Aim, FormError, Forming, Remedy, Tile, Work, rounding};
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::Points;
-use subaperture_kernels::tile::{self, Carrier, Pieces, TilePulse, TileScratch};
+use subaperture_kernels::tile::{self, Pieces, TilePulse, TileScratch};
 use subaperture_model::monitor::{Monitor, during};
 use subaperture_model::phase_history::Pulse;
 use subaperture_signal::range_profile::RangeProfiler;
@@ -91,33 +91,22 @@ impl<'a> Opened<'a> {
         let scratch = || {
             let profile = vec![Complex32::ZERO; length + 1];
             let fft = vec![Complex32::ZERO; self.profiler.scratch_length()];
-            (profile, fft, None::<Carrier>, during(monitor, PROFILES))
+            (profile, fft, during(monitor, PROFILES))
         };
         pieces
             .par_chunks_exact_mut(self.pieces.values())
             .zip(samples.par_chunks_exact(num_samples))
             .enumerate()
-            .for_each_init(
-                scratch,
-                |(profile, fft, carrier, _), (i, (pieces, samples))| {
-                    let n = first + i;
-                    self.profiler.profile(samples, profile, fft);
-                    let pulse = tile_pulse(&self.aim, &self.aim.collection.pulses[n], length);
-                    // Mostly that of the pulse before.
-                    let kappa = pulse.cycles_a_bin;
-                    let carrier = match carrier.take() {
-                        Some(last) if last.cycles_a_bin() == kappa => carrier.insert(last),
-                        _ => carrier.insert(Carrier::new(&self.pieces, kappa)),
-                    };
-                    self.pieces.make(
-                        self.instructions,
-                        &profile[..length],
-                        carrier,
-                        self.aim.weights.slow[n] as f32,
-                        pieces,
-                    );
-                },
-            );
+            .for_each_init(scratch, |(profile, fft, _), (i, (pieces, samples))| {
+                let n = first + i;
+                self.profiler.profile(samples, profile, fft);
+                self.pieces.make(
+                    self.instructions,
+                    &profile[..length],
+                    self.aim.weights.slow[n] as f32,
+                    pieces,
+                );
+            });
     }
 
     /// Adds a batch to what is wanted of a patch.
@@ -128,10 +117,7 @@ impl<'a> Opened<'a> {
         segments: &mut [Segment],
         scratch: &mut Scratch,
     ) {
-        if let Way::Tiles {
-            phase_rad, coarse, ..
-        } = self.way
-        {
+        if let Way::Tiles { phase_rad, .. } = self.way {
             let raster = raster(self.aim.grid, rectangle);
             let (tile, length, pulses) =
                 (&mut scratch.tile, self.pieces.length(), &batch.tile_pulses);
@@ -140,14 +126,7 @@ impl<'a> Opened<'a> {
                 let sums = &mut scratch.sums;
                 sums.clear();
                 sums.resize(size.rows * size.columns, Complex32::ZERO);
-                tile.add(
-                    self.instructions,
-                    &self.pieces,
-                    coarse,
-                    pulses,
-                    batch.pieces,
-                    sums,
-                );
+                tile.add(self.instructions, &self.pieces, pulses, batch.pieces, sums);
                 for segment in segments {
                     let row = (segment.row - rectangle.row) * size.columns;
                     let sums = &sums[row + segment.column - rectangle.column..];

@@ -12,7 +12,7 @@ use crate::path_tile::{self, raster};
 use subaperture_fft::Transforms;
 use subaperture_kernels::lanes::Instructions;
 use subaperture_kernels::paths::{self, Points};
-use subaperture_kernels::tile::{self, Carrier, Pieces, TilePulse, TileScratch};
+use subaperture_kernels::tile::{self, Pieces, TilePulse, TileScratch};
 use subaperture_model::SPEED_OF_LIGHT_M_S;
 use subaperture_model::geometry::ImageGrid;
 use subaperture_signal::range_profile::RangeProfiler;
@@ -110,8 +110,8 @@ impl Leaf {
         let raster = raster(grid, &rectangle);
         let bins_m = (turns_m * length as f64).abs();
         let highest_hz = axes.highest_hz();
-        let by_tiles = grid.is_raster()
-            && path_tile::arithmetic(highest_hz, bins_m, false) <= shares.arithmetic;
+        let by_tiles =
+            grid.is_raster() && path_tile::arithmetic(highest_hz, bins_m) <= shares.arithmetic;
         let own = history.centre == rectangle.centre_m(grid);
         // Places are for those pulses only that no tile will do for.
         points.clear();
@@ -142,7 +142,6 @@ impl Leaf {
             let tile_layout = margin.and_then(|margin| tile_layout(length, own, margin));
             let by_tile = tile_layout.is_some();
             let layout = tile_layout.unwrap_or_else(|| points_layout(length));
-            let carrier = Carrier::new(&layout, cycles_a_bin);
             let values = layout.values();
             #[cfg(test)]
             super::counted::imaged(
@@ -156,12 +155,12 @@ impl Leaf {
                 history.pulse(n, samples);
                 profiler.profile(samples, profile, fft);
                 // Samples are weighted.
-                layout.make(instructions, &profile[..length], &carrier, 1.0, pieces);
+                layout.make(instructions, &profile[..length], 1.0, pieces);
             }
             sums.clear();
             if by_tile {
                 sums.resize(raster.rows * raster.columns, Complex32::ZERO);
-                tile.add(instructions, &layout, false, pulses, pieces, sums);
+                tile.add(instructions, &layout, pulses, pieces, sums);
                 for segment in segments.iter_mut() {
                     let row = (segment.row - rectangle.row) * raster.columns;
                     let sums = &sums[row + segment.column - rectangle.column..];

@@ -1,0 +1,166 @@
+//! The groups of a column, in runs: what their pixels' places and the carrier there follow from.
+
+use super::expansion::Column;
+use super::groups::{Groups, Offsets};
+use super::turning::{Start, TURNED};
+use crate::lanes::Lanes;
+use crate::phasor::{Polynomials, ROUND, ROUND_F64};
+
+/// Windows have as many pieces before their middle as from it on, and places are rounded to the nearest: so their middle is the even
+/// piece nearest to half a piece behind that of the pixels.
+const LEAN: f64 = 0.5;
+
+/// A run of groups. Of the column's last, what lies beyond its groups is nobody's.
+#[derive(Clone)]
+#[repr(C, align(64))]
+pub(super) struct Run {
+    /// Where its pixels set out from.
+    pub(super) start: Start,
+    /// From the tile's middle to those of its groups, pixels; and to that of those that share a window.
+    middle: [f64; TURNED],
+    shared_middle: [f64; TURNED],
+    /// Place of the group's middle from the even piece nearest to it.
+    pub(super) at: [f32; TURNED],
+    /// What rounds places that are counted from there to pieces of the window.
+    pub(super) round: [f32; TURNED],
+    /// The window's first piece.
+    pub(super) base: [u32; TURNED],
+    /// The carrier at the group's middle: cosine and sine.
+    pub(super) turned: [[f32; TURNED]; 2],
+    /// Of some lanes ([`Self::of_part`]): as `round`,
+    pub(super) part_round: [f32; TURNED],
+    /// and as `base`.
+    pub(super) part_base: [u32; TURNED],
+    /// Its groups.
+    count: usize,
+}
+
+/// What a column's runs are made for.
+#[derive(Clone, Copy)]
+pub(super) struct At {
+    /// Of the tile's middle, among the pieces.
+    pub(super) place: f64,
+    /// Turns of the carrier there.
+    pub(super) turns: f64,
+    /// And a bin.
+    pub(super) kappa: f64,
+}
+
+/// The runs of a column, where `shared` groups share a window.
+pub(super) fn runs(tile: &Groups, shared: usize, runs: &mut Vec<Run>) {
+    let groups = tile.counts[1];
+    runs.clear();
+    runs.extend((0..groups).step_by(TURNED).map(|first| {
+        let middle: [f64; TURNED] = std::array::from_fn(|row| tile.middle(1, first + row));
+        let mut shared_middle = middle;
+        for shared in shared_middle.chunks_mut(shared) {
+            let middle = (shared[0] + shared[shared.len() - 1]) / 2.0;
+            shared.fill(middle);
+        }
+        Run {
+            start: Start::ZERO,
+            middle,
+            shared_middle,
+            at: [0.0; TURNED],
+            round: [0.0; TURNED],
+            base: [0; TURNED],
+            turned: [[0.0; TURNED]; 2],
+            part_round: [0.0; TURNED],
+            part_base: [0; TURNED],
+            count: TURNED.min(groups - first),
+        }
+    }));
+}
+
+impl Run {
+    /// For a column. Windows begin `middle` pieces before the middle of those that share one, or each before its own if they are `alone`.
+    ///
+    /// Places are counted from an even piece, and windows' middles are such: so places that lie on a half are rounded to the same piece,
+    /// whatever the window.
+    #[inline(always)]
+    pub(super) fn of_column<L: Lanes>(
+        &mut self,
+        lanes: L,
+        phasors: &Polynomials<L>,
+        column: &Column,
+        at: At,
+        middle: f64,
+        alone: bool,
+    ) {
+        let [a0, a1, a2, a3] = column.place;
+        let At {
+            place,
+            turns,
+            kappa,
+        } = at;
+        let turns = turns - ((turns + ROUND_F64) - ROUND_F64);
+        let zero = f64::from(ROUND) + middle;
+        // By themselves first: so loops are known to touch nothing twice.
+        let (middles, shared) = (self.middle, self.shared_middle);
+        let [mut ats, mut rounds, mut cycles] = [[0.0f32; TURNED]; 3];
+        let mut bases = [0u32; TURNED];
+        for row in 0..TURNED {
+            let j = middles[row];
+            let a = a3.mul_add(j, a2).mul_add(j, a1).mul_add(j, a0);
+            let turned = kappa.mul_add(a, turns);
+            cycles[row] = (turned - ((turned + ROUND_F64) - ROUND_F64)) as f32;
+            let own = (a + place + 2.0 * ROUND_F64) - 2.0 * ROUND_F64;
+            ats[row] = (a + place - own) as f32;
+            let whole = if alone {
+                own
+            } else {
+                let m = shared[row];
+                let m = a3.mul_add(m, a2).mul_add(m, a1).mul_add(m, a0);
+                (m + (place + LEAN) + 2.0 * ROUND_F64) - 2.0 * ROUND_F64
+            };
+            rounds[row] = (zero + (own - whole)) as f32;
+            bases[row] = (whole - middle + ROUND_F64).to_bits() as u32;
+        }
+        (self.at, self.round, self.base) = (ats, rounds, bases);
+        let [cos, sin] = &mut self.turned;
+        for part in (0..TURNED).step_by(L::COUNT) {
+            let at = phasors.at(lanes, lanes.load(&cycles[part..]));
+            lanes.store(at[0], &mut cos[part..]);
+            lanes.store(at[1], &mut sin[part..]);
+        }
+    }
+
+    /// Where its pixels set out from.
+    #[inline(always)]
+    pub(super) fn set_out<L: Lanes>(
+        &mut self,
+        lanes: L,
+        phasors: &Polynomials<L>,
+        column: &Column,
+        kappa: f64,
+        offsets: &Offsets,
+    ) {
+        let ends = [self.middle[0], self.middle[self.count - 1]];
+        self.start
+            .set(lanes, phasors, column, kappa, offsets, ends, self.count);
+    }
+
+    /// Of the lanes from the `first` to the `last`: pieces about the place of their middle, of which `middle` are before it.
+    #[inline(always)]
+    pub(super) fn of_part(&mut self, first: usize, last: usize, middle: f32) {
+        let [begin, step] = self.start.middle(first, last);
+        for row in 0..TURNED {
+            let place = self.at[row] + (begin + ROWS[row] * step + LEAN as f32);
+            let even = (place + 2.0 * ROUND) - 2.0 * ROUND;
+            self.part_round[row] = (ROUND + middle) - even;
+            let whole = (even + ROUND).to_bits().wrapping_sub(ROUND.to_bits());
+            self.part_base[row] = self.base[row].wrapping_add(whole);
+        }
+    }
+}
+
+/// Groups of a run, counted.
+const ROWS: [f32; TURNED] = {
+    let mut rows = [0.0; TURNED];
+    let mut row = 1;
+    while row < TURNED {
+        rows[row] = rows[row - 1] + 1.0;
+        row += 1;
+    }
+    rows
+};
