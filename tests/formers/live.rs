@@ -233,7 +233,8 @@ fn a_dark_grid_is_told() {
     let exact = widened(&formed(&Exact, &recording, [0, PULSES], &grid));
     let (measured_db, accuracy) = (error_db(&live.image(), &exact), live.accuracy());
     println!("dark grid: {measured_db:.1} dB, {accuracy:?}");
-    assert!(measured_db > accuracy.planned_db, "nothing to be told");
+    // That it is dark is seen: more is said than was planned for.
+    assert!(accuracy.predicted_db() > accuracy.planned_db + 3.0);
     assert!(measured_db < accuracy.predicted_db() + 1.0);
     assert!(measured_db > accuracy.predicted_db() - 12.0);
     assert_eq!(accuracy.num_sampled, 64);
