@@ -166,8 +166,8 @@ impl<L: Lanes, R: Reading, const PLANES: usize> Group<L, R, PLANES> {
         let lanes = self.lanes;
         let mut pixels = Turning::new(lanes, &run.start, self.part);
         let mut ahead = [self.place(&mut pixels, run.at[0], run.round[0]); N];
-        for n in 1..N {
-            ahead[n] = self.place(&mut pixels, run.at[n], run.round[n]);
+        for (n, ahead) in ahead.iter_mut().enumerate().skip(1) {
+            *ahead = self.place(&mut pixels, run.at[n], run.round[n]);
         }
         for (window, groups) in groups.chunks_mut(shared).enumerate() {
             let mut row = window * shared;

@@ -135,17 +135,17 @@ impl Run {
         kappa: f64,
         offsets: &Offsets,
     ) {
-        let ends = [self.middle[0], self.middle[self.count - 1]];
+        let middles = &self.middle[..self.count];
         self.start
-            .set(lanes, phasors, column, kappa, offsets, ends, self.count);
+            .set(lanes, phasors, column, kappa, offsets, middles);
     }
 
     /// Of the lanes from the `first` to the `last`: pieces about the place of their middle, of which `middle` are before it.
     #[inline(always)]
     pub(super) fn of_part(&mut self, first: usize, last: usize, middle: f32) {
         let [begin, step] = self.start.middle(first, last);
-        for row in 0..TURNED {
-            let place = self.at[row] + (begin + ROWS[row] * step + LEAN as f32);
+        for (row, &groups) in ROWS.iter().enumerate() {
+            let place = self.at[row] + (begin + groups * step + LEAN as f32);
             let even = (place + 2.0 * ROUND) - 2.0 * ROUND;
             self.part_round[row] = (ROUND + middle) - even;
             let whole = (even + ROUND).to_bits().wrapping_sub(ROUND.to_bits());

@@ -50,7 +50,7 @@ impl Start {
         twice: [0.0; GROUP],
     };
 
-    /// Of `count` groups whose middles are from the `first` to the `last` of these rows of pixels, for `kappa` turns a bin.
+    /// Of groups whose middles are at these rows of pixels, for `kappa` turns a bin.
     #[inline(always)]
     pub(super) fn set<L: Lanes>(
         &mut self,
@@ -59,10 +59,10 @@ impl Start {
         column: &Column,
         kappa: f64,
         offsets: &Offsets,
-        [first, last]: [f64; 2],
-        count: usize,
+        middles: &[f64],
     ) {
-        let groups = count as f64;
+        let (first, last) = (middles[0], middles[middles.len() - 1]);
+        let groups = middles.len() as f64;
         let m = (first + last) / 2.0;
         let pixels = (last - first) / (groups - 1.0).max(1.0);
         // The mean of the square about the middle: the line is that of least squares.
@@ -196,8 +196,9 @@ mod tests {
                 bend: [0.0; 3],
             };
             // Of a carrier of one turn a bin, what float32 makes of places is not of phasors.
+            let middles: [f64; TURNED] = std::array::from_fn(|row| row as f64);
             let mut start = Start::ZERO;
-            start.set(lanes, &phasors, &column, 1.0, &offsets, [0.0, 15.0], TURNED);
+            start.set(lanes, &phasors, &column, 1.0, &offsets, &middles);
             for part in (0..GROUP).step_by(Portable::COUNT) {
                 let mut pixels = Turning::new(lanes, &start, part);
                 for row in 0..TURNED {
