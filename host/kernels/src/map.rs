@@ -6,9 +6,10 @@
 //! ```
 //!
 //! by a Kaiser-Bessel kernel of `W` taps either way ([`subaperture_signal::kaiser_bessel`]), whose weights are polynomials here, good to 1e-6.
-//! Lines go by groups of 16, mostly neighbours on the ground: where their ranges lie within 32 bins, a row's values are looked up in registers, for each Doppler
-//! bin that some of them begin at; others are fetched one by one, with the same bits. Places are float64, sums float32: 6e-8 for each of `2 W` additions
-//! of the larger values. Cost: `W^2` complex multiply-adds a line.
+//! Lines go by as many as a register holds, mostly neighbours on the ground: where their ranges lie within 32 bins (or 8, which some processors look up at
+//! a fourth of the cost), and their Doppler within a few, a row's values are looked up in registers, once for all of them, each line giving it the weight
+//! that it has in its own taps, or none; others are fetched one by one, with the same bits. Places are float64, sums float32: 6e-8 for each of `2 W`
+//! additions of the larger values. Cost: `W^2` complex multiply-adds a line, and `W` more for each further Doppler bin that a register's lines begin at.
 
 use std::array;
 
@@ -23,11 +24,15 @@ use crate::taps::{below, nearest, weights};
 /// Lines read at a time: other instructions cannot be entered for a few at no cost.
 const RUN: usize = 4 * GROUP;
 
-/// Values of a row that are looked up.
+/// Values of a row that are looked up,
 const WINDOW: usize = 32;
+/// and where ranges are closer, as those of lines along the track are.
+const SHORT: usize = 8;
 
-/// Doppler bins that a group's lines begin at, at most, for rows to be looked up for each.
-const MOST_BINS: usize = 3;
+/// Doppler bins that a register's lines begin at, at most, for rows to be looked up.
+const MOST_BINS: usize = 6;
+/// Rows that are, for kernels of at most 6 taps.
+const MOST_ROWS: usize = 6 + MOST_BINS - 1;
 
 /// Range bins between lines that are not near, and may be as many.
 const FAR: f32 = 1e6;
@@ -69,7 +74,7 @@ impl<const W: usize> Map<'_, W> {
         pixels: &mut [Complex32],
         mut beyond: impl FnMut(usize) -> Complex32,
     ) {
-        const { assert!(W >= 2 && W.is_multiple_of(2) && W < WINDOW) };
+        const { assert!(W >= 2 && W.is_multiple_of(2) && W < SHORT) };
         assert_eq!(lines.len(), pixels.len());
         assert_eq!(self.kernel.taps(), W);
         assert!(
@@ -178,19 +183,11 @@ impl Places {
     }
 }
 
-/// The numbers of a group of lines, the first of which is `first`.
+/// The least and the largest of the first `count` numbers of a group, a power of two, by halves, as lanes have them.
 #[inline(always)]
-fn group<T: Copy + Default>(all: &[T; RUN], first: usize) -> [T; GROUP] {
-    let mut group = [T::default(); GROUP];
-    group.copy_from_slice(&all[first..first + GROUP]);
-    group
-}
-
-/// The least and the largest of some numbers, by halves, as lanes have them.
-#[inline(always)]
-fn ends(of: &[f32; GROUP]) -> [f32; 2] {
+fn ends(of: &[f32; GROUP], mut count: usize) -> [f32; 2] {
     let (mut least, mut most) = (*of, *of);
-    let mut count = GROUP / 2;
+    count /= 2;
     while count > 0 {
         for i in 0..count {
             let (low, high) = (least[i + count], most[i + count]);
@@ -200,6 +197,127 @@ fn ends(of: &[f32; GROUP]) -> [f32; 2] {
         count /= 2;
     }
     [least[0], most[0]]
+}
+
+/// As many lines as there are lanes, which are to be read.
+struct Few<'a, L: Lanes, const W: usize> {
+    map: &'a Map<'a, W>,
+    /// The first bins that are read, of each line.
+    bins: &'a [f32],
+    ranges: &'a [f64],
+    /// Weights of rows and of values along them.
+    across: [L::Numbers; W],
+    along: [L::Numbers; W],
+}
+
+impl<L: Lanes, const W: usize> Few<'_, L, W> {
+    /// Sums of both planes.
+    #[inline(always)]
+    fn read(&self, lanes: L) -> [L::Numbers; 2] {
+        let [mut offsets, mut bins] = [[0.0; GROUP]; 2];
+        // From the first line's range; those that are far, or not a number, are not near in any case.
+        for (offset, range) in offsets.iter_mut().zip(&self.ranges[..L::COUNT]) {
+            *offset = ((range - self.ranges[0]) as f32).clamp(-FAR, FAR);
+        }
+        bins[..L::COUNT].copy_from_slice(&self.bins[..L::COUNT]);
+        let [least, most] = ends(&offsets, L::COUNT);
+        let [lowest, highest] = ends(&bins, L::COUNT).map(|bin| bin as usize);
+        // What is not a number is not less.
+        let within = |window: usize| most - least <= (window - W) as f32;
+        if !(L::LOOKS_UP && within(WINDOW) && highest - lowest < MOST_BINS) {
+            return self.fetch(lanes);
+        }
+        let base = self.map.wrapped(self.ranges[0] + f64::from(least));
+        // Whole numbers, counted by the lowest bits.
+        let from_base = lanes.sub(lanes.load(&offsets), lanes.splat(least));
+        let from_base = lanes.add(from_base, lanes.splat(ROUND));
+        let places = array::from_fn(|b| lanes.add(from_base, lanes.splat(b as f32)));
+        let rows = highest - lowest + W;
+        let mut weights = [lanes.splat(0.0); MOST_ROWS];
+        for bin in lowest..=highest {
+            let mut own = [0.0f32; GROUP];
+            for (own, &at) in own.iter_mut().zip(&bins[..L::COUNT]) {
+                *own = if at == bin as f32 { 1.0 } else { 0.0 };
+            }
+            let own = lanes.load(&own);
+            // A line has one bin: what is added to is 0, or what is added.
+            for (weight, &across) in weights[bin - lowest..].iter_mut().zip(&self.across) {
+                *weight = lanes.mul_add(across, own, *weight);
+            }
+        }
+        let weights = &weights[..rows.min(MOST_ROWS)];
+        if L::LIKES_SHORT && within(SHORT) {
+            self.look_up(lanes, lowest, weights, |plane| {
+                let values = plane[base..base + SHORT].first_chunk();
+                let values = lanes.short(values.unwrap_or(&[0.0; SHORT]));
+                self.along_row(lanes, &places, |at| lanes.of_short(values, at))
+            })
+        } else {
+            self.look_up(lanes, lowest, weights, |plane| {
+                let values = plane[base..base + WINDOW].first_chunk();
+                let values = lanes.wide(values.unwrap_or(&[0.0; WINDOW]));
+                self.along_row(lanes, &places, |at| lanes.of_wide(values, at))
+            })
+        }
+    }
+
+    /// By rows from `lowest` on, which count by `weights`.
+    #[inline(always)]
+    fn look_up(
+        &self,
+        lanes: L,
+        lowest: usize,
+        weights: &[L::Numbers],
+        of_row: impl Fn(&[f32]) -> L::Numbers,
+    ) -> [L::Numbers; 2] {
+        let mut sums = [lanes.splat(0.0); 2];
+        for (row, &weight) in weights.iter().enumerate() {
+            for (plane, total) in self.map.row(lowest + row).into_iter().zip(&mut sums) {
+                *total = lanes.mul_add(weight, of_row(plane), *total);
+            }
+        }
+        sums
+    }
+
+    /// What a row has about each line's range.
+    #[inline(always)]
+    fn along_row(
+        &self,
+        lanes: L,
+        places: &[L::Numbers; W],
+        value: impl Fn(L::Numbers) -> L::Numbers,
+    ) -> L::Numbers {
+        let mut sum = lanes.splat(0.0);
+        for (&place, &along) in places.iter().zip(&self.along) {
+            sum = lanes.mul_add(value(place), along, sum);
+        }
+        sum
+    }
+
+    /// Line by line.
+    #[inline(always)]
+    fn fetch(&self, lanes: L) -> [L::Numbers; 2] {
+        let mut starts = [0; GROUP];
+        for (start, &range) in starts.iter_mut().zip(&self.ranges[..L::COUNT]) {
+            *start = self.map.wrapped(range);
+        }
+        let mut sums = [lanes.splat(0.0); 2];
+        for (a, &across) in self.across.iter().enumerate() {
+            for (plane, total) in sums.iter_mut().enumerate() {
+                let mut sum = lanes.splat(0.0);
+                for (b, &along) in self.along.iter().enumerate() {
+                    let mut value = [0.0f32; GROUP];
+                    for (i, value) in value[..L::COUNT].iter_mut().enumerate() {
+                        let row = self.map.row(self.bins[i] as usize + a);
+                        *value = row[plane][starts[i] + b];
+                    }
+                    sum = lanes.mul_add(lanes.load(&value), along, sum);
+                }
+                *total = lanes.mul_add(across, sum, *total);
+            }
+        }
+        sums
+    }
 }
 
 impl<const W: usize> Kernel for At<'_, W> {
@@ -214,77 +332,20 @@ impl<const W: usize> Kernel for At<'_, W> {
         };
         let places = Places::new(map, lines, &mut read.missed);
         let phasor = Polynomials::new(lanes);
-        for first in (0..lines.len()).step_by(GROUP) {
-            let (bins, ranges) = (group(&places.bins, first), group(&places.ranges, first));
-            // From the first line's range; those that are far, or not a number, are not near in any case.
-            let offsets: [f32; GROUP] =
-                array::from_fn(|i| ((ranges[i] - ranges[0]) as f32).clamp(-FAR, FAR));
-            let [least, most] = ends(&offsets);
-            let [lowest, highest] = ends(&bins).map(|bin| bin as usize);
-            let near = most - least <= (WINDOW - W) as f32;
-            let looked_up = near && highest - lowest < MOST_BINS;
-            let base = map.wrapped(ranges[0] + f64::from(least));
-            let mut starts = [0; GROUP];
-            if !looked_up {
-                for (start, &range) in starts.iter_mut().zip(&ranges) {
-                    *start = map.wrapped(range);
-                }
-            }
-            let least = lanes.splat(least);
-            for part in (0..GROUP).step_by(L::COUNT) {
-                let at = first + part;
-                let across: [_; W] = weights(lanes, map.kernel, lanes.load(&places.across[at..]));
-                let along: [_; W] = weights(lanes, map.kernel, lanes.load(&places.along[at..]));
-                let mut sums = [lanes.splat(0.0); 2];
-                if looked_up {
-                    let from_base = lanes.sub(lanes.load(&offsets[part..]), least);
-                    let from_base = lanes.add(from_base, lanes.splat(ROUND));
-                    for bin in lowest..=highest {
-                        let mut own = [0.0f32; GROUP];
-                        for (own, &at) in own.iter_mut().zip(&bins[part..part + L::COUNT]) {
-                            *own = if at == bin as f32 { 1.0 } else { 0.0 };
-                        }
-                        let own = lanes.load(&own);
-                        for (a, &across) in across.iter().enumerate() {
-                            let weight = lanes.mul(across, own);
-                            let planes = map.row(bin + a);
-                            for (plane, total) in planes.into_iter().zip(&mut sums) {
-                                let values = &plane[base..base + WINDOW];
-                                let values =
-                                    lanes.wide(values.first_chunk().unwrap_or(&[0.0; WINDOW]));
-                                let mut sum = lanes.splat(0.0);
-                                for (b, &along) in along.iter().enumerate() {
-                                    let place = lanes.add(from_base, lanes.splat(b as f32));
-                                    let value = lanes.of_wide(values, place);
-                                    sum = lanes.mul_add(value, along, sum);
-                                }
-                                *total = lanes.mul_add(weight, sum, *total);
-                            }
-                        }
-                    }
-                } else {
-                    for (a, &across) in across.iter().enumerate() {
-                        for (plane, total) in sums.iter_mut().enumerate() {
-                            let mut sum = lanes.splat(0.0);
-                            for (b, &along) in along.iter().enumerate() {
-                                let mut value = [0.0f32; GROUP];
-                                for (i, value) in value[..L::COUNT].iter_mut().enumerate() {
-                                    let row = map.row(bins[part + i] as usize + a);
-                                    *value = row[plane][starts[part + i] + b];
-                                }
-                                sum = lanes.mul_add(lanes.load(&value), along, sum);
-                            }
-                            *total = lanes.mul_add(across, sum, *total);
-                        }
-                    }
-                }
-                let [cos, sin] = phasor.at(lanes, lanes.load(&places.turns[at..]));
-                let [re, im] = sums;
-                let real = lanes.neg_mul_add(im, sin, lanes.mul(re, cos));
-                let imaginary = lanes.mul_add(im, cos, lanes.mul(re, sin));
-                lanes.store(real, &mut read.values[0][at..]);
-                lanes.store(imaginary, &mut read.values[1][at..]);
-            }
+        for at in (0..lines.len()).step_by(L::COUNT) {
+            let few = Few {
+                map,
+                bins: &places.bins[at..],
+                ranges: &places.ranges[at..],
+                across: weights(lanes, map.kernel, lanes.load(&places.across[at..])),
+                along: weights(lanes, map.kernel, lanes.load(&places.along[at..])),
+            };
+            let [re, im] = few.read(lanes);
+            let [cos, sin] = phasor.at(lanes, lanes.load(&places.turns[at..]));
+            let real = lanes.neg_mul_add(im, sin, lanes.mul(re, cos));
+            let imaginary = lanes.mul_add(im, cos, lanes.mul(re, sin));
+            lanes.store(real, &mut read.values[0][at..]);
+            lanes.store(imaginary, &mut read.values[1][at..]);
         }
         read
     }
