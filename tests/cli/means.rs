@@ -21,7 +21,7 @@ fn means_are_in_plans_and_records() {
     let told = ran("plan calibrate -o here.json --name bench");
     assert!(told.succeeded().contains("--model here.json"), "{told:?}");
     let model = record(&at("here.json"));
-    assert_eq!(model["schema"], "subaperture-time-model-2");
+    assert_eq!(model["schema"], "subaperture-time-model-3");
     assert_eq!(model["name"], "bench");
     // It is ours, and may be measured again.
     ran("plan calibrate -o here.json --name bench").succeeded();

@@ -125,7 +125,7 @@ fn a_dark_grid_is_told_from_a_bright_one() {
         &rdbp(Mode::Precise, None),
         &FastFactorised { error_db: -60.0 },
     ];
-    let (dark, bright) = ("x=-20:-10:0.37,y=11:20:0.31", "x=55:65:0.37,y=-55:-45:0.31");
+    let (dark, bright) = ("x=-60:-50:0.37,y=40:49:0.31", "x=55:65:0.37,y=-55:-45:0.31");
     for former in formers {
         let bright = form(former, &history, bright, Misses::Refused).unwrap();
         assert!(!bright.bound_missed);
@@ -140,6 +140,8 @@ fn a_dark_grid_is_told_from_a_bright_one() {
         // Neither hidden nor exaggerated.
         assert!(measured <= predicted + 3.0 && measured >= predicted - 14.0);
         assert_eq!(formed.bound_missed, predicted > -60.0);
+        // Histories of patches err most, and more than asked, where side lobes cancel.
+        assert!(formed.bound_missed || former.name() != "ffbp");
         let strict = form(former, &history, dark, Misses::Refused);
         match strict {
             Ok(_) => assert!(!formed.bound_missed),

@@ -223,18 +223,18 @@ fn bounds_are_kept_as_asked() {
 fn a_dark_grid_is_told() {
     let mut experiment = pass();
     // Beside the grid a scatterer of 1, in it one of a millionth.
-    experiment.scene.points = vec![point(-13.0, 12.0, 1.0), point(9.0, -9.0, 1e-6)];
+    experiment.scene.points = vec![point(-13.0, 12.0, 1.0), point(6.0, -10.0, 1e-6)];
     let recording = experiment.record(PAIR).unwrap();
     let pulses = Pulses::of(&recording);
-    let grid: ImageGrid = "x=6:12:0.31,y=-12:-6:0.33,z=0".parse().unwrap();
-    let settings = unweighted().error_db(-40.0);
+    let grid: ImageGrid = "x=5.5:7:0.11,y=-11:-9.5:0.13,z=0".parse().unwrap();
+    // A bound that the plan meets with little to spare.
+    let settings = unweighted().error_db(-50.0);
     let mut live = Live::new(&grid, pulses.width, &settings).unwrap();
     (0..PULSES).for_each(|n| pulses.push(&mut live, n));
     let exact = widened(&formed(&Exact, &recording, [0, PULSES], &grid));
     let (measured_db, accuracy) = (error_db(&live.image(), &exact), live.accuracy());
     println!("dark grid: {measured_db:.1} dB, {accuracy:?}");
-    // That it is dark is seen: more is said than was planned for.
-    assert!(accuracy.predicted_db() > accuracy.planned_db + 3.0);
+    assert!(measured_db > accuracy.planned_db, "nothing to be told");
     assert!(measured_db < accuracy.predicted_db() + 1.0);
     assert!(measured_db > accuracy.predicted_db() - 12.0);
     assert_eq!(accuracy.num_sampled, 64);

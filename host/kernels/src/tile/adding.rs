@@ -6,11 +6,11 @@ use super::expansion::Expansion;
 use super::groups::{Groups, Offsets, Sums};
 use super::pieces::Pieces;
 use super::pulse::TilePulse;
-use super::rows::{At, Run};
+use super::rows::Run;
 use super::shape::{QUARTER_REACH, SHORT_REACH, Window};
-use super::turning::{TURNED, Turning};
+use super::turning::{Path, TURNED, Turning};
 use crate::lanes::{GROUP, Kernel, Lanes};
-use crate::phasor::Polynomials;
+use crate::phasor::{Polynomials, ROUND_F64};
 
 /// What is compiled for each instruction set.
 pub(super) struct Add<'a> {
@@ -100,17 +100,17 @@ impl Add<'_> {
                 // The turn in which the tile's middle lies, and where in it.
                 let turns = layout.turn(expansion.at);
                 let first = turns * length + layout.shift() + layout.first();
-                let column = expansion.column(i, ROW.then_some(offsets.line));
                 let kappa = pulse.cycles_a_bin;
-                let at = At {
+                let turns = kappa * expansion.at;
+                let path = Path {
+                    column: expansion.column(i, ROW.then_some(offsets.line)),
                     place: expansion.at - first,
-                    turns: kappa * expansion.at,
+                    turns: turns - ((turns + ROUND_F64) - ROUND_F64),
                     kappa,
                 };
                 let middle = R::MIDDLE;
                 for run in &mut *runs {
-                    run.of_column(lanes, &phasors, &column, at, f64::from(middle), R::SHORT);
-                    run.set_out(lanes, &phasors, &column, kappa, &offsets);
+                    run.of_column(lanes, &phasors, &path, &offsets, middle, R::SHORT);
                 }
                 for part in (0..GROUP).step_by(L::COUNT) {
                     let group = Group::<L, R, PLANES> {
@@ -268,6 +268,13 @@ trait Reading {
     fn look_up<L: Lanes>(lanes: L, values: Self::Values<'_, L>, pattern: L::Numbers) -> L::Numbers;
 }
 
+/// The pieces of a window.
+#[inline(always)]
+fn pieces<const N: usize>(plane: &[f32], base: u32) -> &[f32; N] {
+    let base = base as usize;
+    plane[base..base + N].try_into().expect("N pieces")
+}
+
 struct Quarter;
 struct Short;
 struct Narrow;
@@ -281,8 +288,7 @@ impl Reading for Quarter {
 
     #[inline(always)]
     fn window<L: Lanes>(lanes: L, plane: &[f32], base: u32) -> L::Quarter {
-        let base = base as usize;
-        lanes.quarter(plane[base..base + 4].try_into().expect("4 pieces"))
+        lanes.quarter(pieces(plane, base))
     }
 
     #[inline(always)]
@@ -298,8 +304,7 @@ impl Reading for Short {
 
     #[inline(always)]
     fn window<L: Lanes>(lanes: L, plane: &[f32], base: u32) -> L::Short {
-        let base = base as usize;
-        lanes.short(plane[base..base + 8].try_into().expect("8 pieces"))
+        lanes.short(pieces(plane, base))
     }
 
     #[inline(always)]
@@ -314,8 +319,7 @@ impl Reading for Narrow {
 
     #[inline(always)]
     fn window<L: Lanes>(lanes: L, plane: &[f32], base: u32) -> L::Narrow {
-        let base = base as usize;
-        lanes.narrow(plane[base..base + 16].try_into().expect("16 pieces"))
+        lanes.narrow(pieces(plane, base))
     }
 
     #[inline(always)]
@@ -330,8 +334,7 @@ impl Reading for Wide {
 
     #[inline(always)]
     fn window<L: Lanes>(lanes: L, plane: &[f32], base: u32) -> L::Wide {
-        let base = base as usize;
-        lanes.wide(plane[base..base + 32].try_into().expect("32 pieces"))
+        lanes.wide(pieces(plane, base))
     }
 
     #[inline(always)]

@@ -1,8 +1,7 @@
 //! The groups of a column, in runs: what their pixels' places and the carrier there follow from.
 
-use super::expansion::Column;
 use super::groups::{Groups, Offsets};
-use super::turning::{Start, TURNED};
+use super::turning::{Path, Start, TURNED};
 use crate::lanes::Lanes;
 use crate::phasor::{Polynomials, ROUND, ROUND_F64};
 
@@ -33,17 +32,6 @@ pub(super) struct Run {
     pub(super) part_base: [u32; TURNED],
     /// Its groups.
     count: usize,
-}
-
-/// What a column's runs are made for.
-#[derive(Clone, Copy)]
-pub(super) struct At {
-    /// Of the tile's middle, among the pieces.
-    pub(super) place: f64,
-    /// Turns of the carrier there.
-    pub(super) turns: f64,
-    /// And a bin.
-    pub(super) kappa: f64,
 }
 
 /// The runs of a column, where `shared` groups share a window.
@@ -82,18 +70,15 @@ impl Run {
         &mut self,
         lanes: L,
         phasors: &Polynomials<L>,
-        column: &Column,
-        at: At,
-        middle: f64,
+        path: &Path,
+        offsets: &Offsets,
+        middle: u32,
         alone: bool,
     ) {
-        let [a0, a1, a2, a3] = column.place;
-        let At {
-            place,
-            turns,
-            kappa,
-        } = at;
-        let turns = turns - ((turns + ROUND_F64) - ROUND_F64);
+        self.start
+            .set(lanes, phasors, path, offsets, &self.middle[..self.count]);
+        let [a0, a1, a2, a3] = path.column.place;
+        let (place, middle) = (path.place, f64::from(middle));
         let zero = f64::from(ROUND) + middle;
         // By themselves first: so loops are known to touch nothing twice.
         let (middles, shared) = (self.middle, self.shared_middle);
@@ -102,7 +87,7 @@ impl Run {
         for row in 0..TURNED {
             let j = middles[row];
             let a = a3.mul_add(j, a2).mul_add(j, a1).mul_add(j, a0);
-            let turned = kappa.mul_add(a, turns);
+            let turned = path.kappa.mul_add(a, path.turns);
             cycles[row] = (turned - ((turned + ROUND_F64) - ROUND_F64)) as f32;
             let own = (a + place + 2.0 * ROUND_F64) - 2.0 * ROUND_F64;
             ats[row] = (a + place - own) as f32;
@@ -125,21 +110,6 @@ impl Run {
         }
     }
 
-    /// Where its pixels set out from.
-    #[inline(always)]
-    pub(super) fn set_out<L: Lanes>(
-        &mut self,
-        lanes: L,
-        phasors: &Polynomials<L>,
-        column: &Column,
-        kappa: f64,
-        offsets: &Offsets,
-    ) {
-        let middles = &self.middle[..self.count];
-        self.start
-            .set(lanes, phasors, column, kappa, offsets, middles);
-    }
-
     /// Of the lanes from the `first` to the `last`: pieces about the place of their middle, of which `middle` are before it.
     #[inline(always)]
     pub(super) fn of_part(&mut self, first: usize, last: usize, middle: f32) {
@@ -155,12 +125,6 @@ impl Run {
 }
 
 /// Groups of a run, counted.
-const ROWS: [f32; TURNED] = {
-    let mut rows = [0.0; TURNED];
-    let mut row = 1;
-    while row < TURNED {
-        rows[row] = rows[row - 1] + 1.0;
-        row += 1;
-    }
-    rows
-};
+const ROWS: [f32; TURNED] = [
+    0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
+];

@@ -25,6 +25,18 @@ use crate::phasor::{Polynomials, reduced};
 /// Groups along which places and carriers are found from those before: roundings add up to [`PHASOR_RMS`](super::PHASOR_RMS).
 pub(super) const TURNED: usize = 16;
 
+/// A pulse's paths along a column of groups.
+#[derive(Clone, Copy)]
+pub(super) struct Path {
+    pub(super) column: Column,
+    /// Place of the tile's centre among the pieces.
+    pub(super) place: f64,
+    /// Turns of the carrier there, less whole ones,
+    pub(super) turns: f64,
+    /// and a bin.
+    pub(super) kappa: f64,
+}
+
 /// Where a run of groups begins: what its pixels' places follow from, bins, and the carrier there.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
@@ -50,14 +62,13 @@ impl Start {
         twice: [0.0; GROUP],
     };
 
-    /// Of groups whose middles are at these rows of pixels, for `kappa` turns a bin.
+    /// Of groups whose middles are at these rows of pixels.
     #[inline(always)]
     pub(super) fn set<L: Lanes>(
         &mut self,
         lanes: L,
         phasors: &Polynomials<L>,
-        column: &Column,
-        kappa: f64,
+        Path { column, kappa, .. }: &Path,
         offsets: &Offsets,
         middles: &[f64],
     ) {
@@ -77,7 +88,7 @@ impl Start {
         let [along, along_step, across, across_step] =
             [along, along_step, across, across_step].map(|x| lanes.splat(x as f32));
         let [c20, c11, c02] = column.bend.map(|x| lanes.splat(x as f32));
-        let kappa = lanes.splat(kappa as f32);
+        let kappa = lanes.splat(*kappa as f32);
         for part in (0..GROUP).step_by(L::COUNT) {
             let x = lanes.load(&offsets.along[part..]);
             let y = lanes.load(&offsets.across[part..]);
@@ -197,8 +208,14 @@ mod tests {
             };
             // Of a carrier of one turn a bin, what float32 makes of places is not of phasors.
             let middles: [f64; TURNED] = std::array::from_fn(|row| row as f64);
+            let path = Path {
+                column,
+                place: 0.0,
+                turns: 0.0,
+                kappa: 1.0,
+            };
             let mut start = Start::ZERO;
-            start.set(lanes, &phasors, &column, 1.0, &offsets, &middles);
+            start.set(lanes, &phasors, &path, &offsets, &middles);
             for part in (0..GROUP).step_by(Portable::COUNT) {
                 let mut pixels = Turning::new(lanes, &start, part);
                 for row in 0..TURNED {

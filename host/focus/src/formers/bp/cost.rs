@@ -1,7 +1,7 @@
 //! What backprojection takes, with profiles of `L` bins read as splines of degree `d`.
 //!
 //! ```text
-//! a pixel and pulse: place 2, bin 3, spline 4 d, phasor 10, sum 8                                     23 + 4 d
+//! a pixel and pulse: place 2, bin 3, spline 4 d, carrier 10, sum 8                                    23 + 4 d
 //! by its own path:   path 11 and 14 of reducing it                                                    54 + 4 d
 //! with motion from sample to sample: path and rate 34, place 7, four values read 18, phasor 21, sum 8      88
 //! a profile: a transform of L, and of each piece 2 (d + 1)^2 operations of taps and 2 (d + 1) of its weight

@@ -4,7 +4,7 @@
 //! a patch's history, of N pulses and K samples before and N', K' after, with W taps:
 //!     a sample before: turned 18
 //!     if halved over pulses: (4 W + 2) N' K;   over samples: (4 W + 2) N' K'
-//! a leaf: a pulse a transform of its profile of L bins, of each piece 88, and as in backprojection 42 a pixel
+//! a leaf: a pulse a transform of its profile of L bins, of each piece 72, and as in backprojection 35 a pixel
 //! ```
 //!
 //! First patches read all pulses once each. A tile takes what its first patches take: nothing is shared.
@@ -30,9 +30,9 @@ use subaperture_signal::range_profile::RangeProfiler;
 /// Operations to turn a sample.
 const TURN: f64 = 18.0;
 /// Operations a piece of a profile.
-const PIECE: f64 = 88.0;
+const PIECE: f64 = 72.0;
 /// Operations a pixel and pulse of a leaf.
-const PIXEL_AND_PULSE: f64 = 42.0;
+const PIXEL_AND_PULSE: f64 = 35.0;
 
 /// A history made.
 struct Step {

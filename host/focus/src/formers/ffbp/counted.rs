@@ -21,12 +21,12 @@ pub(super) fn refined(taps: usize, before: usize, [over_pulses, over_samples]: [
     OPERATIONS.fetch_add((turned + sums) as u64, Ordering::Relaxed);
 }
 
-/// Profiles of `length` bins of each pulse, so many pieces of them, and pixels summed over them: place 4, bin 3, spline 12, phasor 15, sum 8.
+/// Profiles of `length` bins of each pulse, so many pieces of them, and pixels summed over them: place 2, bin 3, spline 12, carrier 10, sum 8.
 pub(super) fn imaged(pulses: usize, length: usize, pieces: usize, pixels: usize) {
     let transform = 5.0 * length as f64 * (length as f64).log2();
-    // Of each degree 4 taps of two parts, and a product with the carrier.
-    let of_pieces = pieces as f64 * 4.0 * (16.0 + 6.0);
-    let operations = pulses as f64 * (transform + of_pieces + 42.0 * pixels as f64);
+    // Of each degree 4 taps of two parts, and a product with the weight.
+    let of_pieces = pieces as f64 * 4.0 * (16.0 + 2.0);
+    let operations = pulses as f64 * (transform + of_pieces + 35.0 * pixels as f64);
     OPERATIONS.fetch_add(operations as u64, Ordering::Relaxed);
 }
 
