@@ -91,7 +91,7 @@ fn models_that_are_none_are_refused() {
         &["point_ns of the time model 'measured' is no time"],
     );
     refused("here", &["wrong.json", "no time model"]);
-    refused(&text.replace("model-2", "model-1"), &["measure it again"]);
+    refused(&text.replace("model-3", "model-1"), &["measure it again"]);
     ran("focus t.cphd --model nowhere.json -o x").failed(1, &["nowhere.json"]);
     // What is not ours is not replaced.
     fs::write(folder.path().join("mine.json"), "{}").unwrap();

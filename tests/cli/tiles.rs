@@ -365,7 +365,7 @@ fn a_dark_image_in_tiles_is_planned_for_less() {
     fs::write(folder.join("scene.toml"), BRIGHT).unwrap();
     run(folder, "simulate scene.toml -o a.cphd").succeeded();
     let line =
-        "focus a.cphd -a bp --error-db -45 --grid x=10:58:0.3,y=-58:-10:0.3 --window taylor:25";
+        "focus a.cphd -a ffbp --error-db -45 --grid x=10:58:0.3,y=-58:-10:0.3 --window taylor:25";
     run(folder, &format!("{line} -o once")).succeeded();
     let begun = Instant::now();
     run(folder, &format!("{line} --tiled -o whole --check 40")).succeeded();

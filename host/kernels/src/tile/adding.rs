@@ -7,8 +7,8 @@ use super::groups::{Groups, Offsets, Sums};
 use super::pieces::Pieces;
 use super::pulse::TilePulse;
 use super::rows::Run;
-use super::shape::{QUARTER_REACH, SHORT_REACH, Window};
-use super::turning::{Path, TURNED, Turning};
+use super::shape::{QUARTER_REACH, SHORT_REACH, TURNED, Window};
+use super::turning::{Path, Turning};
 use crate::lanes::{GROUP, Kernel, Lanes};
 use crate::phasor::{Polynomials, ROUND_F64};
 

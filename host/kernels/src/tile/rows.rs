@@ -1,7 +1,8 @@
 //! The groups of a column, in runs: what their pixels' places and the carrier there follow from.
 
 use super::groups::{Groups, Offsets};
-use super::turning::{Path, Start, TURNED};
+use super::shape::TURNED;
+use super::turning::{Path, Start};
 use crate::lanes::Lanes;
 use crate::phasor::{Polynomials, ROUND, ROUND_F64};
 

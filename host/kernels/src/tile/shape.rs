@@ -5,7 +5,6 @@
 //! how fast their paths change over the tile.
 
 use super::expansion::Expansion;
-use super::turning::TURNED;
 use crate::lanes::GROUP;
 
 /// A group's pixels: so many along one axis of the tile, and as many rows of them as make 16.
@@ -16,6 +15,10 @@ pub(super) struct Shape {
     /// Whether that axis is the tile's columns' (pixels of a column), not its rows'.
     pub(super) transposed: bool,
 }
+
+/// Groups along which places and carriers are found from those before (`turning`): roundings add up to
+/// [`PHASOR_RMS`](super::PHASOR_RMS).
+pub(super) const TURNED: usize = 16;
 
 /// Groups that share a window, at most: more would save nothing.
 const MOST_RUN: usize = 16;

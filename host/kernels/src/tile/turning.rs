@@ -19,11 +19,9 @@
 
 use super::expansion::Column;
 use super::groups::Offsets;
+use super::shape::TURNED;
 use crate::lanes::{GROUP, Lanes};
 use crate::phasor::{Polynomials, reduced};
-
-/// Groups along which places and carriers are found from those before: roundings add up to [`PHASOR_RMS`](super::PHASOR_RMS).
-pub(super) const TURNED: usize = 16;
 
 /// A pulse's paths along a column of groups.
 #[derive(Clone, Copy)]
