@@ -6,7 +6,7 @@
 //! t(i + x, j + y) = t(i, j) + v_j(x, y),    exp(j 2 pi kappa t(i + x, j + y)) = exp(j 2 pi kappa t(i, j)) z_j(x, y)
 //! ```
 //!
-//! What is of the middle is made in float64, once a group. The rest changes slowly from group to group: over a run of [`TURNED`] of them
+//! What is of the middle is made in float64, once a group. The rest changes slowly from group to group: over a run of [`TURNED`](super::shape::TURNED) of them
 //! `v` is taken as a straight line in `j`, so that it takes an addition, and the carrier as its phasors, `2 pi kappa d` apart,
 //!
 //! ```text
@@ -19,7 +19,6 @@
 
 use super::expansion::Column;
 use super::groups::Offsets;
-use super::shape::TURNED;
 use crate::lanes::{GROUP, Lanes};
 use crate::phasor::{Polynomials, reduced};
 
@@ -182,7 +181,7 @@ mod tests {
     use super::*;
     use crate::lanes::Portable;
     use crate::phasor::PHASOR_RMS;
-    use crate::tile::shape::Shape;
+    use crate::tile::shape::{Shape, TURNED};
     use crate::trial::Numbers;
 
     /// From steps of nothing to half a turn, against float64 on what the pixels' own numbers say.
