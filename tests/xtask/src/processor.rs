@@ -11,7 +11,7 @@ pub enum Of {
     Children,
 }
 
-/// What they took of the processors so far, seconds, to a hundredth; `None` where the system does not say.
+/// What they took of the processors so far, seconds, less than two hundredths too little; `None` where the system does not say.
 pub fn seconds(of: Of) -> Option<f64> {
     let whose = match of {
         Of::Thread => "thread-self",
@@ -19,7 +19,7 @@ pub fn seconds(of: Of) -> Option<f64> {
     };
     let stat = std::fs::read_to_string(format!("/proc/{whose}/stat")).ok()?;
     // proc(5): in hundredths of a second, user's and system's, fields 14 and 15 of this process, then those of children. The second field is a name
-    // in brackets.
+    // in brackets. Both are rounded down.
     let (_, fields) = stat.rsplit_once(") ")?;
     let skipped = match of {
         Of::Own | Of::Thread => 11,
@@ -50,7 +50,8 @@ mod tests {
         while seconds(Of::Thread).unwrap() < before + 0.03 {
             sum = std::hint::black_box(sum + 1);
         }
-        assert!(seconds(Of::Thread).unwrap() <= seconds(Of::Own).unwrap());
+        // Which hundredths are user's and which the system's is told apart for a thread and for the whole: one of them may be rounded away for the whole alone.
+        assert!(seconds(Of::Thread).unwrap() <= seconds(Of::Own).unwrap() + 0.015);
         // No other test of this program starts anything that ends.
         assert_eq!(seconds(Of::Children), Some(children));
     }
