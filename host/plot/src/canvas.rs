@@ -3,6 +3,7 @@
 use ab_glyph::{Font, FontRef, GlyphId, PxScale, ScaleFont, point};
 
 use super::PlotError;
+use super::colours::RED;
 use subaperture_model::PROGRAM;
 
 /// A colour: red, green, blue.
@@ -30,10 +31,12 @@ pub(super) enum Anchor {
     Right,
 }
 
-/// A white page of RGB pixels, row 0 on top.
+/// A white page, row 0 on top.
 pub(super) struct Canvas {
     width: usize,
     height: usize,
+    /// Numbers a pixel: 1, its grey, until there is a colour, and then 3, red, green and blue.
+    channels: usize,
     pixels: Vec<u8>,
 }
 
@@ -42,16 +45,27 @@ impl Canvas {
         Self {
             width,
             height,
-            pixels: vec![255; width * height * 3],
+            channels: 1,
+            pixels: vec![255; width * height],
+        }
+    }
+
+    /// Makes room for a colour.
+    fn admit(&mut self, colours: &[Rgb]) {
+        if self.channels == 1 && !colours.iter().all(is_grey) {
+            let levels = self.pixels.iter();
+            self.pixels = levels.flat_map(|&level| [level; 3]).collect();
+            self.channels = 3;
         }
     }
 
     /// Mixes `colour` into a pixel; outside the page nothing happens.
     pub(super) fn mix(&mut self, x: i64, y: i64, colour: Rgb, part: f32) {
+        self.admit(&[colour]);
         let inside = |v: i64, size: usize| usize::try_from(v).ok().filter(|&v| v < size);
         if let (Some(x), Some(y)) = (inside(x, self.width), inside(y, self.height)) {
-            let at = (y * self.width + x) * 3;
-            for (old, new) in self.pixels[at..at + 3].iter_mut().zip(colour) {
+            let at = (y * self.width + x) * self.channels;
+            for (old, new) in self.pixels[at..at + self.channels].iter_mut().zip(colour) {
                 let (a, b) = (f32::from(*old), f32::from(new));
                 *old = (a + (b - a) * part.clamp(0.0, 1.0)).round() as u8;
             }
@@ -60,22 +74,31 @@ impl Canvas {
 
     /// Fills a rectangle.
     pub(super) fn fill(&mut self, x: usize, y: usize, width: usize, height: usize, colour: Rgb) {
+        self.admit(&[colour]);
         for row in y..(y + height).min(self.height) {
             for column in x..(x + width).min(self.width) {
-                let at = (row * self.width + column) * 3;
-                self.pixels[at..at + 3].copy_from_slice(&colour);
+                let at = (row * self.width + column) * self.channels;
+                self.pixels[at..at + self.channels].copy_from_slice(&colour[..self.channels]);
             }
         }
     }
 
-    /// Puts a row of colours, three numbers each, from a pixel of the page on.
+    /// Puts a row of colours from a pixel of the page on.
     ///
     /// # Panics
     /// If it reaches beyond the page.
-    pub(super) fn put(&mut self, x: usize, y: usize, colours: &[u8]) {
-        assert!(x + colours.len() / 3 <= self.width);
-        let at = (y * self.width + x) * 3;
-        self.pixels[at..at + colours.len()].copy_from_slice(colours);
+    pub(super) fn put(&mut self, x: usize, y: usize, colours: &[Rgb]) {
+        assert!(x + colours.len() <= self.width);
+        self.admit(colours);
+        let at = (y * self.width + x) * self.channels;
+        let row = &mut self.pixels[at..at + self.channels * colours.len()];
+        match self.channels {
+            1 => row
+                .iter_mut()
+                .zip(colours)
+                .for_each(|(level, colour)| *level = colour[0]),
+            _ => row.copy_from_slice(colours.as_flattened()),
+        }
     }
 
     /// A line one pixel wide around, and outside of, a rectangle.
@@ -132,8 +155,12 @@ impl Canvas {
     }
 
     /// This page, and another as wide below it.
-    pub(super) fn above(mut self, below: Self) -> Self {
+    pub(super) fn above(mut self, mut below: Self) -> Self {
         debug_assert_eq!(self.width, below.width);
+        if self.channels != below.channels {
+            self.admit(&[RED]);
+            below.admit(&[RED]);
+        }
         self.height += below.height;
         self.pixels.extend(below.pixels);
         self
@@ -141,9 +168,13 @@ impl Canvas {
 
     /// The page as a PNG file: in grey where it has no other colour, which takes a third of the time.
     pub(super) fn into_png(self, packing: Packing) -> Result<Vec<u8>, PlotError> {
-        let (pixels, colours) = match grey(&self.pixels) {
-            Some(levels) => (levels, png::ColorType::Grayscale),
-            None => (self.pixels, png::ColorType::Rgb),
+        let (pixels, colours) = match self.channels {
+            1 => (self.pixels, png::ColorType::Grayscale),
+            // Colours may have been drawn over.
+            _ => match grey(&self.pixels) {
+                Some(levels) => (levels, png::ColorType::Grayscale),
+                None => (self.pixels, png::ColorType::Rgb),
+            },
         };
         let mut out = Vec::new();
         let mut encoder = png::Encoder::new(&mut out, self.width as u32, self.height as u32);
@@ -163,10 +194,13 @@ impl Canvas {
     }
 }
 
+fn is_grey(&[red, green, blue]: &Rgb) -> bool {
+    red == green && green == blue
+}
+
 /// A level for each pixel, if all are grey.
 fn grey(pixels: &[u8]) -> Option<Vec<u8>> {
     let (colours, _) = pixels.as_chunks::<3>();
-    let is_grey = |&[red, green, blue]: &[u8; 3]| red == green && green == blue;
     let all = colours.iter().all(is_grey);
     all.then(|| colours.iter().map(|&[red, ..]| red).collect())
 }

@@ -49,19 +49,36 @@ impl Colours {
             .collect()
     }
 
-    /// The colour at `level`, 0 to 1; clamped outside.
-    pub(super) fn at(self, level: f64) -> [u8; 3] {
-        let stops: &[[u8; 3]] = match self {
+    fn stops(self) -> &'static [[u8; 3]] {
+        match self {
             Self::Grey => &[[0; 3], [255; 3]],
             Self::Viridis => &VIRIDIS,
-        };
-        let position = level.clamp(0.0, 1.0) * (stops.len() - 1) as f64;
-        let below = (position as usize).min(stops.len() - 2);
-        let part = position - below as f64;
+        }
+    }
+
+    /// The stop below `level`, clamped to 0 to 1, and how far it is to the next.
+    fn between(self, level: f64) -> (usize, f64) {
+        let last = self.stops().len() - 1;
+        let position = level.clamp(0.0, 1.0) * last as f64;
+        let below = (position as usize).min(last - 1);
+        (below, position - below as f64)
+    }
+
+    /// The colour at `level`, 0 to 1; clamped outside.
+    pub(super) fn at(self, level: f64) -> [u8; 3] {
+        let (below, part) = self.between(level);
+        let [from, to] = [0, 1].map(|i| self.stops()[below + i]);
         std::array::from_fn(|i| {
-            let (a, b) = (f64::from(stops[below][i]), f64::from(stops[below + 1][i]));
+            let (a, b) = (f64::from(from[i]), f64::from(to[i]));
             // To the nearest: a conversion cuts off.
             (a + (b - a) * part + 0.5) as u8
         })
+    }
+
+    /// The colour of all levels from one to another, if it is one: between two stops no channel turns back.
+    pub(super) fn of_all(self, low: f64, high: f64) -> Option<[u8; 3]> {
+        let colour = self.at(low);
+        let alike = self.between(low).0 == self.between(high).0 && self.at(high) == colour;
+        alike.then_some(colour)
     }
 }

@@ -198,7 +198,7 @@ mod tests {
     fn painted(drawn: Drawn) -> Vec<Option<[u8; 3]>> {
         match drawn {
             Drawn::Painted(cells, _) => cells,
-            Drawn::Levels(..) => panic!("levels"),
+            Drawn::Levels(..) | Drawn::Powers(..) => panic!("levels"),
         }
     }
 

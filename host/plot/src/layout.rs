@@ -1,10 +1,11 @@
 //! Where everything on a page lies.
 
 use super::PlotError;
-use super::canvas::{Anchor, Canvas, INK, Typeface};
+use super::canvas::{Anchor, Canvas, INK, Rgb, Typeface};
 use super::colours::Colours;
 use super::orientation::Arrow;
 use super::scale::Levels;
+use super::shades::Shades;
 use super::ticks::{ticks, ticks_apart};
 use subaperture_model::image::PartsError;
 
@@ -33,8 +34,6 @@ const ARROW: f64 = 11.0;
 const ARROW_STEP: f64 = 52.0;
 /// Height of the cap on the colour bar that stands for levels above its top.
 const CAP: usize = 10;
-/// Levels this far above the top, as a part of the span, are rounding and not above it.
-const ROUNDING: f64 = 1e-3;
 const BORDER: f32 = 3.0;
 const LEAST_SIDE: usize = 160;
 /// From one name of a key to the next; the most room that names take.
@@ -78,6 +77,8 @@ pub(super) type Cells<'a> = Box<dyn Fn(usize, usize) -> Result<Drawn, PartsError
 pub(super) enum Drawn {
     /// Levels of cells, and those of the darkest and brightest colour.
     Levels(Vec<f64>, Levels),
+    /// Powers of cells, and levels in dB.
+    Powers(Vec<f64>, Levels),
     /// Colours of cells, `None` of what is absent, and the levels of black and of full brightness where they are the same for all.
     Painted(Vec<Option<[u8; 3]>>, Option<Levels>),
 }
@@ -221,40 +222,31 @@ fn draw(
     ];
     let drawn = (sheet.cells)(height / down, width / along).map_err(PlotError::Parts)?;
     let mut capped = false;
-    let mut colours = Vec::with_capacity(3 * width);
-    let mut row_of = |row: usize, of: &mut dyn Iterator<Item = [u8; 3]>| {
-        colours.clear();
-        for colour in of {
-            (0..along).for_each(|_| colours.extend_from_slice(&colour));
-        }
-        for row in row * down..(row + 1) * down {
-            canvas.put(x, y + height - 1 - row, &colours);
-        }
+    let mut painter = Painter {
+        canvas: &mut *canvas,
+        // The last of the page's rows, which is the first of the cells'.
+        corner: (x, y + height - 1),
+        repeats: [down, along],
+        line: vec![[0; 3]; width],
+    };
+    let mut shaded = |(colour, above): ([u8; 3], bool)| {
+        capped |= above;
+        colour
     };
     let levels = match &drawn {
         Drawn::Levels(cells, levels) => {
-            for (row, cells) in cells.chunks_exact(width / along).enumerate() {
-                let mut line = cells.iter().map(|cell| {
-                    let level = (cell - levels.bottom) / (levels.top - levels.bottom);
-                    // Zero power is minus infinity, and dark; only NaN is absent.
-                    match level.is_nan() {
-                        true => sheet.absent,
-                        false if level > 1.0 + ROUNDING && levels.marks_above => {
-                            capped = true;
-                            sheet.colours.above()
-                        }
-                        false => sheet.colours.at(level),
-                    }
-                });
-                row_of(row, &mut line);
-            }
+            painter.paint(cells, |&cell| {
+                shaded(levels.colour(cell, sheet.colours, sheet.absent))
+            });
+            Some(*levels)
+        }
+        Drawn::Powers(cells, levels) => {
+            let shades = Shades::new(*levels, sheet.colours, sheet.absent, cells.len());
+            painter.paint(cells, |&cell| shaded(shades.of(cell)));
             Some(*levels)
         }
         Drawn::Painted(cells, levels) => {
-            for (row, cells) in cells.chunks_exact(width / along).enumerate() {
-                let mut line = cells.iter().map(|cell| cell.unwrap_or(sheet.absent));
-                row_of(row, &mut line);
-            }
+            painter.paint(cells, |cell| cell.unwrap_or(sheet.absent));
             *levels
         }
     };
@@ -296,6 +288,32 @@ fn draw(
         draw_arrow(canvas, arrow, at);
     }
     Ok(())
+}
+
+/// Paints cells, each repeated down and along, from the lowest row of a plot upwards.
+struct Painter<'c> {
+    canvas: &'c mut Canvas,
+    /// Left end of the lowest row.
+    corner: (usize, usize),
+    repeats: [usize; 2],
+    /// A row of colours.
+    line: Vec<Rgb>,
+}
+
+impl Painter<'_> {
+    fn paint<T>(&mut self, cells: &[T], mut colour: impl FnMut(&T) -> Rgb) {
+        let [down, along] = self.repeats;
+        let (x, lowest) = self.corner;
+        let width = self.line.len() / along;
+        for (row, cells) in cells.chunks_exact(width).enumerate() {
+            for (cell, pixels) in cells.iter().zip(self.line.chunks_exact_mut(along)) {
+                pixels.fill(colour(cell));
+            }
+            for row in row * down..(row + 1) * down {
+                self.canvas.put(x, lowest - row, &self.line);
+            }
+        }
+    }
 }
 
 /// Colours and their names, one below the other; those that have no room are left out.

@@ -28,6 +28,7 @@ mod lines;
 mod orientation;
 mod raster;
 mod scale;
+mod shades;
 mod ticks;
 
 use canvas::Packing;
@@ -73,6 +74,14 @@ impl Source<'_> {
         width: usize,
     ) -> Result<Vec<f64>, PartsError> {
         match self {
+            Self::Whole(image) if (rows, columns) == (height, width) => {
+                let lines = image.pixels.chunks_exact(image.columns).take(rows);
+                let mut powers = Vec::with_capacity(rows * columns);
+                for line in lines {
+                    powers.extend(line[..columns].iter().map(|&z| raster::finite(power(z))));
+                }
+                Ok(powers)
+            }
             Self::Whole(image) => {
                 let value =
                     |i: usize| power(image.pixels[i / columns * image.columns + i % columns]);
@@ -291,12 +300,9 @@ impl<'a> Panel<'a> {
         let powers = |image: &Source| self.powers(image, height, width);
         match &self.paint {
             Paint::Levels => {
-                let mut cells = powers(&self.image)?;
+                let cells = powers(&self.image)?;
                 let levels = self.scale.levels(&cells);
-                for cell in &mut cells {
-                    *cell = 10.0 * cell.log10();
-                }
-                Ok(Drawn::Levels(cells, levels))
+                Ok(Drawn::Powers(cells, levels))
             }
             Paint::Hues(parts) => composite::hues(&self.image, parts, self.scale, powers),
             Paint::Channels(channels) => composite::channels(channels, self.scale, powers),

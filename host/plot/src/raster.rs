@@ -1,5 +1,10 @@
 //! Values on a raster of another size.
 
+/// The value, or NaN if it is not finite.
+pub(super) fn finite(value: f64) -> f64 {
+    if value.is_finite() { value } else { f64::NAN }
+}
+
 /// Values of `rows x columns` pixels, given by `value` of a pixel's index, on `height x width` cells that
 /// cover them evenly, row 0 first: the area-weighted mean of the pixels under each cell. Values that
 /// are not finite do not count; a cell of none else is NaN.
@@ -10,7 +15,6 @@ pub(super) fn resample(
     width: usize,
 ) -> Vec<f64> {
     if (height, width) == (rows, columns) {
-        let finite = |value: f64| if value.is_finite() { value } else { f64::NAN };
         return (0..rows * columns).map(|i| finite(value(i))).collect();
     }
     let across = spans(columns, width);

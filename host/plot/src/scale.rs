@@ -1,5 +1,7 @@
 //! Which levels are black and white.
 
+use super::colours::Colours;
+
 /// The range of levels that a picture shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scale {
@@ -42,7 +44,31 @@ pub(super) struct Levels {
     pub(super) marks_above: bool,
 }
 
+/// Levels this far above the top, as a part of the span, are rounding and not above it.
+const ROUNDING: f64 = 1e-3;
+
 impl Levels {
+    /// How far from the darkest to the brightest a level lies: 0 to 1 within the scale.
+    pub(super) fn part(&self, level: f64) -> f64 {
+        (level - self.bottom) / (self.top - self.bottom)
+    }
+
+    /// Whether what lies so far up has the colour of what is above.
+    pub(super) fn is_above(&self, part: f64) -> bool {
+        part > 1.0 + ROUNDING && self.marks_above
+    }
+
+    /// The colour of a level, `absent` of NaN, and whether it lies above the scale.
+    pub(super) fn colour(&self, level: f64, colours: Colours, absent: [u8; 3]) -> ([u8; 3], bool) {
+        let part = self.part(level);
+        // Zero power is minus infinity, and dark; only NaN is absent.
+        match part.is_nan() {
+            true => (absent, false),
+            false if self.is_above(part) => (colours.above(), true),
+            false => (colours.at(part), false),
+        }
+    }
+
     /// How far from the darkest to the brightest a power lies, 0 to 1; `None` of what is no number.
     pub(super) fn part_of(&self, power: f64) -> Option<f64> {
         let part = (10.0 * power.log10() - self.bottom) / (self.top - self.bottom);
@@ -96,26 +122,73 @@ fn density(powers: &[f64]) -> Levels {
 
 /// Top and span, of which one may be given.
 fn from_data(powers: &[f64], top_db: Option<f64>, span_db: Option<f64>) -> (f64, f64) {
-    let mut seen: Vec<f64> = powers
-        .iter()
-        .copied()
-        .filter(|p| p.is_finite() && *p > 0.0)
-        .collect();
-    if seen.is_empty() {
+    let Some((peak, median)) = peak_and_median(powers) else {
         return (top_db.unwrap_or(0.0), span_db.unwrap_or(60.0));
-    }
-    let peak = seen.iter().copied().fold(0.0, f64::max);
-    let middle = (seen.len() - 1) / 2;
-    let (_, median, _) = seen.select_nth_unstable_by(middle, f64::total_cmp);
+    };
     let top_db = top_db.unwrap_or_else(|| (10.0 * peak.log10()).ceil());
     let bottom_db = (10.0 * median.log10() - 6.0).floor();
     let span_db = span_db.unwrap_or_else(|| (top_db - bottom_db).clamp(40.0, 60.0));
     (top_db, span_db)
 }
 
+/// Leading bits of a float64 number by which powers are counted: sign, exponent and four of the fraction.
+const COUNTED: u32 = 48;
+
+/// The largest and the median of the powers that are positive and finite; `None` if there are none. The bits of such numbers grow
+/// with them: those with the same leading bits are counted, and only those around the middle are put in order.
+fn peak_and_median(powers: &[f64]) -> Option<(f64, f64)> {
+    let seen = || {
+        let powers = powers.iter().copied();
+        powers.filter(|p| p.is_finite() && *p > 0.0)
+    };
+    let leading = |power: f64| (power.to_bits() >> COUNTED) as usize;
+    let peak = seen().fold(0.0, f64::max);
+    let mut counts = vec![0usize; leading(peak) + 1];
+    seen().for_each(|power| counts[leading(power)] += 1);
+    let mut before = 0;
+    let middle = counts.iter().sum::<usize>().checked_sub(1)? / 2;
+    let around = counts.iter().position(|count| {
+        before += count;
+        before > middle
+    })?;
+    before -= counts[around];
+    let mut around: Vec<f64> = seen().filter(|&power| leading(power) == around).collect();
+    let (_, median, _) = around.select_nth_unstable_by(middle - before, f64::total_cmp);
+    Some((peak, *median))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_median_is_that_of_all_in_order() {
+        let mut state = 1u64;
+        let mut random = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            state >> 33
+        };
+        for count in [1, 2, 3, 10, 1001, 5000] {
+            // Over all magnitudes, over some, and all the same.
+            for spread in [2000, 6, 0] {
+                let mut powers: Vec<f64> = (0..count)
+                    .map(|_| {
+                        let octave = (random() % (spread + 1)) as i32 - (spread / 2) as i32;
+                        (1.0 + random() as f64 / 2f64.powi(31)) * 2f64.powi(octave)
+                    })
+                    .collect();
+                let mut sorted = powers.clone();
+                sorted.sort_by(f64::total_cmp);
+                let wanted = (sorted[count - 1], sorted[(count - 1) / 2]);
+                powers.extend([0.0, f64::NAN, f64::INFINITY]);
+                assert_eq!(peak_and_median(&powers), Some(wanted), "{count} {spread}");
+            }
+        }
+        assert_eq!(peak_and_median(&[0.0, f64::NAN]), None);
+        assert_eq!(peak_and_median(&[]), None);
+    }
 
     /// By sarpy's own words: `slope log10(max(amplitude, 1e-5)) + constant`, with `slope = (255 - 30) / log10(40)` and 30 at 0.8 of the mean.
     #[test]
