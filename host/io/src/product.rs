@@ -7,7 +7,7 @@
 //! | `image.json` | axes, frame, settings; under `files` the size and CRC-32 of the other two |
 //! | `image.png` | the quicklook, if there is one |
 //!
-//! How it is complete or absent. All three are written, and forced to disk, in a hidden staging folder
+//! How it is complete or absent. All three are written, and forced to disk side by side, in a hidden staging folder
 //! on the same file system. Then
 //! - if the folder does not exist, the staging folder is renamed to it: one step;
 //! - if it exists, whatever else lies in it stays, and `image.json` is the mark of a whole product:

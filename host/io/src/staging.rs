@@ -1,6 +1,7 @@
 //! A folder of files that belong together, made beside its place first: complete or absent.
 //!
-//! All files are written, and forced to disk, in a hidden staging folder on the same file system. Then
+//! All files are written, and forced to disk, in a hidden staging folder on the same file system: each by a thread of its own as
+//! soon as it is whole, so that the disk is waited for once and not for each. Then
 //! - if the folder does not exist, the staging folder is renamed to it: one step;
 //! - if it exists, whatever else lies in it stays. Some of the files are marks of a whole set: old ones are removed
 //!   first, the others are renamed into place, and the new marks last. Whoever finds a mark finds the others.
@@ -10,7 +11,10 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, Write};
+use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
 
 use serde_json::{Value, json};
 
@@ -22,6 +26,9 @@ use super::unfinished::{self, Thing};
 /// What is handed to the system at once: as much as stays in the cache between what makes it, its CRC-32 and its copy.
 const AT_ONCE_BYTES: usize = 1 << 16;
 
+/// Files that are forced to the disk at a time, at most.
+const MOST_FORCED: usize = 8;
+
 /// Files on their way into a folder. Gone when dropped, unless committed.
 #[derive(Debug)]
 pub(super) struct Staged {
@@ -31,6 +38,15 @@ pub(super) struct Staged {
     /// As the user calls it.
     folder: PathBuf,
     needed_bytes: u64,
+    /// What is being forced to the disk.
+    forced: Mutex<Vec<Forced>>,
+}
+
+/// A file that is being forced to the disk.
+#[derive(Debug)]
+struct Forced {
+    name: String,
+    done: JoinHandle<io::Result<()>>,
 }
 
 impl Staged {
@@ -60,6 +76,7 @@ impl Staged {
             place,
             folder: folder.to_owned(),
             needed_bytes,
+            forced: Mutex::default(),
         })
     }
 
@@ -114,9 +131,37 @@ impl Staged {
         sealed.map_err(|source| self.failed(name, source))
     }
 
-    /// Forces a file to the disk, not only to the system's memory; its size and CRC-32.
+    /// Has a file forced to the disk, not only to the system's memory, for which [`Self::commit`] waits; its size and CRC-32.
     pub(super) fn finish(&self, name: &str, file: StagedFile) -> Result<Value, WriteError> {
-        file.sync().map_err(|source| self.failed(name, source))
+        let (file, about) = file.end().map_err(|source| self.failed(name, source))?;
+        self.force(name, file)?;
+        Ok(about)
+    }
+
+    /// Begins to force a file to the disk.
+    fn force(&self, name: &str, file: File) -> Result<(), WriteError> {
+        let mut forced = self.forced.lock().unwrap_or_else(PoisonError::into_inner);
+        if forced.len() >= MOST_FORCED {
+            self.wait_for(forced.remove(0))?;
+        }
+        let file = Arc::new(file);
+        let theirs = Arc::clone(&file);
+        match thread::Builder::new().spawn(move || theirs.sync_all()) {
+            Ok(done) => forced.push(Forced {
+                name: name.to_owned(),
+                done,
+            }),
+            // At once, where there is no other thread.
+            Err(_) => file
+                .sync_all()
+                .map_err(|source| self.failed(name, source))?,
+        }
+        Ok(())
+    }
+
+    fn wait_for(&self, Forced { name, done }: Forced) -> Result<(), WriteError> {
+        let forced = done.join().unwrap_or_else(|panic| resume_unwind(panic));
+        forced.map_err(|source| self.failed(&name, source))
     }
 
     /// Writes a whole file; its size and CRC-32.
@@ -145,7 +190,14 @@ impl Staged {
     /// [`WriteError`]; then the folder is as it was, or, if replacing older files failed half way, without marks.
     pub(super) fn commit(self, names: &[&str], marks: &[&str]) -> Result<(), WriteError> {
         let (staging, folder) = (&self.staging.0, &self.place.path);
-        let moved = sync_folder(staging).and_then(|()| {
+        // The names while the files are on their way.
+        let named = sync_folder(staging);
+        let forced =
+            std::mem::take(&mut *self.forced.lock().unwrap_or_else(PoisonError::into_inner));
+        for file in forced {
+            self.wait_for(file)?;
+        }
+        let moved = named.and_then(|()| {
             let _moving = unfinished::commit();
             if folder.is_dir() {
                 return replace(staging, folder, names, marks);
@@ -174,12 +226,13 @@ pub(super) struct StagedFile {
 }
 
 impl StagedFile {
-    fn sync(self) -> io::Result<Value> {
+    /// The file with all that was written, and its size and CRC-32.
+    fn end(self) -> io::Result<(File, Value)> {
         let checked = self.out.into_inner();
         let checked = checked.map_err(io::IntoInnerError::into_error)?;
-        checked.file.sync_all()?;
         let crc32 = format!("{:08x}", checked.crc.finalize());
-        Ok(json!({ "bytes": checked.bytes, "crc32": crc32 }))
+        let about = json!({ "bytes": checked.bytes, "crc32": crc32 });
+        Ok((checked.file, about))
     }
 }
 
