@@ -23,6 +23,7 @@ pub mod accuracy;
 pub mod budget;
 mod calibrate;
 pub mod cost;
+mod decided;
 mod error;
 pub mod forecast;
 pub mod former;
@@ -56,6 +57,7 @@ use subaperture_model::phase_history::{Collection, PhaseHistory, Pulse, Weights}
 
 pub use accuracy::{Asked, Judgement, Misses, Settings};
 pub use cost::{Cost, StageCost};
+pub use decided::DecidedOnce;
 pub use error::{FormError, Reason, Remedy};
 pub use former::{Aim, Decision, Forming, ImageFormer, SCRATCH_BYTES, Tile, Work};
 pub use formers::{auto, bp, exact, ffbp, omega_k, pfa, rda, rdbp};

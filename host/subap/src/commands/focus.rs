@@ -10,12 +10,13 @@ pub(crate) mod tiled;
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::thread;
 use std::time::Instant;
 
 use anyhow::Context;
 use serde_json::{Map, Value};
 use subaperture::focus::moving::Moving;
-use subaperture::focus::{FormError, Formed, ImageFormer, Means, Task};
+use subaperture::focus::{DecidedOnce, FormError, Formed, ImageFormer, Means, Task};
 use subaperture::geometry::ImageGrid;
 use subaperture::io::atomic::WriteError;
 use subaperture::io::input::checksum;
@@ -23,12 +24,11 @@ use subaperture::io::product::record::Brightest;
 use subaperture::io::product::{self, Product};
 use subaperture::phase_history::{InputFile, PhaseHistory};
 use subaperture::planner::forecast::cost;
-use subaperture::resolution::survey::Survey;
 
 use crate::args::{Focus, TrackSource};
 use crate::commands::air::Recorded;
 use crate::commands::export::Products;
-use crate::commands::forming::{self, Forming};
+use crate::commands::forming::{self, Forming, Surveying};
 use crate::commands::surface;
 use crate::config::Session;
 use crate::failure::Usage;
@@ -74,7 +74,7 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         Some(corrected) => corrected,
         None => recorded,
     };
-    let survey = forming::survey(recorded)?;
+    let survey = Surveying::of(recorded)?;
     let moving = moving(typed, recorded)?;
     let job = Job {
         means: typed.image.means(model.as_ref()),
@@ -87,34 +87,46 @@ pub(crate) fn run(session: &Session, typed: &Focus) -> anyhow::Result<()> {
         survey: &survey,
         start,
     };
-    let grid = job.grid()?;
-    air.tell(session, &grid);
-    room(typed, &grid)?;
+    thread::scope(|scope| {
+        // The grid may be given, and planned meanwhile. Without a thread whoever needs the survey makes it.
+        let _ = thread::Builder::new().spawn_scoped(scope, || survey.get());
+        let grid = job.grid()?;
+        air.tell(session, &grid);
+        room(typed, &grid)?;
+        make(&job, &*former, &grid)
+    })
+}
+
+/// Tells of the image on `grid`, forms and delivers it.
+fn make(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> anyhow::Result<()> {
+    let Job { session, typed, .. } = *job;
     session.note(1, || {
         let (columns, rows) = (grid.columns.count, grid.rows.count);
         format!(
             "{} pulses onto {columns} x {rows} pixels by {}",
-            survey.num_pulses,
+            job.history.collection().pulses.len(),
             former.name()
         )
     });
     let windows = [typed.image.window, typed.image.slow_window];
-    let forming = Forming::new(session, job.history, &grid, windows, job.means);
-    if announce(&job, &*former, &forming)? {
+    let forming = Forming::new(session, job.history, grid, windows, job.means);
+    // Planned to be told of, and formed by that plan.
+    let former = DecidedOnce::new(former, forming.aim());
+    if announce(job, &former, &forming)? {
         return Ok(());
     }
     if 8 * grid.num_pixels() > session.memory_bytes / 2 {
-        return tiled::into_array(&job, &grid);
+        return tiled::into_array(job, grid);
     }
-    let (formed, check) = form(&job, &*former, &forming)?;
+    let (formed, check) = form(job, &former, &forming)?;
     let settings = record::settings(typed, former.name(), &formed.settings);
     let about = record::About {
         settings,
         check,
-        peak: Brightest::of(&formed.image, &grid),
+        peak: Brightest::of(&formed.image, grid),
     };
     job.deliver(
-        &grid,
+        grid,
         former.name(),
         about,
         deliver::Whole::Memory(&formed.image),
@@ -191,7 +203,7 @@ pub(crate) struct Job<'a> {
     pub(crate) typed: &'a Focus,
     /// As it is seen from what moves, if that is asked for.
     pub(crate) history: &'a dyn PhaseHistory,
-    pub(crate) survey: &'a Survey,
+    pub(crate) survey: &'a Surveying<'a>,
     /// By what means.
     pub(crate) means: Means<'a>,
     /// When it began.
@@ -208,7 +220,9 @@ fn moving<'a>(typed: &Focus, recorded: &'a dyn PhaseHistory) -> anyhow::Result<O
 impl Job<'_> {
     /// The grid that is given, or else the one that suits, on the surface that is asked for.
     fn grid(&self) -> anyhow::Result<ImageGrid> {
-        surface::grid(self.session, &self.typed.image, self.history, self.survey)
+        surface::grid(self.session, &self.typed.image, self.history, || {
+            self.survey.get()
+        })
     }
 
     /// Writes a whole image by the former of this name, with its record and picture.
@@ -237,7 +251,7 @@ impl Job<'_> {
         checksums.finish();
         let told = about.check.as_ref().map(ToString::to_string);
         let record = record::Record::of(self, grid, about, &inputs)?;
-        let title = format!("{}, {former}", self.survey.name);
+        let title = format!("{}, {former}", self.survey.get().name);
         deliver::deliver(session, typed, image, &record, &title)?;
         match told {
             Some(check) if !session.json() => Ok(text::say(check)?),

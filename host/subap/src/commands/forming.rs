@@ -2,16 +2,17 @@
 //! told before it is formed, and the image is written beside its record.
 
 use std::path::Path;
+use std::sync::OnceLock;
 
 use anyhow::Context;
 use serde_json::Value;
-use subaperture::focus::{ImageFormer, Means, Task, TimeModel};
+use subaperture::focus::{Aim, ImageFormer, Means, SCRATCH_BYTES, Task, TimeModel};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::claim::Claims;
 use subaperture::io::product::{self, Product};
 use subaperture::monitor::Monitor;
-use subaperture::phase_history::{PhaseHistory, Weights};
+use subaperture::phase_history::{Collection, PhaseHistory, Weights};
 use subaperture::plot::{self, Panel};
 use subaperture::resolution::survey::Survey;
 use subaperture::signal::window::Window;
@@ -34,9 +35,36 @@ pub(crate) fn claim<P: AsRef<Path>>(
     Ok(claims)
 }
 
+const NO_PULSES: &str = "the input holds no pulses";
+
 /// What the recording can show.
 pub(crate) fn survey(history: &dyn PhaseHistory) -> anyhow::Result<Survey> {
-    Survey::of(history.collection()).context("the input holds no pulses")
+    Survey::of(history.collection()).context(NO_PULSES)
+}
+
+/// What a recording can show, found once, by whoever needs it first.
+pub(crate) struct Surveying<'a> {
+    collection: &'a Collection,
+    found: OnceLock<Survey>,
+}
+
+impl<'a> Surveying<'a> {
+    /// Of a recording that has pulses.
+    pub(crate) fn of(history: &'a dyn PhaseHistory) -> anyhow::Result<Self> {
+        let collection = history.collection();
+        anyhow::ensure!(!collection.pulses.is_empty(), NO_PULSES);
+        Ok(Self {
+            collection,
+            found: OnceLock::new(),
+        })
+    }
+
+    /// It, waiting for whoever is finding it.
+    pub(crate) fn get(&self) -> &Survey {
+        self.found.get_or_init(|| {
+            Survey::of(self.collection).expect("a collection with pulses has a survey")
+        })
+    }
 }
 
 /// The recording in an image's record: what it can show, and which of its channels its pulses are of.
@@ -100,6 +128,17 @@ impl<'f> Forming<'f> {
             weights: Weights::new(history.collection(), fast, slow),
             memory_bytes: session.memory_bytes,
             means,
+        }
+    }
+
+    /// What is to be formed.
+    pub(crate) fn aim(&self) -> Aim<'_> {
+        Aim {
+            collection: self.history.collection(),
+            grid: self.grid,
+            weights: &self.weights,
+            scratch_bytes: SCRATCH_BYTES,
+            means: self.means,
         }
     }
 

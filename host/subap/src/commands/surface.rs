@@ -42,16 +42,16 @@ pub(crate) fn check(typed: &Imaging) -> anyhow::Result<()> {
 }
 
 /// The grid that is given, or else the one that suits, with its pixels on the surface that is asked for.
-pub(crate) fn grid(
+pub(crate) fn grid<'s>(
     session: &Session,
     typed: &Imaging,
     history: &dyn PhaseHistory,
-    survey: &Survey,
+    survey: impl FnOnce() -> &'s Survey,
 ) -> anyhow::Result<ImageGrid> {
     let collection = history.collection();
     let plane = match typed.grid.clone() {
         Some(grid) => grid,
-        None => session.default_grid(survey)?,
+        None => session.default_grid(survey())?,
     };
     match &typed.surfacing.surface {
         SurfaceKind::Plane => Ok(plane),

@@ -62,7 +62,7 @@ impl<'a> Record<'a> {
             settings: about.settings,
             grid,
             frame: &collection.frame,
-            collection: forming::about(job.survey, job.history)?,
+            collection: forming::about(job.survey.get(), job.history)?,
             seen: Some((collection, middle_m)),
             antennas: Some(Antennas::of(job.history)),
             inputs,

@@ -33,7 +33,7 @@ use subaperture::phase_history::{PhaseHistory, Weights};
 use super::deliver::Whole;
 use super::{Job, check, record, with_advice};
 use crate::args::{Focus, Imaging, Part};
-use crate::commands::forming;
+use crate::commands::forming::{self, Surveying};
 use crate::config::Session;
 use crate::failure::Usage;
 use crate::{messages, stages, text};
@@ -63,7 +63,7 @@ fn formed(
     own: Option<Claims>,
     start: Instant,
 ) -> anyhow::Result<()> {
-    let survey = forming::survey(history)?;
+    let survey = Surveying::of(history)?;
     let model = forming::time_model(&typed.image)?;
     let job = Job {
         means: typed.image.means(model.as_ref()),

@@ -24,7 +24,7 @@ pub(super) fn run(session: &Session, typed: &PlanFocus) -> anyhow::Result<()> {
     let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
     let history = air.history();
     let survey = forming::survey(history)?;
-    let grid = surface::grid(session, &typed.image, history, &survey)?;
+    let grid = surface::grid(session, &typed.image, history, || &survey)?;
     air.tell(session, &grid);
     let plan = tiled::plan_image(session, &typed.image, history, &grid, means)?;
     let text_of_plan = plan.to_text();

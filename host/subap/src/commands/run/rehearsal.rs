@@ -155,7 +155,7 @@ impl Measured {
         let air = Recorded::new(&typed.image.surfacing, Box::new(recorded))?;
         let history = air.history();
         let survey = forming::survey(history)?;
-        let grid = surface::grid(session, &typed.image, history, &survey)?;
+        let grid = surface::grid(session, &typed.image, history, || &survey)?;
         let former = typed.image.former.former()?;
         let windows = [typed.image.window, typed.image.slow_window];
         let progress = session.progress("measuring");
