@@ -83,12 +83,12 @@ impl Canvas {
         }
     }
 
-    /// Puts a row of colours from a pixel of the page on.
+    /// Puts a row of colours from a pixel of the page on, and the same in the `rows - 1` rows below it.
     ///
     /// # Panics
     /// If it reaches beyond the page.
-    pub(super) fn put(&mut self, x: usize, y: usize, colours: &[Rgb]) {
-        assert!(x + colours.len() <= self.width);
+    pub(super) fn put(&mut self, x: usize, y: usize, rows: usize, colours: &[Rgb]) {
+        assert!(x + colours.len() <= self.width && y + rows <= self.height);
         self.admit(colours);
         let at = (y * self.width + x) * self.channels;
         let row = &mut self.pixels[at..at + self.channels * colours.len()];
@@ -98,6 +98,10 @@ impl Canvas {
                 .zip(colours)
                 .for_each(|(level, colour)| *level = colour[0]),
             _ => row.copy_from_slice(colours.as_flattened()),
+        }
+        let (first, stride) = (at..at + row.len(), self.channels * self.width);
+        for row in 1..rows {
+            self.pixels.copy_within(first.clone(), at + row * stride);
         }
     }
 

@@ -309,9 +309,8 @@ impl Painter<'_> {
             for (cell, pixels) in cells.iter().zip(self.line.chunks_exact_mut(along)) {
                 pixels.fill(colour(cell));
             }
-            for row in row * down..(row + 1) * down {
-                self.canvas.put(x, lowest - row, &self.line);
-            }
+            let upper = lowest + 1 - (row + 1) * down;
+            self.canvas.put(x, upper, down, &self.line);
         }
     }
 }

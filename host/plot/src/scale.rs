@@ -1,5 +1,7 @@
 //! Which levels are black and white.
 
+use std::ops::RangeInclusive;
+
 use super::colours::Colours;
 
 /// The range of levels that a picture shows.
@@ -131,30 +133,38 @@ fn from_data(powers: &[f64], top_db: Option<f64>, span_db: Option<f64>) -> (f64,
     (top_db, span_db)
 }
 
-/// Leading bits of a float64 number by which powers are counted: sign, exponent and four of the fraction.
-const COUNTED: u32 = 48;
+/// Bits of a float64 number that are left out where powers are counted: all but four of its fraction.
+const BELOW: u32 = 48;
 
-/// The largest and the median of the powers that are positive and finite; `None` if there are none. The bits of such numbers grow
-/// with them: those with the same leading bits are counted, and only those around the middle are put in order.
+/// Bits of the numbers that are positive and finite: they grow with the number.
+const POSITIVE: RangeInclusive<u64> = 1..=f64::MAX.to_bits();
+
+/// The largest and the median of the powers that are positive and finite; `None` if there are none. Those with the same leading
+/// bits are counted, and only those around the middle are put in order.
 fn peak_and_median(powers: &[f64]) -> Option<(f64, f64)> {
     let seen = || {
-        let powers = powers.iter().copied();
-        powers.filter(|p| p.is_finite() && *p > 0.0)
+        powers
+            .iter()
+            .map(|p| p.to_bits())
+            .filter(|bits| POSITIVE.contains(bits))
     };
-    let leading = |power: f64| (power.to_bits() >> COUNTED) as usize;
-    let peak = seen().fold(0.0, f64::max);
-    let mut counts = vec![0usize; leading(peak) + 1];
-    seen().for_each(|power| counts[leading(power)] += 1);
+    let mut counts = vec![0usize; (POSITIVE.end() >> BELOW) as usize + 1];
+    let (mut peak, mut total) = (0, 0usize);
+    for bits in seen() {
+        peak = bits.max(peak);
+        total += 1;
+        counts[(bits >> BELOW) as usize] += 1;
+    }
+    let middle = total.checked_sub(1)? / 2;
     let mut before = 0;
-    let middle = counts.iter().sum::<usize>().checked_sub(1)? / 2;
-    let around = counts.iter().position(|count| {
+    let run = counts.iter().position(|count| {
         before += count;
         before > middle
     })?;
-    before -= counts[around];
-    let mut around: Vec<f64> = seen().filter(|&power| leading(power) == around).collect();
-    let (_, median, _) = around.select_nth_unstable_by(middle - before, f64::total_cmp);
-    Some((peak, *median))
+    before -= counts[run];
+    let mut around: Vec<u64> = seen().filter(|bits| bits >> BELOW == run as u64).collect();
+    let (_, median, _) = around.select_nth_unstable(middle - before);
+    Some((f64::from_bits(peak), f64::from_bits(*median)))
 }
 
 #[cfg(test)]
