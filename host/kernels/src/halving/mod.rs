@@ -313,25 +313,47 @@ fn mix<L: Lanes, const W: usize, const N: usize>(
     }
     for plane in 0..4 {
         let first = plane * ring.stride + GROUP;
-        for from in (first..first + ring.half).step_by(L::COUNT) {
-            let to = from + L::COUNT;
-            let mut sums = [weights[0]; N];
-            for n in 0..N {
-                sums[n] = lanes.load(&even[n][from..to]);
-            }
-            for m in 0..W + N - 1 {
-                let value = lanes.load(&odd[m][from..to]);
+        let plane = first..first + ring.half;
+        let (even, odd) = (
+            even.map(|row| groups(&row[plane.clone()])),
+            odd.map(|row| groups(&row[plane.clone()])),
+        );
+        let mut rows = mixed.chunks_exact_mut(size);
+        let to: [&mut [[f32; GROUP]]; N] = std::array::from_fn(|_| {
+            let row = rows.next().expect("a row for each");
+            groups_mut(&mut row[plane.clone()])
+        });
+        for i in 0..ring.half / GROUP {
+            for part in (0..GROUP).step_by(L::COUNT) {
+                let mut sums = [weights[0]; N];
                 for n in 0..N {
-                    if m >= n && m < n + W {
-                        sums[n] = lanes.mul_add(weights[n + W - 1 - m], value, sums[n]);
+                    sums[n] = lanes.load(&even[n][i][part..]);
+                }
+                for m in 0..W + N - 1 {
+                    let value = lanes.load(&odd[m][i][part..]);
+                    for n in 0..N {
+                        if m >= n && m < n + W {
+                            sums[n] = lanes.mul_add(weights[n + W - 1 - m], value, sums[n]);
+                        }
                     }
                 }
-            }
-            for n in 0..N {
-                lanes.store(sums[n], &mut mixed[n * size + from..n * size + to]);
+                for n in 0..N {
+                    lanes.store(sums[n], &mut to[n][i][part..]);
+                }
             }
         }
     }
+}
+
+/// A plane in groups.
+#[inline(always)]
+fn groups(plane: &[f32]) -> &[[f32; GROUP]] {
+    plane.as_chunks().0
+}
+
+#[inline(always)]
+fn groups_mut(plane: &mut [f32]) -> &mut [[f32; GROUP]] {
+    plane.as_chunks_mut().0
 }
 
 /// Half as many samples of a row.
@@ -348,19 +370,23 @@ fn samples<L: Lanes, const W: usize>(
         let even = &row[2 * part * stride..(2 * part + 1) * stride];
         let odd = &row[(2 * part + 1) * stride..(2 * part + 2) * stride];
         let out = &mut out[2 * part * half..2 * (part + 1) * half];
-        for to in (0..half).step_by(L::COUNT) {
-            let from = GROUP + 2 * to;
+        let (to_even, to_odd) = out.split_at_mut(half);
+        let to = to_even.chunks_exact_mut(L::COUNT);
+        for (i, (to_even, to_odd)) in to.zip(to_odd.chunks_exact_mut(L::COUNT)).enumerate() {
+            let from = GROUP + 2 * i * L::COUNT;
             let even = &even[from + 1 - W / 2..][..2 * L::COUNT];
+            // From what the last tap reaches on.
+            let odd = &odd[from + 1 - W..][..W - 1 + 2 * L::COUNT];
             let mut low = lanes.load(even);
             let mut high = lanes.load(&even[L::COUNT..]);
             for tap in 0..W {
-                let odd = &odd[from - tap..][..2 * L::COUNT];
+                let odd = &odd[W - 1 - tap..];
                 low = lanes.mul_add(weights[tap], lanes.load(odd), low);
                 high = lanes.mul_add(weights[tap], lanes.load(&odd[L::COUNT..]), high);
             }
             let [even, odd] = lanes.unzip(low, high);
-            lanes.store(even, &mut out[to..]);
-            lanes.store(odd, &mut out[half + to..]);
+            lanes.store(even, to_even);
+            lanes.store(odd, to_odd);
         }
     }
 }
@@ -418,34 +444,47 @@ impl<L: Lanes> Turn<'_, L> {
     #[inline(always)]
     fn turned(&self, turning: &Turning, from: &[f32], to: &mut [f32]) {
         let (lanes, stride, half) = (self.lanes, self.stride, self.halving.layout.half());
-        let (to_re, to_im) = to.split_at_mut(2 * stride);
+        let count = half / GROUP;
+        let mut planes = from.chunks_exact(half).map(groups);
+        let [re_even, re_odd, im_even, im_odd] =
+            [(); 4].map(|()| &planes.next().expect("four planes")[..count]);
+        let (re, im) = ([re_even, re_odd], [im_even, im_odd]);
+        let mut planes = to
+            .chunks_exact_mut(stride)
+            .map(|plane| groups_mut(&mut plane[GROUP..GROUP + half]));
+        let [to_re_even, to_re_odd, to_im_even, to_im_odd] =
+            [(); 4].map(|()| &mut planes.next().expect("four planes")[..count]);
+        let (to_re, to_im) = ([to_re_even, to_re_odd], [to_im_even, to_im_odd]);
         let step = lanes.splat(reduced(2.0 * turning.step));
         // From a run of 16 to the next.
         let [on_cos, on_sin] = self.phasor(lanes.splat(reduced(32.0 * turning.step)));
-        for odd in 0..2 {
-            let re = &from[odd * half..(odd + 1) * half];
-            let im = &from[(2 + odd) * half..(3 + odd) * half];
-            let to_re = &mut to_re[odd * stride + GROUP..][..half];
-            let to_im = &mut to_im[odd * stride + GROUP..][..half];
-            for part in (0..GROUP).step_by(L::COUNT) {
-                let places = lanes.load(&PLACES[part..]);
-                let [mut cos, mut sin] = [step; 2];
-                for run in (0..half).step_by(GROUP) {
-                    if run % ANEW == 0 {
-                        let first = (2 * run + odd) as f64;
-                        let base = lanes.splat(reduced(turning.start + turning.step * first));
-                        [cos, sin] = self.phasor(lanes.mul_add(step, places, base));
-                    } else {
-                        let last = [cos, sin];
-                        cos = lanes.neg_mul_add(last[1], on_sin, lanes.mul(last[0], on_cos));
-                        sin = lanes.mul_add(last[1], on_cos, lanes.mul(last[0], on_sin));
+        // Of even places and of odd ones, and of the parts of a group: each follows from its last, and so many side by side need not wait for that.
+        let mut phasors = [[[step; 2]; MOST_PARTS]; 2];
+        for anew in (0..count).step_by(ANEW) {
+            for (odd, phasors) in phasors.iter_mut().enumerate() {
+                let first = (2 * GROUP * anew + odd) as f64;
+                let base = lanes.splat(reduced(turning.start + turning.step * first));
+                for (part, phasor) in phasors.iter_mut().enumerate().take(GROUP / L::COUNT) {
+                    let places = lanes.load(&PLACES[part * L::COUNT..]);
+                    *phasor = self.phasor(lanes.mul_add(step, places, base));
+                }
+            }
+            for i in anew..(anew + ANEW).min(count) {
+                for (odd, phasors) in phasors.iter_mut().enumerate() {
+                    let (re, im) = (&re[odd][i], &im[odd][i]);
+                    let (to_re, to_im) = (&mut to_re[odd][i], &mut to_im[odd][i]);
+                    for (part, phasor) in phasors.iter_mut().enumerate().take(GROUP / L::COUNT) {
+                        let ([cos, sin], from) = (*phasor, part * L::COUNT);
+                        let (a, b) = (lanes.load(&re[from..]), lanes.load(&im[from..]));
+                        let real = lanes.neg_mul_add(sin, b, lanes.mul(cos, a));
+                        let imaginary = lanes.mul_add(sin, a, lanes.mul(cos, b));
+                        lanes.store(real, &mut to_re[from..]);
+                        lanes.store(imaginary, &mut to_im[from..]);
+                        *phasor = [
+                            lanes.neg_mul_add(sin, on_sin, lanes.mul(cos, on_cos)),
+                            lanes.mul_add(sin, on_cos, lanes.mul(cos, on_sin)),
+                        ];
                     }
-                    let from = run + part;
-                    let (a, b) = (lanes.load(&re[from..]), lanes.load(&im[from..]));
-                    let real = lanes.neg_mul_add(sin, b, lanes.mul(cos, a));
-                    let imaginary = lanes.mul_add(sin, a, lanes.mul(cos, b));
-                    lanes.store(real, &mut to_re[from..]);
-                    lanes.store(imaginary, &mut to_im[from..]);
                 }
             }
         }
@@ -460,8 +499,10 @@ impl<L: Lanes> Turn<'_, L> {
     }
 }
 
-/// Places in a plane after which phases are made anew.
-const ANEW: usize = 8 * GROUP;
+/// Groups of a plane after which phases are made anew.
+const ANEW: usize = 8;
+/// Parts of a group, at most.
+const MOST_PARTS: usize = 4;
 
 /// Within half a turn.
 #[inline(always)]
