@@ -488,8 +488,8 @@ fn one_signal_ends_what_waits_for_a_pipe() {
         for signal in ["-INT", "-TERM"] {
             let (ran, took) = signalled(folder.path(), line, signal);
             ran.failed(130, &["error: interrupted"]);
-            // 0.7 s of patience; the rest is for a machine that is busy with other tests.
-            assert!(took < Duration::from_secs(3), "{line}: {took:?}");
+            // 0.7 s of patience; the rest is for a machine that is busy with other tests. The pipe would be waited for without end.
+            assert!(took < Duration::from_secs(20), "{line}: {took:?}");
             assert_eq!(listing(folder.path()), before, "{line}");
         }
     }

@@ -145,9 +145,9 @@ fn a_product_is_served_with_its_layers_until_a_signal_comes() {
     for signal in ["-INT", "-TERM"] {
         let served = Served::begin(at, "view image");
         let (code, took) = served.end(signal);
-        // Within a second, as all that it is asked for ends; the machine may be busy.
+        // Within a second, as all that it is asked for ends; the machine may be busy. By itself it never ends.
         assert!(
-            code == Some(0) && took < Duration::from_secs(3),
+            code == Some(0) && took < Duration::from_secs(20),
             "{code:?} {took:?}"
         );
     }
