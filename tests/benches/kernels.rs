@@ -457,7 +457,7 @@ fn spreading<const W: usize>(bencher: Bencher, &In { instructions, .. }: &In<&st
 }
 
 /// Points of a range-Doppler map, by as many taps.
-#[divan::bench(consts = [4, 6, 8], args = each(&[""]), max_time = LONGEST_S)]
+#[divan::bench(consts = [4, 6], args = each(&[""]), max_time = LONGEST_S)]
 fn map_reading<const W: usize>(bencher: Bencher, &In { instructions, .. }: &In<&str>) {
     const DOPPLER: usize = 128;
     const LENGTH: usize = 512;
