@@ -101,9 +101,9 @@ pub struct Task<'a> {
     pub monitor: &'a dyn Monitor,
 }
 
-impl Task<'_> {
+impl<'a> Task<'a> {
     /// What is to be formed.
-    pub(crate) fn aim(&self) -> Aim<'_> {
+    pub fn aim(&self) -> Aim<'a> {
         Aim {
             collection: self.history.collection(),
             grid: self.grid,

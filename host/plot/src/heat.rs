@@ -84,7 +84,12 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
         typical: levels,
         key: Vec::new(),
         cells: Box::new(move |height, width| {
-            let cells = resample(size, |i| f64::from(heat.values[i]), height, width);
+            let cells = resample(
+                size,
+                |row, column| f64::from(heat.values[row * size.1 + column]),
+                height,
+                width,
+            );
             Ok(Drawn::Levels(cells, levels))
         }),
     };

@@ -74,17 +74,9 @@ impl Source<'_> {
         width: usize,
     ) -> Result<Vec<f64>, PartsError> {
         match self {
-            Self::Whole(image) if (rows, columns) == (height, width) => {
-                let lines = image.pixels.chunks_exact(image.columns).take(rows);
-                let mut powers = Vec::with_capacity(rows * columns);
-                for line in lines {
-                    powers.extend(line[..columns].iter().map(|&z| raster::finite(power(z))));
-                }
-                Ok(powers)
-            }
             Self::Whole(image) => {
                 let value =
-                    |i: usize| power(image.pixels[i / columns * image.columns + i % columns]);
+                    |row: usize, column: usize| power(image.pixels[row * image.columns + column]);
                 Ok(raster::resample((rows, columns), value, height, width))
             }
             Self::Parts(parts) => {
@@ -243,7 +235,12 @@ impl<'a> Panel<'a> {
         let (down, across) = (height.min(count.0), width.min(count.1));
         let mut cells = image.powers(covered, down, across)?;
         if (down, across) != (height, width) {
-            cells = raster::resample((down, across), |i| cells[i], height, width);
+            cells = raster::resample(
+                (down, across),
+                |row, column| cells[row * across + column],
+                height,
+                width,
+            );
         }
         // Angles grow to the left.
         if self.grid.polar {

@@ -1,21 +1,21 @@
 //! Values on a raster of another size.
 
-/// The value, or NaN if it is not finite.
-pub(super) fn finite(value: f64) -> f64 {
-    if value.is_finite() { value } else { f64::NAN }
-}
-
-/// Values of `rows x columns` pixels, given by `value` of a pixel's index, on `height x width` cells that
+/// Values of `rows x columns` pixels, given by `value` of a pixel's row and column, on `height x width` cells that
 /// cover them evenly, row 0 first: the area-weighted mean of the pixels under each cell. Values that
 /// are not finite do not count; a cell of none else is NaN.
 pub(super) fn resample(
     (rows, columns): (usize, usize),
-    value: impl Fn(usize) -> f64,
+    value: impl Fn(usize, usize) -> f64,
     height: usize,
     width: usize,
 ) -> Vec<f64> {
     if (height, width) == (rows, columns) {
-        return (0..rows * columns).map(|i| finite(value(i))).collect();
+        let finite = |value: f64| if value.is_finite() { value } else { f64::NAN };
+        let mut cells = Vec::with_capacity(rows * columns);
+        for row in 0..rows {
+            cells.extend((0..columns).map(|column| finite(value(row, column))));
+        }
+        return cells;
     }
     let across = spans(columns, width);
     let mut cells = vec![0.0; height * width];
@@ -28,7 +28,7 @@ pub(super) fn resample(
         for (row, down) in span.cells() {
             for ((cell, weight), span) in out.iter_mut().zip(&mut weights).zip(&across) {
                 for (column, along) in span.cells() {
-                    let value = value(row * columns + column);
+                    let value = value(row, column);
                     if value.is_finite() {
                         *cell += down * along * value;
                         *weight += down * along;
@@ -134,26 +134,26 @@ mod tests {
     #[test]
     fn values_are_averaged_by_area() {
         // Three pixels of 1, 4, 9 on two cells of one and a half each.
-        let cells = resample((1, 3), |i| [1.0, 4.0, 9.0][i], 1, 2);
+        let cells = resample((1, 3), |_, i| [1.0, 4.0, 9.0][i], 1, 2);
         assert!((cells[0] - (1.0 + 2.0) / 1.5).abs() < 1e-12);
         assert!((cells[1] - (2.0 + 9.0) / 1.5).abs() < 1e-12);
         // Two by two on one.
-        let cells = resample((2, 2), |i| [1.0, 4.0, 9.0, 16.0][i], 1, 1);
+        let cells = resample((2, 2), |j, i| [1.0, 4.0, 9.0, 16.0][2 * j + i], 1, 1);
         assert!((cells[0] - 30.0 / 4.0).abs() < 1e-12);
     }
 
     #[test]
     fn pieces_in_any_order_are_the_same() {
-        let value = |i: usize| match i {
+        let value = |row: usize, column: usize| match row * 9 + column {
             17 => f64::NAN,
-            _ => (i * 7919 % 101) as f64,
+            i => (i * 7919 % 101) as f64,
         };
         for (height, width) in [(3, 4), (7, 9), (20, 31), (1, 1), (5, 2)] {
             let whole = resample((7, 9), value, height, width);
             let mut reduced = Reduced::new((7, 9), height, width);
             for (columns, rows) in [(5..9, 3..7), (0..5, 0..7), (5..9, 0..3)] {
                 for row in rows {
-                    let values = columns.clone().map(|column| value(row * 9 + column));
+                    let values = columns.clone().map(|column| value(row, column));
                     reduced.add(row, columns.start, values);
                 }
             }
@@ -165,7 +165,7 @@ mod tests {
 
     #[test]
     fn pixels_are_repeated() {
-        let cells = resample((2, 2), |i| [1.0, 4.0, 9.0, 16.0][i], 4, 6);
+        let cells = resample((2, 2), |j, i| [1.0, 4.0, 9.0, 16.0][2 * j + i], 4, 6);
         let expected = [[1.0, 4.0], [1.0, 4.0], [9.0, 16.0], [9.0, 16.0]];
         for (row, expected) in cells.chunks(6).zip(expected) {
             for (i, cell) in row.iter().enumerate() {
@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn what_is_not_finite_does_not_count() {
         let values = [1.0, f64::NAN, f64::INFINITY, f64::NAN];
-        let cells = resample((1, 4), |i| values[i], 1, 2);
+        let cells = resample((1, 4), |_, i| values[i], 1, 2);
         assert!((cells[0] - 1.0).abs() < 1e-12);
         assert!(cells[1].is_nan());
     }

@@ -73,7 +73,7 @@ impl Levels {
 
     /// How far from the darkest to the brightest a power lies, 0 to 1; `None` of what is no number.
     pub(super) fn part_of(&self, power: f64) -> Option<f64> {
-        let part = (10.0 * power.log10() - self.bottom) / (self.top - self.bottom);
+        let part = self.part(10.0 * power.log10());
         (!part.is_nan()).then(|| part.clamp(0.0, 1.0))
     }
 }

@@ -29,16 +29,8 @@ pub(super) struct Shades {
     darkest: [u8; 3],
     /// Number of the first run in the table.
     first: u64,
-    runs: Vec<Run>,
-}
-
-/// The colour of a run of powers, or that they are not all of one.
-#[derive(Clone, Copy)]
-enum Run {
-    /// All of this colour.
-    One([u8; 3]),
-    /// Of several, or above the scale, where few are.
-    Several,
+    /// The colour of each run; none if they are several, or above the scale, where few are.
+    runs: Vec<Option<[u8; 3]>>,
 }
 
 impl Shades {
@@ -73,13 +65,10 @@ impl Shades {
         self.levels.part(10.0 * power.log10())
     }
 
-    /// What all levels from one to another are.
-    fn run(&self, low: f64, high: f64) -> Run {
+    /// The colour of all levels from one to another, if it is one and of the scale.
+    fn run(&self, low: f64, high: f64) -> Option<[u8; 3]> {
         let within = !self.levels.is_above(high);
-        match self.colours.of_all(low, high) {
-            Some(colour) if within => Run::One(colour),
-            _ => Run::Several,
-        }
+        self.colours.of_all(low, high).filter(|_| within)
     }
 
     /// The colour of a power that is not negative, and whether that lies above the scale.
@@ -91,7 +80,7 @@ impl Shades {
             return (self.darkest, false);
         };
         match self.runs.get(place as usize) {
-            Some(Run::One(colour)) => (*colour, false),
+            Some(Some(colour)) => (*colour, false),
             _ => self.computed(power),
         }
     }
@@ -120,8 +109,7 @@ mod tests {
                     let shades = Shades::new(levels, colours, absent, FEW);
                     assert!(!shades.runs.is_empty());
                     // A table that tells nothing would be no use.
-                    let told = |run: &&Run| matches!(run, Run::One(_));
-                    let told = shades.runs.iter().filter(told).count();
+                    let told = shades.runs.iter().flatten().count();
                     assert!(top - bottom < 50.0 || told > shades.runs.len() * 4 / 5);
                     let db = (0..200_000)
                         .map(|i| bottom - 7.0 + (top - bottom + 14.0) * f64::from(i) / 2e5);

@@ -22,6 +22,7 @@ use subaperture::io::atomic::WriteError;
 use subaperture::io::input::checksum;
 use subaperture::io::product::record::Brightest;
 use subaperture::io::product::{self, Product};
+use subaperture::monitor::Silent;
 use subaperture::phase_history::{InputFile, PhaseHistory};
 use subaperture::planner::forecast::cost;
 
@@ -111,7 +112,7 @@ fn make(job: &Job, former: &dyn ImageFormer, grid: &ImageGrid) -> anyhow::Result
     let windows = [typed.image.window, typed.image.slow_window];
     let forming = Forming::new(session, job.history, grid, windows, job.means);
     // Planned to be told of, and formed by that plan.
-    let former = DecidedOnce::new(former, forming.aim());
+    let former = DecidedOnce::new(former, forming.task(&Silent).aim());
     if announce(job, &former, &forming)? {
         return Ok(());
     }

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use anyhow::Context;
 use serde_json::Value;
-use subaperture::focus::{Aim, ImageFormer, Means, SCRATCH_BYTES, Task, TimeModel};
+use subaperture::focus::{ImageFormer, Means, Task, TimeModel};
 use subaperture::geometry::ImageGrid;
 use subaperture::image::Image;
 use subaperture::io::claim::Claims;
@@ -128,17 +128,6 @@ impl<'f> Forming<'f> {
             weights: Weights::new(history.collection(), fast, slow),
             memory_bytes: session.memory_bytes,
             means,
-        }
-    }
-
-    /// What is to be formed.
-    pub(crate) fn aim(&self) -> Aim<'_> {
-        Aim {
-            collection: self.history.collection(),
-            grid: self.grid,
-            weights: &self.weights,
-            scratch_bytes: SCRATCH_BYTES,
-            means: self.means,
         }
     }
 
