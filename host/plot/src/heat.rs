@@ -84,12 +84,8 @@ pub fn heat(heat: &Heat) -> Result<Vec<u8>, PlotError> {
         typical: levels,
         key: Vec::new(),
         cells: Box::new(move |height, width| {
-            let cells = resample(
-                size,
-                |row, column| f64::from(heat.values[row * size.1 + column]),
-                height,
-                width,
-            );
+            let line = |row: usize| &heat.values[row * size.1..];
+            let cells = resample(size, line, |&x| f64::from(x), height, width);
             Ok(Drawn::Levels(cells, levels))
         }),
     };

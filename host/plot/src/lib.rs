@@ -75,9 +75,9 @@ impl Source<'_> {
     ) -> Result<Vec<f64>, PartsError> {
         match self {
             Self::Whole(image) => {
-                let value =
-                    |row: usize, column: usize| power(image.pixels[row * image.columns + column]);
-                Ok(raster::resample((rows, columns), value, height, width))
+                let line = |row: usize| &image.pixels[row * image.columns..];
+                let size = (rows, columns);
+                Ok(raster::resample(size, line, |&z| power(z), height, width))
             }
             Self::Parts(parts) => {
                 let mut reduced = raster::Reduced::new((rows, columns), height, width);
@@ -235,12 +235,8 @@ impl<'a> Panel<'a> {
         let (down, across) = (height.min(count.0), width.min(count.1));
         let mut cells = image.powers(covered, down, across)?;
         if (down, across) != (height, width) {
-            cells = raster::resample(
-                (down, across),
-                |row, column| cells[row * across + column],
-                height,
-                width,
-            );
+            let line = |row: usize| &cells[row * across..];
+            cells = raster::resample((down, across), line, |&x| x, height, width);
         }
         // Angles grow to the left.
         if self.grid.polar {

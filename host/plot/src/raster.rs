@@ -1,11 +1,12 @@
 //! Values on a raster of another size.
 
-/// Values of `rows x columns` pixels, given by `value` of a pixel's row and column, on `height x width` cells that
+/// Values of `rows x columns` pixels, `value` of each of the first of a `line`, on `height x width` cells that
 /// cover them evenly, row 0 first: the area-weighted mean of the pixels under each cell. Values that
 /// are not finite do not count; a cell of none else is NaN.
-pub(super) fn resample(
+pub(super) fn resample<'l, T: 'l>(
     (rows, columns): (usize, usize),
-    value: impl Fn(usize, usize) -> f64,
+    line: impl Fn(usize) -> &'l [T],
+    value: impl Fn(&T) -> f64,
     height: usize,
     width: usize,
 ) -> Vec<f64> {
@@ -13,7 +14,7 @@ pub(super) fn resample(
         let finite = |value: f64| if value.is_finite() { value } else { f64::NAN };
         let mut cells = Vec::with_capacity(rows * columns);
         for row in 0..rows {
-            cells.extend((0..columns).map(|column| finite(value(row, column))));
+            cells.extend(line(row)[..columns].iter().map(|x| finite(value(x))));
         }
         return cells;
     }
@@ -26,9 +27,10 @@ pub(super) fn resample(
     {
         weights.fill(0.0);
         for (row, down) in span.cells() {
+            let line = line(row);
             for ((cell, weight), span) in out.iter_mut().zip(&mut weights).zip(&across) {
                 for (column, along) in span.cells() {
-                    let value = value(row, column);
+                    let value = value(&line[column]);
                     if value.is_finite() {
                         *cell += down * along * value;
                         *weight += down * along;
@@ -134,26 +136,27 @@ mod tests {
     #[test]
     fn values_are_averaged_by_area() {
         // Three pixels of 1, 4, 9 on two cells of one and a half each.
-        let cells = resample((1, 3), |_, i| [1.0, 4.0, 9.0][i], 1, 2);
+        let cells = resample((1, 3), |_| &[1.0, 4.0, 9.0], |&x| x, 1, 2);
         assert!((cells[0] - (1.0 + 2.0) / 1.5).abs() < 1e-12);
         assert!((cells[1] - (2.0 + 9.0) / 1.5).abs() < 1e-12);
         // Two by two on one.
-        let cells = resample((2, 2), |j, i| [1.0, 4.0, 9.0, 16.0][2 * j + i], 1, 1);
+        let cells = resample((2, 2), |j| &[[1.0, 4.0], [9.0, 16.0]][j], |&x| x, 1, 1);
         assert!((cells[0] - 30.0 / 4.0).abs() < 1e-12);
     }
 
     #[test]
     fn pieces_in_any_order_are_the_same() {
-        let value = |row: usize, column: usize| match row * 9 + column {
+        let value = |i: usize| match i {
             17 => f64::NAN,
-            i => (i * 7919 % 101) as f64,
+            _ => (i * 7919 % 101) as f64,
         };
+        let values: Vec<f64> = (0..63).map(value).collect();
         for (height, width) in [(3, 4), (7, 9), (20, 31), (1, 1), (5, 2)] {
-            let whole = resample((7, 9), value, height, width);
+            let whole = resample((7, 9), |row| &values[row * 9..], |&x| x, height, width);
             let mut reduced = Reduced::new((7, 9), height, width);
             for (columns, rows) in [(5..9, 3..7), (0..5, 0..7), (5..9, 0..3)] {
                 for row in rows {
-                    let values = columns.clone().map(|column| value(row, column));
+                    let values = columns.clone().map(|column| value(row * 9 + column));
                     reduced.add(row, columns.start, values);
                 }
             }
@@ -165,7 +168,7 @@ mod tests {
 
     #[test]
     fn pixels_are_repeated() {
-        let cells = resample((2, 2), |j, i| [1.0, 4.0, 9.0, 16.0][2 * j + i], 4, 6);
+        let cells = resample((2, 2), |j| &[[1.0, 4.0], [9.0, 16.0]][j], |&x| x, 4, 6);
         let expected = [[1.0, 4.0], [1.0, 4.0], [9.0, 16.0], [9.0, 16.0]];
         for (row, expected) in cells.chunks(6).zip(expected) {
             for (i, cell) in row.iter().enumerate() {
@@ -177,7 +180,7 @@ mod tests {
     #[test]
     fn what_is_not_finite_does_not_count() {
         let values = [1.0, f64::NAN, f64::INFINITY, f64::NAN];
-        let cells = resample((1, 4), |_, i| values[i], 1, 2);
+        let cells = resample((1, 4), |_| &values, |&x| x, 1, 2);
         assert!((cells[0] - 1.0).abs() < 1e-12);
         assert!(cells[1].is_nan());
     }
