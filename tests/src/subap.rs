@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
@@ -134,7 +135,11 @@ pub fn listing(folder: &Path) -> BTreeMap<PathBuf, u64> {
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(&folder).expect("a folder that can be read") {
             let path = entry.expect("an entry").path();
-            let about = path.symlink_metadata().expect("metadata");
+            let about = match path.symlink_metadata() {
+                // Gone since the folder was read: what is at work there may have renamed it.
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                about => about.expect("metadata"),
+            };
             if about.is_dir() {
                 folders.push(path.clone());
             }
